@@ -24,7 +24,7 @@ VERSION = 1
 """Value of the key `spec`."""
 
 MAX_COUNT = 100_000
-"""Most repetitions of a step, those of the steps inside it too; most periods measured."""
+"""Most repetitions of a step, including those of the steps inside it; most periods measured."""
 
 
 class ActionRow(NamedTuple):
@@ -43,6 +43,7 @@ class Format:
         self._words = words
         self._services = ServiceShapes(words)
         self._frames = FrameShapes(words, self._services)
+        # A step may hold steps, so its schema can only be a reference; it is made before the table that it reads by.
         self._step: Shape[suite.Step] = Shape(self._read_step, {"$ref": "#/$defs/step"})
         self._actions = self._action_table()
         self._common = {
@@ -57,6 +58,7 @@ class Format:
     def _suite_table(self) -> dict[str, Key]:
         nodes = shapes.one_or_more(shapes.named({name: name for name in self._words.dictionaries}, "node"))
         steps = shapes.listing(self._step)
+        # An editor sees a number in `spec: 1`, so the schema has one; our reader takes the text as it stands.
         version = Shape(shapes.named({str(VERSION): VERSION}, "version").read, {"const": VERSION})
         return {
             "spec": Key(version, f"version of the format, `spec: {VERSION}`", needed=True),
@@ -76,45 +78,39 @@ class Format:
         }
 
     def _action_table(self) -> dict[str, ActionRow]:
+        frames, services = self._frames, self._services
         within = {"within": Key(DURATION, "longest time; left out: the suite's timeout")}
         span = {"for": Key(DURATION, "how long to watch", needed=True)}
-        until = {"until": Key(self._frames.pattern, "the frame that ends the polling", needed=True)} | within
-        services = self._services
+        until = {"until": Key(frames.pattern, "the frame that ends the polling", needed=True)} | within
+        every = {"every": Key(shapes.SOME_TIME, "time from one to the next", needed=True)}
+        question = {"send": Key(frames.sent, "what is sent", needed=True)} | every
+        polled = shapes.record(lambda send, every: (send, every), question)
         return {
-            "send": ActionRow(self._frames.sent, suite.Send, "send a message or a raw frame"),
-            "answer": ActionRow(self._frames.answers, suite.Answer, "from now on answer messages, as a node would"),
-            "expect": ActionRow(self._frames.patterns, suite.Expect, "wait for a frame, or several", within),
-            "never": ActionRow(self._frames.pattern, _never, "see that no such frame comes", span),
-            "poll": ActionRow(shapes.record(dict, self._poll_table()), _poll, "send again and again", until),
-            "period": ActionRow(
-                shapes.record(suite.Period, self._period_table()), _same, "measure how often a frame comes"
-            ),
-            "sdo": ActionRow(services.sdo, _within, "read or write an object", within),
+            "send": ActionRow(frames.sent, suite.Send, "send a message or a raw frame"),
+            "answer": ActionRow(frames.answers, suite.Answer, "from now on answer messages, as a node would"),
+            "expect": ActionRow(frames.patterns, suite.Expect, "wait for a frame, or several", within),
+            "never": ActionRow(frames.pattern, _never, "see that no such frame comes", span),
+            "poll": ActionRow(polled, lambda parts, **keys: suite.Poll(*parts, **keys), "send again and again", until),
+            "period": ActionRow(self._period(every), _same, "measure how often a frame comes"),
+            "sdo": ActionRow(services.sdo, lambda sdo, **keys: sdo._replace(**keys), "read or write an object", within),
             "dump": ActionRow(services.dump, _same, "keep the values of all settings, or see that they are the same"),
             "nmt": ActionRow(services.nmt, _same, "send an NMT command"),
             "heartbeat": ActionRow(services.heartbeat, _expect_one, "wait for a heartbeat with a state", within),
             "emcy": ActionRow(services.emcy, _expect_one, "wait for an emergency message", within),
-            "save": ActionRow(
-                shapes.mapping(NAME, self._frames.field), suite.Save, "keep fields of the messages received last"
-            ),
+            "save": ActionRow(shapes.mapping(NAME, frames.field), suite.Save, "keep fields of messages received last"),
             "wait": ActionRow(DURATION, suite.Wait, "let time pass"),
             "skip": ActionRow(TEXT, lambda text: suite.Skip(str(text)), "do nothing, for this reason"),
             "steps": ActionRow(shapes.listing(self._step), suite.Group, "steps that belong together"),
         }
 
-    def _poll_table(self) -> dict[str, Key]:
-        return {
-            "send": Key(self._frames.sent, "what is sent", needed=True),
-            "every": Key(shapes.SOME_TIME, "time from one to the next", needed=True),
-        }
-
-    def _period_table(self) -> dict[str, Key]:
-        return {
+    def _period(self, every: Mapping[str, Key]) -> Shape[suite.Period]:
+        keys = {
             "message": Key(self._frames.pattern, "which frame", needed=True),
-            "every": Key(shapes.SOME_TIME, "time from one to the next", needed=True),
+            **every,
             "tolerance": Key(DURATION, "by how much it may be off", needed=True),
             "count": Key(shapes.whole(1, MAX_COUNT), "how many periods are measured", needed=True),
         }
+        return shapes.record(suite.Period, keys)
 
     # Reading
 
@@ -139,11 +135,12 @@ class Format:
         known = {key: Key(row.shape, row.help)} | dict(row.extra) | self._common
         names = [name for name in pairs if name in known]
         given = dict(zip(names, read_all(((known[name].shape.read, pairs[name]) for name in names), problems)))
-        if wrong:
+        if wrong:  # only now, so that what is wrong in the values of the known keys is told as well
             raise ReadError
         action = row.make(given[key], **{name: given[name] for name in row.extra if name in given})
         name, common = str(given.get("name", action)), {key: given[key] for key in ("repeat", "needed") if key in given}
         step = suite.Step(name, place_of(node.start_mark), action, **common)
+        # Each `repeat` has its bound, but those of groups inside groups multiply.
         if step.total > MAX_COUNT:
             refuse(node, problems, f"with the repetitions inside it {step.total} steps, at most {MAX_COUNT} are done")
         return step
@@ -157,6 +154,7 @@ class Format:
         if found:
             problems.append(shapes.problem_at(found[1], f"a step has one action, and {str(found[0])!r} is one already"))
         elif unknown:
+            # Most likely a misspelled action: UnknownName suggests the nearest one.
             problems.append(shapes.problem_at(unknown[0], UnknownName("action", str(unknown[0]), self._actions)))
         else:
             refuse(node, problems, f"no action; a step has one of {', '.join(self._actions)}")
@@ -202,11 +200,3 @@ def _never(pattern: Pattern, **keys: float) -> suite.Action:
 
 def _expect_one(pattern: Pattern, within: float | None = None) -> suite.Action:
     return suite.Expect(suite.Patterns(suite.Order.IN_ORDER, (pattern,)), within)
-
-
-def _poll(parts: Mapping[str, Any], until: Pattern, within: float | None = None) -> suite.Action:
-    return suite.Poll(parts["send"], parts["every"], until, within)
-
-
-def _within(action: suite.SdoRead | suite.SdoWrite, within: float | None = None) -> suite.Action:
-    return action._replace(within=within)

@@ -6,7 +6,7 @@ Fields may be named as in the EDS or short: `X position` or `x`.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from typing import Any, TypeVar
 
@@ -25,7 +25,7 @@ from eurobot_od.od.values import parse_number
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.catalogue import field_name, plain_name
 from eurobot_od.pdo.kinds import KeyedForm, Kind
-from eurobot_od.support.yaml_places import Problems, ReadError, Text, pairs_of, read_all, refuse
+from eurobot_od.support.yaml_places import NodeReader, Problems, ReadError, Text, pairs_of, read_all, refuse
 
 T = TypeVar("T")
 
@@ -66,6 +66,8 @@ class FrameShapes:
         if missing:
             refuse(node, problems, f"{binding.name}: {', '.join(missing)} missing")
         sent = SentMessage(self._words.protocol, binding, fields)
+        # Some values are wrong only together (half of an unknown position), which encoding once shows. What a step is
+        # to save has no value yet.
         if all(operand.variable is None for operand in fields.values()):
             with shapes.refusing(node, problems):
                 sent.frame({})
@@ -74,18 +76,19 @@ class FrameShapes:
     def _read_answers(self, node: yaml.Node, problems: Problems) -> dict[int, Sent | None]:
         """Read what each message is answered by, or that it is not any more."""
         pairs = pairs_of(node, problems)
-        answers = read_all(((self._read_answer, value) for value in pairs.values()), problems)
+        # The value of a list's or a mapping's node is a list, so only a plain text can be this word.
+        parts: Iterator[tuple[NodeReader[Sent | None], yaml.Node]] = (
+            (self._read_sent if value.value != NO_ANSWER else lambda *_: None, value) for value in pairs.values()
+        )
+        answers = read_all(parts, problems)
         bindings = [taken(name, problems, self._words.protocol.binding) for name in pairs]
         return {binding.cob_id: answer for binding, answer in zip(bindings, answers)}
-
-    def _read_answer(self, node: yaml.Node, problems: Problems) -> Sent | None:
-        silent = isinstance(node, yaml.ScalarNode) and node.value == NO_ANSWER
-        return None if silent else self._read_sent(node, problems)
 
     # What is expected
 
     def _read_pattern(self, node: yaml.Node, problems: Problems) -> Pattern:
         name, value = _named(node, problems)
+        # Without a value it can still be a message: a network may have a PDO called `heartbeat`.
         if value is not None and name in self._others:
             return self._others[name].read(value, problems)
         binding = taken(name, problems, self._words.protocol.binding)
@@ -123,7 +126,9 @@ class FrameShapes:
         return fields
 
     def _field_of(self, text: Text) -> FieldOf:
+        # From the right, as a message's name may have a dot itself: `my motor.TPDO1.Speed`.
         message, _, field = text.rpartition(".")
+        # Without any dot the whole is looked up, so that the error names what stands there, not an empty name.
         binding = self._words.protocol.binding(message or str(text))
         return FieldOf(binding, _field(binding, field))
 
@@ -183,6 +188,7 @@ def _operand(binding: Binding, text: str, scale: Scale) -> Operand:
     try:
         return scale.operand(text)
     except ValueProblem as error:
+        # To test a node with a value that no sender may send is a fair wish, but then it has to be said.
         number = parse_number(text) is not None
         hint = f"; {{raw: '{binding.cob_id:03X}#...'}} sends any bits" if number else ""
         raise ValueProblem(f"{error}{hint}") from None
@@ -192,6 +198,7 @@ def _read_value(node: yaml.Node, kind: Kind, scale: Scale, problems: Problems, r
     """Read a field's value; that of a kind with a keyed form may also be a mapping."""
     if kind.keyed_form is not None and isinstance(node, yaml.MappingNode):
         words = _keyed(kind.keyed_form).read(node, problems)
+        # Back to the text that such a kind parses, so that a mapping can mean nothing that the text cannot.
         text = ",".join(f"{key}:{word}" for key, word in words.items()) or "none"
     else:
         text = str(SCALAR.read(node, problems))
@@ -203,6 +210,7 @@ def _read_value(node: yaml.Node, kind: Kind, scale: Scale, problems: Problems, r
 
 
 def _pattern_schema(form: re.Pattern[str]) -> Schema:
+    # JSON Schema has the regular expressions of ECMA-262, which do not know Python's `(?P<name>`.
     return {"type": "string", "pattern": f"^{re.sub(r'[?]P<[a-z]+>', '', form.pattern)}$"}
 
 
@@ -212,6 +220,7 @@ def _message_schema(
     """Return the schema of a message: its name alone, or a mapping with its fields."""
     properties = {name: _fields_schema(fields) for name, fields in names.items()} | dict(others)
     alone = [name for name, fields in names.items() if not (needs_fields and fields)]
+    # One key, as in `_named`: the message's name.
     one = {"type": "object", "properties": properties, "minProperties": 1, "maxProperties": 1}
     return {"anyOf": [{"enum": alone}, one | {"additionalProperties": False}]}
 
@@ -222,7 +231,7 @@ def _fields_schema(fields: Mapping[str, Kind]) -> Schema:
     forms = {field: kind.keyed_form for field, kind in fields.items()}
     values = {name: {"anyOf": [value, _keyed(form).schema]} if form else value for name, form in forms.items()}
     return {
-        "type": ["object", "null"],
+        "type": ["object", "null"],  # `Goto XY:` with nothing behind the colon is null in YAML
         "properties": {field.replace("_", " "): value for field, value in values.items()},
         "patternProperties": {_spellings(field): value for field, value in values.items()},
         "additionalProperties": False,

@@ -7,7 +7,7 @@ expected; no mismatch is a match.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from typing import NamedTuple, TypeAlias
 
 from eurobot_od.check.values import Expected, Operand, Variables
@@ -85,21 +85,21 @@ class MessagePattern(NamedTuple):
 
     def mismatches(self, frame: Frame, variables: Variables) -> list[Mismatch]:
         """Return how a frame of this identifier differs; raises NotSaved."""
-        lengths = self.binding.lengths
+        lengths, kinds = self.binding.lengths, self.binding.kinds
+        # First, as a frame of another length than the mapping allows cannot be decoded field by field.
         if len(frame.data) not in lengths:
             return [Mismatch("length", f"{' or '.join(map(str, lengths))} bytes", amount(len(frame.data), "byte"))]
-        return list(self._field_mismatches(frame, variables))
-
-    def _field_mismatches(self, frame: Frame, variables: Variables) -> Iterator[Mismatch]:
         message = self.protocol.decode(*frame)
         came = message._asdict()
-        for field, expected in self.fields.items():
-            if not expected.fits(came[field], variables):
-                yield Mismatch(field, expected.text(variables), self.binding.kinds[field].text(came[field]))
-        for field in flagged_fields(message):
-            if field not in self.fields:
-                kind = self.binding.kinds[field]
-                yield Mismatch(field, kind.allowed(self.binding.limits[field]), kind.text(came[field]))
+        differing = [
+            Mismatch(field, expected.text(variables), kinds[field].text(came[field]))
+            for field, expected in self.fields.items()
+            if not expected.fits(came[field], variables)
+        ]
+        # A field that the step does not name must be in its range all the same, or a node that sends rubbish is green.
+        unnamed = [field for field in flagged_fields(message) if field not in self.fields]
+        allowed = {field: kinds[field].allowed(self.binding.limits[field]) for field in unnamed}
+        return differing + [Mismatch(field, what, kinds[field].text(came[field])) for field, what in allowed.items()]
 
     def text(self, variables: Variables) -> str:
         """Write what is expected, variables with their values."""
@@ -142,6 +142,7 @@ class HeartbeatPattern(NamedTuple):
         """Return how a heartbeat differs."""
         if len(frame.data) != 1:
             return [Mismatch("length", "1 byte", amount(len(frame.data), "byte"))]
+        # A state that CiA 301 does not have is the node's fault, and shown as its byte.
         came = STATE_NAMES.get(frame.data[0], f"0x{frame.data[0]:02X}")
         return [] if self.state is None or frame.data[0] == self.state else [Mismatch("state", self._state, came)]
 
@@ -168,6 +169,7 @@ class EmergencyPattern(NamedTuple):
         """Return how an EMCY differs."""
         if len(frame.data) != 8:
             return [Mismatch("length", "8 bytes", amount(len(frame.data), "byte"))]
+        # The code is the first two bytes; the error register and the maker's five bytes are not compared.
         came = int.from_bytes(frame.data[:2], "little")
         return [] if self.code in (None, came) else [Mismatch("code", self._code, f"0x{came:04X}")]
 

@@ -43,32 +43,33 @@ class SuiteReader:
 
     def read_files(self, files: Iterable[Path]) -> list[Suite]:
         """Read all suites of some files; raises SuiteError with the problems of all of them."""
-        suites: list[Suite] = []
-        wrong: list[tuple[Path, Problem]] = []
+        sources: list[tuple[Path, str | Problem]] = []
         for file in files:
-            problems: Problems = []
             try:
-                source = bounded.read(file).decode()
+                sources.append((file, bounded.read(file).decode()))
             except OSError as error:
-                problems.append(Problem(START, error.strerror or str(error)))
+                sources.append((file, Problem(START, error.strerror or str(error))))
             except DictionaryError as error:
-                problems.append(Problem(START, error.what))
+                # `what` alone: its text names the file, and so does each line of a SuiteError
+                sources.append((file, Problem(START, error.what)))
             except UnicodeDecodeError as error:
-                problems.append(Problem(START, f"not UTF-8: byte 0x{error.object[error.start]:02X} at {error.start}"))
-            else:
-                suites += self.read(file, source, problems)
-            wrong += ((file, problem) for problem in sorted(problems))
-        if wrong:
-            raise SuiteError(wrong)
-        return suites
+                byte = f"byte 0x{error.object[error.start]:02X} at {error.start}"
+                sources.append((file, Problem(START, f"not UTF-8: {byte}")))
+        return self._all_of(sources)
 
     def read_texts(self, texts: Mapping[Path, str]) -> list[Suite]:
         """Read the suites of texts, by the files that errors and reports call them; raises SuiteError."""
+        return self._all_of(texts.items())
+
+    def _all_of(self, sources: Iterable[tuple[Path, str | Problem]]) -> list[Suite]:
+        """Return the suites of texts; raises SuiteError with the problems of all, and those of files without a text."""
         suites: list[Suite] = []
         wrong: list[tuple[Path, Problem]] = []
-        for file, text in texts.items():
-            problems: Problems = []
-            suites += self.read(file, text, problems)
+        for file, source in sources:
+            problems = [source] if isinstance(source, Problem) else []
+            if isinstance(source, str):
+                suites += self.read(file, source, problems)
+            # They come mapping by mapping, its keys before what is below them; a person reads a file from the top.
             wrong += ((file, problem) for problem in sorted(problems))
         if wrong:
             raise SuiteError(wrong)
@@ -83,7 +84,7 @@ class SuiteReader:
             return []
         for document in documents:
             try:
-                refuse_aliases(document, problems)
+                refuse_aliases(document, problems)  # first: an alias that refers to itself has no end
                 suites.append(self._format(document).read(file, document, problems))
             except ReadError:
                 continue
@@ -92,6 +93,7 @@ class SuiteReader:
     def _format(self, document: yaml.Node) -> Format:
         decoder, dictionaries = self._load(next(iter(texts_at(document, "dialect")), self._dialect))
         named, names = texts_at(document, "node"), tuple(dictionaries)
+        # If all names are wrong, any one node will do: "which node?" at each step would only hide the wrong name.
         nodes = tuple(name for name in names if name in named or not named) or names[:1]
         constants, saved = texts_at(document, "variables"), frozenset(saved_names(document))
         return Format(Vocabulary(self._networks, decoder, dictionaries, constants, saved, nodes))
@@ -99,12 +101,12 @@ class SuiteReader:
     def _load(self, dialect: str | None) -> tuple[Decoder, dict[str, Dictionary]]:
         """Load the EDS files of a network, once.
 
-        For a dialect that does not exist it is the reader's own: the suite can still be checked against that, and the
-        format reports the wrong name with its place.
+        For a dialect that does not exist it is the reader's own.
         """
         try:
             folder = self._networks.find(dialect)
         except UnknownName:
+            # The suite can still be checked against these, and the format reports the wrong name with its place.
             folder = self._networks.find(self._dialect)
         if folder not in self._loaded:
             found = self._networks.load(folder)

@@ -37,19 +37,17 @@ def step_line(step: StepResult, in_colour: bool = False) -> str:
 
 def reason_lines(reason: Reason) -> Iterator[str]:
     """Yield the lines that say why a step failed or was skipped: what was expected and came, and the last frames."""
-    return map(one_line, _reason_lines(reason))
-
-
-def _reason_lines(reason: Reason) -> Iterator[str]:
-    yield f"    {reason.what}"
+    lines = [f"    {reason.what}"]
     if reason.expected:
-        yield f"      expected  {reason.expected}"
-        yield f"      came      {reason.came}"
-    yield from (f"        {mismatch}" for mismatch in reason.mismatches)
+        lines += [f"      expected  {reason.expected}", f"      came      {reason.came}"]
+    lines += (f"        {mismatch}" for mismatch in reason.mismatches)
     if reason.frames:
-        yield "      last frames (> sent, < received)"
+        lines.append("      last frames (> sent, < received)")
     for time, own, frame, meaning in reason.frames:
-        yield f"        {time:9.4f} s {'>' if own else '<'} {frame!s:<21} {meaning}".rstrip()
+        # The longest frame, an identifier, `#` and eight bytes, has 20 characters: the meanings stand in a column.
+        lines.append(f"        {time:9.4f} s {'>' if own else '<'} {frame!s:<21} {meaning}".rstrip())
+    # What a node sends as a text is in them: it must not end a line, nor reach the terminal as a command.
+    return map(one_line, lines)
 
 
 UNEVENTFUL = (Status.PASSED, Status.SKIPPED)
@@ -96,7 +94,7 @@ def github(results: Iterable[SuiteResult]) -> Iterator[str]:
 
 def tap(results: Iterable[SuiteResult]) -> Iterator[str]:
     """Yield the lines of a TAP 13 report."""
-    number = 0
+    number = 0  # one count over all suites, as TAP has no suites
     yield "TAP version 13"
     for result in results:
         if result.skipped:
@@ -116,6 +114,7 @@ def _tap_step(number: int, result: SuiteResult, step: StepResult) -> Iterator[st
     directive = skipped if step.status is Status.SKIPPED else ""
     yield f"{verdict} {number} - {_plain(result.name)}: {_plain(step.name)}{directive}"
     if step.reason is not None and not directive:
+        # TAP 13 has details as a block of YAML, indented by two; JSON's quotes are YAML's, too.
         yield "  ---"
         yield f"  file: {json.dumps(str(result.file))}"
         yield f"  line: {step.place.line}"
@@ -142,19 +141,16 @@ def junit(results: Sequence[SuiteResult]) -> str:
             ElementTree.SubElement(case, "skipped", {"message": result.skipped})
         for step in result.steps:
             suite.append(_test_case(result, step))
-    _escape(root)
+    # XML 1.0 has no control characters, not even escaped ones, and ElementTree writes them as they are.
+    for each in root.iter():
+        each.attrib.update({key: one_line(value) for key, value in each.attrib.items()})
     ElementTree.indent(root)
     return ElementTree.tostring(root, encoding="unicode", xml_declaration=True) + "\n"
 
 
-def _escape(root: ElementTree.Element) -> None:
-    """Leave no character in a report that XML does not allow."""
-    for each in root.iter():
-        each.attrib.update({key: one_line(value) for key, value in each.attrib.items()})
-
-
 def _totals(results: Sequence[SuiteResult]) -> dict[str, str]:
     counts = {
+        # A suite that is skipped as a whole is one test case (see `junit`), and the totals count the cases.
         "tests": sum(len(result.steps) + bool(result.skipped) for result in results),
         "failures": sum(result.count(Status.FAILED) for result in results),
         "errors": sum(result.count(Status.BUS_FAILED, Status.INTERRUPTED) for result in results),

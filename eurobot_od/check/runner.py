@@ -42,6 +42,7 @@ class Interrupt:
         self.requested = True
         if self._running is not None:
             loop, task = self._running
+            # called from a signal handler, or from another thread: the loop may be asleep and has to be woken
             loop.call_soon_threadsafe(task.cancel)
 
     @contextmanager
@@ -49,6 +50,7 @@ class Interrupt:
         """Have the first Ctrl-C end the suite under way with its teardown; a second one ends everything at once."""
 
         def handle(*_: object) -> None:
+            # From now on Ctrl-C does what it always does: a teardown may wait long for a node that is gone.
             signal.signal(signal.SIGINT, signal.default_int_handler)
             self.request()
 
@@ -62,14 +64,14 @@ class Interrupt:
         """Do some work, to its end or until the interrupt."""
         task = asyncio.ensure_future(work)
         self._running = asyncio.get_running_loop(), task
-        if self.requested:
+        if self.requested:  # between two suites, when there was no task to cancel
             task.cancel()
         try:
-            await asyncio.wait([task])
+            await asyncio.wait([task])  # not `await task`: that would raise CancelledError, and skip the teardown
         finally:
             self._running = None
         if not task.cancelled():
-            task.result()
+            task.result()  # raises what the work raised
 
 
 @dataclass(frozen=True)
@@ -103,26 +105,24 @@ class Runner:
         self._start = self._trace.now
         self._doer = Doer(suite.timeout, suite.decoder, self._bench)
         await self._options.interrupt.guard(self._until_teardown())
-        self._stopped = bool(self._error) and not await self._is_back()
+        # A lost bus is waited for only where that can help: with a teardown to do, and a bus that has worked once. One
+        # that never did (a wrong channel, no other node) would only cost `RECOVERY` seconds for each suite.
+        has_worked = any(result.status is Status.PASSED for result in self._results)
+        recovers = bool(suite.teardown) and has_worked
+        self._stopped = bool(self._error) and not (recovers and await self._bench.recover())
+        # Also after a red step of it: the next one may be the one that stops the node.
         await self._section(SuitePart.TEARDOWN, suite.teardown, keep_going=True)
         return SuiteResult(suite.file, suite.name, how, tuple(self._results), self._since_start, error=self._error)
 
     async def _until_teardown(self) -> None:
-        await self._section(SuitePart.SETUP, self._suite.setup, keep_going=False)
-        await self._section(SuitePart.STEPS, self._asked_for(), self._options.keep_going)
-
-    async def _is_back(self) -> bool:
-        """Wait for a bus that has worked and failed to be there again, so that the teardown can be done."""
-        has_worked = any(result.status is Status.PASSED for result in self._results)
-        return bool(self._suite.teardown) and has_worked and await self._bench.recover()
-
-    def _asked_for(self) -> Sequence[Step]:
-        """Return the steps that are asked for, and those that they need."""
+        """Do the setup, the steps that are asked for, and those that they need."""
         steps, chosen = self._suite.steps, self._options.chosen
         numbers = [number for number, step in enumerate(steps) if chosen(step.name)]
-        if self._options.independent:
-            return [steps[number] for number in numbers]
-        return steps[: max(numbers, default=-1) + 1]
+        # Which steps a step needs, nobody says, so it is all before the last one that is chosen.
+        needed = range(max(numbers, default=-1) + 1)
+        asked_for = [steps[number] for number in (numbers if self._options.independent else needed)]
+        await self._section(SuitePart.SETUP, self._suite.setup, keep_going=False)
+        await self._section(SuitePart.STEPS, asked_for, self._options.keep_going)
 
     async def _section(self, section: SuitePart, steps: Sequence[Step], keep_going: bool) -> None:
         for step in steps:
@@ -140,7 +140,7 @@ class Runner:
         status, reason = Status.INTERRUPTED, None
         try:
             status, reason = await self._judge(step)
-        finally:
+        finally:  # an interrupt passes through here, and leaves the step as INTERRUPTED
             ends_all = bool(self._error) or not (status in GOES_ON or (keep_going and not step.needed))
             self._stopped = self._stopped or ends_all
             took = self._since_start - started
@@ -174,6 +174,7 @@ class Runner:
         except BusError as error:
             self._error = str(error)
             status, reason = Status.BUS_FAILED, Reason(str(error))
+        # Decoded only here: the frames of a step that passed are shown nowhere.
         frames = (
             Line(time - self._start, own, frame, self._doer.words(frame))
             for time, frame, own in self._trace.frames[-FRAMES_SHOWN:]

@@ -12,7 +12,7 @@ import yaml
 
 from eurobot_od.check import shapes
 from eurobot_od.check.patterns import ANY, EmergencyPattern, HeartbeatPattern, Pattern
-from eurobot_od.check.shapes import NAME, NUMBER, SCALAR, TEXT, Key, Shape, taken
+from eurobot_od.check.shapes import NAME, NUMBER, SCALAR, TEXT, Key, Shape, converted, taken
 from eurobot_od.check.suite import AbortCodes, Action, Dump, Nmt, NodeServices, SdoRead, SdoWrite
 from eurobot_od.check.values import ObjectValues, expectation
 from eurobot_od.check.vocabulary import Vocabulary
@@ -33,13 +33,16 @@ NMT_COMMANDS = {name: command for command, name in COMMAND_NAMES.items()}
 STATES = {name: state for state, name in STATE_NAMES.items()} | {ANY: None}
 
 
-def _read_aborts(node: yaml.Node, problems: Problems) -> AbortCodes:
-    if isinstance(node, yaml.ScalarNode) and node.value == ANY:
-        return AbortCodes(())
-    return AbortCodes(shapes.one_or_more(NUMBER).read(node, problems))
+def _or_any(shape: Shape[T], instead: T) -> Shape[T]:
+    """Make a shape that also takes the word `any`, read as `instead`."""
+    return Shape(
+        # the value of a list's node is a list, which equals no word
+        lambda node, problems: instead if node.value == ANY else shape.read(node, problems),
+        {"anyOf": [{"const": ANY}, shape.schema]},
+    )
 
 
-ABORTS = Shape(_read_aborts, {"anyOf": [{"const": ANY}, shapes.one_or_more(NUMBER).schema]})
+ABORTS = _or_any(converted(shapes.one_or_more(NUMBER), AbortCodes), AbortCodes(()))
 
 
 class ServiceShapes:
@@ -49,12 +52,9 @@ class ServiceShapes:
         self._words = words
         self._node = shapes.named(words.dictionaries, "node")
         state = Key(shapes.named(STATES, "NMT state"), "state in the heartbeat", needed=True)
-        number = shapes.whole(0, 0xFFFF)
-        any_or_number: Shape[int | None] = Shape(
-            lambda node, problems: None if node.value == ANY else number.read(node, problems),
-            {"anyOf": [{"const": ANY}, NUMBER.schema]},
-        )
-        code = Key(any_or_number, "error code, or any", needed=True)
+        # An EMCY's code has 16 bits. JSON Schema knows no hexadecimal bounds, so there it is any number.
+        number: Shape[int | None] = Shape(shapes.whole(0, 0xFFFF).read, NUMBER.schema)
+        code = Key(_or_any(number, None), "error code, or any", needed=True)
         command = Key(shapes.named(NMT_COMMANDS, "NMT command"), "NMT command", needed=True)
         self.heartbeat: Shape[Pattern] = self._service("state", state, self._heartbeat)
         self.emcy: Shape[Pattern] = self._service("code", code, self._emergency)
@@ -104,18 +104,22 @@ class ServiceShapes:
     def _emergency(self, code: int | None, given: Dictionary | None) -> Pattern:
         node = self._dictionary(given)
         entry = node.default(EMCY)
+        # Bit 31 set: the EMCY does not exist (CiA 301, 7.5.2.17), so a step that waits for one could only be red.
         if not isinstance(entry, int) or entry & NOT_VALID:
             raise LocalError(f"the EDS of {node.name} has no EMCY (0x{EMCY[0]:04X})")
         return EmergencyPattern(node.name, entry & BASE_IDENTIFIER, code)
 
     def _nmt(self, command: NmtCommand, given: Dictionary | None) -> Action:
+        # Other services have to ask which node; NMT has a node-ID for all of them, 0 (CiA 301, 7.2.8.2.1).
         to_all = given is None and len(self._words.nodes) != 1
         return Nmt(command, ALL_NODES if to_all else self._dictionary(given).node_id)
 
     def _dump(self, equal: bool, given: Dictionary | None) -> Action:
         node = self._dictionary(given)
-        chosen = (each for each in objects.all_objects(node.objects) if _is_kept(each))
-        return Dump(NodeServices.of(node), tuple(chosen), equal)
+        # What keeps its value while nobody writes it: `ro` is measured, 0x1003 a history, a DOMAIN a file of any size.
+        steady = (each for each in objects.all_objects(node.objects) if each.access_type in ("rw", "const"))
+        kept = (each for each in steady if each.index not in COMMANDS and objects.data_type(each) is not DOMAIN)
+        return Dump(NodeServices.of(node), tuple(kept), equal)
 
     # SDO
 
@@ -138,14 +142,9 @@ class ServiceShapes:
         return SdoWrite(service, variable, operand, **refusals, blocks=blocks)
 
 
-def _is_kept(variable: ODVariable) -> bool:
-    """Whether an object keeps its value while nobody writes it: it is no measurement, no history and no file."""
-    steady = variable.access_type in ("rw", "const") and variable.index not in COMMANDS
-    return steady and objects.data_type(variable) is not DOMAIN
-
-
 def _looked_at(variable: ODVariable, given: Mapping[str, Any], dictionary: Dictionary) -> ODVariable:
     """Return an object as a step looks at it; raises LocalError for a value of one that no file describes."""
+    # Bytes are compared whatever the type; so are those of an object that the file lacks and the step only reads.
     if "data" in given or not ({"expect", "value"} & given.keys() or objects.is_described(variable)):
         return objects.changed(variable, data_type=DOMAIN.code)
     if not objects.is_described(variable):

@@ -77,6 +77,8 @@ class SimulatedBench:
         running = asyncio.get_running_loop()
 
         def seen(now: float, frame: Frame) -> None:
+            # A frame of a node that equals the tester's own cannot be told from it; on a wire the two could merge.
+            # The bus runs while the loop would sleep, so what concerns a task waits for the loop's next turn.
             own = next((each for each in self._sending if each[0] == frame), None)
             if own is not None:
                 running.call_soon_threadsafe(own[1].set_result, now)
@@ -97,6 +99,7 @@ class SimulatedBench:
         sending = frame, sent
         self._sending.append(sending)
         self._tester.put(frame)
+        # `wait_for` would cancel the future, and its result may be on its way already.
         await asyncio.wait([sent], timeout=SEND_WAIT)
         if not sent.done():
             self._sending.remove(sending)
@@ -133,7 +136,7 @@ class Program:
             self._task.cancel()
 
     async def _play(self) -> None:
-        await asyncio.sleep(POWER_UP)
+        await asyncio.sleep(POWER_UP)  # after each boot: the other nodes may be booting as well
         await self._program()
 
 
@@ -143,6 +146,7 @@ def run_simulated(suite: Suite, options: RunOptions, make_nodes: MakeNodes, seed
     tested = make_nodes({name: suite.dictionaries[name] for name in suite.nodes}, seed, lambda: network.now)
     for number, (node, _) in enumerate(tested):
         network.attach(node, number * BOOT_STEP, processing_time(seed, node.name))
+    # A node needs a dictionary; the tester uses nothing of it, so any will do.
     tester = Tester(next(iter(suite.dictionaries.values())))
     network.attach(tester)
     programs = [Program(node, program, network) for node, program in tested if program is not None]
@@ -156,6 +160,6 @@ def run_simulated(suite: Suite, options: RunOptions, make_nodes: MakeNodes, seed
         finally:
             for program in programs:
                 program.stop()
-            await asyncio.sleep(0)
+            await asyncio.sleep(0)  # a cancelled task ends only when the loop has its turn
 
     return loop.run(network, main())

@@ -23,7 +23,7 @@ from eurobot_od.errors import BusError, NoAnswer
 from eurobot_od.frame import Frame
 from eurobot_od.logs.meaning import Decoder
 from eurobot_od.od import objects
-from eurobot_od.od.values import NMT_COB_ID, Value
+from eurobot_od.od.values import NMT_COB_ID
 from eurobot_od.sdo.client import (
     Aborted,
     OddAnswer,
@@ -58,14 +58,6 @@ class Skipped(Exception):
         self.reason = reason
 
 
-def _value(variable: ODVariable, data: bytes) -> Value:
-    """Return the value that an object's bytes mean; raises ValueProblem for a length that its type does not have."""
-    size = objects.data_type(variable).size
-    if size not in (0, len(data)):
-        raise ValueProblem(f"{amount(len(data), 'byte')} came, the object has {size}")
-    return objects.decode(variable, data)
-
-
 class Doer:
     """Does the steps of a suite; keeps what they know of each other: the last question, used frames, variables."""
 
@@ -95,13 +87,15 @@ class Doer:
 
     def _ask(self) -> None:
         """Begin a question: what came before it answers nothing."""
+        # The edge is where `never` and `period` begin to look, the mark where `expect` does: an answer that was
+        # expected moves the edge behind it, but other answers to the same question may stand before it.
         self._mark = self._edge = len(self._trace)
 
     async def _put(self, frame: Frame) -> None:
         self._trace.add(Seen(await self._bench.send(frame), frame, own=True))
 
     async def _send(self, action: suite.Send) -> None:
-        if not self._asking:
+        if not self._asking:  # several in a row are one question, or the second would lose the answer to the first
             self._ask()
         await self._put(action.sent.frame(self._variables))
 
@@ -115,13 +109,13 @@ class Doer:
         """Answer a frame for the node that the tester plays."""
         if frame.cob_id in self._answers:
             task = asyncio.ensure_future(self._put(self._answers[frame.cob_id].frame(self._variables)))
-            self._answering.add(task)
+            self._answering.add(task)  # the loop itself keeps only a weak reference to a task
             task.add_done_callback(self._answered)
 
     def _answered(self, task: asyncio.Task[None]) -> None:
         self._answering.discard(task)
         error = None if task.cancelled() else task.exception()
-        if isinstance(error, BusError):
+        if isinstance(error, BusError):  # nobody awaits the task, so the step under way has to hear of it
             self._trace.fail(error)
 
     async def _nmt(self, action: suite.Nmt) -> None:
@@ -147,7 +141,7 @@ class Doer:
         """Return the next frame, with its number, that no step has used yet and that one of the patterns may be."""
         cob_ids = frozenset(pattern.cob_id for pattern in patterns)
         number = await self._trace.first(cob_ids, start, deadline)
-        while number in self._used:
+        while number in self._used:  # two equal `expect` want two frames
             number = await self._trace.first(cob_ids, number + 1, deadline)
         return None if number is None else (number, self._trace.frames[number])
 
@@ -161,15 +155,19 @@ class Doer:
         while left:
             found = await self._next(left, start, deadline)
             if found is None:
-                raise self._nothing(action, left, other)
+                what = f"no {' or '.join(map(str, left))} within {durations.text(self._longest(action.within))}"
+                if other is not None:
+                    raise self._with_last(what, left[0], other)
+                raise Failed(Reason(what, "; ".join(each.text(self._variables) for each in left), "nothing"))
             number, seen = found
             start = number + 1
+            # In order, only the first one may come; a later one that comes now is out of order, and that is told.
             tried = left[:1] if order is suite.Order.IN_ORDER else left
             hit = next((each for each in tried if not self._mismatches(each, seen)), None)
             if hit is not None:
                 self._use(number)
                 left = [] if order is suite.Order.ANY else [each for each in left if each is not hit]
-                start = self._mark
+                start = self._mark  # a frame passed over may be what the remaining patterns wait for
             elif any(is_final(each) for each in left if each.cob_id == seen.frame.cob_id):
                 raise self._other(tried, seen)
             else:
@@ -187,12 +185,6 @@ class Doer:
         """Say that something else came than expected: as the pattern that comes nearest to it sees it."""
         nearest = min(tried, key=lambda each: (each.cob_id != seen.frame.cob_id, len(self._mismatches(each, seen))))
         return self._with_last(f"{nearest} is not as expected", nearest, seen)
-
-    def _nothing(self, action: suite.Expect, left: Sequence[Pattern], other: Seen | None) -> Failed:
-        what = f"no {' or '.join(map(str, left))} within {durations.text(self._longest(action.within))}"
-        if other is not None:
-            return self._with_last(what, left[0], other)
-        return Failed(Reason(what, "; ".join(each.text(self._variables) for each in left), "nothing"))
 
     def _with_last(self, what: str, pattern: Pattern, last: Seen | None, off: Sequence[Mismatch] = ()) -> Failed:
         """Say that what was wanted did not come, and what came last instead."""
@@ -218,6 +210,7 @@ class Doer:
         while self._trace.now < deadline:
             await self._put(action.sent.frame(self._variables))
             count += 1
+            # counted from the start, so that what sending takes does not add up over many polls
             pause = min(started + count * action.every, deadline)
             while (found := await self._next([action.until], start, pause)) is not None:
                 number, last = found
@@ -230,23 +223,22 @@ class Doer:
     async def _period(self, action: suite.Period) -> None:
         latest = action.every + action.tolerance
         start, last = self._edge, None
-        for number_of in range(action.count + 1):
+        off: list[Mismatch] = []
+        for number in range(action.count + 1):  # so many periods lie between one frame more
             deadline = (self._trace.now if last is None else last.time) + latest
             found = await self._next([action.message], start, deadline)
             if found is None:
-                what = f"no {action.message} within {durations.text(latest)}, after {number_of} of them"
+                what = f"no {action.message} within {durations.text(latest)}, after {number} of them"
                 raise self._with_last(what, action.message, None)
-            self._check_period(action, number_of, last, found[1])
+            seen = found[1]
+            # Each distance by itself, not the mean: a mean hides a frame that is late after one that was early.
+            if last is not None and abs(seen.time - last.time - action.every) > action.tolerance:
+                wanted = f"{durations.text(action.every)} +- {durations.text(action.tolerance)}"
+                off = [Mismatch(f"period {number}", wanted, durations.text(seen.time - last.time))]
+            if off or self._mismatches(action.message, seen):
+                raise self._with_last(f"{action.message} is not as expected", action.message, seen, off)
             self._use(found[0])
-            start, last = self._edge, found[1]
-
-    def _check_period(self, action: suite.Period, number: int, last: Seen | None, seen: Seen) -> None:
-        off = []
-        if last is not None and abs(seen.time - last.time - action.every) > action.tolerance:
-            wanted = f"{durations.text(action.every)} +- {durations.text(action.tolerance)}"
-            off = [Mismatch(f"period {number}", wanted, durations.text(seen.time - last.time))]
-        if off or self._mismatches(action.message, seen):
-            raise self._with_last(f"{action.message} is not as expected", action.message, seen, off)
+            start, last = self._edge, seen
 
     # SDO
 
@@ -256,7 +248,11 @@ class Doer:
         data = await self._transfer(action, begin(objects.address_of(action.variable), self._longest(action.within)))
         if data is None:
             return
-        value = _value(action.variable, data)
+        size = objects.data_type(action.variable).size
+        # Size 0 is a type of any length. Another length is red by itself: decoding would fill it up or cut it off.
+        if size not in (0, len(data)):
+            raise ValueProblem(f"{amount(len(data), 'byte')} came, the object has {size}")
+        value = objects.decode(action.variable, data)
         if action.expected is not None and not action.expected.fits(value, self._variables):
             label = objects.label(action.variable)
             wanted, came = action.expected.text(self._variables), action.expected.shown(value)
@@ -276,11 +272,8 @@ class Doer:
         Raises Failed, Skipped, NoAnswer, OddAnswer.
         """
         wanted = None if action.abort is None else str(action.abort)
-        await self._run(transfer, action.node)
         try:
-            data = transfer.result()
-        except Silence:
-            raise NoAnswer("SDO request", f"answer from {action.node.name}", 1, transfer.wait) from None
+            data = await self._run(transfer, action.node)
         except Aborted as error:
             if action.abort is not None and action.abort.fits(error.code):
                 return None
@@ -307,24 +300,24 @@ class Doer:
 
     async def _content(self, variable: ODVariable, node: suite.NodeServices) -> str:
         """Return what an object has, in hexadecimal digits, or the abort if it has nothing; raises NoAnswer."""
-        transfer = upload(objects.address_of(variable), self._timeout)
-        await self._run(transfer, node)
         try:
-            return transfer.result().hex(" ").upper()
-        except Silence:
-            raise NoAnswer("SDO request", f"answer from {node.name}", 1, transfer.wait) from None
+            data = await self._run(upload(objects.address_of(variable), self._timeout), node)
+            return data.hex(" ").upper()
         except Aborted as error:
-            return code_and_reason(error.code)
+            return code_and_reason(error.code)  # a dump is red only if something has changed, a refusal too
 
-    async def _run(self, transfer: Transfer, node: suite.NodeServices) -> None:
-        """Do a transfer to its end; raises OddAnswer for an answer that has not the length of an SDO frame."""
+    async def _run(self, transfer: Transfer, node: suite.NodeServices) -> bytes:
+        """Do a transfer and return what it brought; raises NoAnswer, Aborted.
+
+        An answer that has not the length of an SDO frame raises OddAnswer.
+        """
         requests = transfer.start(self._trace.now)
         while True:
-            start = len(self._trace)
+            start = len(self._trace)  # before sending, as a fast node answers before `_put` has returned
             for request in requests:
                 await self._put(Frame(node.sdo_request, request))
-            if transfer.done:
-                return
+            if transfer.done:  # only now: the last request may be an abort of ours, which the node has to get
+                break
             number = await self._trace.first(frozenset([node.sdo_answer]), start, transfer.deadline)
             if number is None:
                 requests = transfer.tick(transfer.deadline)
@@ -334,6 +327,10 @@ class Doer:
             if len(answer) != LENGTH:
                 raise OddAnswer(answer, f"of {LENGTH} bytes")
             requests = transfer.receive(answer, self._trace.now)
+        try:
+            return transfer.result()
+        except Silence:
+            raise NoAnswer("SDO request", f"answer from {node.name}", 1, transfer.wait) from None
 
     # Variables
 

@@ -63,7 +63,7 @@ class Trace:
         return self._failure is not None
 
     def _wake(self) -> None:
-        if self._waiting is not None and not self._waiting.done():
+        if self._waiting is not None and not self._waiting.done():  # two frames may come in one turn of the loop
             self._waiting.set_result(None)
 
     async def first(self, cob_ids: frozenset[int], start: int, deadline: float) -> int | None:
@@ -74,6 +74,7 @@ class Trace:
         while True:
             for number in range(start, len(self.frames)):
                 time, frame, own = self.frames[number]
+                # By the frame's own time, not by that of looking: late is late, and in time is in time.
                 if time > deadline:
                     return None
                 if frame.cob_id in cob_ids and not own:
@@ -89,7 +90,7 @@ class Trace:
         try:
             if self._failure is None and self._loop.time() < deadline:
                 await self._waiting
-        finally:
+        finally:  # also if the step is interrupted: a timer left behind would wake the next one too early
             timer.cancel()
             self._waiting = None
         if self._failure is not None:

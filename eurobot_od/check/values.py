@@ -83,19 +83,19 @@ class FieldValues(NamedTuple):
     def parse(self, text: str) -> Any:
         """Read a value; raises ValueProblem."""
         try:
-            value = self.kind.parse(self._without_unit(text))
+            # `1200 mm` as well as `1200`; the digit keeps a name that happens to end like the unit (`mm`) whole
+            unit = self.kind.unit
+            has_unit = bool(unit) and text.endswith(unit) and text[:1].isdigit()
+            value = self.kind.parse(text[: -len(unit)].rstrip() if has_unit else text)
             if value is None:
                 return None
-            raw = self.kind.write(value, self.limits)
+            raw = self.kind.write(value, self.limits)  # refuses what no sender could send
         except (ValueError, KeyError, TypeError):
             # a suite has `unknown` where a program has None
             allowed = self.kind.allowed(self.limits).replace("None for unknown", "unknown")
             raise ValueProblem(f"{text!r} is not allowed; allowed: {allowed}") from None
+        # An angle of 450 or -10 can be written; what comes is 90 or 350, so that is what it is compared with.
         return raw if self.kind.modulus is not None else value
-
-    def _without_unit(self, text: str) -> str:
-        unit = self.kind.unit
-        return text[: -len(unit)].rstrip() if unit and text.endswith(unit) and text[:1].isdigit() else text
 
     def text(self, value: Any) -> str:
         """Write a value for a person."""
@@ -188,11 +188,8 @@ class Operand(NamedTuple):
 Test: TypeAlias = "Callable[..., bool]"
 
 
-def _is_number(value: Any) -> bool:
-    return isinstance(value, (int, float)) and not isinstance(value, (Enum, OutOfRange))
-
-
 def _equal(_: Values, value: Any, wanted: Any) -> bool:
+    # OutOfRange is an int: without this a variable that saved one, or a raw number, would equal it.
     return type(value) is not OutOfRange and bool(value == wanted)
 
 
@@ -252,7 +249,11 @@ class Expected(NamedTuple):
     def fits(self, value: Any, variables: Variables) -> bool:
         """Tell whether a value is as expected; raises NotSaved."""
         operands = [operand.resolve(variables) for operand in self.operands]
-        if self.form.ordered and not all(map(_is_number, (value, *operands))):
+        # A name such as `blocked` is a number on the wire, too, but it is not more than 500.
+        numbers = (
+            isinstance(each, (int, float)) and not isinstance(each, (Enum, OutOfRange)) for each in (value, *operands)
+        )
+        if self.form.ordered and not all(numbers):
             return False
         return self.form.test(self.values, value, *operands)
 
@@ -268,9 +269,11 @@ class Expected(NamedTuple):
 def expectation(text: str, scale: Scale) -> Expected:
     """Read an expectation; raises LocalError."""
     ordered = scale.values.are_ordered
+    # A text is compared as it stands, spaces and all; `< 5` or `not x` may be what the object holds.
     written = text.strip() if ordered else text
     forms = NOTATIONS if len(written) <= LONGEST_NOTATION else NOTATIONS[-1:]
     may = ((each, each.pattern.fullmatch(written)) for each in forms if ordered or not each.ordered)
     form, operands = next((form, match.groups()) for form, match in may if match)
+    # The second operand of `1200 +- 15` is a distance: 15 need not be a value that the field may have.
     scales = (scale, scale.distances if form.test is _near else scale)
     return Expected(form, tuple(each.operand(operand) for each, operand in zip(scales, operands)), scale.values)

@@ -20,10 +20,6 @@ from eurobot_od.pdo.catalogue import NOTHING, Catalogue
 from eurobot_od.pdo.protocol import Protocol
 
 
-def _load(path: Path) -> tuple[Dictionary, ...]:
-    return network.load(network.read_network(path).nodes)
-
-
 class Networks(NamedTuple):
     """The networks that suites may be for, and the catalogue of their message types.
 
@@ -33,7 +29,7 @@ class Networks(NamedTuple):
 
     find: Callable[[str | None], Path]
     catalogue: Catalogue = NOTHING
-    load: Callable[[Path], tuple[Dictionary, ...]] = _load
+    load: Callable[[Path], tuple[Dictionary, ...]] = lambda path: network.load(network.read_network(path).nodes)
     refused: OnRefused = fatal
 
 
@@ -78,13 +74,14 @@ def saved_names(node: yaml.Node) -> Iterator[str]:
     for name, value in _pairs(node):
         if name != "save":
             yield from saved_names(value)
-        elif isinstance(value, yaml.ScalarNode):
+        elif isinstance(value, yaml.ScalarNode):  # `sdo: {read: ..., save: t}`
             yield value.value
-        else:
+        else:  # `save: {t: Goto State Response.time}`, the action
             yield from (each for each, _ in _pairs(value))
 
 
 def _pairs(node: yaml.Node | None) -> list[tuple[str, yaml.Node]]:
+    # What has the wrong shape is passed over in silence: the format, which reads all of it again, reports it.
     if not isinstance(node, yaml.MappingNode):
         return []
     return [(key.value, value) for key, value in node.value if isinstance(key, yaml.ScalarNode)]

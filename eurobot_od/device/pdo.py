@@ -25,6 +25,7 @@ from eurobot_od.od.values import (
     EVENT_TIMER,
     INHIBIT_TIME,
     MAPPABLE,
+    MAX_BITS,
     SYNCHRONOUS,
     TRANSMISSION_TYPE,
     Address,
@@ -34,7 +35,6 @@ from eurobot_od.od.values import (
 )
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.catalogue import Catalogue
-from eurobot_od.pdo.layout import MAX_BITS
 from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.sdo.wire import Abort, AbortCode
 

@@ -69,8 +69,11 @@ def taking(taken: Taken, *, keeps: bool = True) -> Mixin:
             address = Initiate.of(frame.data).address if content is not None else (0, 0)
             if content is None or not taken(self, address, content):
                 return super().receive(frame, now)
-            if keeps:
-                _keep(self, address, content)
+            type_ = data_type(at(address, self.device.dictionary.objects))
+            if keeps and type_.is_integer:
+                # Cut or filled up to the type's size: the fault is to take a wrong length, not to break the object.
+                value = type_.read(content[: type_.size].ljust(type_.size, b"\0"))
+                self.device.objects.values[address] = value
             return [Frame(hooks.sdo_answer(self), wire.initiate(ServerCommand.DOWNLOAD << 5, address))]
 
     return Taking
@@ -78,6 +81,7 @@ def taking(taken: Taken, *, keeps: bool = True) -> Mixin:
 
 def _written(node: Node, frame: Frame) -> bytes | None:
     """Return what an SDO request writes at once, None for any other frame, and in STOPPED."""
+    # A fault is one thing: a node that answered SDO in STOPPED, too, would be found by another step (7.3.2.2.4).
     heard = node.device.state in (NmtState.OPERATIONAL, NmtState.PRE_OPERATIONAL)
     if not heard or frame.cob_id != hooks.sdo_request(node) or len(frame.data) != wire.LENGTH:
         return None
@@ -87,38 +91,23 @@ def _written(node: Node, frame: Frame) -> bytes | None:
     return request.rest[: request.size]
 
 
-def _object(node: Node, address: Address) -> ODVariable:
-    return at(address, node.device.dictionary.objects)
+def _to_object(wrong: Callable[[ODVariable, bytes], bool]) -> Taken:
+    """Take what is written to an object of the file and is wrong in a way."""
+
+    def taken(node: Node, address: Address, content: bytes) -> bool:
+        variable = at(address, node.device.dictionary.objects)
+        return is_described(variable) and wrong(variable, content)
+
+    return taken
 
 
-def _keep(node: Node, address: Address, content: bytes) -> None:
-    variable = _object(node, address)
-    type_ = data_type(variable)
-    if type_.is_integer:
-        node.device.objects.values[address] = type_.read(content[: type_.size].ljust(type_.size, b"\0"))
+# A DOMAIN and a text have the size 0: they are never too long.
+TOO_LONG = _to_object(lambda variable, content: variable.writable and 0 < data_type(variable).size < len(content))
+TOO_SHORT = _to_object(lambda variable, content: variable.writable and len(content) < data_type(variable).size)
 
 
-def _read_only(node: Node, address: Address, _: bytes) -> bool:
-    variable = _object(node, address)
-    return is_described(variable) and not variable.writable
-
-
-def _too_long(node: Node, address: Address, content: bytes) -> bool:
-    return _odd(node, address, lambda size: 0 < size < len(content))
-
-
-def _too_short(node: Node, address: Address, content: bytes) -> bool:
-    return _odd(node, address, lambda size: len(content) < size)
-
-
-def _odd(node: Node, address: Address, wrong: Callable[[int], bool]) -> bool:
-    variable = _object(node, address)
-    return is_described(variable) and variable.writable and wrong(data_type(variable).size)
-
-
-def _outside(node: Node, address: Address, content: bytes) -> bool:
-    variable = _object(node, address)
-    type_ = data_type(variable)
+def _outside(variable: ODVariable, content: bytes) -> bool:
+    type_ = data_type(variable)  # a value of another length is refused for that, before its limits count
     return len(content) == type_.size and not in_limits(variable, type_.read(content))
 
 
@@ -126,23 +115,16 @@ def _is_valid(node: Node, communication: int) -> bool:
     return node.device.objects.cob_id((communication, COB_ID)) is not None
 
 
-def _mapping_of_a_valid_one(node: Node, address: Address, _: bytes) -> bool:
-    return address[0] in MAPPINGS and _is_valid(node, address[0] - MAPPING_OFFSET)
+def _to_mapping(wrong: Callable[[int, int, bytes], bool], *, valid: bool = False) -> Taken:
+    """Take what is written to the mapping of a PDO, valid or not, if sub-index, sub-index 0 and content say so.
 
-
-def _entry_in_use(node: Node, address: Address, _: bytes) -> bool:
-    in_use = address[0] in MAPPINGS and address[1] > 0 and bool(node.device.objects.raw((address[0], 0)))
-    return in_use and not _is_valid(node, address[0] - MAPPING_OFFSET)
-
-
-def _any_entry(node: Node, address: Address, _: bytes) -> bool:
-    free = address[0] in MAPPINGS and address[1] > 0 and not node.device.objects.raw((address[0], 0))
-    return free and not _is_valid(node, address[0] - MAPPING_OFFSET)
-
-
-def _any_count(node: Node, address: Address, content: bytes) -> bool:
-    counted = address[0] in MAPPINGS and address[1] == 0 and content != b"\0"
-    return counted and not _is_valid(node, address[0] - MAPPING_OFFSET)
+    CiA 301, 7.5.2.36: a mapping is changed while the PDO is not valid, its entries while sub-index 0 is 0.
+    """
+    return lambda node, address, content: (
+        address[0] in MAPPINGS
+        and wrong(address[1], node.device.objects.raw((address[0], 0)), content)
+        and _is_valid(node, address[0] - MAPPING_OFFSET) is valid
+    )
 
 
 def _parameter_of_a_valid_one(subindex: int) -> Taken:
@@ -150,7 +132,7 @@ def _parameter_of_a_valid_one(subindex: int) -> Taken:
         address[0] in COMMUNICATIONS
         and address[1] == subindex
         and _is_valid(node, address[0])
-        and not _odd(node, address, lambda size: size != len(content))
+        and not any(odd(node, address, content) for odd in (TOO_LONG, TOO_SHORT))
     )
 
 
@@ -195,10 +177,6 @@ def _no_error(data: bytes) -> bytes:
     return data[:4] + bytes(4) if is_register else data
 
 
-def _wrong_crc(data: bytes) -> bytes:
-    return bytes([data[0], data[1] ^ 1]) + data[2:] if data[0] & 3 == Block.END else data
-
-
 class ToggleNotChecked(Node):
     """Goes on whatever the toggle bit of a segment is."""
 
@@ -208,6 +186,8 @@ class ToggleNotChecked(Node):
         if frame.cob_id != hooks.sdo_request(self) or len(frame.data) != wire.LENGTH:
             return super().receive(frame, now)
         data = frame.data
+        # The first segment has the toggle bit 0, then it alternates (CiA 301, 7.2.4.3.4). The server of ours checks it,
+        # so it gets the right one, whatever came.
         if data[0] >> 5 in (ClientCommand.DOWNLOAD, ClientCommand.UPLOAD):
             self._toggle = 0
         elif data[0] >> 5 in (ClientCommand.DOWNLOAD_SEGMENT, ClientCommand.UPLOAD_SEGMENT):
@@ -229,6 +209,7 @@ class Blocked(Node):
         if frame.cob_id != hooks.sdo_request(self) or len(frame.data) != wire.LENGTH:
             return super().receive(frame, now)
         command = frame.data[0]
+        # Our server lets a new request end the old transfer; segments and aborts are heard as ever.
         if self._waits and command >> 5 in (ClientCommand.DOWNLOAD, ClientCommand.UPLOAD):
             return []
         answers = super().receive(frame, now)
@@ -237,6 +218,7 @@ class Blocked(Node):
         return answers
 
     def tick(self, now: float) -> list[Frame]:
+        # our server ends a transfer after its own timeout; its abort would give the fault away
         return [each for each in super().tick(now) if each.data[:1] != bytes([wire.ABORT])]
 
 
@@ -249,7 +231,7 @@ class SdoWhenStopped(Node):
     def receive(self, frame: Frame, now: float) -> list[Frame]:
         if self.device.state is not NmtState.STOPPED or frame.cob_id != hooks.sdo_request(self):
             return super().receive(frame, now)
-        self.device.state = NmtState.PRE_OPERATIONAL
+        self.device.state = NmtState.PRE_OPERATIONAL  # only for this request, so no heartbeat shows it
         answers = super().receive(frame, now)
         self.device.state = NmtState.STOPPED
         return answers
@@ -269,7 +251,9 @@ class ValuesKept(Node):
     def receive(self, frame: Frame, now: float) -> list[Frame]:
         before = dict(self.device.objects.values)
         frames = super().receive(frame, now)
-        if frame.cob_id == NMT_COB_ID:
+        if (
+            frame.cob_id == NMT_COB_ID
+        ):  # commands other than a reset change no values, so these are put back as they are
             self.device.objects.values.update(before)
         return frames
 
@@ -311,6 +295,7 @@ def _other_value(choose: Callable[[Node], Address | None]) -> Mixin:
             super().reset()
             address = choose(self)
             if address is not None:
+                # the lowest bit: another value, and one that any whole number's type has
                 self.device.objects.values[address] = self.device.objects.raw(address) ^ 1
 
     return OtherValue
@@ -320,17 +305,9 @@ def _a_setting(node: Node) -> Address | None:
     """Return the first whole number of the manufacturer that a PDO cannot carry."""
     own = (each for each in all_objects(node.device.dictionary.objects) if each.index >= MANUFACTURER[0])
     numbers = (each for each in own if each.access_type == "rw" and data_type(each).is_integer)
+    # Sub-index 0xFF is the description of a structure; an object that gives the node-ID would move all its COB-IDs.
     addresses = (address_of(each) for each in numbers if each.subindex != STRUCTURE)
     return next((each for each in addresses if each != node.device.dictionary.node_id_address), None)
-
-
-def _sync(node: Node) -> int:
-    return node.device.objects.raw(SYNC) & BASE_IDENTIFIER
-
-
-def _filled_up(_: Node, frame: Frame) -> Iterable[Frame]:
-    """Have a command that lacks its node-ID be one to all nodes."""
-    return [Frame(frame.cob_id, frame.data.ljust(2, b"\0"))]
 
 
 def _fault(step: str, text: str, mixin: Mixin) -> Fault:
@@ -355,18 +332,19 @@ FAULTS: Mapping[str, Fault] = {
     "nmt-half-heeded": _fault(
         "7.2.8.2.1 NMT commands: half a command does not matter",
         "carries out NMT commands of one byte",
-        hooks.arriving(hooks.nmt, _filled_up),
+        # a missing node-ID read as 0 makes a command for all nodes
+        hooks.arriving(hooks.nmt, hooks.data(lambda data: data.ljust(2, b"\0"))),
     ),
     "sdo-when-stopped": _fault("7.3.2.2.4 NMT state: no SDO in STOPPED", "answers SDO in STOPPED", SdoWhenStopped),
     "heartbeat-change-late": _fault(
         "7.5.2.20 Heartbeat time: a change counts at once",
         "takes a new heartbeat time over when the old one is over",
-        taking(_of(HEARTBEAT_TIME)),
+        taking(_of(HEARTBEAT_TIME)),  # stored without a word to the timer, which runs as it was set
     ),
     "heartbeat-never-ends": _fault(
         "7.5.2.20 Heartbeat time: 0 ends it",
         "goes on with its heartbeat when the time is set to 0",
-        taking(_of(HEARTBEAT_TIME, bytes(2))),
+        taking(_of(HEARTBEAT_TIME, bytes(2))),  # only the value 0: all others count at once, as they should
     ),
     # Objects
     "identity-wrong": _fault(
@@ -378,7 +356,11 @@ FAULTS: Mapping[str, Fault] = {
     "values-kept-over-reset": _fault(
         "7.3.2.2.3 Values", "has the values of before after a reset, without having stored them", ValuesKept
     ),
-    "read-only-written": _fault("7.4.5 Read-only", "lets read-only objects be written", taking(_read_only)),
+    "read-only-written": _fault(
+        "7.4.5 Read-only",
+        "lets read-only objects be written",
+        taking(_to_object(lambda variable, _: not variable.writable)),
+    ),
     "read-only-code-wrong": _fault(
         "7.4.5 Read-only",
         "refuses to write a read-only object as unsupported access",
@@ -399,14 +381,14 @@ FAULTS: Mapping[str, Fault] = {
         "says of a sub-index that is not there that the object is not",
         _instead(of=AbortCode.NO_SUBINDEX, by=AbortCode.NO_OBJECT),
     ),
-    "too-long-taken": _fault("7.2.4.3.17 Wrong length", "takes more bytes than an object has", taking(_too_long)),
-    "too-short-taken": _fault("7.2.4.3.17 Wrong length", "takes fewer bytes than an object has", taking(_too_short)),
+    "too-long-taken": _fault("7.2.4.3.17 Wrong length", "takes more bytes than an object has", taking(TOO_LONG)),
+    "too-short-taken": _fault("7.2.4.3.17 Wrong length", "takes fewer bytes than an object has", taking(TOO_SHORT)),
     "length-code-wrong": _fault(
         "7.2.4.3.17 Wrong length",
         "refuses too many bytes as a value that is too high",
         _instead(of=AbortCode.TOO_LONG, by=AbortCode.TOO_HIGH),
     ),
-    "limits-not-checked": _fault("7.2.4.3.17 Limits", "takes values outside the limits", taking(_outside)),
+    "limits-not-checked": _fault("7.2.4.3.17 Limits", "takes values outside the limits", taking(_to_object(_outside))),
     "limits-code-wrong": _fault(
         "7.2.4.3.17 Limits",
         "refuses a value that is too high as too low",
@@ -434,7 +416,14 @@ FAULTS: Mapping[str, Fault] = {
     "block-crc-wrong": _fault(
         "7.2.4.3.12 SDO block upload",
         "has a wrong CRC at the end of a block transfer",
-        hooks.leaving(hooks.sdo_answer, _where(ServerCommand.BLOCK_UPLOAD, _wrong_crc)),
+        hooks.leaving(
+            hooks.sdo_answer,
+            _where(
+                ServerCommand.BLOCK_UPLOAD,
+                # the CRC is in bytes 1 and 2 of the end alone; the initiate has the same specifier
+                lambda data: bytes([data[0], data[1] ^ 1]) + data[2:] if data[0] & 3 == Block.END else data,
+            ),
+        ),
     ),
     "unknown-command-ignored": _fault(
         "7.2.4.3.17 SDO abort: an unknown command is refused",
@@ -446,6 +435,7 @@ FAULTS: Mapping[str, Fault] = {
         "answers a client's abort",
         hooks.arriving(
             hooks.sdo_request,
+            # specifier 7, which no request has: the server refuses it, and that is the answer
             hooks.data(lambda data: b"\xe0" + data[1:] if data[:1] == bytes([wire.ABORT]) else data),
         ),
     ),
@@ -466,20 +456,37 @@ FAULTS: Mapping[str, Fault] = {
         taking(_parameter_of_a_valid_one(INHIBIT_TIME)),
     ),
     "mapping-changed-while-valid": _fault(
-        "7.5.2.36 RPDO mapping", "lets the mapping of a valid PDO be changed", taking(_mapping_of_a_valid_one)
+        "7.5.2.36 RPDO mapping",
+        "lets the mapping of a valid PDO be changed",
+        taking(_to_mapping(lambda *_: True, valid=True)),
     ),
     "mapping-changed-in-use": _fault(
-        "7.5.2.36 RPDO mapping", "lets entries be changed while sub-index 0 is not 0", taking(_entry_in_use)
+        "7.5.2.36 RPDO mapping",
+        "lets entries be changed while sub-index 0 is not 0",
+        taking(_to_mapping(lambda subindex, count, _: subindex > 0 and count > 0)),
     ),
-    "anything-mapped": _fault("7.5.2.36 RPDO mapping", "maps what cannot be mapped", taking(_any_entry)),
-    "mapping-too-long-taken": _fault("7.5.2.38 TPDO mapping", "maps more than 64 bits", taking(_any_count)),
+    "anything-mapped": _fault(
+        "7.5.2.36 RPDO mapping",
+        "maps what cannot be mapped",
+        taking(_to_mapping(lambda subindex, count, _: subindex > 0 and count == 0)),
+    ),
+    "mapping-too-long-taken": _fault(
+        "7.5.2.38 TPDO mapping",
+        "maps more than 64 bits",
+        # the bits are added up when sub-index 0 is written; 0 itself ends the mapping and is always right
+        taking(_to_mapping(lambda subindex, _, content: subindex == 0 and content != b"\0")),
+    ),
     "not-mappable-code-wrong": _fault(
         "7.5.2.36 RPDO mapping",
         "refuses what cannot be mapped as read-only",
         _instead(of=AbortCode.NOT_MAPPABLE, by=AbortCode.READ_ONLY),
     ),
     "tpdos-missing": _fault("7.5.2.37 TPDO transmission", "sends no TPDO", NoTpdos),
-    "sync-ignored": _fault("7.2.2.2 TPDO transmission", "hears no SYNC", hooks.arriving(_sync, hooks.lost)),
+    "sync-ignored": _fault(
+        "7.2.2.2 TPDO transmission",
+        "hears no SYNC",
+        hooks.arriving(lambda node: node.device.objects.raw(SYNC) & BASE_IDENTIFIER, hooks.lost),
+    ),
     # Emergencies
     "history-not-cleared": _fault(
         "7.2.7 EMCY: RPDO", "confirms that the error history is cleared, and keeps it", HistoryKept

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-
 from eurobot_od.device.emergency import ErrorCode
-from eurobot_od.device.nmt import NmtCommand, NmtState, error_control
+from eurobot_od.device.nmt import NmtCommand, NmtState
 from eurobot_od.device.node import Node
 from eurobot_od.faults import hooks
 from eurobot_od.faults.fault import Caught
@@ -24,6 +22,7 @@ class AlwaysOperational(Node):
 
     def receive(self, frame: Frame, now: float) -> list[Frame]:
         state = self.device.state
+        # It hears commands and says its true state: what is wrong is only what it does in that state.
         if frame.cob_id == NMT_COB_ID or state is NmtState.INITIALISING:
             return super().receive(frame, now)
         self.device.state = NmtState.OPERATIONAL
@@ -43,21 +42,12 @@ class WritesForgotten(Node):
         return super().receive(frame, now)
 
 
-def _always_well(node: Node, frame: Frame) -> Iterable[Frame]:
-    return [frame if frame.data[0] == BOOT_UP else error_control(node.device.node_id, NmtState.OPERATIONAL)]
-
-
-def _to_us(node: Node, frame: Frame) -> Iterable[Frame]:
-    return [Frame(frame.cob_id, frame.data[:1] + bytes([node.device.node_id]))]
-
-
-def _general_abort(_: Node, frame: Frame) -> Iterable[Frame]:
-    if frame.data[0] != ABORT:
-        return [frame]
-    return [Frame(frame.cob_id, aborted(Initiate.of(frame.data).address, AbortCode.GENERAL))]
+def _general_abort(data: bytes) -> bytes:
+    return aborted(Initiate.of(data).address, AbortCode.GENERAL) if data[0] == ABORT else data
 
 
 def _babble(node: Node) -> None:
+    # an error that lasts is told once; one that comes and goes is told each time, and again when it is gone
     node.raise_error(ErrorCode.PDO_TOO_LONG, "babble")
     node.clear_error("babble")
 
@@ -87,7 +77,11 @@ FAULTS = {
         "sends boot-up and heartbeat under the next node's identifier", hooks.leaving(hooks.heartbeat, hooks.moved(1))
     ),
     "heartbeat-always-operational": Caught("canopen", "7.2.8.3.2 Heartbeat: PRE-OPERATIONAL").fault(
-        "says OPERATIONAL in every state", hooks.leaving(hooks.heartbeat, _always_well)
+        "says OPERATIONAL in every state",
+        # the boot-up has the same COB-ID, and is another fault's
+        hooks.leaving(
+            hooks.heartbeat, hooks.data(lambda data: data if data[0] == BOOT_UP else bytes([NmtState.OPERATIONAL]))
+        ),
     ),
     "nmt-ignored": Caught("canopen", "7.2.8.3.3 NMT: boot-up after a reset").fault(
         "hears no NMT command", hooks.arriving(hooks.nmt, hooks.lost)
@@ -97,7 +91,10 @@ FAULTS = {
         hooks.arriving(hooks.nmt, hooks.only(lambda data: data[:1] != bytes([NmtCommand.STOP]))),
     ),
     "nmt-of-others-heeded": Caught("canopen", "7.2.8.2.1 NMT: another node's command does not matter").fault(
-        "carries out the NMT commands of other nodes", hooks.arriving(hooks.nmt, _to_us)
+        "carries out the NMT commands of other nodes",
+        hooks.arriving(
+            hooks.nmt, lambda node, frame: [Frame(frame.cob_id, frame.data[:1] + bytes([node.device.node_id]))]
+        ),
     ),
     "works-when-stopped": Caught("canopen", "7.3.2.2.4 NMT: no PDOs in PRE-OPERATIONAL").fault(
         "answers messages in every NMT state", AlwaysOperational
@@ -121,13 +118,15 @@ FAULTS = {
     ),
     "sdo-value-reversed": Caught("canopen", "7.5.2.20 SDO: the heartbeat time is 1000 ms").fault(
         "sends the bytes of values the wrong way round",
+        # bytes 4 to 7 are the value of an expedited answer, filled up with zeros: 1000 comes as 0xE8030000
         hooks.leaving(hooks.sdo_answer, hooks.data(lambda data: data[:4] + data[:3:-1])),
     ),
     "sdo-write-forgotten": Caught("canopen", "7.2.4.2.3 SDO: what is written is read back").fault(
         "confirms what is written and forgets it", WritesForgotten
     ),
     "sdo-abort-general": Caught("canopen", "7.2.4.3.17 SDO: an object that is not there").fault(
-        "refuses everything with the code for a general error", hooks.leaving(hooks.sdo_answer, _general_abort)
+        "refuses everything with the code for a general error",
+        hooks.leaving(hooks.sdo_answer, hooks.data(_general_abort)),
     ),
     "sdo-abort-silent": Caught("canopen", "7.2.4.3.17 SDO: an object that is not there").fault(
         "does not answer a request that it refuses",

@@ -8,6 +8,7 @@ faults. Several hooks can stand in front of one node: what arrives passes the fi
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from itertools import count
 from typing import Any, TypeAlias
 
 from eurobot_od.device.node import Node
@@ -84,14 +85,11 @@ def numbered(which: Which, change: Callable[[int], FrameChange]) -> Mixin:
     class Numbered(Node):
         def reset(self) -> None:
             super().reset()
-            self._number = 0
+            self._numbers = count(1)
 
         def outgoing(self, frames: list[Frame]) -> list[Frame]:
-            return _changed(super().outgoing(frames), _cob_id(self, which), self._next)
-
-        def _next(self, frame: Frame) -> Iterable[Frame]:
-            self._number += 1
-            return change(self._number)(self, frame)
+            numbered = super().outgoing(frames)
+            return _changed(numbered, _cob_id(self, which), lambda frame: change(next(self._numbers))(self, frame))
 
     return Numbered
 
@@ -127,6 +125,7 @@ def late(which: Which, seconds: float) -> Mixin:
 
         def outgoing(self, frames: list[Frame]) -> list[Frame]:
             in_time = _changed(super().outgoing(frames), _cob_id(self, which), self._hold)
+            # Whatever the node sends next takes along what is due: the timer below makes it send at that time.
             due, self._due = self._due, []
             return in_time + due
 
@@ -142,6 +141,7 @@ def arriving(which: Which, change: FrameChange) -> Mixin:
 
     class Arriving(Node):
         def receive(self, frame: Frame, now: float) -> list[Frame]:
+            # Asked anew for each frame: COB-IDs are objects, which a master may write.
             arrived = change(self, frame) if frame.cob_id == _cob_id(self, which) else [frame]
             return [answer for each in arrived for answer in super(Arriving, self).receive(each, now)]
 
@@ -233,7 +233,7 @@ def unawaited(answer: Message) -> FrameChange:
     """Have the node believe at once that a request is answered, whether or not an answer comes."""
 
     def changed(node: Node, frame: Frame) -> Iterable[Frame]:
-        node.soon(lambda _: node.handle(answer))
+        node.soon(lambda _: node.handle(answer))  # not now: the node is in the middle of sending the request
         return [frame]
 
     return changed
@@ -257,6 +257,7 @@ def field(name: str, change: Callable[[Any], Any]) -> FrameChange:
 
     def changed(message: Any) -> Any:
         value = getattr(message, name)
+        # There is nothing to calculate with; who wants an unknown position wrong takes `unknown_as`.
         return message if value is None else message._replace(**{name: change(value)})
 
     return meaning(changed)
@@ -285,6 +286,7 @@ def _raw_values(change: Callable[[dict[str, int]], dict[str, int]]) -> FrameChan
         except UNREADABLE:
             return [frame]
         widths = binding.layout.widths
+        # Cut as a firmware does that masks and shifts; a wider value would reach into the next field's bits.
         cut = {name: value & (1 << widths[name]) - 1 for name, value in change(values).items()}
         return [Frame(frame.cob_id, binding.pack(values | cut))]
 

@@ -52,10 +52,11 @@ def words(message: type[Message]) -> str:
 
 def generated(binding: Binding, node: str) -> dict[str, Fault]:
     """Make the faults of a message in one of its nodes, by their names: those of several nodes have the node in it."""
-    order = {"reversed": REVERSED} if binding.layout.length > 1 else {}
+    order = {"reversed": REVERSED} if binding.layout.length > 1 else {}  # one byte reversed is itself
     name, made = words(binding.type).lower().replace(" ", "-"), {}
     for nodes, kinds in ((binding.senders, {**OF_SENDER, **order}), (binding.receivers, OF_RECEIVER)):
         for end, wrong in kinds.items() if node in nodes else ():
             fault = NO_STEP.fault(wrong.text.format(words(binding.type)), wrong.mixin(binding.type))
+            # A message of several senders has a fault in each of them, and the command line names faults, not nodes.
             made[f"{name}-{end}" + f"-by-{node}" * (len(nodes) > 1)] = fault
     return made

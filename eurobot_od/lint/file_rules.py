@@ -14,8 +14,8 @@ from eurobot_od.lint.findings import Rule, Rules, Violations
 from eurobot_od.lint.model import TOP, LintedDevice
 from eurobot_od.od import keys as cia306
 from eurobot_od.od import values
+from eurobot_od.od.completion import misspelled
 from eurobot_od.od.document import Entry, Odd, Section
-from eurobot_od.od.normal import misspelled
 from eurobot_od.od.standard import MANDATORY
 from eurobot_od.od.values import Number, PdoDirection, parse_number
 
@@ -146,7 +146,7 @@ def _entries(device: LintedDevice, name: str) -> Mapping[str, Entry]:
 @RULES.rule("W121", "public: canopen, dcf-tools and others look sections and keys up letter by letter")
 def other_spelling(device: LintedDevice) -> Violations:
     """Sections and keys are spelled as CiA 306 spells them."""
-    found = [each for each in misspelled(device) if "comissioning" not in each.what.lower()]
+    found = [each for each in misspelled(device.document) if "comissioning" not in each.what.lower()]
     if found:
         more = f", and {len(found) - 1} more" if len(found) > 1 else ""
         yield Entry("", "", found[0].line, 1), f"{found[0].what} is how CiA 306 has it{more}"

@@ -7,8 +7,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from typing import NamedTuple
 
-from eurobot_od.od import values
+from eurobot_od.od import keys, values
 from eurobot_od.od.description import parse_section_name
 from eurobot_od.od.document import Document, Entry, Section
 from eurobot_od.od.values import DataType, PdoDirection, parse_number
@@ -35,6 +36,7 @@ def completed(document: Document) -> Document:
     renamed = {name: usual_name(name) for name in document.sections if not name.isalnum() or looks_odd(name)}
     sections = dict(document.sections)
     for name, usual in renamed.items():
+        # Beside the odd one, which lint points at, and not in place of a section that is there in the usual form, too.
         if usual is not None and usual not in sections:
             sections[usual] = sections[name]._replace(name=usual)
     whole = document._replace(sections=sections)
@@ -48,9 +50,37 @@ def looks_odd(name: str) -> bool:
 
 def usual_name(name: str) -> str | None:
     """Return how CiA 306 names an object's section, from `0x1018`, `01018`, `1018 sub1` or `1018sub01`; else None."""
+    # CiA 306 writes four digits of the index, but none in front of the sub-index; editors differ in both.
     head, sub, tail = "".join(name.lower().split()).removeprefix("0x").partition("sub")
     usual = head.lstrip("0").zfill(4) + sub + (tail.lstrip("0") or tail[:1])
     return usual if parse_section_name(usual) else None
+
+
+class Misspelling(NamedTuple):
+    """A section or key that is spelled otherwise than in CiA 306: its line, and how it is spelled there."""
+
+    line: int
+    what: str
+
+
+def misspelled(document: Document) -> Iterator[Misspelling]:
+    """Give the sections and keys that are spelled otherwise than CiA 306 has them."""
+    for name, section in document.sections.items():
+        usual = keys.SECTION_NAMES.get(name) or _object_name(name, section.name)
+        if usual is not None and usual != section.name:
+            yield Misspelling(section.line, f"section [{section.name}] named [{usual}]")
+        # What is neither a section of CiA 306 nor an object is the maker's own, and so are its keys.
+        spelled = keys.SPELLED_KEYS.get(name, keys.SPELLED_OBJECT_KEYS if usual else {})
+        for key, entry in section.entries.items():
+            if entry.key != spelled.get(key, entry.key):
+                yield Misspelling(entry.line, f"key {entry.key} spelled {spelled[key]}")
+
+
+def _object_name(name: str, written: str) -> str | None:
+    if USUAL_NAME.fullmatch(name):
+        return written.strip().replace("SUB", "sub")  # the letter case of the digits is left to the file
+    usual = usual_name(name) if looks_odd(name) else None
+    return usual and usual.upper().replace("SUB", "sub")
 
 
 # CompactPDO (CiA 306-1, 4.5.2): communication records that have no sections of their own
@@ -63,12 +93,15 @@ def _compact_pdos(document: Document) -> Iterator[Section]:
         return
     for direction, key in COUNTS.items():
         count = parse_number(info.text(key))
+        # The count is that of all PDOs, with those that have sections of their own; the others get the free numbers.
         described = [each for each in values.COMMUNICATION_RECORDS[direction] if f"{each:04x}" in document.sections]
         missing = (each for each in values.COMMUNICATION_RECORDS[direction] if each not in described)
         for index, _ in zip(missing, range((count.value if count else 0) - len(described))):
             yield from _record(info, index, direction.name, mask.value)
-            if f"{index + values.MAPPING_OFFSET:04x}" not in document.sections:
-                yield from _mapping(info, index + values.MAPPING_OFFSET, direction.name)
+            mapping, title = index + values.MAPPING_OFFSET, f"{direction.name} mapping parameter"
+            if f"{mapping:04x}" not in document.sections:
+                yield _section(info, f"{mapping:04X}", ParameterName=title, ObjectType="0x9")
+                yield _variable(info, f"{mapping:04X}sub0", "Mapped objects", values.UNSIGNED8, "0")
 
 
 def _record(at: Section, index: int, direction: str, mask: int) -> Iterator[Section]:
@@ -76,16 +109,12 @@ def _record(at: Section, index: int, direction: str, mask: int) -> Iterator[Sect
     yield _section(at, f"{index:04X}", ParameterName=f"{direction} communication parameter", ObjectType="0x9")
     yield _variable(at, f"{index:04X}sub0", "Highest sub-index", values.UNSIGNED8, str(max(present, default=0)))
     for sub, (name, type_) in present.items():
+        # The first four PDOs have a COB-ID from the pre-defined connection set (CiA 301, 7.3.3), later ones have none.
         is_without = sub == values.COB_ID and index & values.PDO_COUNT - 1 >= len(
             values.DEFAULT_PDO_BASES[PdoDirection.RPDO]
         )
         default = f"0x{values.NOT_VALID:08X}" if is_without else ""
         yield _variable(at, f"{index:04X}sub{sub}", name, type_, default)
-
-
-def _mapping(at: Section, index: int, direction: str) -> Iterator[Section]:
-    yield _section(at, f"{index:04X}", ParameterName=f"{direction} mapping parameter", ObjectType="0x9")
-    yield _variable(at, f"{index:04X}sub0", "Mapped objects", values.UNSIGNED8, "0")
 
 
 def _variable(at: Section, name: str, title: str, type_: DataType, default: str) -> Section:

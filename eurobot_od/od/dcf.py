@@ -69,6 +69,7 @@ def with_contents(
     values, files = dict[Address, DcfValue](), dict[str, bytes]()
     for (index, sub), data in contents.items():
         value = _value(eds, (index, sub), data)
+        # An empty ParameterValue would mean "no value", a text with line ends a broken file: those go beside it.
         if value is None:
             beside = FileBeside(f"{stem}-{index:04X}-{sub}.bin")
             values[index, sub], files[beside.name] = beside, data
@@ -93,7 +94,9 @@ def content(dcf: Dictionary, address: Address) -> bytes | None:
             return read_bytes(dcf.file.parent / file)
         except DictionaryError as error:
             raise DictionaryError(dcf.file, address[0], f"{where}: DownloadFile {error}") from error
-    if variable.value is None and value_text(variable):
+    if variable.value is None and value_text(
+        variable
+    ):  # canopen drops what is none of the type, and would write nothing
         raise DictionaryError(dcf.file, address[0], f"{where}: {value_text(variable)!r} is not {type_.name}")
     value = variable.value or None
     if not isinstance(value, str):
@@ -103,6 +106,7 @@ def content(dcf: Dictionary, address: Address) -> bytes | None:
 
 def is_text(text: str, encoding: str = "ascii") -> bool:
     """Whether a line of a file in this encoding can hold a text so that every reader finds the same."""
+    # Asked of the reader itself: blanks at an end, ` ;`, `#` and lines that are too long all come out here.
     line = parse(f"[x]\nParameterValue={text}") if text.isprintable() else Document({})
     kinds = {each.kind for each in line.oddities} - {Odd.NOT_ASCII}
     try:
@@ -123,6 +127,7 @@ def _value(eds: Dictionary, address: Address, data: bytes) -> Value:
         except ValueError as error:
             raise FieldError(label(address), variable.name, data.hex(), str(error)) from None
     text = _text_of_bytes(type_, data, encoding)
+    # An empty text is none in a file: `ParameterValue=` says that there is no value.
     return text if text and is_text(text, encoding) else None
 
 
@@ -173,6 +178,7 @@ def _become_dcf(rewriting: Rewriting, device: DescribedDevice) -> None:
     info = device.section("fileinfo")
     if info and not info.text("lasteds"):
         eds = info.text("filename")
+        # CiA 306: LastEDS is the EDS that a DCF was made from; a DCF made from a DCF keeps the first one.
         rewriting.set(info, "LastEDS", eds)
         rewriting.set(info, "FileName", f"{eds.rpartition('.')[0]}.dcf")
     if device.commissioning:
@@ -209,6 +215,7 @@ def _set(rewriting: Rewriting, variable: DescribedVariable, value: Value | FileB
     else:
         entries = {"ParameterValue": _written(variable, value)}
     for key in ("ParameterValue", "UploadFile", "DownloadFile"):
+        # a value and a file at once would leave it to each tool which of them counts
         if key in entries:
             rewriting.set(variable.section, key, entries[key])
         else:
@@ -221,16 +228,12 @@ def _written(variable: DescribedVariable, value: DcfValue) -> str:
     if isinstance(value, bytes) and variable.type not in (VISIBLE_STRING, UNICODE_STRING):
         return value.hex().upper()
     if isinstance(value, int):
-        return _number(value, variable.section.text("defaultvalue").lower())
+        like = variable.section.text("defaultvalue").lower()
+        if value < 0 or not like.startswith(("0x", "$nodeid")):
+            return str(int(value))  # not `True`
+        return f"0x{value:0{len(like) - 2 if like.startswith('0x') else COB_ID_DIGITS}X}"
     text = str(value)
     if isinstance(value, (bytes, FileBeside)) or not is_text(text, "utf-8"):
         where = label((variable.index, variable.sub))
         raise FieldError(where, variable.name, value, "what a line of a DCF can hold")
     return text
-
-
-def _number(value: int, like: str) -> str:
-    if value < 0 or not like.startswith(("0x", "$nodeid")):
-        return str(int(value))
-    width = len(like) - 2 if like.startswith("0x") else COB_ID_DIGITS
-    return f"0x{value:0{width}X}"

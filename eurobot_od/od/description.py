@@ -53,6 +53,7 @@ COMPACT_LISTS = ("name", "value", "denotation")
 def parse_section_name(name: str) -> SectionName | None:
     """Read the name of an object's section: `1018`, `1018sub1`, `2000Name`; None if it is not one."""
     head, tail = name[:4], name[4:].lower()
+    # strip, not int(): that would take blanks, signs and underscores, too
     if len(head) != 4 or head.strip(values.DIGITS[16]):
         return None
     if tail in COMPACT_LISTS:
@@ -116,6 +117,7 @@ class DescribedVariable:
     def read(self, text: str) -> Number | None:
         """Return the number of a value or limit as its type means it: 0xFF is -1 in an INTEGER8, 255 is too large."""
         number = parse_number(text)
+        # Only what stands as bits: a decimal 255 in an INTEGER8 is too large, and lint has to see that.
         if number is None or self.type is None or number.relative or "0X" not in text.upper():
             return number
         return Number(self.type.meant(number.value))
@@ -160,6 +162,7 @@ class DescribedObject:
     def compact(self) -> int:
         """Return how many sub-indices CompactSubObj describes at once, 0 for none, never more than there can be."""
         count = parse_number(self.section.text("compactsubobj")) if self.section else None
+        # Bounded: a file may ask for a billion sub-indices, and each would be written out.
         return max(0, min(count.value, values.MOST_SUBS)) if count else 0
 
     @property
@@ -195,6 +198,7 @@ class DescribedObject:
             zero = {key: count._replace(key=key, value=text) for key, text in _COMPACT_ZERO.items()}
             return template._replace(entries={**zero, "defaultvalue": count})
         entries = {key: each for key, each in template.entries.items() if key not in _COMPACT_ONLY}
+        # [xxxxName] and [xxxxValue] name sub-indices in decimal digits, unlike the sections of an object.
         for list_name, key in (("value", "parametervalue"), ("name", "parametername")):
             own = self.lists[list_name].entries.get(str(sub)) if list_name in self.lists else None
             if own:
@@ -242,7 +246,7 @@ class DescribedDevice:
         subs: dict[int, dict[int, DescribedVariable]] = {}
         lists: dict[int, dict[str, Section]] = {}
         for (index, sub, list_name), section in self.object_sections:
-            subs.setdefault(index, {})
+            subs.setdefault(index, {})  # every index has an entry here, whatever kind of section names it
             if list_name:
                 lists.setdefault(index, {})[list_name] = section
             elif sub >= 0:

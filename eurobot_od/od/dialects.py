@@ -48,6 +48,7 @@ class Dialects(NamedTuple):
         if wanted is None:
             missing = f"no EDS files in {self.root}/*" if self.root else "name them by --eds or --network, or a robot"
             raise LocalError(f"which devices? {missing}")
+        # A dialect's name comes before a folder of the same name in the working directory.
         path = self.root / wanted if self.root is not None and str(wanted) in names else Path(wanted)
         if not any(path.glob("*.eds")):
             raise UnknownName("dialect", str(wanted), names)

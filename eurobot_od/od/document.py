@@ -133,7 +133,7 @@ def _decoded(data: bytes, oddities: list[Oddity]) -> tuple[str, str]:
 
     Latin-1 gives every byte a character, so it cannot fail, and writing gives the same bytes back.
     """
-    if data.startswith(WIDE_MARKS):
+    if data.startswith(WIDE_MARKS):  # before UTF-8: as Latin-1 every second character would be a NUL
         oddities.append(Oddity(Odd.WIDE, 1, 1, ""))
         return "utf-16", data.decode("utf-16", "replace")
     if data.startswith(BOM_UTF8):
@@ -175,12 +175,13 @@ class _Reader:
 
     def _split(self, text: str) -> list[str]:
         """Split at LF, CRLF and CR; str.splitlines would split at form feeds and others, too."""
-        if "\0" in text:
+        if "\0" in text:  # said once: a binary file would have thousands of lines to complain of
             before = text[: text.index("\0")]
             self._note(Odd.BINARY, before.count("\n") + 1, len(before) - before.rfind("\n"))
         if "\r" not in text:
             return text.split("\n")
         pairs, returns, feeds = text.count("\r\n"), text.count("\r"), text.count("\n")
+        # CRLF throughout gives three equal numbers, CR alone (old Macs) one that is not 0.
         if len({pairs, returns, feeds} - {0}) > 1 or (not pairs and feeds):
             self._note(Odd.LINE_ENDS, 1, 1)
         return text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
@@ -206,11 +207,11 @@ class _Reader:
         if not bracket or not name.strip() or (rest and not rest.startswith(";")):
             self._note(Odd.HEADER, number, indent + 1, text[:40])
         section = Section(name, number, indent + 1, {})
-        self._headers.append(number)
+        self._headers.append(number)  # also of a second one: `Rewriting` has to know where the first ends
         first = self._sections.setdefault(name.strip().lower(), section)
         if first is not section:
             self._note(Odd.TWO_SECTIONS, number, indent + 1, f"[{name}], first in line {first.line}")
-        self._entries = section.entries
+        self._entries = section.entries  # of the second one, if it is there twice: those entries are in no section
 
     def _entry(self, number: int, line: str, indent: int) -> None:
         key, _, rest = line.partition("=")
@@ -239,6 +240,7 @@ class _Reader:
 
     def _without_comment(self, number: int, column: int, value: str) -> str:
         """Cut a comment off; a semicolon inside a word, as in a text value, starts none."""
+        # CiA 306 has comments only on lines of their own, but many editors put them here.
         start = 0 if value.startswith(";") else value.find(" ;") + 1 or value.find("\t;") + 1
         if not start and not value.startswith(";"):
             return value

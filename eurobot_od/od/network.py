@@ -26,7 +26,7 @@ def node_file(text: str) -> NodeFile:
     """Read `FILE` or `NODE-ID=FILE`; raises DictionaryError for a node-ID that cannot be."""
     head, equals, file = text.partition("=")
     number = parse_number(head) if equals else None
-    if number is None:
+    if number is None:  # a path may have an equals sign, too
         return NodeFile(text)
     if number.value not in NODE_IDS:
         raise DictionaryError(file, None, f"node-ID {head} is not in {NODE_IDS[0]}..{NODE_IDS[-1]}")
@@ -36,18 +36,15 @@ def node_file(text: str) -> NodeFile:
 def read_network(path: str | Path) -> NetworkFile:
     """Read a network: a folder of EDS and DCF files, `nodelist.cpj`, or a YAML file; raises DictionaryError."""
     if Path(path).is_dir():
-        return _read_folder(Path(path))
+        files = [each for suffix in SUFFIXES for each in sorted(Path(path).iterdir()) if each.suffix.lower() == suffix]
+        if not files:
+            raise DictionaryError(path, None, "no EDS or DCF in this folder")
+        # by their stems, so that a DCF, which comes later, takes the place of its EDS
+        return NetworkFile([NodeFile(str(each)) for each in {each.stem: each for each in files}.values()])
     read = READERS.get(Path(path).suffix.lower())
     if read is None:
         raise DictionaryError(path, None, f"not a network: neither a folder nor one of {', '.join(READERS)}")
     return read(read_bytes(path).decode("utf-8", "replace"), str(path))
-
-
-def _read_folder(folder: Path) -> NetworkFile:
-    files = [each for suffix in SUFFIXES for each in sorted(folder.iterdir()) if each.suffix.lower() == suffix]
-    if not files:
-        raise DictionaryError(folder, None, "no EDS or DCF in this folder")
-    return NetworkFile([NodeFile(str(each)) for each in {each.stem: each for each in files}.values()])
 
 
 def _read_yaml(text: str, file: str) -> NetworkFile:
@@ -70,11 +67,12 @@ def load(nodes: Iterable[NodeFile]) -> tuple[Dictionary, ...]:
     Raises DictionaryError as `Dictionary.load`, and if two have one node-ID.
     """
     loaded = sorted((Dictionary.load(*each) for each in nodes), key=lambda each: each.node_id)
+    # sorted, so two of one node-ID are neighbours
     for one, other in pairwise(loaded):
         if one.node_id == other.node_id:
             raise DictionaryError(other.file, None, f"node-ID {other.node_id} is taken by {one.file.name}")
     counts = Counter(each.name for each in loaded)
-    for each in loaded:
+    for each in loaded:  # both get it: a name must not depend on which file comes first
         if counts[each.name] > 1:
             each.name = f"{each.name}_{each.node_id}"
     return tuple(loaded)

@@ -16,7 +16,7 @@ from types import MappingProxyType
 from typing import NamedTuple
 
 from eurobot_od.errors import DictionaryError
-from eurobot_od.od.document import Section, parse
+from eurobot_od.od.document import parse
 from eurobot_od.od.values import Number, parse_number
 
 
@@ -63,14 +63,15 @@ def read_nodelist(text: str, file: str) -> NetworkFile:
     topology = parse(text).sections.get("topology")
     if topology is None:
         raise DictionaryError(file, None, "not a nodelist: it has no [Topology]")
+    # A node may be named by any of its keys alone; one that does not say that it is present counts as present.
     numbers = dict.fromkeys(int(match[1]) for key in topology.entries if (match := NODE_KEY.fullmatch(key)))
-    present = [each for each in numbers if parse_number(topology.text(f"node{each}present")) != Number(0)]
-    return NetworkFile([_node(topology, each, file) for each in present])
-
-
-def _node(topology: Section, node_id: int, file: str) -> NodeFile:
-    dcf = topology.text(f"node{node_id}dcfname")
-    if not dcf:
-        raise DictionaryError(file, None, f"line {topology.line}: node {node_id} has no Node{node_id}DCFName")
-    path = PurePath(file).parent / PureWindowsPath(dcf)  # both kinds of slashes are in use
-    return NodeFile(str(path), node_id, topology.text(f"node{node_id}name"))
+    nodes = []
+    for number in numbers:
+        if parse_number(topology.text(f"node{number}present")) == Number(0):
+            continue
+        dcf = topology.text(f"node{number}dcfname")
+        if not dcf:
+            raise DictionaryError(file, None, f"line {topology.line}: node {number} has no Node{number}DCFName")
+        path = PurePath(file).parent / PureWindowsPath(dcf)  # both kinds of slashes are in use
+        nodes.append(NodeFile(str(path), number, topology.text(f"node{number}name")))
+    return NetworkFile(nodes)

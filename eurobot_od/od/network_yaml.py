@@ -80,7 +80,7 @@ def read_network_file(text: str, file: str) -> NetworkFile:
     try:
         network = read_yaml(text, NETWORK, problems)
     except ReadError as error:
-        place, what = problems[0]
+        place, what = problems[0]  # the first one: a DictionaryError is one line
         raise DictionaryError(file, None, f"line {place.line}: {what}") from error
     if not network.nodes and not network.robot:
         raise DictionaryError(file, None, "line 1: it names no nodes")

@@ -16,13 +16,12 @@ and the commissioning last, so that a DCF that was cut off has none.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
 from functools import lru_cache
 from typing import NamedTuple
 
 from eurobot_od.errors import DictionaryError
 from eurobot_od.od import keys, values
-from eurobot_od.od.completion import USUAL_NAME, completed, looks_odd, usual_name
+from eurobot_od.od.completion import completed, looks_odd, misspelled, usual_name
 from eurobot_od.od.description import SIMPLE, DescribedDevice, DescribedObject, DescribedVariable, ObjectCode
 from eurobot_od.od.document import HIDING, Document, Entry, Odd, Section, read
 from eurobot_od.od.standard import MANDATORY, known_type
@@ -174,25 +173,6 @@ def _plain_real(text: str, type_: DataType) -> str | None:
     return None
 
 
-def misspelled(device: DescribedDevice) -> Iterator[Change]:
-    """Give the sections and keys that are spelled otherwise than CiA 306 has them."""
-    for name, section in device.document.sections.items():
-        usual = keys.SECTION_NAMES.get(name) or _object_name(name, section.name)
-        if usual is not None and usual != section.name:
-            yield Change(section.line, f"section [{section.name}] named [{usual}]")
-        spelled = keys.SPELLED_KEYS.get(name, keys.SPELLED_OBJECT_KEYS if usual else {})
-        for key, entry in section.entries.items():
-            if entry.key != spelled.get(key, entry.key):
-                yield Change(entry.line, f"key {entry.key} spelled {spelled[key]}")
-
-
-def _object_name(name: str, written: str) -> str | None:
-    if USUAL_NAME.fullmatch(name):
-        return written.strip().replace("SUB", "sub")
-    usual = usual_name(name) if looks_odd(name) else None
-    return usual and usual.upper().replace("SUB", "sub")
-
-
 # What was looked over in reading
 
 ODDITIES = {
@@ -295,7 +275,7 @@ class _Writer:
             for each in document.oddities
             if each.kind in ODDITIES
         ]
-        self._changes += misspelled(DescribedDevice(document))
+        self._changes += (Change(*each) for each in misspelled(document))
         self._refusals: list[Refusal] = []
         self._dropped: list[Dropped] = []
         self._out: list[str] = []

@@ -42,14 +42,7 @@ class ValueForm(NamedTuple):
     allowed: str
 
 
-def whole_number(text: str) -> int:
-    """Read a whole number: decimal, 0x hexadecimal, 0b binary; raises ValueError, also where no type is so long."""
-    if len(text) > values.LONGEST_NUMBER:
-        raise ValueError(text)
-    return int(text, 0)
-
-
-INTEGER = ValueForm(whole_number, "an integer")
+INTEGER = ValueForm(values.typed_number, "an integer")
 TEXT = ValueForm(str, "ASCII text")
 BYTES = ValueForm(bytes.fromhex, "bytes in hexadecimal digits")
 
@@ -119,6 +112,7 @@ def limits(variable: ODVariable) -> Range | None:
     if not type_.is_integer and type_ not in REALS:
         return None
     lowest, highest = (type_.low, type_.high) if type_.is_integer else (-inf, inf)
+    # canopen has the limits as the file says them, which may be wider than the type.
     low = lowest if variable.min is None else max(lowest, variable.min)
     high = highest if variable.max is None else min(highest, variable.max)
     return Range(low, high) if low <= high else Range(lowest, highest)
@@ -204,6 +198,7 @@ def find(text: str, objects: ObjectDictionary | None) -> list[ODVariable]:
     if number is None:
         return _named(text, objects)
     index, sub = int(number["any"] or number["four"], 16), number["sub"]
+    # Without a sub-index all members are meant; what the file does not know is asked for as sub-index 0, a VAR's place.
     if sub is None and objects is not None and index in objects.indices:
         return members(objects, index)
     return [at((index, _sub_index(text, sub)), objects)]
@@ -213,7 +208,7 @@ def _sub_index(text: str, sub: str | None) -> int:
     """Read a sub-index: after a colon decimal or `0x..`, after `sub` hexadecimal; raises LocalError."""
     try:
         number = 0 if sub is None else int(sub, 0 if ":" in text else 16)
-    except ValueError:
+    except ValueError:  # `08`: Python takes a leading zero neither for octal nor for decimal
         number = -1
     if number not in range(0x100):
         raise LocalError(f"{text!r}: sub-index {sub} is not in 0..255")
@@ -268,7 +263,7 @@ def encode(variable: ODVariable, value: Value, size: int = 0) -> bytes:
     allowed, range_ = form_of(variable).allowed, limits(variable)
     try:
         if not is_described(variable):
-            allowed = f"{size} bytes"
+            allowed = f"{size} bytes"  # if the number does not fit, this is what the error says
             return cast(int, value).to_bytes(size, "little")
         if range_ is not None and isinstance(value, (int, float)):
             if data_type(variable).is_integer or (variable.min, variable.max) != (None, None):
@@ -288,7 +283,7 @@ def decode(variable: ODVariable, data: bytes) -> Value:
     if not is_described(variable):
         return int.from_bytes(data, "little") if len(data) in RAW_INTEGER else data
     type_ = data_type(variable)
-    if len(data) < type_.size:
+    if len(data) < type_.size:  # never filled up: nobody knows what the missing bytes would be
         return data
     value = type_.read(data[: type_.size or None])
     if isinstance(value, str):
@@ -330,13 +325,14 @@ def written(variable: ODVariable, value: Value) -> str:
 
 def _shortest(value: float) -> float:
     """Return the number with the fewest digits that is the same REAL32: what was written 21.3, and not 21.299999237."""
+    # A REAL32 holds six decimal digits for certain; with nine, any two of them differ.
     nearest = (float(f"{value:.{digits}g}") for digits in range(6, 9))
     return next((each for each in nearest if values.REAL32.write(each) == values.REAL32.write(value)), value)
 
 
 def shown(variable: ODVariable, data: bytes) -> str:
     """Write a variable's bytes for a person on one line, long ones by their number and CRC."""
-    if len(data) > LONGEST_SHOWN:
+    if len(data) > LONGEST_SHOWN:  # a DOMAIN may be a firmware; the CRC still tells whether two are the same
         return f"{amount(len(data), 'byte')} (CRC-32 0x{crc32(data):08X})"
     text = written(variable, decode(variable, data))
     return text if text.isprintable() else data.hex(" ").upper()

@@ -6,7 +6,7 @@ They are read from canopen's records 0x1400 to 0x1BFF, with the values that a fi
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import TYPE_CHECKING, NamedTuple, NoReturn, TypeAlias
 
 from eurobot_od.errors import MappingError
@@ -30,9 +30,6 @@ def carries_nothing(name: str) -> bool:
 
 SLICES = " slices"
 """End of the ParameterName of a record that holds another record's values in parts."""
-
-MOST_BITS = 64
-"""Bits of a PDO, and so of anything mapped into one (CiA 301, 7.4.8.2)."""
 
 
 class Mapped(NamedTuple):
@@ -141,17 +138,12 @@ def part_of(objects: ObjectDictionary, variable: ODVariable) -> Part | None:
     match = values.SLICE.match(variable.name)
     if match is None:
         return None
-    record = objects.indices[variable.index].name.removesuffix(SLICES)
-    whole = next((each for each in _wholes(objects, record, match["name"])), None)
+    record, name = objects.indices[variable.index].name.removesuffix(SLICES), match["name"]
+    # Slices are the maker's, and so are the values that they are parts of.
+    named = (i for i, each in objects.indices.items() if each.name == record and i >= values.MANUFACTURER[0])
+    whole = next((each for index in named for each in od.members(objects, index) if each.name == name), None)
     high, low = int(match["high"]), int(match["low"])
     return None if whole is None else Part(od.address_of(whole), low, high - low + 1)
-
-
-def _wholes(objects: ObjectDictionary, record: str, name: str) -> Iterator[ODVariable]:
-    """Give the members of records, by both names, of which slices may be parts."""
-    for index, entry in objects.indices.items():
-        if entry.name == record and index >= values.MANUFACTURER[0]:
-            yield from (each for each in od.members(objects, index) if each.name == name)
 
 
 OnRefused: TypeAlias = Callable[[MappingError], object]
@@ -188,7 +180,7 @@ class PdoReader:
         inhibit_time, event_timer = (
             self._setting((index, sub), 0) for sub in (values.INHIBIT_TIME, values.EVENT_TIMER)
         )
-        if entry & values.EXTENDED:
+        if entry & values.EXTENDED:  # cut to 11 bits it would be another message's identifier
             raise MappingError(self._file, index, f"COB-ID 0x{entry:08X} asks for a 29-bit identifier")
         return Pdo(
             direction=direction,
@@ -229,14 +221,15 @@ class PdoReader:
         Raises MappingError if the object is missing or longer than its type.
         """
         index, subindex, bits = entry >> 16, entry >> 8 & 0xFF, entry & 0xFF
-        if index in values.DUMMIES:
+        if index in values.DUMMIES:  # a dummy need not be in the file; without its bits all later fields would shift
             dummy = self._objects.indices.get(index) or od.undescribed((index, subindex))
             return Mapped.of(dummy, bits, dummy)
         variable = od.variable_at(self._objects, (index, subindex))
         where = f"maps 0x{index:04X} sub {subindex}"
         if variable is None:
             raise MappingError(self._file, mapping_index, f"{where}, which is missing")
-        most = od.data_type(variable).size * 8 or MOST_BITS
+        # Size 0 is a text or a DOMAIN, which a PDO may carry in part. Size, not bits: a BOOLEAN may be mapped as a byte.
+        most = od.data_type(variable).size * 8 or values.MAX_BITS
         if not 1 <= bits <= most:
             raise MappingError(self._file, mapping_index, f"{where} with {bits} bits, its type has {most}")
         part = part_of(self._objects, variable)

@@ -42,6 +42,13 @@ LONGEST_NUMBER = 100
 """More digits than any type has. What is longer is not a number, so that nobody has to convert a megabyte of digits."""
 
 
+def typed_number(text: str) -> int:
+    """Read a number that a person types: decimal, 0x hexadecimal, 0b binary; raises ValueError, also for a long one."""
+    if len(text) > LONGEST_NUMBER:  # `int` takes a time that grows with the square of the length
+        raise ValueError(text)
+    return int(text, 0)
+
+
 REMEMBERED_NUMBERS = 4096
 """Numbers that are kept: a file repeats few different ones in thousands of entries."""
 
@@ -88,7 +95,7 @@ def _relative(upper: str) -> Number | None:
     parts.remove(NODE_ID)
     numbers = [parse_number(each) for each in parts]
     if any(each is None or each.relative or each.value < 0 for each in numbers):
-        return None
+        return None  # a difference could be below 0 for some node-IDs
     return Number(sum(each.value for each in numbers if each), relative=True)
 
 
@@ -108,6 +115,7 @@ def is_standard_number(text: str) -> bool:
 def _integer(text: str) -> int | None:
     """Read a whole number; its digits are looked at first, because int() takes blanks, underscores and more signs."""
     digits = text.removeprefix("-")
+    # CiA 306: a leading 0 is octal; so is `010`, which many take for ten (lint has a rule for it).
     base = 16 if digits.startswith("0X") else 8 if digits.startswith("0") else 10
     digits = digits.removeprefix("0X")
     if not digits or digits.strip(DIGITS[base]) or len(digits) > LONGEST_NUMBER:
@@ -153,7 +161,7 @@ class DataType(NamedTuple):
         """
         if self.size not in (0, len(data)):
             raise ValueError(f"{len(data)} bytes are not {self.name}")
-        if self.bits == 1:
+        if self.bits == 1:  # CiA 301 has 0 and 1; any other byte counts as true, as in C
             return data != b"\0"
         if self.is_integer:
             return int.from_bytes(data, "little", signed=self.is_signed)
@@ -175,7 +183,7 @@ class DataType(NamedTuple):
 
         Raises ValueError for what is not a value of the type, OverflowError for a number too large for a REAL.
         """
-        if isinstance(value, bytes):
+        if isinstance(value, bytes):  # what `read` could not make sense of goes back as it came
             return value
         if isinstance(value, int) and self.low <= value <= self.high:
             return value.to_bytes(self.size, "little", signed=self.is_signed)
@@ -261,6 +269,9 @@ class PdoDirection(Enum):
 
 MAPPING_OFFSET = 0x200
 """From a PDO's communication record to its mapping record (CiA 301, 7.5.2.35)."""
+
+MAX_BITS = 64
+"""Bits of a PDO, and so of anything mapped into one (CiA 301, 7.4.8.2)."""
 
 PDO_COUNT = 0x200
 """How many RPDOs, or TPDOs, a device may have (CiA 301)."""

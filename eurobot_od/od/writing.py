@@ -27,13 +27,14 @@ class Rewriting:
             self._lines[entry.line - 1] = line
         else:
             numbers = range(self._next_header(section) - 1, section.line, -1)
+            # Before the empty lines at a section's end, which belong to the next one for a reader.
             last = next((each for each in numbers if (self._lines[each - 1] or "").strip()), section.line)
             self._added.setdefault(last, []).append(line)
 
     def unset(self, section: Section, key: str) -> None:
         """Leave a key's line out."""
         entry = section.entries.get(key.lower())
-        if entry:
+        if entry:  # the place is kept, so that the numbers of all other lines stay right
             self._lines[entry.line - 1] = None
 
     def drop(self, section: Section) -> None:

@@ -6,7 +6,7 @@ are generated when they are needed first: a program that sends two messages does
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
@@ -38,28 +38,26 @@ class Binding:
             self.layout = Layout(_slots(pdo.mapping))
         except LayoutError as error:
             raise MappingError(file, pdo.mapping_index, f"{name}: {error}") from None
-        self.type, self.group, self.always = entry or CatalogueEntry(made_type(name, self._made_kinds()))
+        mapped = [
+            (slot.field, mapped) for slot, mapped in zip(self.layout.slots, pdo.mapping) if slot.field is not None
+        ]
+        if entry is None:  # nothing is known of the fields but the types of the mapped objects
+            types = {field: each.type for field, each in mapped}
+            made = {field: kind_of(types[field], self.layout.widths[field]) for field in self.layout.fields}
+            entry = CatalogueEntry(made_type(name, made))
+        self.type, self.group, self.always = entry
         self.kinds = kinds(self.type)
         self.defaults: Mapping[str, Any] = self.type._field_defaults
         self._check_fields()
-        self.limits = dict(self._field_limits())
-
-    def _made_kinds(self) -> dict[str, Kind]:
-        """Return the kinds that the mapped objects' types give to the fields."""
-        types = {slot.field: entry.type for entry, slot in zip(self.pdo.mapping, self.layout.slots)}
-        return {field: kind_of(types[field], self.layout.widths[field]) for field in self.layout.fields}
+        # An object's limits may be wider than the bits that it is mapped with.
+        ends = {field: (each.limits, self.layout.raws[field]) for field, each in mapped}
+        self.limits = {f: Limits(max(said.low, raws[0]), min(said.high, raws[-1])) for f, (said, raws) in ends.items()}
 
     def _check_fields(self) -> None:
         mapped, known = set(self.layout.fields), set(self.kinds)
         if mapped - known or known - set(self.defaults) - mapped:
             has, wants = (", ".join(fields) or "nothing" for fields in (self.layout.fields, self.kinds))
             raise MappingError(self.file, self.pdo.mapping_index, f"{self.name} maps {has}; its fields are {wants}")
-
-    def _field_limits(self) -> Iterator[tuple[str, Limits]]:
-        for entry, (field, *_) in zip(self.pdo.mapping, self.layout.slots):
-            if field is not None:
-                raws = self.layout.raws[field]
-                yield field, Limits(max(entry.limits.low, raws[0]), min(entry.limits.high, raws[-1]))
 
     @property
     def too_narrow(self) -> list[str]:
@@ -81,12 +79,13 @@ class Binding:
     @cached_property
     def lengths(self) -> tuple[int, ...]:
         """Lengths in bytes that a frame of this message may have; the last is that of the whole mapping."""
+        # Nothing between the two: a frame that ends within an optional field would have half a value.
         shortest = self.layout.shortest(field for field in self.layout.fields if field not in self.defaults)
         return tuple(sorted({shortest, self.layout.length}))
 
     def raw(self, field: str, value: Any) -> int:
         """Return the raw value of a field's meaning; raises FieldError."""
-        if field not in self.limits:
+        if field not in self.limits:  # a dialect may leave out a field that has a default; only that can be "sent"
             if value == self.defaults[field]:
                 return 0
             default = self.kinds[field].text(self.defaults[field])
@@ -124,6 +123,7 @@ class Binding:
         value: Any = values.get(field)
         if value is None and field in self.defaults:
             value = self.raw(field, self.defaults[field])
+        # Against the bits, not the limits: `pack` is there to send what no sender should, too.
         raws = self.layout.raws[field]
         if not isinstance(value, int) or value not in raws:
             raise FieldError(self.name, field, value, f"{raws[0]}..{raws[-1]}")
@@ -144,7 +144,7 @@ class Binding:
             expected = " or ".join(map(str, self.lengths))
             raise FrameLengthError(self.name, self.cob_id, len(data), expected)
         word = int.from_bytes(bytes(data) + bytes(self.layout.length - len(data)), self.layout.byte_order)
-        for field in self.optional:
+        for field in self.optional:  # none of them came, whatever stands in bits that they share a byte with
             word &= ~self.layout.place(field, -1)
             word |= self.layout.place(field, self.raw(field, self.defaults[field]))
         return self._to_bytes(word)
@@ -154,6 +154,7 @@ class Binding:
     @cached_property
     def decode(self) -> Callable[[Data], Message]:
         """The function from a frame's data to the typed message; it raises FrameLengthError."""
+        # Data of another length is completed and read again, this time by the generated code.
         read: Callable[[Data], Message] = codec.reader(
             self.layout, self._columns, self.type, lambda data: read(self.complete(data)), self.unknown
         )
@@ -202,6 +203,7 @@ class Binding:
         for field, value in values.items():
             raw = self.raw(field, value)
             word |= self.layout.place(field, raw) if field in self.limits else 0
+        # 255 mm, 255 mm is a real place, but with the angle's code it would be read as "unknown": better not sent.
         if unknown and word & unknown.mask == unknown.code:
             field = next(iter(unknown.codes))
             raise FieldError(self.name, field, values[field], "another place: with an unknown angle it means unknown")
@@ -215,6 +217,7 @@ def _slots(mapping: Iterable[Mapped]) -> list[Slot]:
     for entry in mapping:
         signed = entry.type.is_signed
         each = Slot(None, 0, entry.bits) if entry.is_padding else slot(entry.name, entry.bits, field_name, signed)
+        # 86 of 200 real files have several objects of one name. A slice's field is shorter than its entry's name.
         if each.field == field_name(entry.name):
             each = each._replace(field=first_free(each.field, taken))
         slots.append(each)

@@ -112,6 +112,7 @@ def reader(
         expression, name, helper = _meaning(layout, column, number)
         values.append(expression)
         names[name] = helper
+    # One comparison for the whole word: each of the codes alone may be a real value.
     whole = ""
     if unknown is not None:
         nothing = ("None" if each.field in unknown.codes else value for each, value in zip(columns, values))
@@ -132,6 +133,7 @@ def _meaning(layout: Layout, column: Column, number: int) -> tuple[str, str, Any
     if column.read is None:
         return name, name, column.default
     raw = _extract(layout, column.field)
+    # Most fields are plain numbers, for which no function is called at all: this is what makes decoding fast.
     if numbers:
         return f"r if {numbers.start} <= (r := {raw}) < {numbers.stop} else {name}(r)", name, column.read
     if layout.widths[column.field] <= TABLE_BITS:
@@ -192,5 +194,5 @@ def _listed(items: Iterable[str]) -> str:
 def compiled(name: str, source: str, names: dict[str, Any]) -> Callable[[Any], Any]:
     """Return the function `name` of a source whose global names are `names`."""
     exec(compile(source, f"<generated {name}>", "exec"), names)
-    function: Callable[[Any], Any] = names[name]
+    function: Callable[[Any], Any] = names[name]  # exec left it there, among the names that it uses
     return function

@@ -13,7 +13,7 @@ from math import isfinite
 from typing import Any, ClassVar, NamedTuple
 
 from eurobot_od.od import values
-from eurobot_od.od.values import DataType, Limits
+from eurobot_od.od.values import DataType, Limits, typed_number
 
 
 class OutOfRange(int):
@@ -98,7 +98,7 @@ class Kind:
 
     def parse(self, text: str) -> Any:
         """Read what a person wrote; raises ValueError."""
-        return None if text == "unknown" and self.unknown_as_a_whole is not None else parsed_number(text)
+        return None if text == "unknown" and self.unknown_as_a_whole is not None else typed_number(text)
 
     def text(self, value: Any) -> str:
         """Write the value for a person: the name of an enum's member, or a number with its unit."""
@@ -132,6 +132,7 @@ class Choice(Kind):
         self.enum = enum
 
     def read(self, raw: int, limits: Limits) -> Any:
+        # Not by calling the enum and catching its error: a node may send a reserved number in every frame.
         return self.enum(raw) if raw in self.enum.__members__.values() else OutOfRange(raw)
 
     def numbers(self, limits: Limits) -> range:
@@ -145,7 +146,7 @@ class Choice(Kind):
 
     def parse(self, text: str) -> Any:
         names = {words_of(member): member for member in self.enum}
-        return names[text] if text in names else self.enum(parsed_number(text))
+        return names[text] if text in names else self.enum(typed_number(text))
 
     def allowed(self, limits: Limits) -> str:
         return ", ".join(f"{words_of(member)} ({member.value})" for member in self.enum)
@@ -214,6 +215,7 @@ class Real(Kind):
         return self.read(self.write(float(text), NO_LIMITS), NO_LIMITS)
 
     def text(self, value: Any) -> str:
+        # A REAL32 has seven digits; the rest of what Python shows of it (0.10000000149) is the conversion's.
         return f"{value:.7g}" if self.type is values.REAL32 else repr(value)
 
     def plain(self, value: Any) -> Any:
@@ -233,6 +235,7 @@ class Text(Kind):
         self.length = length
 
     def read(self, raw: int, limits: Limits) -> Any:
+        # CiA 301 has ASCII here, but devices send what they like: Latin-1 has a character for any byte.
         return raw.to_bytes(self.length, "little").rstrip(b"\0").decode("latin-1")
 
     def numbers(self, limits: Limits) -> range:
@@ -301,15 +304,9 @@ def kind_of(type_: DataType, bits: int) -> Kind:
     return make(bits) if make and whole else Kind()
 
 
-def parsed_number(text: str) -> int:
-    """Read a whole number: decimal, 0x hexadecimal, 0b binary; raises ValueError, also where no field is so long."""
-    if len(text) > values.LONGEST_NUMBER:
-        raise ValueError(text)
-    return int(text, 0)
-
-
 def whole_number(value: Any) -> int:
     """Return a whole number as int; raises ValueError for 1.5, infinity, what is not a number and what is flagged."""
+    # What came flagged must not be sent on as if it were a value. `% 1` of infinity is NaN, which is not 0 either.
     if isinstance(value, OutOfRange) or not isinstance(value, (int, float)) or value % 1 != 0:
         raise ValueError(value)
     return int(value)

@@ -9,10 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from typing import Literal, NamedTuple
 
-from eurobot_od.od.values import SLICE
-
-MAX_BITS = 64
-"""A PDO carries at most 64 bits (CiA 301, 7.4.8.2)."""
+from eurobot_od.od.values import MAX_BITS, SLICE
 
 
 class LayoutError(ValueError):
@@ -85,7 +82,9 @@ class Layout:
         self.fields = tuple(self._places)
         self.widths = {field: len(places) for field, places in self._places.items()}
         self.signed = frozenset(slot.field for slot in self.slots if slot.signed)
-        self.raws = {field: _raws(width, field in self.signed) for field, width in self.widths.items()}
+        # Two's complement: half of the values of a signed field are below 0 (CiA 301, 7.1.4.4).
+        below = {field: (1 << width) // 2 * (field in self.signed) for field, width in self.widths.items()}
+        self.raws = {field: range(-low, (1 << self.widths[field]) - low) for field, low in below.items()}
         orders: tuple[ByteOrder, ...] = ("little", "big")
         self.runs_in = {order: self._runs_in(order) for order in orders}
         # With as many runs either way it is little-endian, CANopen's own order: `min` takes the first of equals.
@@ -97,12 +96,13 @@ class Layout:
         found: dict[str, list[tuple[int, int]]] = {}
         offset = 0
         for field, shift, bits, _ in self.slots:
-            if field is not None:
+            if field is not None:  # padding only moves what follows
                 found.setdefault(field, []).extend((shift + bit, offset + bit) for bit in range(bits))
             offset += bits
         return found
 
     def _runs_in(self, order: ByteOrder) -> dict[str, tuple[Run, ...]]:
+        # Read as big-endian, the first byte is the word's highest; the bits within a byte stay where they are.
         flip = 8 * (self.length - 1) if order == "big" else 0
         return {
             field: _merge([abs(flip - place // 8 * 8) + place % 8 for place in places])
@@ -120,11 +120,6 @@ class Layout:
     def place(self, field: str, raw: int) -> int:
         """Return a raw value's bits at their places in the word."""
         return sum(run.place(raw) for run in self.runs[field])
-
-
-def _raws(width: int, is_signed: bool) -> range:
-    count = 1 << width
-    return range(-count // 2, count // 2) if is_signed else range(count)
 
 
 def _whole(field: str, pairs: list[tuple[int, int]]) -> list[int]:

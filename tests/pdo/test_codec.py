@@ -8,9 +8,10 @@ from typing import Any
 import pytest
 
 from eurobot_od.frame import Frame
+from eurobot_od.od.values import MAX_BITS
 from eurobot_od.pdo.catalogue import field_name
 from eurobot_od.pdo.codec import Column, Unknown, reader, unpacker, writer
-from eurobot_od.pdo.layout import MAX_BITS, Layout, LayoutError, Slot, slot
+from eurobot_od.pdo.layout import Layout, LayoutError, Slot, slot
 
 
 def whole(**bits: int) -> Layout:

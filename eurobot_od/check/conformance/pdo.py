@@ -33,8 +33,16 @@ from eurobot_od.check.conformance.writing import Data, hexadecimal
 from eurobot_od.od.objects import address_of, data_type, in_limits
 from eurobot_od.od.pdos import Pdo
 from eurobot_od.od.standard import SYNC, SYNC_COUNTER, SYNC_PRODUCER
-from eurobot_od.od.values import COB_ID, EVENT_TIMER, INHIBIT_TIME, MAPPABLE, NOT_VALID, TRANSMISSION_TYPE, PdoDirection
-from eurobot_od.pdo.layout import MAX_BITS
+from eurobot_od.od.values import (
+    COB_ID,
+    EVENT_TIMER,
+    INHIBIT_TIME,
+    MAPPABLE,
+    MAX_BITS,
+    NOT_VALID,
+    TRANSMISSION_TYPE,
+    PdoDirection,
+)
 from eurobot_od.sdo.wire import Abort, AbortCode
 
 if TYPE_CHECKING:

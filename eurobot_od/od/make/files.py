@@ -9,7 +9,7 @@ from typing import Any
 
 import yaml
 
-from eurobot_od.od.make.table import Table, TrafficRow
+from eurobot_od.od.make.table import Table
 from eurobot_od.od.make.text import eds_text
 
 NETWORK = "network.yaml"
@@ -48,13 +48,11 @@ def network_text(table: Table) -> str:
         "bit_rate": int(table.bit_rate),
     }
     if table.traffic:
-        network["traffic"] = {str(name): _said(row) for name, row in table.traffic.items()}
+        network["traffic"] = {  # as plain texts: PyYAML's safe_dump refuses a `Text`
+            str(name): {key: str(value) for key, value in vars(row).items() if value}
+            for name, row in table.traffic.items()
+        }
     return HEAD.format(table.file.comment, dialect) + yaml.safe_dump(network, sort_keys=False, width=LINE)
-
-
-def _said(row: TrafficRow) -> dict[str, str]:
-    """Return what a row says, as plain texts."""
-    return {name: str(value) for name, value in vars(row).items() if value}
 
 
 def write_files(texts: Texts, folder: Path) -> None:

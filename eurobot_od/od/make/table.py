@@ -15,15 +15,14 @@ from typing import Annotated, Any, NewType, TypeAlias, TypeVar, get_args, get_or
 import yaml
 
 from eurobot_od.errors import EurobotError
+from eurobot_od.od.keys import BIT_RATES
 from eurobot_od.od.pdos import RESERVED, carries_nothing
-from eurobot_od.od.values import BASE_IDENTIFIER, NODE_ID, NODE_IDS
+from eurobot_od.od.values import BASE_IDENTIFIER, MAX_BITS, NODE_ID, NODE_IDS
 from eurobot_od.support import bounded, durations, yaml_places
 from eurobot_od.support.escaping import one_line
 from eurobot_od.support.yaml_places import NodeReader, Place, PlacedNumber, Problem, Problems, ReadError, Text, refuse
 
-BIT_RATES = (10, 20, 50, 125, 250, 500, 800, 1000)
-"""The bit rates in kbit/s that an EDS has keys for (CiA 306)."""
-PDO_BITS, FIELD_BITS = 64, 32
+FIELD_BITS = 32
 HIGHEST_16, HIGHEST_32 = 0xFFFF, 0xFFFFFFFF
 FILE_NAME = re.compile(r"[A-Za-z0-9_-]+")
 SERVICES = ("EMCY", "SDO")
@@ -408,8 +407,8 @@ def messages_too_long(table: Table) -> Iterator[Problem]:
     for objects in map(table.objects_in, table.dialects.values()):
         for name in (each.object for each in table.messages.values() if each.object in objects):
             bits = sum(each.bits for each in objects[name].fields.values())
-            if bits > PDO_BITS:
-                yield Problem(name.place, f"'{name}' has {bits} bits, a PDO at most {PDO_BITS}")
+            if bits > MAX_BITS:
+                yield Problem(name.place, f"'{name}' has {bits} bits, a PDO at most {MAX_BITS}")
 
 
 def traffic_that_does_not_hold(table: Table) -> Iterator[Problem]:

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any, ClassVar
 
-from eurobot_od.od.values import Limits
-from eurobot_od.pdo.kinds import ColumnForm, KeyedForm, Kind, parsed_number, whole_number, words_of
+from eurobot_od.od.values import Limits, typed_number
+from eurobot_od.pdo.kinds import ColumnForm, KeyedForm, Kind, whole_number, words_of
 from eurobot_od.robot.model.facts import Facts
 from eurobot_od.robot.model.values import Barriers, GotoFault, Passage
 
@@ -133,7 +133,7 @@ class BarrierFlags(Kind):
 
     def parse(self, text: str) -> Any:
         if text == "none" or text[:1].isdigit():
-            return Barriers(0 if text == "none" else parsed_number(text))
+            return Barriers(0 if text == "none" else typed_number(text))
         return Barriers.of(dict(map(self._barrier, text.split(","))))
 
     def _barrier(self, text: str) -> tuple[int, Passage]:
