@@ -24,7 +24,6 @@ RETRIES = 3
 
 CONNECT_WAIT = "10s"
 
-
 BLOCK = 100
 """Items of a block for workers elsewhere: losing one costs little, and handing it over next to nothing."""
 
@@ -72,19 +71,21 @@ class Processes(ProcessPoolExecutor):
 def _begin(end: Connection) -> None:
     """Set a new process up: Ctrl-C, which reaches all processes, is the parent's to act on."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    # Its sentinel becomes readable when it dies, however it dies: SIGKILL leaves no time for the pipe.
     parent = parent_process()
     awaited: list[Any] = [end] if parent is None else [end, parent.sentinel]
-    threading.Thread(target=_end_after, args=(awaited,), daemon=True).start()
 
+    def end_process() -> None:
+        wait(awaited)
+        os._exit(0)  # without a clean-up of the interpreter, which would wait for work that is no longer wanted
 
-def _end_after(awaited: list[Any]) -> None:
-    wait(awaited)
-    os._exit(0)
+    threading.Thread(target=end_process, daemon=True).start()
 
 
 @contextmanager
 def local(number: int) -> Iterator[Workers]:
     """Give a number of processes of this machine; one is this process itself. They end with the `with` block."""
+    # One process besides this one would do the same work no sooner, and cost its start.
     if number == 1:
         yield HERE
         return
@@ -115,10 +116,12 @@ def dask(address: str) -> Iterator[Workers]:
         if several:
             what = f"{several[0]} has {threads[several[0]]} threads; start it with --nthreads 1"
             raise LocalError(f"{DASK}{address}: {what}")
+        # Not pure: dask would give equal calls one result, and not do the second.
         executor = client.get_executor(pure=False, retries=RETRIES)  # type: ignore[no-untyped-call]
         try:
             yield Workers(len(threads), executor, BLOCK)
         finally:
+            # Blocks that still run are given up: their results would have nobody to take them.
             executor.shutdown(wait=False)
 
 

@@ -89,6 +89,7 @@ class Gatekeeper:
             return
         try:
             self._report(report)
+        # Whatever it is, it must not reach the thread that receives; and who cannot be told once is not asked again.
         except Exception as error:
             self.report_failure = error
             self.reports.append(report)
@@ -151,6 +152,7 @@ class Gatekeeper:
     def _register(self, registration: Registration) -> None:
         name = registration.listener.name
         if self._started:
+            # The bus's thread reads the routes without a lock, so the table is closed before it runs.
             raise ListenerError(f"{name}: the gatekeeper has started; listeners are registered before")
         if 0 < self._table_size <= len(self._registrations):
             raise ListenerError(f"{name}: the listener table is full, it has {self._table_size} places")
@@ -208,6 +210,7 @@ class Gatekeeper:
         """Do what `receive` does with data in a driver's buffer, which may change as soon as this returns."""
         try:
             to_frames, to_messages, decode = self._routes[cob_id]
+        # Cheaper than to ask first: with receive filters in the driver nearly every frame has a route.
         except KeyError:
             self._unheard += 1
             return
@@ -219,6 +222,7 @@ class Gatekeeper:
             return
         try:
             message = decode(data)
+        # Nothing is half-read: left-over bytes of a longer frame were once taken for values (2014 robot).
         except FrameLengthError as error:
             self._refused += 1
             self.report(Report(Event.FRAME_REFUSED, f"0x{error.cob_id:03X}", str(error), timestamp))
@@ -234,6 +238,7 @@ class Gatekeeper:
 
     def send(self, message: Message, now: float) -> None:
         """Encode a message and leave it to the mailboxes; never waits. Raises FieldError for values out of range."""
+        # A stop never expires: the document's 50 ms (section 6) are for frames that come again, or are of no use later.
         stop = self._protocol.binding(type(message)).always
         self.mailboxes.submit(self._protocol.encode(message), now, Stay.LASTING if stop else Stay.SHORT)
 

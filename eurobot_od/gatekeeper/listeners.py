@@ -95,6 +95,7 @@ class FunctionListener(Generic[T]):
 
     def call(self, message: T, timestamp: float) -> None:
         """Call the function; an exception of its own ends here."""
+        # Not the message's timestamp: that is when the frame came, and it may have waited.
         begin = self._clock()
         try:
             self._function(message, timestamp)

@@ -90,7 +90,9 @@ class Mailboxes:
             self._dropped += 1
             return
         if stay is Stay.PERIODIC:
+            # A heartbeat that has waited says an old state; two of them would use two mailboxes for one piece of news.
             self._withdraw(lambda each: each.stay is Stay.PERIODIC and each.cob_id == frame.cob_id)
+        # What waits already counts: it gets the mailboxes that are free, unless this frame is more urgent.
         full = len(self._loaded) + len(self._waiting) >= self.count
         deadline = now + self.wait if full and stay is Stay.SHORT else inf
         insort(self._waiting, Waiting(frame.cob_id, self._submitted, deadline, frame, stay))
@@ -120,11 +122,9 @@ class Mailboxes:
         return loaded
 
     def _lets_go_first(self) -> bool:
-        """Tell whether a transfer has to wait, as a heartbeat is in a mailbox.
-
-        Its identifier is the greatest that a device sends: it would lose the arbitration to a block's segments, one
-        after the other, until its consumers take the device for dead.
-        """
+        """Tell whether a transfer has to wait, as a heartbeat is in a mailbox."""
+        # A heartbeat's identifier is the greatest that a device sends: it would lose the arbitration to a block's
+        # segments, one after the other, until its consumers take the device for dead.
         return self._waiting[0].stay is Stay.TRANSFER and any(each.stay is Stay.PERIODIC for each in self._loaded)
 
     def leave(self) -> None:
@@ -136,6 +136,7 @@ class Mailboxes:
             self._away = self._dropped
         self._withdraw(lambda each: each.stay is not Stay.LASTING)
         before = len(self._loaded)
+        # Those in a mailbox as well: a goto from before the gap must not leave when the bus is back.
         self._loaded = [each for each in self._loaded if each.stay is Stay.LASTING]
         self._dropped += before - len(self._loaded)
 
@@ -173,6 +174,7 @@ class Mailboxes:
 
     def complete(self, frame: Frame) -> bool:
         """Free the mailbox of a frame that was sent (transmit-complete); False if no mailbox holds it."""
+        # Of equal frames the first one: they are kept in their order, so it is the one that left first.
         for place, each in enumerate(self._loaded):
             if each.frame == frame:
                 del self._loaded[place]

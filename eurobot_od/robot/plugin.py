@@ -6,79 +6,34 @@ Rule of this file: it is imported by `--help`, so whatever costs time is importe
 from __future__ import annotations
 
 from collections import ChainMap
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from functools import cache, partial
+from importlib import import_module
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from eurobot_od.od.dialects import Dialects
-from eurobot_od.plugin import Command, Faults, Plugin, Program
+from eurobot_od.plugin import Command, Faults, Plugin
 from eurobot_od.robot import dialects
 
 if TYPE_CHECKING:
     from eurobot_od.device.node import Node
-    from eurobot_od.export.mcap import Drawings
     from eurobot_od.pdo.catalogue import Catalogue
-    from eurobot_od.pdo.protocol import Protocol
-    from eurobot_od.plugin import Stage
-    from eurobot_od.season.reports import SeasonReport
-    from eurobot_od.web.panel import Panel
 
 HERE = Path(__file__).parent
 
 Value = TypeVar("Value")
 
 
-def _catalogue() -> Catalogue:
-    from eurobot_od.robot.model.messages import CATALOGUE
-
-    return CATALOGUE
-
-
-def _node(role: str) -> Callable[[], type[Node]]:
-    def kind() -> type[Node]:
-        from eurobot_od.robot.nodes import ROLES
-
-        return ROLES[role]
-
-    return kind
+def _imported(module: str, name: str) -> Any:
+    """Return something of this package, which is imported when it is asked for first."""
+    return getattr(import_module(f"{__package__}.{module}"), name)
 
 
-def _faults() -> Faults:
-    from eurobot_od.robot.faults import FAULTS
-
-    return FAULTS
-
-
-def _partners(nodes: Sequence[Node], seed: int, clock: Callable[[], float]) -> Mapping[str, Program]:
-    from eurobot_od.robot.check.partners import partners
-
-    return partners(nodes, seed, clock)
-
-
-def _panels() -> Sequence[type[Panel]]:
-    from eurobot_od.robot.panel import FieldPanel
-
-    return (FieldPanel,)
-
-
-def _drawings(protocol: Protocol) -> Drawings:
-    from eurobot_od.robot.model.poses import drawings
-
-    return drawings(protocol)
-
-
-def _reports() -> Mapping[str, SeasonReport]:
-    from eurobot_od.robot.season import REPORTS
-
-    return REPORTS
-
-
-def _stage() -> Stage:
-    from eurobot_od.robot.commands import node
-
-    return node
+def _called(module: str, name: str, *arguments: object) -> Any:
+    """Call a function of this package, which is imported then."""
+    return _imported(module, name)(*arguments)
 
 
 def own_robot(
@@ -110,7 +65,8 @@ def own_robot(
         bindings = Protocol.of_devices(dialects_here.load_all(), catalogue).bindings
         own = [each for each in bindings if each.type in catalogue.types and each.type not in ours]
         made = {kinds[role](): [generated(each, role) for each in own] for role in kinds}
-        return {**{kind: dict(ChainMap(*reversed(found))) for kind, found in made.items() if any(found)}, **_faults()}
+        theirs = {kind: dict(ChainMap(*reversed(found))) for kind, found in made.items() if any(found)}
+        return {**theirs, **_imported("faults", "FAULTS")}
 
     return ROBOT._replace(
         name=name,
@@ -138,15 +94,17 @@ COMMANDS = {
 ROBOT = Plugin(
     name="Eurobot 2014",
     dialects=dialects.DIALECTS,
-    catalogue=_catalogue,
-    nodes={role: _node(role) for role in ("core", "drive", "navigation")},
-    faults=_faults,
+    catalogue=partial(_imported, "model.messages", "CATALOGUE"),
+    nodes={
+        role: partial(lambda name: _imported("nodes", "ROLES")[name], role) for role in ("core", "drive", "navigation")
+    },
+    faults=partial(_imported, "faults", "FAULTS"),
     suites=HERE / "check" / "suites",
-    partners=_partners,
-    panels=_panels,
-    drawings=_drawings,
-    reports=_reports,
-    stage=_stage,
+    partners=partial(_called, "check.partners", "partners"),
+    panels=lambda: (_imported("panel", "FieldPanel"),),
+    drawings=partial(_called, "model.poses", "drawings"),
+    reports=partial(_imported, "season", "REPORTS"),
+    stage=partial(import_module, f"{__package__}.commands.node"),
     commands={
         name: Command(text, f"eurobot_od.robot.commands.{name.replace('-', '_')}") for name, text in COMMANDS.items()
     },

@@ -43,7 +43,7 @@ TRANSMITTER_COUNTS: dict[BusCondition, CountingRule | None] = {
     BusCondition.ARBITRATION_STUFFING: None,  # rule c, exception 2: it may well be the other one who is wrong
     BusCondition.NOT_ACKNOWLEDGED: CountingRule.TRANSMITTER_ERROR,
     BusCondition.FLAG_ERROR: CountingRule.TRANSMITTER_FLAG_ERROR,
-    BusCondition.OVERLOAD: None,
+    BusCondition.OVERLOAD: None,  # it only asks for time: nothing was wrong with a frame
 }
 RECEIVER_COUNTS: dict[BusCondition, CountingRule | None] = {
     BusCondition.ERROR: CountingRule.RECEIVER_ERROR,
@@ -79,8 +79,8 @@ class MediumAccess:
         self.controller, self.counters = controller, counters
         self.transmitting = False
         self.noted: list[Note] = []
-        self.level, self._levels = RECESSIVE, self._nothing()
-        self.idle = True
+        self._levels: Levels
+        self.level, self.idle = RECESSIVE, True
         self.sequences = self._recessive = 0
         if frame is not None:
             self._begin(self._transmit(frame))
@@ -98,7 +98,11 @@ class MediumAccess:
     def see(self, level: int) -> None:
         """Take in the level of the bit that it has sent its own `level` in, and go on to the next bit."""
         if self.off:
-            self._wait_for_recovery(level)
+            self.level, self.idle = RECESSIVE, True
+            # A dominant bit begins the sequence anew, so the frames of the others put the return off.
+            self._recessive = self._recessive + 1 if level == RECESSIVE else 0
+            if self._recessive == RECOVERY_BITS:
+                self.sequences, self._recessive = self.sequences + 1, 0
         elif not self.idle:
             try:
                 self.level = self._levels.send(level)
@@ -106,12 +110,6 @@ class MediumAccess:
                 self.level, self.idle = RECESSIVE, True
         elif level == DOMINANT:
             self._begin(self._receive((level,)))
-
-    def _wait_for_recovery(self, level: int) -> None:
-        self.level, self.idle = RECESSIVE, True
-        self._recessive = self._recessive + 1 if level == RECESSIVE else 0
-        if self._recessive == RECOVERY_BITS:
-            self.sequences, self._recessive = self.sequences + 1, 0
 
     def _begin(self, field: Field) -> None:
         self.idle, self._levels = False, self._attempt(field)
@@ -122,10 +120,6 @@ class MediumAccess:
             self.counters = self.counters.after(note)
         if note is not None:
             self.noted.append(note)
-
-    @staticmethod
-    def _nothing() -> Levels:
-        yield from ()
 
     # From the start of frame to the end of the intermission
 
@@ -139,15 +133,14 @@ class MediumAccess:
             field = self._signal(fault)
 
     def _intermission(self) -> Field:
-        """Wait until the bus is free; a dominant third bit is a start of frame."""
+        """Wait until the bus is free."""
         for _ in range(INTERMISSION - 1):
+            # Nobody may send yet: a dominant bit here asks for more time, and destroys no frame.
             if (yield RECESSIVE) == DOMINANT:
                 return BusCondition.OVERLOAD
-        if (yield RECESSIVE) == DOMINANT:
-            return (yield from self._received_at_once())
-        return None
-
-    def _received_at_once(self) -> Field:
+        if (yield RECESSIVE) == RECESSIVE:
+            return None
+        # A dominant third bit is a start of frame: the sender's clock may run a little fast, and has seen three bits.
         fault = yield from self._receive((DOMINANT,))
         return fault if fault is not None else (yield from self._intermission())
 
@@ -179,6 +172,7 @@ class MediumAccess:
 
     def _receive(self, seen: tuple[int, ...]) -> Field:
         """Receive a frame from the bits on that were `seen`; it is valid before the last bit of its end."""
+        # From here on its counters follow the receiver's rules, also if it has lost an arbitration.
         self.transmitting, reading = False, BitReading()
         for bit in seen:  # a start of frame, or what was sent until the arbitration was lost: stuffed as it should be
             reading.take(bit)
@@ -188,6 +182,7 @@ class MediumAccess:
         intact = reading.intact
         if (yield RECESSIVE) == DOMINANT:  # the CRC delimiter
             return BusCondition.ERROR
+        # Who has a wrong CRC does not acknowledge, but waits: its flag begins only after the acknowledge delimiter.
         if (yield DOMINANT if intact else RECESSIVE) == RECESSIVE and intact:
             return BusCondition.ERROR
         if (yield RECESSIVE) == DOMINANT or not intact:  # the acknowledge delimiter; then a wrong CRC is told
@@ -206,7 +201,8 @@ class MediumAccess:
     # What is sent when something is wrong
 
     def _signal(self, fault: BusCondition) -> Field:
-        """Send a flag and its delimiter, and count why. What makes it error passive is told by an active flag yet."""
+        """Send a flag and its delimiter, and count why."""
+        # Looked up before it is counted: the error that makes a node passive is still told by an active flag.
         passive = fault is not BusCondition.OVERLOAD and self.counters.state is ErrorState.PASSIVE
         # Rule c, exception 1: a passive transmitter that is alone does not count on.
         if not (passive and fault is BusCondition.NOT_ACKNOWLEDGED):
@@ -216,16 +212,18 @@ class MediumAccess:
         return failure if failure is not None else (yield from self._delimiter(fault))
 
     def _dominant_flag(self) -> Field:
+        # An overload flag looks the same as an active error flag; only who counts what differs.
         for _ in range(FLAG):
             if (yield DOMINANT) == RECESSIVE:
                 return BusCondition.FLAG_ERROR
         return None
 
     def _passive_flag(self, fault: BusCondition) -> Field:
-        """Wait for six equal bits. A lone node sees no dominant one: nobody is there, and it counts no further."""
+        # Its own recessive bits disturb nobody, so it cannot force a flag: it waits for six equal bits on the bus.
         seen: list[int] = []
         while len(seen) < FLAG or len(set(seen[-FLAG:])) > 1:
             seen.append((yield RECESSIVE))
+        # Rule c, exception 1, second half: a dominant bit in the flag shows that somebody is there after all.
         if fault is BusCondition.NOT_ACKNOWLEDGED and DOMINANT in seen:
             self._note(CountingRule.TRANSMITTER_ERROR)
         return None

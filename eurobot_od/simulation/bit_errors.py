@@ -89,6 +89,7 @@ class Strike:
         """Strike if it is the turn of this attempt."""
         if not self.times or not self.which(attempt):
             return
+        # An attempt that is let through counts as one of those to skip, whatever becomes of it on the wire.
         if self.skip:
             self.skip -= 1
             return

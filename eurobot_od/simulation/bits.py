@@ -13,6 +13,7 @@ from eurobot_od.frame import Frame
 
 DOMINANT, RECESSIVE = 0, 1
 
+# x^15 + x^14 + x^10 + x^8 + x^7 + x^4 + x^3 + 1, its highest power left out (ISO 11898-1).
 CRC_POLYNOMIAL = 0x4599
 CRC_BITS = 15
 STUFF_AFTER = 5
@@ -48,6 +49,7 @@ class Wire(NamedTuple):
 @lru_cache(maxsize=KNOWN)
 def on_wire(frame: Frame) -> Wire:
     """Write out the bits of a frame."""
+    # After the identifier: RTR 0 for a data frame, IDE 0 for 11 bits, and a reserved bit.
     head = f"0{frame.cob_id:011b}000{len(frame.data):04b}" + "".join(f"{byte:08b}" for byte in frame.data)
     bits: list[int] = []
     stuffed: list[int] = []
@@ -55,6 +57,7 @@ def on_wire(frame: Frame) -> Wire:
     for number, bit in enumerate(map(int, f"{head}{crc(head):0{CRC_BITS}b}"), 1):
         bits.append(bit)
         run = RUN[run][bit]
+        # The stuff bit counts as the first of the next run; and the last bits of the CRC are stuffed like all others.
         if abs(run) == STUFF_AFTER:
             stuffed.append(len(bits))
             bits.append(1 - bit)
@@ -100,6 +103,7 @@ class BitReading:
     def take(self, bit: int) -> bool:
         """Take in a bit; False if it breaks the rule of bit stuffing."""
         stuff_bit = abs(self._run) == STUFF_AFTER
+        # A sixth equal bit has no place in RUN: what is read is broken then, whatever the run.
         self._run = RUN[self._run][bit] if abs(RUN[self._run][bit]) <= STUFF_AFTER else 0
         if not stuff_bit:
             self._bits += str(bit)
@@ -130,9 +134,11 @@ class BitReading:
     @property
     def _length(self) -> int:
         """How many bits it takes without stuff bits; as long as that is not known, one more than there are."""
+        # Extended frames are never sent here, but a bit error in IDE makes one: where its RTR and length code stand.
         head, remote = (39, 32) if self._extended else (19, 12)
         if len(self._bits) < head:
             return len(self._bits) + 1
+        # A data length code above 8 still means 8 bytes; a remote frame has a length and no data.
         octets = 0 if self._is_recessive(remote) else min(int(self._bits[head - 4 : head], 2), 8)
         return head + 8 * octets + CRC_BITS
 

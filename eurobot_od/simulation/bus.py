@@ -79,10 +79,13 @@ class Play:
     def run(self, until: float = inf) -> Play:
         """Go on until all are idle, or until a bit."""
         while self.bit < until and not all(part.idle for part in self.parts):
+            # The wire is a wired AND: one dominant level, 0, wins over all recessive ones.
             level = min(part.level for part in self.parts)
             flips = self._due()
             for part in self.parts:
-                part.see(level ^ _is_flipped(flips, part.controller) if flips else level)
+                # Two errors in one bit undo each other.
+                flipped = sum(flip.at in (None, part.controller) for flip in flips) % 2
+                part.see(level ^ flipped)
             self.bit += 1
             if any(part.noted for part in self.parts):
                 self.moments.extend(self._noted())
@@ -116,11 +119,6 @@ class Play:
         for frame in dict.fromkeys(note.frame for _, note in through):
             senders, receivers = ([each for each, note in through if note == (frame, sent)] for sent in (True, False))
             yield Moment(self.bit, (), frame, senders, receivers)
-
-
-def _is_flipped(flips: Iterable[Flip], controller: Controller) -> bool:
-    """Tell whether a controller sees the bit the other way round; two errors in one bit undo each other."""
-    return sum(flip.at in (None, controller) for flip in flips) % 2 == 1
 
 
 Parts: TypeAlias = Callable[[], list[MediumAccess]]
@@ -192,18 +190,16 @@ class Bus:
             self._finish(attempt.course, now)
         else:
             moment = attempt.course.moments[attempt.told]
+            # Noted before anybody is called: who hears of it may cut the bus, and a moment told is not told again.
             attempt.told += 1
             self.next_event = attempt.next_event(self.bitrate)
             for controller, rule in moment.counts:
-                self._count(controller, rule)
+                before = controller.state
+                controller.count(rule)
+                if controller.state is not before:
+                    self._changed(controller, before, controller.state)
             if moment.frame is not None:
                 self._ended(moment.frame, moment.senders, moment.receivers)
-
-    def _count(self, controller: Controller, rule: CountingRule) -> None:
-        before = controller.state
-        controller.count(rule)
-        if controller.state is not before:
-            self._changed(controller, before, controller.state)
 
     def _finish(self, course: Course, now: float) -> None:
         self._under_way, self._idle_since = None, now
@@ -220,17 +216,16 @@ class Bus:
 
     def _look_ahead(self, now: float) -> None:
         """Note when something changes if nobody sends until then: who is suspended may, who is bus-off is back."""
-        recovery = (self._recovery_time(each) for each in self.controllers if each.recovery)
+        sequence = RECOVERY_BITS / self.bitrate
+        recovery = (self._idle_since + each.recovery * sequence for each in self.controllers if each.recovery)
         suspended = (each.suspended_until for each in self.controllers if each.suspended_until > now)
         self.next_event = min((*recovery, *suspended), default=inf)
-
-    def _recovery_time(self, controller: Controller) -> float:
-        return self._idle_since + controller.recovery * RECOVERY_BITS / self.bitrate
 
     def _pass_idle(self, now: float) -> None:
         """Count the recessive bits that have passed since the bus was free."""
         if any(each.recovery for each in self.controllers):
             sequences = int(((now - self._idle_since) * self.bitrate + ROUNDING) / RECOVERY_BITS)
+            # Only whole sequences are taken off: what is left of one goes on counting.
             self._idle_since += sequences * RECOVERY_BITS / self.bitrate
             for each in self.controllers:
                 self._recover(each, sequences)
@@ -256,8 +251,10 @@ class Bus:
     def _begin(self, now: float, offers: dict[Controller, Frame]) -> None:
         if self.next_event < inf:
             self._pass_idle(now)
+        # Who is bus-off takes part as well: it counts recessive bits within frames, too.
         here = [each for each in self.controllers if each.silent_until <= now or each.recovery]
         start = Beginning(here, [each.counters for each in here], offers)
+        # A frame begins with its identifier, so the least frame is the one that wins the arbitration.
         frame = min(offers.values())
         end = on_wire(frame).end
         flips = self._flips(Attempt(now, frame, end, tuple(offers))) if self._bit_errors else NO_FLIPS
@@ -291,6 +288,7 @@ class Bus:
         """Return how the controllers are now, in the midst of whatever is under way."""
         attempt = self._under_way
         if attempt is not None:
+            # Something to be called, not a list: each part of a cut bus plays on with controllers of its own.
             return partial(attempt.parts_at, int((now - attempt.start) * self.bitrate + ROUNDING))
         self._pass_idle(now)
         here = [(each, each.counters) for each in self.controllers if each.silent_until <= now]
@@ -320,9 +318,11 @@ def undisturbed(frame: Frame, offers: dict[Controller, Frame], here: Sequence[Co
     """Return what becomes of an attempt in which nothing can go wrong, None if something may."""
     senders = [each for each, offer in offers.items() if offer == frame]
     receivers = [each for each in here if offers.get(each) != frame and not each.recovery]
+    # Without a receiver nobody acknowledges; two frames of one identifier collide behind the arbitration.
     if not receivers or any(each.cob_id == frame.cob_id and each != frame for each in offers.values()):
         return None
     end = on_wire(frame).end
+    # Fresh counters stay at 0 whatever is sent or received: nearly always nothing has to be counted at all.
     worn = [each for each in here if each.counters is not FRESH]
     counts = [
         (each, CountingRule.TRANSMITTED if each in senders else CountingRule.RECEIVED)
@@ -332,5 +332,6 @@ def undisturbed(frame: Frame, offers: dict[Controller, Frame], here: Sequence[Co
     suspended = [
         each for each, rule in counts if each in senders and each.counters.after(rule).state is ErrorState.PASSIVE
     ]
+    # Each frame has one sequence of 11 recessive bits: from the acknowledge delimiter to the intermission, 1 + 7 + 3.
     sequences = [(each, 1) for each in worn if each.recovery]
     return Course((Moment(end, counts, frame, senders, receivers),), end + INTERMISSION, suspended, sequences)

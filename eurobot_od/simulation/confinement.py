@@ -49,6 +49,7 @@ class Increment(NamedTuple):
 
 
 STEPS = {
+    # 1 for a receiver, 8 for a transmitter: who sends what nobody can read is to be the first to fall silent.
     CountingRule.RECEIVER_ERROR: Increment(0, 1),
     CountingRule.RECEIVER_DOMINANT_AFTER_FLAG: Increment(0, 8),
     CountingRule.TRANSMITTER_ERROR: Increment(8, 0),
@@ -56,6 +57,7 @@ STEPS = {
     CountingRule.RECEIVER_FLAG_ERROR: Increment(0, 8),
     CountingRule.TRANSMITTER_STUCK: Increment(8, 0),
     CountingRule.RECEIVER_STUCK: Increment(0, 8),
+    # A good frame takes back 1: with more than one error to eight of them the counter rises in the long run.
     CountingRule.TRANSMITTED: Increment(-1, 0),
     CountingRule.RECEIVED: Increment(0, -1),
 }
@@ -70,6 +72,7 @@ class Counters(NamedTuple):
     @property
     def state(self) -> ErrorState:
         """What a controller with these counters may do."""
+        # Only by the transmit counter: a receiver that is error passive has recessive flags, which disturb nobody.
         if self.transmit > OFF_ABOVE:
             return ErrorState.OFF
         return ErrorState.PASSIVE if max(self) > PASSIVE_ABOVE else ErrorState.ACTIVE

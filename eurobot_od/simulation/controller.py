@@ -78,6 +78,7 @@ class Controller:
     def recovers(self, sequences: int) -> bool:
         """Take note of so many sequences of recessive bits, and tell whether it is back by them."""
         self.recovery = max(self.recovery - sequences, 0)
+        # Back from bus-off, both counters begin at 0 (ISO 11898-1).
         if not self.recovery:
             self.counters = FRESH
         return not self.recovery

@@ -35,6 +35,7 @@ class _Selector(selectors.DefaultSelector):
         until = inf if timeout is None else self._network.now + timeout
         ready = self._ready()
         while not (ready or self.woken) and self._network.now < until:
+            # Refused rather than waited for: no event is left that could end the wait.
             if timeout is None and self._network.next_event == inf:
                 raise NothingHappens("every task waits, and no node has anything to do")
             self._network.advance(until)

@@ -116,6 +116,7 @@ class Network:
         station.gatekeeper.start()
         node.wake = partial(station.plan.at, -inf)  # called from outside, it has its time asked for at once
         mailboxes = station.gatekeeper.mailboxes
+        # Silent until it has started: a node that is off does not acknowledge either.
         controller = Controller(mailboxes, silent_until=inf)
         self._places[station] = Attachment(station, mailboxes, controller, processing)
         self._stations[controller] = station
@@ -172,6 +173,7 @@ class Network:
 
     def _add_bus(self) -> Bus:
         bus = Bus(self.bitrate, self.bit_errors, self._has_ended, self._has_changed)
+        # A part that is split off a bus without power has no power either.
         bus.off_until = max((each.off_until for each in self._buses), default=0.0)
         self._buses.append(bus)
         return bus
@@ -180,6 +182,7 @@ class Network:
         """Have a part of the bus, and the whole, hear each other again."""
         self._buses.remove(part)
         order = {each: number for number, each in enumerate(self._stations)}
+        # In the order of attaching, so that a cut leaves no trace in who is asked first afterwards.
         together = sorted([*self._whole.controllers, *part.controllers], key=lambda each: order.get(each, -1))
         regroup(self.now, [self._whole, part], [(self._whole, together)])
 
@@ -203,6 +206,7 @@ class Network:
         times += [bus.next_event for bus in self._buses]
         times += [time for time, _, _ in self._queue[:1]]
         waiting = [place for place in self._places.values() if place.mailboxes.waits]
+        # Asked at each event; nearly always no mailbox waits, and the buses need not be looked at.
         if waiting and any(self._has_new(bus, waiting) for bus in self._buses):
             times.append(self.now)
         return max(min(times, default=inf), self.now)
@@ -220,9 +224,11 @@ class Network:
             self.now = max(self.now, until)
             return False
         self.now = event
+        # A copy: a frame that ends may have an observer that splits the bus, or joins it.
         for bus in tuple(self._buses):
             bus.advance(event)
-        self._do_planned()
+        while self._queue and self._queue[0][0] <= event:  # also what becomes due meanwhile
+            heapq.heappop(self._queue)[-1]()
         for place in tuple(self._places.values()):
             if place.wakeup <= event:
                 place.station.tick(event)
@@ -236,12 +242,8 @@ class Network:
             pass
 
     def _plan(self, time: float, action: Callable[[], None]) -> None:
+        # The number breaks ties by the order of planning, and keeps the heap from comparing functions.
         heapq.heappush(self._queue, (time, next(self._order), action))
-
-    def _do_planned(self) -> None:
-        """Do what is due, also what becomes due meanwhile."""
-        while self._queue and self._queue[0][0] <= self.now:
-            heapq.heappop(self._queue)[-1]()
 
     # The bus
 

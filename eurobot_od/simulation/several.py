@@ -42,5 +42,6 @@ class Several:
         happened = first.advance(until)
         self.now = first.now
         for network in self._networks:
+            # The others have nothing before that time, so their clocks may follow without an event.
             network.now = max(network.now, self.now)
         return happened

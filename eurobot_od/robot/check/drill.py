@@ -60,16 +60,12 @@ async def drill(core: Core) -> None:
         await core.check_nodes()
         await core.configure_start(TeamColour.RED, enemies=1, confederates=1, enemy_1_diameter=ENEMY_DIAMETER)
         await asyncio.sleep(BEFORE)
-        await _drive(core)
-
-
-async def _drive(core: Core) -> None:
-    for goto in UNDISTURBED:
-        await _attempt(core, goto)
-    await _stop_on_the_way(core, STOPPED)
-    await _play_a_match(core)
-    await _stop_on_the_way(core, AFTER_THE_MATCH)
-    await _attempt(core, UNDISTURBED[0])
+        for goto in UNDISTURBED:
+            await _attempt(core, goto)
+        await _stop_on_the_way(core, STOPPED)
+        await _play_a_match(core)
+        await _stop_on_the_way(core, AFTER_THE_MATCH)
+        await _attempt(core, UNDISTURBED[0])  # after the shutdown: it must not leave
 
 
 async def _stop_on_the_way(core: Core, ways: Sequence[tuple[GotoXY, Callable[[Core], Call[Standstill]]]]) -> None:

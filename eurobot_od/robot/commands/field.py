@@ -14,7 +14,7 @@ from eurobot_od.cli.logs import ReadOptions, add_log, entries
 from eurobot_od.errors import RemoteError
 
 if TYPE_CHECKING:
-    from eurobot_od.logs.meaning import Decoder, Meaning
+    from eurobot_od.logs.meaning import Meaning
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -34,7 +34,9 @@ def run(arguments: argparse.Namespace) -> None:
     from eurobot_od.robot.panel.files import SeenMatch, form, save
 
     form(arguments.output)  # complains of a suffix before the logs are read
-    described, damage = _decoder(arguments), DamageCounts()
+    robot, damage = options.robot(arguments), DamageCounts()
+    described = options.decoder_of(robot.dialects.load_all(arguments.dialect), robot)
+    # Most frames of a match come again and again: a request without data, a position that has not changed.
     decode = lru_cache(REMEMBERED)(described)
 
     def meanings() -> Iterator[tuple[float, Meaning]]:
@@ -50,8 +52,3 @@ def run(arguments: argparse.Namespace) -> None:
     if not recording.path and not recording.gotos:
         raise RemoteError(f"{', '.join(arguments.logs)}: neither a Kalman Position Response nor a Goto XY to draw")
     save(match, arguments.output, arguments.title or Path(arguments.logs[0]).stem)
-
-
-def _decoder(arguments: argparse.Namespace) -> Decoder:
-    robot = options.robot(arguments)
-    return options.decoder_of(robot.dialects.load_all(arguments.dialect), robot)

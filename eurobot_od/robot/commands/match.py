@@ -6,24 +6,27 @@ import argparse
 import json
 import re
 import sys
+from collections.abc import Callable
 from contextlib import nullcontext, redirect_stdout
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from eurobot_od.cli import ExitStatus, campaign, complain, fall_silent
 from eurobot_od.cli import options as shared
 from eurobot_od.errors import LocalError
+from eurobot_od.robot.commands.sides import add_sides
 from eurobot_od.robot.model.options import UNITS, Errors
 from eurobot_od.robot.model.values import TeamColour
 from eurobot_od.support.terminal import in_colour
 
 if TYPE_CHECKING:
+    import can
+
     from eurobot_od.frame import Frame
     from eurobot_od.plugin import Plugin
     from eurobot_od.robot.match import MatchEvent, MatchOptions
     from eurobot_od.robot.match.strategies import StrategyFiles
-    from eurobot_od.robot.match.summary import Summary
 
 SEEDS = re.compile(r"(?:([0-9]{1,9})-)?([0-9]{1,9})")
 """N or FIRST-LAST."""
@@ -35,66 +38,41 @@ OF_ONE_MATCH = {"speed": "fast"} | dict.fromkeys(("seed", "field", *OF_A_BUS))
 """Options that mean nothing to the matches of many seeds, and what they are when they are left out."""
 
 
+REPEATABLE = {
+    "--fault": ("NAME", "give a node a fault; `eurobot-od faults` lists them"),
+    "--set": (
+        "NAME=VALUE",
+        "value in place of the EDS file's, such as 'drive.Motion.Maximum speed=600', or of robot.yaml's, such as "
+        "body.radius=250",
+    ),
+    "--world": ("NAME=VALUE", "error of the simulated world, see below"),
+}
+"""What our nodes and the world are to be like: the form of each option's value, and its help."""
+
+
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Describe the command line."""
+    file: dict[str, Any] = {"type": Path, "metavar": "FILE"}
     time = partial(shared.positive, of=" of seconds")
-    colours = [colour.name.lower() for colour in TeamColour]
-    parser.add_argument("--team", choices=colours, default="red", help="our colour (default: red)")
-    parser.add_argument("--enemies", type=int, choices=range(3), default=2, help="how many enemies (default: 2)")
-    parser.add_argument("--confederates", type=int, choices=range(2), default=1, help="confederates (default: 1)")
+    add_sides(parser)
     parser.add_argument("--seed", type=int, help="seed of all chance: same seed, same frames (default: 1)")
     parser.add_argument("--seeds", type=_seeds, metavar="N|FIRST-LAST", help="play each seed, simulated, and compare")
-    parser.add_argument(
-        "--duration",
-        type=time,
-        metavar="SECONDS",
-        help="match time (default: robot.yaml's)",
-    )
+    parser.add_argument("--duration", type=time, metavar="SECONDS", help="match time (default: robot.yaml's)")
     parser.add_argument("--speed", choices=("fast", "real"), default="fast", help="simulated or real time")
-    parser.add_argument(
-        "--emergency-at",
-        type=time,
-        metavar="SECONDS",
-        help="hit the mushroom at this match time",
-    )
-    parser.add_argument(
-        "--strategy", type=Path, metavar="FILE", help="Python file with a coroutine play(core); left out: the robot's"
-    )
-    parser.add_argument(
-        "--compare", type=Path, nargs="+", metavar="FILE", help="play the same --seeds with each of these strategies"
-    )
-    parser.add_argument("--against", type=Path, metavar="FILE", help="strategy of a second robot, instead of enemy 1")
+    parser.add_argument("--emergency-at", type=time, metavar="SECONDS", help="hit the mushroom at this match time")
+    parser.add_argument("--strategy", **file, help="Python file with a coroutine play(core); left out: the robot's")
+    parser.add_argument("--compare", **file, nargs="+", help="play the same --seeds with each of these strategies")
+    parser.add_argument("--against", **file, help="strategy of a second robot, instead of enemy 1")
     shared.add_log(parser)
-    parser.add_argument(
-        "--field",
-        type=Path,
-        metavar="FILE",
-        help="draw the match: .svg, .html or .png; with --compare the points: .svg",
-    )
+    parser.add_argument("--field", **file, help="draw the match: .svg, .html or .png; with --compare the points: .svg")
     parser.add_argument(
         "--json", action="store_true", help="print as JSON: timeline and summary, or a line for each seed"
     )
     campaign.add_campaign(parser, "--seeds")
     shared.add_dialect(parser)
     nodes = parser.add_argument_group("our nodes and the world, each option repeatable")
-    nodes.add_argument(
-        "--fault",
-        action="append",
-        default=[],
-        metavar="NAME",
-        help="give a node a fault; `eurobot-od faults` lists them",
-    )
-    nodes.add_argument(
-        "--set",
-        action="append",
-        default=[],
-        metavar="NAME=VALUE",
-        help="value in place of the EDS file's, such as 'drive.Motion.Maximum speed=600', or of robot.yaml's, such as "
-        "body.radius=250",
-    )
-    nodes.add_argument(
-        "--world", action="append", default=[], metavar="NAME=VALUE", help="error of the simulated world, see below"
-    )
+    for name, (form, words) in REPEATABLE.items():
+        nodes.add_argument(name, action="append", default=[], metavar=form, help=words)
     errors = (f"{name}={value:g} {UNITS.get(name, '')}".rstrip() for name, value in vars(Errors()).items())
     parser.epilog = f"Errors of the world; without a unit they are shares or rates of 0..1: {', '.join(errors)}."
     shared.add_bus(parser, "; without one, --speed real takes a bus in this process")
@@ -136,13 +114,10 @@ def _strategies(arguments: argparse.Namespace) -> StrategyFiles:
 
     if arguments.against is not None and arguments.speed == "real":
         raise LocalError("--against is for simulated time, and does not go with --speed real")
-    return StrategyFiles(arguments.strategy or _own(shared.robot(arguments)), arguments.against)
-
-
-def _own(robot: Plugin) -> Path | None:
-    """Return the strategy that a robot brings, None for the shipped one."""
-    file = robot.folder / "strategy.py" if robot.folder else None
-    return file if file and file.is_file() else None
+    ours, folder = arguments.strategy, shared.robot(arguments).folder
+    if ours is None and folder and (folder / "strategy.py").is_file():
+        ours = folder / "strategy.py"  # a team's own robot brings one; None is the shipped one
+    return StrategyFiles(ours, arguments.against)
 
 
 # One match
@@ -170,23 +145,37 @@ def _run_one(arguments: argparse.Namespace, options: MatchOptions) -> ExitStatus
             if arguments.speed == "fast":
                 summary, world = stage.play_simulated(options, show, watch, None, *players, complain)
             else:
-                from eurobot_od.live import BITRATE, open_bus
+                from eurobot_od.live import BITRATE
 
                 bit_rate = arguments.bitrate or BITRATE
-                if slow := too_slow(shared.robot(arguments), options.dialect, bit_rate):
-                    complain(slow)
-                open_one = partial(open_bus, arguments.interface, arguments.channel, arguments.bitrate)
-                summary, world = stage.play_live(options, show, watch, open_one, players.ours, complain, bit_rate)
+                summary, world = stage.play_live(
+                    options, show, watch, _bus(arguments), players.ours, complain, bit_rate
+                )
         if arguments.field is not None:
             from eurobot_od.robot.match.drawing import draw
 
             draw(arguments.field, frames, options, world)
-        print(_as_json(events, summary) if arguments.json else f"\n{summary}")
+        if arguments.json:
+            timeline = [each.as_data() for each in events]
+            print(json.dumps({"timeline": timeline, "summary": summary.as_data()}, indent=2))
+        else:
+            print(f"\n{summary}")
     if summary.failure is None:
         return ExitStatus.FINE
+    # First what the match came to, then the traceback: the two are different streams.
     sys.stdout.flush()
     print(summary.failure, file=sys.stderr)
     return ExitStatus.FOUND
+
+
+def _bus(arguments: argparse.Namespace) -> Callable[[], can.BusABC]:
+    """Return what opens the bus of a live match; complain of a bit rate that is too slow for the robot's messages."""
+    from eurobot_od.live import open_bus
+
+    slow = too_slow(shared.robot(arguments), arguments.dialect, arguments.bitrate) if arguments.bitrate else ""
+    if slow:
+        complain(slow)
+    return partial(open_bus, arguments.interface, arguments.channel, arguments.bitrate)
 
 
 def too_slow(robot: Plugin, dialect: str | None, bit_rate: int) -> str:
@@ -198,13 +187,10 @@ def too_slow(robot: Plugin, dialect: str | None, bit_rate: int) -> str:
     return "" if report.holds else f"this bus is too slow: {summary(report)}; see `eurobot-od load -b {bit_rate}`"
 
 
-def _as_json(events: list[MatchEvent], summary: Summary) -> str:
-    return json.dumps({"timeline": [each.as_data() for each in events], "summary": summary.as_data()}, indent=2)
-
-
 def _refuse_what_does_not_go_with_one_match(arguments: argparse.Namespace) -> None:
     """Raise LocalError, and OSError for a picture that could not be written: before the match, not after it."""
     campaign.refuse(arguments, "--seeds")
+    # Refused rather than ignored: who names a bus believes that the robot on it is going to move.
     for name in OF_A_BUS if arguments.speed == "fast" else ():
         if (value := getattr(arguments, name)) is not None:
             raise LocalError(f"--{name} {value} goes with --speed real only: in simulated time there is no such bus")

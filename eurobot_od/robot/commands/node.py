@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 from eurobot_od.cli import ExitStatus
 from eurobot_od.cli import options as shared
 from eurobot_od.errors import LocalError
+from eurobot_od.robot.commands.sides import COLOURS
 from eurobot_od.robot.commands.world import world_address
 from eurobot_od.robot.model.values import TeamColour
 
@@ -42,8 +43,7 @@ PATIENCE = 5.0
 
 def add_arguments(group: argparse._ActionsContainer) -> None:
     """Describe the options."""
-    colours = [colour.name.lower() for colour in TeamColour]
-    group.add_argument("--team", choices=colours, help="core only: check the nodes and configure the start")
+    group.add_argument("--team", choices=COLOURS, help="core only: check the nodes and configure the start")
     group.add_argument("--drill", action="store_true", help="core only: do what the core does when it is checked")
     group.add_argument("--beacons", action="store_true", help="navigation only: simulated beacons for a red robot")
     group.add_argument(
@@ -129,6 +129,7 @@ def enter(node: Node, arguments: argparse.Namespace) -> tuple[RemoteVehicle, Mat
     from eurobot_od.robot.world.remote import RemoteVehicle
 
     vehicle = RemoteVehicle(arguments.world, report=partial(print, flush=True))
+    # Nodes and world are started together, and the world need not be the first.
     options = vehicle.hello(PATIENCE)
     equip([node], vehicle, options.errors, str(options.seed))
     return vehicle, replace(options, duration=arguments.duration)

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from eurobot_od.cli import options as shared
 from eurobot_od.errors import LocalError
+from eurobot_od.robot.commands.sides import add_sides
 from eurobot_od.robot.model.values import TeamColour
 from eurobot_od.support import durations
 
@@ -27,10 +28,15 @@ HERE = "127.0.0.1:2014"
 TOKEN_BYTES = 12
 """Of chance in a token: too many to be guessed over a network."""
 
+IN_WORDS = (
+    "\n{seconds:.1f} s: {points} points; {touches} touches of our robot, in {at_fault} of them it drove into the "
+    "other; {requests} requests, {refused} of them refused"
+)
+"""The summary, as a person reads it."""
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Describe the command line."""
-    colours = [colour.name.lower() for colour in TeamColour]
     parser.add_argument(
         "--listen",
         type=world_address,
@@ -38,9 +44,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="[TOKEN@]HOST:PORT",
         help=f"where to (default: {HERE}); beyond this machine requests need the token, a new one unless it is given",
     )
-    parser.add_argument("--team", choices=colours, default="red", help="our colour (default: red)")
-    parser.add_argument("--enemies", type=int, choices=range(3), default=2, help="how many enemies (default: 2)")
-    parser.add_argument("--confederates", type=int, choices=range(2), default=1, help="confederates (default: 1)")
+    add_sides(parser)
     parser.add_argument("--seed", type=int, default=1, help="seed of all chance, the instruments' too (default: 1)")
     parser.add_argument(
         "--world",
@@ -85,16 +89,20 @@ def run(arguments: argparse.Namespace) -> None:
     begin = time.monotonic()
     world = World(options, lambda: time.monotonic() - begin)
     where = arguments.listen
+    # On 127.0.0.1 everybody can reach it who can start a program here; elsewhere, the whole network could.
     if not where.token and not is_local(where.address.host):
         where = where._replace(token=secrets.token_hex(TOKEN_BYTES))
     channel = Channel(world, {OURS: options}, where.token)
-    show = _show_as_json if arguments.json else _show
+
+    def show(event: MatchEvent) -> None:
+        print(json.dumps(event.as_data()) if arguments.json else event, flush=True)
+
     duration = float("inf") if arguments.duration is None else arguments.duration
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # ends as Ctrl-C does
     with suppress(KeyboardInterrupt):  # to be ended is no error: who serves has no other end
         asyncio.run(Server(world, channel, show).serve(where, duration))
     summary = _summary(world, channel)
-    print(json.dumps({"summary": summary}) if arguments.json else _in_words(summary))
+    print(json.dumps({"summary": summary}) if arguments.json else IN_WORDS.format(**summary))
 
 
 def world_address(text: str) -> WorldAddress:
@@ -105,14 +113,6 @@ def world_address(text: str) -> WorldAddress:
         return WorldAddress.parse(text)
     except LocalError as error:
         raise argparse.ArgumentTypeError(str(error)) from None
-
-
-def _show(event: MatchEvent) -> None:
-    print(event, flush=True)
-
-
-def _show_as_json(event: MatchEvent) -> None:
-    print(json.dumps(event.as_data()), flush=True)
 
 
 def _summary(world: World, channel: Channel) -> dict[str, Any]:
@@ -127,10 +127,3 @@ def _summary(world: World, channel: Channel) -> dict[str, Any]:
         "requests": channel.requests,
         "refused": channel.refused,
     }
-
-
-def _in_words(summary: dict[str, Any]) -> str:
-    return (
-        "\n{seconds:.1f} s: {points} points; {touches} touches of our robot, in {at_fault} of them it drove into the "
-        "other; {requests} requests, {refused} of them refused"
-    ).format(**summary)

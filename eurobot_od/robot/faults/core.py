@@ -61,23 +61,11 @@ class SourceUnseen(Core):
         return None if code == RobotError.WRONG_SOURCE else code
 
 
-def _poll_absent(core: Core) -> None:
-    """Ask for enemy 2, which the core's programme never has."""
-    if core.configuration is not None:
-        core.offer(Enemy2PositionRequest())
-
-
 def _ask_on(core: Core, stop: Frame) -> Iterable[Frame]:
     """Send a stop, and go on asking for the state of the goto as if there had been none."""
     for count in range(1, 15):
         core.at(core.now + count * 0.1, lambda _: core.offer(GotoStateRequest()))
     return [stop]
-
-
-def _only_under_way(core: Core, confirm: GotoConfirm, healthy: Any) -> None:
-    """Take a confirm for what it says only while there is a goto."""
-    if core.is_commanding:
-        healthy(confirm)
 
 
 def _either(_: Core, answer: CheckNaviResponse, healthy: Any) -> None:
@@ -165,7 +153,11 @@ FAULTS = {
     # Position polling (document 2.2, 4.2.2, 5.2)
     "absent-enemy-polled": Caught(
         "core", "2.3 Start Configuration Set: nobody asks for an enemy that is not there"
-    ).fault("asks for an enemy that the start configuration does not have", hooks.every(0.6, _poll_absent)),
+    ).fault(
+        "asks for an enemy that the start configuration does not have",
+        # The core's programme in a check never has an enemy 2.
+        hooks.every(0.6, lambda core: core.offer(Enemy2PositionRequest()) if core.configuration else None),
+    ),
     "polling-period-wraps": Caught("core", "5.2 Match: positions are asked for every 600 ms").fault(
         "asks for positions every 655 ms because a counter wraps (2014 robot)",
         hooks.preset("Position polling.Polling period", 655),
@@ -247,7 +239,8 @@ FAULTS = {
         hooks.numbered(StopDrive, lambda number: hooks.lost if number <= 5 else hooks.kept),
     ),
     "late-confirm-ignored": Caught("core", "2.1 Stop: a goto that is confirmed after its end is stopped again").fault(
-        "does not stop a goto that is confirmed after its end", hooks.handling(GotoConfirm, _only_under_way)
+        "does not stop a goto that is confirmed after its end",
+        hooks.handling(GotoConfirm, lambda core, confirm, healthy: healthy(confirm) if core.is_commanding else None),
     ),
     "lost-goto-unseen": Caught("core", "2.1 State Response: a goto that the drive has lost is stopped").fault(
         "goes on asking when the drive knows of no goto", hooks.preset("Goto handshake.Lost after", 200)

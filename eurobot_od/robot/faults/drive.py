@@ -133,18 +133,6 @@ def _under_way(time: object) -> bool:
     return isinstance(time, int) and not isinstance(time, GotoFault) and time > 0
 
 
-def _later(time: Any) -> Any:
-    return time + JUMP if _under_way(time) else time
-
-
-def _while_driving(drive: Drive, goto: GotoXY, healthy: Any) -> None:
-    """Confirm a goto and go on with the one before."""
-    if drive.moving:
-        drive.offer(GotoConfirm())
-    else:
-        healthy(goto)
-
-
 def _resumed(drive: Drive, stop: StopDrive, healthy: Any) -> None:
     """Stop, and go on after two seconds."""
     goto = drive.goto
@@ -153,22 +141,11 @@ def _resumed(drive: Drive, stop: StopDrive, healthy: Any) -> None:
         drive.at(drive.now + 2, lambda _: _begin(drive, goto))
 
 
-def _not_held(drive: Drive, shutdown: EmergencyShutdown, healthy: Any) -> None:
-    healthy(shutdown)
-    drive.safe = False
-
-
-def _held_for_ever(drive: Drive, configuration: StartConfigurationSet, healthy: Any) -> None:
+def _safe_as_before(drive: Drive, message: Message, healthy: Any) -> None:
+    """Act on a message, but neither enter nor leave the safe state by it."""
     safe = drive.safe
-    healthy(configuration)
+    healthy(message)
     drive.safe = safe
-
-
-def _only_first(drive: Drive, configuration: StartConfigurationSet, healthy: Any) -> None:
-    if drive.configuration is None:
-        healthy(configuration)
-    else:
-        drive.offer(StartConfigurationConfirm())
 
 
 def _in_centimetres(position: KalmanPositionResponse) -> KalmanPositionResponse:
@@ -232,7 +209,10 @@ FAULTS = {
         "confirms a goto and stays where it is", hooks.handling(GotoXY, lambda drive, *_: drive.offer(GotoConfirm()))
     ),
     "goto-not-replaced": Caught("drive", "2.1 Goto: the goto before is dropped").fault(
-        "confirms a new goto but goes on with the one before", hooks.handling(GotoXY, _while_driving)
+        "confirms a new goto but goes on with the one before",
+        hooks.handling(
+            GotoXY, lambda drive, goto, healthy: drive.offer(GotoConfirm()) if drive.moving else healthy(goto)
+        ),
     ),
     "goto-queued": Caught("drive", "2.1 Goto: the goto before is dropped").fault(
         "drives to the first goto's place before it takes the second one", hooks.handling(GotoXY, _queued)
@@ -332,10 +312,11 @@ FAULTS = {
         hooks.arriving(EmergencyStop, hooks.field("obstacle", lambda _: Obstacle.OBJECT)),
     ),
     "shutdown-not-held": Caught("emergency", "4.2.2 Emergency mushroom: no goto is confirmed").fault(
-        "accepts the next goto after an Emergency Shutdown", hooks.handling(EmergencyShutdown, _not_held)
+        "accepts the next goto after an Emergency Shutdown", hooks.handling(EmergencyShutdown, _safe_as_before)
     ),
     "shutdown-held-for-ever": Caught("emergency", "4.2.2 Emergency mushroom: a new start configuration ends it").fault(
-        "stays in its safe state after a new start configuration", hooks.handling(StartConfigurationSet, _held_for_ever)
+        "stays in its safe state after a new start configuration",
+        hooks.handling(StartConfigurationSet, _safe_as_before),
     ),
     "mute-after-shutdown": Caught("emergency", "4.2.2 Emergency mushroom: the drive still answers node checks").fault(
         "answers no node check after an Emergency Shutdown",
@@ -381,7 +362,14 @@ FAULTS = {
     ),
     "time-jumps": Caught("drive", "2.1 State Response: the time goes on falling").fault(
         "says a remaining time that goes up and down",
-        hooks.numbered(GotoStateResponse, lambda number: hooks.kept if number % 2 else hooks.field("time", _later)),
+        hooks.numbered(
+            GotoStateResponse,
+            lambda number: (
+                hooks.kept
+                if number % 2
+                else hooks.field("time", lambda time: time + JUMP if _under_way(time) else time)
+            ),
+        ),
     ),
     "arrival-not-said": Caught("drive", "2.1 State Response: 0 when the place is reached").fault(
         "says 1 ms when it has arrived", hooks.leaving(GotoStateResponse, hooks.field("time", lambda time: time or 1))
@@ -449,7 +437,12 @@ FAULTS = {
     ),
     "configuration-once": Caught("drive", "2.3 Start Configuration Set: yellow starts upper right").fault(
         "takes the first start configuration, and confirms later ones without taking them",
-        hooks.handling(StartConfigurationSet, _only_first),
+        hooks.handling(
+            StartConfigurationSet,
+            lambda drive, start, healthy: (
+                drive.offer(StartConfigurationConfirm()) if drive.configuration else healthy(start)
+            ),
+        ),
     ),
     "contradictions-taken": Caught("sdo-commands", "Table 3 by SDO: no enemy, but a diameter, is refused").fault(
         "takes a start configuration that contradicts itself", ContradictionsTaken

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from functools import cache
-from pathlib import Path
 
 from eurobot_od.device.node import Node
 from eurobot_od.faults.fault import Caught, Fault
@@ -12,7 +11,6 @@ from eurobot_od.faults.hooks import FrameChange, arriving, leaving, lost
 from eurobot_od.faults.messages import Wrong, words
 from eurobot_od.frame import Frame
 from eurobot_od.pdo.message import Message
-from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.robot.protocol import EurobotProtocol
 
 DRIVES_ON = Wrong("drives on after {}", lambda message: arriving(message, lost))
@@ -25,16 +23,13 @@ def replaced_by(other: Message) -> Wrong:
 
 def foreign(message: Message) -> FrameChange:
     """Send a message of another node in a frame's place."""
+    # A node's own EDS does not have it, so all files of the folder are read, once.
+    load = cache(EurobotProtocol.load)
 
     def changed(node: Node, _frame: Frame) -> Iterable[Frame]:
-        return [_whole_protocol(node.device.dictionary.file.parent).encode(message)]
+        return [load(node.device.dictionary.file.parent).encode(message)]
 
     return changed
-
-
-@cache
-def _whole_protocol(folder: Path) -> Protocol:
-    return EurobotProtocol.load(folder)
 
 
 def message_faults(suite: str, *rows: tuple[str, Wrong, type[Message], str]) -> dict[str, Fault]:

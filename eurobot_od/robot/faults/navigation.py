@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from eurobot_od.faults import hooks
 from eurobot_od.faults.fault import Caught
 from eurobot_od.faults.messages import NOT_ANSWERED, NOT_SENT, REVERSED, TWICE, sent_late
@@ -49,12 +47,8 @@ def _scattered(position: NaviPositionResponse) -> NaviPositionResponse:
     """Move a place to either side, by the noise in its last bit."""
     if position.x is None:
         return position
+    # Not by chance of its own: the same seed must give the same frames, and one offset would be a mere bias.
     return position._replace(x=position.x + (SCATTER if position.x % 2 else -SCATTER))
-
-
-def _under_enemy_2(navigation: Navigation, *_: object) -> None:
-    answer: Any = navigation.answer_to(Enemy1PositionRequest())
-    navigation.offer(Enemy2PositionResponse(*answer))
 
 
 FAULTS = {
@@ -102,7 +96,11 @@ FAULTS = {
         hooks.leaving(Enemy1PositionResponse, hooks.field("source", lambda _: Source.INTERNAL)),
     ),
     "enemies-mixed-up": Caught("navigation", f"{LOCATION}: enemy 1").fault(
-        "answers for enemy 1 under the identifier of enemy 2", hooks.handling(Enemy1PositionRequest, _under_enemy_2)
+        "answers for enemy 1 under the identifier of enemy 2",
+        hooks.handling(
+            Enemy1PositionRequest,
+            lambda navigation, request, _: navigation.offer(Enemy2PositionResponse(*navigation.answer_to(request))),
+        ),
     ),
     "enemy-unknown-as-zero": Caught("navigation", "Table 2: an enemy that is not there is unknown").fault(
         "says 0, 0 for an enemy that is not there", hooks.leaving(Enemy2PositionResponse, hooks.unknown_as(0))

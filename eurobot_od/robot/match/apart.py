@@ -66,6 +66,7 @@ async def _as_long_as_it_runs(live: Live, playing: Coroutine[Any, Any, None]) ->
     while not task.done() and live.failure is None:
         await asyncio.wait([task], timeout=LOOKS)
     if live.failure is not None:
+        # The strategy's `finally` may still await something, so it is waited for before the failure comes out.
         task.cancel()
         await asyncio.wait([task])
         raise live.failure

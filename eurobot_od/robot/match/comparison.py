@@ -58,15 +58,14 @@ def report(played: Played) -> Iterator[str]:
     first, *others = names
     for name in others:
         for measure in MEASURES:
-            yield f"{name} against {first}: {_difference(measure, played[first], played[name])}"
-
-
-def _difference(measure: Measure, first: Sequence[PlayedMatch], other: Sequence[PlayedMatch]) -> str:
-    differences = [measure.of(after) - measure.of(before) for before, after in zip(first, other)]
-    mean, half = interval(differences)
-    verdict = "" if abs(mean) > half else ", which may be chance"
-    more, fewer = sum(each > 0 for each in differences), sum(each < 0 for each in differences)
-    return f"{measure.name} {mean:+.2f} ± {half:.2f}{verdict}; more at {more} seeds, fewer at {fewer}"
+            # Seed by seed: what the opponents and the beacons do is the same in both, and drops out.
+            differences = [measure.of(after) - measure.of(before) for before, after in zip(played[first], played[name])]
+            mean, half = interval(differences)
+            # An interval that has 0 in it does not even tell which of the two is better.
+            verdict = "" if abs(mean) > half else ", which may be chance"
+            more, fewer = sum(each > 0 for each in differences), sum(each < 0 for each in differences)
+            what = f"{measure.name} {mean:+.2f} ± {half:.2f}{verdict}"
+            yield f"{name} against {first}: {what}; more at {more} seeds, fewer at {fewer}"
 
 
 # The picture

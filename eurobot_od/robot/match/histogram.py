@@ -33,14 +33,11 @@ def rows(values: Sequence[int], characters: str = BLOCKS) -> Iterator[str]:
     step = next((each for each in STEPS if max(values) // each - min(values) // each < MOST_ROWS), STEPS[-1])
     counts = Counter(value // step for value in values)
     most, width = max(counts.values()), len(str(max(counts) * step + step - 1))
+    parts = len(characters) - 1
+    # Rows without a match are drawn as well: a gap in the middle is what one looks for.
     for number in range(min(counts), max(counts) + 1):
         first, last = number * step, number * step + step - 1
         name = f"{first:>{width}}" if step == 1 else f"{first:>{width}} to {last:>{width}}"
-        yield f"{name}  {_bar(counts[number] / most, characters)} {counts[number]}"
-
-
-def _bar(share: float, characters: str) -> str:
-    """Draw a bar for a share of 0..1; what is not nothing is seen."""
-    parts = len(characters) - 1
-    length = round(share * WIDTH * parts) or (share > 0)
-    return characters[-1] * (length // parts) + characters[length % parts].strip()
+        length = round(counts[number] / most * WIDTH * parts) or (counts[number] > 0)  # what is not nothing is seen
+        bar = characters[-1] * (length // parts) + characters[length % parts].strip()
+        yield f"{name}  {bar} {counts[number]}"

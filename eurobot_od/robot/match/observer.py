@@ -36,6 +36,7 @@ class Observer:
 
     def _began(self, what: GotoXY | str, call: Call[Any]) -> None:
         begin = self._timeline.clock()
+        # `caller` is looked up now: when the call ends, the strategy's line is no longer on the stack.
         call.add_done_callback(partial(self._ask_for, "act" if isinstance(what, str) else "goto", caller()))
         if isinstance(what, str):
             call.add_done_callback(partial(self._did, what))
@@ -65,15 +66,12 @@ class Observer:
         except Exception as error:  # the strategy gets it as well: it may know what to do
             self._tell_end("failed", str(error), self._timeline.clock() - begin)
         else:
-            self._tell(report)
-
-    def _tell(self, report: GotoReport) -> None:
-        if report.outcome is Outcome.ARRIVED:
-            self._tell_arrival(report)
-            return
-        if report.why.endswith(AHEAD):
-            self._timeline.tell(EventKind.STOP, f"emergency stop: {report.why}", obstacle=report.why[: -len(AHEAD)])
-        self._tell_end(report.outcome.value, report.why, report.ended)
+            if report.outcome is Outcome.ARRIVED:
+                self._tell_arrival(report)
+                return
+            if report.why.endswith(AHEAD):
+                self._timeline.tell(EventKind.STOP, f"emergency stop: {report.why}", obstacle=report.why[: -len(AHEAD)])
+            self._tell_end(report.outcome.value, report.why, report.ended)
 
     def _tell_end(self, outcome: str, why: str, seconds: float) -> None:
         text = f"{outcome} after {seconds:.2f} s" + f": {why}" * bool(why)

@@ -93,6 +93,7 @@ class PlayedMatch:
         """What needs a look, nothing if all is well."""
         texts = [] if self.failure is None else [self.failure]
         if self.summary and self.summary.failure:
+            # The last line of a traceback is the exception; the lines above are for who plays the seed again.
             end = self.summary.failure.splitlines()[-1]
             texts.append(end if end.startswith("the strategy ") else f"the strategy raised {end}")
         texts += [f"goto ({goto.x}, {goto.y}): {goto.end}" for goto in self.gotos if goto.end in UNMEANT]
@@ -166,21 +167,13 @@ def gotos_in(events: Iterable[MatchEvent]) -> list[PlayedGoto]:
         if event.kind is EventKind.GOTO:
             begun.append(event.data["goto"])
         elif event.kind in (EventKind.ARRIVED, EventKind.GIVEN_UP):
-            ended.append(_goto(begun[len(ended)], event.data))
+            # Gotos end in the order in which they began: a newer one ends the older before it begins.
+            goto, end = begun[len(ended)], event.data
+            outcome, why = end.get("outcome", ARRIVED), end.get("why")
+            place = goto["x"], goto["y"], goto["angle"]
+            text = f"{outcome}: {why}" if why else outcome
+            ended.append(PlayedGoto(*place, text, end["seconds"], end.get("distance"), end.get("error")))
     return ended
-
-
-def _goto(goto: dict[str, Any], end: dict[str, Any]) -> PlayedGoto:
-    outcome, why = end.get("outcome", ARRIVED), end.get("why")
-    end_text = f"{outcome}: {why}" if why else outcome
-    place = goto["x"], goto["y"], goto["angle"]
-    return PlayedGoto(*place, end_text, end["seconds"], end.get("distance"), end.get("error"))
-
-
-def _forced(barriers: str) -> set[str]:
-    """Return the names of the barriers that flags in words, `fire 1:normal, pool 2:forced`, have as forced."""
-    passages = (text.partition(":") for text in barriers.split(", "))
-    return {name for name, _, passage in passages if passage == Passage.FORCED.name.lower()}
 
 
 def touches_in(events: Iterable[MatchEvent]) -> list[RobotTouch]:
@@ -189,7 +182,9 @@ def touches_in(events: Iterable[MatchEvent]) -> list[RobotTouch]:
     found: list[RobotTouch] = []
     for event in events:
         if event.kind is EventKind.GOTO:
-            forced = _forced(event.data["goto"]["barriers"])
+            # In words, as the timeline has them: `fire 1:normal, pool 2:forced`.
+            passages = (text.partition(":") for text in event.data["goto"]["barriers"].split(", "))
+            forced = {name for name, _, passage in passages if passage == Passage.FORCED.name.lower()}
         elif event.kind is EventKind.TOUCH:
             (touch,) = touches_of(OURS, [Touch(**event.data)])
             found.append(touch._replace(forced=touch.thing in forced))

@@ -90,38 +90,31 @@ class Referee:
             text = f"an emergency at {options.emergency_at:g} s is not within the match of {self._duration:g} s"
             raise LocalError(text)
         self._end = inf
-        self._mushroom = inf
         self._over = False
 
     async def play(self, strategy: Strategy) -> None:
         """Play the match from the node checks to its end; raises NoAnswer if a node does not answer."""
-        await self._check()
-        await self._configure()
-        await self._first_position()
+        await self._start_up()
         await self._let_play(strategy)
         await self._stand_still()
 
-    # Startup (document 5.1)
-
-    async def _check(self) -> None:
-        took = await self.core.check_nodes()
-        answers = ", ".join(f"{node} answered after {seconds * 1000:.1f} ms" for node, seconds in took.items())
-        self.timeline.tell(EventKind.CHECK, answers, seconds=took)
-
-    async def _configure(self) -> None:
+    async def _start_up(self) -> None:
+        """Check the nodes, configure the start, and wait for the robot's place (document 5.1); raises NoAnswer."""
+        answered = await self.core.check_nodes()
+        answers = ", ".join(f"{node} answered after {seconds * 1000:.1f} ms" for node, seconds in answered.items())
+        self.timeline.tell(EventKind.CHECK, answers, seconds=answered)
         options = self.options
         enemies = (self.core.facts.others[each] for each in DIAMETERS)
+        # The diameter in cm of a radius in mm, rounded up: it is what a strategy keeps off.
         diameters = [ceil(each.radius / 5) * (number < options.enemies) for number, each in enumerate(enemies)]  # cm
         took = await self.core.configure_start(options.team, options.enemies, options.confederates, *diameters)
         others = f"{_count(options.enemies, 'enemy', 'enemies')}, {_count(options.confederates, 'confederate')}"
         what = f"{options.team.name.lower()}, {others}"
         self.timeline.tell(EventKind.CONFIGURE, f"{what}: confirmed after {took * 1000:.1f} ms", seconds=took)
-
-    async def _first_position(self) -> None:
-        """Wait until position polling has brought the robot's place, or else ask for it; raises NoAnswer."""
         patience = self.clock() + FIRST_POSITION
         while KalmanPositionResponse not in self.core.positions:
             await asyncio.sleep(LOOKS)
+            # Polling may have lost its first answers, and a strategy needs a place to start from.
             if self.clock() > patience:
                 await self.core.position()
         seen = self.core.positions[KalmanPositionResponse].position
@@ -133,35 +126,29 @@ class Referee:
         """Start the match, and let the strategy play until it is over."""
         start = self.clock()
         self._end = start + self._duration
-        self._mushroom = inf if self.options.emergency_at is None else start + self.options.emergency_at
+        mushroom = inf if self.options.emergency_at is None else start + self.options.emergency_at
         self.timeline.tell(EventKind.MATCH, f"begins, {self._duration:g} s long", duration=self._duration)
         self.core.start_match(self._duration)
         loop, playing = asyncio.get_running_loop(), asyncio.ensure_future(_played(strategy, self.core))
+        # Live, the core runs in the bus's thread, and a task may be cancelled in its loop's thread only.
         self.core.at_match_end = partial(loop.call_soon_threadsafe, playing.cancel)
         try:
             while not (self._over or self.core.match_over):
-                await self._watch(playing)
+                left = min(mushroom, self._end) - self.clock()
+                await asyncio.sleep(min(max(left, MOMENT), LOOKS))
+                if self.clock() >= mushroom:
+                    mushroom, self._over = inf, True
+                    self.core.emergency_shutdown()
+                    self.timeline.tell(EventKind.EMERGENCY, "emergency shutdown: the mushroom was hit")
+                await self._look_at(playing)
         finally:
             self.core.at_match_end = lambda: None
             await self._end_strategy(playing)
 
-    async def _watch(self, playing: asyncio.Future[Any]) -> None:
-        """Wait for a moment; hit the mushroom in time, and see whether the strategy has failed."""
-        left = min(self._mushroom, self._end) - self.clock()
-        await asyncio.sleep(min(max(left, MOMENT), LOOKS))
-        if self.clock() >= self._mushroom:
-            self._mushroom, self._over = inf, True
-            self.core.emergency_shutdown()
-            self.timeline.tell(EventKind.EMERGENCY, "emergency shutdown: the mushroom was hit")
-        await self._look_at(playing)
-
     async def _look_at(self, playing: asyncio.Future[Any]) -> None:
-        """See whether the strategy has failed."""
-        if playing.done() and not playing.cancelled() and (error := playing.exception()) is not None:
-            await self._fail(error)
-
-    async def _fail(self, error: BaseException) -> None:
-        """Stop the robot after an exception of the strategy, and keep what a team needs to find it."""
+        """If the strategy has raised, stop the robot and keep what a team needs to find the cause."""
+        if not playing.done() or playing.cancelled() or (error := playing.exception()) is None:
+            return
         self._over = True
         hangs = isinstance(error, Hang)
         self.failure = f"the strategy hangs: {error}" if hangs else _last_lines(error)
@@ -174,6 +161,7 @@ class Referee:
 
     async def _end_strategy(self, playing: asyncio.Future[Any]) -> None:
         """Cancel a strategy that is still going on, and let it clean up."""
+        # With a moment for its `finally`; one that swallows the cancellation is told, and not waited for.
         if playing.cancel():
             await asyncio.wait([playing], timeout=SETTLED)
             await self._look_at(playing)
@@ -184,10 +172,8 @@ class Referee:
             self.timeline.tell(EventKind.STOP, "stop drive: the match is over")
 
     async def _stand_still(self) -> None:
-        """Let the robot come to rest, wait for the end of the match, and tell whether anything moved meanwhile.
-
-        When the strategy has failed the robot was seen to stand already, and nothing else is to come.
-        """
+        """Let the robot come to rest, wait for the end of the match, and tell whether anything moved meanwhile."""
+        # A strategy that failed was stopped and seen to stand already, and nothing else is to come.
         settled, left = (SEEN_TO_STAND, 0.0) if self.failure else (SETTLED, self._end + LOOKS - self.clock())
         await asyncio.sleep(settled)
         told, rest = self.core.match_over or bool(self.failure), self._truth()

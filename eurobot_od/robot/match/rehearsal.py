@@ -74,6 +74,7 @@ def _rehearse(
         network.observers.append(
             stack.enter_context(recording(None if log is None else Path(log), tell=partial(print, file=sys.stderr)))
         )
+        # A program's first call would meet nodes that have not booted, and wait for a whole check attempt.
         network.run(POWER_UP)
         with Watchdog(passing(lambda: network.now), partial(print, file=sys.stderr)) as watchdog:
             try:

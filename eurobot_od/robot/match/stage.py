@@ -62,16 +62,8 @@ ShowEvent = Callable[[MatchEvent], None]
 """Called with each event of the timeline as it comes."""
 
 
-def _unseen(_: MatchEvent) -> None:
-    """Show nothing of what a rival does."""
-
-
-def _untold(_: str) -> None:
-    """Tell nobody."""
-
-
-def _unwatched(_time: float, _frame: Frame) -> None:
-    """FrameReader no frame."""
+def _nobody(*_: object) -> None:
+    """Neither show, watch nor tell anything, as for a rival."""
 
 
 class EdsFiles(NamedTuple):
@@ -104,6 +96,7 @@ def cast_for(options: MatchOptions, files: EdsFiles, world: World, name: str = O
     robot, found = plugin.find(options.robot), stores(options.of_nodes, files.dictionaries)
     kinds = {each: robot.kind(files.roles[each], options.faults) for each in (*BOOT_TIMES, *files.dictionaries)}
     nodes = [make(kind, files.dictionaries[each], found[each], world.facts) for each, kind in kinds.items()]
+    # The rival's instruments err by streams of their own: with ours, both robots would slip at the same moments.
     seed = str(options.seed) if name == OURS else f"{options.seed} {name}"
     equip(nodes, world.vehicle(name), options.errors, seed)
     return cast(Core, nodes[0]), nodes
@@ -120,8 +113,8 @@ class Performance:
         options: MatchOptions,
         files: EdsFiles,
         world: World,
-        show: ShowEvent = _unseen,
-        watch: Watcher = _unwatched,
+        show: ShowEvent = _nobody,
+        watch: Watcher = _nobody,
         name: str = OURS,
     ) -> None:
         self._dialect, self.name, self._world = files.dialect, name, world
@@ -194,7 +187,7 @@ def play_simulated(
     files: EdsFiles | None = None,
     strategy: Strategy = shipped.play,
     against: Strategy | None = None,
-    tell: Callable[[str], object] = _untold,
+    tell: Callable[[str], object] = _nobody,
 ) -> tuple[Summary, World]:
     """Play a match in simulated time; without `files` the EDS files are read.
 
@@ -227,10 +220,12 @@ def _rival(options: MatchOptions) -> MatchOptions:
     return replace(
         options,
         team=TeamColour(1 - options.team),
+        # The other robot's enemies are ours and our confederate; what is our second enemy is its confederate.
         enemies=1 + options.confederates,
         confederates=max(options.enemies - 1, 0),
         emergency_at=None,
         faults=(),
+        # Facts are the field's, and hold for both; settings and faults are those of our nodes alone.
         settings=tuple(each for each in options.settings if each not in options.of_nodes),
     )
 
@@ -245,7 +240,7 @@ def play_live(
     watch: Watcher,
     open_bus: Callable[[], can.BusABC],
     strategy: Strategy = shipped.play,
-    tell: Callable[[str], object] = _untold,
+    tell: Callable[[str], object] = _nobody,
     bit_rate: int = runtime.BITRATE,
 ) -> tuple[Summary, World]:
     """Play a match in real time; each node, and the watcher, gets a bus of its own from `open_bus`.

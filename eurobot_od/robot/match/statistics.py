@@ -101,13 +101,16 @@ def touch_counts(matches: Iterable[PlayedMatch]) -> list[TouchCount]:
     for match in matches:
         for touch in match.touches:
             found[FORCED if touch.forced else touch.kind.value].append((match.seed, touch))
-    return [_touched(name, touches) for name, touches in found.items()]
-
-
-def _touched(name: str, found: list[tuple[int, RobotTouch]]) -> TouchCount:
-    seeds, touches = {seed for seed, _ in found}, [touch for _, touch in found]
-    at_fault, driven_into = sum(each.at_fault for each in touches), sum(each.driven_into for each in touches)
-    return TouchCount(name, len(seeds), len(touches), at_fault, driven_into)
+    return [
+        TouchCount(
+            name,
+            len({seed for seed, _ in touches}),
+            len(touches),
+            sum(each.at_fault for _, each in touches),
+            sum(each.driven_into for _, each in touches),
+        )
+        for name, touches in found.items()
+    ]
 
 
 def spread(figure: Figure, matches: Iterable[PlayedMatch]) -> Spread | None:
@@ -116,6 +119,7 @@ def spread(figure: Figure, matches: Iterable[PlayedMatch]) -> Spread | None:
     if not pairs:
         return None
     values = [value for value, _ in pairs]
+    # Inclusive: the seeds are all that was played, and the extremes are among them.
     lower, median, upper = quantiles(values, n=4, method="inclusive") if len(values) > 1 else values * 3
     least, most = min(pairs, key=itemgetter(0)), max(pairs, key=itemgetter(0))
     return Spread(fmean(values), *least, lower, median, upper, *most)
@@ -138,8 +142,13 @@ def report(matches: Sequence[PlayedMatch], marks: str = histogram.BLOCKS) -> Ite
     yield f"{'':<22} {headings}"
     for figure in FIGURES:
         yield _line(figure, spread(figure, matches))
-    yield from _position_error([goto.error for match in matches for goto in match.arrivals if goto.error is not None])
-    yield from _histogram([match.points for match in matches if match.summary], marks)
+    if errors := sorted(goto.error for match in matches for goto in match.arrivals if goto.error is not None):
+        # The value that 95 % do not exceed, not one between two: every figure is one that some match has had.
+        rms, most = sqrt(fmean(error**2 for error in errors)), errors[ceil(0.95 * len(errors)) - 1]
+        where = f"position error at {len(errors)} arrivals"
+        yield f"{where}: mean {fmean(errors):.1f} mm, RMS {rms:.1f} mm, 95 % up to {most:.1f} mm"
+    if points := [match.points for match in matches if match.summary]:
+        yield from ("", "matches by points", *histogram.rows(points, marks))
     yield ""
     yield from _to_look_at(matches)
 
@@ -153,20 +162,6 @@ def _line(figure: Figure, spread: Spread | None) -> str:
     return f"{figure.name:<22} {mean} {least} {spread.least_seed:>6} {' '.join(middle)} {most} {spread.most_seed:>6}"
 
 
-def _position_error(errors: list[float]) -> Iterator[str]:
-    if errors:
-        rms, most = sqrt(fmean(error**2 for error in errors)), sorted(errors)[ceil(0.95 * len(errors)) - 1]
-        where = f"position error at {len(errors)} arrivals"
-        yield f"{where}: mean {fmean(errors):.1f} mm, RMS {rms:.1f} mm, 95 % up to {most:.1f} mm"
-
-
-def _histogram(points: list[int], marks: str) -> Iterator[str]:
-    if points:
-        yield ""
-        yield "matches by points"
-        yield from histogram.rows(points, marks)
-
-
 def _to_look_at(matches: Sequence[PlayedMatch]) -> Iterator[str]:
     """Name the seeds in which something was wrong, and those with the fewest points."""
     bad = [match for match in matches if match.wrong]
@@ -176,6 +171,7 @@ def _to_look_at(matches: Sequence[PlayedMatch]) -> Iterator[str]:
     if len(bad) > MOST_LISTED:
         yield f"and {len(bad) - MOST_LISTED} more seeds"
     if len(matches) > LOWEST and any(match.summary for match in matches):
+        # Fewest points, though nothing went wrong: that is where a strategy can be made better.
         low = sorted((match for match in matches if match.summary), key=attrgetter("points"))[:LOWEST]
         yield "fewest points: " + ", ".join(f"seed {match.seed} with {match.points}" for match in low)
     played = f"{len(matches)} match{'es' * (len(matches) != 1)}, seeds {matches[0].seed} to {matches[-1].seed}"

@@ -57,12 +57,10 @@ class Summary:
             lines.append(f"{places}, position error {mean:.1f} mm on average, {max(self.errors):.0f} mm at most")
         if self.points:
             points = ", ".join(f"{name} {points}" for name, points in self.points.items())
-            lines += [f"points: {points}", f"touches: {self._touched()}"]
+            kinds = ", ".join(f"{count} x {kind}" for kind, count in self.touches.items())
+            touched = f"{kinds}; {self.at_fault} of {sum(self.touches.values())} by our fault" if kinds else "none"
+            lines += [f"points: {points}", f"touches: {touched}"]
         return "\n".join(lines + [f"gatekeeper: {report}" for report in self.reports])
-
-    def _touched(self) -> str:
-        kinds = ", ".join(f"{count} x {kind}" for kind, count in self.touches.items())
-        return f"{kinds}; {self.at_fault} of {sum(self.touches.values())} by our fault" if kinds else "none"
 
 
 class FrameCounter:
@@ -89,6 +87,7 @@ class FrameCounter:
 
     def summary(self, seconds: float, bitrate: int) -> Summary:
         """Return what was counted in `seconds`."""
+        # All of them, those that never came with 0: the picture of a match shows what was not said as well.
         frames = {name: self._counts[name] for name in self._protocol.names()}
         load = self._bits / bitrate / seconds if seconds else 0.0
         return Summary(seconds, bitrate, frames, dict(self._others), load)

@@ -180,6 +180,7 @@ class Facts:
     def barrier(self, name: str) -> Barrier:
         """Return a barrier by its name as people write it: `fire 2`, `fire-2`, `Pool_1`; raises UnknownName."""
         names = {each.name: each for each in self.barriers}
+        # On a command line a name with a space would need quotes, hence `fire-2`.
         plain = name.strip().lower().replace("-", " ").replace("_", " ")
         if plain not in names:
             raise UnknownName("barrier", name, names)
@@ -198,11 +199,13 @@ class Facts:
 
     def tasks(self, team: TeamColour) -> dict[str, Task]:
         """Return what a team's robot can do, by name."""
-        tasks = map(self._mirrored, self.red_tasks.values()) if team is not TeamColour.RED else self.red_tasks.values()
-        return {task.name: task for task in tasks}
-
-    def _mirrored(self, task: Task) -> Task:
-        """Return a task's mirror image, with the name of what is there."""
-        x = int(self.field.width) - task.x
-        there = (each.name for each in self.red_tasks.values() if (each.x, each.y) == (x, task.y))
-        return task._replace(name=next(there, task.name), x=x, angle=int(normalise(180 - task.angle)))
+        if team is TeamColour.RED:
+            return dict(self.red_tasks)
+        tasks = {}
+        for task in self.red_tasks.values():
+            x = int(self.field.width) - task.x
+            # What stands at the mirrored place keeps its own name: yellow's `fire 1` is where red's is.
+            there = (each.name for each in self.red_tasks.values() if (each.x, each.y) == (x, task.y))
+            name = next(there, task.name)
+            tasks[name] = task._replace(name=name, x=x, angle=int(normalise(180 - task.angle)))
+        return tasks

@@ -17,6 +17,7 @@ class Angle(Kind):
     modulus: int = 360
 
     def read(self, raw: int, limits: Limits) -> Any:
+        # Ten bits could say 1023: what is no angle is kept raw and flagged, not taken modulo 360 as from a caller.
         return super().read(raw, Limits(0, self.modulus - 1))
 
     def write(self, value: Any, limits: Limits) -> int:
@@ -79,12 +80,14 @@ class Remaining(Kind):
         return super().read(raw, Limits(0, self.UNKNOWN))
 
     def numbers(self, limits: Limits) -> range:
+        # The codes above are left out: they are no times, and have words of their own.
         return range(self.UNKNOWN)
 
     def extremes(self, limits: Limits) -> Limits:
         return Limits(0, max(self.MEANING))
 
     def write(self, value: Any, limits: Limits) -> int:
+        # A caller cannot send the codes as numbers: 1048575 ms would arrive as "unknown".
         return self.CODE[value] if value in self.CODE else super().write(value, Limits(0, self.UNKNOWN - 1))
 
     def parse(self, text: str) -> Any:
@@ -134,14 +137,14 @@ class BarrierFlags(Kind):
     def parse(self, text: str) -> Any:
         if text == "none" or text[:1].isdigit():
             return Barriers(0 if text == "none" else typed_number(text))
-        return Barriers.of(dict(map(self._barrier, text.split(","))))
-
-    def _barrier(self, text: str) -> tuple[int, Passage]:
-        name, _, passage = text.partition(":")
-        wanted = passage.strip().upper() or Passage.NORMAL.name
-        if wanted not in Passage.__members__:
-            raise ValueError(text)
-        return self._facts().barrier(name).number, Passage[wanted]
+        passages = {}
+        for part in text.split(","):
+            name, _, passage = part.partition(":")
+            wanted = passage.strip().upper() or Passage.NORMAL.name
+            if wanted not in Passage.__members__:
+                raise ValueError(part)
+            passages[self._facts().barrier(name).number] = Passage[wanted]
+        return Barriers.of(passages)
 
     def text(self, value: Any) -> str:
         return self._facts().words(Barriers(value)) if value else str(Barriers(0))

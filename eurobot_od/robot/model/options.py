@@ -70,6 +70,7 @@ class Errors:
             value = float(text)
         except ValueError:
             value = -1.0
+        # Written so that "nan" fails it as well: no comparison with it is true.
         if not 0.0 <= value < float("inf"):
             raise LocalError(f"{name}={text}: not a number from 0 on")
         return replace(self, **{name: value})

@@ -111,6 +111,7 @@ def parse(source: str, file: str, changes: Changes = ()) -> Facts:
         place, what = min(problems)
         raise DictionaryError(f"{file}:{place.line}", None, what) from error
     for name, value in changes:
+        # One after the other, each read whole: a change that contradicts the file is refused by its own name.
         facts = _changed(root, name, value)
     return facts
 
@@ -122,20 +123,16 @@ def _changed(root: yaml.Node, name: str, value: str) -> Facts:
         *path, key = name.split(".")
         node = root
         for each in path:
-            node = _part(node, each, problems)
+            within = _entries(node, problems)
+            if each not in within:
+                refuse(node, problems, str(UnknownName("key", each, within)))
+            node = within[each][1]
         entries, given = _entries(node, problems), compose(value, problems)
         entries[key] = yaml.ScalarNode(STRING, key, given.start_mark, given.end_mark), given
         node.value = [*entries.values()]
         return FACTS(root, problems)
     except ReadError as error:
         raise LocalError(f"{name}={value}: {problems[0].what}") from error
-
-
-def _part(node: yaml.Node, key: str, problems: Problems) -> yaml.Node:
-    entries = _entries(node, problems)
-    if key not in entries:
-        refuse(node, problems, str(UnknownName("key", key, entries)))
-    return entries[key][1]
 
 
 def _entries(node: yaml.Node, problems: Problems) -> dict[str, tuple[yaml.Node, yaml.Node]]:
@@ -151,6 +148,7 @@ def _real(name: str, low: float, high: float, unit: str = "mm") -> NodeReader[fl
     allowed = f"{low:g}..{high:g} {unit}".rstrip()
 
     def read_real(node: yaml.Node, problems: Problems) -> float:
+        # YAML 1.1 reads 010 as 8 and 12:30 as 750: only what is written as a plain decimal number is taken for one.
         plain = isinstance(node, yaml.ScalarNode) and node.style is None and NUMBER.fullmatch(node.value)
         if not plain or not low <= float(node.value) <= high:
             refuse(node, problems, f"{name} = {shown(node)} is not allowed; allowed: {allowed}")
@@ -215,6 +213,7 @@ WHEELS = record(Wheels, {"track": _real("track", 1, 2000), "diameter": _real("di
 
 
 def _body(radius: float | None = None, outline: tuple[Point, ...] = (), wheels: Wheels | None = None) -> Body:
+    # Rounded up: a circle that is smaller than the outline by a part of a millimetre would be refused below.
     around = max((math.hypot(*corner) for corner in outline), default=0.0)
     return Body(math.ceil(around) if radius is None else radius, outline, wheels)
 
@@ -234,6 +233,7 @@ BODY = _checked(
     record(_body, {}, {"radius": _real("radius", 10, 1000), "outline": listing(CORNER), "wheels": WHEELS}), _wrong_body
 )
 
+# 16 bits: the object 0x2105, which takes the duration, has no more.
 MATCH = record(lambda duration: duration, {"duration": _whole("duration", 1, 0xFFFF, "s")}, {})
 
 TEAMS = {team.name.lower(): team for team in TeamColour}
@@ -245,12 +245,6 @@ SIZE = _tuple(lambda *size: size, _real("size along x", 100, SIDE[1]), _real("si
 TREES = record(Trees, {"radius": _real("radius", 1, 1000), "places": listing(POINT)}, {})
 
 
-def _field(
-    size: tuple[float, float], border: float, start: Mapping[TeamColour, Start], trees: Trees = NO_TREES
-) -> Field:
-    return Field(*size, border, start, trees)
-
-
 def _wrong_field(field: Field) -> str | None:
     for team, start in field.starts.items():
         if not field.contains(start.pose.point):
@@ -259,7 +253,12 @@ def _wrong_field(field: Field) -> str | None:
 
 
 FIELD = _checked(
-    record(_field, {"size": SIZE, "border": _real("border", 0, 1000), "start": STARTS}, {"trees": TREES}), _wrong_field
+    record(
+        lambda size, border, start, trees=NO_TREES: Field(size[0], size[1], border, start, trees),
+        {"size": SIZE, "border": _real("border", 0, 1000), "start": STARTS},
+        {"trees": TREES},
+    ),
+    _wrong_field,
 )
 
 KIND: NodeReader[dict[str, Any]] = record(
@@ -270,12 +269,6 @@ KIND: NodeReader[dict[str, Any]] = record(
 BARRIER: NodeReader[dict[str, Any]] = record(
     dict, {"number": _whole("number", 1, FLAGGED), "kind": text, "at": POINT}, {}
 )
-
-
-def _barriers(kinds: Mapping[str, dict[str, Any]], places: Mapping[str, dict[str, Any]]) -> tuple[Barrier, ...]:
-    made = {str(name): BarrierKind(str(name), **kind) for name, kind in kinds.items()}
-    barriers = (Barrier(str(name), each["number"], made[each["kind"]], *each["at"]) for name, each in places.items())
-    return tuple(sorted(barriers, key=lambda each: each.number))
 
 
 def _wrong_barriers(section: dict[str, dict[str, dict[str, Any]]]) -> str | None:
@@ -313,11 +306,6 @@ TASK: NodeReader[dict[str, Any]] = record(
 )
 
 
-def _tasks(tasks: Mapping[str, dict[str, Any]]) -> dict[str, Task]:
-    made = (Task(str(name), *each.pop("at"), **each) for name, each in tasks.items())
-    return {task.name: task for task in made}
-
-
 OTHERS = {"enemy 1": Source.ENEMY_1, "enemy 2": Source.ENEMY_2, "confederate": Source.CONFEDERATE}
 OTHER = _checked(
     record(OtherRobot, {"radius": _real("radius", 10, 1000), "rounds": listing(POINT)}, {}),
@@ -336,7 +324,14 @@ def _facts(
     tasks: dict[str, Any],
     robots: Mapping[Source, OtherRobot],
 ) -> Facts:
-    return Facts(body, field, _barriers(**barriers), _tasks(tasks), robots, match)
+    # Plain texts from here on: those that the reader gives carry their place in the file.
+    kinds = {str(name): BarrierKind(str(name), **kind) for name, kind in barriers["kinds"].items()}
+    standing = [
+        Barrier(str(name), each["number"], kinds[each["kind"]], *each["at"])
+        for name, each in barriers["places"].items()
+    ]
+    todo = {str(name): Task(str(name), *each.pop("at"), **each) for name, each in tasks.items()}
+    return Facts(body, field, tuple(sorted(standing, key=lambda each: each.number)), todo, robots, match)
 
 
 def _outside(facts: Facts) -> str | None:

@@ -49,6 +49,7 @@ class Route(IntEnum):
 class GotoFault(IntEnum):
     """Why a goto has no remaining time (2014 robot); the numbers are those on the wire."""
 
+    # Both above the 20 bits of a remaining time, so that they cannot be taken for one.
     BLOCKED = 0xFFFFFE
     NOT_POSSIBLE = 0xFFFFFF
 

@@ -6,7 +6,7 @@ What the messages say of the match is worked out by `picture.recording`, as for 
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from threading import Event as Signal
 from typing import Any, ClassVar
@@ -32,12 +32,9 @@ from eurobot_od.robot.picture import style
 from eurobot_od.robot.picture.ground import RING, ground
 from eurobot_od.robot.picture.recording import (
     OURS,
-    PathPoint,
     RecordedGoto,
     RecordedStop,
     Recorder,
-    ScoredTask,
-    TouchMark,
     Truth,
     at,
 )
@@ -122,6 +119,7 @@ class FieldPanel(Panel):
         return "" if self._place_known else "no goto: the drive's place is unknown; have a core configure the start"
 
     def _answers(self, request: Message, answer: type[Message], control: Control) -> bool:
+        # A new one for each question: an answer to an earlier one must not count.
         heard = self._heard[answer] = Signal()
         control.send_message(request)
         return heard.wait(PATIENCE)
@@ -132,9 +130,11 @@ class FieldPanel(Panel):
         if type(message) in self._heard:
             self._heard[type(message)].set()
         recording = self._recorder.recording
+        # The last goto is told again: this message may have ended it.
         before = max(len(recording.gotos) - 1, 0)
         self._recorder.take(time, message)
         for path in recording.paths.values():
+            # In one go and not message by message: to delete at the front moves all the rest.
             if len(path) > 2 * KEPT:
                 del path[:KEPT]
         if isinstance(message, StartConfigurationSet):
@@ -173,16 +173,15 @@ class FieldPanel(Panel):
 
     def _route(self, goto: RecordedGoto) -> list[Point]:
         """Return the way points of a goto as the drive may plan them, from where the robot was when it was sent."""
-        if goto.number not in self._routes:
-            self._routes[goto.number] = self._way(at(self._recorder.recording.path, goto.sent), goto.message)
+        if goto.number not in self._routes:  # it is asked for at each message while the goto is under way
+            message, start = goto.message, at(self._recorder.recording.path, goto.sent)
+            here, there = start and Point(start.x, start.y), Point(message.x, message.y)
+            planned: Sequence[Point] | None = None
+            if here and message.route is Route.PLANNED:
+                planned = find_route(here, there, message.barriers, self._clearances)
+            # Without a way a straight line is drawn: it shows what was asked for.
+            self._routes[goto.number] = [*([here] if here else []), *(planned or (there,))]
         return self._routes[goto.number]
-
-    def _way(self, start: PathPoint | None, goto: GotoXY) -> list[Point]:
-        here, there = start and Point(start.x, start.y), Point(goto.x, goto.y)
-        if here is None:
-            return [there]
-        planned = goto.route is Route.PLANNED and find_route(here, there, goto.barriers, self._clearances)
-        return [here, *(planned or (there,))]
 
 
 def field_panel(facts: Facts) -> type[FieldPanel]:
@@ -222,22 +221,13 @@ def _stop(start: float, stop: RecordedStop) -> PageEvent:
 def truth_events(truth: Truth, start: float) -> Iterator[PageEvent]:
     """Give touches and points as events, `start` being when the page's time begins."""
     for number, touch in enumerate(truth.touches):
-        yield _touch(number, touch, start)
+        place, time = {"x": touch.place.x, "y": touch.place.y}, touch.time - start
+        yield PageEvent(
+            f"touch {number}", "touch", time, touch.words, mark="✶", wrong=touch.at_fault, data={"place": place}
+        )
     for number, score in enumerate(truth.scores):
-        yield _score(number, score, start)
-
-
-def _touch(number: int, touch: TouchMark, start: float) -> PageEvent:
-    place = {"x": touch.place.x, "y": touch.place.y}
-    time = touch.time - start
-    return PageEvent(
-        f"touch {number}", "touch", time, touch.words, mark="✶", wrong=touch.at_fault, data={"place": place}
-    )
-
-
-def _score(number: int, score: ScoredTask, start: float) -> PageEvent:
-    text = f"{score.robot}: {score.task} +{score.points}"
-    return PageEvent(f"points {number}", "points", score.time - start, text, mark=f"+{score.points}")
+        text = f"{score.robot}: {score.task} +{score.points}"
+        yield PageEvent(f"points {number}", "points", score.time - start, text, mark=f"+{score.points}")
 
 
 def true_path(truth: Truth, start: float) -> list[dict[str, Any]]:

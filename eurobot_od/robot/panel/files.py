@@ -31,11 +31,6 @@ class SeenMatch(NamedTuple):
         return record(messages, self.truth)
 
 
-def _png(match: SeenMatch, title: str) -> bytes:
-    # One pixel for each unit of the drawing: on an A4 page that is 360 to the inch.
-    return bytes(_renderer().svg_to_bytes(svg_string=picture(match.recording, match.facts, title), width=PAGE[0]))
-
-
 def _renderer() -> ModuleType:
     """Return what makes pixels of SVG; raises LocalError without the extra that brings it."""
     with extras.needed("png"):
@@ -63,7 +58,10 @@ PNG = ".png"
 PICTURE_FORMATS: Mapping[str, Callable[[SeenMatch, str], bytes]] = {
     ".svg": lambda match, title: picture(match.recording, match.facts, title).encode(),
     ".html": _html,
-    PNG: _png,
+    # One pixel for each unit of the drawing: on an A4 page that is 360 to the inch.
+    PNG: lambda match, title: bytes(
+        _renderer().svg_to_bytes(svg_string=picture(match.recording, match.facts, title), width=PAGE[0])
+    ),
 }
 
 

@@ -78,6 +78,7 @@ def _start(sheet: Sheet, colour: TeamColour, start: Start, ours: bool) -> str:
 def _barrier(sheet: Sheet, barrier: Barrier, passage: Passage) -> str:
     centre, radius = sheet.place(barrier.x, barrier.y), barrier.kind.radius
     ring = [] if passage is Passage.FREE else [passage_ring(centre, radius + RING, passage)]
+    # A small barrier has no room for its name.
     words = barrier.name if radius > NAMED else barrier.name.rpartition(" ")[2]
     name = style.label((centre[0], centre[1] + 13), words, fill=svg.PAPER, size=36, font_weight="bold")
     return svg.group(*ring, barrier_shape(barrier.kind, centre, radius), name)

@@ -7,7 +7,7 @@ from itertools import pairwise
 from math import dist
 from typing import TypeVar
 
-from eurobot_od.robot.model.facts import Body, Facts, Field
+from eurobot_od.robot.model.facts import Body, Facts
 from eurobot_od.robot.model.messages import SOURCES, PositionResponse
 from eurobot_od.robot.model.places import Pose
 from eurobot_od.robot.model.values import Outcome
@@ -48,12 +48,15 @@ SPACING = 2 * style.MARK + 8
 def picture(recording: Recording, facts: Facts, title: str) -> str:
     """Draw a match as SVG, on the field that the facts say."""
     width, height = PAGE
+    drawing, scale = field_drawing(recording, facts), min(ROOM[0] / facts.field.width, ROOM[1] / facts.field.height)
+    if scale != 1:  # the field of another year
+        drawing = svg.group(drawing, transform=f"scale({scale:.4f})")
     return svg.element(
         "svg",
         svg.rectangle((0, 0), width, height, fill=svg.PAPER),
         style.label((FIELD[0], 130), title, size=84, anchor="start", font_weight="bold"),
         style.label((FIELD[0], 215), ", ".join(_summary(recording)), fill=svg.PALE, size=46, anchor="start"),
-        svg.moved(FIELD, _fitted(facts.field, field_drawing(recording, facts)), id="field"),
+        svg.moved(FIELD, drawing, id="field"),
         svg.moved(COLUMN, column(recording, facts)),
         svg.moved(TIMELINE, timeline(recording)),
         xmlns="http://www.w3.org/2000/svg",
@@ -85,12 +88,6 @@ def _several(number: int, one: str, many: str) -> str:
 # The field
 
 
-def _fitted(field: Field, drawing: str) -> str:
-    """Scale the drawing of a field to its place on the page."""
-    scale = min(ROOM[0] / field.width, ROOM[1] / field.height)
-    return drawing if scale == 1 else svg.group(drawing, transform=f"scale({scale:.4f})")
-
-
 def field_drawing(recording: Recording, facts: Facts) -> str:
     """Draw the field and what happened on it; one unit is one millimetre, the origin its upper left corner."""
     sheet = Sheet(facts.field)
@@ -100,6 +97,7 @@ def field_drawing(recording: Recording, facts: Facts) -> str:
         *_path(sheet, recording.path, recording.end),
         *_true_path(sheet, recording.truth),
         *(_ours(sheet, facts.body, each, style.colour_of(recording.team)) for each in recording.path[-1:]),
+        # From here on what explains the paths: it must not be hidden below them.
         *_ticks(sheet, recording),
         *_gotos(sheet, recording.gotos, facts),
         *_stops(sheet, recording.stops),
@@ -157,6 +155,7 @@ def _ticks(sheet: Sheet, recording: Recording) -> Iterator[str]:
         where = at(recording.path, time)
         if where is not None and all(dist(place(where.x, where.y), other) > CLEAR for other in taken):
             centre = place(where.x, where.y)
+            # A robot that stands has one mark, not one for each ten seconds.
             taken.append(centre)
             yield svg.circle(centre, 15, fill=svg.PAPER, stroke=style.colour_at(time / recording.end), stroke_width=7)
             yield style.halo((centre[0] + 28, centre[1] + 11), f"{time} s", anchor="start")
@@ -191,6 +190,7 @@ def diameter(recording: Recording, facts: Facts, whom: type[PositionResponse]) -
 def _gotos(sheet: Sheet, gotos: Iterable[RecordedGoto], facts: Facts) -> Iterator[str]:
     """Draw each place that gotos led to once, and below it a disc for each of them."""
     for (x, y), here in _by_place((sheet.place(each.message.x, each.message.y), each) for each in gotos):
+        # At the lower edge there is room above the place only.
         below = y - DISC if y > sheet.height - CLEAR else y + DISC
         yield style.target_mark((x, y), sorted({each.message.angle for each in here}))
         for centre, goto in _side_by_side(sheet, (x, below), here):

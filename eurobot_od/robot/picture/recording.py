@@ -160,7 +160,9 @@ class Recorder:
     def take(self, time: float, message: Message) -> None:
         """Take in a message."""
         self.start = time if self.start is None else self.start
+        # Times in a log may go back by a moment; the match does not.
         now = self.recording.end = max(time - self.start, self.recording.end)
+        # A stop acts even with an obstacle that nobody knows (Table 1): the drive stops for it as well.
         if is_flagged(message) and type(message) not in messages.CATALOGUE.always:
             return
         handle = HANDLERS.get(type(message))
@@ -197,7 +199,12 @@ class Recorder:
         self._standing = stop
         self._end(now, Outcome.STOPPED)
         letter, place = _letter(len(self.recording.stops)), at(self.recording.path, now)
-        self.recording.stops.append(RecordedStop(letter, now, *_named(stop), place))
+        name, reason = ("Stop Drive", "commanded")
+        if isinstance(stop, messages.EmergencyStop):
+            name, reason = "Emergency Stop", kinds(messages.EmergencyStop)["obstacle"].text(stop.obstacle)
+        elif isinstance(stop, messages.EmergencyShutdown):
+            name, reason = "Emergency Shutdown", "mushroom"
+        self.recording.stops.append(RecordedStop(letter, now, name, reason, place))
 
     def _end(self, now: float, outcome: Outcome) -> None:
         if self._running is not None:
@@ -217,13 +224,6 @@ HANDLERS: Mapping[type[Message], Callable[[Recorder, float, Any], None]] = {
 }
 
 
-def _named(stop: messages.StopMessage) -> tuple[str, str]:
-    """Return name and reason of a stop."""
-    if isinstance(stop, messages.EmergencyStop):
-        return "Emergency Stop", kinds(messages.EmergencyStop)["obstacle"].text(stop.obstacle)
-    return ("Stop Drive", "commanded") if isinstance(stop, messages.StopDrive) else ("Emergency Shutdown", "mushroom")
-
-
 def _letter(number: int) -> str:
     """Return A, B, ..., Z, AA, AB, ... for 0, 1, ..."""
     return (_letter(number // 26 - 1) if number >= 26 else "") + chr(ord("A") + number % 26)
@@ -235,5 +235,6 @@ def at(path: list[PathPoint], time: float) -> PathPoint | None:
     if not path or after in (0, len(path)):
         return (path[-1] if after else path[0]) if path else None
     one, two = path[after - 1], path[after]
+    # The times differ: bisect has put the asked one after the first and not after the second.
     share = (time - one.time) / (two.time - one.time)
     return PathPoint(time, one.x + share * (two.x - one.x), one.y + share * (two.y - one.y), one.angle)

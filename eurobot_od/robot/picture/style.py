@@ -59,6 +59,7 @@ def ticks(tick: int, end: float) -> range:
 def colour_at(share: float) -> str:
     """Return the colour of a moment, `share` 0..1 of the match."""
     place = min(max(share, 0.0), 1.0) * (len(RAMP) - 1)
+    # At the very end of the match the last colour is the far end of the last piece.
     step = min(int(place), len(RAMP) - 2)
     mixed = (round(a + (b - a) * (place - step)) for a, b in zip(RAMP[step], RAMP[step + 1]))
     return "#" + "".join(f"{part:02x}" for part in mixed)
@@ -81,19 +82,17 @@ def around(centre: PaperPoint, radius: float, corners: int, turn: float = 0.0) -
 
 def target_mark(centre: PaperPoint, angles: Iterable[float] = ()) -> str:
     """Draw the place that a goto leads to, with a tip for each angle that the robot is to turn to."""
+    tips, (x, y), foot, tip = [], centre, 30, 68
+    for angle in angles:
+        # Angles count counter-clockwise, and y grows downwards on paper: hence the minus.
+        cos, sin = math.cos(math.radians(angle)), -math.sin(math.radians(angle))
+        sides = [(x + foot * cos + side * sin, y + foot * sin - side * cos) for side in (20, -20)]
+        tips.append(svg.polygon([(x + tip * cos, y + tip * sin), *sides], fill=GOTO))
     return svg.group(
-        *(_tip(centre, 30, angle) for angle in angles),
+        *tips,
         svg.circle(centre, 26, fill=PAPER, stroke=GOTO, stroke_width=7),
         svg.circle(centre, 8, fill=GOTO),
     )
-
-
-def _tip(centre: PaperPoint, radius: float, angle: float) -> str:
-    """Draw a tip on a circle in a direction of the unit circle."""
-    cos, sin = math.cos(math.radians(angle)), -math.sin(math.radians(angle))
-    tip = centre[0] + (radius + 38) * cos, centre[1] + (radius + 38) * sin
-    sides = [(centre[0] + radius * cos + s * 20 * sin, centre[1] + radius * sin - s * 20 * cos) for s in (1, -1)]
-    return svg.polygon([tip, *sides], fill=GOTO)
 
 
 def goto_mark(centre: PaperPoint, number: int, outcome: Outcome | None, *content: str) -> str:

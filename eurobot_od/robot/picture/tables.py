@@ -37,6 +37,7 @@ def column(recording: Recording, facts: Facts) -> str:
     legend = list(_legend(recording, facts))
     below = LEGEND_ROW * len(legend) + 90
     rows = (HEIGHT - below) // ROW - HEADS
+    # A third of the rows is the stops' in any case; what gotos leave free is theirs as well.
     stops = min(len(recording.stops), max(rows // 3, rows - len(recording.gotos)))
     gotos = min(len(recording.gotos), rows - stops)
     return svg.group(
@@ -99,17 +100,18 @@ class TableColumn(NamedTuple):
         return style.label((self.x, row * ROW), words, fill=fill, size=style.SMALL, anchor=self.anchor)
 
 
-def _ended(goto: RecordedGoto) -> str:
-    return goto.ending if goto.ended is None else f"{goto.ending} {goto.ended - goto.sent:.1f} s"
-
-
 GOTO_COLUMNS = (
     TableColumn(45, "end", "no", lambda goto: str(goto.number)),
     TableColumn(160, "end", "at s", lambda goto: f"{goto.sent:.1f}"),
     TableColumn(365, "end", "to mm", lambda goto: f"{goto.message.x}, {goto.message.y}"),
     TableColumn(455, "end", "deg", lambda goto: str(goto.message.angle)),
     TableColumn(540, "end", "%", lambda goto: str(goto.message.speed)),
-    TableColumn(565, "start", "", _ended),
+    TableColumn(
+        565,
+        "start",
+        "",
+        lambda goto: goto.ending if goto.ended is None else f"{goto.ending} {goto.ended - goto.sent:.1f} s",
+    ),
 )
 STOP_COLUMNS = (
     TableColumn(45, "end", "", lambda stop: stop.letter),
@@ -141,31 +143,30 @@ NARROW = 48
 
 def timeline(recording: Recording) -> str:
     """Draw the time from left to right: the path's colours, the gotos as bars, the stops."""
+    # A log of one frame has no length, and everything on the line is divided by it.
     end = max(recording.end, 1.0)
 
     def x(time: float) -> float:
         return WIDTH * time / end
 
+    ours = "; line: our points" if recording.scores else ""
+    other = ", dashed: the other robot's" if any(each.robot != OURS for each in recording.scores) else ""
+    caption = f"time in s; bars: gotos, green if reached{ours}{other}"
     return svg.group(
         *_seconds(end, x),
         *_bars(recording.gotos, x, end),
         *(style.stop_mark(where, letter) for where, letter in _signs(recording.stops, x)),
         *(style.touch_mark((x(each.time), TIME_Y + BAR / 2), each.at_fault) for each in recording.touches),
         *_points(recording.scores, x),
-        style.label((WIDTH, CAPTION_Y), _caption(recording), fill=svg.PALE, size=style.SMALL, anchor="end"),
+        style.label((WIDTH, CAPTION_Y), caption, fill=svg.PALE, size=style.SMALL, anchor="end"),
     )
-
-
-def _caption(recording: Recording) -> str:
-    ours = "; line: our points" if recording.scores else ""
-    other = ", dashed: the other robot's" if any(each.robot != OURS for each in recording.scores) else ""
-    return f"time in s; bars: gotos, green if reached{ours}{other}"
 
 
 def _seconds(end: float, x: Callable[[float], float]) -> Iterator[str]:
     pieces = 90
     for piece in range(pieces):
         start = WIDTH * piece / pieces
+        # One unit wider: between two that only meet, renderers show a light line.
         yield svg.rectangle((start, TIME_Y), WIDTH / pieces + 1, BAR, fill=style.colour_at(piece / pieces))
     for time in (0, *style.ticks(TIME_TICK, end)):
         yield svg.line((x(time), TIME_Y), (x(time), SCORE_Y + SCORE_BAR), stroke=svg.GRID, stroke_width=3)

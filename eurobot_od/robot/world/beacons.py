@@ -32,7 +32,11 @@ class SimulatedBeacons:
     def locate(self, whom: Source, _now: float) -> Fix | None:
         """Measure a robot's place; None if it is not seen."""
         errors, chance = self._errors, self._chance[whom]
-        pose = self._vehicle.pose(self._seen_for(whom), errors.beacon_latency)
+        seen = whom
+        if chance.random() < errors.beacon_swaps:  # another robot is taken for this one
+            others = [each for each in Source if each is not whom and self._vehicle.pose(each) is not None]
+            seen = chance.choice(others) if others else whom
+        pose = self._vehicle.pose(seen, errors.beacon_latency)
         if pose is None or chance.random() < errors.beacon_dropouts:
             return None
         if chance.random() < errors.beacon_outliers:
@@ -41,11 +45,3 @@ class SimulatedBeacons:
         place, angle = self._deviations()
         x, y = pose.x + chance.gauss(0, place), pose.y + chance.gauss(0, place)
         return Fix(x, y, pose.angle + chance.gauss(0, angle) if whom is Source.INTERNAL else None)
-
-    def _seen_for(self, whom: Source) -> Source:
-        """Return who is taken for a robot: itself, or now and then another one."""
-        chance = self._chance[whom]
-        if chance.random() >= self._errors.beacon_swaps:
-            return whom
-        others = [each for each in Source if each is not whom and self._vehicle.pose(each) is not None]
-        return chance.choice(others) if others else whom

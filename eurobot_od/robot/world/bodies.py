@@ -83,6 +83,7 @@ class RobotBody(Body):
 
     def place(self, pose: Pose) -> None:
         """Put it somewhere."""
+        # Room 0: what is near has to be looked at anew before the next step.
         self.point, self.angle, self.room = pose.point, pose.angle, 0.0
 
     def go(self, point: Point, angle: float, now: float) -> None:
@@ -146,6 +147,7 @@ class RobotBody(Body):
     def approach(self, other: Body) -> float:
         """Tell how fast it drives towards another body, mm/s; negative if away from it."""
         bearing = math.radians(self.angle - self.pose.bearing(other.point))
+        # Only the part along the line between the two: who passes by does not come nearer.
         return self.speed * math.cos(bearing)
 
 
@@ -157,14 +159,14 @@ def standing(barriers: Iterable[Barrier]) -> list[Body]:
 
 def nearest_on(corners: list[Point], point: Point) -> Point:
     """Return the place on an outline that is nearest to a point."""
-    return min((_on_side(*side, point) for side in pairwise([*corners, corners[0]])), key=partial(math.dist, point))
-
-
-def _on_side(start: Point, end: Point, point: Point) -> Point:
-    dx, dy = end.x - start.x, end.y - start.y
-    along = ((point.x - start.x) * dx + (point.y - start.y) * dy) / (dx * dx + dy * dy or 1.0)
-    share = min(max(along, 0.0), 1.0)
-    return Point(start.x + share * dx, start.y + share * dy)
+    on_sides = []
+    for start, end in pairwise([*corners, corners[0]]):
+        dx, dy = end.x - start.x, end.y - start.y
+        # The foot of the perpendicular, held between the corners; 1.0 is for a side of no length, a corner said twice.
+        along = ((point.x - start.x) * dx + (point.y - start.y) * dy) / (dx * dx + dy * dy or 1.0)
+        share = min(max(along, 0.0), 1.0)
+        on_sides.append(Point(start.x + share * dx, start.y + share * dy))
+    return min(on_sides, key=partial(math.dist, point))
 
 
 def contains(corners: list[Point], point: Point) -> bool:

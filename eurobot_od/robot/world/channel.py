@@ -102,16 +102,6 @@ def _truth(asked: _Asked) -> dict[str, Any]:
     return {"time": world.clock(), **world.robots[robot].pose._asdict(), **came_to}
 
 
-def _move(asked: _Asked) -> float:
-    fields = asked.fields
-    return asked.vehicle.move(Odometry(fields["distance"], fields["turn"]), fields["seconds"])
-
-
-def _pose(asked: _Asked) -> dict[str, Any] | None:
-    pose = asked.vehicle.pose(WHOM[asked.fields["whom"]], asked.fields["age"])
-    return None if pose is None else pose._asdict()
-
-
 def _ahead(asked: _Asked) -> dict[str, Any] | None:
     seen = asked.vehicle.ahead(**asked.fields)
     return None if seen is None else seen._asdict() | {"obstacle": seen.obstacle.name.lower()}
@@ -126,9 +116,14 @@ REQUESTS = {
             "turn": _number(-3600, 3600, "degrees"),
             "seconds": _number(0, 10, "s"),
         },
-        _move,
+        lambda asked: asked.vehicle.move(
+            Odometry(asked.fields["distance"], asked.fields["turn"]), asked.fields["seconds"]
+        ),
     ),
-    "pose": Request({"whom": _WHOM, "age": _number(0, 3600, "s", default=0.0)}, _pose),
+    "pose": Request(
+        {"whom": _WHOM, "age": _number(0, 3600, "s", default=0.0)},
+        lambda asked: (pose := asked.vehicle.pose(WHOM[asked.fields["whom"]], asked.fields["age"])) and pose._asdict(),
+    ),
     "ahead": Request({"distance": _number(0, 10_000, "mm"), "angle": _number(0, 180, "degrees")}, _ahead),
     "begin": Request({"task": _TASK}, lambda asked: asked.vehicle.begin(**asked.fields)),
     "finish": Request({"task": _TASK}, lambda asked: asked.vehicle.finish(**asked.fields)),
@@ -159,6 +154,7 @@ class Channel:
 
     def _result(self, given: dict[str, Any]) -> Any:
         name, robot, token = given.pop(REQUEST, None), given.pop(ROBOT, OURS), str(given.pop(TOKEN, ""))
+        # In constant time: how long a comparison takes would tell how much of a guessed token is right.
         if self._token and not hmac.compare_digest(token.encode(), self._token.encode()):
             raise LocalError("the token is missing or wrong: give the address as the world printed it")
         if name not in tuple(REQUESTS):
@@ -174,6 +170,7 @@ def _parsed(line: bytes) -> dict[str, Any]:
     if len(line) > LINE_LIMIT:
         raise LocalError(f"a line of more than {LINE_LIMIT} bytes")
     try:
+        # All as floats, so that one test (`_number`) is right for 1 and 1.0 alike.
         given = json.loads(line, parse_int=float)
     except (ValueError, RecursionError) as error:
         raise LocalError(f"not JSON: {error}") from error

@@ -31,15 +31,13 @@ class FallenThing:
     def look_at(self, robot: RobotBody, now: float) -> None:
         """Fall over before a robot that drives fast enough; be taken away when the time has come."""
         if self._fell is not None:
-            self._end(now - self._fell)
+            if self.body is not None and now - self._fell > REMOVED_AFTER:
+                self._contacts.things.remove(self.body)
+                self.body = None
         elif robot.speed >= FAST:
             point = robot.pose.moved(robot.radius + AHEAD + RADIUS, 0).point
+            # Not there: it waits for a better place, so that every match has its fall.
             if inside(point, FROM_BORDER, self._contacts.field) == point:
                 self._fell, self.body = now, Body("fallen thing", point, RADIUS, Weight.LIGHT)
                 self._contacts.things.append(self.body)
                 self._contacts.stir()
-
-    def _end(self, seconds: float) -> None:
-        if self.body is not None and seconds > REMOVED_AFTER:
-            self._contacts.things.remove(self.body)
-            self.body = None

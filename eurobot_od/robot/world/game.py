@@ -42,14 +42,17 @@ class Game:
 
     def finish(self, robot: str, task: Task, pose: Pose, now: float) -> int:
         """Judge what a robot has done at its true pose: points or fruit, 0 if it was done already or out of reach."""
+        # By the true pose, not the believed one: a robot that is wrong about its place misses.
         if not is_near(pose, task.pose, REACH, REACH_ANGLE):
             return 0
         if task.worth is Worth.HARVEST:
             return self._score(now, robot, task, self._fruit.pop(robot, 0))
+        # Under "", whoever comes second finds it done.
         key = ("" if task.shared else robot, task.name)
         if key in self._done:
             return 0
         self._done.add(key)
+        # A stream by its name: whether the mammoth is hit does not depend on what was done before.
         chance = random.Random(f"{self._seed} {robot} {task.name}")
         came = task.points * sum(chance.random() < task.chance for _ in range(task.tries))
         if task.worth is Worth.FRUIT:

@@ -62,27 +62,29 @@ class _Connection:
         if time.monotonic() < self._rests_until:
             raise ConnectionError("it is asked again soon")
         try:
-            connection = self._socket or self._connect()
+            if self._socket is None:
+                self._socket = socket.create_connection(self._address, TIMEOUT)
+                # A line is one small packet that is waited for: Nagle's algorithm would hold it back.
+                self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+                # From now on no name has to be looked up, which may take longer than TIMEOUT.
+                self._address = self._socket.getpeername()[:2]
+            connection = self._socket
             connection.settimeout(TIMEOUT)
             connection.sendall(line)
             answer = self._answer(connection)
         except OSError:
             self.close()  # an answer that comes later would be taken for the next one's
+            # One that has answered before is asked again at once: it may have been started anew.
             self._rests_until = time.monotonic() + RETRY * (not self._has_answered)
             self._has_answered = False
             raise
         self._has_answered = True
         return answer
 
-    def _connect(self) -> socket.socket:
-        made = self._socket = socket.create_connection(self._address, TIMEOUT)
-        made.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        self._address = made.getpeername()[:2]  # from now on no name has to be looked up, which takes its time
-        return made
-
     def _answer(self, connection: socket.socket) -> bytes:
         end, answer = time.monotonic() + TIMEOUT, b""
         while not answer.endswith(b"\n"):
+            # The time is for the whole answer, not for each part; 0 would mean "do not wait", which is another error.
             connection.settimeout(max(end - time.monotonic(), 0.001))
             part = connection.recv(LINE_LIMIT)
             if not part or len(answer) > LINE_LIMIT:
@@ -140,7 +142,12 @@ class RemoteVehicle:
         return self._sensed(lambda answer: Pose(**answer), "pose", whom=whom.name.lower(), age=age)
 
     def ahead(self, distance: float, angle: float) -> Detection | None:
-        return self._sensed(_detection, "ahead", distance=distance, angle=angle)
+        return self._sensed(
+            lambda seen: Detection(Obstacle[seen["obstacle"].upper()], seen["distance"], seen["bearing"]),
+            "ahead",
+            distance=distance,
+            angle=angle,
+        )
 
     # Actuators
 
@@ -168,7 +175,12 @@ class RemoteVehicle:
         """Ask, and tell once if there is no answer, or an answer again; raises WorldError, LocalError for a refusal."""
         with self._lock:
             try:
-                value = read(self._ask({REQUEST: request, **self._given, **fields}))
+                line = json.dumps({REQUEST: request, **self._given, **fields}).encode() + b"\n"
+                answer = json.loads(self._connection.ask(line))
+                if ERROR in answer:
+                    raise LocalError(f"the world at {self._address}: {answer[ERROR]}")
+                value = read(answer[ANSWER])
+            # Whatever answers there need not be a world: anything that is not its answer counts as none.
             except (OSError, WorldError, KeyError, TypeError, ValueError, AttributeError) as error:
                 text = f"the world at {self._address} does not answer: {getattr(error, 'strerror', None) or error}"
                 self._tell(True, f"{text}; nothing moves, and nothing is seen")
@@ -176,21 +188,10 @@ class RemoteVehicle:
             self._tell(False, f"the world at {self._address} answers again")
             return value
 
-    def _ask(self, request: dict[str, object]) -> Any:
-        line = self._connection.ask(json.dumps(request).encode() + b"\n")
-        answer = json.loads(line)
-        if ERROR in answer:
-            raise LocalError(f"the world at {self._address}: {answer[ERROR]}")
-        return answer[ANSWER]
-
     def _tell(self, is_away: bool, text: str) -> None:
         if is_away != self._is_away:
             self._is_away = is_away
             self._report(text)
-
-
-def _detection(answer: dict[str, Any]) -> Detection:
-    return Detection(Obstacle[answer["obstacle"].upper()], answer["distance"], answer["bearing"])
 
 
 def _options(answer: dict[str, Any]) -> MatchOptions:

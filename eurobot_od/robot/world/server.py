@@ -49,6 +49,7 @@ class _Client(asyncio.Protocol):
         self._transport.write(b"".join(map(self._answer, lines)))  # writelines() of 3.12 cannot pause
 
     def pause_writing(self) -> None:
+        # A client that does not read its answers must not fill our memory with them.
         self._transport.pause_reading()
 
     def resume_writing(self) -> None:
@@ -78,17 +79,14 @@ class Server:
         self._show(MatchEvent(self._world.clock(), EventKind.START, f"world on {full}; Ctrl-C ends it", data))
         listening(WorldAddress(bound, where.token))
         try:
-            await self._look_for(duration)
+            end = self._world.clock() + duration
+            while (left := end - self._world.clock()) > 0:
+                await asyncio.sleep(min(LOOKS, left))
+                self._look()
         finally:
             server.close()
             for client in self._clients:
                 client.abort()
-            self._look()
-
-    async def _look_for(self, duration: float) -> None:
-        end = self._world.clock() + duration
-        while (left := end - self._world.clock()) > 0:
-            await asyncio.sleep(min(LOOKS, left))
             self._look()
 
     def _look(self) -> None:

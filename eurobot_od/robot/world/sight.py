@@ -25,6 +25,7 @@ def _look(body: RobotBody, other: Body, distance: float, angle: float) -> Detect
         return None
     bearing = turn(body.angle, math.degrees(math.atan2(dy, dx)))
     half = math.degrees(math.asin(min(other.radius / apart, 1.0)))
+    # Any part of it counts: of a wide robot close by, the middle may well lie outside of the cone.
     if abs(bearing) - half > angle:
         return None
     what = Obstacle.ENEMY if isinstance(other, RobotBody) else Obstacle.OBJECT

@@ -22,6 +22,7 @@ class SimulatedWheels:
 
     def __init__(self, vehicle: Vehicle, errors: Errors, chance: random.Random) -> None:
         self._vehicle, self._errors, self._chance = vehicle, errors, chance
+        # Drawn once for a match, as tyres and track do not change in it; the first one the drive's filter learns.
         self._scale, self._bias = chance.gauss(1, errors.wheel_scale), chance.gauss(1, errors.wheel_turn)
 
     def advance(self, command: Command, dt: float) -> Odometry:
@@ -29,6 +30,7 @@ class SimulatedWheels:
         told = Odometry(command.speed * dt, command.turn * dt)
         wanted = self._rolled(told)
         moved = self._vehicle.move(wanted, dt)
+        # No world: wheels that do not turn, so that the drive gives up its goto as blocked.
         if moved is None:
             return Odometry(0.0, 0.0)
         if not wanted.distance or abs(moved) >= BLOCKED * abs(wanted.distance):
@@ -42,6 +44,7 @@ class SimulatedWheels:
         distance, turn = told.distance * self._scale, told.turn * self._bias
         if metres:
             distance += self._chance.gauss(0, self._errors.wheel_noise * math.sqrt(metres))
+        # Errors at random grow with the root of the way: the sum of many small ones.
         if metres or quarters:
             turn += self._chance.gauss(0, self._errors.heading_noise * math.sqrt(metres + quarters))
         return Odometry(distance, turn)

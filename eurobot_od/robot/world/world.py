@@ -74,7 +74,10 @@ class World:
         self._contacts = Contacts(
             self.facts.field, self.things, self.robots, clock, self._tell, lambda body: self.game.fall(body.name)
         )
-        self._go = self._contacts.move if options.solid else self._pass
+        if options.solid:
+            self._go = self._contacts.move
+        else:  # only the border holds a robot
+            self._go = lambda body, wanted: body.go(inside(wanted.point, 0, self.facts.field), wanted.angle, clock())
         self._fallen = FallenThing(self._contacts)
         self._teams = {OURS: options.team, RIVAL: TeamColour(1 - options.team)}
         self._put(OURS)
@@ -92,6 +95,7 @@ class World:
     def _put(self, name: str) -> None:
         """Put a robot that nodes drive where its team starts."""
         start = self.facts.start(self._teams[name])
+        # Ours is without the robot's name, and stays so: another name would be another match for every seed.
         chance = self._stream(f"placement {name}" if name != OURS else "placement")
         spreads = (PLACEMENT, PLACEMENT, PLACEMENT_ANGLE)
         shape = self.facts.body
@@ -141,12 +145,9 @@ class World:
             self._fallen.look_at(body, self.clock())
         if body.point == there.point or not self._options.solid:
             return wanted.distance
+        # What it came along the chord, with its sign: a robot pushed back has made a negative way.
         heading = math.radians(before.angle + wanted.turn / 2)
         return (body.point.x - before.x) * math.cos(heading) + (body.point.y - before.y) * math.sin(heading)
-
-    def _pass(self, body: RobotBody, wanted: Pose) -> None:
-        """Move a robot to a pose whatever is there; the border holds it."""
-        body.go(inside(wanted.point, 0, self.facts.field), wanted.angle, self.clock())
 
     def _tell(self, touch: Touch) -> None:
         self.touches.append(touch)
@@ -169,6 +170,7 @@ class World:
         before, wanted = body.point, patrol.advance(body.point, PACE)
         body.speed = patrol.speed
         self._go(body, wanted)
+        # Sliding along something does not count as going on: it would rub there to the end of the match.
         if math.dist(before, body.point) < 0.2 * patrol.speed * PACE:
             body.angle = patrol.held_up(body.point, PACE).angle
         else:
@@ -184,6 +186,7 @@ class World:
             return None
         if not age:
             return body.pose
+        # The trace is in the order of time, and has thousands of steps: it is not searched from its begin.
         after = bisect_right(body.trace, self.clock() - age, key=lambda moment: moment[0])
         return body.trace[max(after - 1, 0)][1]
 
