@@ -465,8 +465,8 @@ def test_ctrl_c_ends_many_seeds_without_a_word() -> None:
 
 def test_a_match_in_real_time_runs_on_the_virtual_bus(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     log = tmp_path / "live.db"
-    words = ["--duration", "1", "--speed", "real", "-i", "virtual", "-c", "test-match", "-b", "1000000", "--log", str(log)]
-    said = run(capsys, "match", *words)
+    words = ["--duration", "1", "--speed", "real", "-i", "virtual", "-c", "test-match", "-b", "1000000"]
+    said = run(capsys, "match", *words, "--log", str(log))
     assert (said.status, said.err) == (0, "")
     assert "at 1000 kbit/s, in real time" in said.out
     assert "stop drive: the match is over" in said.out

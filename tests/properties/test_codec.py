@@ -8,8 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from eurobot_od.frame import Frame
+from eurobot_od.od.values import MAX_BITS
 from eurobot_od.pdo.codec import Column, reader, unpacker, writer
-from eurobot_od.pdo.layout import MAX_BITS, Layout, Slot
+from eurobot_od.pdo.layout import Layout, Slot
 
 COB_ID = 0x123
 
