@@ -20,12 +20,12 @@ FAILED = BusError("it failed")
 class Scene:
     """A connection whose clock stands; `refusals` are how often its bus does not open."""
 
-    def __init__(self, opens: bool = True, refusals: int = 0) -> None:
-        self.now, self.refusals = 0.0, refusals
+    def __init__(self, opens: bool = True, refusals: int = 0, bus: type[can.BusABC] = VirtualBus) -> None:
+        self.now, self.refusals, self._bus = 0.0, refusals, bus
         self.told: list[object] = []
         opener = self._open if opens else None
         self.connection = Connection(
-            Driver(VirtualBus("connection")),
+            Driver(bus("connection")),
             opener,
             lambda: self.now,
             lambda why, again: self.told.append((why, again)),
@@ -40,7 +40,7 @@ class Scene:
         if self.refusals:
             self.refusals -= 1
             raise BusError("not yet")
-        return VirtualBus("connection")
+        return self._bus("connection")
 
 
 @pytest.fixture(autouse=True)
@@ -89,3 +89,29 @@ def test_what_is_closed_neither_fails_nor_opens() -> None:
         scene.connection.fail(FAILED)
         assert not scene.connection.reopen()
         assert scene.told == []
+
+
+class CountingBus(VirtualBus):
+    """A bus whose driver has lost 5 frames."""
+
+    lost = 5
+
+
+def test_the_frames_that_each_bus_has_lost_are_added_up(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Driver, "overflow", property(lambda driver: getattr(driver.bus, "lost", 0)))
+    with closing(Scene(bus=CountingBus)) as scene:
+        scene.connection.count_overflow()
+        scene.connection.fail(FAILED)
+        assert scene.connection.reopen()
+        scene.connection.count_overflow()  # the new one counts from 0, and has lost 5 again
+        assert scene.connection.overflow == 10
+
+
+def test_a_bus_that_fails_while_it_is_said_to_work_is_still_lost() -> None:
+    with closing(Scene()) as scene:
+        scene.connection.fail(FAILED)
+        assert scene.connection.reopen()
+        scene.connection.fail(FAILED)  # a sender was quicker than the reader
+        scene.connection.works()
+        assert scene.connection.failure is FAILED
+        assert scene.connection.gaps == Gaps()

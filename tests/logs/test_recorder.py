@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import itertools
+import os
 import signal
 import subprocess
 import sys
+import threading
 from collections.abc import Iterable, Iterator
 from functools import partial
 from pathlib import Path
@@ -16,7 +18,7 @@ from can.io.logger import MESSAGE_WRITERS
 
 from eurobot_od.errors import LocalError
 from eurobot_od.frame import Frame
-from eurobot_od.logs import formats
+from eurobot_od.logs import formats, recorder
 from eurobot_od.logs.recorder import END, GO_ON, recording
 
 FORMATS = sorted(set(MESSAGE_WRITERS) - {".mf4"})  # .mf4 needs a package of its own
@@ -133,6 +135,20 @@ def test_a_log_can_be_read_after_any_death(tmp_path: Path, end: signal.Signals) 
     for each in readable:
         found = frames_on_disk(each)
         assert found == [Frame(n % 0x700, bytes([n % 256])) for n in range(len(found))], each
+
+
+def test_a_log_is_brought_to_the_disk_while_it_is_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    on_disk, fsync = threading.Event(), os.fsync
+
+    def synced(descriptor: int) -> None:
+        fsync(descriptor)
+        on_disk.set()
+
+    monkeypatch.setattr(os, "fsync", synced)
+    monkeypatch.setattr(recorder, "PERIOD", 0.001)
+    with recording(tmp_path / "match.log") as write:
+        write(*MANY[1])
+        assert on_disk.wait(10)
 
 
 @pytest.mark.parametrize("suffix", JOURNALS)

@@ -131,3 +131,17 @@ def test_nothing_is_done_if_a_format_is_not_known(log: Path, tmp_path: Path) -> 
 )
 def test_tables_have_names_of_their_own(messages: list[str], tables: list[str]) -> None:
     assert list(table_names(messages).values()) == tables
+
+
+def test_the_row_of_a_log_is_in_place_last(log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    placed: list[str] = []
+    replace = Path.replace
+
+    def put(made: Path, target: Path) -> Path:
+        placed.append(target.parent.name)
+        return replace(made, target)
+
+    monkeypatch.setattr(Path, "replace", put)
+    Archiver(tmp_path / "season", NETWORK)(log)
+    assert len(placed) > 3
+    assert placed.index("runs") == len(placed) - 1

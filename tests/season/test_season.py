@@ -116,3 +116,10 @@ def test_a_query_reaches_nothing_outside_the_season(
     with pytest.raises(SqlError):
         season.sql(query.format(outside=outside), {"values": 1}, progress)
     assert not list(tmp_path.iterdir())
+
+
+def test_a_season_may_have_any_name(tmp_path: Path) -> None:
+    folder = tmp_path / 'it\'s a "season"'
+    log = write_log(tmp_path / "log.log", [(1.0, EurobotProtocol.load().encode(GOTO))])
+    Archiver(folder, DecodedNetwork(dialects.load_all(dialects.DEFAULT), CATALOGUE))(log)
+    assert Season.open(folder).sql("SELECT x FROM goto_xy").rows() == [(1234,)]

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import tracemalloc
 from pathlib import Path
 
 import pytest
 
+from eurobot_od.errors import DictionaryError
 from eurobot_od.support import bounded
 from tests.cli.console import run
 
@@ -41,3 +43,15 @@ def test_a_file_that_just_fits_is_read(tmp_path: Path) -> None:
     with file.open("wb") as stream:
         stream.truncate(bounded.MOST)
     assert len(bounded.read(file)) == bounded.MOST
+
+
+def test_no_more_is_read_than_fits(tmp_path: Path) -> None:
+    file = tmp_path / "endless.eds"
+    with file.open("wb") as stream:
+        stream.truncate(8 * bounded.MOST)
+    tracemalloc.start()
+    with pytest.raises(DictionaryError, match="larger than 16 MB"):
+        bounded.read(file)
+    most = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert most < 3 * bounded.MOST

@@ -105,3 +105,21 @@ def test_what_could_not_be_written_is_known_before(tmp_path: Path) -> None:
         with pytest.raises(OSError, match=re.escape(str(path))) as raised:
             check_writable(path)
         assert raised.value.errno == number
+
+
+def test_a_file_is_on_the_disk_before_it_takes_the_others_place(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    steps: list[str] = []
+    fsync, replace = os.fsync, Path.replace
+
+    def synced(descriptor: int) -> None:
+        steps.append("folder" if stat.S_ISDIR(os.fstat(descriptor).st_mode) else "file")
+        fsync(descriptor)
+
+    def replaced(beside: Path, target: Path) -> Path:
+        steps.append("replace")
+        return replace(beside, target)
+
+    monkeypatch.setattr(os, "fsync", synced)
+    monkeypatch.setattr(Path, "replace", replaced)
+    write_whole(file, b"new")
+    assert steps == ["file", "replace", "folder"]

@@ -238,6 +238,15 @@ def test_13_a_drive_that_says_it_stopped_and_rolls_on_is_not_believed(half: Benc
     assert len(half.times(EmergencyShutdown)) - sent >= 4
 
 
+def test_13_a_drive_that_says_it_drives_does_not_stand(half: Bench) -> None:
+    call = half.core.stop()
+    for _ in range(20):  # the wheels may just not have begun to roll
+        half.say("drive", GotoStateResponse(1000), KalmanPositionResponse(500, 500, 0, Source.INTERNAL))
+        half.run(0.1)
+    half.run(0.5)
+    assert isinstance(call.exception(0), NotStanding)
+
+
 # How far apart two positions of a robot that stands may be: mm and degrees; the drive rounds to whole ones.
 APART = [
     ((500, 500, 0), True, "not at all"),
