@@ -296,6 +296,16 @@ def test_a_node_that_boots_before_the_first_goto_is_checked_again(booted: str) -
     assert len(again) > sum(checks)
 
 
+@pytest.mark.parametrize("booted", ["drive", "navigation"])
+def test_the_check_of_a_node_that_boots_counts_no_longer(booted: str) -> None:
+    bench = Bench()
+    bench.core.check_nodes()
+    bench.run(1.0)
+    bench.replace(booted, ROLES[booted](DICTIONARIES[booted]))
+    bench.run(1.0)
+    assert refused(bench.core) == f"no goto yet: the {booted} must answer a check: call check_nodes(); {NOT_CONFIGURED}"
+
+
 # Position polling (document 4.2.2, 5.2; periods and offsets of the 2014 robot)
 
 OFFSETS: dict[type[Message], float] = {
