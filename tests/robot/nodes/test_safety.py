@@ -392,6 +392,15 @@ def test_14_however_a_goto_ends_the_robot_stands(
     assert not bench.drive.moving
 
 
+def test_14_a_core_that_is_reset_sends_its_stop_itself(bench: Bench) -> None:
+    drive_off(bench)
+    bench.drive.booted = lambda _: None  # type: ignore[method-assign]  # a drive that overlooks the boot-up message
+    nmt(bench, NmtCommand.RESET_NODE, CORE_ID)
+    bench.run(BRAKED)
+    assert bench.sent(StopDrive) != []
+    assert not bench.drive.moving
+
+
 def test_14_a_core_that_may_not_ask_does_not_believe_that_the_robot_stands(bench: Bench) -> None:
     """A master has stopped it in the midst of a goto: it sends what it may, and that is stops."""
     drive_off(bench)
