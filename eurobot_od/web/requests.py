@@ -174,7 +174,8 @@ class Requests:
             raise LocalError("fields are texts by name")
         protocol = self.session.decoder.protocol
         message = parse(protocol.binding(_text(said, "message")), [f"{name}={value}" for name, value in fields.items()])
-        for objection in (panel.objection(message, self) for panel in self.session.panels):  # one is enough
+        # One after the other, as a panel may wait for the answer of a node.
+        for objection in (panel.objection(message, self) for panel in self.session.panels):
             if objection:
                 raise LocalError(objection)
         return self._send(protocol.encode(message))
