@@ -19,12 +19,11 @@ from eurobot_od.device.heartbeat import HeartbeatConsumer, split
 from eurobot_od.device.nmt import SERVICES, TARGET, NmtCommand, NmtState, boot_state, command_in, error_control
 from eurobot_od.device.objects import COMMUNICATION_PROFILE, REFUSAL, Objects, OnRead, OnWrite
 from eurobot_od.device.pdo import Changes, Pacing, Pdos, ProcessData
-from eurobot_od.device.plan import Plan
 from eurobot_od.device.predefined import BASES, predefined
 from eurobot_od.device.storage import Store, refused
 from eurobot_od.device.sync import Arrival, Synchronous, SyncProducer
 from eurobot_od.device.time_of_day import CONSUMER, PRODUCER, Clock
-from eurobot_od.device.timers import caught_up
+from eurobot_od.device.timers import Plan, caught_up
 from eurobot_od.errors import DamagedFile, DictionaryError, FrameLengthError, Refused, StateError
 from eurobot_od.frame import Frame
 from eurobot_od.gatekeeper import Stay

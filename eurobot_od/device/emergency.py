@@ -22,7 +22,7 @@ WAITING = 16
 """How many reports wait for the inhibit time; 0x1003 has the errors of those that are dropped."""
 
 PASSING = 1.0
-"""Seconds that an error of a moment, such as an overrun, counts as present since it happened last."""
+"""Seconds for which a momentary error, such as an overrun, counts as present after it last happened."""
 
 GENERIC, COMMUNICATION, MANUFACTURER = 1 << 0, 1 << 4, 1 << 7
 """Bits of the error register (CiA 301, Table 48)."""
@@ -112,7 +112,7 @@ class Emergencies:
             self._report(ErrorCode.NO_ERROR, b"")
 
     def happened(self, code: int, now: float) -> None:
-        """Note an error of a moment: it is gone when it has not happened again for a while."""
+        """Note a momentary error: it is gone when it has not happened again for a while."""
         self._passing[code] = now + PASSING
         self._free = max(self._free, now)  # what is due since now has not been missed
         self.quiet = False

@@ -1,7 +1,7 @@
 """The heartbeat consumer: notices nodes that fall silent (CiA 301, 7.2.8.2.2 and 7.5.2.19).
 
 Rule of this file: a node is watched from its first heartbeat on, never before; times are in seconds. A boot-up message
-is none, although it has the same identifier: a node that has 0 in its 0x1017 boots as well.
+is not a heartbeat, although it has the same identifier: a node that has 0 in its 0x1017 boots as well.
 """
 
 from __future__ import annotations

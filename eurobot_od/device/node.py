@@ -145,7 +145,7 @@ class Node:
         self._call()
 
     def bus_lost(self, now: float) -> list[Frame]:
-        """Take in that the bus is lost, and return what is to be sent as soon as it is back."""
+        """Note that the bus is lost, and return what is to be sent as soon as it is back."""
 
         def cut_off() -> Reaction:
             self.device.bus_lost()
@@ -271,7 +271,7 @@ class Node:
         """Report by EMCY that an error is gone."""
         self.device.emergencies.cleared(what)
 
-    # Hooks: what a faulty node does otherwise, without knowing how a healthy one works inside (`reset` is one, too)
+    # Hooks: what a faulty node does differently, without knowing how a healthy one works inside (`reset` is one, too)
 
     def handle(self, message: Message) -> None:
         """Take in a message that has come, and act on it if it can be believed and the node does not refuse it.

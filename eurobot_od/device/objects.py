@@ -30,7 +30,7 @@ PARAMETERS = {*COMMUNICATION_PROFILE} - {*COMMANDS, *(index for each in MAPPING_
 of a mapping CiA 301 asks for a procedure whatever is written."""
 
 SETTINGS = ("rw", "wo")
-"""Access types of a device's own settings; what PDOs bring (rww) or carry away (rwr, ro) is none."""
+"""Access types of a device's own settings; what PDOs bring (rww) or carry away (rwr, ro) is not one of them."""
 
 OnRead = Callable[[int], Value]
 """Gives the value of an object at a sub-index, where that is not simply kept; may raise Abort."""
@@ -39,7 +39,7 @@ OnWrite = Callable[[Address, Value], None]
 """Does what writing an object means, keeping its value or not; raises Abort if it must not be."""
 
 OnTold = Callable[[Any], object]
-"""Is told each new value of an object, from an SDO or an RPDO; raises Refused if it must not be, and it is not kept."""
+"""Takes each new value of an object, from an SDO or an RPDO; raises Refused for one that is not to be kept."""
 
 REFUSAL: Mapping[Cause, AbortCode] = {Cause.STATE: AbortCode.STATE, Cause.VALUES: AbortCode.INCOMPATIBLE}
 """How what the application does not act on is refused over SDO, by why it does not."""
@@ -58,7 +58,7 @@ def is_configuration(dictionary: Dictionary, address: Address) -> bool:
 
 
 def out_of_limits(variable: ODVariable, value: Value) -> AbortCode | None:
-    """Return why a number is not within the limits of its object in the file; None if it is, and for no number."""
+    """Return why a number is not within the limits of its object in the file; None if it is, or is no number."""
     range_ = limits(variable)
     if range_ is not None and isinstance(value, (int, float)):
         if value > range_.high:

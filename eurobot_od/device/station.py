@@ -1,4 +1,4 @@
-"""A node at its gatekeeper: received frames to the node, the node's frames to the mailboxes, and what if it fails.
+"""A node at its gatekeeper: received frames to the node, its frames to the mailboxes, and what happens when it fails.
 
 Still no bus and no thread: `live` and `simulation` both drive stations. Whichever thread calls, the node's `guard` is
 held while the node works and until its frames are in the mailboxes, so that frames leave in the order in which the node

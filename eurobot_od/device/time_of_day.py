@@ -1,6 +1,6 @@
 """TIME: the time of day that a network shares, heard and sent (CiA 301, 7.2.6, 7.1.6.6 and 7.5.2.15).
 
-Rule of this file: there is no clock. The device's own time in seconds comes in; here is how far it is behind.
+Rule of this file: there is no clock. The device's own time in seconds comes in; what is kept here is the difference.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ MOST_DAYS = 0xFFFF
 
 
 class Clock:
-    """The device's clock, at day 0 until it is set, and when it is told next."""
+    """The device's clock, at day 0 until it is set; `next` is when TIME is sent again, infinite if it is not."""
 
     def __init__(self) -> None:
         self.next = inf
@@ -51,11 +51,11 @@ class Clock:
         return TimeOfDay(days & MOST_DAYS, milliseconds).data
 
     def produce(self, now: float) -> None:
-        """Plan to tell the time from now on."""
+        """Send the time from now on."""
         self.next = now + PERIOD
 
     def rest(self) -> None:
-        """Tell the time no more."""
+        """Stop sending the time."""
         self.next = inf
 
     def due(self, now: float) -> list[bytes]:

@@ -1,4 +1,4 @@
-"""Timers of a node: functions to be called at a time.
+"""Timers of a node: functions to be called at a time; and the plan, the soonest time of all that a node has planned.
 
 Rule of this file: timers of the same time are called in the order they were set, or a simulated match would not be the
 same twice. There is no clock; the time is what the caller says it is.
@@ -80,3 +80,22 @@ class Timers:
     def clear(self) -> None:
         """Forget all timers."""
         self._heap.clear()
+
+
+class Plan:
+    """Timers note their times with `at`; the time's keeper compares `soonest`, and sets it when it asks the node.
+
+    After each frame the thread that receives compares this one number, instead of asking every timer of the node, to
+    tell whether the thread that keeps the time has to be woken. It is never later than the first thing that is due.
+    Sooner is allowed, as a plan may be dropped: that costs one needless look.
+    """
+
+    __slots__ = ("soonest",)
+
+    def __init__(self) -> None:
+        self.soonest = inf
+
+    def at(self, time: float) -> None:
+        """Note that something is due at a time in seconds."""
+        if time < self.soonest:
+            self.soonest = time

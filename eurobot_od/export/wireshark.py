@@ -56,6 +56,7 @@ def _table(messages: list[DescribedMessage], short: str) -> Iterator[str]:
         yield ""
         yield from _message(each, f"{short}.{of_messages.new(each.name).lower()}")
     yield ""
+    # Wireshark takes the fields of a protocol as one list, at once.
     yield "local PROTO_FIELDS = {}"
     yield "for _, message in pairs(MESSAGES) do"
     yield "    for _, field in ipairs(message.fields) do PROTO_FIELDS[#PROTO_FIELDS + 1] = field.proto end"

@@ -85,7 +85,11 @@ class _Writer:
         rates = (f"{rate} Kbps" for rate in BIT_RATES if self._info(f"baudrate_{rate}"))
         supported = (_element("supportedBaudRate", {"value": each}) for each in rates)
         transport = _element("TransportLayers", {}, _element("PhysicalLayer", {}, _element("baudRate", {}, *supported)))
-        network = [self._application(), transport, self._management()]  # the schema wants them in this order
+        objects = _element("co:CANopenObjectList", {}, *map(self._object, self._dictionary.members))
+        used = ((f"Dummy{code:04X}", self._file("dummyusage", f"dummy{code:04x}") == "1") for code in DUMMIES)
+        dummies = (_element("dummy", {"entry": f"{name}={int(is_used)}"}) for name, is_used in used)
+        application = _element("ApplicationLayers", {}, objects, _element("dummyUsage", {}, *dummies))
+        network = [application, transport, self._management()]  # the schema wants them in this order
         profiles = (
             self._profile("Device", "CANopen device profile", self._device_parts()),
             self._profile("CommunicationNetwork", "CANopen communication network profile", network),
@@ -116,24 +120,18 @@ class _Writer:
             _element("ISO15745Reference", {}, *(_element(tag, {}, text=text) for tag, text in reference)),
         )
         body = {"xsi:type": f"co:ProfileBody_{class_id}_CANopen", "formatName": "CANopen", "formatVersion": "1.0"}
-        return _element(
-            "co:ISO15745Profile",
-            {},
-            _element("ProfileHeader", {}, *head),
-            _element("ProfileBody", {**body, **self._origin()}, *content),
-        )
-
-    def _origin(self) -> dict[str, str | None]:
         # As CiA 306 writes them: `11-23-2013`, `09:45PM`.
         day, time = (self._moment("creationdate", "%m-%d-%Y"), self._moment("creationtime", "%I:%M%p"))
         version = re.match(r"\d{1,3}", self._file("fileinfo", "fileversion"))  # UNSIGNED8 in CiA 306
-        return {
+        origin = {
             "fileName": self._dictionary.file.with_suffix(".xdd").name,
             "fileCreator": self._file("fileinfo", "createdby"),
             "fileCreationDate": day.date().isoformat() if day else NO_DAY,
             "fileCreationTime": time.time().isoformat() if time else None,
             "fileVersion": version.group() if version else "0",
         }
+        parts = _element("ProfileHeader", {}, *head), _element("ProfileBody", {**body, **origin}, *content)
+        return _element("co:ISO15745Profile", {}, *parts)
 
     def _moment(self, key: str, form: str) -> datetime | None:
         with suppress(ValueError):
@@ -157,16 +155,6 @@ class _Writer:
         return [identity, _element("co:DeviceFunction", {}, _element("co:capabilities", {}, listed))]
 
     # Communication
-
-    def _application(self) -> Element:
-        used = (f"Dummy{code:04X}" for code in DUMMIES)
-        entries = (f"{each}={int(self._file('dummyusage', each.lower()) == '1')}" for each in used)
-        return _element(
-            "ApplicationLayers",
-            {},
-            _element("co:CANopenObjectList", {}, *map(self._object, self._dictionary.members)),
-            _element("dummyUsage", {}, *(_element("dummy", {"entry": each}) for each in entries)),
-        )
 
     def _management(self) -> Element:
         general = {

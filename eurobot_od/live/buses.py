@@ -50,7 +50,7 @@ FULL = (errno.ENOBUFS, errno.EAGAIN, errno.EWOULDBLOCK, errno.ETIMEDOUT)
 SO_MEMINFO, DROPS = 55, slice(32, 36)
 """A socket's counters (Linux 4.12), and where among them is how many frames have found no room in its receive queue.
 
-SO_RXQ_OVFL gives the same count with each frame, which python-can does not read, and does not endure.
+SO_RXQ_OVFL gives the same count with each frame, which python-can neither reads nor copes with.
 """
 
 # python-can has no way to ask a bus for either. So its documentation and its code (4.6) were asked once, and

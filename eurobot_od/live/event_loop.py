@@ -16,13 +16,13 @@ from eurobot_od.live.watchdog import Hang, Watchdog, give_up, raise_in
 Result = TypeVar("Result")
 
 TIMES = 5
-"""So often a task that is left over is cancelled; then it is given up."""
+"""How often a task that is left over is cancelled before it is given up."""
 
 LONGEST = 0.1
-"""So long a loop waits at once, s: what is raised in its thread from outside arrives afterwards."""
+"""Longest single wait of a loop, s: what is raised in its thread from outside arrives only after a wait."""
 
 GRACE = 0.2
-"""Seconds that it has to end, each time."""
+"""Seconds that it has to end in, each time."""
 
 
 def run(main: Coroutine[Any, Any, Result], tell: Callable[[str], object] = lambda _: None) -> Result:

@@ -1,7 +1,7 @@
-"""CAN interfaces of Linux (SocketCAN): which there are, how they are, and the command that mends one.
+"""CAN interfaces of Linux (SocketCAN): which ones there are, what state they are in, and the command that mends one.
 
-What `ip -details -json link` and `/sys/class/net` say is read by functions of a text and a folder;
-only `links` asks the machine.
+What `ip -details -json link` and `/sys/class/net` say is read by functions of a text and a folder; only `links` asks
+the machine.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 BITRATE = 500_000
-"""Bit/s of the robot's bus, where neither caller nor python-can's configuration nor the interface says another."""
+"""Bit/s, where neither the caller nor python-can's configuration nor the interface gives another."""
 
 NETWORK = Path("/sys/class/net")
 """Where the kernel shows its network interfaces; nothing is there on other systems."""
@@ -60,7 +60,7 @@ class Trouble(NamedTuple):
     mends: str
 
 
-# How they are
+# Their state
 
 
 def links() -> list[CanLink]:

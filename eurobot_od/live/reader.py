@@ -26,7 +26,7 @@ MALFORMED = (ValueError, TypeError, LookupError, AssertionError, StructError)
 """What drivers raise about a frame of which they can make no sense; about a bus they raise other errors."""
 
 ENDURED = 100
-"""So many of them in a row are no frames: the bus has failed."""
+"""This many in a row are no garbled frames any more: the bus has failed."""
 
 
 OLD = 1.0

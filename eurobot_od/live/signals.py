@@ -17,9 +17,9 @@ class Terminated(SystemExit):
 class EndedBySigterm:
     """A context manager: SIGTERM raises Terminated in the block, unless the program has a handler of its own.
 
-    It does so once, and not any more after `hold`: what the program does at its end is not to be cut short. One that
-    comes then raises it at the end of the block. Outside the main thread, where Python takes no signals, it
-    does nothing.
+    It does so once, and no longer after `hold`: what the program does at its end is not to be cut short. One that
+    comes then raises it at the end of the block. Outside the main thread, where Python takes no signals, it does
+    nothing.
     """
 
     def __init__(self) -> None:

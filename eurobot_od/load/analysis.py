@@ -185,7 +185,7 @@ class Analysis:
             n for n, each in enumerate(self.messages) if each.identifier <= message.identifier and n != place
         )
         less = [n for n, each in enumerate(self.messages) if each.identifier > message.identifier]
-        # One of them at most: it has begun before the message fell due, and the next arbitration is lost to that.
+        # One of them at most: it has begun before the message falls due, and the next arbitration is the message's.
         blocking = max(less, key=lambda n: self.messages[n].bits, default=None)
         blocked = 0 if blocking is None else self.messages[blocking].bits
         level = [message, *(self.messages[n] for n in others)]
@@ -231,7 +231,7 @@ class _Solution:
         for level, own in zip(self._levels, self._jitters):
             others = [(self._messages[n], jitter) for n in level.others if (jitter := self._jitters[n]) is not None]
             if own is None or len(others) < len(level.others) or level.load >= FULL:
-                self._times.append(NO_TIMES)  # nor has a message any bound whose more urgent ones have none
+                self._times.append(NO_TIMES)  # no bound either where a more urgent message has none
             else:
                 waits = [(each.bits, each.period, jitter) for each, jitter in others]
                 self._times.append(_times(level, own, waits, self._errors))

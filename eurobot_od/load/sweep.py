@@ -52,7 +52,7 @@ def limits(messages: MessageSet, bit_rate: int, progress: Callable[[int], object
     slowest = slowest_bus(messages)
     progress(1)
     percent = most_traffic(messages, bit_rate)
-    beyond = load_report(messages.faster((percent or 0) + 1), bit_rate)
+    beyond = load_report(messages.faster((percent or 0) + 1), bit_rate)  # one percent more than holds
     progress(2)
     more_messages = _most(lambda n: _holds(with_messages(messages, n, shortest), bit_rate), MOST_MORE)
     progress(3)

@@ -38,14 +38,18 @@ CREATE = """CREATE TABLE messages
 
 
 FLAGS = (Damage.ERROR_FRAME, Damage.FD, Damage.REMOTE, Damage.EXTENDED)
-"""Damage by the flags of a frame; the first that is set counts."""
+
+
+def _frame_or_foreign(flags: tuple[object, ...], cob_id: int, data: bytes) -> Raw:
+    """Return what was received; of its FLAGS the first that is set counts."""
+    damage = next((each for each, is_set in zip(FLAGS, flags) if is_set), None)
+    return frame_or_foreign(damage, cob_id, data)
 
 
 def of_message(message: can.Message) -> Raw:
     """Return what python-can read, from a log or from a bus."""
     flags = message.is_error_frame, message.is_fd, message.is_remote_frame, message.is_extended_id
-    damage = next((each for each, is_set in zip(FLAGS, flags) if is_set), None)
-    return frame_or_foreign(damage, message.arbitration_id, bytes(message.data))
+    return _frame_or_foreign(flags, message.arbitration_id, bytes(message.data))
 
 
 # SQLite
@@ -56,7 +60,7 @@ def read_table(file: BinaryIO, _: int = LARGEST) -> Entries:
     number = 0
     # Read only: sqlite3 would otherwise make an empty file where there is none.
     with closing(sqlite3.connect(f"{Path(file.name).absolute().as_uri()}?mode=ro", uri=True)) as connection:
-        connection.text_factory = bytes  # what is no UTF-8 is no reason to stop
+        connection.text_factory = bytes  # a text that is not UTF-8 must not end the reading
         try:
             for number, time, channel, raw in read_each(connection.execute(QUERY), _of_row):
                 yield number, time, channel, raw
@@ -83,8 +87,7 @@ def _of_row(row: tuple[float, int, int, int, int, int, bytes | None]) -> tuple[f
     if is_classic and len(octets) != length:
         raise ValueError(f"{cob_id:03X}#{octets.hex()} with length {length}")
     flags = error, is_classic and length > MOST_BYTES, remote, extended
-    damage = next((each for each, is_set in zip(FLAGS, flags) if is_set), None)
-    return seconds(time), "", frame_or_foreign(damage, cob_id, octets)
+    return seconds(time), "", _frame_or_foreign(flags, cob_id, octets)
 
 
 # Whatever else python-can knows

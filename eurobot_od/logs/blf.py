@@ -122,14 +122,14 @@ def _objects(contents: Iterator[bytes], largest: int) -> Iterator[BlfObject]:
     left = b""
     for content in contents:
         data, position = left + content, 0
-        # How much padding comes before an object depends on the writer; it is less than 8 bytes.
+        # How much padding comes before an object depends on the writer: its signature is looked for.
         while (found := data.find(SIGNATURE, position, position + 8)) >= 0 and found + OBJECT.size <= len(data):
             _, header, _, size, kind = OBJECT.unpack_from(data, found)
             end = found + _sane(size, largest)
             if end > len(data):
                 break
             ticks, time = CLOCK.unpack_from(data, found + OBJECT.size)
-            # From the whole header on, which is longer in later versions: its beginning is all that is needed of it.
+            # The header is longer in later versions; what is needed of it is the same in all.
             yield kind, time * TICKS.get(ticks, NANOSECOND), data[found + header : end]
             position = end
         left = data[position:]

@@ -51,7 +51,7 @@ def recording(
     try:
         yield lines.write
     except KeyboardInterrupt:
-        if lines.failure is None:  # otherwise it is ours: it has ended the program because of the failure
+        if lines.failure is None:  # otherwise it is ours: `_try` has interrupted the program
             raise
     finally:
         lines.end(finish)
@@ -136,7 +136,7 @@ class Lines:
 
     def _keep_on_disk(self) -> None:
         while self.failure is None and not self._over.wait(PERIOD):
-            with self._lock:  # Python's text files do not endure two threads at once
+            with self._lock:  # Python's text files are not safe for two threads at once
                 self._try(self._writer.file.flush)
             if self.failure is None and self._file.is_file():  # a pipe has no disk
                 # without the lock: a disk may take its time, and the bus does not wait for it

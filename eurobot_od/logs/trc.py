@@ -64,10 +64,7 @@ class TrcFormat(LineFormat):
         if line[:1] == b";" or not abs(time) < LATEST:
             raise ValueError(line)
         words = rest.decode("ascii").split(None, self._data)  # the data, last and with blanks in it, in one piece
-        # Versions without a column for the bus record one bus.
-        return time, "1" if self._bus is None else words[self._bus], self._raw(rest, words)
-
-    def _raw(self, rest: bytes, words: list[str]) -> Raw:
+        channel = "1" if self._bus is None else words[self._bus]  # versions without that column record one bus
         identifier, data = words[self._identifier], " ".join(words[self._data :]).rstrip()
         damage = None if self._type is None else FRAMES[words[self._type]]
         if data == REMOTE_DATA:
@@ -75,8 +72,8 @@ class TrcFormat(LineFormat):
         if damage is None and len(identifier) >= EXTENDED_DIGITS:
             damage = Damage.EXTENDED
         if damage is not None:
-            return Foreign(damage, shortened(rest))
+            return time, channel, Foreign(damage, shortened(rest))
         octets = bytes.fromhex(data)
         if int(words[self._length]) != len(octets):
             raise ValueError(rest)
-        return frame(int(identifier, 16), octets)
+        return time, channel, frame(int(identifier, 16), octets)

@@ -52,7 +52,11 @@ class BusSource:
         def take(time: float, frame: Frame) -> None:
             self._came.append((self._continued(time), frame))
 
-        watch = FrameReader(bus, take, None, self._fail, self._take_foreign, opener=opener, back=self._note_gap)
+        def back(gap: float) -> None:
+            self.trouble, self._reopened = "", True
+            self.notes.append(f"the bus is back after a gap of {gap:.1f} s")
+
+        watch = FrameReader(bus, take, None, self._fail, self._take_foreign, opener=opener, back=back)
         self._watch = self._leaving.enter_context(watch)
 
     def _fail(self, why: BusError) -> None:
@@ -61,10 +65,6 @@ class BusSource:
             self._failures.append(why)
         else:
             self.notes.append(f"{why}; it is opened again")
-
-    def _note_gap(self, gap: float) -> None:
-        self.trouble, self._reopened = "", True
-        self.notes.append(f"the bus is back after a gap of {gap:.1f} s")
 
     def _note_overflow(self) -> None:
         self._overflow = self._watch.overflow()

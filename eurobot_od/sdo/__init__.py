@@ -7,7 +7,7 @@ answers of 8 bytes under another. The first request names the object; what follo
 - Segmented: the first request and its answer only agree on the object, and mostly on its size. Then each request takes
   or brings 7 bytes and each is answered. A toggle bit alternates, so that a frame heard twice is noticed. An object
   without any bytes goes this way too: an expedited transfer cannot say "none".
-- Block: as below, for what is long. A server need not have it.
+- Block: as below, for long objects. A server need not have it.
 
 Either end may abort at any time, with a code that says why; an abort is not answered. So an abort that crosses a frame
 of the other end on the wire meets an end that may have begun something new. Nothing in an SDO frame says which transfer
@@ -36,8 +36,8 @@ the client sends the blocks and the end, and the server confirms that end.
 - If the end of a block is lost, its receiver does not know. As a server we wait for the client, and give up after our
   time-out. As a client we acknowledge what came once the time is over, and the server sends the rest; unless nothing
   came, as then the server may not even know that it is to send this block.
-- Every segment but the last of all is full. How many of its 7 bytes are not meant, only the end tells; until then a
-  receiver may have up to 7 bytes more than the object has, and cannot yet say "too long".
+- Every segment but the very last is full. Only the end tells how many of its 7 bytes are unused; until then a receiver
+  may have up to 7 bytes more than the object has, and cannot yet say "too long".
 - The CRC (CCITT, start value 0) is over the object's bytes and finds what the numbers cannot: a segment of a former
   block that was taken for one of this. It is used if both ends offer it, as ours do.
 """

@@ -29,13 +29,10 @@ from eurobot_od.sdo.wire import AbortCode, Block, ClientCommand, Initiate, Serve
 from eurobot_od.support.progress import Progress, unwatched
 
 UNANNOUNCED = 1 << 20
-"""Bytes, or segments, that are taken of an object whose size the server does not say; more never ends."""
-
-NO_OBJECT: Address = (0, 0)
-"""What a server's abort names that knows of no transfer."""
+"""Most bytes, or segments, that are taken of an object whose size the server does not give; more would never end."""
 
 FRUITLESS_BLOCKS = 2
-"""So many blocks in a row without their first segment end a transfer: one may be lost, more would go on for ever."""
+"""This many blocks in a row without their first segment end a transfer: one may be lost, more would go on for ever."""
 
 
 class TransferError(RemoteError):
@@ -70,7 +67,7 @@ class Silence(TransferError):
 
 
 class Ended(NamedTuple):
-    """A transfer that is through: the object's `content`, empty after a download, and the `requests` left to send."""
+    """A finished transfer: the object's `content`, empty after a download, and the `requests` left to send."""
 
     content: bytes
     requests: list[bytes]
@@ -104,14 +101,14 @@ class Transfer:
     def receive(self, data: bytes, now: float) -> list[bytes]:
         """Return the requests that follow an answer.
 
-        Not heard are a frame that is not 8 bytes long, and an abort for another object: it is about a transfer before
-        this one, or about another client's.
+        A frame that is not 8 bytes long is ignored, and so is an abort for another object: it is about a transfer
+        before this one, or about another client's.
         """
         if self.done or len(data) != wire.LENGTH:
             return []
         if data[0] == wire.ABORT:
             abort = Initiate.of(data)
-            if abort.address not in (self._address, NO_OBJECT):
+            if abort.address not in (self._address, wire.NO_TRANSFER):
                 return []
             return self._step(lambda: self._steps.throw(Aborted(abort.number)), now)
         return self._step(lambda: self._steps.send(data), now)
@@ -141,7 +138,7 @@ class Transfer:
 
 
 class Room(NamedTuple):
-    """How many bytes an object may have: `announced` ones, and those of one whose size the server does not say.
+    """Most bytes of an object: of one whose size the server announces, and of one whose size it does not give.
 
     One that is said to have more, or of which more comes, is an odd answer.
     """

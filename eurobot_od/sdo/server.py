@@ -21,9 +21,6 @@ from eurobot_od.sdo.wire import Abort, AbortCode, Block, ClientCommand, Initiate
 TIMEOUT = 1.0
 """Seconds without a request after which the server gives up a transfer."""
 
-NO_ADDRESS: Address = (0, 0)
-"""What an abort names that is about no transfer."""
-
 
 class ObjectAccess(Protocol):
     """The objects that a server gives access to; every method raises Abort."""
@@ -58,7 +55,7 @@ class SdoServer:
 
     def forget(self) -> None:
         """Drop the transfer under way without a word."""
-        self._address, self.deadline = NO_ADDRESS, inf
+        self._address, self.deadline = wire.NO_TRANSFER, inf
         self._steps: ServerSteps | None = None
         self._takes: Callable[[int], bool] | None = None
 

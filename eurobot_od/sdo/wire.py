@@ -67,6 +67,9 @@ ANSWER_SUB_COMMAND: Mapping[int, int] = {ServerCommand.BLOCK_UPLOAD: 1, ServerCo
 ABORT = ClientCommand.ABORT << 5
 """Command byte of an abort, of either end."""
 
+NO_TRANSFER: Address = (0, 0)
+"""The object in an abort that is about no transfer."""
+
 
 class AbortCode(IntEnum):
     """SDO abort codes, and the `text` of each (CiA 301, Table 22)."""
@@ -220,13 +223,13 @@ def block(content: bytes, at: int, segments: int) -> list[bytes]:
 
 
 def block_end(specifier: int, content: bytes, crc: int) -> bytes:
-    """Return the end of a block transfer, which tells how many bytes of the last segment are not meant."""
+    """Return the end of a block transfer, which tells how many bytes of the last segment are unused."""
     unused = len(segments_of(content)) * SEGMENT_SIZE - len(content)
     return plain(specifier << 5 | unused << 2 | Block.END, crc.to_bytes(2, "little"))
 
 
 def unused_in(data: bytes) -> int:
-    """Return how many bytes of the last segment are not meant, by the end of a block transfer."""
+    """Return how many bytes of the last segment are unused, by the end of a block transfer."""
     return data[0] >> 2 & 7
 
 

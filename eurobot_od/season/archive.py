@@ -97,7 +97,7 @@ def _begun(folder: Path) -> Iterator[None]:
             for left in folder.iterdir():
                 shutil.rmtree(left, ignore_errors=True)
         with suppress(OSError):
-            flock(descriptor, LOCK_SH)
+            flock(descriptor, LOCK_SH)  # shared by all who work here; nobody else can clear away meanwhile
         yield
     finally:
         os.close(descriptor)

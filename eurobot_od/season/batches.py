@@ -1,4 +1,4 @@
-"""A log of any format to batches of columns: frames with line, time, channel, identifier and data; and what is none.
+"""A log of any format as batches of columns: frames with line, time, channel, identifier and data; and all else.
 
 Rule of this file: a batch says what `logs.formats.read` says of the same log, entry by entry. candump's format, which
 long logs are in, is taken apart by columns; a line in any other form than candump's and python-can's own goes through
@@ -49,7 +49,7 @@ FOREIGN = pl.Schema({**ENTRY, "kind": pl.String(), "text": pl.String()})
 
 
 class Batch(NamedTuple):
-    """Entries of a log that follow each other: the `frames`, and the `foreign` entries that are none; `size` in bytes.
+    """Consecutive entries of a log: the `frames`, and the `foreign` entries that are not frames; `size` in bytes.
 
     `size` is how much of the log was read for it, 0 if that is unknown.
     """

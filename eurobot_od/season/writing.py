@@ -23,7 +23,7 @@ from eurobot_od.pdo.catalogue import Catalogue
 from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.season import defects, tables
 from eurobot_od.season.batches import FOREIGN, Batch
-from eurobot_od.season.columns import FROM_DATA, LENGTH, WORD, FieldColumn, message_columns, readable
+from eurobot_od.season.columns import FROM_DATA, LENGTH, WORD, message_columns, readable
 
 VERSION = b"1"
 """To be raised when the same log would give other tables, so that it is archived again."""
@@ -40,7 +40,7 @@ class DecodedNetwork(NamedTuple):
     def hash(self) -> str:
         """A hash of these EDS files with their node-IDs."""
         digest = hashlib.blake2b(VERSION, digest_size=16)
-        # With the node-IDs, from which a file without them has its identifiers, and the names, which messages have.
+        # With what is not in the file: the node-ID, on which identifiers depend, and the name, which the tables have.
         for each in self.dictionaries:
             digest.update(f"{each.node_id} {each.name}\n".encode() + Path(each.file).read_bytes())
         return digest.hexdigest()
@@ -64,13 +64,26 @@ class NetworkDecoding:
         self.services = {cob_id: each for cob_id, each in found.items() if cob_id not in self.messages}
 
 
+EMPTY = pl.DataFrame(schema={WORD: pl.UInt64, LENGTH: pl.UInt32})
+
+
 class MessageDecoding:
     """How the frames of one message become the rows of its `table`, and what may be wrong with them."""
 
     def __init__(self, binding: Binding, table: str, answers: str) -> None:
         place = [each.name for each in tables.PLACE]
         columns = message_columns(binding, place)
-        self.table, self.schema = table, _message_schema(binding, columns, answers)
+        # Polars itself knows of which type an expression is: it is asked with no rows.
+        made = EMPTY.select(each.expression.alias(each.name) for each in columns).to_arrow().schema
+        said = {
+            "message": binding.name,
+            "cob_id": f"0x{binding.cob_id:03X}",
+            "senders": ", ".join(binding.senders),
+            "receivers": ", ".join(binding.receivers),
+            "answers": answers,
+        }
+        schema = pa.schema([*tables.PLACE, *made], said)
+        self.table, self.schema = table, tables.with_metadata(schema, {each.name: each.metadata for each in columns})
         self._checks = defects.MessageChecks(binding)
         self._readable = readable(binding)
         self._columns = [*place, *(each.expression.alias(each.name) for each in columns)]
@@ -79,24 +92,6 @@ class MessageDecoding:
         """Return the rows of the frames that are long enough, and what is wrong with them all."""
         wrong = list(self._checks.defects(frames))
         return (frames.filter(self._readable) if wrong else frames).select(self._columns), wrong
-
-
-EMPTY = pl.DataFrame(schema={WORD: pl.UInt64, LENGTH: pl.UInt32})
-
-
-def _message_schema(binding: Binding, columns: Iterable[FieldColumn], answers: str) -> pa.Schema:
-    """Return a message's schema: what the expressions give, and what is known of message and columns."""
-    # Polars itself knows of which type an expression is: it is asked with no rows.
-    made = EMPTY.select(each.expression.alias(each.name) for each in columns).to_arrow().schema
-    said = {
-        "message": binding.name,
-        "cob_id": f"0x{binding.cob_id:03X}",
-        "senders": ", ".join(binding.senders),
-        "receivers": ", ".join(binding.receivers),
-        "answers": answers,
-    }
-    schema = pa.schema([*tables.PLACE, *made], said)
-    return tables.with_metadata(schema, {each.name: each.metadata for each in columns})
 
 
 # Files

@@ -15,8 +15,8 @@ from eurobot_od.pdo.protocol import Protocol
 class PageEvent(NamedTuple):
     """Something that happened at a `time` in s, until `end` if it lasts; one with the same `key` takes its place.
 
-    `kind` is what kind of thing it is, `text` says it, `mark` is a short sign of it, `wrong` whether it is to be seen
-    as trouble. `data` is for the script of the panel that made it.
+    `kind` is what kind of thing it is, `text` says it, `mark` is a short sign of it, `wrong` whether it counts as
+    trouble. `data` is for the script of the panel that made it.
     """
 
     key: str

@@ -50,6 +50,7 @@ class Requests:
     def __init__(self, session: Session, folder: Path, control: bool = False, stop: str = "") -> None:
         self.session, self.folder, self.control, self.stop_message = session, folder, control, stop
         self.master = Master(session.tap)
+        # An SDO frame does not say which transfer it belongs to: two at once would take each other's answers.
         self._one_at_a_time = asyncio.Lock()
 
     async def answer(self, text: str) -> str:
@@ -173,7 +174,8 @@ class Requests:
             raise LocalError("fields are texts by name")
         protocol = self.session.decoder.protocol
         message = parse(protocol.binding(_text(said, "message")), [f"{name}={value}" for name, value in fields.items()])
-        for objection in (panel.objection(message, self) for panel in self.session.panels):  # one is enough
+        # One after the other, as a panel may wait for the answer of a node.
+        for objection in (panel.objection(message, self) for panel in self.session.panels):
             if objection:
                 raise LocalError(objection)
         return self._send(protocol.encode(message))

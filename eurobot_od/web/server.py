@@ -102,6 +102,7 @@ class _Server:
         self._browsers: set[web.WebSocketResponse] = set()
 
     def application(self) -> web.Application:
+        # The guard is asked before any handler, also about paths that do not exist.
         application = web.Application(middlewares=[self._guard], client_max_size=LONGEST_REQUEST)
         application.router.add_get("/", self._show)
         if self._requests is not None:

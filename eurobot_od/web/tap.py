@@ -49,7 +49,7 @@ class Tap(can.BusABC):
         message = can.Message(arbitration_id=frame.cob_id, data=frame.data, is_extended_id=False)
         with suppress(Full):  # only this thread puts something in
             if self._came.full():
-                with suppress(Empty):
+                with suppress(Empty):  # the master was quicker
                     self._came.get_nowait()
             self._came.put_nowait(message)
 

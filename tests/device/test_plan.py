@@ -8,7 +8,7 @@ from math import inf
 import pytest
 
 from eurobot_od.device.nmt import NmtCommand, NmtState, error_control
-from eurobot_od.device.plan import Plan
+from eurobot_od.device.timers import Plan
 from eurobot_od.frame import Frame
 from eurobot_od.od.values import NOT_VALID
 from eurobot_od.robot.model.messages import GotoStateRequest, GotoStateResponse
