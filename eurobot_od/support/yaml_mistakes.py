@@ -37,6 +37,7 @@ CONTEXT = re.compile(r"while (parsing|scanning) an? ")
 
 def in_words(error: yaml.MarkedYAMLError) -> str:
     """Say what is wrong, for a person."""
+    # The parser's words are in two parts, of which either may be what tells one mistake from another.
     complaint = f"{CONTEXT.sub('', error.context or '', count=1)}|{error.problem}"
     for pattern, words in MISTAKES:
         match = re.fullmatch(pattern, complaint, re.DOTALL)
