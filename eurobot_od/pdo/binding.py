@@ -141,7 +141,7 @@ class Binding:
             expected = " or ".join(map(str, self.lengths))
             raise FrameLengthError(self.name, self.cob_id, len(data), expected)
         word = int.from_bytes(bytes(data) + bytes(self.layout.length - len(data)), self.layout.byte_order)
-        for field in self.optional:  # none of them came, whatever stands in bits that they share a byte with
+        for field in self.optional:  # none of them came, whatever their bits hold
             word &= ~self.layout.place(field, -1)
             word |= self.layout.place(field, self.raw(field, self.defaults[field]))
         return self._to_bytes(word)

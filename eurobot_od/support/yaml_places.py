@@ -227,7 +227,7 @@ def record(
         problems += wrong
         known = {key: each for key, each in pairs.items() if key in readers}
         values = read_all(((readers[key], each) for key, each in known.items()), problems)
-        if wrong:  # only now: what is wrong with the other keys is told in the same run
+        if wrong:  # only now: problems with the other keys are reported in the same run
             raise ReadError
         return make(**dict(zip(known, values, strict=True)))
 
