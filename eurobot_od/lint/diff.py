@@ -99,7 +99,7 @@ def _wholes(one: LintedDevice, other: LintedDevice) -> Iterator[EdsDifference]:
     """Compare the bit rates of both devices, and the kinds of their objects."""
     rates = (", ".join(map(str, sorted(bit_rates(each)))) or "none" for each in (one, other))
     yield EdsDifference(WHOLE_DEVICE, "bit rates", *rates)
-    # What only one of them has is told here once; its sub-indices would repeat it.
+    # What only one of them has is reported here, once; its sub-indices would repeat it.
     for index in one.objects.keys() | other.objects.keys():
         objects = (each.objects.get(index) for each in (one, other))
         kinds = (ABSENT if each is None else each.code.name if each.code else "unknown" for each in objects)
@@ -302,7 +302,7 @@ def _overlaid(device: LintedDevice, answers: Mapping[Address, bytes | int]) -> L
 
 def _read_text(variable: DescribedVariable, answer: bytes | int | None, encoding: str) -> str | None:
     """Write what was read as a file in this encoding would; None if nothing was."""
-    if not isinstance(answer, bytes) or variable.type is None:  # an abort is told by `_unread`
+    if not isinstance(answer, bytes) or variable.type is None:  # `_unread` reports an abort
         return None
     if variable.type.is_integer:
         return str(int.from_bytes(answer, "little", signed=variable.type.is_signed))
