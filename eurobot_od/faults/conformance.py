@@ -251,9 +251,7 @@ class ValuesKept(Node):
     def receive(self, frame: Frame, now: float) -> list[Frame]:
         before = dict(self.device.objects.values)
         frames = super().receive(frame, now)
-        if (
-            frame.cob_id == NMT_COB_ID
-        ):  # commands other than a reset change no values, so these are put back as they are
+        if frame.cob_id == NMT_COB_ID:  # no other command than a reset changes values
             self.device.objects.values.update(before)
         return frames
 
