@@ -105,6 +105,7 @@ def _apart(first: Sequence[Timed], second: Sequence[Timed]) -> float:
     begins, others = _first_times(first), _first_times(second)
     common = islice((others[raw] - time for raw, time in begins.items() if raw in others), ALIGNED_BY)
     differences = list(common)
+    # The median: a frame that is missing at the beginning of one log moves its own difference, but not this.
     return median_low(differences) if differences else 0.0
 
 
@@ -138,6 +139,7 @@ class _Comparison:
         up_to = bisect_left(first, second[other].time - slack, one, key=_time) - one
         other_up_to = bisect_left(second, first[one].time - slack, other, key=_time) - other
         steps = ((1, 1), (1, 0), (0, 1), (max(up_to, 1), 0), (0, max(other_up_to, 1)))
+        # `max` takes the first of equals: in doubt a pair.
         return max(steps, key=lambda step: self._agreeing(first, second, one + step[0], other + step[1]))
 
     def _agreeing(self, first: Sequence[_Seen], second: Sequence[_Seen], one: int, other: int) -> int:
@@ -200,4 +202,5 @@ class _Comparison:
         if old == new or not isinstance(old, (int, float)) or not isinstance(new, (int, float)):
             return bool(old == new)
         apart = abs(old - new)
+        # 359 and 1 degree are 2 apart
         return min(apart, abs(modulus - apart)) <= tolerance if modulus else apart <= tolerance

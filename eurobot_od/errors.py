@@ -41,15 +41,14 @@ class UnknownName(LocalError):
         self.kind, self.name, self.known = kind, name, tuple(map(str, known))
         lower = {each.lower(): each for each in self.known}
         written = str(name)[:LONGEST_NAME].lower()
+        # difflib tells letter cases apart, and `goto xy` is nothing like `GOTO XY` then.
         near = [written] if written in lower else get_close_matches(written, lower, n=3, cutoff=0.75)
-        super().__init__(f"unknown {kind} {name!r}{self._hint([lower[each] for each in near])}")
-
-    def _hint(self, near: list[str]) -> str:
+        hint = f"; known: {', '.join(self.known)}" if self.known else ""
         if near:
-            return f"; did you mean {' or '.join(near)}?"
-        if len(self.known) > MOST_NAMES:
-            return f"; {len(self.known)} are known, and none is like it"
-        return f"; known: {', '.join(self.known)}" if self.known else ""
+            hint = f"; did you mean {' or '.join(lower[each] for each in near)}?"
+        elif len(self.known) > MOST_NAMES:
+            hint = f"; {len(self.known)} are known, and none is like it"
+        super().__init__(f"unknown {kind} {name!r}{hint}")
 
 
 class FieldError(LocalError):
@@ -57,15 +56,11 @@ class FieldError(LocalError):
 
     def __init__(self, message: str, field: str, value: object, allowed: str) -> None:
         self.message, self.field, self.value, self.allowed = message, field, value, allowed
-        shown = value.name.lower() if isinstance(value, Enum) else _shown(value)
+        try:
+            shown = value.name.lower() if isinstance(value, Enum) else repr(value)
+        except ValueError:  # an integer with more digits than Python writes
+            shown = "a number of thousands of digits"
         super().__init__(f"{message}: {field} = {shown} is not allowed; allowed: {allowed}")
-
-
-def _shown(value: object) -> str:
-    try:
-        return repr(value)
-    except ValueError:  # an integer with more digits than Python writes
-        return "a number of thousands of digits"
 
 
 class ListenerError(LocalError):

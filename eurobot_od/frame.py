@@ -31,7 +31,7 @@ class Frame(NamedTuple):
     def parse(cls, text: str) -> Frame:
         """Read a frame as candump and cansend write it: `185#0102`, dots between bytes allowed; raises LocalError."""
         match = TEXT.fullmatch(text)
-        data = match["data"].replace(".", "") if match else ""
+        data = match["data"].replace(".", "") if match else ""  # candump's dots are for the eye
         if match is None or len(data) > 2 * MOST_BYTES:
             raise LocalError(
                 f"{text!r} is no frame: write an 11-bit identifier, # and up to {MOST_BYTES} bytes: 185#0102"

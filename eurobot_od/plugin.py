@@ -105,14 +105,6 @@ def _no_catalogue() -> Catalogue:
     return NOTHING
 
 
-def _no_programs(_nodes: Sequence[Node], _seed: int, _clock: Callable[[], float]) -> Mapping[str, Program]:
-    return {}
-
-
-def _no_drawings(_: Messages) -> Drawings:
-    return {}
-
-
 class Plugin(NamedTuple):
     """What a robot brings.
 
@@ -130,9 +122,9 @@ class Plugin(NamedTuple):
     nodes: Mapping[str, Callable[[], type[Node]]] = MappingProxyType({})
     faults: Callable[[], Faults] = dict
     suites: Path | None = None
-    partners: Callable[[Sequence[Node], int, Callable[[], float]], Mapping[str, Program]] = _no_programs
+    partners: Callable[[Sequence[Node], int, Callable[[], float]], Mapping[str, Program]] = lambda *_: {}
     panels: Callable[[], Sequence[type[Panel]]] = tuple
-    drawings: Callable[[Messages], Drawings] = _no_drawings
+    drawings: Callable[[Messages], Drawings] = lambda _: {}
     reports: Callable[[], Mapping[str, SeasonReport]] = dict
     stage: Callable[[], Stage] | None = None
     commands: Mapping[str, Command] = MappingProxyType({})
@@ -174,6 +166,7 @@ class Plugin(NamedTuple):
 
         kind: type[Node] = self.nodes[role]() if role else SimulatedDevice
         for owner, fault in map(self.find_fault, faults):
+            # A fault of another node's is passed over: `check --fault` gives all nodes the same ones.
             kind = fault.given_to(kind) if issubclass(kind, owner) else kind
         return kind
 
@@ -217,7 +210,7 @@ class Plugin(NamedTuple):
     def suite(self, text: str) -> Path:
         """Return the file that is meant by a path or by the name of one of the robot's suites; raises UnknownName."""
         shipped, path = self.shipped_suites(), Path(text)
-        if text in shipped and not path.is_file():
+        if text in shipped and not path.is_file():  # a file that lies here is what was meant, whatever it is called
             return shipped[text]
         if not path.is_file() and path.suffix not in (".yaml", ".yml"):
             raise UnknownName("suite", text, shipped)
@@ -266,24 +259,21 @@ def find(name: str | None = None, folder: str | Path = "") -> Plugin:
 
     Raises UnknownName; LocalError, with the place, for one that cannot be loaded; DictionaryError for a network file.
     """
-    named = name or os.environ.get(VARIABLE) or _of_folder(Path(folder))
+    named, file = name or os.environ.get(VARIABLE), Path(folder) / DEFAULT
+    if not named and os.path.isfile(file):  # noqa: PTH113
+        from eurobot_od.od.network import read_network  # costs what most commands do not need
+
+        named = read_network(file).robot
+        # A path in the file is relative to the file; what is no folder there is an installed robot's name.
+        named = str(file.parent / named) if named and (file.parent / named).is_dir() else named
     if named:
         return _load(named)
+    # Ours last: who has installed a robot of their own means that.
     for entered in sorted(installed().values(), key=lambda module: module.startswith(OURS)):
         robot = _entered(entered)
         if robot is not None:
             return robot
     return NO_ROBOT
-
-
-def _of_folder(folder: Path) -> str:
-    """Return what the network file of a folder says, `` if it says nothing."""
-    if not os.path.isfile(folder / DEFAULT):  # noqa: PTH113
-        return ""
-    from eurobot_od.od.network import read_network
-
-    named = read_network(folder / DEFAULT).robot
-    return str(folder / named) if named and (folder / named).is_dir() else named
 
 
 @lru_cache
@@ -294,13 +284,13 @@ def installed() -> dict[str, str]:
     `importlib.metadata` takes 40 ms for that.
     """
     found: dict[str, str] = {}
-    for folder in dict.fromkeys(each or os.curdir for each in sys.path):
+    for folder in dict.fromkeys(each or os.curdir for each in sys.path):  # "" in `sys.path` is the working folder
         for file in _entry_points(folder):
             with open(file, encoding="utf-8") as lines:  # noqa: PTH123 (pathlib takes as long as all of this)
                 _, group, rest = lines.read().partition(f"[{GROUP}]")
             for line in rest.partition("\n[")[0].splitlines() if group else ():
                 name, equals, module = line.partition("=")
-                if equals:
+                if equals:  # the first one counts, as it does for an import
                     found.setdefault(name.strip(), module.strip())
     return found
 
@@ -320,6 +310,7 @@ def _entered(module: str) -> Plugin | None:
     try:
         return _attribute(module)
     except ModuleNotFoundError as error:
+        # A package that was removed by hand leaves its entry point; any other missing module is the robot's own fault.
         if error.name and module.startswith(error.name):
             return None
         raise LocalError(f"the robot {module} cannot be imported: {error}") from None

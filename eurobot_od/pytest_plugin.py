@@ -40,12 +40,12 @@ PATTERNS = ("*.check.yaml", "*.check.yml")
 def pytest_addoption(parser: pytest.Parser) -> None:
     """Add the bus to test on, and what is a suite."""
     group = parser.getgroup("eurobot-od", "CANopen nodes and check suites")
-    group.addoption("--eurobot-interface", help="python-can interface of the devices to test; left out: simulated ones")
+    group.addoption("--eurobot-interface", help="python-can interface of the devices to test; default: simulated ones")
     group.addoption("--eurobot-channel", help="channel of the interface, such as can0")
     group.addoption("--eurobot-bitrate", type=int, help="bit/s")
     parser.addini("eurobot_suites", "patterns of check suites besides *.check.yaml", "args", default=[])
     parser.addini(
-        "eurobot_network", "network file or folder of EDS files of suites; left out: eurobot-od.yaml, or the robot's"
+        "eurobot_network", "network file or folder of EDS files of suites; default: eurobot-od.yaml, or the robot's"
     )
 
 
@@ -114,6 +114,7 @@ class StepTest(pytest.Item):
         """Tell how the step ended, which is how the worst of its parts did."""
         from eurobot_od.check.results import Status
 
+        # By place: a step with `repeat`, or a group, has several results, and a name may stand twice.
         places = set(_places(self._step))
         results = [each for each in self.parent.steps if each.section is self._part and each.place in places]
         _fail(results)
@@ -170,9 +171,11 @@ def _read(config: pytest.Config, file: Path) -> list[Suite]:
     known = _robot(config).networks()
     named = config.getini("eurobot_network")
     path = config.rootpath / (named or DEFAULT)
+    # A warning, which pytest shows at the end: suites that do not need that PDO are run all the same.
     networks = known._replace(refused=lambda error: warnings.warn(f"PDO left out: {error}", stacklevel=2))
     if named or (path.is_file() and read_network(path).nodes):
         networks = networks._replace(find=lambda dialect: known.find(dialect) if dialect else path)
+    # One reader for all files, as it loads each EDS file once.
     return config.stash.setdefault(READER, SuiteReader(networks)).read_files([file])
 
 
@@ -182,7 +185,7 @@ def _run(config: pytest.Config, suite: Suite, faults: Iterable[str] = (), seed: 
     from eurobot_od.check.runner import Interrupt, RunOptions
 
     live = config.getoption("eurobot_interface")
-    if live and suite.world:
+    if live and suite.world:  # what one real node does, another one need not see
         pytest.skip("its nodes have to share a world")
     interrupt = Interrupt()
     options = RunOptions(interrupt=interrupt)
@@ -192,7 +195,7 @@ def _run(config: pytest.Config, suite: Suite, faults: Iterable[str] = (), seed: 
             if live
             else _robot(config).simulate(suite, options, faults, seed)
         )
-    if interrupt.requested:
+    if interrupt.requested:  # the teardown is done; now pytest has to end, too
         raise KeyboardInterrupt
     return result
 
@@ -202,7 +205,7 @@ def _open_bus(config: pytest.Config, otherwise: str = "") -> can.BusABC:
     from eurobot_od.live import open_bus
 
     interface = config.getoption("eurobot_interface")
-    if not interface:
+    if not interface:  # a channel of each test's own, so that no frame of one reaches another
         return open_bus("virtual", otherwise)
     return open_bus(interface, config.getoption("eurobot_channel"), config.getoption("eurobot_bitrate"))
 

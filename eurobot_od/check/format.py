@@ -47,7 +47,7 @@ class Format:
         self._step: Shape[suite.Step] = Shape(self._read_step, {"$ref": "#/$defs/step"})
         self._actions = self._action_table()
         self._common = {
-            "name": Key(TEXT, "what the step is for; left out: what it does"),
+            "name": Key(TEXT, "what the step is for; default: what it does"),
             "repeat": Key(shapes.whole(1, MAX_COUNT), "how many times the step is done"),
             "needed": Key(shapes.named({"yes": True, "no": False}, "answer"), "yes: the suite ends if the step fails"),
         }
@@ -63,23 +63,23 @@ class Format:
         return {
             "spec": Key(version, f"version of the format, `spec: {VERSION}`", needed=True),
             "name": Key(TEXT, "what the suite is for", needed=True),
-            "node": Key(nodes, "node or nodes under test; left out: all"),
-            "dialect": Key(shapes.converted(TEXT, self._dialect), "EDS files that the suite is for; left out: any"),
-            "timeout": Key(DURATION, f"time for an answer where a step does not say; left out: {suite.TIMEOUT:g} s"),
+            "node": Key(nodes, "node or nodes under test; default: all"),
+            "dialect": Key(shapes.converted(TEXT, self._dialect), "EDS files that the suite is for; default: any"),
+            "timeout": Key(DURATION, f"time for an answer if a step gives none; default: {suite.TIMEOUT:g} s"),
             "variables": Key(shapes.mapping(NAME, SCALAR), 'names and values, used as "{name}"'),
             "world": Key(
                 shapes.named({"shared": True, "any": False}, "world"),
                 "shared: what one node does, another has to see; with separate nodes on a bus the suite is skipped",
             ),
             "tags": Key(shapes.one_or_more(TEXT), "words by which suites are chosen"),
-            "setup": Key(steps, "steps before; if one fails, the others are not done"),
+            "setup": Key(steps, "steps to run first; if one fails, `steps` are not run"),
             "steps": Key(steps, "the steps", needed=True),
-            "teardown": Key(steps, "steps afterwards, done in any case"),
+            "teardown": Key(steps, "steps to run last, in any case"),
         }
 
     def _action_table(self) -> dict[str, ActionRow]:
         frames, services = self._frames, self._services
-        within = {"within": Key(DURATION, "longest time; left out: the suite's timeout")}
+        within = {"within": Key(DURATION, "longest time; default: the suite's timeout")}
         span = {"for": Key(DURATION, "how long to watch", needed=True)}
         until = {"until": Key(frames.pattern, "the frame that ends the polling", needed=True)} | within
         every = {"every": Key(shapes.SOME_TIME, "time from one to the next", needed=True)}
@@ -89,11 +89,13 @@ class Format:
             "send": ActionRow(frames.sent, suite.Send, "send a message or a raw frame"),
             "answer": ActionRow(frames.answers, suite.Answer, "from now on answer messages, as a node would"),
             "expect": ActionRow(frames.patterns, suite.Expect, "wait for a frame, or several", within),
-            "never": ActionRow(frames.pattern, _never, "see that no such frame comes", span),
+            "never": ActionRow(frames.pattern, _never, "check that no such frame comes", span),
             "poll": ActionRow(polled, lambda parts, **keys: suite.Poll(*parts, **keys), "send again and again", until),
             "period": ActionRow(self._period(every), _same, "measure how often a frame comes"),
             "sdo": ActionRow(services.sdo, lambda sdo, **keys: sdo._replace(**keys), "read or write an object", within),
-            "dump": ActionRow(services.dump, _same, "keep the values of all settings, or see that they are the same"),
+            "dump": ActionRow(
+                services.dump, _same, "keep the values of all settings, or check that they are unchanged"
+            ),
             "nmt": ActionRow(services.nmt, _same, "send an NMT command"),
             "heartbeat": ActionRow(services.heartbeat, _expect_one, "wait for a heartbeat with a state", within),
             "emcy": ActionRow(services.emcy, _expect_one, "wait for an emergency message", within),
@@ -135,7 +137,7 @@ class Format:
         known = {key: Key(row.shape, row.help)} | dict(row.extra) | self._common
         names = [name for name in pairs if name in known]
         given = dict(zip(names, read_all(((known[name].shape.read, pairs[name]) for name in names), problems)))
-        if wrong:  # only now, so that what is wrong in the values of the known keys is told as well
+        if wrong:  # only now, so that problems in the values of the known keys are reported as well
             raise ReadError
         action = row.make(given[key], **{name: given[name] for name in row.extra if name in given})
         name, common = str(given.get("name", action)), {key: given[key] for key in ("repeat", "needed") if key in given}

@@ -109,7 +109,7 @@ class FrameShapes:
     def _fields(
         self, binding: Binding, node: yaml.Node | None, problems: Problems, read: Callable[[str, Scale], T]
     ) -> dict[str, T]:
-        """Read a message's fields and their values; all problems of them are told."""
+        """Read a message's fields and their values; all their problems are reported."""
         if node is None or (isinstance(node, yaml.ScalarNode) and node.value == "" and node.style is None):
             return {}  # nothing after the message's name; '' in quotes is a text, and wrong here
         before, fields = len(problems), {}

@@ -192,22 +192,21 @@ def as_data(results: Sequence[SuiteResult]) -> list[dict[str, Any]]:
             "seconds": round(result.seconds, 6),
             "skipped": result.skipped or None,
             "error": result.error or None,
-            "steps": [_step_data(step) for step in result.steps],
+            "steps": [
+                {
+                    "section": step.section.value,
+                    "name": step.name,
+                    "line": step.place.line,
+                    "status": step.status.value.lower(),
+                    "started": round(step.started, 6),
+                    "seconds": round(step.seconds, 6),
+                    "finding": None if step.reason is None else _reason_data(step.reason),
+                }
+                for step in result.steps
+            ],
         }
         for result in results
     ]
-
-
-def _step_data(step: StepResult) -> dict[str, Any]:
-    return {
-        "section": step.section.value,
-        "name": step.name,
-        "line": step.place.line,
-        "status": step.status.value.lower(),
-        "started": round(step.started, 6),
-        "seconds": round(step.seconds, 6),
-        "finding": None if step.reason is None else _reason_data(step.reason),
-    }
 
 
 def _reason_data(reason: Reason) -> dict[str, Any]:

@@ -52,26 +52,29 @@ class ServiceShapes:
         self._words = words
         self._node = shapes.named(words.dictionaries, "node")
         state = Key(shapes.named(STATES, "NMT state"), "state in the heartbeat", needed=True)
-        # An EMCY's code has 16 bits. JSON Schema knows no hexadecimal bounds, so there it is any number.
-        number: Shape[int | None] = Shape(shapes.whole(0, 0xFFFF).read, NUMBER.schema)
+        number: Shape[int | None] = Shape(shapes.whole(0, 0xFFFF).read, NUMBER.schema)  # of 16 bits (CiA 301, 7.2.7)
         code = Key(_or_any(number, None), "error code, or any", needed=True)
         command = Key(shapes.named(NMT_COMMANDS, "NMT command"), "NMT command", needed=True)
         self.heartbeat: Shape[Pattern] = self._service("state", state, self._heartbeat)
         self.emcy: Shape[Pattern] = self._service("code", code, self._emergency)
         self.nmt: Shape[Action] = self._service("command", command, self._nmt)
-        when = Key(shapes.named({"before": False, "equal": True}, "dump"), "kept, or compared with it", needed=True)
+        when = Key(
+            shapes.named({"before": False, "equal": True}, "dump"),
+            "`before`: keep them; `equal`: compare with what was kept",
+            needed=True,
+        )
         self.dump: Shape[Action] = self._service("when", when, self._dump)
         sdo = {
             "read": Key(SCALAR, "object to read: 0x1017, 0x1018:1, or its name in any letter case"),
             "write": Key(SCALAR, "object to write"),
             "value": Key(SCALAR, "value to write"),
-            "data": Key(TEXT, "bytes to write, or to be read, in hexadecimal, instead of a value"),
+            "data": Key(TEXT, "bytes to write or to expect, in hexadecimal, instead of a value"),
             "expect": Key(SCALAR, "the value to be read"),
             "abort": Key(ABORTS, "the abort code, or one of several, or any, with which the node has to refuse"),
-            "optional": Key(ABORTS, "abort codes by which the node says that it cannot do this: the step is skipped"),
+            "optional": Key(ABORTS, "abort codes that mean that the node lacks this: the step is skipped"),
             "transfer": Key(shapes.named({"block": True}, "transfer"), "transferred in blocks"),
             "save": Key(NAME, "variable that gets the value"),
-            "node": Key(self._node, "whose object; left out: the node under test"),
+            "node": Key(self._node, "whose object; default: the node under test"),
         }
         self._sdo_parts: Shape[dict[str, Any]] = shapes.record(dict, sdo)
         self.sdo: Shape[Action] = Shape(self._read_sdo, self._sdo_parts.schema)
@@ -86,7 +89,7 @@ class ServiceShapes:
 
     def _service(self, name: str, key: Key, make: Callable[[Any, Dictionary | None], T]) -> Shape[T]:
         """Make the shape of a service: its one value, or a mapping that also says which node."""
-        keys = {name: key, "node": Key(self._node, "which node; left out: the node under test")}
+        keys = {name: key, "node": Key(self._node, "which node; default: the node under test")}
         long: Shape[dict[str, Any]] = shapes.record(dict, keys)
 
         def read(node: yaml.Node, problems: Problems) -> T:

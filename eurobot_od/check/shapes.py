@@ -74,6 +74,7 @@ NAME = Shape(
     yaml_places.matching(r"[A-Za-z_][A-Za-z0-9_]*", "a name of letters, digits and _"),
     {"type": "string", "pattern": "^[A-Za-z_][A-Za-z0-9_]*$"},
 )
+# Our reader takes the text of a number as it stands; an editor sees a number.
 SCALAR = Shape(yaml_places.scalar, {"type": ["string", "number"]})
 NUMBER = Shape(yaml_places.number, {"type": ["integer", "string"], "pattern": "^(0x[0-9A-Fa-f]+|[0-9]+)$"})
 

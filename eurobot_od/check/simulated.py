@@ -116,7 +116,7 @@ class Program:
         self._task: asyncio.Task[None] | None = None
 
     def start(self) -> None:
-        """Begin, and begin anew with every boot-up message of the node."""
+        """Start, and start again with every boot-up message of the node."""
         running = asyncio.get_running_loop()
         self._restart()
 

@@ -161,7 +161,7 @@ class Doer:
                 raise Failed(Reason(what, "; ".join(each.text(self._variables) for each in left), "nothing"))
             number, seen = found
             start = number + 1
-            # In order, only the first one may come; a later one that comes now is out of order, and that is told.
+            # In order, only the first one may come: a later one that comes now is reported as out of order.
             tried = left[:1] if order is suite.Order.IN_ORDER else left
             hit = next((each for each in tried if not self._mismatches(each, seen)), None)
             if hit is not None:
@@ -169,7 +169,10 @@ class Doer:
                 left = [] if order is suite.Order.ANY else [each for each in left if each is not hit]
                 start = self._mark  # a frame passed over may be what the remaining patterns wait for
             elif any(is_final(each) for each in left if each.cob_id == seen.frame.cob_id):
-                raise self._other(tried, seen)
+                # Reported against the closest pattern: one of the same message, with the fewest differences.
+                ranks = [(each.cob_id != seen.frame.cob_id, len(self._mismatches(each, seen))) for each in tried]
+                nearest = tried[ranks.index(min(ranks))]
+                raise self._with_last(f"{nearest} is not as expected", nearest, seen)
             else:
                 other = seen
 
@@ -180,11 +183,6 @@ class Doer:
 
     def _meaning(self, seen: Seen) -> str:
         return self.words(seen.frame) or str(seen.frame)
-
-    def _other(self, tried: Sequence[Pattern], seen: Seen) -> Failed:
-        """Say that something else came than expected: as the pattern that comes nearest to it sees it."""
-        nearest = min(tried, key=lambda each: (each.cob_id != seen.frame.cob_id, len(self._mismatches(each, seen))))
-        return self._with_last(f"{nearest} is not as expected", nearest, seen)
 
     def _with_last(self, what: str, pattern: Pattern, last: Seen | None, off: Sequence[Mismatch] = ()) -> Failed:
         """Say that what was wanted did not come, and what came last instead."""
@@ -224,7 +222,7 @@ class Doer:
         latest = action.every + action.tolerance
         start, last = self._edge, None
         off: list[Mismatch] = []
-        for number in range(action.count + 1):  # so many periods lie between one frame more
+        for number in range(action.count + 1):  # one frame more than there are periods between them
             deadline = (self._trace.now if last is None else last.time) + latest
             found = await self._next([action.message], start, deadline)
             if found is None:

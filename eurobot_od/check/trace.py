@@ -57,11 +57,6 @@ class Trace:
         """Note that the bus is open again."""
         self._failure = None
 
-    @property
-    def has_failed(self) -> bool:
-        """Whether the bus is gone."""
-        return self._failure is not None
-
     def _wake(self) -> None:
         if self._waiting is not None and not self._waiting.done():  # two frames may come in one turn of the loop
             self._waiting.set_result(None)

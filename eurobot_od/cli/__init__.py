@@ -120,7 +120,7 @@ class Parser(argparse.ArgumentParser):
         except (ValueError, OSError):  # no number; no terminal
             width = 80
         super().__init__(prog, formatter_class=partial(kind, width=width - 2), **options)
-        self.register("type", int, _whole)
+        self.register("type", int, _whole)  # under the name `int`, so that every `type=int` gets it
 
     def error(self, message: str) -> NoReturn:
         """Exit; raises SystemExit."""
@@ -143,7 +143,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return _run(words)
     except KeyboardInterrupt:
         return ExitStatus.INTERRUPTED
-    except BrokenPipeError:
+    except BrokenPipeError:  # `| head` has seen enough: no error of ours
         fall_silent()
         return ExitStatus.FINE
     except (EurobotError, OSError) as error:
@@ -156,6 +156,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def fall_silent() -> None:
     """Print no more on standard output: its reader has left."""
+    # Python flushes standard output once more when it ends, and would complain of the closed pipe there.
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
@@ -171,7 +172,7 @@ def _open_streams() -> None:
         sys.stderr = open(os.devnull, "w")  # noqa: PTH123, SIM115  # as long as the program
     if sys.stdout is None:
         raise OSError("standard output is closed")
-    if isinstance(sys.stdout, TextIOWrapper):
+    if isinstance(sys.stdout, TextIOWrapper):  # in a test it may be anything that takes a text
         sys.stdout.reconfigure(errors="backslashreplace")
 
 
@@ -208,7 +209,7 @@ def _robot_in(words: list[str]) -> tuple[list[str], str | None]:
         return words, None  # without a parser, whose help formatter imports three compression libraries
     finder = argparse.ArgumentParser("eurobot-od", add_help=False, allow_abbrev=False)
     finder.error = Parser.error.__get__(finder)  # type: ignore[method-assign]
-    finder.add_argument("--robot")
+    finder.add_argument("--robot")  # never abbreviated: a command may have an option that begins like it
     found, others = finder.parse_known_args(words)
     return others, found.robot
 
@@ -238,7 +239,7 @@ class Runnable(Protocol):
 
 def find(command: str, robot: str | None = None) -> Runnable:
     """Import a command, the workbench's or the robot's; raises UnknownName, and as `plugin.find`."""
-    if command in COMMANDS:
+    if command in COMMANDS:  # before the robot's: it cannot replace one of ours, and is not even looked for
         name = f"eurobot_od.cli.{TABLES.get(command, command).replace('-', '_')}"
     else:
         own = _find(robot).commands
@@ -260,7 +261,7 @@ class Version(argparse.Action):
 
 def version() -> str:
     """Return the versions of this package and of Python."""
-    from importlib import metadata
+    from importlib import metadata  # this is what takes the 40 ms
 
     try:
         return f"eurobot-od {metadata.version('eurobot-od')}, Python {sys.version.split()[0]}"

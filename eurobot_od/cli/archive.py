@@ -17,7 +17,6 @@ from eurobot_od.support.amounts import amount
 from eurobot_od.support.escaping import one_line
 
 if TYPE_CHECKING:
-    from eurobot_od.season.writing import DecodedNetwork
     from eurobot_od.support.progress import Progress
 
 
@@ -39,8 +38,14 @@ def run(arguments: argparse.Namespace) -> None:
 
     with extras.needed("season"):
         from eurobot_od.season.archive import archive
-    logs = list(dict.fromkeys(arguments.logs))
-    network = _network(options.Devices.of(arguments))
+        from eurobot_od.season.writing import DecodedNetwork
+    logs = list(dict.fromkeys(arguments.logs))  # one that two patterns of a shell name is archived once
+    devices = options.Devices.of(arguments)
+    decoder = devices.decoder()
+    names = {each.cob_id: each.name for each in decoder.protocol.bindings}
+    promised = devices.promised(decoder).messages  # one that several nodes send is there for each of them
+    answers = {names[each.identifier]: each.answers for each in promised if each.answers and each.identifier in names}
+    network = DecodedNetwork(decoder.dictionaries, decoder.protocol.catalogue, tuple(answers.items()))
     drawn = bar(str(logs[0])) if len(logs) == 1 else nullcontext(unwatched)
     with executors.workers(None, arguments.jobs, len(logs)) as workers, drawn as draw:
         done = archive(logs, arguments.output, network, arguments.format, workers, _adding(draw, logs[0]))
@@ -61,13 +66,3 @@ def _adding(draw: Progress, log: Path) -> Callable[[int], None]:
         draw(read, size)
 
     return add
-
-
-def _network(devices: options.Devices) -> DecodedNetwork:
-    from eurobot_od.season.writing import DecodedNetwork
-
-    decoder = devices.decoder()
-    names = {each.cob_id: each.name for each in decoder.protocol.bindings}
-    promised = devices.promised(decoder).messages  # one that several nodes send is there for each of them
-    answers = {names[each.identifier]: each.answers for each in promised if each.answers and each.identifier in names}
-    return DecodedNetwork(decoder.dictionaries, decoder.protocol.catalogue, tuple(answers.items()))

@@ -83,7 +83,7 @@ def nmt(target: Target, command: str) -> ExitStatus:
     with target.opened() as node:
         if number not in TARGET_STATES:  # a reset: the boot-up message proves it (CiA 301, 7.3.2.2.3)
             node.reset(number)
-            state = node.state(HEARTBEAT_WAIT)
+            state = node.state(HEARTBEAT_WAIT)  # None without a heartbeat, whose time a reset sets back to its default
             print(f"node {node.node_id} has booted" + ("" if state is None else f" and is {STATE_NAMES[state]}"))
             return ExitStatus.FINE
         node.command(number)
@@ -118,7 +118,6 @@ def watch(
     nodes = [*map(options.check_node_id, nodes)]
     if guard is not None and not (nodes and guard):
         raise LocalError("--guard polls the nodes that are named: name them, and a time longer than 0")
-    guarded: dict[int, float] = dict.fromkeys(nodes, guard) if guard else {}
     with Master(open_bus()) as master:
         started = master.clock()
         write = event_as_json if as_json else event_as_line
@@ -126,7 +125,7 @@ def watch(
             lambda event: print(write(event._replace(time=event.time - started)), flush=True),
             expected=nodes,
             patience=within,
-            guarded=guarded,
+            guarded=dict.fromkeys(nodes, guard) if guard else {},
         )
         with suppress(KeyboardInterrupt):  # the usual way to end it
             watch_nodes(master, watched, started + span, options.guard(reopen, master))
@@ -174,7 +173,7 @@ def time(utc: bool, period: float, count: int, cob_id: int, open_bus: Opener, re
 
 def _period(text: str) -> float:
     seconds = durations.seconds(text)
-    if not seconds:
+    if not seconds:  # without a pause it would fill the bus
         raise LocalError("the period must be longer than 0")
     return seconds
 

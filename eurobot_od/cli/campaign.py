@@ -53,6 +53,7 @@ def workers(arguments: argparse.Namespace, things: int) -> Iterator[Workers]:
     if arguments.executor and arguments.jobs:
         raise LocalError("--jobs is for processes of this machine, and does not go with --executor")
     with ExitStack() as stack:
+        # A missing package is one only while the workers are made; later an ImportError would be a fault in the work.
         with extras.needed("cluster"):
             found = stack.enter_context(executors.workers(arguments.executor, arguments.jobs, things))
         yield found
@@ -73,4 +74,5 @@ def results(
 
 def counted(things: Iterable[Thing], number: int, what: str, workers: Workers, hidden: bool = False) -> Iterable[Thing]:
     """Pass on things and show how far it is, unless that is `hidden`."""
+    # More workers than things say nothing of how long it takes.
     return things if hidden else progress.counted(things, number, what, min(workers.number, number))

@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from eurobot_od.campaign.executors import Workers
     from eurobot_od.campaign.results import Results
     from eurobot_od.check.suite import Suite
-    from eurobot_od.check.vocabulary import Networks
     from eurobot_od.live.connection import Opener
     from eurobot_od.od.dictionary import Dictionary
     from eurobot_od.od.pdos import OnRefused
@@ -47,14 +46,11 @@ class Checks(NamedTuple):
 
     def reader(self, refused: OnRefused = lambda _: None) -> SuiteReader:
         """Return the reader of suites for the devices; `refused` gets each PDO that is left out."""
-        return SuiteReader(self._networks(refused), self.devices.dialect)
-
-    def _networks(self, refused: OnRefused) -> Networks:
-        """Return the dialects, and the devices that the command line names for suites that name no dialect."""
         known = self.devices.robot.networks()._replace(refused=refused)
         files = self.devices.files()
         if not files:
-            return known
+            return SuiteReader(known, self.devices.dialect)
+        # Suites that name a dialect are for that; all others are for the devices of the command line.
         named = Path(self.devices.network or files[0].file)
 
         def load(path: Path) -> tuple[Dictionary, ...]:
@@ -64,7 +60,8 @@ class Checks(NamedTuple):
             complain_of_repairs(loaded)
             return loaded
 
-        return known._replace(find=lambda dialect: known.find(dialect) if dialect else named, load=load)
+        networks = known._replace(find=lambda dialect: known.find(dialect) if dialect else named, load=load)
+        return SuiteReader(networks, self.devices.dialect)
 
     def conformance_texts(self) -> dict[Path, str]:
         """Make the conformance suites of each device, by what reports call their file."""
@@ -92,6 +89,7 @@ class Checks(NamedTuple):
         if suite.world and not self.simulate and not self.shared_world:
             return "skipped: its nodes have to share a world (--shared-world: they do)"
         folder = self.devices.robot.dialects.folder
+        # By folder: a dialect may be given by its name or by its path.
         fits = None in (suite.dialect, self.devices.dialect) or folder(suite.dialect) == folder(self.devices.dialect)
         return "" if fits else f"skipped: it is for the dialect {suite.dialect}"
 
@@ -112,6 +110,7 @@ class Checks(NamedTuple):
 
     def run_seed(self, seed: int) -> CheckedSeed:
         """Run all suites for one seed, in any process."""
+        # Read anew in each process: suites hold functions, which cannot be sent to another one.
         # PDOs that are left out were reported when the suites were first read, before there were processes.
         suites = self.suites(self.reader())
         return CheckedSeed(seed, tuple(self.run(suite, seed, Interrupt()) for suite in suites))
@@ -127,6 +126,7 @@ class Checks(NamedTuple):
         found = [file for folder in sorted(folders) for file in sorted(folder.glob("*.eds"))]
         options = {"robot": robot_name, "dialect": dialect, "eds": eds, "network": named_network}
         own = ("fault", "tag", "step", "conformance", "reversible", "destructive", "keep_going")
+        # Beside the options the files' content: an edited suite must not be continued with results of the old one.
         given = {name: str(value) for name, value in (options | {each: getattr(self, each) for each in own}).items()}
         return {"campaign": "checks", **given, "files": digest_of([*(each.file for each in suites), *named, *found])}
 
@@ -163,6 +163,7 @@ class Printer(NamedTuple):
         """Print a step's line, unless it is only counted; if `verbose` also why it failed or was skipped."""
         if self.silent or (step.status in report.UNEVENTFUL and not self.verbose):
             return
+        # Flushed below: the next step may take minutes, and a pipe would keep this line back until then.
         print(report.step_line(step, in_colour(sys.stdout)))
         if step.reason is not None and self.verbose:
             print("\n".join(report.reason_lines(step.reason)))
@@ -198,7 +199,7 @@ def results_of(
             result = checks.run(suite, seed, interrupt, printer.step)
             printer.end(result)
             yield result
-            if result.error:
+            if result.error:  # the bus is gone, for all suites that follow
                 return
             if checks.conformance and result.ended:
                 gone.add(suite.nodes)

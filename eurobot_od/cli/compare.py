@@ -16,9 +16,6 @@ from eurobot_od.errors import LocalError, UnknownName
 from eurobot_od.support import durations
 
 if TYPE_CHECKING:
-    from eurobot_od.compare import Timed
-    from eurobot_od.logs.filters import Wanted
-    from eurobot_od.logs.meaning import Decoder
     from eurobot_od.pdo.protocol import Protocol
 
 
@@ -50,7 +47,10 @@ def run(arguments: argparse.Namespace) -> ExitStatus:
     fields = tolerances(options.assignments("--tolerance", "FIELD=NUMBER", arguments.tolerance), decoder.protocol)
     wanted, reading = Filters.of(arguments).wanted(decoder), logs.ReadOptions.of(arguments)
     # Both are read whole, as the distance between their clocks is found from frames of both.
-    first, second = (_read(log, reading, decoder, wanted) for log in (arguments.first, arguments.second))
+    read = (logs.entries([log], reading) for log in (arguments.first, arguments.second))
+    first, second = (
+        [(time, raw) for _, (_, time, _, raw) in entries if wanted is None or wanted(decoder(raw))] for entries in read
+    )
     differences = compare(first, second, decoder, Tolerances(arguments.time, fields))
     for each in differences:
         line = f"{each.time:13.6f}  {each.kind.value:<8} {each.name:<29} {each.text}".rstrip()
@@ -71,20 +71,11 @@ def tolerances(given: list[tuple[str, str]], protocol: Protocol) -> dict[tuple[s
         having = [each.name for each in bindings if field in each.kinds]
         if not having:
             raise UnknownName("field", name, dict.fromkeys(field for each in bindings for field in each.kinds))
-        found |= dict.fromkeys(((each, field) for each in having), _number(name, text))
+        try:
+            number = float(text)
+        except ValueError:
+            number = -1.0
+        if not 0 <= number < float("inf"):  # `float` takes "nan" and "inf", with which nothing would ever differ
+            raise LocalError(f"--tolerance {name}={text}: not a number, 0 or more")
+        found |= dict.fromkeys(((each, field) for each in having), number)
     return found
-
-
-def _number(name: str, text: str) -> float:
-    try:
-        number = float(text)
-    except ValueError:
-        number = -1.0
-    if not 0 <= number < float("inf"):
-        raise LocalError(f"--tolerance {name}={text}: not a number, 0 or more")
-    return number
-
-
-def _read(log: str, reading: logs.ReadOptions, decoder: Decoder, wanted: Wanted | None) -> list[Timed]:
-    entries = (entry for _, entry in logs.entries([log], reading))
-    return [(time, raw) for _, time, _, raw in entries if wanted is None or wanted(decoder(raw))]

@@ -20,6 +20,7 @@ PLACES = """where to put it:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Describe the command line."""
+    # PLACES is a table, which the usual formatter would fill up to a paragraph.
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
     parser.epilog = PLACES
     parser.add_argument("shell", choices=SHELLS, help="the shell")

@@ -99,7 +99,7 @@ def _output(decoder: Decoder, as_json: bool, as_csv: bool, several: bool) -> Out
     from eurobot_od.logs.output import TextOutput
 
     if not (as_json or as_csv):
-        return TextOutput(several)
+        return TextOutput(several)  # the usual case starts without the modules of the others
     from eurobot_od.logs.records import CsvOutput, JsonOutput
 
     fields = (field for each in decoder.protocol.bindings for field in each.kinds)

@@ -7,16 +7,11 @@ from __future__ import annotations
 
 import sys
 from argparse import ArgumentParser, Namespace
-from typing import TYPE_CHECKING
 
 from eurobot_od.cli import ExitStatus
 from eurobot_od.cli import options as shared
 from eurobot_od.errors import LocalError
-from eurobot_od.lint.diff import EdsDifference, compare, compare_live, place, read_device, readable
-from eurobot_od.lint.model import LintedDevice
-
-if TYPE_CHECKING:
-    from eurobot_od.live.connection import Opener
+from eurobot_od.lint.diff import compare, compare_live, place, read_device, readable
 
 
 def add_arguments(parser: ArgumentParser) -> None:
@@ -37,10 +32,15 @@ def run(arguments: Namespace) -> ExitStatus:
     if arguments.right:
         found = compare(left, read_device(arguments.right), arguments.node, arguments.names)
     else:
-        node_id = arguments.node or left.node_id
+        node_id = arguments.node or left.node_id  # a DCF says for which node it is, an EDS does not
         if node_id is None:
             raise LocalError("nothing to compare with: name a second file, or a live node with --node")
-        found = _compare_live(left, node_id, shared.opener(arguments))
+        from eurobot_od.client.master import Master  # two files are compared without a bus
+        from eurobot_od.client.reading import read_bytes
+        from eurobot_od.support.progress import passing
+
+        with Master(shared.open_bus(arguments)) as master, passing(f"node {node_id}", readable(left)) as addresses:
+            found = compare_live(left, read_bytes(master.node(node_id), addresses), node_id)
     if arguments.json:
         import json
 
@@ -49,12 +49,3 @@ def run(arguments: Namespace) -> ExitStatus:
     else:
         sys.stdout.writelines(f"{each}\n" for each in found)
     return ExitStatus.FOUND if found else ExitStatus.FINE
-
-
-def _compare_live(device: LintedDevice, node_id: int, open_bus: Opener) -> list[EdsDifference]:
-    from eurobot_od.client.master import Master
-    from eurobot_od.client.reading import read_bytes
-    from eurobot_od.support.progress import passing
-
-    with Master(open_bus()) as master, passing(f"node {node_id}", readable(device)) as addresses:
-        return compare_live(device, read_bytes(master.node(node_id), addresses), node_id)

@@ -27,11 +27,17 @@ def add_arguments(_: argparse.ArgumentParser) -> None:
 
 def run(_: argparse.Namespace) -> ExitStatus:
     """Print what there is; 1 if something is wrong."""
-    from eurobot_od.live.interfaces import refused
+    from eurobot_od.live.interfaces import drivers, here, refused
     from eurobot_od.live.links import links, troubles
 
     wrong = [*(trouble for link in links() for trouble in troubles(link)), *denied(refused())]
-    for line in (*_installed(), "", *_interfaces(), ""):
+    loaded = drivers()
+    buses = [f"interface  {each}" for each in [*map(str, here())] or ["none"]]
+    buses.append(f"drivers    {', '.join(name for name, loads in loaded.items() if loads)}")
+    buses.append(f"no driver  {', '.join(name for name, loads in loaded.items() if not loads)}")
+    needed = packages(each for name in NEEDED for each in extras.installed(name))
+    brought = extra_lines({name: each for name, each in extras.brought().items() if name not in FOR_DEVELOPERS})
+    for line in (f"{version()}, {platform.platform()}", *needed, "", *brought, "", *buses, ""):
         print(one_line(line))
     for what, mends in wrong:
         print(one_line(f"wrong      {what}: {mends}"))
@@ -39,23 +45,6 @@ def run(_: argparse.Namespace) -> ExitStatus:
         return ExitStatus.FOUND
     print("nothing is wrong")
     return ExitStatus.FINE
-
-
-def _installed() -> Iterator[str]:
-    yield f"{version()}, {platform.platform()}"
-    yield from packages(each for name in NEEDED for each in extras.installed(name))
-    yield ""
-    yield from extra_lines({name: each for name, each in extras.brought().items() if name not in FOR_DEVELOPERS})
-
-
-def _interfaces() -> Iterator[str]:
-    from eurobot_od.live.interfaces import drivers, here
-
-    loaded = drivers()
-    for each in [*map(str, here())] or ["none"]:
-        yield f"interface  {each}"
-    yield f"drivers    {', '.join(name for name, loads in loaded.items() if loads)}"
-    yield f"no driver  {', '.join(name for name, loads in loaded.items() if not loads)}"
 
 
 def packages(found: Iterable[Package]) -> Iterator[str]:
@@ -77,4 +66,5 @@ def extra_lines(brought: Mapping[str, list[str]]) -> Iterator[str]:
 def denied(ports: Iterable[str]) -> Iterator[tuple[str, str]]:
     """Yield what is wrong with serial ports that this user may not open, and what mends it."""
     for port in ports:
+        # A group counts from the next log-in on: without the second half the advice seems not to help.
         yield f"{port} cannot be opened by this user", "sudo usermod -aG dialout $USER, and log in again"

@@ -61,8 +61,8 @@ def mcap(log: str, output: Path, reading: logs.ReadOptions, devices: Devices) ->
     with extras.needed("mcap"):
         from eurobot_od.export.mcap import write
     decoder = devices.decoder()
-    check_writable(output)
-    file = BytesIO()
+    check_writable(output)  # before a long log is decoded for nothing
+    file = BytesIO()  # what was there before stays if anything fails
     entries = (entry for _, entry in logs.entries([log], reading))
     messages, poses, damage = write(file, entries, decoder, devices.robot.drawings(decoder.protocol))
     write_whole(output, file.getvalue())
@@ -82,6 +82,7 @@ def cdcf(file: str, output: Path | None, eds: str | None, node_id: int | None) -
     The suffix of the file says which way. The writes are in the order of CiA 301's PDO procedure (7.5.2.36): a PDO is
     off while it is mapped.
     """
+    # By the suffix: four bytes of a count are no mark by which bytes could be recognised.
     if Path(file).suffix.lower() in (".dcf", ".eds"):
         write_concise(file, output)
     else:

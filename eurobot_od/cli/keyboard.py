@@ -51,14 +51,15 @@ def _posix_keys() -> Iterator[WaitForKey]:
     before = termios.tcgetattr(descriptor)
 
     def wait(pause: float) -> str:
-        ready, _, _ = select.select([descriptor], [], [], pause)
+        ready, _, _ = select.select([descriptor], [], [], pause)  # also the pause between two refreshes
+        # By `os`, as `sys.stdin` would keep what it has read ahead, where `select` does not see it.
         pressed = os.read(descriptor, 64).decode(errors="ignore") if ready else ""
         for sequence, meant in MOVING.items():
             pressed = pressed.replace(sequence, meant)
         return pressed
 
     try:
-        tty.setcbreak(descriptor)
+        tty.setcbreak(descriptor)  # not raw: Ctrl-C has to stay an interrupt
         yield wait
     finally:
         termios.tcsetattr(descriptor, termios.TCSADRAIN, before)
@@ -67,7 +68,7 @@ def _posix_keys() -> Iterator[WaitForKey]:
 def _windows_keys(pause: float) -> str:
     import msvcrt
 
-    time.sleep(pause)
+    time.sleep(pause)  # `select` works on sockets only there
     pressed = ""
     while msvcrt.kbhit():  # type: ignore[attr-defined,unused-ignore]
         pressed += msvcrt.getwch()  # type: ignore[attr-defined,unused-ignore]

@@ -8,8 +8,8 @@ from __future__ import annotations
 import gc
 import sys
 from argparse import ArgumentParser, Namespace
-from collections.abc import Iterable, Iterator, Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING, Any
 
 from eurobot_od.cli import ExitStatus, complain
 from eurobot_od.errors import DictionaryError, LocalError, UnknownName
@@ -34,16 +34,13 @@ def add_arguments(parser: ArgumentParser) -> None:
     form.add_argument(
         "--format", choices=FORMATS, help="write annotations for GitHub Actions, or a SARIF log for code scanning"
     )
-    parser.add_argument(
-        "--select",
-        type=_codes,
-        default=(),
-        metavar="CODES",
-        help="only rules whose codes start like this, such as E6,W447",
-    )
-    parser.add_argument(
-        "--ignore", type=_codes, default=(), metavar="CODES", help="no rules whose codes start like this, such as I"
-    )
+
+    def prefixes(text: str) -> tuple[str, ...]:
+        return tuple(each.strip().upper() for each in text.split(",") if each.strip())
+
+    codes: dict[str, Any] = {"type": prefixes, "default": (), "metavar": "CODES"}
+    parser.add_argument("--select", **codes, help="only rules whose codes start like this, such as E6,W447")
+    parser.add_argument("--ignore", **codes, help="no rules whose codes start like this, such as I")
     parser.add_argument(
         "-v", "--verbose", action="store_true", help="print every finding: infos and repeated ones, too"
     )
@@ -57,13 +54,13 @@ def add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument("--explain", metavar="CODE", help="print what a rule demands, and its source")
 
 
-def _codes(text: str) -> tuple[str, ...]:
-    return tuple(each.strip().upper() for each in text.split(",") if each.strip())
-
-
 def run(arguments: Namespace) -> ExitStatus:
     """Check, print, and return the exit status."""
-    _refuse_unknown((*arguments.select, *arguments.ignore))
+    prefixes = (*arguments.select, *arguments.ignore)
+    rules = _rules() if prefixes else {}
+    for prefix in prefixes:
+        if not any(code.startswith(prefix) for code in rules):  # it would select nothing, or ignore nothing
+            raise UnknownName("rule", prefix, rules)
     if arguments.explain:
         print(explanation(arguments.explain.upper()))
         return ExitStatus.FINE
@@ -73,19 +70,7 @@ def run(arguments: Namespace) -> ExitStatus:
     if arguments.fix:
         return _fix(files, arguments.output)
     unreadable: list[DictionaryError] = []
-    identifiers: Sequence[tuple[str, ...]] = ()
-    gc.disable()  # a check makes a lot and drops nothing: looking for garbage would cost a third of it
-    try:
-        if arguments.network:
-            from eurobot_od.lint.network import lint_network, overview
-
-            network = read_network(files)
-            findings, number, identifiers = lint_network(network), len(network.nodes), overview(network)
-        else:
-            findings = list(_linted(files, unreadable))
-            number = len(files) - len(unreadable)
-    finally:
-        gc.enable()
+    findings, number, identifiers = _found(files, arguments.network, unreadable)
     wanted = chosen(findings, arguments.select, arguments.ignore)
     if arguments.json:
         _print_json(wanted, identifiers)
@@ -101,18 +86,31 @@ def run(arguments: Namespace) -> ExitStatus:
     return ExitStatus.FOUND if errors or (arguments.strict and warnings) else ExitStatus.FINE
 
 
-def _linted(files: Sequence[str], unreadable: list[DictionaryError]) -> Iterator[Finding]:
-    """Check files one by one; a terminal shows how far it is with several."""
-    counted: Iterable[str] = files
-    if len(files) > 1:
-        from eurobot_od.support import progress
+def _found(
+    files: Sequence[str], as_network: bool, unreadable: list[DictionaryError]
+) -> tuple[list[Finding], int, Sequence[tuple[str, ...]]]:
+    """Check files, one by one or as a network; return the findings, the number of files, and the identifiers."""
+    gc.disable()  # a check makes a lot and drops nothing: looking for garbage would cost a third of it
+    try:
+        if as_network:
+            from eurobot_od.lint.network import lint_network, overview
 
-        counted = progress.counted(files, len(files), "files", at_once=1)
-    for file in counted:
-        try:
-            yield from lint(read_bytes(file), file)
-        except DictionaryError as error:
-            unreadable.append(error)
+            network = read_network(files)
+            return lint_network(network), len(network.nodes), overview(network)
+        counted: Iterable[str] = files
+        if len(files) > 1:
+            from eurobot_od.support import progress
+
+            counted = progress.counted(files, len(files), "files", at_once=1)
+        findings: list[Finding] = []
+        for file in counted:
+            try:
+                findings += lint(read_bytes(file), file)
+            except DictionaryError as error:  # the other files are checked all the same
+                unreadable.append(error)
+        return findings, len(files) - len(unreadable), ()
+    finally:
+        gc.enable()
 
 
 def _fix(files: Sequence[str], output: str | None) -> ExitStatus:
@@ -126,7 +124,7 @@ def _fix(files: Sequence[str], output: str | None) -> ExitStatus:
         raise LocalError("-o is for one file")
     for file in files:
         before = read_bytes(file)
-        data, changes = in_normal_form(before, file)
+        data, changes = in_normal_form(before, file)  # refuses a file before any of it is written
         for line, what, _ in changes:
             print(one_line(f"{file}:{line}: {what}"))
         if data != before or output:
@@ -166,14 +164,6 @@ def _rules() -> dict[str, Rule]:
     return {each.code: each for each in (*FILE_RULES, *RULES)}
 
 
-def _refuse_unknown(prefixes: Sequence[str]) -> None:
-    """Raise UnknownName for a prefix that no rule's code has: it would select nothing, or ignore nothing."""
-    rules = _rules() if prefixes else {}
-    for prefix in prefixes:
-        if not any(code.startswith(prefix) for code in rules):
-            raise UnknownName("rule", prefix, rules)
-
-
 def _print_lines(
     findings: Sequence[Finding], files: int, identifiers: Sequence[tuple[str, ...]], verbose: bool, infos: bool
 ) -> None:
@@ -204,7 +194,7 @@ def _print_annotations(findings: Sequence[Finding]) -> None:
     from eurobot_od.support.annotations import Level, annotation
 
     levels = {Severity.ERROR: Level.ERROR, Severity.WARNING: Level.WARNING, Severity.INFO: Level.NOTICE}
-    for each in summed_up(findings):
+    for each in summed_up(findings):  # GitHub shows ten annotations of a step, and passes over the others
         print(annotation(levels[each.severity], each.file, each.line, each.column, each.code, [each.message]))
 
 

@@ -60,7 +60,7 @@ def _errors(text: str) -> ErrorRate:
     try:
         rate = ErrorRate(int(number), durations.microseconds(time))
     except (ValueError, LocalError):
-        rate = ErrorRate(-1)
+        rate = ErrorRate(-1)  # one message for whichever half is wrong
     if not slash or rate.number < 0 or rate.within < 1:
         raise argparse.ArgumentTypeError(f"{text!r} is not a number and a time, such as 1/10ms")
     return rate

@@ -104,7 +104,7 @@ def opened(log: str, is_watched: bool = True) -> Iterator[io.BufferedReader]:
                 raise LocalError("standard input is closed")
             file: BinaryIO = sys.stdin.buffer
         else:
-            file = stack.enter_context(Path(log).open("rb", buffering=0))
+            file = stack.enter_context(Path(log).open("rb", buffering=0))  # `Watched` is buffered below
         status = os.fstat(file.fileno())
         if not stat.S_ISREG(status.st_mode):
             # A pipe may be a live bus: what has been decoded is shown before the next lines are waited for.
@@ -115,7 +115,7 @@ def opened(log: str, is_watched: bool = True) -> Iterator[io.BufferedReader]:
             draw = stack.enter_context(progress.bar(log, after=progress.SHORT))
             yield io.BufferedReader(Watched(file, lambda done: draw(done, status.st_size)))
         else:
-            yield io.BufferedReader(Watched(file, lambda _: None))
+            yield io.BufferedReader(Watched(file, lambda _: None))  # the same class, so that no format has a second way
 
 
 class Watched(io.RawIOBase):
@@ -129,6 +129,7 @@ class Watched(io.RawIOBase):
 
     def readinto(self, buffer: Any) -> int:
         self._on_read(self._read)
+        # Gives what a pipe has now; a buffered file would wait until the whole buffer is full.
         data = os.read(self._descriptor, len(buffer))
         buffer[: len(data)] = data
         self._read += len(data)

@@ -69,10 +69,12 @@ def _set(identity: Identity | None, alone: bool, settings: Mapping[str, Any]) ->
         "store": (lambda _: lss.store(), lambda _: "stored"),
         "activate": (lss.activate_bit_rate, lambda delay: f"bit rate changes in {durations.text(delay)}"),
     }
+    # False is --store that is not given; 0 is a value, such as a bit rate that changes at once.
     wanted = {name: value for name in services if (value := settings[name]) is not None and value is not False}
     if not wanted:
         raise LocalError("nothing to set: give --node-id, --bit-rate, --store or --activate")
     steps = [services[name][0](value) for name, value in wanted.items()]
+    # A generator of its own, as this function has to raise before a bus is opened.
     return _all_set(identity, alone, steps, ", ".join(services[name][1](value) for name, value in wanted.items()))
 
 

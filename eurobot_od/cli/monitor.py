@@ -125,6 +125,7 @@ class Monitor(NamedTuple):
             while self.controls.running and not self.source.ended:
                 for time, raw in self.source.poll():
                     took(time, self.traffic.take(time, raw))
+                # A key may be the one that ends the pause, or that scrolls in it.
                 if pressed or not self.controls.paused:
                     refresh()
                 pressed = wait(self.source.pause(REFRESH))
@@ -170,7 +171,7 @@ def on_screen(monitor: Monitor) -> Iterator[tuple[Took, Refresh]]:
 
     from eurobot_od.monitor.screen import Size, screen
 
-    with Live(screen=True, auto_refresh=False) as live:
+    with Live(screen=True, auto_refresh=False) as live:  # without its thread: the loop above refreshes
 
         def refresh() -> None:
             now, size = monitor.source.now, Size(*shutil.get_terminal_size())

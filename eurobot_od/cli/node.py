@@ -25,7 +25,6 @@ if TYPE_CHECKING:
     from eurobot_od.frame import Frame
     from eurobot_od.live import Live
     from eurobot_od.od.dictionary import Dictionary
-    from eurobot_od.od.network_file import NodeFile
     from eurobot_od.od.values import Address
     from eurobot_od.plugin import Scene
 
@@ -90,7 +89,7 @@ def _stay(live: Live, scene: Scene | None, duration: float | None) -> ExitStatus
     if status is not None:
         return ExitStatus(status)
     while (failure := live.failure or live.gatekeeper.report_failure) is None and live.clock() < end:
-        time.sleep(0.1)
+        time.sleep(0.1)  # the node runs in threads of its own; this is only how soon its end is noticed
     if failure is not None:
         raise failure
     return None
@@ -116,6 +115,7 @@ def _make(arguments: argparse.Namespace) -> tuple[Node, Scene | None]:
         raise LocalError(f"--{option} is for devices that are none of the robot's, not for the {role}")
     if stage:
         stage.check_arguments(arguments, role)
+    # The fault goes in front of the class that the node would have without it.
     kind = robot.kind(role)
     kind = robot.faulty(kind, arguments.fault) if arguments.fault else kind
     if role:
@@ -135,20 +135,15 @@ def _dictionary(devices: shared.Devices, name: str | None, node_id: int | None) 
         if name is None:
             raise LocalError("which node? Name one of the robot's, or give a device's file with --eds")
         return devices.robot.dialects.load(name, devices.dialect, node_id)
-    file = _chosen(files, name)
-    dictionary = Dictionary.load(file.file, file.node_id if node_id is None else node_id, file.name)
-    shared.complain_of_repairs([dictionary])
-    return dictionary
-
-
-def _chosen(files: list[NodeFile], name: str | None) -> NodeFile:
-    """Return the file of the device with a name, of the only one without; raises UnknownName, LocalError."""
     named = {each.name or Path(each.file).stem: each for each in files}
     if name is None and len(files) > 1:
         raise LocalError(f"which node? Name one of {', '.join(named)}")
     if name is not None and name not in named:
         raise UnknownName("node", name, named)
-    return files[0] if name is None else named[name]
+    file = files[0] if name is None else named[name]
+    dictionary = Dictionary.load(file.file, file.node_id if node_id is None else node_id, file.name)
+    shared.complain_of_repairs([dictionary])
+    return dictionary
 
 
 def _values(dictionary: Dictionary, assigned: Iterable[str], file: Path | None) -> Mapping[str, Mapping[Address, Any]]:

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from functools import partial
 from math import inf
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
 from eurobot_od import plugin
 from eurobot_od.cli import complain
@@ -21,7 +21,7 @@ from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.network_file import NetworkFile, NodeFile
 from eurobot_od.od.values import NODE_IDS
 from eurobot_od.plugin import Plugin
-from eurobot_od.support.address import Address, parse
+from eurobot_od.support.address import parse
 
 if TYPE_CHECKING:
     import can
@@ -33,6 +33,9 @@ if TYPE_CHECKING:
     from eurobot_od.logs.meaning import Decoder
     from eurobot_od.od.pdos import OnRefused
     from eurobot_od.pdo.protocol import Protocol
+
+
+T = TypeVar("T")
 
 
 def add_bus(parser: argparse.ArgumentParser, else_: str = "") -> None:
@@ -58,6 +61,7 @@ def whole(low: int, high: float = inf, what: str = "") -> Callable[[str], int]:
     """Return the reader of a whole number in a range, which is `what` the complaint of another one asks for."""
 
     def read(text: str) -> int:
+        # Of 16 digits and more no option knows what to do; of thousands `int` itself raises, in words of its own.
         number = int(text) if text.isdecimal() and len(text) < 16 else -1
         if not low <= number <= high:
             raise argparse.ArgumentTypeError(f"{text} is not {what or f'in {low}..{high}'}")
@@ -73,18 +77,26 @@ bit_rate = whole(1000, 1_000_000, "in 1000..1000000 bit/s")
 jobs = whole(1, MOST_JOBS, f"a number from 1 to {MOST_JOBS}")
 
 
-def address(text: str) -> Address:
-    """Read where something listens: HOST:PORT, an IPv6 address in brackets."""
-    try:
-        return parse(text)
-    except LocalError as error:
-        raise argparse.ArgumentTypeError(str(error)) from None
+def argument_of(read: Callable[[str], T]) -> Callable[[str], T]:
+    """Return a reader whose LocalError is reported with the name of the option that it reads."""
+
+    def told(text: str) -> T:
+        try:
+            return read(text)
+        except LocalError as error:
+            raise argparse.ArgumentTypeError(str(error)) from None
+
+    return told
+
+
+address = argument_of(parse)
 
 
 def open_bus(arguments: argparse.Namespace) -> can.BusABC:
     """Open the bus that the options, or python-can's configuration, name; raises LocalError, BusError."""
     from eurobot_od import live as runtime
 
+    # Asked first: without a name python-can would complain of its configuration file, of which few users know.
     if not runtime.is_named(arguments.interface):
         here = ", ".join(map(str, runtime.here())) or "none (`eurobot-od doctor` says more)"
         raise LocalError(f"which bus? Name it by -i and -c, such as -i socketcan -c can0; here: {here}")
@@ -128,6 +140,7 @@ def guard(reopen: Opener | None, master: Master) -> Guard:
     """Return what opens a master's bus again by `reopen` when it is lost; without that, a lost bus ends the command."""
     from eurobot_od.client.reconnecting import Reconnecting, unguarded
 
+    # `complain` writes to standard error: what is printed may be JSON for another program.
     return Reconnecting(master, reopen, complain) if reopen else unguarded
 
 
@@ -149,7 +162,7 @@ def assignments(option: str, form: str, texts: Iterable[str]) -> list[tuple[str,
     """Split the values of an option, in the `form` NAME=VALUE, at their first equals signs; raises LocalError."""
     given = []
     for text in texts:
-        name, equals, value = text.partition("=")
+        name, equals, value = text.partition("=")  # the first: a value may have some itself, a name has none
         if not equals:
             raise LocalError(f"{option} {text}: write {form}")
         given.append((name, value))
@@ -208,6 +221,7 @@ class Devices(NamedTuple):
             raise LocalError("--dialect is a network of its own: leave out --eds and --network, or leave it out")
         files = [network.node_file(text) for text in self.eds]
         path = self.network
+        # What is named on the command line replaces the folder's own network; the two are never mixed.
         if not self.dialect and not files and path is None and os.path.isfile(network.DEFAULT):  # noqa: PTH113
             path = network.DEFAULT
         return [*files, *network.read_network(path).nodes] if path else files
@@ -248,7 +262,7 @@ class Devices(NamedTuple):
             for dictionary in self.load_and_complain():
                 try:
                     asked.append(dictionary.configured(pdo_parameters(master.node(dictionary.node_id), dictionary)))
-                except RemoteError as error:
+                except RemoteError as error:  # one node that is off must not keep the others from being decoded
                     complain(f"{dictionary.name}: PDOs as in {dictionary.file}: {error}")
                     asked.append(dictionary)
         return decoder_of(asked, self.robot)
@@ -269,6 +283,7 @@ class Devices(NamedTuple):
 
 def complain_of_repairs(dictionaries: Iterable[Dictionary]) -> None:
     """Say in one line for each file what had to be repaired to read it."""
+    # By file: two nodes may share one, and it was repaired once.
     for file, changes in {each.file: each.changes for each in dictionaries}.items():
         if changes:
             what = f"line {changes[0].line}: {changes[0].what}"
@@ -289,6 +304,7 @@ def left_out() -> Iterator[OnRefused]:
     """Collect PDOs that cannot be used, and say in one line for each file what is wrong with the first of them."""
     errors: dict[str, list[MappingError]] = {}
     yield lambda error: errors.setdefault(error.file, []).append(error)
+    # One line a file: what is wrong with one PDO is often wrong with all of them.
     for first, *others in errors.values():
         more = f" (and {len(others)} more)" if others else ""
         complain(f"PDO left out{more}: {first}")

@@ -35,7 +35,7 @@ def configure(
     from eurobot_od.client.configure import Chapter, apply, check_file, difference
     from eurobot_od.client.description import from_file
 
-    description = from_file(file)
+    description = from_file(file)  # never the network's: a configuration is for the one device that its DCF names
     check_file(description, target.node_id)  # the file is judged before a bus is opened
     with target.opened() as node:
         plan = difference(node, description, [*map(Chapter, only or CHAPTERS)])

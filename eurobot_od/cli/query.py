@@ -64,6 +64,7 @@ def run(arguments: argparse.Namespace) -> None:
             output.write(arguments.plot, answers.picture(ask, report, rows, arguments.sql or "tables"))
     for file in season.damaged:
         complain(f"left out: {file} is damaged; archive its log again")
+    # Last, when the bar is wiped out: both may be on one terminal.
     write = answers.as_json if arguments.json else answers.as_csv if arguments.csv else answers.as_table
     sys.stdout.write(write(rows))
 

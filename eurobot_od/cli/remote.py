@@ -116,6 +116,7 @@ class Target(NamedTuple):
 
         files = [network.node_file(text) for text in self.devices.eds]
         mine = next((each.file for each in files if each.node_id in (None, node.node_id)), None)
+        # Only then the network, whose files have to be loaded to know whose they are.
         if mine is None and self.devices.files():
             mine = next((str(each.file) for each in self.devices.load() if each.node_id == node.node_id), None)
         if mine is None:

@@ -45,6 +45,7 @@ def run(arguments: argparse.Namespace) -> None:
         logs.entries(arguments.logs, logs.ReadOptions.of(arguments)),
     )
     wanted = by_sender(decoder.dictionaries, decoder.protocol, arguments.only, arguments.without)
+    # What a log has besides frames is damage, which nobody can send.
     timed = ((time, raw) for _, (_, time, _, raw) in entries if isinstance(raw, Frame) and wanted(raw))
     with Master(options.open_bus(arguments)) as master:
         frames, late, worst = replay(master, timed, arguments.speed)

@@ -47,10 +47,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> ExitStatus:
     """Send the message or frame; 1 if the expected answer does not come in time."""
-    within = durations.seconds(arguments.within)
+    within = durations.seconds(arguments.within)  # all of the line is read before anything goes out
     protocol = shared.Devices.of(arguments).protocol()
     frame, words = question(protocol, arguments.message, arguments.fields)
     expected = expectation(protocol, arguments.expect) if arguments.expect else None
+    # Printed once it is sent; before that the line would be false if the bus does not take the frame.
     sent = one_line(f"sent      {frame}  {words}".rstrip())
     bus = shared.open_bus(arguments)
     if expected is None:
@@ -95,7 +96,7 @@ def meaning(protocol: Protocol, frame: Frame) -> str:
     """Say which message a frame is, `` if it is none."""
     try:
         return _words(protocol, protocol.decode(*frame))
-    except RemoteError:
+    except RemoteError:  # a raw frame may be anything, or too short for the message of its identifier
         return ""
 
 
@@ -128,7 +129,8 @@ def exchange(bus: can.BusABC, question: Frame, expected: Frame, within: float) -
         if frame.cob_id == expected.cob_id and frame.data.startswith(expected.data):
             came.put((now, frame))
 
-    # It listens before the question is out: an answer can come sooner than the next line is run.
+    # It listens before the question is out: an answer can come sooner than the next line is run. By the finest clock:
+    # on Windows `monotonic` steps by 16 ms.
     with FrameReader(bus, seen, time.perf_counter, failed=came.put):
         started = time.perf_counter()
         transmit(bus, question)

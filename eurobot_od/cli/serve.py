@@ -53,7 +53,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> None:
     """Serve until Ctrl-C."""
-    with extras.needed("web"):
+    with extras.needed("web"):  # asked here, so that no log is read before the package is found missing
         import aiohttp  # noqa: F401
     from eurobot_od.live import BITRATE
 
@@ -67,8 +67,11 @@ def run(arguments: argparse.Namespace) -> None:
     panels = [each.of(decoder.protocol) for each in devices.robot.panels() if each.fits(decoder.protocol)]
     with suppress(KeyboardInterrupt):  # the usual way to end it
         if logs:
+            from eurobot_od.web.page import page
+
             columns = [_columns(log, ReadOptions.of(arguments), decoder, bitrate, panels) for log in logs]
-            asyncio.run(_show_logs(columns, panels, arguments.listen))
+            text = page(" and ".join(each.name for each in columns), [each.data() for each in columns], panels)
+            asyncio.run(_serve(text, arguments.listen))
         else:
             from eurobot_od.web.session import Session
 
@@ -83,6 +86,7 @@ async def _serve(text: str, listen: Address, requests: Requests | None = None) -
     from eurobot_od.web.server import served
 
     ended = asyncio.Event()
+    # Who reaches this machine's own address is somebody who could run the command as well; others need the token.
     access = AccessRules(listen.host, "" if is_local(listen.host) else secrets.token_urlsafe(24))
     async with served(text, access, listen.port, requests) as address:
         with suppress(NotImplementedError):  # on Windows, which has no SIGTERM
@@ -94,17 +98,11 @@ async def _serve(text: str, listen: Address, requests: Requests | None = None) -
 # Logs
 
 
-async def _show_logs(columns: Sequence[Columns], panels: Sequence[type[Panel]], listen: Address) -> None:
-    from eurobot_od.web.page import page
-
-    title = " and ".join(each.name for each in columns)
-    await _serve(page(title, [each.data() for each in columns], panels), listen)
-
-
 def _columns(log: str, reading: ReadOptions, decoder: Decoder, bitrate: int, panels: Sequence[type[Panel]]) -> Columns:
     from eurobot_od.logs.statistics import DamageCounts
     from eurobot_od.web.columns import Columns
 
+    # No bar: it would share the terminal with the address and with what is wrong in the log.
     columns, damage = Columns(Path(log).stem, decoder, bitrate, panels), DamageCounts()
     for time, meaning in meanings([log], reading, decoder, damage, is_watched=False):
         columns.take(time, meaning)
@@ -125,6 +123,7 @@ async def _show_bus(session: Session, panels: Sequence[type[Panel]], name: str, 
     about = {"name": name, "bitrate": session.bitrate, **described(session.decoder)}
     text = page(name, [about], panels, live=True)
     try:
+        # What the page records lies there, and is gone with the page.
         with tempfile.TemporaryDirectory(prefix="eurobot-od-") as folder:
             await _serve(text, listen, Requests(session, Path(folder), control, stop_message(panels)))
     finally:

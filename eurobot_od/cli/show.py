@@ -40,6 +40,7 @@ def run(arguments: argparse.Namespace) -> None:
 
 def as_data(binding: Binding) -> dict[str, Any]:
     """Return a message as plain data: identifier, who has it, and its fields with width, unit, limits and bits."""
+    # `allowed` is in words, as kinds differ in what they allow; the bits are numbers for programs.
     fields = {
         field: {
             "bits": binding.layout.widths[field],
@@ -117,6 +118,7 @@ def _symbols(fields: Iterable[str]) -> dict[str, str]:
     taken: dict[str, str] = {}
     for field in fields:
         letters = [letter for letter in field if letter.isalpha()]
+        # 12 more than the alphabet's 52: 64 fields of one bit are the most that a PDO can have.
         candidates = [letters[0].upper(), *letters, *ascii_letters, *GREEK]
         taken[field] = next(letter for letter in candidates if letter not in taken.values())
     return taken

@@ -23,6 +23,7 @@ class Parameter(NamedTuple):
 
 def option(*names: str, **settings: Any) -> Parameter:
     """Return the parameter of one option or argument, described as for `add_argument`; it is called as its value is."""
+    # As argparse derives it; of `-o`, `--output` the long one, which stands last.
     name = settings.get("dest") or names[-1].lstrip("-").replace("-", "_")
     return Parameter(name, lambda parser: parser.add_argument(*names, **settings), attrgetter(name))
 

@@ -1,4 +1,4 @@
-"""Faults that the conformance suite of a device's own file finds, of any device: what CiA 301 asks for, done otherwise.
+"""Faults of any device that the conformance suite made from its file finds: what CiA 301 asks for, done differently.
 
 Rule of this file: a step is named by the beginning that it has in every such suite, whatever the file's objects are.
 """
@@ -186,8 +186,8 @@ class ToggleNotChecked(Node):
         if frame.cob_id != hooks.sdo_request(self) or len(frame.data) != wire.LENGTH:
             return super().receive(frame, now)
         data = frame.data
-        # The first segment has the toggle bit 0, then it alternates (CiA 301, 7.2.4.3.4). The server of ours checks it,
-        # so it gets the right one, whatever came.
+        # The first segment has the toggle bit 0, then it alternates (CiA 301, 7.2.4.3.4). Our server checks it, so it
+        # is handed the right one, whatever came.
         if data[0] >> 5 in (ClientCommand.DOWNLOAD, ClientCommand.UPLOAD):
             self._toggle = 0
         elif data[0] >> 5 in (ClientCommand.DOWNLOAD_SEGMENT, ClientCommand.UPLOAD_SEGMENT):
@@ -246,14 +246,12 @@ class OperationalByItself(Node):
 
 
 class ValuesKept(Node):
-    """Has the values of before after a reset."""
+    """Keeps its values over a reset."""
 
     def receive(self, frame: Frame, now: float) -> list[Frame]:
         before = dict(self.device.objects.values)
         frames = super().receive(frame, now)
-        if (
-            frame.cob_id == NMT_COB_ID
-        ):  # commands other than a reset change no values, so these are put back as they are
+        if frame.cob_id == NMT_COB_ID:  # no other command than a reset changes values
             self.device.objects.values.update(before)
         return frames
 
@@ -354,7 +352,7 @@ FAULTS: Mapping[str, Fault] = {
         "7.3.2.2.3 Default after a reset", "has another default than its file", _other_value(_a_setting)
     ),
     "values-kept-over-reset": _fault(
-        "7.3.2.2.3 Values", "has the values of before after a reset, without having stored them", ValuesKept
+        "7.3.2.2.3 Values", "keeps its values over a reset, without having stored them", ValuesKept
     ),
     "read-only-written": _fault(
         "7.4.5 Read-only",

@@ -47,7 +47,7 @@ def _general_abort(data: bytes) -> bytes:
 
 
 def _babble(node: Node) -> None:
-    # an error that lasts is told once; one that comes and goes is told each time, and again when it is gone
+    # an error that lasts is reported once; one that comes and goes, each time it comes and each time it goes
     node.raise_error(ErrorCode.PDO_TOO_LONG, "babble")
     node.clear_error("babble")
 
@@ -103,7 +103,7 @@ FAULTS = {
         "sends no EMCY", hooks.leaving(hooks.emcy, hooks.lost)
     ),
     "emcy-twice": Caught("canopen", "7.2.7 EMCY: an error is reported once").fault(
-        "sends each EMCY two times", hooks.leaving(hooks.emcy, hooks.twice)
+        "sends each EMCY twice", hooks.leaving(hooks.emcy, hooks.twice)
     ),
     "emcy-code-wrong": Caught("canopen", "7.2.7 EMCY: a frame that is too short").fault(
         "sends the bytes of the emergency error code the wrong way round",

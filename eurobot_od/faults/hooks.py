@@ -95,7 +95,7 @@ def numbered(which: Which, change: Callable[[int], FrameChange]) -> Mixin:
 
 
 def frozen(which: type[Message], anew: type[Message]) -> Mixin:
-    """Have the first frame leave the node again and again, until a message comes with which all begins anew."""
+    """Have the first frame leave the node again and again, until a message comes that starts all over."""
 
     class Frozen(Node):
         _first: Frame | None = None
@@ -141,7 +141,7 @@ def arriving(which: Which, change: FrameChange) -> Mixin:
 
     class Arriving(Node):
         def receive(self, frame: Frame, now: float) -> list[Frame]:
-            # Asked anew for each frame: COB-IDs are objects, which a master may write.
+            # Asked for each frame: COB-IDs are objects, which a master may write.
             arrived = change(self, frame) if frame.cob_id == _cob_id(self, which) else [frame]
             return [answer for each in arrived for answer in super(Arriving, self).receive(each, now)]
 
@@ -210,7 +210,7 @@ def lost(_node: Node, _frame: Frame) -> Iterable[Frame]:
 
 
 def twice(_node: Node, frame: Frame) -> Iterable[Frame]:
-    """It comes two times."""
+    """It comes twice."""
     return frame, frame
 
 

@@ -27,7 +27,7 @@ def _reversed(content: bytes) -> bytes:
 NOT_SENT = Wrong("sends no {}", lambda message: leaving(message, lost))
 NOT_ANSWERED = Wrong("answers no {}", lambda message: arriving(message, lost))
 NOT_HEARD = Wrong("does not hear {}", lambda message: arriving(message, lost))
-TWICE = Wrong("sends {} two times", lambda message: leaving(message, twice))
+TWICE = Wrong("sends {} twice", lambda message: leaving(message, twice))
 MOVED = Wrong("sends {} one identifier too high", lambda message: leaving(message, moved(1)))
 REVERSED = Wrong("sends the bytes of {} the wrong way round", lambda message: leaving(message, data(_reversed)))
 READ_REVERSED = Wrong("reads the bytes of {} the wrong way round", lambda message: arriving(message, data(_reversed)))

@@ -88,7 +88,7 @@ def parameter_of_constant(device: LintedDevice) -> Violations:
     """A constant's ParameterValue is its DefaultValue."""
     for each in device.variables:
         given, default = each.number("parametervalue"), each.number("defaultvalue")
-        if each.access == "const" and given and default and given != default:
+        if each.access == "const" and given and default and given != default:  # no master could write it
             at = each.section.at("parametervalue")
             yield at, f"ParameterValue of {each.where}, which is const, is not its DefaultValue"
 
@@ -99,6 +99,7 @@ def file_of_number(device: LintedDevice) -> Violations:
     for each in device.variables:
         for key in ("uploadfile", "downloadfile"):
             entry = each.section.entries.get(key)
+            # A number fits into its line.
             if entry and entry.value and each.type and each.type.size:
                 yield entry, f"{entry.key} of {each.where}, a {each.type.name}"
 
@@ -118,7 +119,7 @@ def concise_dcf(device: LintedDevice) -> Violations:
     found = device.objects.get(0x1F22)
     for sub, variable in found.subs.items() if found else ():
         at = variable.value_entry
-        if sub and at and at.value and not is_concise(at.value):
+        if sub and at and at.value and not is_concise(at.value):  # an empty one is of a node without configuration
             yield at, f"{variable.where} is not a concise DCF: count, then index, sub-index, size and data for each"
 
 

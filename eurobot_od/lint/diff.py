@@ -6,8 +6,8 @@ its ParameterValue or else its DefaultValue; names count only on request.
 
 from __future__ import annotations
 
-import struct
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import suppress
 from itertools import chain
 from typing import NamedTuple, TypeAlias
 
@@ -18,7 +18,7 @@ from eurobot_od.od import values
 from eurobot_od.od.description import COMPOSED, DescribedVariable
 from eurobot_od.od.document import Document, Entry, read_bytes
 from eurobot_od.od.standard import ERROR_FIELD, ERROR_REGISTER, RESTORE, STORE
-from eurobot_od.od.values import Address, DataType, Number
+from eurobot_od.od.values import Address, Number
 from eurobot_od.sdo.wire import AbortCode, code_and_reason
 from eurobot_od.support.escaping import one_line
 
@@ -67,14 +67,19 @@ def compare(
     node_id = node_id or left.node_id or right.node_id
     aspects = {**ASPECTS, **NAMES} if with_names else ASPECTS
     compared = chain(_wholes(left, right), _variables(left, right, node_id, aspects), _pdos(left, right, node_id))
-    found = sorted([*(each for each in compared if each.left != each.right), *_missing_subs(left, right)])
-    return _named(found, left, right)
+    missing = (
+        EdsDifference((index, sub), "sub-index", _presence(ours.get(sub)), _presence(theirs.get(sub)))
+        for index, ours, theirs in _shared(left, right)
+        for sub in ours.keys() ^ theirs.keys()
+    )
+    return _named(sorted([*(each for each in compared if each.left != each.right), *missing]), left, right)
 
 
 def _named(found: Iterable[EdsDifference], *devices: LintedDevice) -> list[EdsDifference]:
     """Return differences with the names of their objects, from the first device that has what they are in."""
     return [
         each._replace(
+            # a name with its record's tells more than the record's alone, which is all that the other file may have
             name=max((_name_in(one, each.where) for one in devices), key=lambda name: (name != "", "." in name))
         )
         for each in found
@@ -94,6 +99,7 @@ def _wholes(one: LintedDevice, other: LintedDevice) -> Iterator[EdsDifference]:
     """Compare the bit rates of both devices, and the kinds of their objects."""
     rates = (", ".join(map(str, sorted(bit_rates(each)))) or "none" for each in (one, other))
     yield EdsDifference(WHOLE_DEVICE, "bit rates", *rates)
+    # What only one of them has is reported here, once; its sub-indices would repeat it.
     for index in one.objects.keys() | other.objects.keys():
         objects = (each.objects.get(index) for each in (one, other))
         kinds = (ABSENT if each is None else each.code.name if each.code else "unknown" for each in objects)
@@ -103,13 +109,6 @@ def _wholes(one: LintedDevice, other: LintedDevice) -> Iterator[EdsDifference]:
 def variables(device: LintedDevice) -> dict[Address, DescribedVariable]:
     """Return all variables of a device, compact ones written out."""
     return {(each.index, each.sub): each for whole in device.objects.values() for each in whole.variables()}
-
-
-def _missing_subs(one: LintedDevice, other: LintedDevice) -> Iterator[EdsDifference]:
-    """Give the sub-indices that only one device has, in objects that both have."""
-    for index, left, right in _shared(one, other):
-        for sub in left.keys() ^ right.keys():
-            yield EdsDifference((index, sub), "sub-index", _presence(left.get(sub)), _presence(right.get(sub)))
 
 
 def _shared(one: LintedDevice, other: LintedDevice) -> Iterator[tuple[int, Members, Members]]:
@@ -152,6 +151,7 @@ ENTRIES: Mapping[str, Callable[[DescribedVariable], Entry | None]] = {
 def _as_written(aspect: str, texts: tuple[str, str], *variables: DescribedVariable) -> Iterator[str]:
     """Yield two texts, whole numbers in hexadecimal if one of the files writes it so."""
     entries = [ENTRIES[aspect](each) for each in variables] if aspect in ENTRIES else []
+    # Numbers were compared in decimal digits; a COB-ID or a mapping is recognised in hexadecimal ones only.
     is_hexadecimal = any(each and each.value.lstrip().lower().startswith("0x") for each in entries)
     digits = 2 * max((each.type.size for each in variables if each.type), default=0) if is_hexadecimal else 0
     for text in texts:
@@ -163,6 +163,7 @@ def _limit_of(key: str) -> Aspect:
 
     def limit(variable: DescribedVariable, node_id: int | None) -> str:
         number = variable.number(key)
+        # A file that writes the type's own limits says no more than one that leaves them out.
         if number is None and variable.type and variable.type.is_integer:
             number = Number(variable.type.low if key == "lowlimit" else variable.type.high)
         return _number(number, node_id) if number else ABSENT
@@ -179,6 +180,7 @@ def _number(number: Number, node_id: int | None) -> str:
 def _value(variable: DescribedVariable, node_id: int | None) -> str:
     """Write a variable's value, but not of PDO mappings and COB-IDs, which are compared as bits and identifiers."""
     text = variable.value_entry.value if variable.value_entry else ""
+    # `_pdos` compares these by what they mean: two mappings may carry the same bits in other words.
     is_mapping = any(variable.index in each for each in values.MAPPING_RECORDS.values())
     is_cob_id = variable.sub == 1 and any(variable.index in each for each in values.COMMUNICATION_RECORDS.values())
     if not text or is_mapping or is_cob_id:
@@ -187,16 +189,11 @@ def _value(variable: DescribedVariable, node_id: int | None) -> str:
         return _number(variable.value, node_id)
     if variable.type is values.OCTET_STRING:
         return text.replace(" ", "").lower()
-    return _real(text, variable.type) if variable.type and variable.type in values.REALS else text
-
-
-def _real(text: str, type_: DataType) -> str:
-    """Write a REAL's decimal text as the number its type holds."""
-    try:
-        number = type_.read(struct.pack("<f" if type_ is values.REAL32 else "<d", float(text)))
-    except (ValueError, OverflowError):
-        return text
-    return repr(number)
+    if variable.type in values.REALS:
+        with suppress(ValueError, OverflowError):
+            # as the type holds it: a node gives 0.1 back as 0.10000000149
+            return repr(variable.type.read(variable.type.write(float(text))))
+    return text
 
 
 ASPECTS: Mapping[str, Aspect] = {
@@ -263,15 +260,17 @@ def compare_live(device: LintedDevice, answers: Mapping[Address, bytes | int], n
     """
     known = variables(device)
     if device.node_id is not None:
-        answers = {address: answer for address, answer in answers.items() if _is_comparable(known[address], answer)}
+        # Where the DCF has no value, an abort is no difference, and what cannot be written need not be the default.
+        answers = {
+            address: answer
+            for address, answer in answers.items()
+            if known[address].section.text("parametervalue")
+            or (isinstance(answer, bytes) and known[address].is_writable)
+        }
     missing = [each for address, answer in answers.items() for each in _unread(known[address], address, answer)]
+    # The answers as a file of their own: so a live node is compared by the same rules as two files.
     found = compare(device, _overlaid(device, answers), node_id)
     return sorted([*_named(missing, device), *found])
-
-
-def _is_comparable(variable: DescribedVariable, answer: bytes | int) -> bool:
-    """Tell whether a DCF gives something that a node's answer can differ from."""
-    return bool(variable.section.text("parametervalue")) or (isinstance(answer, bytes) and variable.is_writable)
 
 
 def _unread(variable: DescribedVariable, address: Address, answer: bytes | int) -> Iterator[EdsDifference]:
@@ -303,7 +302,7 @@ def _overlaid(device: LintedDevice, answers: Mapping[Address, bytes | int]) -> L
 
 def _read_text(variable: DescribedVariable, answer: bytes | int | None, encoding: str) -> str | None:
     """Write what was read as a file in this encoding would; None if nothing was."""
-    if not isinstance(answer, bytes) or variable.type is None:
+    if not isinstance(answer, bytes) or variable.type is None:  # `_unread` reports an abort
         return None
     if variable.type.is_integer:
         return str(int.from_bytes(answer, "little", signed=variable.type.is_signed))

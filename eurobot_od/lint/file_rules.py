@@ -105,6 +105,7 @@ def looks_like_object(name: str) -> bool:
     digits = head.lstrip("0") if len(head) != 4 else head
     fits = bool(tail.lstrip("0") or "0" in tail) if sub else bool(digits)
     is_hexadecimal = not (digits + tail).strip("0123456789abcdef")
+    # [Feed] is made of hexadecimal letters as well: what has no digit is taken for a word.
     return fits and 3 <= len(digits) <= 4 and is_hexadecimal and any(each.isdigit() for each in digits)
 
 
@@ -146,6 +147,7 @@ def _entries(device: LintedDevice, name: str) -> Mapping[str, Entry]:
 @RULES.rule("W121", "public: canopen, dcf-tools and others look sections and keys up letter by letter")
 def other_spelling(device: LintedDevice) -> Violations:
     """Sections and keys are spelled as CiA 306 spells them."""
+    # The section of the commissioning has a rule of its own (W702): CiA 306 itself misspells it.
     found = [each for each in misspelled(device.document) if "comissioning" not in each.what.lower()]
     if found:
         more = f", and {len(found) - 1} more" if len(found) > 1 else ""
@@ -247,6 +249,7 @@ FORMS = (
 def old_edition(device: LintedDevice) -> Violations:
     """EDSVersion is 4.0 or later."""
     version = device.document.text("fileinfo", "edsversion")
+    # Cut to nine digits, as `int` raises for thousands; a number as long as that is above 4 in any case.
     if is_version(version) and int(version.partition(".")[0][:9]) < 4:
         at = device.at("fileinfo", "edsversion")
         yield at, f"EDSVersion {version[:40]} is before 4.0, the edition with all of today's keys"
@@ -256,7 +259,7 @@ def old_edition(device: LintedDevice) -> Violations:
 def other_file_name(device: LintedDevice) -> Violations:
     """FileName is the file's name."""
     name = device.document.text("fileinfo", "filename")
-    if name and name.lower() != device.name.lower():
+    if name and name.lower() != device.name.lower():  # file systems differ in whether letter case counts
         yield device.at("fileinfo", "filename"), f"FileName is {name[:60]}, the file is {device.name}"
 
 
@@ -264,6 +267,7 @@ def other_file_name(device: LintedDevice) -> Violations:
 def modified_before_created(device: LintedDevice) -> Violations:
     """A file is not modified before it is created."""
     created, modified = (device.document.text("fileinfo", key.lower()) for key in cia306.DATES)
+    # mm-dd-yyyy: with the year in front, texts compare as dates do.
     if is_date(created) and is_date(modified) and modified[6:] + modified[:5] < created[6:] + created[:5]:
         at = device.at("fileinfo", "modificationdate")
         yield at, f"modified {modified}, before it was created {created}"
@@ -301,6 +305,7 @@ def pdo_count_of(key: str, direction: PdoDirection) -> Check:
     def check(device: LintedDevice) -> Violations:
         declared, compact = (device.number("deviceinfo", each) for each in (key.lower(), "compactpdo"))
         real = sum(index in values.COMMUNICATION_RECORDS[direction] for index in device.objects)
+        # With CompactPDO the count is of records that have no sections, so there is nothing to compare it with.
         if declared and declared.value != real and not (compact and compact.value):
             at = device.at("deviceinfo", key.lower())
             yield at, f"{key} is {declared.value}, but there are {real} records from 0x{direction.value:04X} on"
@@ -427,6 +432,7 @@ def gaps_of(*names: str) -> Check:
 def _numbers(device: LintedDevice, name: str) -> dict[int, Entry]:
     """Return the entries of a counting section by number."""
     keys = ((key.removeprefix(NUMBERED[name][1]), entry) for key, entry in _entries(device, name).items())
+    # Longer numbers are E119's: `int` raises for thousands of digits.
     return {int(key): entry for key, entry in keys if key.isdecimal() and len(key) < 10}
 
 
@@ -485,6 +491,7 @@ def listed_twice(device: LintedDevice) -> Violations:
 def listed_only(device: LintedDevice) -> Violations:
     """A listed object has a section."""
     for index, entry in listed(device, *LISTS):
+        # What is below 0x1000 or above 0xFFFF is reported as no object at all (W313, E304).
         if values.FIRST <= index <= 0xFFFF and (index not in device.objects or device.objects[index].section is None):
             yield entry, f"0x{index:04X} is listed, but there is no section [{index:04X}]"
 
@@ -502,7 +509,7 @@ def described_only(device: LintedDevice) -> Violations:
 def missing_mandatory(device: LintedDevice) -> Violations:
     """0x1000, 0x1001 and 0x1018 are there."""
     for index in MANDATORY:
-        if index not in device.objects and device.objects:
+        if index not in device.objects and device.objects:  # of a file without any object E120 says enough
             yield device.section("mandatoryobjects") or TOP, f"0x{index:04X} is missing, which every device has"
 
 

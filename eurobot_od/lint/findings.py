@@ -100,6 +100,7 @@ def chosen(findings: Iterable[Finding], select: Sequence[str], ignore: Sequence[
 
 def summed_up(findings: Iterable[Finding]) -> list[Finding]:
     """Keep the first finding of each code in a file, with the number of the others."""
+    # One mistake of an editor is in every object of a file, and would hide all others.
     groups: dict[tuple[str, str], list[Finding]] = {}
     for each in findings:
         groups.setdefault((each.file, each.code), []).append(each)

@@ -120,6 +120,7 @@ class LintedPdo(NamedTuple):
 
     def mapped(self) -> Iterator[MappingEntry]:
         """Give the first `amount` entries of the mapping, those that are there and are numbers."""
+        # Bounded, as a file may say any number; there is one more sub-index, 0xFF, which is no entry.
         amount = self.amount.value if self.amount and not self.is_multiplexed else 0
         for sub in range(1, min(amount, values.MOST_SUBS) + 1):
             variable = self.entry(sub)
@@ -135,6 +136,7 @@ class LintedPdo(NamedTuple):
 
 def load(data: bytes, file: str) -> LintedDevice:
     """Read the bytes of an EDS or DCF as a device; nothing raises."""
+    # By hand, as `lint` starts without pathlib; of Windows' paths as well.
     return LintedDevice(read(data), file.replace("\\", "/").rpartition("/")[2])
 
 

@@ -187,6 +187,7 @@ def _services(node: NetworkNode) -> Iterator[tuple[int, str, Spot]]:
     for index, name in ((0x1005, "SYNC"), (0x1012, "TIME"), (0x1014, f"EMCY of {node.name}")):
         variable = node.device.variable(index)
         value = variable.value.at(node.node_id) if variable and variable.value else None
+        # Bit 31 of 0x1014 is "not valid"; in 0x1005 it means nothing, in 0x1012 "consumes TIME".
         if variable and value is not None and (index != 0x1014 or not value & values.NOT_VALID):
             yield value & values.BASE_IDENTIFIER, name, node.spot(variable.place)
     section = node.device.section("deviceinfo")
@@ -206,6 +207,7 @@ class NetworkMember(NamedTuple):
 def nodes_of(members: Sequence[NetworkMember]) -> list[NetworkNode]:
     """Make nodes of devices."""
     declared = [each.node_id or own_node_id(each.device) for each in members]
+    # With more than 127 devices the numbers run out: then all of the rest get 1, and E816 says so.
     free = iter(number for number in values.NODE_IDS if number not in declared)
     return [
         NetworkNode(each.name, each.file, each.device, number or next(free, values.NODE_IDS[0]), number is None)
@@ -310,6 +312,7 @@ def other_order(network: LintedNetwork) -> Conflicts:
     """Producer and consumer map objects of the same names in the same order."""
     for producer, consumer in _pairs(network):
         names = [[name for name, _ in port.layout if name] for port in (producer, consumer)]
+        # Only of the same names: another maker's device may call the same values by other ones.
         if names[0] != names[1] and sorted(names[0]) == sorted(names[1]):
             yield consumer.mapping_spot, f"{consumer.name} maps the objects in another order than {producer.name}"
 
@@ -319,7 +322,7 @@ def other_bits(network: LintedNetwork) -> Conflicts:
     """Producer and consumer cut the data at the same bits."""
     for producer, consumer in _pairs(network):
         bits = [[length for _, length in port.layout] for port in (producer, consumer)]
-        if bits[0] != bits[1] and producer.size == consumer.size:
+        if bits[0] != bits[1] and producer.size == consumer.size:  # else E806 or W807 has said it
             text = f"{consumer.name} takes {bits[1]} bits, {producer.name} sends {bits[0]}"
             yield consumer.mapping_spot, text
 
@@ -434,6 +437,7 @@ def _heartbeat(node: NetworkNode) -> int:
 def impatient(network: LintedNetwork) -> Conflicts:
     """A heartbeat consumer waits longer than the producer's period."""
     for place, name, _, time, watched in _watches(network):
+        # Equal is too short as well: the next heartbeat may come a little late.
         if watched and time <= _heartbeat(watched):
             yield place, f"{name} waits {time} ms for {watched.name}, which sends every {_heartbeat(watched)} ms"
 
@@ -476,7 +480,7 @@ def unsupported_bit_rate(network: LintedNetwork) -> Conflicts:
 def different_bit_rates(network: LintedNetwork) -> Conflicts:
     """All nodes are set to one bit rate."""
     rates = [(node, node.device.commissioned("baudrate")) for node in network.nodes]
-    declared = [(node, rate.value) for node, rate in rates if rate and rate.value]
+    declared = [(node, rate.value) for node, rate in rates if rate and rate.value]  # 0 is E704's
     for node, rate in declared[1:]:
         if rate != declared[0][1] and node.device.commissioning:
             at = node.spot(node.device.commissioning.at("baudrate"))

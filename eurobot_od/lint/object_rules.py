@@ -52,6 +52,7 @@ def unknown_kind(device: LintedDevice) -> Violations:
 
 def _simple(device: LintedDevice) -> Iterator[DescribedVariable]:
     """Give the variables that have a value of their own: VARs, sub-indices and compact templates."""
+    # `2` and `0x2` are a DOMAIN, of which DataType and AccessType may be left out.
     return (each for each in device.variables if not each.section.text("objecttype").endswith("2"))
 
 
@@ -78,6 +79,7 @@ def undefined_type(device: LintedDevice) -> Violations:
     """A manufacturer's or a profile's DataType of a variable is defined in the file."""
     for section, entry in device.entries["datatype"]:
         number = parse_number(entry.value)
+        # Not those below 0x40: CiA 301 defines them itself (PDO, SDO parameter, identity and so on).
         if number and number.value in COMPLEX_TYPES[1] and number.value not in device.objects:
             yield entry, f"DataType {entry.value[:20]} of [{section.name}] is defined nowhere; it is taken as bytes"
 
@@ -119,6 +121,7 @@ def sub_keys_on_variable(device: LintedDevice) -> Violations:
         name = parse_section_name(section.name.strip())
         whole = device.objects[name.object_index] if name and name.sub < 0 else None
         code = (whole or DescribedObject(0, section, {}, {})).code  # a sub-index counts as an object of its own
+        # `SubNumber=0` says the same as none at all.
         if code in SIMPLE and entry.value and parse_number(entry.value) != Number(0):
             yield entry, f"{entry.key} does not belong to [{section.name}], which has no sub-indices"
 
@@ -129,6 +132,7 @@ def value_keys_on_record(device: LintedDevice) -> Violations:
     for each, section in _composed(device):
         for key in VALUE_KEYS if not each.compact else ():
             entry = section.entries.get(key)
+            # an empty value, or PDOMapping=0, claims nothing that the sub-indices could contradict
             if entry and entry.value and (key != "pdomapping" or entry.value != "0"):
                 yield entry, f"{entry.key} does not belong to [{section.name}], whose values are its sub-indices"
 
@@ -154,6 +158,7 @@ def without_sub_number(device: LintedDevice) -> Violations:
 def wrong_sub_number(device: LintedDevice) -> Violations:
     """SubNumber is the number of sub-indices, without 0xFF."""
     for each, section in _composed(device):
+        # 0xFF describes the object's structure and is no sub-index of data (CiA 301, 7.4.9).
         declared, real = parse_number(section.text("subnumber")), sum(sub != 0xFF for sub in each.subs)
         if declared and declared.value != real and not each.compact:
             yield (
@@ -186,7 +191,7 @@ def highest_sub(device: LintedDevice) -> Violations:
     counting = [range(0x1003, 0x1004), *values.MAPPING_RECORDS.values()]
     for each, _ in _composed(device):
         zero, highest = each.subs.get(0), max((sub for sub in each.subs if sub != 0xFF), default=0)
-        value = zero.value if zero and not zero.is_writable else None
+        value = zero.value if zero and not zero.is_writable else None  # one that is writable counts what is in use
         if zero and value and highest and value.value != highest and not any(each.index in i for i in counting):
             yield zero.place, f"[{zero.section.name}] is {value.value}, but the highest sub-index is {highest}"
 
@@ -262,6 +267,7 @@ def entry_list_keys(device: LintedDevice) -> Violations:
     for name, section in device.object_sections:
         highest = device.objects[name.object_index].compact if name.list else 0
         for key, entry in section.entries.items() if name.list else ():
+            # The length first: `int` raises for thousands of digits.
             if key != "nrofentries" and not (key.isdecimal() and len(key) < 4 and 1 <= int(key) <= highest):
                 yield entry, f"{entry.key[:20]} is no sub-index from 1 to {highest}"
 
@@ -278,6 +284,7 @@ def no_number(device: LintedDevice) -> Violations:
     malformed = [e for e in numeric if not is_standard_number(e.value)]
     malformed += [each.entry for each in device.integers if not is_standard_number(each.entry.value)]
     for entry in malformed:
+        # E431 and E433 say more exactly what is wrong with these two
         if not is_wrong_octal(entry.value) and values.NODE_ID not in entry.value.upper():
             yield entry, f"{entry.key} {entry.value[:40]} is no number"
 
@@ -292,6 +299,7 @@ def _octals(device: LintedDevice) -> Iterator[Entry]:
     """Give the entries whose value starts with a 0 and a further digit."""
     entries = [entry for key in NUMERIC_KEYS for _, entry in device.entries[key]]
     for entry in entries + [each.entry for each in device.integers]:
+        # `00` is 0 in any base, so nobody can mistake it.
         if entry.value[:1] in "0-" and entry.value.removeprefix("-")[1:].strip("0").isdecimal():
             yield entry
 
@@ -343,6 +351,7 @@ def outside_type_of(keys: tuple[str, ...]) -> Check:
 
     def check(device: LintedDevice) -> Violations:
         for each in (value for value in device.integers if value.key in keys):
+            # The value grows with the node-ID: the lower end is judged without it, the upper one with the highest.
             if each.number and not (
                 each.type.low <= each.number.value and each.number.at(device.node_ids[-1]) <= each.type.high
             ):
@@ -368,6 +377,7 @@ def outside_limits_of(key: str) -> Check:
     def check(device: LintedDevice) -> Violations:
         for each in (value for value in device.integers if value.key == key):
             number, (low, high) = each.number or Number(0), map(each.variable.number, LIMITS)
+            # A limit may be relative, too; then both grow alike, and either node-ID gives the same answer.
             first, last = device.node_ids[0], device.node_ids[-1]
             if (low and number.at(first) < low.at(first)) or (high and number.at(last) > high.at(last)):
                 text = f"{each.entry.key}={each.entry.value[:40]} of {each.variable.where} is outside its limits"
@@ -380,7 +390,7 @@ def outside_limits_of(key: str) -> Check:
 def limits_without_meaning(device: LintedDevice) -> Violations:
     """Only numbers have limits."""
     for each in (value for value in device.others if value.key in LIMITS):
-        if each.type not in values.REALS:
+        if each.type not in values.REALS:  # these are among the others only because tools disagree how they are written
             yield each.entry, f"{each.entry.key} of {each.variable.where}, a {each.type.name}, which has no order"
 
 
@@ -407,6 +417,7 @@ def malformed_real(device: LintedDevice) -> Violations:
 def ambiguous_real(device: LintedDevice) -> Violations:
     """A REAL has no value but 0."""
     for each in device.others:
+        # 0 is the same number as its bits are.
         if each.type in values.REALS and is_real(each.entry.value) and each.number != Number(0):
             text = f"{each.entry.key} {each.entry.value[:40]} is a {each.type.name}"
             yield each.entry, f"{text}: some tools read decimals, others bits"
@@ -535,6 +546,7 @@ def known_access(device: LintedDevice) -> Violations:
 def mappable_communication(device: LintedDevice) -> Violations:
     """What configures communication is not mappable."""
     for variable, _ in _known(device):
+        # The error register and the manufacturer's status register may be mapped (CiA 301, 7.5.2.2 and 7.5.2.3).
         if variable.is_mappable and variable.index not in (0x1001, 0x1002):
             yield variable.section.at("pdomapping"), f"{variable.where} is mappable, but configures communication"
 
@@ -554,12 +566,14 @@ def value_of(index: int, subs: range, fits: Callable[[int], bool], sentence: str
 
 def is_cob_id(value: int) -> bool:
     """Whether a COB-ID of SYNC, TIME or EMCY has none of the bits that have to be 0 in a base frame."""
+    # With bit 29 set all 29 bits are the identifier.
     return 0 <= value <= UNSIGNED32.high and (bool(value & values.EXTENDED) or not value & 0x1FFFF800)
 
 
 def heartbeats(device: LintedDevice) -> list[tuple[DescribedVariable, int, int]]:
     """Return what the device listens to: the variable of 0x1016, the node-ID and the time in ms."""
     found = device.objects.get(0x1016)
+    # Node-ID in bits 16 to 23, time in bits 0 to 15; with the time 0 the entry is not used (CiA 301, 7.5.2.19).
     times = ((each, each.value) for sub, each in found.subs.items() if sub) if found else ()
     return [(each, t.value >> 16 & 0xFF, t.value & 0xFFFF) for each, t in times if t and t.value & 0xFFFF]
 
@@ -585,6 +599,7 @@ def no_error_control(device: LintedDevice) -> Violations:
 def both_error_controls(device: LintedDevice) -> Violations:
     """A device uses heartbeat or node guarding."""
     heartbeat, *times = (device.variable(index) for index in (0x1017, 0x100C, 0x100D))
+    # Guarding is on only if guard time and life time factor are both above 0.
     if heartbeat and all(each and each.value and each.value.value for each in (heartbeat, *times)):
         yield heartbeat.place, "heartbeat and node guarding are both on; a device uses one of them"
 
@@ -616,7 +631,7 @@ def profile_objects(device: LintedDevice) -> Violations:
     """A device with objects of a device profile says which."""
     type_ = device.value(0x1000)
     first = next((each for index, each in device.objects.items() if 0x6000 <= index < 0xA000), None)
-    if first and type_ and type_.value & 0xFFFF == 0:
+    if first and type_ and type_.value & 0xFFFF == 0:  # bits 0 to 15 are the number of the profile
         yield first.place, f"0x{first.index:04X} belongs to a device profile, but 0x1000 says the device has none"
 
 

@@ -104,7 +104,8 @@ def in_predefined(device: LintedDevice) -> Violations:
     """A custom identifier is not where a node has its default one."""
     for pdo, at, identifier in _identifiers(device):
         found, cob_id = owner(identifier, values.PREDEFINED), pdo.value(1)
-        is_own = device.node_id is not None or (cob_id and cob_id.relative)  # made from the node-ID
+        # Made from the node-ID; in a DCF it may be written out, so there nobody can tell.
+        is_own = device.node_id is not None or (cob_id and cob_id.relative)
         if found and not is_own:
             text = f"{pdo.name} has the custom identifier 0x{identifier:03X}, by default {found.whose(identifier)}"
             yield at, text
@@ -123,9 +124,8 @@ def one_identifier(device: LintedDevice) -> Violations:
     """The valid PDOs of a device have different identifiers, at one node-ID at least."""
     first: dict[tuple[int | None, ...], LintedPdo] = {}
     for pdo, at, identifier in _identifiers(device):
-        everywhere = tuple(
-            map(pdo.identifier, device.node_ids)
-        )  # a clash at one node-ID only is no mistake of the file
+        # A clash at one node-ID only is no mistake of the file.
+        everywhere = tuple(map(pdo.identifier, device.node_ids))
         if first.setdefault(everywhere, pdo) is not pdo:
             yield at, f"{pdo.name} has identifier 0x{identifier:03X}, as {first[everywhere].name} has"
 
@@ -135,6 +135,7 @@ def outside_cob_id(device: LintedDevice) -> Violations:
     """$NODEID+... stays inside 11 bits."""
     for pdo, at, cob_id in _setting(device, 1):
         value, highest = pdo.value(1), (cob_id & values.BASE_IDENTIFIER) + device.node_ids[-1]
+        # The sum would carry into bits 11 and up, which mean something else.
         if value and value.relative and highest > values.BASE_IDENTIFIER:
             yield at, f"COB-ID {at.value[:20]} of {pdo.name} leaves 11 bits for the highest node-ID"
 
@@ -178,6 +179,7 @@ def rtr_forbidden(device: LintedDevice) -> Violations:
 def synchronous_without_sync(device: LintedDevice) -> Violations:
     """A device with synchronous PDOs has a SYNC."""
     for pdo, at, value in _setting(device, 2):
+        # 252 samples at the SYNC and sends at the remote frame; 253 does both at the remote frame.
         if (value in SYNCHRONOUS or value == RTR_TYPES[0]) and 0x1005 not in device.objects and pdo.is_valid:
             yield at, f"{pdo.name} is synchronous (type {value}), but the device has no SYNC (0x1005)"
 
@@ -211,7 +213,7 @@ def sync_start(device: LintedDevice) -> Violations:
 def slower_than_event(device: LintedDevice) -> Violations:
     """An event timer is not shorter than the inhibit time."""
     for pdo, at, milliseconds in _setting(device, 5):
-        inhibit = pdo.value(3)
+        inhibit = pdo.value(3)  # in 100 us, the event timer in ms
         if pdo.direction is PdoDirection.TPDO and inhibit and 0 < milliseconds * 10 < inhibit.value:
             yield at, f"event timer {milliseconds} ms of {pdo.name} is shorter than its inhibit time {inhibit.value}"
 
@@ -273,6 +275,7 @@ def no_entry(device: LintedDevice) -> Violations:
 def no_data(device: LintedDevice) -> Violations:
     """A PDO has data."""
     for pdo, variable, count in _counts(device):
+        # An info only: a message without data is a fair use, which CANopenNode refuses (EMCY 0x8200) and Lely takes.
         if count == 0 and pdo.is_valid:
             yield variable.place, f"{pdo.name} has no data; some devices take 0 objects as a disabled mapping"
 
@@ -281,6 +284,7 @@ def no_data(device: LintedDevice) -> Violations:
 def left_over(device: LintedDevice) -> Violations:
     """Entries after the mapped ones are empty."""
     for pdo, _, count in _counts(device):
+        # Entries of 0 are how a mapping is filled up for a master that needs them to be there.
         unused = (v for sub, v in pdo.mapping.subs.items() if count < sub < 255 and v.value) if pdo.mapping else ()
         first = next((v for v in unused if v.value and v.value.value), None)
         if first and not pdo.is_multiplexed:
@@ -312,7 +316,7 @@ def missing_object(device: LintedDevice) -> Violations:
 
 
 def _is_dummy(each: MappingEntry) -> bool:
-    return each.index < 0x20
+    return each.index < 0x20  # a data type in the place of an object: so many bits are skipped
 
 
 @RULES.rule("E637", "CiA 301, PDO mapping (abort 0604 0041)")
@@ -327,6 +331,7 @@ def not_mappable(device: LintedDevice) -> Violations:
 def longer_than_type(device: LintedDevice) -> Violations:
     """A mapped length is not above the type's."""
     for pdo, each, variable in _objects(device):
+        # A text or a DOMAIN has no length of its own to be longer than.
         if variable.type and 0 < variable.type.bits < each.bits:
             yield each.by.place, f"{pdo.name} maps {each.bits} bits of {each.where}, a {variable.type.name}"
 
@@ -338,7 +343,7 @@ def _shorter(device: LintedDevice) -> Iterator[tuple[LintedPdo, MappingEntry, De
 def _fits(each: MappingEntry, variable: DescribedVariable) -> bool:
     """Whether the limits of an object leave no value that the mapped bits cut."""
     low, high = variable.number("lowlimit"), variable.number("highlimit")
-    if high is None or variable.type is None:
+    if high is None or variable.type is None:  # without a limit any value of the type may come
         return False
     signed = variable.type.low < 0
     lowest = low.value if low else variable.type.low
@@ -415,6 +420,7 @@ def mapped_twice(device: LintedDevice) -> Violations:
     for pdo in device.pdos:
         counts = Counter((each.index, each.sub) for each in pdo.mapped() if not _is_dummy(each))
         again = {key for key, number in counts.items() if number > 1}
+        # One finding for a PDO, at the entry that is too much.
         last = [each for each in pdo.mapped() if (each.index, each.sub) in again][-1:]
         yield from ((each.by.place, f"{pdo.name} maps {each.where} twice") for each in last)
 
@@ -434,6 +440,7 @@ def fixed_cob_id(device: LintedDevice) -> Violations:
     """A PDO with a writable mapping has a writable COB-ID."""
     for pdo in device.pdos:
         setting = pdo.setting(1)
+        # CiA 301, 7.5.2.36: a mapping is changed while bit 31 of the COB-ID is set.
         if setting and setting.access in ("ro", "const") and pdo.mapping and pdo.mapping.is_writable:
             at = setting.section.at("accesstype")
             text = f"{pdo.name}'s mapping is writable, but its COB-ID is not"

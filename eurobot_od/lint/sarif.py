@@ -20,23 +20,22 @@ LEVELS = {Severity.ERROR: "error", Severity.WARNING: "warning", Severity.INFO: "
 def sarif(findings: Iterable[Finding], rules: Sequence[Rule]) -> dict[str, Any]:
     """Return a log of one run (3.13, 3.14), `rules` are all that were checked."""
     numbers = {each.code: number for number, each in enumerate(rules)}
-    driver = {"name": "eurobot-od lint", "rules": list(map(_rule, rules))}
+    described = [  # 3.49
+        {
+            "id": each.code,
+            "shortDescription": {"text": each.demand},
+            "help": {"text": f"Source: {each.clause}"},
+            "defaultConfiguration": {"level": LEVELS[each.severity]},
+        }
+        for each in rules
+    ]
+    driver = {"name": "eurobot-od lint", "rules": described}
     run = {
         "tool": {"driver": driver},
-        "columnKind": "unicodeCodePoints",
+        "columnKind": "unicodeCodePoints",  # Python's characters, not UTF-16 units
         "results": [_result(each, numbers[each.code]) for each in findings],
     }
     return {"$schema": SCHEMA, "version": "2.1.0", "runs": [run]}
-
-
-def _rule(rule: Rule) -> dict[str, Any]:
-    """Describe a rule (3.49)."""
-    return {
-        "id": rule.code,
-        "shortDescription": {"text": rule.demand},
-        "help": {"text": f"Source: {rule.clause}"},
-        "defaultConfiguration": {"level": LEVELS[rule.severity]},
-    }
 
 
 def _result(finding: Finding, rule: int) -> dict[str, Any]:

@@ -57,14 +57,14 @@ def usual_name(name: str) -> str | None:
 
 
 class Misspelling(NamedTuple):
-    """A section or key that is spelled otherwise than in CiA 306: its line, and how it is spelled there."""
+    """A section or key that is not spelled as in CiA 306: its line, and how it is spelled there."""
 
     line: int
     what: str
 
 
 def misspelled(document: Document) -> Iterator[Misspelling]:
-    """Give the sections and keys that are spelled otherwise than CiA 306 has them."""
+    """Give the sections and keys that are not spelled as CiA 306 has them."""
     for name, section in document.sections.items():
         usual = keys.SECTION_NAMES.get(name) or _object_name(name, section.name)
         if usual is not None and usual != section.name:

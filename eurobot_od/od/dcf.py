@@ -94,9 +94,7 @@ def content(dcf: Dictionary, address: Address) -> bytes | None:
             return read_bytes(dcf.file.parent / file)
         except DictionaryError as error:
             raise DictionaryError(dcf.file, address[0], f"{where}: DownloadFile {error}") from error
-    if variable.value is None and value_text(
-        variable
-    ):  # canopen drops what is none of the type, and would write nothing
+    if variable.value is None and value_text(variable):  # canopen drops a value that is none of the type
         raise DictionaryError(dcf.file, address[0], f"{where}: {value_text(variable)!r} is not {type_.name}")
     value = variable.value or None
     if not isinstance(value, str):

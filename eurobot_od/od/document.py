@@ -117,32 +117,24 @@ def read_bytes(file: str | Path) -> bytes:
 
 
 def read(data: bytes) -> Document:
-    """Read the bytes of an EDS or DCF."""
+    """Read the bytes of an EDS or DCF. CiA 306 asks for ASCII; files come in UTF-8 and in Windows' code pages, too."""
     oddities: list[Oddity] = []
-    encoding, text = _decoded(data, oddities)
-    return _Reader(oddities).read(text, encoding)
+    if data.startswith(WIDE_MARKS):  # before UTF-8: as Latin-1 every second character would be a NUL
+        oddities.append(Oddity(Odd.WIDE, 1, 1, ""))
+        return _Reader(oddities).read(data.decode("utf-16", "replace"), "utf-16")
+    if data.startswith(BOM_UTF8):
+        oddities.append(Oddity(Odd.BYTE_ORDER_MARK, 1, 1, ""))
+        data = data[len(BOM_UTF8) :]
+    try:
+        return _Reader(oddities).read(data.decode(), "utf-8")
+    except UnicodeDecodeError:
+        # Latin-1 gives every byte a character, so it cannot fail, and writing gives the same bytes back.
+        return _Reader(oddities).read(data.decode("latin-1"), "latin-1")
 
 
 def parse(text: str) -> Document:
     """Read the text of an EDS or DCF."""
     return _Reader([]).read(text, "utf-8")
-
-
-def _decoded(data: bytes, oddities: list[Oddity]) -> tuple[str, str]:
-    """Return encoding and text. CiA 306 asks for ASCII; files come in UTF-8 and in Windows' code pages, too.
-
-    Latin-1 gives every byte a character, so it cannot fail, and writing gives the same bytes back.
-    """
-    if data.startswith(WIDE_MARKS):  # before UTF-8: as Latin-1 every second character would be a NUL
-        oddities.append(Oddity(Odd.WIDE, 1, 1, ""))
-        return "utf-16", data.decode("utf-16", "replace")
-    if data.startswith(BOM_UTF8):
-        oddities.append(Oddity(Odd.BYTE_ORDER_MARK, 1, 1, ""))
-        data = data[len(BOM_UTF8) :]
-    try:
-        return "utf-8", data.decode()
-    except UnicodeDecodeError:
-        return "latin-1", data.decode("latin-1")
 
 
 class _Reader:

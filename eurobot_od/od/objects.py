@@ -201,18 +201,13 @@ def find(text: str, objects: ObjectDictionary | None) -> list[ODVariable]:
     # Without a sub-index all members are meant; what the file does not know is asked for as sub-index 0, a VAR's place.
     if sub is None and objects is not None and index in objects.indices:
         return members(objects, index)
-    return [at((index, _sub_index(text, sub)), objects)]
-
-
-def _sub_index(text: str, sub: str | None) -> int:
-    """Read a sub-index: after a colon decimal or `0x..`, after `sub` hexadecimal; raises LocalError."""
     try:
-        number = 0 if sub is None else int(sub, 0 if ":" in text else 16)
+        subindex = 0 if sub is None else int(sub, 0 if ":" in text else 16)
     except ValueError:  # `08`: Python takes a leading zero neither for octal nor for decimal
-        number = -1
-    if number not in range(0x100):
+        subindex = -1
+    if subindex not in range(0x100):
         raise LocalError(f"{text!r}: sub-index {sub} is not in 0..255")
-    return number
+    return [at((index, subindex), objects)]
 
 
 def find_one(text: str, objects: ObjectDictionary | None) -> ODVariable:

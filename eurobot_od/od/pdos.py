@@ -228,7 +228,7 @@ class PdoReader:
         where = f"maps 0x{index:04X} sub {subindex}"
         if variable is None:
             raise MappingError(self._file, mapping_index, f"{where}, which is missing")
-        # Size 0 is a text or a DOMAIN, which a PDO may carry in part. Size, not bits: a BOOLEAN may fill a byte.
+        # Size 0 is a text or a DOMAIN, of which a PDO may carry a part; a BOOLEAN may be mapped as a whole byte.
         most = od.data_type(variable).size * 8 or values.MAX_BITS
         if not 1 <= bits <= most:
             raise MappingError(self._file, mapping_index, f"{where} with {bits} bits, its type has {most}")

@@ -53,10 +53,13 @@ def text(data: bytes, is_moment: bool) -> str | bytes:
 
 def data(text: str, is_moment: bool) -> bytes:
     """Return the bytes of a time as `text` writes it; raises ValueError, OverflowError for what it cannot have."""
-    return _moment(text) if is_moment else _span(text)
-
-
-def _moment(text: str) -> bytes:
+    if not is_moment:
+        found = SPAN.fullmatch(text.strip())
+        if found is None or int(found["days"] or 0) > MOST_DAYS:
+            raise ValueError(f"{text!r} is not a time span such as 1d 02:03:04.567")
+        seconds = int(found["h"]) * 3600 + int(found["m"]) * 60 + int(found["s"])
+        # Digits after a point are a fraction: `.5` is 500 ms.
+        return TimeOfDay(int(found["days"] or 0), seconds * 1000 + int((found["ms"] or "0").ljust(3, "0"))).data
     try:
         moment = datetime.fromisoformat(text.strip())
     except ValueError:
@@ -66,11 +69,3 @@ def _moment(text: str) -> bytes:
     if time.days not in range(MOST_DAYS + 1):
         raise ValueError(f"{text!r} is not within 179 years from {EPOCH:%Y} on")
     return time.data
-
-
-def _span(text: str) -> bytes:
-    found = SPAN.fullmatch(text.strip())
-    if found is None or int(found["days"] or 0) > MOST_DAYS:
-        raise ValueError(f"{text!r} is not a time span such as 1d 02:03:04.567")
-    seconds = int(found["h"]) * 3600 + int(found["m"]) * 60 + int(found["s"])
-    return TimeOfDay(int(found["days"] or 0), seconds * 1000 + int((found["ms"] or "0").ljust(3, "0"))).data

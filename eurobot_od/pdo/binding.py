@@ -48,16 +48,13 @@ class Binding:
         self.type, self.group, self.always = entry
         self.kinds = kinds(self.type)
         self.defaults: Mapping[str, Any] = self.type._field_defaults
-        self._check_fields()
+        fields, own = set(self.layout.fields), set(self.kinds)
+        if fields - own or own - set(self.defaults) - fields:  # a field with a default need not be mapped
+            has, wants = (", ".join(names) or "nothing" for names in (self.layout.fields, self.kinds))
+            raise MappingError(file, pdo.mapping_index, f"{name} maps {has}; its fields are {wants}")
         # An object's limits may be wider than the bits that it is mapped with.
         ends = {field: (each.limits, self.layout.raws[field]) for field, each in mapped}
         self.limits = {f: Limits(max(said.low, raws[0]), min(said.high, raws[-1])) for f, (said, raws) in ends.items()}
-
-    def _check_fields(self) -> None:
-        mapped, known = set(self.layout.fields), set(self.kinds)
-        if mapped - known or known - set(self.defaults) - mapped:
-            has, wants = (", ".join(fields) or "nothing" for fields in (self.layout.fields, self.kinds))
-            raise MappingError(self.file, self.pdo.mapping_index, f"{self.name} maps {has}; its fields are {wants}")
 
     @property
     def too_narrow(self) -> list[str]:
@@ -144,7 +141,7 @@ class Binding:
             expected = " or ".join(map(str, self.lengths))
             raise FrameLengthError(self.name, self.cob_id, len(data), expected)
         word = int.from_bytes(bytes(data) + bytes(self.layout.length - len(data)), self.layout.byte_order)
-        for field in self.optional:  # none of them came, whatever stands in bits that they share a byte with
+        for field in self.optional:  # none of them came, whatever their bits hold
             word &= ~self.layout.place(field, -1)
             word |= self.layout.place(field, self.raw(field, self.defaults[field]))
         return self._to_bytes(word)

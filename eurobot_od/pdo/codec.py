@@ -144,23 +144,18 @@ def _meaning(layout: Layout, column: Column, number: int) -> tuple[str, str, Any
 
 
 def writer(
-    layout: Layout,
-    columns: Sequence[Column],
-    cob_id: int,
-    careful: Callable[[Any], Frame],
-    unknown: Unknown | None,
+    layout: Layout, columns: Sequence[Column], cob_id: int, careful: Callable[[Any], Frame], unknown: Unknown | None
 ) -> Callable[[Any], Frame]:
     """Generate `write(message) -> Frame`; `careful` gets each message with a value that is not to be sent as it is.
 
-    That is an error to be told in words, or an unknown position, which only all its fields together make. Adding `()`
+    That is an error to be put in words, or an unknown position, which only all its fields together make. Adding `()`
     makes a plain tuple, which the interpreter takes apart in one step, where a named one goes through an iterator.
     """
     if not columns:  # a message without data is always the same frame
         empty = Frame(cob_id, bytes(layout.length))
         return lambda _: empty
     names: dict[str, Any] = {"new": tuple.__new__, "Frame": Frame, "careful": careful, "unencodable": UNENCODABLE}
-    for number, column in enumerate(columns):
-        names[f"write{number}"] = column.default if column.read is None else column.write
+    names |= {f"write{n}": each.default if each.read is None else each.write for n, each in enumerate(columns)}
     mapped = [(number, column) for number, column in enumerate(columns) if column.read is not None]
     parts = (f"({_insert(layout, column.field, _raw(column, number))})" for number, column in mapped)
     odd = [f"f{number} is not write{number}" for number, column in enumerate(columns) if column.read is None]

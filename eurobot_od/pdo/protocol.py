@@ -90,7 +90,7 @@ class Protocol:
         if entry is not None:
             return pdo.name, entry
         same, name = self._by_cob_id.get(pdo.cob_id), readable_name(pdo.name)
-        # A message of the catalogue has a name that means something; another PDO on its COB-ID is an error to be told.
+        # A message of the catalogue has a name that means something: another PDO on its COB-ID is an error.
         if same and self.catalogue.find(same.name) is None:
             return same.name, None
         if NAMES_NOTHING.search(name) or plain_name(name) in map(plain_name, self._bindings):

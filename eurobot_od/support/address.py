@@ -19,7 +19,7 @@ class Address(NamedTuple):
 
 def parse(text: str) -> Address:
     """Read HOST:PORT, an IPv6 address in brackets; raises LocalError."""
-    host, _, port = text.rpartition(":")
+    host, _, port = text.rpartition(":")  # the last colon: an IPv6 address has its own
     if not host or not port.isdecimal() or int(port) > 0xFFFF:
         raise LocalError(f"{text} is not HOST:PORT, such as 127.0.0.1:2014")
     return Address(host.strip("[]"), int(port))

@@ -16,7 +16,7 @@ MOST = 16 << 20
 def read(file: str | Path) -> bytes:
     """Return what a file holds; raises OSError, DictionaryError if that is more than `MOST` bytes."""
     with open(file, "rb") as stream:  # noqa: PTH123  # `lint` starts without pathlib
-        content = stream.read(MOST + 1)
+        content = stream.read(MOST + 1)  # one more than may be; a size asked beforehand is 0 for /dev/zero or a pipe
     if len(content) > MOST:
         raise DictionaryError(file, None, f"larger than {MOST >> 20} MB, which is the most that is read")
     return content

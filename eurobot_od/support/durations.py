@@ -23,7 +23,7 @@ class DurationError(LocalError):
 def seconds(text: str) -> float:
     """Return the seconds of `500 ms`, `2s` or `1.5 min`; raises DurationError."""
     match = _DURATION.fullmatch(text)
-    number = float(match[1]) if match else inf
+    number = float(match[1]) if match else inf  # `float` gives infinity for 400 digits, too
     if match is None or match[2] not in UNITS or number == inf:
         raise DurationError(text)
     return number * UNITS[match[2]]

@@ -21,6 +21,6 @@ def one_line(text: str) -> str:
 
 def cell(value: Any) -> Any:
     """Return a value for CSV: a text in one line, and with `'` in front if a spreadsheet would calculate it."""
-    if not isinstance(value, str):
+    if not isinstance(value, str):  # a number may begin with a minus
         return value
     return f"'{one_line(value)}" if value.startswith(FORMULA) else one_line(value)

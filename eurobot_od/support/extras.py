@@ -27,7 +27,7 @@ def needed(extra: str) -> Iterator[None]:
     try:
         yield
     except ModuleNotFoundError as error:
-        if (error.name or "").startswith("eurobot_od"):
+        if (error.name or "").startswith("eurobot_od"):  # a module of ours that is missing is a bug, and no extra
             raise
         raise LocalError(missing(error.name or "", extra)) from None
 

@@ -38,27 +38,25 @@ def write_whole(file: Path, content: bytes) -> None:
 
 
 def _put(file: Path, content: bytes) -> None:
-    if file.exists() and not file.is_file():
+    if file.exists() and not file.is_file():  # `-o /dev/stdout`
         file.write_bytes(content)
         return
+    # A link stays one. The new file lies beside the real one: only within one file system it can take its place.
     file = Path(os.path.realpath(file))
     beside = file.with_name(f"{file.name}.{secrets.token_hex(NAME_BYTES)}.new")
     with _folder(file):
         try:
-            _write(beside, content, file)
+            with beside.open("xb") as new:
+                with suppress(FileNotFoundError):
+                    beside.chmod(stat.S_IMODE(file.stat().st_mode))
+                new.write(content)
+                new.flush()
+                # Before the replacing: after a power cut there must not be the new name with nothing in it.
+                os.fsync(new.fileno())
             beside.replace(file)
-        except BaseException:
+        except BaseException:  # Ctrl-C, too, must leave nothing behind
             beside.unlink(missing_ok=True)
             raise
-
-
-def _write(beside: Path, content: bytes, former: Path) -> None:
-    with beside.open("xb") as new:
-        with suppress(FileNotFoundError):
-            beside.chmod(stat.S_IMODE(former.stat().st_mode))
-        new.write(content)
-        new.flush()
-        os.fsync(new.fileno())
 
 
 @contextmanager
@@ -73,7 +71,7 @@ def _folder(file: Path) -> Iterator[None]:
             for left in file.parent.glob(f"{escape(file.name)}.{'[0-9a-f]' * 2 * NAME_BYTES}.new"):
                 left.unlink(missing_ok=True)
         yield
-        os.fsync(folder)
+        os.fsync(folder)  # the name is the folder's content, not the file's
     finally:
         os.close(folder)
 
@@ -85,10 +83,10 @@ def _locked(folder: int) -> bool:
     end = time.monotonic() + LONGEST_WAIT
     while time.monotonic() < end:
         try:
-            flock(folder, LOCK_EX | LOCK_NB)
+            flock(folder, LOCK_EX | LOCK_NB)  # never blocking: a program that hangs would hang this one as well
         except BlockingIOError:
             time.sleep(WAIT)
-        except OSError:
+        except OSError:  # some network file systems have no locks: there, what a crash left stays
             return False
         else:
             return True
@@ -111,5 +109,5 @@ def digest_of(files: Iterable[Path | None]) -> str:
     """Return a hash of the content of files, in their order; a file that is not there counts as such."""
     digest = hashlib.blake2b(digest_size=8)
     for file in files:
-        digest.update(file.read_bytes() if file and file.is_file() else b"-")
+        digest.update(file.read_bytes() if file and file.is_file() else b"-")  # not nothing: its place counts
     return digest.hexdigest()

@@ -28,11 +28,11 @@ def load(file: Path) -> ModuleType:
     except OSError as error:
         raise LocalError(f"{file}: {error.strerror}") from None
     folder = str(file.resolve().parent)
-    if folder not in sys.path:
+    if folder not in sys.path:  # last, so that a `random.py` beside it cannot take the place of Python's own
         sys.path.append(folder)
     sys.modules[module.__name__] = module  # where dataclasses look for the module that they are in
     try:
-        with redirect_stdout(sys.stderr):
+        with redirect_stdout(sys.stderr):  # standard output may be a document, such as --json
             exec(compile(source, str(file), "exec", dont_inherit=True), module.__dict__)
     except (Exception, SystemExit) as error:
         raise LocalError(_complaint(file, error)) from None
@@ -45,6 +45,7 @@ def _complaint(file: Path, error: BaseException) -> str:
     if isinstance(error, SyntaxError):
         return f"{error.filename or file}:{error.lineno or 1}: {type(error).__name__}: {error.msg}"
     raised = [(Path(frame.f_code.co_filename), line) for frame, line in traceback.walk_tb(error.__traceback__)]
+    # The last place in a file of theirs: further in, the traceback goes through libraries that are not to blame.
     beside = [(path, line) for path, line in raised if path.resolve().parent == file.resolve().parent]
     path, line = beside[-1] if beside else (file, 1)
     return f"{file.parent / path.name}:{line}: {what}"

@@ -41,6 +41,7 @@ def _escaped(words: str) -> str:
 
 def number(value: object) -> str:
     """Write a value; numbers with at most two decimals."""
+    # A hundredth of a pixel is finer than any screen; further digits only make a file longer.
     return f"{value:.2f}".rstrip("0").rstrip(".") if isinstance(value, float) else str(value)
 
 

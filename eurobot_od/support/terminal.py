@@ -13,4 +13,4 @@ def redraws(stream: TextIO) -> bool:
 
 def in_colour(stream: TextIO) -> bool:
     """Whether colours are wanted and shown: NO_COLOR is not set (no-color.org), and the terminal has them."""
-    return redraws(stream) and not os.environ.get("NO_COLOR")
+    return redraws(stream) and not os.environ.get("NO_COLOR")  # set, but empty, it does not count

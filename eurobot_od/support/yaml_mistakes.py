@@ -18,7 +18,7 @@ MISTAKES = (
     (r".*undefined alias (?P<name>'.*')", "* begins a reference, and there is none to {name}; a text needs quotes"),
     (r"(anchor|alias)\|.*", "a text with & or * at its start needs quotes"),
     (r"directive\|.*|.*'<document start>'.*", "this does not belong to what is before it: one document is one mapping"),
-    (r".*mapping values are not allowed.*", "a ': ' in a text needs quotes; else this line is indented otherwise"),
+    (r".*mapping values are not allowed.*", "a ': ' in a text needs quotes; or this line is indented wrongly"),
     (r".*sequence entries are not allowed.*", "a list begins on a line of its own"),
     (r".*quoted scalar\|found unexpected end.*", "a quote that begins a text is never closed"),
     (r".*unknown escape character '(?P<sign>.+)'", r"\{sign} means nothing in double quotes; take single ones"),
@@ -26,7 +26,7 @@ MISTAKES = (
     (r"flow sequence\|.*", "a list in [ ] lacks a comma, or its ]"),
     (r"flow mapping\|.*", "a mapping in {{ }} lacks a comma, or its }}"),
     (r"block mapping\|.*'<scalar>'", "something behind a text in quotes; put all of it in quotes"),
-    (r"block (mapping|collection)\|.*<block end>.*", "this line is indented otherwise than those it belongs to"),
+    (r"block (mapping|collection)\|.*<block end>.*", "this line is not indented like those it belongs to"),
     (r".*node content.*", "a value is missing"),
     (r".*found another document", "a second document, where one is all there can be"),
 )
@@ -37,6 +37,7 @@ CONTEXT = re.compile(r"while (parsing|scanning) an? ")
 
 def in_words(error: yaml.MarkedYAMLError) -> str:
     """Say what is wrong, for a person."""
+    # The parser's words are in two parts, of which either may be what tells one mistake from another.
     complaint = f"{CONTEXT.sub('', error.context or '', count=1)}|{error.problem}"
     for pattern, words in MISTAKES:
         match = re.fullmatch(pattern, complaint, re.DOTALL)

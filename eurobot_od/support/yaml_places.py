@@ -98,7 +98,7 @@ class MarkElsewhere(yaml.Mark):
 
 def elsewhere(node: yaml.Node, file: str) -> yaml.Node:
     """Return a node, and all in it, as one that comes from another file."""
-    if not isinstance(node.start_mark, MarkElsewhere):  # an alias is here already
+    if not isinstance(node.start_mark, MarkElsewhere):  # an alias is here already, and may refer to itself
         mark = node.start_mark
         node.start_mark = MarkElsewhere(file, mark.index, mark.line, mark.column, None, 0)
         for part in node.value if isinstance(node, yaml.CollectionNode) else ():
@@ -227,7 +227,7 @@ def record(
         problems += wrong
         known = {key: each for key, each in pairs.items() if key in readers}
         values = read_all(((readers[key], each) for key, each in known.items()), problems)
-        if wrong:
+        if wrong:  # only now: problems with the other keys are reported in the same run
             raise ReadError
         return make(**dict(zip(known, values, strict=True)))
 
@@ -241,7 +241,7 @@ def pairs_of(node: yaml.Node, problems: Problems, read_key: NodeReader[Text] = t
     pairs: dict[Text, yaml.Node] = {}
     for key_node, value_node in node.value:
         key = read_key(key_node, problems)
-        if key in pairs:
+        if key in pairs:  # PyYAML would take the second without a word
             problems.append(Problem(key.place, f"key '{key}' is given twice"))
         pairs.setdefault(key, value_node)
     return pairs
@@ -249,6 +249,7 @@ def pairs_of(node: yaml.Node, problems: Problems, read_key: NodeReader[Text] = t
 
 def read_all(parts: Iterator[tuple[NodeReader[T], yaml.Node]], problems: Problems) -> list[T]:
     """Read every part, also after a faulty one, to find all problems; then give up if there was one."""
+    # By their number, as a reader may note a problem and still give a value: a key that stands twice.
     before, values = len(problems), []
     for reader, node in parts:
         try:
@@ -283,7 +284,7 @@ def _parsed(parse: Callable[[str, type[yaml.SafeLoader]], T | None], source: str
     try:
         parsed = parse(source, yaml.SafeLoader)
     except yaml.reader.ReaderError as error:
-        lines = source[: error.position].split("\n")
+        lines = source[: error.position].split("\n")  # this error alone has a position instead of a mark
         problem = Problem(Place(len(lines), len(lines[-1]) + 1), error.reason)
     except yaml.MarkedYAMLError as error:
         problem = Problem(place_of(error.problem_mark) if error.problem_mark else START, in_words(error))

@@ -138,7 +138,7 @@ TEXTS = {
     ),
     "a colon in a text": (
         "spec: 1\nname: the drive: stops\nsteps: []\n",
-        ["2:16: a ': ' in a text needs quotes; else this line is indented otherwise"],
+        ["2:16: a ': ' in a text needs quotes; or this line is indented wrongly"],
     ),
     "nothing": ("", ["1:1: the file is empty"]),
     "no steps yet": (f"{HEAD}steps:\n", ["4:7: expected a list, found nothing"]),
@@ -147,7 +147,7 @@ TEXTS = {
 STEPS = {
     "indented otherwise": (
         "  - send: Stop Drive\n   - wait: 1 s\n",
-        "6:4: this line is indented otherwise than those it belongs to",
+        "6:4: this line is not indented like those it belongs to",
     ),
     "a tab": ("\t- send: Stop Drive\n", "5:1: a tab; YAML is indented by spaces"),
     "a colon forgotten": (

@@ -8,8 +8,8 @@ from eurobot_od.support.yaml_places import Problems, ReadError, compose
 from tests.marks import marked
 
 QUOTES = "a text with > or | at its start needs quotes: '> 0'"
-INDENTED = "this line is indented otherwise than those it belongs to"
-COLON = "a ': ' in a text needs quotes; else this line is indented otherwise"
+INDENTED = "this line is not indented like those it belongs to"
+COLON = "a ': ' in a text needs quotes; or this line is indented wrongly"
 
 # Each row: a text with ^ before the place of the complaint, and its words.
 TEXTS = {

@@ -112,12 +112,8 @@ def common() -> tuple[DictionaryObject, ...]:
         array(0x1011, "Restore default parameters", entry("Restore all default parameters", U32, "rw", ON_COMMAND)),
         variable(0x1014, entry("COB-ID EMCY", U32, "ro", f"{values.NODE_ID}+0x{values.EMCY_BASE:X}")),  # 7.5.2.17
         variable(0x1015, entry("Inhibit time EMCY", U16, "rw", 0)),  # 7.5.2.18
-        array(  # 7.5.2.23: both 0, not configured
-            0x1020,
-            "Verify configuration",
-            entry("Configuration date", U32, "rw", 0),
-            entry("Configuration time", U32, "rw", 0),
-        ),
+        # 7.5.2.23: both 0, not configured
+        array(0x1020, "Verify configuration", *(entry(f"Configuration {n}", U32, "rw", 0) for n in ("date", "time"))),
         variable(0x1021, entry("Store EDS", values.DOMAIN, "ro", None)),  # 7.5.2.24
         variable(0x1022, entry("Store format", U8, "ro", 0)),  # 7.5.2.25: 0, plain text
         record(  # 7.5.2.33

@@ -12,7 +12,6 @@ from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
 from eurobot_od.cli import options as shared
-from eurobot_od.errors import LocalError
 from eurobot_od.robot.commands.sides import add_sides
 from eurobot_od.robot.model.values import TeamColour
 from eurobot_od.support import durations
@@ -109,10 +108,7 @@ def world_address(text: str) -> WorldAddress:
     """Read [TOKEN@]HOST:PORT for argparse."""
     from eurobot_od.robot.world.channel import WorldAddress
 
-    try:
-        return WorldAddress.parse(text)
-    except LocalError as error:
-        raise argparse.ArgumentTypeError(str(error)) from None
+    return shared.argument_of(WorldAddress.parse)(text)
 
 
 def _summary(world: World, channel: Channel) -> dict[str, Any]:

@@ -25,7 +25,7 @@ CHECKED = PROTOCOL.encode(CheckNaviResponse())
     [
         (NOT_SENT, GotoStateResponse, "sends no Goto State Response", []),
         (NOT_ANSWERED, GotoStateRequest, "answers no Goto State Request", []),
-        (TWICE, GotoStateResponse, "sends Goto State Response two times", [STATE, STATE]),
+        (TWICE, GotoStateResponse, "sends Goto State Response twice", [STATE, STATE]),
         (
             MOVED,
             GotoStateResponse,
