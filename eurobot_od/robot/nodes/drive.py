@@ -76,17 +76,13 @@ class Drive(RobotNode):
         facts: Facts | None = None,
     ) -> None:
         super().__init__(dictionary, store=store, facts=facts)
-        self._check_field()
         self.chassis: Chassis = chassis or IdealChassis()
-        self._forget()
-
-    def _check_field(self) -> None:
-        """Raise DictionaryError for a field that is larger than what positions can say."""
         size = self.facts.field.width, self.facts.field.height
         for side, length, limits in zip("XY", size, self.coordinates("Kalman position")):
             if length > limits.high:
                 what = f"the robot's file has a field of {length:g} mm along {side}, positions end at {limits.high} mm"
                 raise DictionaryError(self.device.dictionary.file, None, what)
+        self._forget()
 
     def _forget(self) -> None:
         self.configuration: messages.StartConfigurationSet | None = None
@@ -95,6 +91,7 @@ class Drive(RobotNode):
         self.fault: GotoFault | None = None
         self.stopped_by: messages.StopMessage | None = None
         self.safe = False
+        # Seconds for which the wheels have not followed, and fell short; the spread when the way was planned.
         self._stuck = self._held = self._planned = 0.0
         self._told = math.inf
         self._motion: Motion | Braking | None = None
@@ -149,6 +146,7 @@ class Drive(RobotNode):
         # Without a route the robot drives straight: normal barriers are then only a wish, forced ones still stop it.
         forced = {n: passage for n, passage in goto.barriers.set_barriers() if passage is Passage.FORCED}
         direct = find_route(start, goal, Barriers.of(forced), self._clearances())
+        # Any other answer is a way round, which was not asked for.
         return direct if direct == (goal,) else None
 
     def _limits(self) -> MotionLimits:
@@ -165,6 +163,7 @@ class Drive(RobotNode):
     def _clearances(self) -> Clearances:
         """Return how far to stay away: by our own radius, and by what we and the motion may be off."""
         deviations = self.estimate.deviations
+        # By the direction in which the place is known worst; the setting is in tenths of a deviation.
         unsure = deviations.worst * self.setting("Body.Position margin") / 10 if deviations else 0.0
         margin = self.setting("Body.Safety margin") + self._limits().deviation + unsure
         return Clearances.of(self.facts, self.setting("Body.Robot radius"), margin)
@@ -195,6 +194,7 @@ class Drive(RobotNode):
 
         A plain stop tells a drive that is stopped nothing new: the reason stays.
         """
+        # The core repeats a stop with a Stop Drive beside it, which must not wipe out the reason of an Emergency Stop.
         again = self.goto is None and self.stopped_by is not None and isinstance(stop, messages.StopDrive)
         self.goto, self.fault, self.stopped_by = None, None, self.stopped_by if again else stop
         self._forget_obstruction()
@@ -237,9 +237,11 @@ class Drive(RobotNode):
         motion, pose = self._motion, self.estimate.pose
         dt = self.period("Motion.Control period")
         command = AT_REST if motion is None else motion.step(pose or Pose(0, 0, 0), dt)
+        # The estimate follows what the wheels did, not what they were told: they may be held.
         rolled = self.chassis.advance(command, dt)
         self.estimate.moved(rolled, now)
         self._held = self._held + dt if rolled.falls_short(command, dt) else 0.0
+        # What holds the robot may turn it aside, and the wheels do not tell.
         if self._held >= HELD:
             self.estimate.bumped(now)
         if isinstance(motion, Motion):
@@ -278,6 +280,7 @@ class Drive(RobotNode):
         """Take a navigation position into the estimate (document 4.2.2 Navigation)."""
         if position.x is None or position.y is None:
             return
+        # Read anew for each position: what a master writes to the settings holds from the next one on.
         self.estimate.tuning = self._tuning()
         self.estimate.corrected(Fix(position.x, position.y, position.angle), self.now)
         if not self._is_unsure():
@@ -296,6 +299,7 @@ class Drive(RobotNode):
         if pose is None:
             return messages.KalmanPositionResponse(None, None, None, Source.INTERNAL)
         limits = self.coordinates("Kalman position")
+        # The estimate may be a little outside of the field; Table 2 has no such places.
         x, y = (round(min(max(value, each.low), each.high)) for value, each in zip(pose.point, limits))
         return messages.KalmanPositionResponse(x, y, round(pose.angle) % 360, Source.INTERNAL)
 
@@ -304,6 +308,7 @@ class Drive(RobotNode):
         self.check_configuration(configuration)
         self.configuration, self.safe = configuration, False
         self._stop(messages.StopDrive())
+        # The stop was the configuration's own, and nobody's reason.
         self.stopped_by = None
         self.estimate = Estimate(self._tuning(), self.facts.start(configuration.team_colour))
         self.clear_error(messages.EmergencyShutdown)

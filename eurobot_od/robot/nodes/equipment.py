@@ -47,6 +47,7 @@ class Approach:
         self._distances.append(None if detection is None else detection.distance)
         if detection is None or detection.distance > stop_distance:
             return False
+        # The oldest that has seen something: the longer the time, the more the way stands out from the noise.
         first = next(each for each in self._distances if each is not None)
         return first - detection.distance >= CLOSING
 

@@ -78,6 +78,7 @@ class Navigation(RobotNode):
 
     def _fix(self, whom: Source) -> Fix | None:
         """Measure where somebody is, once at a time: an SDO, a PDO and an answer of one moment say the same."""
+        # Each measurement has its own noise: two answers of one moment must not differ.
         if self._measured != self.now:
             self._measured, self._fixes = self.now, {}
         if whom not in self._fixes:
@@ -91,6 +92,7 @@ class Navigation(RobotNode):
         expected = self.configuration is None or self.configuration.includes(whom)
         fix = self._fix(whom) if expected else None
         across, along = self.coordinates(record)
+        # A beacon that measures a place outside of the field is wrong, and Table 2 could not say it.
         if fix is None or not (across.low <= fix.x <= across.high and along.low <= fix.y <= along.high):
             return response(None, None, None, whom)
         x, y = round(fix.x), round(fix.y)

@@ -44,38 +44,36 @@ class RobotNode(Node):
     def coordinates(self, record: str) -> tuple[Limits, Limits]:
         """Return the limits of x and y that the EDS gives a record such as `Kalman position`, mm."""
         if record not in self._coordinates:
-            x, y = map(self._limits_of, (f"{record}.X position", f"{record}.Y position"))
-            self._coordinates[record] = x, y
+            dictionary, limits = self.device.dictionary, []
+            for name in (f"{record}.X position", f"{record}.Y position"):
+                variable = dictionary.variable(dictionary.address(name))
+                assert variable is not None  # it has an address
+                type_, low, high = data_type(variable), variable.min, variable.max
+                # Without limits of its own an object has those of its data type.
+                limits.append(Limits(type_.low if low is None else low, type_.high if high is None else high))
+            self._coordinates[record] = limits[0], limits[1]
         return self._coordinates[record]
 
-    def _limits_of(self, name: str) -> Limits:
-        dictionary = self.device.dictionary
-        variable = dictionary.variable(dictionary.address(name))
-        assert variable is not None  # it has an address
-        type_ = data_type(variable)
-        low, high = variable.min, variable.max
-        return Limits(type_.low if low is None else low, type_.high if high is None else high)
-
     def _application(self, dictionary: Dictionary) -> Application:
-        return super()._application(dictionary)._replace(given=self._given(dictionary))
-
-    def _given(self, dictionary: Dictionary) -> dict[Address, Value]:
+        """Return what the application gives the objects: also the facts of the robot's file."""
         given: dict[Address, Value] = {}
         for name, fact in self.FACTS.items():
             address, value = dictionary.address(name), fact(self.facts)
             variable = dictionary.variable(address)
+            # A ParameterValue is a DCF's: somebody has configured this very device, which counts for more.
             if variable is None or variable.value is not None:
                 continue
             if out_of_limits(variable, value):
                 what = f"{name} = {value}, as the robot's file says, is not in {variable.min}..{variable.max}"
                 raise DictionaryError(dictionary.file, address[0], what)
             given[address] = value
-        return given
+        return super()._application(dictionary)._replace(given=given)
 
     def check_configuration(self, configuration: messages.StartConfigurationSet) -> None:
         """Raise Refused, and report it by EMCY until a good one comes, if a start configuration contradicts itself."""
         wrong = configuration.contradiction()
         if wrong is not None:
+            # Refused as a whole: which of two fields that contradict each other is the wrong one, nobody knows.
             self.raise_error(RobotError.CONFIGURATION_REFUSED, messages.StartConfigurationSet)
             raise Refused(Cause.VALUES, str(wrong))
         self.clear_error(messages.StartConfigurationSet)

@@ -84,6 +84,7 @@ class Twins:
         """Take in an answer; return the two that differ when it is sure that there are two drives, '' otherwise."""
         before, then = self._last.get(type(answer), (answer, -math.inf))
         self._last[type(answer)] = answer, now
+        # An answer to another question says nothing; and two drives are told once.
         if now - then >= TOGETHER or self._times == SURE:
             return ""
         self._times = self._times + 1 if _differ(before, answer) else 0
@@ -94,4 +95,5 @@ def _differ(before: DriveAnswer, answer: DriveAnswer) -> bool:
     if isinstance(before, messages.KalmanPositionResponse) and isinstance(answer, messages.KalmanPositionResponse):
         return not is_near(before[:3], answer[:3], SAME_DISTANCE, SAME_ANGLE)
     times = before[0], answer[0]
+    # One knows of a goto and the other does not: that is no matter of some milliseconds.
     return times.count(None) == 1 or abs((times[0] or 0) - (times[1] or 0)) > SAME_TIME

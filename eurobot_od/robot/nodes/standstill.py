@@ -62,6 +62,7 @@ def _standing_place(core: RobotNode) -> Script[messages.KalmanPositionResponse |
     yield Pause(period)
     try:
         state = yield Ask(messages.GotoStateRequest(), messages.GotoStateResponse, period, 1)
+        # The place twice, a period apart: "no goto" is also what a drive says that still rolls to a stop.
         before = yield ask_position
         yield Pause(period)
         after = yield ask_position
