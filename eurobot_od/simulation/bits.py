@@ -112,7 +112,13 @@ class BitReading:
     @property
     def complete(self) -> bool:
         """Tell whether the CRC is there, and the stuff bit that may follow it."""
-        return len(self._bits) == self._length and abs(self._run) < STUFF_AFTER
+        # Extended frames are never sent here, but a bit error in IDE makes one: where its RTR and length code stand.
+        head, remote = (39, 32) if self._extended else (19, 12)
+        if len(self._bits) < head:
+            return False
+        # A data length code above 8 still means 8 bytes; a remote frame has a length and no data.
+        octets = 0 if self._is_recessive(remote) else min(int(self._bits[head - 4 : head], 2), 8)
+        return len(self._bits) == head + 8 * octets + CRC_BITS and abs(self._run) < STUFF_AFTER
 
     @property
     def intact(self) -> bool:
@@ -130,17 +136,6 @@ class BitReading:
     @property
     def _extended(self) -> bool:
         return self._is_recessive(ARBITRATION_BITS)
-
-    @property
-    def _length(self) -> int:
-        """How many bits it takes without stuff bits; as long as that is not known, one more than there are."""
-        # Extended frames are never sent here, but a bit error in IDE makes one: where its RTR and length code stand.
-        head, remote = (39, 32) if self._extended else (19, 12)
-        if len(self._bits) < head:
-            return len(self._bits) + 1
-        # A data length code above 8 still means 8 bytes; a remote frame has a length and no data.
-        octets = 0 if self._is_recessive(remote) else min(int(self._bits[head - 4 : head], 2), 8)
-        return head + 8 * octets + CRC_BITS
 
     def _is_recessive(self, place: int) -> bool:
         return self._bits[place : place + 1] == str(RECESSIVE)

@@ -81,7 +81,10 @@ class Play:
         while self.bit < until and not all(part.idle for part in self.parts):
             # The wire is a wired AND: one dominant level, 0, wins over all recessive ones.
             level = min(part.level for part in self.parts)
-            flips = self._due()
+            flips: list[Flip] = []  # the bit errors of this bit
+            while self._flip is not None and self._flip.bit <= self.bit:
+                flips.append(self._flip)
+                self._flip = next(self._flips, None)
             for part in self.parts:
                 # Two errors in one bit undo each other.
                 flipped = sum(flip.at in (None, part.controller) for flip in flips) % 2
@@ -100,14 +103,6 @@ class Play:
             [part.controller for part in self.parts if part.suspends],
             [(part.controller, part.sequences) for part in self.parts if part.off],
         )
-
-    def _due(self) -> list[Flip]:
-        """Return the bit errors of this bit."""
-        due: list[Flip] = []
-        while self._flip is not None and self._flip.bit <= self.bit:
-            due.append(self._flip)
-            self._flip = next(self._flips, None)
-        return due
 
     def _noted(self) -> Iterator[Moment]:
         """Give what was noted in the last bit: the counts, and each frame that has ended with it."""

@@ -207,15 +207,12 @@ class Network:
         times += [time for time, _, _ in self._queue[:1]]
         waiting = [place for place in self._places.values() if place.mailboxes.waits]
         # Asked at each event; nearly always no mailbox waits, and the buses need not be looked at.
-        if waiting and any(self._has_new(bus, waiting) for bus in self._buses):
-            times.append(self.now)
+        for bus in self._buses if waiting else ():
+            # A frame was submitted from outside, between two events, and may be sent now.
+            free = [place.controller for place in waiting if place.controller.may_send(self.now)]
+            if bus.is_free(self.now) and not set(free).isdisjoint(bus.controllers):
+                times.append(self.now)
         return max(min(times, default=inf), self.now)
-
-    def _has_new(self, bus: Bus, waiting: Iterable[Attachment]) -> bool:
-        """Tell whether a frame was submitted from outside, between two events, and may be sent now."""
-        return bus.is_free(self.now) and any(
-            place.controller.may_send(self.now) and place.controller in bus.controllers for place in waiting
-        )
 
     def advance(self, until: float) -> bool:
         """Run the next event if it is due by `until`; otherwise let the time pass and return False."""
@@ -233,7 +230,12 @@ class Network:
             if place.wakeup <= event:
                 place.station.tick(event)
                 place.ask()
-        self._arbitrate()
+        for place in self._places.values():
+            if place.mailboxes.waits and place.controller.silent_until <= event:
+                place.mailboxes.load(event)
+        # Last of all: what the nodes have just said takes part in this arbitration, the most urgent frame of them all.
+        for bus in self._buses:
+            bus.arbitrate(event)
         return True
 
     def run(self, until: float) -> None:
@@ -275,14 +277,6 @@ class Network:
         if self._is_awake(station):
             station.gatekeeper.receive(frame, self.now)
             self._places[station].ask()
-
-    def _arbitrate(self) -> None:
-        """Load the mailboxes, and let the most urgent frame of them all have the bus, if it is free."""
-        for place in self._places.values():
-            if place.mailboxes.waits and place.controller.silent_until <= self.now:
-                place.mailboxes.load(self.now)
-        for bus in self._buses:
-            bus.arbitrate(self.now)
 
 
 def _look_around() -> None:

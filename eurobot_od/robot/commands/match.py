@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 from eurobot_od.cli import ExitStatus, campaign, complain, fall_silent
 from eurobot_od.cli import options as shared
 from eurobot_od.errors import LocalError
-from eurobot_od.robot.commands.sides import add_sides
+from eurobot_od.robot.commands.common import add_sides, status_of
 from eurobot_od.robot.model.options import UNITS, Errors
 from eurobot_od.robot.model.values import TeamColour
 from eurobot_od.support.terminal import in_colour
@@ -155,12 +155,7 @@ def _run_one(arguments: argparse.Namespace, options: MatchOptions) -> ExitStatus
             print(json.dumps({"timeline": timeline, "summary": summary.as_data()}, indent=2))
         else:
             print(f"\n{summary}")
-    if summary.failure is None:
-        return ExitStatus.FINE
-    # First what the match came to, then the traceback: the two are different streams.
-    sys.stdout.flush()
-    print(summary.failure, file=sys.stderr)
-    return ExitStatus.FOUND
+    return status_of(summary)
 
 
 def _bus(arguments: argparse.Namespace) -> Callable[[], can.BusABC]:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from eurobot_od.cli import options as shared
 from eurobot_od.errors import LocalError
-from eurobot_od.robot.commands.sides import add_sides
+from eurobot_od.robot.commands.common import add_sides
 from eurobot_od.robot.model.values import TeamColour
 from eurobot_od.support import durations
 

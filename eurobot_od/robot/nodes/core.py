@@ -406,12 +406,14 @@ class Core(CallingNode):
                 self._standing = self.begin(self._see_standing(self.seconds("Standstill.Standstill wait")))
             return shielded(self._standing.call)  # a stop is not taken back because nobody waits for it any more
 
-    def _latest_stop(self) -> messages.StopMessage:
-        return messages.StopDrive() if self._stopped is None else self._stopped  # a message without data is false
-
     def _see_standing(self, patience: float = inf) -> Script[Standstill]:
         """Repeat the latest stop until the robot is seen to stand, or for `patience` seconds."""
-        standstill = yield from until_standing(self, self._latest_stop, patience)
+        standstill = yield from until_standing(
+            # `is None`, as a message without data is false.
+            self,
+            lambda: messages.StopDrive() if self._stopped is None else self._stopped,
+            patience,
+        )
         if standstill is None:
             error = NotStanding(patience)
             self.alarm(str(error))

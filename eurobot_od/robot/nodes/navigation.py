@@ -76,21 +76,17 @@ class Navigation(RobotNode):
         self.safe = True
         self.raise_error(RobotError.EMERGENCY_SHUTDOWN, messages.EmergencyShutdown)
 
-    def _fix(self, whom: Source) -> Fix | None:
-        """Measure where somebody is, once at a time: an SDO, a PDO and an answer of one moment say the same."""
-        # Each measurement has its own noise: two answers of one moment must not differ.
-        if self._measured != self.now:
-            self._measured, self._fixes = self.now, {}
-        if whom not in self._fixes:
-            self._fixes[whom] = self.beacons.locate(whom, self.now) if self.beacons else None
-        return self._fixes[whom]
-
     def _position(
         self, record: str, response: type[messages.PositionResponse], whom: Source
     ) -> messages.PositionResponse:
         # Before the start configuration anyone may be there.
         expected = self.configuration is None or self.configuration.includes(whom)
-        fix = self._fix(whom) if expected else None
+        # Once at a time, as each measurement has its own noise: an SDO, a PDO and an answer of one moment say the same.
+        if self._measured != self.now:
+            self._measured, self._fixes = self.now, {}
+        if expected and whom not in self._fixes:
+            self._fixes[whom] = self.beacons.locate(whom, self.now) if self.beacons else None
+        fix = self._fixes[whom] if expected else None
         across, along = self.coordinates(record)
         # A beacon that measures a place outside of the field is wrong, and Table 2 could not say it.
         if fix is None or not (across.low <= fix.x <= across.high and along.low <= fix.y <= along.high):

@@ -221,23 +221,18 @@ def _points(scores: Sequence[ScoredTask], x: Callable[[float], float]) -> Iterat
     last = float(SCORE_Y - ROW)
     for robot, total in totals.most_common():
         own = [each for each in scores if each.robot == robot]
-        line = [(place, SCORE_Y + SCORE_BAR * (1 - points / max(totals.values()))) for place, points in _steps(own, x)]
+        steps, points = [(0.0, 0)], 0
+        for each in own:
+            # Two corners at each time: points come at once, and the line goes straight up.
+            steps += [(x(each.time), points), (x(each.time), points + each.points)]
+            points += each.points
+        steps.append((WIDTH, points))
+        line = [(place, SCORE_Y + SCORE_BAR * (1 - height / max(totals.values()))) for place, height in steps]
         colour, dashes = (style.GOTO, None) if robot == OURS else (style.OTHERS[Enemy1PositionResponse][1], "18 12")
         last = max(line[-1][1], last + ROW)  # two that are nearly equal are written below each other
         yield svg.polyline(line, fill="none", stroke=colour, stroke_width=7, stroke_dasharray=dashes)
         yield style.label((WIDTH + 12, last + 11), str(total), fill=colour, anchor="start")
     yield from _names([each for each in scores if each.robot == OURS], x)
-
-
-def _steps(scores: Sequence[ScoredTask], x: Callable[[float], float]) -> Iterator[PaperPoint]:
-    """Yield the corners of one robot's line: places on the paper and points."""
-    points = 0
-    yield 0, points
-    for each in scores:
-        yield x(each.time), points
-        points += each.points
-        yield x(each.time), points
-    yield WIDTH, points
 
 
 def _names(scores: Sequence[ScoredTask], x: Callable[[float], float]) -> Iterator[str]:

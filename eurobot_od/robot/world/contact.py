@@ -89,7 +89,11 @@ class Contacts:
         if point != wanted.point:
             self._touch(body, BORDER, wanted.point)
         pose = Pose(*point, wanted.angle)
-        near = self._near(body, point)
+        near: list[Body] = [each for each in self._robots.values() if each is not body]
+        body.room -= body.pose.distance(point)
+        if body.room <= 0:  # what stands may be in reach: measure the room anew, and look at all of it
+            body.room = min((gap(point, body.radius, each) for each in self.things), default=0.0)
+            near += self.things
         met = [each for each in near if body.gap(pose, each) < 0]
         for each in met:
             pose = Pose(*self._meet(body, pose, each), wanted.angle)
@@ -100,15 +104,6 @@ class Contacts:
             return Pose(*body.point, body.angle if body.shape else wanted.angle)
         return Pose(*body.inside(pose, self.field), wanted.angle) if met else pose
 
-    def _near(self, body: RobotBody, point: Point) -> list[Body]:
-        """Return what a robot can meet on its way to a place: the other robots, and what stands near."""
-        robots = [each for each in self._robots.values() if each is not body]
-        body.room -= body.pose.distance(point)
-        if body.room > 0:
-            return [*robots]
-        body.room = min((gap(point, body.radius, each) for each in self.things), default=0.0)
-        return [*robots, *self.things]
-
     def _meet(self, body: RobotBody, pose: Pose, other: Body) -> Point:
         """Have a robot meet a body at a pose; return where the robot is then."""
         self._touch(body, other.name, other.point)
@@ -118,19 +113,15 @@ class Contacts:
             self._pushed(other)
             return pose.point
         if isinstance(other, RobotBody):
-            self._shove(body, pose, other)
+            # It yields a little, and its wheels do not notice. Only a share: its motors brake, and it is heavy.
+            x, y = (old + SHOVE * (new - old) for old, new in zip(other.point, body.pushes(pose, other)))
+            there = Pose(x, y, other.angle)
+            fixed = [each for each in self.things if each.weight is Weight.FIXED]
+            # Not into a wall: who is shoved against something fixed stands, and stops the other one.
+            if all(other.gap(there, each) >= 0 for each in fixed):
+                other.go(other.inside(there, self.field), other.angle, self._clock())
+                other.room = 0.0
         return body.out_of(pose, other)
-
-    def _shove(self, body: RobotBody, pose: Pose, other: RobotBody) -> None:
-        """Have a robot yield a little to one that drives into it; its wheels do not notice."""
-        # Only a share: a driven robot brakes with its weight and its motors.
-        x, y = (old + SHOVE * (new - old) for old, new in zip(other.point, body.pushes(pose, other)))
-        there = Pose(x, y, other.angle)
-        fixed = [each for each in self.things if each.weight is Weight.FIXED]
-        # Not into a wall: who is shoved against something fixed stands, and stops the other one.
-        if all(other.gap(there, each) >= 0 for each in fixed):
-            other.go(other.inside(there, self.field), other.angle, self._clock())
-            other.room = 0.0
 
     def _touch(self, body: RobotBody, thing: str, towards: Point) -> None:
         """Tell that a robot meets something, which lies towards a point, unless it does already."""

@@ -161,20 +161,17 @@ class World:
         while self._now + PACE <= self.clock():
             self._now += PACE
             for name, patrol in self._patrols.items():
-                self._step(self.robots[name], patrol)
-
-    def _step(self, body: RobotBody, patrol: Patrol) -> None:
-        if nearest_ahead(body, self.robots.values(), patrol.look_out, LOOK_OUT_ANGLE):
-            body.speed, body.angle = 0.0, patrol.held_up(body.point, PACE).angle
-            return
-        before, wanted = body.point, patrol.advance(body.point, PACE)
-        body.speed = patrol.speed
-        self._go(body, wanted)
-        # Sliding along something does not count as going on: it would rub there to the end of the match.
-        if math.dist(before, body.point) < 0.2 * patrol.speed * PACE:
-            body.angle = patrol.held_up(body.point, PACE).angle
-        else:
-            patrol.gone_on()
+                body = self.robots[name]
+                if nearest_ahead(body, self.robots.values(), patrol.look_out, LOOK_OUT_ANGLE):
+                    body.speed, body.angle = 0.0, patrol.held_up(body.point, PACE).angle
+                    continue
+                before, body.speed = body.point, patrol.speed
+                self._go(body, patrol.advance(before, PACE))
+                # Sliding along something does not count as going on: it would rub there to the end of the match.
+                if math.dist(before, body.point) < 0.2 * patrol.speed * PACE:
+                    body.angle = patrol.held_up(body.point, PACE).angle
+                else:
+                    patrol.gone_on()
 
     # What can be seen
 
