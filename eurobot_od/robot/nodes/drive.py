@@ -27,7 +27,7 @@ from eurobot_od.robot.nodes.estimate import Estimate
 from eurobot_od.robot.nodes.kalman import Tuning
 from eurobot_od.robot.nodes.motion import AT_REST, Braking, Chassis, Command, IdealChassis, Motion, MotionLimits
 from eurobot_od.robot.nodes.navigation import Fix
-from eurobot_od.robot.nodes.node import Handlers, Objects, RobotNode
+from eurobot_od.robot.nodes.node import FollowingNode, Handlers, Objects
 from eurobot_od.robot.nodes.route import Clearances, find_route
 
 LATE = 0.1
@@ -60,7 +60,7 @@ UNKNOWN = 0xFFFF
 """What the object `Position deviation` says while the place is unknown."""
 
 
-class Drive(RobotNode):
+class Drive(FollowingNode):
     """The drive node (document 2.1 to 2.3, 4.2.2); `chassis` are its wheels, by default ideal ones.
 
     `goto` is the goto it carries out or has carried out, None after a stop; `stopped_by` the last stop, with
@@ -85,12 +85,10 @@ class Drive(RobotNode):
         self._forget()
 
     def _forget(self) -> None:
-        self.configuration: messages.StartConfigurationSet | None = None
         self.estimate = Estimate(self._tuning())
         self.goto: messages.GotoXY | None = None
         self.fault: GotoFault | None = None
         self.stopped_by: messages.StopMessage | None = None
-        self.safe = False
         # Seconds for which the wheels have not followed, and fell short; the spread when the way was planned.
         self._stuck = self._held = self._planned = 0.0
         self._told = math.inf
@@ -200,11 +198,10 @@ class Drive(RobotNode):
         self._forget_obstruction()
         self._brake()
 
-    def _shut_down(self, shutdown: messages.EmergencyShutdown) -> None:
+    def shut_down(self, shutdown: messages.EmergencyShutdown) -> None:
         """Stop and hold the safe state (document 4.2.2 Emergency mushroom)."""
         self._stop(shutdown)
-        self.safe = True
-        self.raise_error(RobotError.EMERGENCY_SHUTDOWN, messages.EmergencyShutdown)
+        super().shut_down(shutdown)
 
     def halted(self) -> None:
         """Brake when a master takes the node out of OPERATIONAL: nobody can ask for its state any more."""
@@ -303,17 +300,15 @@ class Drive(RobotNode):
         x, y = (round(min(max(value, each.low), each.high)) for value, each in zip(pose.point, limits))
         return messages.KalmanPositionResponse(x, y, round(pose.angle) % 360, Source.INTERNAL)
 
-    def _configure(self, configuration: messages.StartConfigurationSet) -> Message:
+    def configure(self, configuration: messages.StartConfigurationSet) -> Message:
         """Start anew from the team's start place (document 2.3); raises Refused for one that contradicts itself."""
-        self.check_configuration(configuration)
-        self.configuration, self.safe = configuration, False
+        confirm = super().configure(configuration)
         self._stop(messages.StopDrive())
         # The stop was the configuration's own, and nobody's reason.
         self.stopped_by = None
         self.estimate = Estimate(self._tuning(), self.facts.start(configuration.team_colour))
-        self.clear_error(messages.EmergencyShutdown)
         self.clear_error(Estimate)
-        return messages.StartConfigurationConfirm()
+        return confirm
 
     FACTS: ClassVar[Mapping[str, Callable[[Facts], int]]] = {
         "Body.Robot radius": lambda facts: math.ceil(facts.body.radius),
@@ -335,10 +330,9 @@ class Drive(RobotNode):
         messages.GotoXY: _accept,
         messages.StopDrive: _stop,
         messages.EmergencyStop: _stop,
-        messages.EmergencyShutdown: _shut_down,
         messages.GotoStateRequest: lambda self, _: self._state(),
         messages.KalmanPositionRequest: lambda self, _: self._position(),
         messages.NaviPositionResponse: _correct,
-        messages.StartConfigurationSet: _configure,
+        **FollowingNode.COMMANDS,
         messages.CheckDriveRequest: lambda *_: messages.CheckDriveResponse(),
     }

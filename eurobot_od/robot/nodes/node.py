@@ -90,6 +90,39 @@ class RobotNode(Node):
         return Ask(request, answer, self.seconds(wait), self.setting(attempts))
 
 
+class FollowingNode(RobotNode):
+    """A node that the core commands.
+
+    `configuration` is the start configuration, None before the first. `safe` is True after an Emergency Shutdown until
+    a new start configuration or an NMT reset.
+    """
+
+    configuration: messages.StartConfigurationSet | None = None
+    safe = False
+
+    def reset(self) -> None:
+        """Forget the start configuration, as after power-on."""
+        super().reset()
+        self.configuration, self.safe = None, False
+
+    def configure(self, configuration: messages.StartConfigurationSet) -> Message:
+        """Take over a start configuration (document 2.3); raises Refused for one that contradicts itself."""
+        self.check_configuration(configuration)
+        self.configuration, self.safe = configuration, False
+        self.clear_error(messages.EmergencyShutdown)
+        return messages.StartConfigurationConfirm()
+
+    def shut_down(self, _: messages.EmergencyShutdown) -> None:
+        """Hold the safe state (document 4.2.2 Emergency mushroom)."""
+        self.safe = True
+        self.raise_error(RobotError.EMERGENCY_SHUTDOWN, messages.EmergencyShutdown)
+
+    COMMANDS: ClassVar[Handlers] = {
+        messages.StartConfigurationSet: lambda node, configuration: node.configure(configuration),
+        messages.EmergencyShutdown: lambda node, shutdown: node.shut_down(shutdown),
+    }
+
+
 def make(kind: type[Node], dictionary: Dictionary, store: Store | None, facts: Facts | None) -> Node:
     """Make a node of any class; one of the robot gets the facts."""
     if issubclass(kind, RobotNode):
