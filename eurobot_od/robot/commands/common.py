@@ -26,6 +26,6 @@ def status_of(summary: Summary) -> ExitStatus:
     """Return the exit status of a match; print the end of the traceback if the strategy raised."""
     if summary.failure is None:
         return ExitStatus.FINE
-    sys.stdout.flush()  # what the match came to stands first: the traceback goes to the other stream
+    sys.stdout.flush()  # the summary comes first: the traceback goes to the other stream
     print(summary.failure, file=sys.stderr)
     return ExitStatus.FOUND

@@ -180,7 +180,7 @@ def too_slow(robot: Plugin, dialect: str | None, bit_rate: int) -> str:
 def _refuse_what_does_not_go_with_one_match(arguments: argparse.Namespace) -> None:
     """Raise LocalError, and OSError for a picture that could not be written: before the match, not after it."""
     campaign.refuse(arguments, "--seeds")
-    # Refused rather than ignored: who names a bus believes that the robot on it is going to move.
+    # Refused rather than ignored: whoever names a bus expects the robot on it to move.
     for name in OF_A_BUS if arguments.speed == "fast" else ():
         if (value := getattr(arguments, name)) is not None:
             raise LocalError(f"--{name} {value} goes with --speed real only: in simulated time there is no such bus")

@@ -128,7 +128,7 @@ def enter(node: Node, arguments: argparse.Namespace) -> tuple[RemoteVehicle, Mat
     from eurobot_od.robot.world.remote import RemoteVehicle
 
     vehicle = RemoteVehicle(arguments.world, report=partial(print, flush=True))
-    # Nodes and world are started together, and the world need not be the first.
+    # Nodes and world are started together, and the world need not be up first.
     options = vehicle.hello(PATIENCE)
     equip([node], vehicle, options.errors, str(options.seed))
     return vehicle, replace(options, duration=arguments.duration)

@@ -89,7 +89,7 @@ def run(arguments: argparse.Namespace) -> None:
     begin = time.monotonic()
     world = World(options, lambda: time.monotonic() - begin)
     where = arguments.listen
-    # On 127.0.0.1 everybody can reach it who can start a program here; elsewhere, the whole network could.
+    # 127.0.0.1 is reached only by programs of this machine; any other address by the whole network.
     if not where.token and not is_local(where.address.host):
         where = where._replace(token=secrets.token_hex(TOKEN_BYTES))
     channel = Channel(world, {OURS: options}, where.token)

@@ -47,7 +47,7 @@ def _scattered(position: NaviPositionResponse) -> NaviPositionResponse:
     """Move a place to either side, by the noise in its last bit."""
     if position.x is None:
         return position
-    # Not by chance of its own: the same seed must give the same frames, and one offset would be a mere bias.
+    # No generator of its own: the same seed must give the same frames. And a single offset would only be a bias.
     return position._replace(x=position.x + (SCATTER if position.x % 2 else -SCATTER))
 
 

@@ -79,7 +79,7 @@ def _rehearse(
             try:
                 result = loop.run(network, strategy(core))
             except BaseException:
-                # As on the robot: however a program ends, the drive is told to stop, and gets the time for it.
+                # As on the robot: however a program ends, the drive is stopped, and gets the time it needs.
                 if core.leave() is not None:
                     network.run(network.now + core.seconds("Standstill.Standstill wait"))
                 raise

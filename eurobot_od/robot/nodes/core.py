@@ -82,7 +82,7 @@ POLLED_POSITIONS: tuple[tuple[Message, str, Source], ...] = (
 """What is asked for periodically: the request, the setting with its offset, and whose position it is."""
 
 SILENCE, QUESTIONS = 2.0, 3
-"""A navigation that has said nothing in a match for so many seconds is asked so often whether it is there: one that
+"""After how many seconds of silence in a match, and how often, the navigation is asked whether it is there: one that
 hangs may still send heartbeats."""
 
 MATCH_OVER = "the match is over"
@@ -396,10 +396,10 @@ class Core(CallingNode):
     def _halt(self, stop: messages.StopMessage) -> Call[Standstill]:
         """Send a stop, and watch until the robot stands."""
         with self.guard:
-            # Offered, not sent: that a stop may not leave now must not keep the watch over it from beginning.
+            # Offered, not sent: if the stop may not leave now, the watch over it must begin all the same.
             self.offer(stop)
             self.shut_down = self.shut_down or isinstance(stop, messages.EmergencyShutdown)
-            # After a shutdown nothing less is repeated: a drive that did not hear it would not hold its safe state.
+            # After a shutdown nothing less is repeated: a drive that missed it would not hold its safe state.
             self._stopped = messages.EmergencyShutdown() if self.shut_down else stop
             if self._standing is None:
                 self.end(self._keeping_on, StateError("watched anew"))
@@ -501,7 +501,7 @@ class Core(CallingNode):
             raise
         else:
             if end.outcome is Outcome.LOST:
-                # A drive that knows of no goto may have booted, and then knows its place no more.
+                # A drive that knows of no goto may have booted, and then no longer knows its place.
                 self._lost, self._forgotten = end.why, end.why == NO_GOTO
                 self._halt(messages.StopDrive())
         finally:
@@ -542,7 +542,7 @@ class Core(CallingNode):
     def _recover_all(
         self, configuration: messages.StartConfigurationSet, watched: bool
     ) -> Script[messages.KalmanPositionResponse]:
-        # Kept over the configuration, which forgets it: the robot has not been put anywhere.
+        # Kept, although the configuration forgets it: the robot has not been moved to its start.
         there = self._place
         yield from self._configure_start(configuration, watched)
         self._place, self._astray = there, True
@@ -632,7 +632,7 @@ class Core(CallingNode):
         is_silent = self._is_in_match and self.now - self._heard >= SILENCE
         if is_silent and not self.without and self._missing is None:
             self._missing = self.begin(self._miss_navigation())
-        # From when it was due, not from now: a node that is late makes up for it. A counter that wrapped made 655 ms
+        # From when it was due, not from now, so that delays do not add up. A counter that wrapped made 655 ms
         # of the 2014 robot's 600.
         again = due + self.period("Position polling.Polling period")
         self.at(again, partial(self._poll, request, series))
@@ -655,13 +655,13 @@ class Core(CallingNode):
             return
         self._lost = why
         is_drive = self._is("drive", node_id)
-        # A navigation that boots forgets nothing that the drive needs; a drive forgets goto, place and configuration.
+        # A booting navigation forgets nothing that the drive needs; a drive forgets goto, place and configuration.
         self._forgotten = self._forgotten or is_drive
         if self.is_commanding and is_drive:
             self._stop(messages.StopDrive(), Outcome.LOST, self._lost)
 
     def _is(self, node: str, node_id: int) -> bool:
-        # Who has which node-ID stands in the EDS only, in the SDO client parameters (CiA 301, 7.5.2.34).
+        # Only the EDS says which node has which ID: its SDO client parameters (CiA 301, 7.5.2.34).
         channel = SdoChannel.to(node, self.device)
         return channel is not None and channel.node_id == node_id
 

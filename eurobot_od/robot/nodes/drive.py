@@ -31,13 +31,13 @@ from eurobot_od.robot.nodes.node import FollowingNode, Handlers, Objects
 from eurobot_od.robot.nodes.route import Clearances, find_route
 
 LATE = 0.1
-"""Seconds that a control step may be late and be made up for: as long as a busy computer may take."""
+"""How late a control step may be, s, and still be made up for: as long as a busy computer may take."""
 
 UNSURER = 10.0
 """A way is found anew when the place has become less sure by this spread, mm: the navigation's pauses add less."""
 
 HELD = 0.1
-"""Wheels that fall short for so many seconds are held by something, and do not only speed up."""
+"""Seconds after which wheels that fall short are held by something, and not just speeding up."""
 
 PUSHED_AWAY = 2.0
 """The remaining time rises by more than this, s, or not at all: the last millimetres driven again take less."""
@@ -161,7 +161,7 @@ class Drive(FollowingNode):
     def _clearances(self) -> Clearances:
         """Return how far to stay away: by our own radius, and by what we and the motion may be off."""
         deviations = self.estimate.deviations
-        # By the direction in which the place is known worst; the setting is in tenths of a deviation.
+        # In the direction in which the place is known worst; the setting is in tenths of a deviation.
         unsure = deviations.worst * self.setting("Body.Position margin") / 10 if deviations else 0.0
         margin = self.setting("Body.Safety margin") + self._limits().deviation + unsure
         return Clearances.of(self.facts, self.setting("Body.Robot radius"), margin)
@@ -238,7 +238,7 @@ class Drive(FollowingNode):
         rolled = self.chassis.advance(command, dt)
         self.estimate.moved(rolled, now)
         self._held = self._held + dt if rolled.falls_short(command, dt) else 0.0
-        # What holds the robot may turn it aside, and the wheels do not tell.
+        # What holds the robot may turn it aside without the wheels noticing.
         if self._held >= HELD:
             self.estimate.bumped(now)
         if isinstance(motion, Motion):
@@ -249,7 +249,7 @@ class Drive(FollowingNode):
                 self._brake()
             elif self.goto and not motion.arrived and self.estimate.spread > self._planned + UNSURER:
                 self._set_out(self.goto)  # forced barriers keep their distance also when the place is known worse
-        # If the wheels were found blocked, the brakes have taken over, and the motion of before has not arrived.
+        # If the wheels were found blocked, the brakes have taken over, and the earlier motion has not arrived.
         done = motion.arrived if isinstance(motion, Motion) else command == AT_REST
         # Steps that are late by a moment are made up for; those missed by a node that hung are gone.
         following = max(now, self.now - LATE) + dt
@@ -277,7 +277,7 @@ class Drive(FollowingNode):
         """Take a navigation position into the estimate (document 4.2.2 Navigation)."""
         if position.x is None or position.y is None:
             return
-        # Read anew for each position: what a master writes to the settings holds from the next one on.
+        # Read anew for each position, so that what a master writes holds from the next one on.
         self.estimate.tuning = self._tuning()
         self.estimate.corrected(Fix(position.x, position.y, position.angle), self.now)
         if not self._is_unsure():
@@ -296,7 +296,7 @@ class Drive(FollowingNode):
         if pose is None:
             return messages.KalmanPositionResponse(None, None, None, Source.INTERNAL)
         limits = self.coordinates("Kalman position")
-        # The estimate may be a little outside of the field; Table 2 has no such places.
+        # The estimate may lie a little outside of the field, which Table 2 cannot express.
         x, y = (round(min(max(value, each.low), each.high)) for value, each in zip(pose.point, limits))
         return messages.KalmanPositionResponse(x, y, round(pose.angle) % 360, Source.INTERNAL)
 
@@ -304,7 +304,7 @@ class Drive(FollowingNode):
         """Start anew from the team's start place (document 2.3); raises Refused for one that contradicts itself."""
         confirm = super().configure(configuration)
         self._stop(messages.StopDrive())
-        # The stop was the configuration's own, and nobody's reason.
+        # The stop was part of configuring, and tells nobody anything.
         self.stopped_by = None
         self.estimate = Estimate(self._tuning(), self.facts.start(configuration.team_colour))
         self.clear_error(Estimate)

@@ -60,7 +60,7 @@ def until_ended(core: RobotNode, goto: messages.GotoXY) -> Script[End]:
         elif state.time is None:
             odd.append(NO_GOTO)
         else:
-            # In a row: one odd answer between good ones is a frame that came out of turn.
+            # In a row: a single odd answer between good ones is a frame that came out of turn.
             odd.clear()
         yield Pause(core.period("Goto handshake.State request period"))
     return End(Outcome.LOST, odd[-1])

@@ -150,7 +150,7 @@ class Profile(NamedTuple):
     def seconds(self, left: float, rate: float = 0.0) -> float:
         """Return the time to cover `left` and stop, starting at `rate`; infinite if the top rate is 0."""
         ahead, rate = abs(left), math.copysign(rate, rate * left)
-        # v^2 = 2 a s: the way that braking from this rate takes.
+        # v^2 = 2 a s: whether braking from this rate still ends in time.
         in_time = rate > 0 and rate * rate <= 2 * self.fall * ahead
         kept = min(rate, self.top) if in_time else 0.0  # what is too fast, or the wrong way, is braked first
         slowing = (rate * abs(rate) - kept * kept) / (2 * self.fall)
@@ -162,7 +162,7 @@ class Profile(NamedTuple):
             return 0.0
         if not self.top:
             return math.inf
-        # Where rising and falling meet: rise and fall together use up just what is left, unless the top comes first.
+        # The rate at which rise and fall together cover just what is left, unless the top comes first.
         peak = min(math.sqrt(self.fall * (2 * self.rise * left + rate * rate) / (self.rise + self.fall)), self.top)
         ramps = (peak * peak - rate * rate) / (2 * self.rise) + peak * peak / (2 * self.fall)
         return (peak - rate) / self.rise + peak / self.fall + (left - ramps) / peak
@@ -290,7 +290,7 @@ class Motion:
 
     def _look(self, pose: Pose, point: Point) -> View:
         distance, error = pose.distance(point), turn(pose.angle, pose.bearing(point))
-        # Turning round for some millimetres would take longer than the way itself.
+        # Turning round for a few millimetres would take longer than the way itself.
         tail_first = abs(error) > 90.0 if distance < CORRECTION else self._backward
         return View(-1, distance, turn(180.0, error)) if tail_first else View(1, distance, error)
 
@@ -299,7 +299,7 @@ class Motion:
 
     def _reach(self, point: Point) -> float:
         """Return how near a way point has to be so that no leg to it is begun, mm."""
-        # The goal has to be met exactly; a way point between is only passed.
+        # The goal has to be met exactly; other way points are only passed.
         return self._straight.tolerance if point == self._points[-1] else self._deviation
 
     def _in_line(self, view: View) -> bool:
@@ -321,14 +321,14 @@ class Motion:
 
     def _after_drive(self, pose: Pose, dt: float) -> Phase:
         view = self._view(pose)
-        # Only what is off to the side: what is left ahead is still to be driven.
+        # Only what is off to the side: what is left ahead will still be driven.
         missed = view.aside > self._deviation
         if self._straight.over(self.command.speed, view.ahead, dt):
             return Phase.AIM if missed else self._reached()
         return Phase.AIM if missed and abs(view.steer) > LOST else Phase.DRIVE
 
     def _after_face(self, pose: Pose, dt: float) -> Phase:
-        # A correction came while it turned: the place is what counts, and has to be driven to again.
+        # A correction came while it turned: the place counts, and has to be driven to again.
         if self._view(pose).distance > self._deviation:
             return Phase.AIM
         faced = self._turning.over(self.command.turn, self._final_turn(pose), dt)
@@ -386,7 +386,7 @@ class Motion:
 
         A robot that turns away and cannot stop before it looks the opposite way goes on: that is the shorter way then.
         """
-        # What is left of the rate, squared, when it looks the opposite way.
+        # The square of the rate that is left when it faces the opposite way.
         squared = rate * rate - 2 * self._turning.fall * (180.0 - abs(left))
         if rate * left >= 0.0 or squared <= 0.0:
             return self._turning.seconds(left, rate)

@@ -62,14 +62,14 @@ class Navigation(FollowingNode):
     ) -> messages.PositionResponse:
         # Before the start configuration anyone may be there.
         expected = self.configuration is None or self.configuration.includes(whom)
-        # Once at a time, as each measurement has its own noise: an SDO, a PDO and an answer of one moment say the same.
+        # One measurement at a time, as each has its own noise: an SDO, a PDO and an answer of one moment agree.
         if self._measured != self.now:
             self._measured, self._fixes = self.now, {}
         if expected and whom not in self._fixes:
             self._fixes[whom] = self.beacons.locate(whom, self.now) if self.beacons else None
         fix = self._fixes[whom] if expected else None
         across, along = self.coordinates(record)
-        # A beacon that measures a place outside of the field is wrong, and Table 2 could not say it.
+        # A place outside of the field is a wrong measurement, and Table 2 cannot express it.
         if fix is None or not (across.low <= fix.x <= across.high and along.low <= fix.y <= along.high):
             return response(None, None, None, whom)
         x, y = round(fix.x), round(fix.y)

@@ -60,7 +60,7 @@ class RobotNode(Node):
         for name, fact in self.FACTS.items():
             address, value = dictionary.address(name), fact(self.facts)
             variable = dictionary.variable(address)
-            # A ParameterValue is a DCF's: somebody has configured this very device, which counts for more.
+            # Only a DCF has a ParameterValue: somebody has configured this very device, which counts for more.
             if variable is None or variable.value is not None:
                 continue
             if out_of_limits(variable, value):
@@ -73,7 +73,7 @@ class RobotNode(Node):
         """Raise Refused, and report it by EMCY until a good one comes, if a start configuration contradicts itself."""
         wrong = configuration.contradiction()
         if wrong is not None:
-            # Refused as a whole: which of two fields that contradict each other is the wrong one, nobody knows.
+            # Refused as a whole: nobody knows which of two contradictory fields is the wrong one.
             self.raise_error(RobotError.CONFIGURATION_REFUSED, messages.StartConfigurationSet)
             raise Refused(Cause.VALUES, str(wrong))
         self.clear_error(messages.StartConfigurationSet)

@@ -60,7 +60,7 @@ def check_nodes(core: RobotNode, checked: set[str], without: Collection[str] = (
     not checked.
     """
     took = {}
-    # Before anything is asked: who does not answer now must not count as checked from before.
+    # Before anything is asked: a node that does not answer now must not count as checked from before.
     checked.clear()
     yield START
     for node, request, answer in NODE_CHECKS:
@@ -102,7 +102,7 @@ def configure(
     readiness.configured = False
     yield core.asking(configuration, messages.StartConfigurationConfirm, *CONFIGURATION_SETTINGS)
     confirmed = core.now
-    # One confirm may be anybody's, and two equal ones merge on the wire: so both are asked once more.
+    # One confirm may be anybody's, and two equal ones merge on the wire: so both nodes are asked once more.
     yield from check_nodes(core, readiness.checked, without)
     readiness.configured = True
     return confirmed

@@ -26,7 +26,7 @@ HEIGHT = 2640
 """From the legend's first line to the foot of the page."""
 
 HEADS = 6
-"""So many rows are taken by headings, gaps, and the lines that say what is left out."""
+"""Rows taken up by headings, gaps, and the lines that say what is left out."""
 
 TIME_TICK = 10
 """Seconds between two marks on the time line."""
@@ -37,7 +37,7 @@ def column(recording: Recording, facts: Facts) -> str:
     legend = list(_legend(recording, facts))
     below = LEGEND_ROW * len(legend) + 90
     rows = (HEIGHT - below) // ROW - HEADS
-    # A third of the rows is the stops' in any case; what gotos leave free is theirs as well.
+    # Stops get a third of the rows in any case, and whatever the gotos leave free.
     stops = min(len(recording.stops), max(rows // 3, rows - len(recording.gotos)))
     gotos = min(len(recording.gotos), rows - stops)
     return svg.group(
@@ -166,7 +166,7 @@ def _seconds(end: float, x: Callable[[float], float]) -> Iterator[str]:
     pieces = 90
     for piece in range(pieces):
         start = WIDTH * piece / pieces
-        # One unit wider: between two that only meet, renderers show a light line.
+        # One unit wider: renderers show a light line between two that only touch.
         yield svg.rectangle((start, TIME_Y), WIDTH / pieces + 1, BAR, fill=style.colour_at(piece / pieces))
     for time in (0, *style.ticks(TIME_TICK, end)):
         yield svg.line((x(time), TIME_Y), (x(time), SCORE_Y + SCORE_BAR), stroke=svg.GRID, stroke_width=3)

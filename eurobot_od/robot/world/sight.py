@@ -22,7 +22,7 @@ def nearest_ahead(body: RobotBody, others: Iterable[Body], distance: float, angl
             continue
         bearing = turn(body.angle, math.degrees(math.atan2(dy, dx)))
         half = math.degrees(math.asin(min(other.radius / apart, 1.0)))
-        # Any part of it counts: of a wide robot close by, the middle may well lie outside of the cone.
+        # Any part of it counts: the middle of a wide robot close by may well lie outside of the cone.
         if abs(bearing) - half <= angle:
             what = Obstacle.ENEMY if isinstance(other, RobotBody) else Obstacle.OBJECT
             seen.append(Detection(what, max(gap, 0.0), bearing))

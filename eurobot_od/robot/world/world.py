@@ -95,7 +95,7 @@ class World:
     def _put(self, name: str) -> None:
         """Put a robot that nodes drive where its team starts."""
         start = self.facts.start(self._teams[name])
-        # Ours is without the robot's name, and stays so: another name would be another match for every seed.
+        # Ours has no robot's name in it, and keeps it so: another name would make another match of every seed.
         chance = self._stream(f"placement {name}" if name != OURS else "placement")
         spreads = (PLACEMENT, PLACEMENT, PLACEMENT_ANGLE)
         shape = self.facts.body
@@ -145,7 +145,7 @@ class World:
             self._fallen.look_at(body, self.clock())
         if body.point == there.point or not self._options.solid:
             return wanted.distance
-        # What it came along the chord, with its sign: a robot pushed back has made a negative way.
+        # Along the chord, with its sign: a robot that was pushed back has made a negative way.
         heading = math.radians(before.angle + wanted.turn / 2)
         return (body.point.x - before.x) * math.cos(heading) + (body.point.y - before.y) * math.sin(heading)
 
@@ -183,7 +183,7 @@ class World:
             return None
         if not age:
             return body.pose
-        # The trace is in the order of time, and has thousands of steps: it is not searched from its begin.
+        # The trace is ordered by time and has thousands of steps, so it is bisected.
         after = bisect_right(body.trace, self.clock() - age, key=lambda moment: moment[0])
         return body.trace[max(after - 1, 0)][1]
 
