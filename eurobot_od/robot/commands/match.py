@@ -8,6 +8,7 @@ import re
 import sys
 from collections.abc import Callable
 from contextlib import nullcontext, redirect_stdout
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,9 +16,8 @@ from typing import TYPE_CHECKING, Any
 from eurobot_od.cli import ExitStatus, campaign, complain, fall_silent
 from eurobot_od.cli import options as shared
 from eurobot_od.errors import LocalError
-from eurobot_od.robot.commands.common import add_sides, status_of
+from eurobot_od.robot.commands.common import add_sides, options_of, status_of
 from eurobot_od.robot.model.options import UNITS, Errors
-from eurobot_od.robot.model.values import TeamColour
 from eurobot_od.support.terminal import in_colour
 
 if TYPE_CHECKING:
@@ -88,20 +88,11 @@ def _seeds(text: str) -> range:
 
 def run(arguments: argparse.Namespace) -> ExitStatus:
     """Play one match, or one for each of many seeds."""
-    from eurobot_od.robot.match import MatchOptions
-
-    options = MatchOptions(
-        team=TeamColour[arguments.team.upper()],
-        enemies=arguments.enemies,
-        confederates=arguments.confederates,
-        seed=1 if arguments.seed is None else arguments.seed,
+    options = replace(
+        options_of(arguments, shared.assignments("--set", "NODE.OBJECT=VALUE", arguments.set)),
         duration=arguments.duration,
         emergency_at=arguments.emergency_at,
-        dialect=arguments.dialect,
-        robot=arguments.robot,
-        errors=Errors().changed_by(shared.assignments("--world", "NAME=VALUE", arguments.world)),
         faults=tuple(arguments.fault),
-        settings=tuple(shared.assignments("--set", "NODE.OBJECT=VALUE", arguments.set)),
     )
     if arguments.compare is not None:
         return _compare(arguments, options)
