@@ -35,7 +35,7 @@ def run(
     """
     done = {} if results is None else results.known(items)
     left = [item for item in items if str(item) not in done]
-    # Of what is left, not of all: a campaign that is taken up near its end still keeps all workers busy.
+    # By what is left, not by all items: a campaign resumed near its end still keeps all workers busy.
     size = block_size(len(left), workers, results is not None)
     blocks = [left[begin : begin + size] for begin in range(0, len(left), size)]
     turns = deque(map(str, items))
@@ -60,7 +60,7 @@ def _done(
     if workers.executor is None:
         yield from ((block, _do_block(do, block)) for block in blocks)
         return
-    # All are handed over at once: the executor keeps every worker busy, and what is done is written in whatever order.
+    # All at once: the executor keeps every worker busy, and blocks are written in whatever order they are done.
     futures = {workers.executor.submit(_do_block, do, block): block for block in blocks}
     try:
         for future in as_completed(futures):

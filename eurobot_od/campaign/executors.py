@@ -71,7 +71,7 @@ class Processes(ProcessPoolExecutor):
 def _begin(end: Connection) -> None:
     """Set a new process up: Ctrl-C, which reaches all processes, is the parent's to act on."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    # Its sentinel becomes readable when it dies, however it dies: SIGKILL leaves no time for the pipe.
+    # Its sentinel becomes readable however the parent dies; SIGKILL leaves it no time to write into the pipe.
     parent = parent_process()
     awaited: list[Any] = [end] if parent is None else [end, parent.sentinel]
 
@@ -85,7 +85,7 @@ def _begin(end: Connection) -> None:
 @contextmanager
 def local(number: int) -> Iterator[Workers]:
     """Give a number of processes of this machine; one is this process itself. They end with the `with` block."""
-    # One process besides this one would do the same work no sooner, and cost its start.
+    # A single process would do the work no sooner than this one, and cost its start.
     if number == 1:
         yield HERE
         return
@@ -116,12 +116,12 @@ def dask(address: str) -> Iterator[Workers]:
         if several:
             what = f"{several[0]} has {threads[several[0]]} threads; start it with --nthreads 1"
             raise LocalError(f"{DASK}{address}: {what}")
-        # Not pure: dask would give equal calls one result, and not do the second.
+        # Not pure: otherwise dask would answer equal calls with one result, and not run the second.
         executor = client.get_executor(pure=False, retries=RETRIES)  # type: ignore[no-untyped-call]
         try:
             yield Workers(len(threads), executor, BLOCK)
         finally:
-            # Blocks that still run are given up: their results would have nobody to take them.
+            # Blocks that are still running are given up: nobody is left to take their results.
             executor.shutdown(wait=False)
 
 

@@ -45,7 +45,7 @@ class Results(Generic[ResultT]):
         elif not resume:
             raise LocalError(f"{folder} holds a campaign already: --resume goes on with it")
         elif (before := said.read_text()) != text:
-            # The first that differs is enough to see which campaign it is.
+            # The first difference is enough to see which campaign it is.
             was, is_ = json.loads(before), json.loads(text)
             name = next(key for key in sorted({*was, *is_}) if was.get(key) != is_.get(key))
             what = f"{name} was {was.get(name)!r}, and is {is_.get(name)!r}"
@@ -53,7 +53,7 @@ class Results(Generic[ResultT]):
 
     def known(self, items: Iterable[object]) -> dict[str, ResultT]:
         """Return the results that are there of some items, by the items as text."""
-        # A folder may hold items of an earlier, longer range of seeds; what nobody asks for stays unread.
+        # The folder may hold items of an earlier, longer range of seeds; those are left alone.
         wanted = set(map(str, items))
         rows = (row for file in sorted(self._folder.glob("*.parquet")) for row in pq.read_table(file).to_pylist())
         return {row[ITEM]: records.record_of(self._record, row) for row in rows if row[ITEM] in wanted}
@@ -63,6 +63,6 @@ class Results(Generic[ResultT]):
         rows = [{ITEM: str(item)} | records.row(result) for item, result in zip(items, results)]
         sink = pa.BufferOutputStream()
         pq.write_table(pa.Table.from_pylist(rows, self._schema), sink, compression="zstd")
-        # Named by its items: a block that is done a second time, as its worker was lost, replaces its own file.
+        # Named after its items: a block done again because its worker was lost replaces its own file.
         name = hashlib.blake2b("\n".join(map(str, items)).encode(), digest_size=8).hexdigest()
         write_whole(self._folder / f"{name}.parquet", sink.getvalue().to_pybytes())

@@ -89,7 +89,7 @@ class Gatekeeper:
             return
         try:
             self._report(report)
-        # Whatever it is, it must not reach the thread that receives; and who cannot be told once is not asked again.
+        # Nothing may reach the receiving thread, and a reporter that failed once is not called again.
         except Exception as error:
             self.report_failure = error
             self.reports.append(report)
@@ -210,7 +210,7 @@ class Gatekeeper:
         """Do what `receive` does with data in a driver's buffer, which may change as soon as this returns."""
         try:
             to_frames, to_messages, decode = self._routes[cob_id]
-        # Cheaper than to ask first: with receive filters in the driver nearly every frame has a route.
+        # Cheaper than testing first: with receive filters in the driver nearly every frame has a route.
         except KeyError:
             self._unheard += 1
             return
@@ -222,7 +222,7 @@ class Gatekeeper:
             return
         try:
             message = decode(data)
-        # Nothing is half-read: left-over bytes of a longer frame were once taken for values (2014 robot).
+        # Never half-read: the 2014 robot took left-over bytes for the rest of a short frame.
         except FrameLengthError as error:
             self._refused += 1
             self.report(Report(Event.FRAME_REFUSED, f"0x{error.cob_id:03X}", str(error), timestamp))
@@ -238,7 +238,7 @@ class Gatekeeper:
 
     def send(self, message: Message, now: float) -> None:
         """Encode a message and leave it to the mailboxes; never waits. Raises FieldError for values out of range."""
-        # A stop never expires: the document's 50 ms (section 6) are for frames that come again, or are of no use later.
+        # A stop never expires: the document's 50 ms (section 6) are for frames that are repeated, or useless later.
         stop = self._protocol.binding(type(message)).always
         self.mailboxes.submit(self._protocol.encode(message), now, Stay.LASTING if stop else Stay.SHORT)
 

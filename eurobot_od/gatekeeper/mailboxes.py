@@ -90,9 +90,9 @@ class Mailboxes:
             self._dropped += 1
             return
         if stay is Stay.PERIODIC:
-            # A heartbeat that has waited says an old state; two of them would use two mailboxes for one piece of news.
+            # A waiting heartbeat is out of date once the next one comes, and must not take up a mailbox of its own.
             self._withdraw(lambda each: each.stay is Stay.PERIODIC and each.cob_id == frame.cob_id)
-        # What waits already counts: it gets the mailboxes that are free, unless this frame is more urgent.
+        # Frames already waiting count too: they will take the free mailboxes, unless this one is more urgent.
         full = len(self._loaded) + len(self._waiting) >= self.count
         deadline = now + self.wait if full and stay is Stay.SHORT else inf
         insort(self._waiting, Waiting(frame.cob_id, self._submitted, deadline, frame, stay))
@@ -136,7 +136,7 @@ class Mailboxes:
             self._away = self._dropped
         self._withdraw(lambda each: each.stay is not Stay.LASTING)
         before = len(self._loaded)
-        # Those in a mailbox as well: a goto from before the gap must not leave when the bus is back.
+        # Loaded ones as well: a goto from before the gap must not leave when the bus is back.
         self._loaded = [each for each in self._loaded if each.stay is Stay.LASTING]
         self._dropped += before - len(self._loaded)
 
@@ -174,7 +174,7 @@ class Mailboxes:
 
     def complete(self, frame: Frame) -> bool:
         """Free the mailbox of a frame that was sent (transmit-complete); False if no mailbox holds it."""
-        # Of equal frames the first one: they are kept in their order, so it is the one that left first.
+        # The first of equal frames: they are kept in order, so it is the one that left first.
         for place, each in enumerate(self._loaded):
             if each.frame == frame:
                 del self._loaded[place]

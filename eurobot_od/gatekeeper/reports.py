@@ -57,5 +57,5 @@ Reporter: TypeAlias = Callable[[Report], object]
 
 def has_doubled(count: int) -> bool:
     """Tell whether the count of a lasting condition is to be reported: at 1, 2, 4, 8, ..."""
-    # A power of two has one bit: a million losses are twenty reports.
+    # A power of two has one bit set: a million losses make twenty reports.
     return count.bit_count() == 1

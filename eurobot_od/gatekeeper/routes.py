@@ -52,9 +52,9 @@ class Delivery(NamedTuple):
 def deliveries_to(registrations: Iterable[Registration], protocol: Protocol) -> dict[int, Delivery]:
     """Return who gets what by the COB-IDs that listeners have now; each in the order of kind, then of registration."""
     heard: dict[int, list[Registration]] = {}
-    # Sorting is stable, so that registrations of a kind keep their order.
+    # The sort is stable, so registrations of one kind keep their order.
     for each in sorted(registrations, key=lambda each: each.kind):
-        # A set: a node whose EDS maps one identifier twice is to hear each frame once.
+        # A set: a node whose EDS uses one identifier twice must hear each frame once.
         for cob_id in set(each.cob_ids()):
             heard.setdefault(cob_id, []).append(each)
     deliveries = {}

@@ -82,6 +82,7 @@ class Robot:
         self._leaving = ExitStack()
         sigterm = self._leaving.enter_context(EndedBySigterm())
         self._leaving.enter_context(self.live)
+        # Pushed last, so called first: a second SIGTERM must not cut the stop short.
         self._leaving.callback(sigterm.hold)
         return self
 

@@ -25,7 +25,7 @@ DELIMITER = 8
 """Recessive bits after such flags."""
 
 STUCK = 8
-"""So many dominant bits behind a flag are counted; up to seven are the flags of others."""
+"""How many dominant bits behind a flag are an error of their own; up to seven are the flags of others."""
 
 
 class BusCondition(Enum):
@@ -99,7 +99,7 @@ class MediumAccess:
         """Take in the level of the bit that it has sent its own `level` in, and go on to the next bit."""
         if self.off:
             self.level, self.idle = RECESSIVE, True
-            # A dominant bit begins the sequence anew, so the frames of the others put the return off.
+            # A dominant bit starts the sequence over, so frames of the others delay the return.
             self._recessive = self._recessive + 1 if level == RECESSIVE else 0
             if self._recessive == RECOVERY_BITS:
                 self.sequences, self._recessive = self.sequences + 1, 0
@@ -172,7 +172,7 @@ class MediumAccess:
 
     def _receive(self, seen: tuple[int, ...]) -> Field:
         """Receive a frame from the bits on that were `seen`; it is valid before the last bit of its end."""
-        # From here on its counters follow the receiver's rules, also if it has lost an arbitration.
+        # From here on its counters follow the receiver's rules, even if it came here by losing an arbitration.
         self.transmitting, reading = False, BitReading()
         for bit in seen:  # a start of frame, or what was sent until the arbitration was lost: stuffed as it should be
             reading.take(bit)
@@ -182,10 +182,10 @@ class MediumAccess:
         intact = reading.intact
         if (yield RECESSIVE) == DOMINANT:  # the CRC delimiter
             return BusCondition.ERROR
-        # Who has a wrong CRC does not acknowledge, but waits: its flag begins only after the acknowledge delimiter.
+        # A receiver with a wrong CRC does not acknowledge, and waits: its flag begins after the acknowledge delimiter.
         if (yield DOMINANT if intact else RECESSIVE) == RECESSIVE and intact:
             return BusCondition.ERROR
-        if (yield RECESSIVE) == DOMINANT or not intact:  # the acknowledge delimiter; then a wrong CRC is told
+        if (yield RECESSIVE) == DOMINANT or not intact:  # the acknowledge delimiter; a wrong CRC is signalled after it
             return BusCondition.ERROR
         # Counted with the acknowledgement; the end of frame can still go wrong.
         self._note(CountingRule.RECEIVED)
@@ -212,7 +212,7 @@ class MediumAccess:
         return failure if failure is not None else (yield from self._delimiter(fault))
 
     def _dominant_flag(self) -> Field:
-        # An overload flag looks the same as an active error flag; only who counts what differs.
+        # An overload flag looks the same as an active error flag; the two differ only in what is counted.
         for _ in range(FLAG):
             if (yield DOMINANT) == RECESSIVE:
                 return BusCondition.FLAG_ERROR

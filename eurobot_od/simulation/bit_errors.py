@@ -75,8 +75,8 @@ def any_frame(_: Attempt) -> bool:
 class Strike:
     """An error in one bit of the frames that `which` chooses, for everyone or for one controller.
 
-    A negative `bit` counts from the end of frame; -1 is its last bit. Of the frames that are chosen, so many are left
-    out first, and so many are struck then.
+    A negative `bit` counts from the end of frame; -1 is its last bit. Of the frames that are chosen, the
+    first `skip` are left out, and the next `times` are struck.
     """
 
     bit: int
@@ -89,7 +89,7 @@ class Strike:
         """Strike if it is the turn of this attempt."""
         if not self.times or not self.which(attempt):
             return
-        # An attempt that is let through counts as one of those to skip, whatever becomes of it on the wire.
+        # An attempt that is let through counts as skipped, whatever becomes of it on the wire.
         if self.skip:
             self.skip -= 1
             return

@@ -57,7 +57,7 @@ def on_wire(frame: Frame) -> Wire:
     for number, bit in enumerate(map(int, f"{head}{crc(head):0{CRC_BITS}b}"), 1):
         bits.append(bit)
         run = RUN[run][bit]
-        # The stuff bit counts as the first of the next run; and the last bits of the CRC are stuffed like all others.
+        # The stuff bit is the first of the next run; and the last bits of the CRC are stuffed like all others.
         if abs(run) == STUFF_AFTER:
             stuffed.append(len(bits))
             bits.append(1 - bit)
@@ -103,7 +103,7 @@ class BitReading:
     def take(self, bit: int) -> bool:
         """Take in a bit; False if it breaks the rule of bit stuffing."""
         stuff_bit = abs(self._run) == STUFF_AFTER
-        # A sixth equal bit has no place in RUN: what is read is broken then, whatever the run.
+        # RUN ends at five: after a sixth equal bit the frame is broken anyway.
         self._run = RUN[self._run][bit] if abs(RUN[self._run][bit]) <= STUFF_AFTER else 0
         if not stuff_bit:
             self._bits += str(bit)
@@ -112,7 +112,13 @@ class BitReading:
     @property
     def complete(self) -> bool:
         """Tell whether the CRC is there, and the stuff bit that may follow it."""
-        return len(self._bits) == self._length and abs(self._run) < STUFF_AFTER
+        # Nobody sends extended frames here, but a bit error in IDE makes one: its RTR and length code stand elsewhere.
+        head, remote = (39, 32) if self._extended else (19, 12)
+        if len(self._bits) < head:
+            return False
+        # A data length code above 8 still means 8 bytes; a remote frame has a length and no data.
+        octets = 0 if self._is_recessive(remote) else min(int(self._bits[head - 4 : head], 2), 8)
+        return len(self._bits) == head + 8 * octets + CRC_BITS and abs(self._run) < STUFF_AFTER
 
     @property
     def intact(self) -> bool:
@@ -130,17 +136,6 @@ class BitReading:
     @property
     def _extended(self) -> bool:
         return self._is_recessive(ARBITRATION_BITS)
-
-    @property
-    def _length(self) -> int:
-        """How many bits it takes without stuff bits; as long as that is not known, one more than there are."""
-        # Extended frames are never sent here, but a bit error in IDE makes one: where its RTR and length code stand.
-        head, remote = (39, 32) if self._extended else (19, 12)
-        if len(self._bits) < head:
-            return len(self._bits) + 1
-        # A data length code above 8 still means 8 bytes; a remote frame has a length and no data.
-        octets = 0 if self._is_recessive(remote) else min(int(self._bits[head - 4 : head], 2), 8)
-        return head + 8 * octets + CRC_BITS
 
     def _is_recessive(self, place: int) -> bool:
         return self._bits[place : place + 1] == str(RECESSIVE)

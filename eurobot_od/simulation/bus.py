@@ -5,7 +5,7 @@ the bits are played out at once (`access`), and what happens in them is dated. W
 nobody else with the same identifier, somebody who acknowledges), what happens is known without playing: a frame ends,
 once for all. `tests/simulation/test_bus.py` shows that playing gives the same.
 
-Rule of this file: a moment of an attempt is told when its time has come; one that is taken back is told no more.
+Rule of this file: a moment of an attempt is reported when its time has come, and not at all if it is taken back first.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ NO_FLIPS: Iterator[Flip] = tee(())[0]
 
 
 class Moment(NamedTuple):
-    """What happens so many bits after the start of frame: what is counted, and a frame that ends."""
+    """What happens `bit` bits after the start of frame: what is counted, and a frame that ends."""
 
     bit: int
     counts: Sequence[tuple[Controller, CountingRule]]
@@ -81,7 +81,10 @@ class Play:
         while self.bit < until and not all(part.idle for part in self.parts):
             # The wire is a wired AND: one dominant level, 0, wins over all recessive ones.
             level = min(part.level for part in self.parts)
-            flips = self._due()
+            flips: list[Flip] = []  # the bit errors of this bit
+            while self._flip is not None and self._flip.bit <= self.bit:
+                flips.append(self._flip)
+                self._flip = next(self._flips, None)
             for part in self.parts:
                 # Two errors in one bit undo each other.
                 flipped = sum(flip.at in (None, part.controller) for flip in flips) % 2
@@ -100,14 +103,6 @@ class Play:
             [part.controller for part in self.parts if part.suspends],
             [(part.controller, part.sequences) for part in self.parts if part.off],
         )
-
-    def _due(self) -> list[Flip]:
-        """Return the bit errors of this bit."""
-        due: list[Flip] = []
-        while self._flip is not None and self._flip.bit <= self.bit:
-            due.append(self._flip)
-            self._flip = next(self._flips, None)
-        return due
 
     def _noted(self) -> Iterator[Moment]:
         """Give what was noted in the last bit: the counts, and each frame that has ended with it."""
@@ -154,7 +149,7 @@ class UnderWay:
         return self.start + bit / bitrate
 
     def parts_at(self, bit: int) -> list[MediumAccess]:
-        """Return the controllers as they are after so many bits."""
+        """Return the controllers as they are after `bit` bits."""
         return list(Play(self.parts(), copy(self.flips)).run(bit).parts)
 
 
@@ -190,7 +185,7 @@ class Bus:
             self._finish(attempt.course, now)
         else:
             moment = attempt.course.moments[attempt.told]
-            # Noted before anybody is called: who hears of it may cut the bus, and a moment told is not told again.
+            # Counted before anybody is called: a listener may cut the bus, and a moment must not be reported twice.
             attempt.told += 1
             self.next_event = attempt.next_event(self.bitrate)
             for controller, rule in moment.counts:
@@ -225,7 +220,7 @@ class Bus:
         """Count the recessive bits that have passed since the bus was free."""
         if any(each.recovery for each in self.controllers):
             sequences = int(((now - self._idle_since) * self.bitrate + ROUNDING) / RECOVERY_BITS)
-            # Only whole sequences are taken off: what is left of one goes on counting.
+            # Only whole sequences are taken off; the rest of one goes on counting.
             self._idle_since += sequences * RECOVERY_BITS / self.bitrate
             for each in self.controllers:
                 self._recover(each, sequences)
@@ -251,10 +246,10 @@ class Bus:
     def _begin(self, now: float, offers: dict[Controller, Frame]) -> None:
         if self.next_event < inf:
             self._pass_idle(now)
-        # Who is bus-off takes part as well: it counts recessive bits within frames, too.
+        # Bus-off controllers take part as well: they count recessive bits within frames, too.
         here = [each for each in self.controllers if each.silent_until <= now or each.recovery]
         start = Beginning(here, [each.counters for each in here], offers)
-        # A frame begins with its identifier, so the least frame is the one that wins the arbitration.
+        # Frames compare by their identifier first, so the least one wins the arbitration.
         frame = min(offers.values())
         end = on_wire(frame).end
         flips = self._flips(Attempt(now, frame, end, tuple(offers))) if self._bit_errors else NO_FLIPS
@@ -288,7 +283,7 @@ class Bus:
         """Return how the controllers are now, in the midst of whatever is under way."""
         attempt = self._under_way
         if attempt is not None:
-            # Something to be called, not a list: each part of a cut bus plays on with controllers of its own.
+            # A function, not a list: each part of a cut bus plays on with controllers of its own.
             return partial(attempt.parts_at, int((now - attempt.start) * self.bitrate + ROUNDING))
         self._pass_idle(now)
         here = [(each, each.counters) for each in self.controllers if each.silent_until <= now]
@@ -318,11 +313,11 @@ def undisturbed(frame: Frame, offers: dict[Controller, Frame], here: Sequence[Co
     """Return what becomes of an attempt in which nothing can go wrong, None if something may."""
     senders = [each for each, offer in offers.items() if offer == frame]
     receivers = [each for each in here if offers.get(each) != frame and not each.recovery]
-    # Without a receiver nobody acknowledges; two frames of one identifier collide behind the arbitration.
+    # Without a receiver nobody acknowledges; two frames with one identifier collide after the arbitration.
     if not receivers or any(each.cob_id == frame.cob_id and each != frame for each in offers.values()):
         return None
     end = on_wire(frame).end
-    # Fresh counters stay at 0 whatever is sent or received: nearly always nothing has to be counted at all.
+    # Counters at 0 stay there whatever is sent or received: nearly always there is nothing to count.
     worn = [each for each in here if each.counters is not FRESH]
     counts = [
         (each, CountingRule.TRANSMITTED if each in senders else CountingRule.RECEIVED)

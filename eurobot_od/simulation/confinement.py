@@ -13,7 +13,7 @@ PASSIVE_ABOVE = 127
 OFF_ABOVE = 255
 
 RECOVERY_SEQUENCES, RECOVERY_BITS = 128, 11
-"""A controller that is bus-off comes back after so many sequences of so many recessive bits."""
+"""A controller that is bus-off comes back after 128 sequences of 11 recessive bits."""
 
 RECEIVE_LIMIT = 255
 """The receive counter goes no further: it has eight bits, and above 127 its value means nothing more."""
@@ -49,7 +49,7 @@ class Increment(NamedTuple):
 
 
 STEPS = {
-    # 1 for a receiver, 8 for a transmitter: who sends what nobody can read is to be the first to fall silent.
+    # 1 for a receiver, 8 for a transmitter: a sender that nobody can read should be the first to fall silent.
     CountingRule.RECEIVER_ERROR: Increment(0, 1),
     CountingRule.RECEIVER_DOMINANT_AFTER_FLAG: Increment(0, 8),
     CountingRule.TRANSMITTER_ERROR: Increment(8, 0),

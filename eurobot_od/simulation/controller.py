@@ -76,7 +76,7 @@ class Controller:
             self.recovery = RECOVERY_SEQUENCES
 
     def recovers(self, sequences: int) -> bool:
-        """Take note of so many sequences of recessive bits, and tell whether it is back by them."""
+        """Count sequences of recessive bits, and tell whether they have brought it back."""
         self.recovery = max(self.recovery - sequences, 0)
         # Back from bus-off, both counters begin at 0 (ISO 11898-1).
         if not self.recovery:

@@ -182,7 +182,7 @@ class Network:
         """Have a part of the bus, and the whole, hear each other again."""
         self._buses.remove(part)
         order = {each: number for number, each in enumerate(self._stations)}
-        # In the order of attaching, so that a cut leaves no trace in who is asked first afterwards.
+        # In the order of attaching, so that a cut leaves no trace in the order of later events.
         together = sorted([*self._whole.controllers, *part.controllers], key=lambda each: order.get(each, -1))
         regroup(self.now, [self._whole, part], [(self._whole, together)])
 
@@ -206,16 +206,13 @@ class Network:
         times += [bus.next_event for bus in self._buses]
         times += [time for time, _, _ in self._queue[:1]]
         waiting = [place for place in self._places.values() if place.mailboxes.waits]
-        # Asked at each event; nearly always no mailbox waits, and the buses need not be looked at.
-        if waiting and any(self._has_new(bus, waiting) for bus in self._buses):
-            times.append(self.now)
+        # Asked at each event; nearly always no frame waits, and the buses need not be looked at.
+        for bus in self._buses if waiting else ():
+            # A frame was submitted from outside, between two events, and may be sent now.
+            free = [place.controller for place in waiting if place.controller.may_send(self.now)]
+            if bus.is_free(self.now) and not set(free).isdisjoint(bus.controllers):
+                times.append(self.now)
         return max(min(times, default=inf), self.now)
-
-    def _has_new(self, bus: Bus, waiting: Iterable[Attachment]) -> bool:
-        """Tell whether a frame was submitted from outside, between two events, and may be sent now."""
-        return bus.is_free(self.now) and any(
-            place.controller.may_send(self.now) and place.controller in bus.controllers for place in waiting
-        )
 
     def advance(self, until: float) -> bool:
         """Run the next event if it is due by `until`; otherwise let the time pass and return False."""
@@ -224,7 +221,7 @@ class Network:
             self.now = max(self.now, until)
             return False
         self.now = event
-        # A copy: a frame that ends may have an observer that splits the bus, or joins it.
+        # A copy: an observer of a frame that ends may split the bus, or join it.
         for bus in tuple(self._buses):
             bus.advance(event)
         while self._queue and self._queue[0][0] <= event:  # also what becomes due meanwhile
@@ -233,7 +230,12 @@ class Network:
             if place.wakeup <= event:
                 place.station.tick(event)
                 place.ask()
-        self._arbitrate()
+        for place in self._places.values():
+            if place.mailboxes.waits and place.controller.silent_until <= event:
+                place.mailboxes.load(event)
+        # Last of all, so that what the nodes have just sent takes part in this arbitration.
+        for bus in self._buses:
+            bus.arbitrate(event)
         return True
 
     def run(self, until: float) -> None:
@@ -275,14 +277,6 @@ class Network:
         if self._is_awake(station):
             station.gatekeeper.receive(frame, self.now)
             self._places[station].ask()
-
-    def _arbitrate(self) -> None:
-        """Load the mailboxes, and let the most urgent frame of them all have the bus, if it is free."""
-        for place in self._places.values():
-            if place.mailboxes.waits and place.controller.silent_until <= self.now:
-                place.mailboxes.load(self.now)
-        for bus in self._buses:
-            bus.arbitrate(self.now)
 
 
 def _look_around() -> None:

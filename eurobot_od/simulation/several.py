@@ -42,6 +42,6 @@ class Several:
         happened = first.advance(until)
         self.now = first.now
         for network in self._networks:
-            # The others have nothing before that time, so their clocks may follow without an event.
+            # Nothing happens on the others before that time, so their clocks may simply follow.
             network.now = max(network.now, self.now)
         return happened

@@ -63,7 +63,12 @@ async def drill(core: Core) -> None:
         for goto in UNDISTURBED:
             await _attempt(core, goto)
         await _stop_on_the_way(core, STOPPED)
-        await _play_a_match(core)
+        # A match that ends on the way to a place; the next goto comes too late, and the match after it is open.
+        core.start_match(MATCH)
+        await _attempt(core, GotoXY(900, 600, 0, 60))
+        await _attempt(core, GotoXY(1500, 900, 0, 80))
+        await asyncio.sleep(BETWEEN)
+        core.start_match()
         await _stop_on_the_way(core, AFTER_THE_MATCH)
         await _attempt(core, UNDISTURBED[0])  # after the shutdown: it must not leave
 
@@ -76,15 +81,6 @@ async def _stop_on_the_way(core: Core, ways: Sequence[tuple[GotoXY, Callable[[Co
             await stop(core)
         await stopped
         await asyncio.sleep(BETWEEN)
-
-
-async def _play_a_match(core: Core) -> None:
-    """Play a match that ends on the way to a place; the next goto comes too late, and the match after it is open."""
-    core.start_match(MATCH)
-    await _attempt(core, GotoXY(900, 600, 0, 60))
-    await _attempt(core, GotoXY(1500, 900, 0, 80))
-    await asyncio.sleep(BETWEEN)
-    core.start_match()
 
 
 async def _attempt(core: Core, goto: GotoXY) -> None:

@@ -36,7 +36,7 @@ def run(arguments: argparse.Namespace) -> None:
     form(arguments.output)  # complains of a suffix before the logs are read
     robot, damage = options.robot(arguments), DamageCounts()
     described = options.decoder_of(robot.dialects.load_all(arguments.dialect), robot)
-    # Most frames of a match come again and again: a request without data, a position that has not changed.
+    # Most frames of a match recur: a request without data, a position that has not changed.
     decode = lru_cache(REMEMBERED)(described)
 
     def meanings() -> Iterator[tuple[float, Meaning]]:

@@ -8,6 +8,7 @@ import re
 import sys
 from collections.abc import Callable
 from contextlib import nullcontext, redirect_stdout
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,9 +16,8 @@ from typing import TYPE_CHECKING, Any
 from eurobot_od.cli import ExitStatus, campaign, complain, fall_silent
 from eurobot_od.cli import options as shared
 from eurobot_od.errors import LocalError
-from eurobot_od.robot.commands.sides import add_sides
+from eurobot_od.robot.commands.common import add_sides, options_of, status_of
 from eurobot_od.robot.model.options import UNITS, Errors
-from eurobot_od.robot.model.values import TeamColour
 from eurobot_od.support.terminal import in_colour
 
 if TYPE_CHECKING:
@@ -88,20 +88,11 @@ def _seeds(text: str) -> range:
 
 def run(arguments: argparse.Namespace) -> ExitStatus:
     """Play one match, or one for each of many seeds."""
-    from eurobot_od.robot.match import MatchOptions
-
-    options = MatchOptions(
-        team=TeamColour[arguments.team.upper()],
-        enemies=arguments.enemies,
-        confederates=arguments.confederates,
-        seed=1 if arguments.seed is None else arguments.seed,
+    options = replace(
+        options_of(arguments, shared.assignments("--set", "NODE.OBJECT=VALUE", arguments.set)),
         duration=arguments.duration,
         emergency_at=arguments.emergency_at,
-        dialect=arguments.dialect,
-        robot=arguments.robot,
-        errors=Errors().changed_by(shared.assignments("--world", "NAME=VALUE", arguments.world)),
         faults=tuple(arguments.fault),
-        settings=tuple(shared.assignments("--set", "NODE.OBJECT=VALUE", arguments.set)),
     )
     if arguments.compare is not None:
         return _compare(arguments, options)
@@ -160,12 +151,7 @@ def _run_one(arguments: argparse.Namespace, options: MatchOptions) -> ExitStatus
             print(json.dumps({"timeline": timeline, "summary": summary.as_data()}, indent=2))
         else:
             print(f"\n{summary}")
-    if summary.failure is None:
-        return ExitStatus.FINE
-    # First what the match came to, then the traceback: the two are different streams.
-    sys.stdout.flush()
-    print(summary.failure, file=sys.stderr)
-    return ExitStatus.FOUND
+    return status_of(summary)
 
 
 def _bus(arguments: argparse.Namespace) -> Callable[[], can.BusABC]:
@@ -190,7 +176,7 @@ def too_slow(robot: Plugin, dialect: str | None, bit_rate: int) -> str:
 def _refuse_what_does_not_go_with_one_match(arguments: argparse.Namespace) -> None:
     """Raise LocalError, and OSError for a picture that could not be written: before the match, not after it."""
     campaign.refuse(arguments, "--seeds")
-    # Refused rather than ignored: who names a bus believes that the robot on it is going to move.
+    # Refused rather than ignored: whoever names a bus expects the robot on it to move.
     for name in OF_A_BUS if arguments.speed == "fast" else ():
         if (value := getattr(arguments, name)) is not None:
             raise LocalError(f"--{name} {value} goes with --speed real only: in simulated time there is no such bus")

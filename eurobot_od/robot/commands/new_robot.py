@@ -30,7 +30,7 @@ def run(arguments: argparse.Namespace) -> None:
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise LocalError(f"{folder}: it is there, and not empty")
     name = arguments.name or folder.resolve().name
-    # It goes into YAML, Python and an EDS as it is: a quote would end a text there, and an EDS is ASCII.
+    # It goes into YAML, Python and an EDS as it is: a quote would end a string there, and an EDS is ASCII.
     if not (name.isprintable() and name.isascii()) or set(name) & set("\"'\\"):
         raise LocalError(f"--name {name}: printable ASCII characters without quotes and backslashes")
     for file, text in _texts(name, options.robot(arguments).table):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import replace
@@ -15,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 from eurobot_od.cli import ExitStatus
 from eurobot_od.cli import options as shared
 from eurobot_od.errors import LocalError
-from eurobot_od.robot.commands.sides import COLOURS
+from eurobot_od.robot.commands.common import COLOURS, status_of
 from eurobot_od.robot.commands.world import world_address
 from eurobot_od.robot.model.values import TeamColour
 
@@ -129,7 +128,7 @@ def enter(node: Node, arguments: argparse.Namespace) -> tuple[RemoteVehicle, Mat
     from eurobot_od.robot.world.remote import RemoteVehicle
 
     vehicle = RemoteVehicle(arguments.world, report=partial(print, flush=True))
-    # Nodes and world are started together, and the world need not be the first.
+    # Nodes and world are started together, and the world need not be up first.
     options = vehicle.hello(PATIENCE)
     equip([node], vehicle, options.errors, str(options.seed))
     return vehicle, replace(options, duration=arguments.duration)
@@ -157,10 +156,7 @@ def _play(
     with watch:
         summary = Led(live, core, vehicle, partial(print, flush=True)).play(options, strategy, counter)
     print(f"\n{summary}", flush=True)
-    if summary.failure is None:
-        return ExitStatus.FINE
-    print(summary.failure, file=sys.stderr)
-    return ExitStatus.FOUND
+    return status_of(summary)
 
 
 def _lead(core: Core, arguments: argparse.Namespace, left: Callable[[], float]) -> None:

@@ -12,8 +12,7 @@ from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
 from eurobot_od.cli import options as shared
-from eurobot_od.robot.commands.sides import add_sides
-from eurobot_od.robot.model.values import TeamColour
+from eurobot_od.robot.commands.common import add_sides, options_of
 from eurobot_od.support import durations
 
 if TYPE_CHECKING:
@@ -66,29 +65,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> None:
     """Serve until the time is over or somebody ends it; raises LocalError, WorldError."""
-    from eurobot_od.robot.model.options import Errors, MatchOptions, facts_given
+    from eurobot_od.robot.model.options import facts_given
     from eurobot_od.robot.world import World
     from eurobot_od.robot.world.channel import Channel
     from eurobot_od.robot.world.server import Server
     from eurobot_od.robot.world.world import OURS
     from eurobot_od.web.access import is_local
 
-    team = TeamColour[arguments.team.upper()]
-    errors = Errors().changed_by(shared.assignments("--world", "NAME=VALUE", arguments.world))
-    options = MatchOptions(
-        team,
-        arguments.enemies,
-        arguments.confederates,
-        arguments.seed,
-        dialect=arguments.dialect,
-        errors=errors,
-        settings=tuple(facts_given(shared.assignments("--set", "FACT=VALUE", arguments.set))),
-        robot=arguments.robot,
-    )
+    options = options_of(arguments, facts_given(shared.assignments("--set", "FACT=VALUE", arguments.set)))
     begin = time.monotonic()
     world = World(options, lambda: time.monotonic() - begin)
     where = arguments.listen
-    # On 127.0.0.1 everybody can reach it who can start a program here; elsewhere, the whole network could.
+    # 127.0.0.1 is reached only by programs of this machine; any other address by the whole network.
     if not where.token and not is_local(where.address.host):
         where = where._replace(token=secrets.token_hex(TOKEN_BYTES))
     channel = Channel(world, {OURS: options}, where.token)

@@ -148,12 +148,6 @@ def _safe_as_before(drive: Drive, message: Message, healthy: Any) -> None:
     drive.safe = safe
 
 
-def _in_centimetres(position: KalmanPositionResponse) -> KalmanPositionResponse:
-    if position.x is None or position.y is None:
-        return position
-    return position._replace(x=position.x // 10, y=position.y // 10)
-
-
 def _swapped(flags: int) -> int:
     """Exchange the two bits of each barrier."""
     return (flags & 0x5555) << 1 | (flags & 0xAAAA) >> 1
@@ -389,7 +383,12 @@ FAULTS = {
         "sends x as y and y as x", hooks.leaving(KalmanPositionResponse, hooks.exchanged("x", "y"))
     ),
     "position-in-centimetres": Caught("drive", START_PLACE).fault(
-        "sends its position in centimetres", hooks.leaving(KalmanPositionResponse, hooks.meaning(_in_centimetres))
+        "sends its position in centimetres",
+        # Not when it is unknown: other steps look at that.
+        hooks.leaving(
+            KalmanPositionResponse,
+            hooks.meaning(lambda p: p if p.x is None else p._replace(x=p.x // 10, y=p.y // 10)),
+        ),
     ),
     "position-y-one-bit-off": Caught("drive", START_PLACE).fault(
         "sends y one bit too low, so that it is halved",

@@ -23,7 +23,7 @@ def replaced_by(other: Message) -> Wrong:
 
 def foreign(message: Message) -> FrameChange:
     """Send a message of another node in a frame's place."""
-    # A node's own EDS does not have it, so all files of the folder are read, once.
+    # The node's own EDS lacks that message, so all files of the folder are read, once.
     load = cache(EurobotProtocol.load)
 
     def changed(node: Node, _frame: Frame) -> Iterable[Frame]:

@@ -43,14 +43,6 @@ class ContradictionsTaken(Navigation):
         """Find nothing wrong."""
 
 
-def _scattered(position: NaviPositionResponse) -> NaviPositionResponse:
-    """Move a place to either side, by the noise in its last bit."""
-    if position.x is None:
-        return position
-    # Not by chance of its own: the same seed must give the same frames, and one offset would be a mere bias.
-    return position._replace(x=position.x + (SCATTER if position.x % 2 else -SCATTER))
-
-
 FAULTS = {
     **message_faults(
         "navigation",
@@ -86,7 +78,12 @@ FAULTS = {
     ),
     "navi-scattered": Caught("navigation", OUR_PLACE).fault(
         "measures our robot's place 150 mm off, here or there",
-        hooks.leaving(NaviPositionResponse, hooks.meaning(_scattered)),
+        # To either side, by the noise in the last bit: a single offset would only be a bias, and with a random
+        # generator the frames would not follow from the match's seed alone.
+        hooks.leaving(
+            NaviPositionResponse,
+            hooks.meaning(lambda p: p if p.x is None else p._replace(x=p.x + (SCATTER if p.x % 2 else -SCATTER))),
+        ),
     ),
     "navi-frozen": Caught("flows", "4.2.2 Navigation: the navigation follows our robot").fault(
         "goes on saying the first place that it saw", hooks.frozen(NaviPositionResponse, StartConfigurationSet)

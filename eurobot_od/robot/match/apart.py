@@ -25,7 +25,7 @@ NOWHERE = Pose(nan, nan, nan)
 """Where a robot is in a world that cannot be reached."""
 
 LOOKS = 0.1
-"""How often it is looked whether the bus has failed, s."""
+"""How often to check whether the bus has failed, s."""
 
 
 class Led:

@@ -19,7 +19,7 @@ Played = Mapping[str, Sequence[PlayedMatch]]
 """The matches of each strategy by its name, the same seeds in the same order."""
 
 NORMAL = 1.96
-"""A mean is within so many of its standard errors of the true one in 95 % of all samples."""
+"""In 95 % of all samples the mean is within this many standard errors of the true one."""
 
 
 class Measure(NamedTuple):
@@ -58,10 +58,10 @@ def report(played: Played) -> Iterator[str]:
     first, *others = names
     for name in others:
         for measure in MEASURES:
-            # Seed by seed: what the opponents and the beacons do is the same in both, and drops out.
+            # Seed by seed: opponents and beacons are the same in both matches, so their luck cancels out.
             differences = [measure.of(after) - measure.of(before) for before, after in zip(played[first], played[name])]
             mean, half = interval(differences)
-            # An interval that has 0 in it does not even tell which of the two is better.
+            # If the interval contains 0, it does not even tell which of the two is better.
             verdict = "" if abs(mean) > half else ", which may be chance"
             more, fewer = sum(each > 0 for each in differences), sum(each < 0 for each in differences)
             what = f"{measure.name} {mean:+.2f} ± {half:.2f}{verdict}"

@@ -14,7 +14,7 @@ WIDTH = 40
 """Characters of the longest bar."""
 
 MOST_ROWS = 15
-"""There are at most so many rows; each has as many numbers as it needs for that."""
+"""The greatest number of rows; each covers as many values as that takes."""
 
 STEPS = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000)
 
@@ -34,10 +34,10 @@ def rows(values: Sequence[int], characters: str = BLOCKS) -> Iterator[str]:
     counts = Counter(value // step for value in values)
     most, width = max(counts.values()), len(str(max(counts) * step + step - 1))
     parts = len(characters) - 1
-    # Rows without a match are drawn as well: a gap in the middle is what one looks for.
+    # Empty rows are drawn as well: a gap in the middle is worth seeing.
     for number in range(min(counts), max(counts) + 1):
         first, last = number * step, number * step + step - 1
         name = f"{first:>{width}}" if step == 1 else f"{first:>{width}} to {last:>{width}}"
-        length = round(counts[number] / most * WIDTH * parts) or (counts[number] > 0)  # what is not nothing is seen
+        length = round(counts[number] / most * WIDTH * parts) or (counts[number] > 0)  # a single match is visible, too
         bar = characters[-1] * (length // parts) + characters[length % parts].strip()
         yield f"{name}  {bar} {counts[number]}"

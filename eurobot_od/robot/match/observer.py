@@ -69,6 +69,7 @@ class Observer:
             if report.outcome is Outcome.ARRIVED:
                 self._tell_arrival(report)
                 return
+            # The core stopped by itself: there was no call of the strategy's that could be observed.
             if report.why.endswith(AHEAD):
                 self._timeline.tell(EventKind.STOP, f"emergency stop: {report.why}", obstacle=report.why[: -len(AHEAD)])
             self._tell_end(report.outcome.value, report.why, report.ended)
@@ -78,6 +79,7 @@ class Observer:
         self._timeline.tell(EventKind.GIVEN_UP, text, outcome=outcome, why=why or None, seconds=seconds)
 
     def _tell_arrival(self, report: GotoReport) -> None:
+        # Where it believes it is, not where it was sent: the distance from the truth is then the filter's error alone.
         place = self._core.positions[KalmanPositionResponse].position
         truth, goto, seconds = self._truth(), report.goto, report.ended
         error = truth.distance(Point(place.x or 0, place.y or 0))

@@ -93,7 +93,7 @@ class PlayedMatch:
         """What needs a look, nothing if all is well."""
         texts = [] if self.failure is None else [self.failure]
         if self.summary and self.summary.failure:
-            # The last line of a traceback is the exception; the lines above are for who plays the seed again.
+            # The last line of a traceback is the exception; whoever plays the seed again sees the rest.
             end = self.summary.failure.splitlines()[-1]
             texts.append(end if end.startswith("the strategy ") else f"the strategy raised {end}")
         texts += [f"goto ({goto.x}, {goto.y}): {goto.end}" for goto in self.gotos if goto.end in UNMEANT]

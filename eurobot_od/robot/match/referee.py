@@ -27,10 +27,10 @@ Strategy: TypeAlias = Callable[[Core], Coroutine[Any, Any, Any]]
 """A team's program: a coroutine that awaits the core's calls. It begins with the match, and is cancelled at its end."""
 
 LOOKS = 0.05
-"""How often the referee looks whether the match is over, s."""
+"""How often the referee checks whether the match is over, s."""
 
 MOMENT = 0.001
-"""The least that it waits, s: without it, no time passes for a core whose match is just about to end."""
+"""The shortest wait, s: without it, no time would pass for a core whose match is just about to end."""
 
 FIRST_POSITION = 5.0
 """Seconds until the first position should have come: the polling's start delay, and several periods."""
@@ -39,10 +39,10 @@ SETTLED = 1.0
 """After a stop the robot stands still within this time, s."""
 
 SEEN_TO_STAND = 0.5
-"""How long it is looked at a robot that was seen to stand already, s."""
+"""How long a robot that was already seen to stand is watched, s."""
 
 LAST_LINES = 5
-"""So many lines of a strategy's traceback are told: what it raised, and in which two lines."""
+"""How many lines of a strategy's traceback are shown: what it raised, and the two lines that led there."""
 
 PACKAGE = Path(__file__).resolve().parents[2]
 """Where this package lies: what is called in there says nothing to the team."""
@@ -105,7 +105,7 @@ class Referee:
         self.timeline.tell(EventKind.CHECK, answers, seconds=answered)
         options = self.options
         enemies = (self.core.facts.others[each] for each in DIAMETERS)
-        # The diameter in cm of a radius in mm, rounded up: it is what a strategy keeps off.
+        # The diameter in cm of a radius in mm, rounded up: strategies keep clear of it.
         diameters = [ceil(each.radius / 5) * (number < options.enemies) for number, each in enumerate(enemies)]  # cm
         took = await self.core.configure_start(options.team, options.enemies, options.confederates, *diameters)
         others = f"{_count(options.enemies, 'enemy', 'enemies')}, {_count(options.confederates, 'confederate')}"
@@ -161,7 +161,7 @@ class Referee:
 
     async def _end_strategy(self, playing: asyncio.Future[Any]) -> None:
         """Cancel a strategy that is still going on, and let it clean up."""
-        # With a moment for its `finally`; one that swallows the cancellation is told, and not waited for.
+        # It gets a moment for its `finally`; one that swallows the cancellation is reported, and not waited for.
         if playing.cancel():
             await asyncio.wait([playing], timeout=SETTLED)
             await self._look_at(playing)

@@ -21,7 +21,6 @@ from eurobot_od.robot.model.options import MatchOptions
 from eurobot_od.robot.nodes import Core
 from eurobot_od.robot.world import World
 from eurobot_od.simulation import loop
-from eurobot_od.simulation.network import Network
 
 DEFAULTS = MatchOptions(falling=False)
 
@@ -80,14 +79,10 @@ def _rehearse(
             try:
                 result = loop.run(network, strategy(core))
             except BaseException:
-                _stop(core, network)
+                # As on the robot: however a program ends, the drive is stopped, and gets the time it needs.
+                if core.leave() is not None:
+                    network.run(network.now + core.seconds("Standstill.Standstill wait"))
                 raise
         if watchdog.hang:  # in a task that nobody has awaited
             raise ProgramFailed(watchdog.hang)
         return result
-
-
-def _stop(core: Core, network: Network) -> None:
-    """Have the robot stand after a strategy that has failed, as it does on the robot."""
-    if core.leave() is not None:
-        network.run(network.now + core.seconds("Standstill.Standstill wait"))

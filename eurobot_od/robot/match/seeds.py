@@ -69,7 +69,7 @@ class SeedPlayer:
         return play(replace(self.options, seed=seed), *stage(self), log)
 
 
-# One: a process plays one campaign, and the digest in the player makes a file that has changed another key.
+# One is enough: a process plays one campaign, and a changed file has another digest, so it is another key.
 @lru_cache(1)
 def stage(player: SeedPlayer) -> tuple[EdsFiles, Players]:
     """Read the EDS files and the strategies: once in each process, unless they change."""

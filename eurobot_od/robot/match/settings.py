@@ -22,18 +22,16 @@ def stores(settings: Iterable[tuple[str, str]], dictionaries: Mapping[str, Dicti
     for name, text in settings:
         node, _, thing = name.partition(".")
         if node not in values:
-            raise _unknown(name, node, dictionaries)
+            # The name may only lack its beginning, as people write `Maximum speed` for `drive.Motion.Maximum speed`.
+            known = (
+                f"{each}.{object_.qualname}"
+                for each in dictionaries
+                for object_ in all_objects(dictionaries[each].objects)
+            )
+            whole = [each for each in (*robot_file.names(), *known) if f".{each}".lower().endswith(f".{name}".lower())]
+            if whole:
+                raise LocalError(f"unknown setting {name!r}; did you mean {' or '.join(whole)}?")
+            raise UnknownName("node or fact", node, [*dictionaries, *robot_file.SECTIONS])
         address, value = given(thing, text, dictionaries[node].objects)
         values[node][address] = value
     return {node: MemoryStore(each) for node, each in values.items()}
-
-
-def _unknown(name: str, node: str, dictionaries: Mapping[str, Dictionary]) -> LocalError:
-    """Return the error for a name that begins with no node: it may lack its beginning only."""
-    settings = (
-        f"{each}.{thing.qualname}" for each in dictionaries for thing in all_objects(dictionaries[each].objects)
-    )
-    whole = [each for each in (*robot_file.names(), *settings) if f".{each}".lower().endswith(f".{name}".lower())]
-    if whole:
-        return LocalError(f"unknown setting {name!r}; did you mean {' or '.join(whole)}?")
-    return UnknownName("node or fact", node, [*dictionaries, *robot_file.SECTIONS])

@@ -96,7 +96,7 @@ def cast_for(options: MatchOptions, files: EdsFiles, world: World, name: str = O
     robot, found = plugin.find(options.robot), stores(options.of_nodes, files.dictionaries)
     kinds = {each: robot.kind(files.roles[each], options.faults) for each in (*BOOT_TIMES, *files.dictionaries)}
     nodes = [make(kind, files.dictionaries[each], found[each], world.facts) for each, kind in kinds.items()]
-    # The rival's instruments err by streams of their own: with ours, both robots would slip at the same moments.
+    # The rival's instruments have random streams of their own: with ours, both robots would slip at the same moments.
     seed = str(options.seed) if name == OURS else f"{options.seed} {name}"
     equip(nodes, world.vehicle(name), options.errors, seed)
     return cast(Core, nodes[0]), nodes
@@ -220,12 +220,12 @@ def _rival(options: MatchOptions) -> MatchOptions:
     return replace(
         options,
         team=TeamColour(1 - options.team),
-        # The other robot's enemies are ours and our confederate; what is our second enemy is its confederate.
+        # The rival's enemies are we and our confederate; our second enemy is its confederate.
         enemies=1 + options.confederates,
         confederates=max(options.enemies - 1, 0),
         emergency_at=None,
         faults=(),
-        # Facts are the field's, and hold for both; settings and faults are those of our nodes alone.
+        # Facts hold for both robots; settings and faults are for our nodes alone.
         settings=tuple(each for each in options.settings if each not in options.of_nodes),
     )
 

@@ -19,10 +19,10 @@ from eurobot_od.robot.match.summary import Summary
 from eurobot_od.robot.match.touches import RobotTouch, Touched
 
 MOST_LISTED = 20
-"""So many of the seeds that need a look are listed; all of them are in the JSON."""
+"""How many of the seeds that need a look are listed; all of them are in the JSON."""
 
 LOWEST = 3
-"""So many of the seeds with the fewest points are worth a look as well."""
+"""How many of the seeds with the fewest points are worth a look as well."""
 
 
 class EndingCount(NamedTuple):
@@ -143,7 +143,7 @@ def report(matches: Sequence[PlayedMatch], marks: str = histogram.BLOCKS) -> Ite
     for figure in FIGURES:
         yield _line(figure, spread(figure, matches))
     if errors := sorted(goto.error for match in matches for goto in match.arrivals if goto.error is not None):
-        # The value that 95 % do not exceed, not one between two: every figure is one that some match has had.
+        # A value that some match really had, not one interpolated between two.
         rms, most = sqrt(fmean(error**2 for error in errors)), errors[ceil(0.95 * len(errors)) - 1]
         where = f"position error at {len(errors)} arrivals"
         yield f"{where}: mean {fmean(errors):.1f} mm, RMS {rms:.1f} mm, 95 % up to {most:.1f} mm"
@@ -171,7 +171,7 @@ def _to_look_at(matches: Sequence[PlayedMatch]) -> Iterator[str]:
     if len(bad) > MOST_LISTED:
         yield f"and {len(bad) - MOST_LISTED} more seeds"
     if len(matches) > LOWEST and any(match.summary for match in matches):
-        # Fewest points, though nothing went wrong: that is where a strategy can be made better.
+        # Worth a look even if nothing went wrong: this is where a strategy can gain most.
         low = sorted((match for match in matches if match.summary), key=attrgetter("points"))[:LOWEST]
         yield "fewest points: " + ", ".join(f"seed {match.seed} with {match.points}" for match in low)
     played = f"{len(matches)} match{'es' * (len(matches) != 1)}, seeds {matches[0].seed} to {matches[-1].seed}"

@@ -47,7 +47,7 @@ def load(file: Path) -> Strategy:
     if not iscoroutinefunction(play):
         raise LocalError(f"{where}: `play` is no coroutine function; write `async def play(core)`")
     try:
-        # Tried here: called in the match, the TypeError would come from a line of ours.
+        # Tried here: in the match the TypeError would name a line of ours.
         signature(play).bind(None)
     except TypeError as error:
         raise LocalError(f"{where}: `play` is called with the core and nothing else: {error}") from None

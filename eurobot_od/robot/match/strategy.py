@@ -67,9 +67,9 @@ class Strategy:
 
     def next_point(self, there: Point) -> Point | None:
         """Return the farthest point on the way that the drive can be sent to; it knows of barriers, not of robots."""
-        # One that is nearer than its berth is left, not stood before.
+        # A robot already nearer than its berth may be left, but not approached.
         here, others = self.here, [disc.left_from(self.here) for disc in self.others()]
-        # From the goal back: the drive plans its own way to each, so the farthest free one costs the fewest stops.
+        # Backwards from the goal: the drive plans its own way, so the farthest free point costs the fewest stops.
         for point in reversed(self.way(here, there, others)):
             legs = [*pairwise((here, *self.way(here, point)))]
             bend = BEND if len(legs) > 1 else 0.0
@@ -83,7 +83,7 @@ class Strategy:
 
     def value(self, task: Task) -> float:
         """Weigh what a task brings against the time for it."""
-        # The basket alone brings nothing: it is worth as much as the robot has with it by now.
+        # The basket is worth only what the robot is carrying now.
         worth = self.fruit if task.worth is Worth.HARVEST else task.expected
         return worth / (seconds(self.here, task.pose.point) + task.seconds)
 
@@ -118,7 +118,7 @@ class Strategy:
         await self.give_way()
         await self.retreat()
         while (point := self.next_point(there.point)) is not None:
-            # On the way the robot looks where it goes next, so that the next goto need not turn first.
+            # On the way the robot ends up facing its next leg, so the next goto need not turn first.
             angle = there.angle if point == there.point else Pose(*point, 0).bearing(there.point)
             report = await self.core.goto(round(point.x), round(point.y), round(angle) % 360, SPEED, self.flags)
             if point == there.point or report.outcome is not Outcome.ARRIVED:
@@ -128,7 +128,7 @@ class Strategy:
     async def attempt(self, task: Task) -> None:
         """Drive to a task and do it; put it off if that fails."""
         if not await self.drive(task.pose):
-            # Tried again at once, it would meet the same robot at the same place; meanwhile another task is worth more.
+            # Tried again at once, it would meet the same robot at the same place: do another task first.
             self.put_off[task.name] = self.core.now + PUT_OFF
             await asyncio.sleep(PAUSE)
             return
@@ -162,11 +162,11 @@ def seconds(start: Point, end: Point) -> float:
 async def play(core: Core) -> None:
     """Play until the match is over; what goes wrong is tried again."""
     strategy = Strategy(core)
-    # A node that is lost, or a stop that is not seen, is no reason to give up what is left of the match.
+    # A lost node, or a stop that was not confirmed, is no reason to give up the rest of the match.
     while core.time_left > 0:
         try:
             await strategy.step()
         except (RemoteError, StateError):
             await asyncio.sleep(PAUSE)
-        # Some step may do nothing at all; without a pause no time would pass, and the match would hang.
+        # A step may do nothing at all; without a pause no time would pass, and the match would hang.
         await asyncio.sleep(0.05)

@@ -87,7 +87,7 @@ class FrameCounter:
 
     def summary(self, seconds: float, bitrate: int) -> Summary:
         """Return what was counted in `seconds`."""
-        # All of them, those that never came with 0: the picture of a match shows what was not said as well.
+        # All of them, with 0 for those that never came: what was missing from a match is worth knowing.
         frames = {name: self._counts[name] for name in self._protocol.names()}
         load = self._bits / bitrate / seconds if seconds else 0.0
         return Summary(seconds, bitrate, frames, dict(self._others), load)

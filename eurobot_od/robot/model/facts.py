@@ -117,7 +117,7 @@ class Shape(Enum):
 
 
 AROUND = {Shape.DISC: 2, Shape.TRIANGLE: math.sqrt(3), Shape.SQUARE: math.sqrt(2)}
-"""So many times the radius of the circle around a shape is its size: diameter or side."""
+"""A shape's size, its diameter or side, as a multiple of the radius of the circle around it."""
 
 
 class BarrierKind(NamedTuple):
@@ -180,7 +180,7 @@ class Facts:
     def barrier(self, name: str) -> Barrier:
         """Return a barrier by its name as people write it: `fire 2`, `fire-2`, `Pool_1`; raises UnknownName."""
         names = {each.name: each for each in self.barriers}
-        # On a command line a name with a space would need quotes, hence `fire-2`.
+        # On a command line a name with a space needs quotes, hence `fire-2`.
         plain = name.strip().lower().replace("-", " ").replace("_", " ")
         if plain not in names:
             raise UnknownName("barrier", name, names)

@@ -17,7 +17,7 @@ class Angle(Kind):
     modulus: int = 360
 
     def read(self, raw: int, limits: Limits) -> Any:
-        # Ten bits could say 1023: what is no angle is kept raw and flagged, not taken modulo 360 as from a caller.
+        # Ten bits can hold 1023: what is no angle is kept raw and flagged, not reduced modulo 360 as a caller's is.
         return super().read(raw, Limits(0, self.modulus - 1))
 
     def write(self, value: Any, limits: Limits) -> int:
@@ -80,14 +80,14 @@ class Remaining(Kind):
         return super().read(raw, Limits(0, self.UNKNOWN))
 
     def numbers(self, limits: Limits) -> range:
-        # The codes above are left out: they are no times, and have words of their own.
+        # The codes above are left out: they are not times, and have words of their own.
         return range(self.UNKNOWN)
 
     def extremes(self, limits: Limits) -> Limits:
         return Limits(0, max(self.MEANING))
 
     def write(self, value: Any, limits: Limits) -> int:
-        # A caller cannot send the codes as numbers: 1048575 ms would arrive as "unknown".
+        # A caller cannot send a code as a number: 1048575 ms would arrive as "unknown".
         return self.CODE[value] if value in self.CODE else super().write(value, Limits(0, self.UNKNOWN - 1))
 
     def parse(self, text: str) -> Any:

@@ -182,7 +182,7 @@ class StartConfigurationSet(NamedTuple):
         """Tell whether there is such a robot in the match; ours is always there."""
         if whom is Source.CONFEDERATE:
             return self.confederates >= 1
-        # The document has a number of enemies and no list of them: with one enemy, it is enemy 1.
+        # The document gives the number of enemies, not which: a single one is enemy 1.
         return self.enemies >= {Source.ENEMY_1: 1, Source.ENEMY_2: 2}.get(whom, 0)
 
     def contradiction(self) -> FieldError | None:

@@ -32,7 +32,7 @@ class Errors:
     heading_noise: float = 0.3
     """Random error of the heading over one metre or 90 degrees, standard deviation in degrees."""
     wheel_slip: float = 0.05
-    """Share of what wheels are told that their encoders count on when something blocks the robot."""
+    """Share of the commanded way that the encoders still count when something blocks the robot."""
     beacon_latency: float = 0.02
     """Seconds by which a position of the beacons is old."""
     beacon_dropouts: float = 0.02

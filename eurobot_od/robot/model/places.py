@@ -26,7 +26,7 @@ def is_near(here: Place, there: Place, distance: float, angle: float) -> bool:
 
     An unknown place is near an unknown one only; an unknown angle is near any.
     """
-    # Two unknown places agree: a drive that has said "unknown" twice has not moved as far as anybody can tell.
+    # Two unknown places agree: as far as anybody can tell, a drive that says "unknown" twice has not moved.
     if None in (*here[:2], *there[:2]):
         return here[:2] == there[:2]
     apart = math.hypot(*(a - b for a, b in zip(here[:2], there[:2]) if a is not None and b is not None))
@@ -63,7 +63,7 @@ class Pose(NamedTuple):
 
     def moved(self, distance: float, turn: float) -> Pose:
         """Follow an arc of `distance` mm (negative: tail first) on which the heading changes by `turn` degrees."""
-        # Exact for an arc of any length: its chord points half of the turn to the side.
+        # Exact for an arc of any length: its chord is turned by half of the angle.
         half = math.radians(turn) / 2
         chord = distance * (math.sin(half) / half if half else 1.0)
         direction = math.radians(self.angle) + half

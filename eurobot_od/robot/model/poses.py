@@ -42,7 +42,7 @@ def pose(message: Message, time: dict[str, int]) -> dict[str, Any] | None:
     x, y, angle = (getattr(message, name) for name in ("x", "y", "angle"))
     if x is None or y is None or OutOfRange in map(type, (x, y, angle)):
         return None
-    # A quaternion has half the angle: (0, 0, sin a/2, cos a/2) turns by a around the upright axis.
+    # A quaternion holds half the angle: (0, 0, sin a/2, cos a/2) turns by a around the upright axis.
     half = radians(angle or 0) / 2
     position = {"x": x / MILLIMETRES, "y": y / MILLIMETRES, "z": 0.0}
     orientation = {"x": 0.0, "y": 0.0, "z": sin(half), "w": cos(half)}

@@ -111,7 +111,7 @@ def parse(source: str, file: str, changes: Changes = ()) -> Facts:
         place, what = min(problems)
         raise DictionaryError(f"{file}:{place.line}", None, what) from error
     for name, value in changes:
-        # One after the other, each read whole: a change that contradicts the file is refused by its own name.
+        # One at a time, reading everything anew: a change that contradicts the file is refused by its own name.
         facts = _changed(root, name, value)
     return facts
 
@@ -148,7 +148,7 @@ def _real(name: str, low: float, high: float, unit: str = "mm") -> NodeReader[fl
     allowed = f"{low:g}..{high:g} {unit}".rstrip()
 
     def read_real(node: yaml.Node, problems: Problems) -> float:
-        # YAML 1.1 reads 010 as 8 and 12:30 as 750: only what is written as a plain decimal number is taken for one.
+        # YAML 1.1 reads 010 as 8 and 12:30 as 750: only a plain decimal number is taken for one.
         plain = isinstance(node, yaml.ScalarNode) and node.style is None and NUMBER.fullmatch(node.value)
         if not plain or not low <= float(node.value) <= high:
             refuse(node, problems, f"{name} = {shown(node)} is not allowed; allowed: {allowed}")
@@ -213,7 +213,7 @@ WHEELS = record(Wheels, {"track": _real("track", 1, 2000), "diameter": _real("di
 
 
 def _body(radius: float | None = None, outline: tuple[Point, ...] = (), wheels: Wheels | None = None) -> Body:
-    # Rounded up: a circle that is smaller than the outline by a part of a millimetre would be refused below.
+    # Rounded up: a circle smaller than the outline by a fraction of a millimetre would be refused below.
     around = max((math.hypot(*corner) for corner in outline), default=0.0)
     return Body(math.ceil(around) if radius is None else radius, outline, wheels)
 
@@ -233,7 +233,7 @@ BODY = _checked(
     record(_body, {}, {"radius": _real("radius", 10, 1000), "outline": listing(CORNER), "wheels": WHEELS}), _wrong_body
 )
 
-# 16 bits: the object 0x2105, which takes the duration, has no more.
+# At most what the object 0x2105 holds, 16 bits.
 MATCH = record(lambda duration: duration, {"duration": _whole("duration", 1, 0xFFFF, "s")}, {})
 
 TEAMS = {team.name.lower(): team for team in TeamColour}
@@ -245,20 +245,20 @@ SIZE = _tuple(lambda *size: size, _real("size along x", 100, SIDE[1]), _real("si
 TREES = record(Trees, {"radius": _real("radius", 1, 1000), "places": listing(POINT)}, {})
 
 
-def _wrong_field(field: Field) -> str | None:
-    for team, start in field.starts.items():
-        if not field.contains(start.pose.point):
-            return f"the start of {team.name.lower()}, {start.pose[:2]}, is outside of the field"
-    return None
-
-
 FIELD = _checked(
     record(
         lambda size, border, start, trees=NO_TREES: Field(size[0], size[1], border, start, trees),
         {"size": SIZE, "border": _real("border", 0, 1000), "start": STARTS},
         {"trees": TREES},
     ),
-    _wrong_field,
+    lambda field: next(
+        (
+            f"the start of {team.name.lower()}, {start.pose[:2]}, is outside of the field"
+            for team, start in field.starts.items()
+            if not field.contains(start.pose.point)
+        ),
+        None,
+    ),
 )
 
 KIND: NodeReader[dict[str, Any]] = record(

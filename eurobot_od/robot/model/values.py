@@ -49,7 +49,7 @@ class Route(IntEnum):
 class GotoFault(IntEnum):
     """Why a goto has no remaining time (2014 robot); the numbers are those on the wire."""
 
-    # Both above the 20 bits of a remaining time, so that they cannot be taken for one.
+    # Both are beyond the 20 bits of a remaining time, so they cannot be mistaken for one.
     BLOCKED = 0xFFFFFE
     NOT_POSSIBLE = 0xFFFFFF
 
@@ -82,7 +82,7 @@ class RobotError(IntEnum):
 
 
 class Passage(IntEnum):
-    """How a barrier is to be treated (document Table 1); on the wire 3 means forced, too."""
+    """How a barrier is to be treated (document Table 1); on the wire 3 means forced as well."""
 
     FREE = 0
     NORMAL = 1
@@ -94,7 +94,7 @@ PASSAGE_OF_FLAGS = (Passage.FREE, Passage.NORMAL, Passage.FORCED, Passage.FORCED
 
 
 FLAGGED = 8
-"""So many barriers have their flags in a goto."""
+"""How many barriers have flags in a goto."""
 
 
 class Barriers(int):

@@ -70,7 +70,7 @@ class CallingNode(RobotNode):
                 self.offer(request)
 
         def settled(call: Future[Result]) -> None:
-            if call.cancelled():  # on the caller's thread: the script may be closed on the node's only
+            if call.cancelled():  # this is the caller's thread, and the script may be closed on the node's only
                 with self.guard:
                     self.soon(flow.drop)
 
@@ -78,7 +78,7 @@ class CallingNode(RobotNode):
         with self.guard:
             self._flows.append(flow)
             self.soon(flow.start)
-            if self._is_off:  # no tick comes any more: it would wait for ever
+            if self._is_off:  # no tick will come: it would wait for ever
                 self.end(flow, StateError(LEAVING))
         flow.call.add_done_callback(settled)
         return flow
@@ -113,8 +113,8 @@ class CallingNode(RobotNode):
     def on(self, message: type[MessageT], function: Callable[[MessageT], object]) -> Callable[[], None]:
         """Have a function called with each message of a type; return what ends that.
 
-        It is called where the core runs, which waits for it: it is to be quick. Raises StateError if the core has no
-        RPDO for such a message.
+        It is called on the core's thread, which waits for it, so it has to be quick. Raises StateError if the core has
+        no RPDO for such a message.
         """
         self.device.check_received(message)
         self._told[message].append(function)
@@ -129,6 +129,6 @@ class CallingNode(RobotNode):
 
     def answered(self, answer: Message | Frame) -> None:
         """Pass a message or an SDO answer to the flow that waits for it."""
-        # A copy: a flow that gets its answer may end. All of them hear it: two may have asked the same.
+        # A copy: a flow that gets its answer may end. All of them hear it, as two may have asked the same.
         for flow in list(self._flows):
             flow.heard(answer, self.now)

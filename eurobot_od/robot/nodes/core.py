@@ -82,7 +82,7 @@ POLLED_POSITIONS: tuple[tuple[Message, str, Source], ...] = (
 """What is asked for periodically: the request, the setting with its offset, and whose position it is."""
 
 SILENCE, QUESTIONS = 2.0, 3
-"""A navigation that has said nothing in a match for so many seconds is asked so often whether it is there: one that
+"""After how many seconds of silence in a match, and how often, the navigation is asked whether it is there: one that
 hangs may still send heartbeats."""
 
 MATCH_OVER = "the match is over"
@@ -286,6 +286,7 @@ class Core(CallingNode):
             if self._has_to_recover and self.is_commanding:
                 self._stop(messages.StopDrive(), Outcome.REPLACED)  # nobody looks at the drive meanwhile
             self.end(self._driving, _Ended(Outcome.REPLACED))
+            # From now on there is something to stop, even if nobody ever hears of this goto again.
             self._driving, self._stopped = self.begin(self._goto(goto, timeout)), messages.StopDrive()
             call = self._driving.call
         self.observe(goto, call)
@@ -395,23 +396,28 @@ class Core(CallingNode):
     def _halt(self, stop: messages.StopMessage) -> Call[Standstill]:
         """Send a stop, and watch until the robot stands."""
         with self.guard:
+            # Offered, not sent: if the stop may not leave now, the watch over it must begin all the same.
             self.offer(stop)
             self.shut_down = self.shut_down or isinstance(stop, messages.EmergencyShutdown)
+            # After a shutdown nothing less is repeated: a drive that missed it would not hold its safe state.
             self._stopped = messages.EmergencyShutdown() if self.shut_down else stop
             if self._standing is None:
                 self.end(self._keeping_on, StateError("watched anew"))
                 self._standing = self.begin(self._see_standing(self.seconds("Standstill.Standstill wait")))
             return shielded(self._standing.call)  # a stop is not taken back because nobody waits for it any more
 
-    def _latest_stop(self) -> messages.StopMessage:
-        return messages.StopDrive() if self._stopped is None else self._stopped  # a message without data is false
-
     def _see_standing(self, patience: float = inf) -> Script[Standstill]:
         """Repeat the latest stop until the robot is seen to stand, or for `patience` seconds."""
-        standstill = yield from until_standing(self, self._latest_stop, patience)
+        standstill = yield from until_standing(
+            # `is None`, as a message without data is false.
+            self,
+            lambda: messages.StopDrive() if self._stopped is None else self._stopped,
+            patience,
+        )
         if standstill is None:
             error = NotStanding(patience)
             self.alarm(str(error))
+            # From here on it is an emergency: Emergency Shutdown until it stands, and no goto before a recovery.
             self.raise_error(RobotError.NOT_STANDING, Standstill)
             self.shut_down = True
             self._keep_stopping()
@@ -439,6 +445,7 @@ class Core(CallingNode):
             elif watched:
                 self._halt(messages.StopDrive())
             raise
+        # A caller who configures the start has put the robot at its start place, wherever it was seen before.
         self._place, self._astray = None, False
         return seconds
 
@@ -451,10 +458,12 @@ class Core(CallingNode):
             self._lost = self._lost or before
             raise
         self.configuration, self.shut_down, self._forgotten = configuration, False, False
+        # The safe state is over, so a late goto is answered with a plain stop again.
         self._stopped = None if self._stopped is None else messages.StopDrive()
         self.clear_error(Standstill)
         self._polling += 1  # the requests of an earlier series end by themselves
         begin = confirmed + self.seconds("Position polling.Start delay")
+        # At the 2014 robot's offsets, so that not all answers come at once.
         for request, offset, whom in POLLED_POSITIONS:
             if configuration.includes(whom):
                 self.at(begin + self.seconds(offset), partial(self._poll, request, self._polling))
@@ -479,6 +488,7 @@ class Core(CallingNode):
             self._stop(messages.StopDrive(), Outcome.TIMED_OUT)
 
         limit = self.at(started + timeout, run_out_of_time)
+        # From the start on, not from the confirm: the drive may roll while its confirm is lost.
         self._look_ahead(Approach(), started)
         try:
             yield self.asking(goto, messages.GotoConfirm, *GOTO_SETTINGS)
@@ -491,6 +501,7 @@ class Core(CallingNode):
             raise
         else:
             if end.outcome is Outcome.LOST:
+                # A drive that knows of no goto may have booted, and then no longer knows its place.
                 self._lost, self._forgotten = end.why, end.why == NO_GOTO
                 self._halt(messages.StopDrive())
         finally:
@@ -504,14 +515,12 @@ class Core(CallingNode):
         return bool(self._lost) and self.configuration is not None
 
     def _recover(self, configuration: messages.StartConfigurationSet) -> Script[None]:
-        """Check the nodes anew after one was lost, and see that the drive knows where it is.
-
-        A drive that has forgotten its place is configured. It then believes in its team's start place, until the
-        navigation says otherwise; so one that knows its place is left alone.
-        """
+        """Check the nodes anew after one was lost, and see that the drive knows where it is."""
         self._astray = True
         yield from startup.check_nodes(self, self.readiness.checked, self.without)
         here = yield from drive_position(self)
+        # A configured drive believes in its start place until the navigation says otherwise: one that still knows its
+        # place is left alone.
         if here.x is None or self._forgotten or not self.readiness.configured:
             yield from self._configure(configuration)
         elif "navigation" not in self.without:
@@ -533,6 +542,7 @@ class Core(CallingNode):
     def _recover_all(
         self, configuration: messages.StartConfigurationSet, watched: bool
     ) -> Script[messages.KalmanPositionResponse]:
+        # Kept, although the configuration forgets it: the robot has not been moved to its start.
         there = self._place
         yield from self._configure_start(configuration, watched)
         self._place, self._astray = there, True
@@ -554,6 +564,7 @@ class Core(CallingNode):
             yield from startup.take_back(self, configuration, self.readiness.checked)
         except DialectMismatch as error:
             self.alarm(str(error))
+            # Another dialect's navigation is no use: the next goto begins with the checks, which say so.
             self._lost = str(error)
         else:
             self._heard = self.now
@@ -567,6 +578,7 @@ class Core(CallingNode):
         distance = self.setting("Obstacle.Stop distance")
         if self.sensor is None or not distance:
             return
+        # Read here: a strategy that hangs, or was written in a hurry, must not drive into anybody (4.2.2 Obstacle).
         detection = self.sensor.look(now)
         if approach.meets(detection, distance) and detection is not None:
             why = f"{detection.obstacle.name.lower()} ahead"
@@ -620,7 +632,7 @@ class Core(CallingNode):
         is_silent = self._is_in_match and self.now - self._heard >= SILENCE
         if is_silent and not self.without and self._missing is None:
             self._missing = self.begin(self._miss_navigation())
-        # From when it was due, not from now: a node that is late makes up for it. A counter that wrapped made 655 ms
+        # From when it was due, not from now, so that delays do not add up. A counter that wrapped made 655 ms
         # of the 2014 robot's 600.
         again = due + self.period("Position polling.Polling period")
         self.at(again, partial(self._poll, request, series))
@@ -643,11 +655,13 @@ class Core(CallingNode):
             return
         self._lost = why
         is_drive = self._is("drive", node_id)
+        # A booting navigation forgets nothing that the drive needs; a drive forgets goto, place and configuration.
         self._forgotten = self._forgotten or is_drive
         if self.is_commanding and is_drive:
             self._stop(messages.StopDrive(), Outcome.LOST, self._lost)
 
     def _is(self, node: str, node_id: int) -> bool:
+        # Only the EDS says which node has which ID: its SDO client parameters (CiA 301, 7.5.2.34).
         channel = SdoChannel.to(node, self.device)
         return channel is not None and channel.node_id == node_id
 
@@ -666,6 +680,7 @@ class Core(CallingNode):
 
     def _do_without_navigation(self, why: str) -> None:
         if self._taking_back is None and self.configuration is not None:
+            # Stopping would cost the rest of the match; the drive stands by itself when it knows its place too badly.
             self.alarm(f"the navigation is lost, and the robot goes on by its wheels: {why}")
             self._taking_back = self.begin(self._take_navigation_back(self.configuration))
 
@@ -708,6 +723,7 @@ class Core(CallingNode):
         self._tracks[position.source].saw(sighting)
         if isinstance(position, messages.KalmanPositionResponse):
             self._look_for_twins(position)
+            # An astray drive's answer may be its start place: it must not replace where it was really seen.
             if position.x is not None and not self._astray:
                 self._place = position[:3]
         else:

@@ -27,17 +27,17 @@ from eurobot_od.robot.nodes.estimate import Estimate
 from eurobot_od.robot.nodes.kalman import Tuning
 from eurobot_od.robot.nodes.motion import AT_REST, Braking, Chassis, Command, IdealChassis, Motion, MotionLimits
 from eurobot_od.robot.nodes.navigation import Fix
-from eurobot_od.robot.nodes.node import Handlers, Objects, RobotNode
+from eurobot_od.robot.nodes.node import FollowingNode, Handlers, Objects
 from eurobot_od.robot.nodes.route import Clearances, find_route
 
 LATE = 0.1
-"""Seconds that a control step may be late and be made up for: as long as a busy computer may take."""
+"""How late a control step may be, s, and still be made up for: as long as a busy computer may take."""
 
 UNSURER = 10.0
 """A way is found anew when the place has become less sure by this spread, mm: the navigation's pauses add less."""
 
 HELD = 0.1
-"""Wheels that fall short for so many seconds are held by something, and do not only speed up."""
+"""Seconds after which wheels that fall short are held by something, and not just speeding up."""
 
 PUSHED_AWAY = 2.0
 """The remaining time rises by more than this, s, or not at all: the last millimetres driven again take less."""
@@ -60,7 +60,7 @@ UNKNOWN = 0xFFFF
 """What the object `Position deviation` says while the place is unknown."""
 
 
-class Drive(RobotNode):
+class Drive(FollowingNode):
     """The drive node (document 2.1 to 2.3, 4.2.2); `chassis` are its wheels, by default ideal ones.
 
     `goto` is the goto it carries out or has carried out, None after a stop; `stopped_by` the last stop, with
@@ -76,25 +76,20 @@ class Drive(RobotNode):
         facts: Facts | None = None,
     ) -> None:
         super().__init__(dictionary, store=store, facts=facts)
-        self._check_field()
         self.chassis: Chassis = chassis or IdealChassis()
-        self._forget()
-
-    def _check_field(self) -> None:
-        """Raise DictionaryError for a field that is larger than what positions can say."""
         size = self.facts.field.width, self.facts.field.height
         for side, length, limits in zip("XY", size, self.coordinates("Kalman position")):
             if length > limits.high:
                 what = f"the robot's file has a field of {length:g} mm along {side}, positions end at {limits.high} mm"
                 raise DictionaryError(self.device.dictionary.file, None, what)
+        self._forget()
 
     def _forget(self) -> None:
-        self.configuration: messages.StartConfigurationSet | None = None
         self.estimate = Estimate(self._tuning())
         self.goto: messages.GotoXY | None = None
         self.fault: GotoFault | None = None
         self.stopped_by: messages.StopMessage | None = None
-        self.safe = False
+        # Seconds for which the wheels have not followed, and fell short; the spread when the way was planned.
         self._stuck = self._held = self._planned = 0.0
         self._told = math.inf
         self._motion: Motion | Braking | None = None
@@ -149,6 +144,7 @@ class Drive(RobotNode):
         # Without a route the robot drives straight: normal barriers are then only a wish, forced ones still stop it.
         forced = {n: passage for n, passage in goto.barriers.set_barriers() if passage is Passage.FORCED}
         direct = find_route(start, goal, Barriers.of(forced), self._clearances())
+        # Any other answer is a way round, which was not asked for.
         return direct if direct == (goal,) else None
 
     def _limits(self) -> MotionLimits:
@@ -165,6 +161,7 @@ class Drive(RobotNode):
     def _clearances(self) -> Clearances:
         """Return how far to stay away: by our own radius, and by what we and the motion may be off."""
         deviations = self.estimate.deviations
+        # In the direction in which the place is known worst; the setting is in tenths of a deviation.
         unsure = deviations.worst * self.setting("Body.Position margin") / 10 if deviations else 0.0
         margin = self.setting("Body.Safety margin") + self._limits().deviation + unsure
         return Clearances.of(self.facts, self.setting("Body.Robot radius"), margin)
@@ -195,16 +192,16 @@ class Drive(RobotNode):
 
         A plain stop tells a drive that is stopped nothing new: the reason stays.
         """
+        # The core repeats a stop with a Stop Drive beside it, which must not wipe out the reason of an Emergency Stop.
         again = self.goto is None and self.stopped_by is not None and isinstance(stop, messages.StopDrive)
         self.goto, self.fault, self.stopped_by = None, None, self.stopped_by if again else stop
         self._forget_obstruction()
         self._brake()
 
-    def _shut_down(self, shutdown: messages.EmergencyShutdown) -> None:
+    def shut_down(self, shutdown: messages.EmergencyShutdown) -> None:
         """Stop and hold the safe state (document 4.2.2 Emergency mushroom)."""
         self._stop(shutdown)
-        self.safe = True
-        self.raise_error(RobotError.EMERGENCY_SHUTDOWN, messages.EmergencyShutdown)
+        super().shut_down(shutdown)
 
     def halted(self) -> None:
         """Brake when a master takes the node out of OPERATIONAL: nobody can ask for its state any more."""
@@ -237,9 +234,11 @@ class Drive(RobotNode):
         motion, pose = self._motion, self.estimate.pose
         dt = self.period("Motion.Control period")
         command = AT_REST if motion is None else motion.step(pose or Pose(0, 0, 0), dt)
+        # The estimate follows what the wheels did, not what they were told: they may be held.
         rolled = self.chassis.advance(command, dt)
         self.estimate.moved(rolled, now)
         self._held = self._held + dt if rolled.falls_short(command, dt) else 0.0
+        # What holds the robot may turn it aside without the wheels noticing.
         if self._held >= HELD:
             self.estimate.bumped(now)
         if isinstance(motion, Motion):
@@ -250,7 +249,7 @@ class Drive(RobotNode):
                 self._brake()
             elif self.goto and not motion.arrived and self.estimate.spread > self._planned + UNSURER:
                 self._set_out(self.goto)  # forced barriers keep their distance also when the place is known worse
-        # If the wheels were found blocked, the brakes have taken over, and the motion of before has not arrived.
+        # If the wheels were found blocked, the brakes have taken over, and the earlier motion has not arrived.
         done = motion.arrived if isinstance(motion, Motion) else command == AT_REST
         # Steps that are late by a moment are made up for; those missed by a node that hung are gone.
         following = max(now, self.now - LATE) + dt
@@ -278,6 +277,7 @@ class Drive(RobotNode):
         """Take a navigation position into the estimate (document 4.2.2 Navigation)."""
         if position.x is None or position.y is None:
             return
+        # Read anew for each position, so that what a master writes holds from the next one on.
         self.estimate.tuning = self._tuning()
         self.estimate.corrected(Fix(position.x, position.y, position.angle), self.now)
         if not self._is_unsure():
@@ -296,19 +296,19 @@ class Drive(RobotNode):
         if pose is None:
             return messages.KalmanPositionResponse(None, None, None, Source.INTERNAL)
         limits = self.coordinates("Kalman position")
+        # The estimate may lie a little outside of the field, which Table 2 cannot express.
         x, y = (round(min(max(value, each.low), each.high)) for value, each in zip(pose.point, limits))
         return messages.KalmanPositionResponse(x, y, round(pose.angle) % 360, Source.INTERNAL)
 
-    def _configure(self, configuration: messages.StartConfigurationSet) -> Message:
+    def configure(self, configuration: messages.StartConfigurationSet) -> Message:
         """Start anew from the team's start place (document 2.3); raises Refused for one that contradicts itself."""
-        self.check_configuration(configuration)
-        self.configuration, self.safe = configuration, False
+        confirm = super().configure(configuration)
         self._stop(messages.StopDrive())
+        # The stop was part of configuring, and tells nobody anything.
         self.stopped_by = None
         self.estimate = Estimate(self._tuning(), self.facts.start(configuration.team_colour))
-        self.clear_error(messages.EmergencyShutdown)
         self.clear_error(Estimate)
-        return messages.StartConfigurationConfirm()
+        return confirm
 
     FACTS: ClassVar[Mapping[str, Callable[[Facts], int]]] = {
         "Body.Robot radius": lambda facts: math.ceil(facts.body.radius),
@@ -330,10 +330,9 @@ class Drive(RobotNode):
         messages.GotoXY: _accept,
         messages.StopDrive: _stop,
         messages.EmergencyStop: _stop,
-        messages.EmergencyShutdown: _shut_down,
         messages.GotoStateRequest: lambda self, _: self._state(),
         messages.KalmanPositionRequest: lambda self, _: self._position(),
         messages.NaviPositionResponse: _correct,
-        messages.StartConfigurationSet: _configure,
+        **FollowingNode.COMMANDS,
         messages.CheckDriveRequest: lambda *_: messages.CheckDriveResponse(),
     }

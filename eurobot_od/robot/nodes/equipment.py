@@ -47,12 +47,13 @@ class Approach:
         self._distances.append(None if detection is None else detection.distance)
         if detection is None or detection.distance > stop_distance:
             return False
+        # The oldest one that saw something: over a longer time the way stands out from the noise.
         first = next(each for each in self._distances if each is not None)
         return first - detection.distance >= CLOSING
 
 
 READINGS = 3
-"""So many readings are looked at: one that misses something does not hide it."""
+"""How many readings are looked at: one that misses something does not hide it."""
 
 CLOSING = 12.0
-"""What comes nearer by so many mm in these readings is driven into; less may be the sensor's noise."""
+"""What comes nearer by this much, mm, in these readings is being driven into; less may be the sensor's noise."""

@@ -28,20 +28,20 @@ from eurobot_od.robot.nodes.navigation import Fix
 from eurobot_od.robot.nodes.sightings import TOP_SPEED
 
 AGREEING, AGREEING_FIRST = 3, 2
-"""So many refused positions in a row that agree with each other are believed in place of a measured pose, and of one
-that is only assumed. It is not two for both: two that take another robot for ours agree now and then."""
+"""How many refused positions in a row have to agree to be believed in place of a measured pose, and of one that is only
+assumed. It is not two for both: two that take another robot for ours agree now and then."""
 
 PUSHED = 60.0
 """How far the robot may have been pushed from one refused position to the next, standard deviation in mm."""
 
 UNSEEN, BUMPS = 2.0, 25.0
-"""A robot that no position has come from for so many seconds may be pushed aside without a trace, by a barrier that it
+"""A robot of which no position has come for this time, s, may be pushed aside without a trace, by a barrier that it
 touches or by another robot: so much more standard deviation in mm, after a metre. In matches without navigation the
 place was off by up to 200 mm after 40 s, eight times what wheels alone make of it. A drive that never had a position is
 on a bench."""
 
 MOVED, TURNED = 30.0, 5.0
-"""The wheels have moved if the odometer says so many mm or degrees: more than what rounding and slipping make."""
+"""The wheels have moved if the odometer says this much, mm or degrees: more than rounding and slipping account for."""
 
 SOONEST, LATEST = 0.05, 1.0
 """Seconds from the first to the last of agreeing positions: SOONEST is half a pause of the core's fastest asking,
@@ -92,9 +92,11 @@ class Estimate:
     def moved(self, odometry: Odometry, now: float) -> None:
         """Follow what the wheels report until `now`, s; the pose is unknown before the first one."""
         self._odometer.append((now, self._odometer[-1][1].moved(*odometry)))
+        # The second one, not the first: the longest latency lies between the two.
         while self._odometer[1][0] <= now - LONGEST_LATENCY:
             self._odometer.popleft()
         self._belief = self._belief and self._belief.moved(odometry, self.tuning)
+        # The root, as random errors add up by their squares.
         if self._belief and self._seen_at is not None and now - self._seen_at > UNSEEN:
             self._belief = self._belief.loosened(BUMPS * math.sqrt(abs(odometry.distance) / METRE))
         self._rival = self._rival and self._rival.moved(odometry, self.tuning)
@@ -111,26 +113,26 @@ class Estimate:
         """
         if self._is_stale(fix):
             return False
-        travel = self._travel_since(now - self.tuning.latency)
+        # How the robot has moved since the position was measured, to the nearest step before that.
+        seen = now - self.tuning.latency
+        then = next((pose for moment, pose in reversed(self._odometer) if moment <= seen), self._odometer[0][1])
+        travel = Travel.between(then, self._odometer[-1][1])
         belief = self._gated(self._belief, fix, travel) or self._overruled(fix, travel, now)
         if belief is None:
             return False
         self._belief, self._rival, self._agreeing, self._seen_at = belief, None, 0, now
+        # A place alone leaves the heading assumed, and a wrong heading leads astray with every step.
         self._assumed = self._assumed and fix.angle is None
         return True
 
     def _is_stale(self, fix: Fix) -> bool:
-        """Tell whether a position is that of before, and the wheels have moved since it came first."""
+        """Tell whether a position is a repetition, although the wheels have moved since it first came."""
         here = self._odometer[-1][1]
         if self._repeated is None or self._repeated[0] != fix:
             self._repeated = fix, here
         _, then = self._repeated
         turned = fix.angle is not None and abs(turn(then.angle, here.angle)) > TURNED
         return turned or here.distance(then.point) > MOVED
-
-    def _travel_since(self, time: float) -> Travel:
-        then = next((pose for moment, pose in reversed(self._odometer) if moment <= time), self._odometer[0][1])
-        return Travel.between(then, self._odometer[-1][1])
 
     def _gated(self, belief: Belief | None, fix: Fix, travel: Travel) -> Belief | None:
         """Correct a belief by a position; None if that lies outside its gate."""
@@ -144,10 +146,12 @@ class Estimate:
         """Return what is to be believed in place of the estimate when it refuses a position, None to keep it."""
         if self._belief is None:
             return self._begun(fix, travel)
+        # Loosened before it is compared: whatever pushed the robot may still be pushing it.
         agreed = self._gated(self._rival and self._rival.loosened(PUSHED), fix, travel)
         self._rival = agreed or self._begun(fix, travel)
         self._agreeing += 1
         if not agreed:
+            # No robot can have got there sooner. An assumed place does not count: nobody has driven from there.
             away = 0.0 if self._assumed or self._rival is None else self._rival.pose.distance(self._belief.pose.point)
             self._agreeing, self._due = 1, now + min(max((away - PUSHED) / TOP_SPEED, SOONEST), LATEST)
         is_believed = self._agreeing >= (AGREEING_FIRST if self._assumed else AGREEING) and now >= self._due
@@ -157,6 +161,7 @@ class Estimate:
         """Begin at a position; a heading that it does not say is the estimate's, and unknown without that."""
         variances, angle = self.tuning.fix_variances, fix.angle
         if angle is None and self._belief is not None:
+            # The estimate's heading is that of now, the position is older.
             angle = self._belief.pose.angle - travel.turned
             variances = variances._replace(angle=self._belief.deviations.heading**2)
         if angle is None:

@@ -51,13 +51,16 @@ def until_ended(core: RobotNode, goto: messages.GotoXY) -> Script[End]:
         if state.time in FAULT_OUTCOME:
             return End(FAULT_OUTCOME[state.time])
         if state.time == 0:
+            # The 0 may be that of an earlier goto: the place has to agree.
             place = yield from drive_position(core)
-            if _is_reached(core, goto, place):
+            distance, angle = core.setting("Arrival.Position tolerance"), core.setting("Arrival.Angle tolerance")
+            if is_near(goto[:3], place[:3], distance, angle):
                 return End(Outcome.ARRIVED)
-            odd.append(f"the drive has arrived at {_words(place)}")
+            odd.append(f"the drive has arrived at ({place.x}, {place.y}) {place.angle} deg")
         elif state.time is None:
             odd.append(NO_GOTO)
         else:
+            # In a row: a single odd answer between good ones is a frame that came out of turn.
             odd.clear()
         yield Pause(core.period("Goto handshake.State request period"))
     return End(Outcome.LOST, odd[-1])
@@ -69,12 +72,3 @@ def drive_position(core: RobotNode) -> Script[messages.KalmanPositionResponse]:
         messages.KalmanPositionRequest(), messages.KalmanPositionResponse, *STATE_SETTINGS
     )
     return answer
-
-
-def _is_reached(core: RobotNode, goto: messages.GotoXY, place: messages.KalmanPositionResponse) -> bool:
-    distance, angle = core.setting("Arrival.Position tolerance"), core.setting("Arrival.Angle tolerance")
-    return is_near(goto[:3], place[:3], distance, angle)
-
-
-def _words(place: messages.PositionResponse) -> str:
-    return f"({place.x}, {place.y}) {place.angle} deg"

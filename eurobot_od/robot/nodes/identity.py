@@ -73,6 +73,7 @@ class SdoChannel(NamedTuple):
         address = dictionary.address(name)
         variable = dictionary.variable(address)
         assert variable is not None  # it has an address
+        # Least significant byte first, as CiA 301 transfers numbers; up to four bytes fit an expedited transfer.
         content = value.to_bytes((len(variable) + 7) // 8, "little")
         (request,) = download(address, content, inf).start(0.0)
         return Frame(self.request, request)

@@ -166,18 +166,16 @@ class Belief(NamedTuple):
         covariance, change, distance = self.covariance, NOTHING, 0.0
         for row, innovation, variance in observations:
             across = tuple(_dot(each, row) for each in covariance)
+            # What the values before this one have corrected is no longer off.
             expected, left = _dot(row, across) + variance, innovation - _dot(row, change)
             gain = tuple(each / expected for each in across)
             change = _row(old + share * left for old, share in zip(change, gain))
             covariance = _joseph(covariance, row, gain, variance)
             distance += left * left / expected
-        return self._changed(change, covariance), distance
-
-    def _changed(self, change: Row, covariance: Covariance) -> Belief:
         dx, dy, turned, stretched = change
         x, y, angle = self.pose
         scale = min(max(self.scale + stretched, LOWEST_SCALE), HIGHEST_SCALE)
-        return Belief(Pose(x + dx, y + dy, normalise(angle + turned)), scale, covariance)
+        return Belief(Pose(x + dx, y + dy, normalise(angle + turned)), scale, covariance), distance
 
     def compared(self, fix: Fix, travel: Travel, tuning: Tuning) -> list[Observation]:
         """Compare a navigation position with where the robot was before `travel`, by this belief."""
@@ -192,16 +190,15 @@ class Belief(NamedTuple):
 
 
 def _carried(covariance: Covariance, dx: float, dy: float, scale: float, along: float, heading: float) -> Covariance:
-    """Return the covariance after a movement of `dx`, `dy` that adds variances along the way and to the heading.
-
-    The Jacobian differs from 1 only in how x and y depend on heading and scale, so that its products are written out:
-    this is done in every control step.
-    """
+    """Return the covariance after a movement of `dx`, `dy` that adds variances along the way and to the heading."""
+    # The Jacobian differs from 1 only in how x and y depend on heading and scale, so its products are written out:
+    # this is done in every control step.
     (xx, xy, xh, xs), (_, yy, yh, ys), (_, _, hh, hs), (_, _, _, ss) = covariance
     x_h, x_s, y_h, y_s = -dy * RADIAN, dx / scale, dx * RADIAN, dy / scale
     new_xh, new_xs = xh + x_h * hh + x_s * hs, xs + x_h * hs + x_s * ss
     new_yh, new_ys = yh + y_h * hh + y_s * hs, ys + y_h * hs + y_s * ss
     way = dx * dx + dy * dy
+    # Errors of the distance lie along the way; sideways errors come from the heading.
     noise = along / way if way else 0.0
     xx += x_h * (xh + new_xh) + x_s * (xs + new_xs) + noise * dx * dx
     xy += x_h * yh + x_s * ys + y_h * new_xh + y_s * new_xs + noise * dx * dy
@@ -215,10 +212,12 @@ def _carried(covariance: Covariance, dx: float, dy: float, scale: float, along: 
 
 
 def _joseph(covariance: Covariance, row: Row, gain: Sequence[float], variance: float) -> Covariance:
-    """Return the covariance after a measured value, in Joseph's form: it stays positive whatever is rounded."""
+    """Return the covariance after a measured value."""
+    # Joseph's form, (1 - kh) P (1 - kh)' + k r k': unlike the short form it stays positive whatever is rounded.
     kept = [_row(float(i == j) - gain[i] * row[j] for j in range(4)) for i in range(4)]
     half = [[_dot(each, column) for column in covariance] for each in kept]  # symmetric: its rows are its columns
     new = [[_dot(half[i], kept[j]) + variance * gain[i] * gain[j] for j in range(4)] for i in range(4)]
+    # Only the upper half is taken: rounding must not make it asymmetric.
     x, y, heading, scale = (_row(new[min(i, j)][max(i, j)] for j in range(4)) for i in range(4))
     return x, y, heading, scale
 
@@ -233,7 +232,8 @@ def _row(values: Iterable[float]) -> Row:
 
 
 def chance_up_to(distance: float, values: int) -> float:
-    """Return the chance of a square of the Mahalanobis distance up to this, of so many values (2 or 3): chi-square."""
+    """Return the chance that the squared Mahalanobis distance of 2 or 3 values is at most this: chi-square."""
+    # The chi-square distribution has a closed form for 2 and for 3 degrees of freedom.
     if values == 2:
         return -math.expm1(-distance / 2)
     return math.erf(math.sqrt(distance / 2)) - math.sqrt(2 * distance / math.pi) * math.exp(-distance / 2)

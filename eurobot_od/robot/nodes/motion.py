@@ -132,6 +132,7 @@ class Profile(NamedTuple):
         """Return the rate for the next `dt` seconds so that `left` is covered soonest and without overshoot."""
         wanted = math.copysign(min(self.top, self._stoppable(abs(left), dt)), left)
         speeding_up = rate * wanted >= 0 and abs(wanted) > abs(rate)
+        # A rate of the wrong sign is braked first, at the rate of braking.
         return _towards(rate, wanted, (self.rise if speeding_up else self.fall) * dt)
 
     def _stoppable(self, left: float, dt: float) -> float:
@@ -149,6 +150,7 @@ class Profile(NamedTuple):
     def seconds(self, left: float, rate: float = 0.0) -> float:
         """Return the time to cover `left` and stop, starting at `rate`; infinite if the top rate is 0."""
         ahead, rate = abs(left), math.copysign(rate, rate * left)
+        # v^2 = 2 a s: whether braking from this rate still ends in time.
         in_time = rate > 0 and rate * rate <= 2 * self.fall * ahead
         kept = min(rate, self.top) if in_time else 0.0  # what is too fast, or the wrong way, is braked first
         slowing = (rate * abs(rate) - kept * kept) / (2 * self.fall)
@@ -160,6 +162,7 @@ class Profile(NamedTuple):
             return 0.0
         if not self.top:
             return math.inf
+        # The rate at which rise and fall together cover just what is left, unless the top comes first.
         peak = min(math.sqrt(self.fall * (2 * self.rise * left + rate * rate) / (self.rise + self.fall)), self.top)
         ramps = (peak * peak - rate * rate) / (2 * self.rise) + peak * peak / (2 * self.fall)
         return (peak - rate) / self.rise + peak / self.fall + (left - ramps) / peak
@@ -287,6 +290,7 @@ class Motion:
 
     def _look(self, pose: Pose, point: Point) -> View:
         distance, error = pose.distance(point), turn(pose.angle, pose.bearing(point))
+        # Turning round for a few millimetres would take longer than the way itself.
         tail_first = abs(error) > 90.0 if distance < CORRECTION else self._backward
         return View(-1, distance, turn(180.0, error)) if tail_first else View(1, distance, error)
 
@@ -295,6 +299,7 @@ class Motion:
 
     def _reach(self, point: Point) -> float:
         """Return how near a way point has to be so that no leg to it is begun, mm."""
+        # The goal has to be met exactly; other way points are only passed.
         return self._straight.tolerance if point == self._points[-1] else self._deviation
 
     def _in_line(self, view: View) -> bool:
@@ -316,12 +321,14 @@ class Motion:
 
     def _after_drive(self, pose: Pose, dt: float) -> Phase:
         view = self._view(pose)
+        # Only what is off to the side: what is left ahead will still be driven.
         missed = view.aside > self._deviation
         if self._straight.over(self.command.speed, view.ahead, dt):
             return Phase.AIM if missed else self._reached()
         return Phase.AIM if missed and abs(view.steer) > LOST else Phase.DRIVE
 
     def _after_face(self, pose: Pose, dt: float) -> Phase:
+        # A correction came while it turned: the place counts, and has to be driven to again.
         if self._view(pose).distance > self._deviation:
             return Phase.AIM
         faced = self._turning.over(self.command.turn, self._final_turn(pose), dt)
@@ -336,14 +343,9 @@ class Motion:
 
     # What the wheels do
 
-    def _aim(self, pose: Pose, dt: float) -> Command:
-        return self._pivot(self._view(pose).error, dt)
-
-    def _face(self, pose: Pose, dt: float) -> Command:
-        return self._pivot(self._final_turn(pose), dt)
-
     def _pivot(self, left: float, dt: float) -> Command:
-        """Stop first, then turn on the spot: turning while it rolls would carry the robot along an arc."""
+        """Stop first, then turn on the spot."""
+        # Turning while it rolls would carry the robot along an arc, off the leg that keeps clear of barriers.
         if speed := self._straight.slower(self.command.speed, dt):
             return Command(speed, self._turning.slower(self.command.turn, dt))
         return Command(0.0, self._turning.next_rate(self.command.turn, left, dt))
@@ -369,9 +371,6 @@ class Motion:
         driving = self._straight.seconds(view.ahead, view.sense * self.command.speed)
         return driving + self._seconds_along(self._points[1:], there)
 
-    def _seconds_to_face(self, pose: Pose) -> float:
-        return self._seconds_along((), pose, self.command.turn)
-
     def _seconds_along(self, points: Sequence[Point], pose: Pose, rate: float = 0.0) -> float:
         """Add up the legs from a `pose` where the robot stands, turning at `rate`, and the final turn."""
         total = 0.0
@@ -387,6 +386,7 @@ class Motion:
 
         A robot that turns away and cannot stop before it looks the opposite way goes on: that is the shorter way then.
         """
+        # The square of the rate that is left when it faces the opposite way.
         squared = rate * rate - 2 * self._turning.fall * (180.0 - abs(left))
         if rate * left >= 0.0 or squared <= 0.0:
             return self._turning.seconds(left, rate)
@@ -403,9 +403,17 @@ class Behaviour(NamedTuple):
 
 
 _BEHAVIOUR = {
-    Phase.AIM: Behaviour(Motion._after_aim, Motion._aim, Motion._seconds_to_aim),
+    Phase.AIM: Behaviour(
+        Motion._after_aim,
+        lambda motion, pose, dt: motion._pivot(motion._view(pose).error, dt),
+        Motion._seconds_to_aim,
+    ),
     Phase.DRIVE: Behaviour(Motion._after_drive, Motion._drive, Motion._seconds_to_drive),
-    Phase.FACE: Behaviour(Motion._after_face, Motion._face, Motion._seconds_to_face),
+    Phase.FACE: Behaviour(
+        Motion._after_face,
+        lambda motion, pose, dt: motion._pivot(motion._final_turn(pose), dt),
+        lambda motion, pose: motion._seconds_along((), pose, motion.command.turn),
+    ),
     Phase.ARRIVED: Behaviour(lambda *_: Phase.ARRIVED, lambda *_: AT_REST, lambda *_: 0.0),
 }
 

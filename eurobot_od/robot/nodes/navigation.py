@@ -11,11 +11,10 @@ from typing import ClassVar, NamedTuple, Protocol
 from eurobot_od.device.bound import BoundObject
 from eurobot_od.device.storage import Store
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.pdo.message import Message
 from eurobot_od.robot.model import messages
 from eurobot_od.robot.model.facts import Facts
-from eurobot_od.robot.model.values import RobotError, Source
-from eurobot_od.robot.nodes.node import Handlers, Objects, RobotNode
+from eurobot_od.robot.model.values import Source
+from eurobot_od.robot.nodes.node import FollowingNode, Handlers, Objects
 
 AMBIGUOUS = 255
 """x = y = 255 mm with an unknown angle reads "position unknown" (document Table 2); such a place is sent 1 mm off."""
@@ -36,11 +35,10 @@ class Beacons(Protocol):
         """Measure where our robot (INTERNAL) or another one is; None if it is not seen."""
 
 
-class Navigation(RobotNode):
+class Navigation(FollowingNode):
     """The navigation node (document 2.2, 2.3 and 4.2.2 Navigation); `beacons` are its sensors, None if it has none.
 
-    `configuration` is the start configuration, None before the first. After an Emergency Shutdown `safe` is True
-    until a new start configuration or an NMT reset; it goes on answering, as nothing in it moves.
+    After an Emergency Shutdown it goes on answering, as nothing in it moves.
     """
 
     def __init__(
@@ -53,44 +51,25 @@ class Navigation(RobotNode):
     ) -> None:
         super().__init__(dictionary, store=store, facts=facts)
         self.beacons = beacons
-        self.configuration: messages.StartConfigurationSet | None = None
-        self.safe = False
         self._measured, self._fixes = -math.inf, dict[Source, Fix | None]()
 
     def deviations(self) -> tuple[float, float]:
         """Return the standard deviations of simulated beacons by the Noise settings: mm and degrees."""
         return self.setting("Noise.Position deviation"), self.setting("Noise.Angle deviation")
 
-    def reset(self) -> None:
-        """Forget the start configuration."""
-        super().reset()
-        self.configuration, self.safe = None, False
-
-    def _configure(self, configuration: messages.StartConfigurationSet) -> Message:
-        self.check_configuration(configuration)
-        self.configuration, self.safe = configuration, False
-        self.clear_error(messages.EmergencyShutdown)
-        return messages.StartConfigurationConfirm()
-
-    def _shut_down(self, _: messages.EmergencyShutdown) -> None:
-        self.safe = True
-        self.raise_error(RobotError.EMERGENCY_SHUTDOWN, messages.EmergencyShutdown)
-
-    def _fix(self, whom: Source) -> Fix | None:
-        """Measure where somebody is, once at a time: an SDO, a PDO and an answer of one moment say the same."""
-        if self._measured != self.now:
-            self._measured, self._fixes = self.now, {}
-        if whom not in self._fixes:
-            self._fixes[whom] = self.beacons.locate(whom, self.now) if self.beacons else None
-        return self._fixes[whom]
-
     def _position(
         self, record: str, response: type[messages.PositionResponse], whom: Source
     ) -> messages.PositionResponse:
         # Before the start configuration anyone may be there.
         expected = self.configuration is None or self.configuration.includes(whom)
-        fix = self._fix(whom) if expected else None
+        # One measurement at a time, as each has its own noise: an SDO, a PDO and an answer of one moment agree.
+        if self._measured != self.now:
+            self._measured, self._fixes = self.now, {}
+        if expected and whom not in self._fixes:
+            self._fixes[whom] = self.beacons.locate(whom, self.now) if self.beacons else None
+        fix = self._fixes[whom] if expected else None
         across, along = self.coordinates(record)
+        # A place outside of the field is a wrong measurement, and Table 2 cannot express it.
         if fix is None or not (across.low <= fix.x <= across.high and along.low <= fix.y <= along.high):
             return response(None, None, None, whom)
         x, y = round(fix.x), round(fix.y)
@@ -119,8 +98,7 @@ class Navigation(RobotNode):
     }
     HANDLERS: ClassVar[Handlers] = {
         messages.CheckNaviRequest: lambda *_: messages.CheckNaviResponse(),
-        messages.StartConfigurationSet: _configure,
-        messages.EmergencyShutdown: _shut_down,
+        **FollowingNode.COMMANDS,
         messages.NaviPositionRequest: lambda self, _: self._own(),
         messages.Enemy1PositionRequest: lambda self, _: self._enemy_1(),
         messages.Enemy2PositionRequest: lambda self, _: self._enemy_2(),

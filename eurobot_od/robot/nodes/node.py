@@ -44,38 +44,36 @@ class RobotNode(Node):
     def coordinates(self, record: str) -> tuple[Limits, Limits]:
         """Return the limits of x and y that the EDS gives a record such as `Kalman position`, mm."""
         if record not in self._coordinates:
-            x, y = map(self._limits_of, (f"{record}.X position", f"{record}.Y position"))
-            self._coordinates[record] = x, y
+            dictionary, limits = self.device.dictionary, []
+            for name in (f"{record}.X position", f"{record}.Y position"):
+                variable = dictionary.variable(dictionary.address(name))
+                assert variable is not None  # it has an address
+                type_, low, high = data_type(variable), variable.min, variable.max
+                # Without limits of its own an object has those of its data type.
+                limits.append(Limits(type_.low if low is None else low, type_.high if high is None else high))
+            self._coordinates[record] = limits[0], limits[1]
         return self._coordinates[record]
 
-    def _limits_of(self, name: str) -> Limits:
-        dictionary = self.device.dictionary
-        variable = dictionary.variable(dictionary.address(name))
-        assert variable is not None  # it has an address
-        type_ = data_type(variable)
-        low, high = variable.min, variable.max
-        return Limits(type_.low if low is None else low, type_.high if high is None else high)
-
     def _application(self, dictionary: Dictionary) -> Application:
-        return super()._application(dictionary)._replace(given=self._given(dictionary))
-
-    def _given(self, dictionary: Dictionary) -> dict[Address, Value]:
+        """Return what the application gives the objects: also the facts of the robot's file."""
         given: dict[Address, Value] = {}
         for name, fact in self.FACTS.items():
             address, value = dictionary.address(name), fact(self.facts)
             variable = dictionary.variable(address)
+            # Only a DCF has a ParameterValue: somebody has configured this very device, which counts for more.
             if variable is None or variable.value is not None:
                 continue
             if out_of_limits(variable, value):
                 what = f"{name} = {value}, as the robot's file says, is not in {variable.min}..{variable.max}"
                 raise DictionaryError(dictionary.file, address[0], what)
             given[address] = value
-        return given
+        return super()._application(dictionary)._replace(given=given)
 
     def check_configuration(self, configuration: messages.StartConfigurationSet) -> None:
         """Raise Refused, and report it by EMCY until a good one comes, if a start configuration contradicts itself."""
         wrong = configuration.contradiction()
         if wrong is not None:
+            # Refused as a whole: nobody knows which of two contradictory fields is the wrong one.
             self.raise_error(RobotError.CONFIGURATION_REFUSED, messages.StartConfigurationSet)
             raise Refused(Cause.VALUES, str(wrong))
         self.clear_error(messages.StartConfigurationSet)
@@ -90,6 +88,39 @@ class RobotNode(Node):
     def asking(self, request: Message, answer: type[Message], wait: str, attempts: str) -> Ask:
         """Ask by two settings, read when they are needed: what a master wrote holds from the next question on."""
         return Ask(request, answer, self.seconds(wait), self.setting(attempts))
+
+
+class FollowingNode(RobotNode):
+    """A node that the core commands.
+
+    `configuration` is the start configuration, None before the first. `safe` is True after an Emergency Shutdown until
+    a new start configuration or an NMT reset.
+    """
+
+    configuration: messages.StartConfigurationSet | None = None
+    safe = False
+
+    def reset(self) -> None:
+        """Forget the start configuration, as after power-on."""
+        super().reset()
+        self.configuration, self.safe = None, False
+
+    def configure(self, configuration: messages.StartConfigurationSet) -> Message:
+        """Take over a start configuration (document 2.3); raises Refused for one that contradicts itself."""
+        self.check_configuration(configuration)
+        self.configuration, self.safe = configuration, False
+        self.clear_error(messages.EmergencyShutdown)
+        return messages.StartConfigurationConfirm()
+
+    def shut_down(self, _: messages.EmergencyShutdown) -> None:
+        """Hold the safe state (document 4.2.2 Emergency mushroom)."""
+        self.safe = True
+        self.raise_error(RobotError.EMERGENCY_SHUTDOWN, messages.EmergencyShutdown)
+
+    COMMANDS: ClassVar[Handlers] = {
+        messages.StartConfigurationSet: lambda node, configuration: node.configure(configuration),
+        messages.EmergencyShutdown: lambda node, shutdown: node.shut_down(shutdown),
+    }
 
 
 def make(kind: type[Node], dictionary: Dictionary, store: Store | None, facts: Facts | None) -> Node:

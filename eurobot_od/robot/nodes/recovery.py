@@ -20,8 +20,8 @@ AT_START = 50.0
 """A drive so near its start place, mm, after its configuration may not have been seen by the navigation since."""
 
 LOOKS = 3
-"""So often the navigation is asked for a drive that has booted, which believes it when two positions agree: one of them
-may be unknown, or wrong."""
+"""How often the navigation is asked for a drive that has booted, which believes it when two positions agree: one of
+them may be unknown, or wrong."""
 
 LOST_PLACE = "the drive has lost its place"
 

@@ -87,6 +87,7 @@ class Disc(NamedTuple):
     def corners(self) -> Iterator[Point]:
         """Yield the corners of the regular polygon around the disc."""
         half = math.pi / CORNERS
+        # The sides, not the corners, touch the disc.
         reach = (self.radius + SLACK) / math.cos(half)
         for number in range(CORNERS):
             angle = (2 * number + 1) * half
@@ -128,10 +129,8 @@ def find_route(
 
 
 def _cheapest(start: Point, goal: Point, corners: list[Point], discs: list[Disc]) -> tuple[Point, ...] | None:
-    """Search the visibility graph: Dijkstra, with the straight distance to the goal as the part still to come.
-
-    Most legs are never looked at again: what a leg's tolls are is asked when it is the next one on a cheapest way.
-    """
+    """Search the visibility graph: Dijkstra, with the straight distance to the goal as the part still to come."""
+    # Most legs are never looked at again: what a leg's tolls are is asked when it is the next one on a cheapest way.
     frontier: list[tuple[float, float, tuple[Point, ...], bool]] = [(0.0, 0.0, (start,), True)]
     settled: set[Point] = set()
     while frontier:
@@ -139,7 +138,8 @@ def _cheapest(start: Point, goal: Point, corners: list[Point], discs: list[Disc]
         here = way[-1]
         if here in settled:
             continue
-        if not has_paid and (toll := _toll(way[-2], here, discs)):
+        if not has_paid and (toll := sum(disc.toll for disc in discs if disc.meets(way[-2], here))):
+            # Back into the queue with its toll: a way round may be cheaper now.
             if toll < math.inf:
                 heappush(frontier, (estimate + toll, cost + toll, way, True))
             continue
@@ -150,8 +150,3 @@ def _cheapest(start: Point, goal: Point, corners: list[Point], discs: list[Disc]
             further = cost + math.dist(here, point)
             heappush(frontier, (further + math.dist(point, goal), further, (*way, point), False))
     return None
-
-
-def _toll(start: Point, end: Point, discs: list[Disc]) -> float:
-    """Sum up the tolls of all discs that a straight leg meets, mm."""
-    return sum(disc.toll for disc in discs if disc.meets(start, end))

@@ -62,10 +62,10 @@ class Track:
 
 
 TOGETHER = 0.002
-"""Answers to one question come within so many seconds; what a drive says of itself hardly changes in that time."""
+"""Answers to one question come within this time, s; what a drive says of itself hardly changes meanwhile."""
 
 SURE = 3
-"""So often in a row they have to differ: once, a goto may begin just then, or a correction come."""
+"""How often in a row they have to differ: once may be a goto that begins just then, or a correction."""
 
 SAME_TIME, SAME_DISTANCE, SAME_ANGLE = 100, 50.0, 10.0
 """Answers that are no further apart are the same, ms, mm and degrees."""
@@ -84,6 +84,7 @@ class Twins:
         """Take in an answer; return the two that differ when it is sure that there are two drives, '' otherwise."""
         before, then = self._last.get(type(answer), (answer, -math.inf))
         self._last[type(answer)] = answer, now
+        # An answer to another question says nothing, and two drives are reported once.
         if now - then >= TOGETHER or self._times == SURE:
             return ""
         self._times = self._times + 1 if _differ(before, answer) else 0
@@ -94,4 +95,5 @@ def _differ(before: DriveAnswer, answer: DriveAnswer) -> bool:
     if isinstance(before, messages.KalmanPositionResponse) and isinstance(answer, messages.KalmanPositionResponse):
         return not is_near(before[:3], answer[:3], SAME_DISTANCE, SAME_ANGLE)
     times = before[0], answer[0]
+    # One knows of a goto and the other does not: a few milliseconds do not explain that.
     return times.count(None) == 1 or abs((times[0] or 0) - (times[1] or 0)) > SAME_TIME

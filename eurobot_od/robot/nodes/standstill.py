@@ -62,6 +62,7 @@ def _standing_place(core: RobotNode) -> Script[messages.KalmanPositionResponse |
     yield Pause(period)
     try:
         state = yield Ask(messages.GotoStateRequest(), messages.GotoStateResponse, period, 1)
+        # The place twice, a period apart: a drive still rolling to a stop says "no goto" as well.
         before = yield ask_position
         yield Pause(period)
         after = yield ask_position

@@ -60,11 +60,13 @@ def check_nodes(core: RobotNode, checked: set[str], without: Collection[str] = (
     not checked.
     """
     took = {}
+    # Before anything is asked: a node that does not answer now must not count as checked from before.
     checked.clear()
     yield START
     for node, request, answer in NODE_CHECKS:
         if node in without:
             continue
+        # Answers are told apart by their identifiers: in 2014 either node's answer satisfied either check.
         asked = core.now
         yield core.asking(request, answer, *CHECK_SETTINGS)
         took[node] = core.now - asked
@@ -96,9 +98,11 @@ def configure(
     Raises NoAnswer, DialectMismatch.
     """
     yield START
+    # Until the confirm nobody knows which configuration the nodes go by.
     readiness.configured = False
     yield core.asking(configuration, messages.StartConfigurationConfirm, *CONFIGURATION_SETTINGS)
     confirmed = core.now
+    # One confirm may be anybody's, and two equal ones merge on the wire: so both nodes are asked once more.
     yield from check_nodes(core, readiness.checked, without)
     readiness.configured = True
     return confirmed

@@ -130,11 +130,11 @@ class FieldPanel(Panel):
         if type(message) in self._heard:
             self._heard[type(message)].set()
         recording = self._recorder.recording
-        # The last goto is told again: this message may have ended it.
+        # The last goto is looked at again: this message may have ended it.
         before = max(len(recording.gotos) - 1, 0)
         self._recorder.take(time, message)
         for path in recording.paths.values():
-            # In one go and not message by message: to delete at the front moves all the rest.
+            # Many at once, as deleting at the front moves all the rest.
             if len(path) > 2 * KEPT:
                 del path[:KEPT]
         if isinstance(message, StartConfigurationSet):

@@ -162,7 +162,7 @@ class Recorder:
         self.start = time if self.start is None else self.start
         # Times in a log may go back by a moment; the match does not.
         now = self.recording.end = max(time - self.start, self.recording.end)
-        # A stop acts even with an obstacle that nobody knows (Table 1): the drive stops for it as well.
+        # The drive stops even for an obstacle that nobody knows (Table 1), so the picture shows that stop.
         if is_flagged(message) and type(message) not in messages.CATALOGUE.always:
             return
         handle = HANDLERS.get(type(message))
@@ -235,6 +235,6 @@ def at(path: list[PathPoint], time: float) -> PathPoint | None:
     if not path or after in (0, len(path)):
         return (path[-1] if after else path[0]) if path else None
     one, two = path[after - 1], path[after]
-    # The times differ: bisect has put the asked one after the first and not after the second.
+    # Never 0: bisect has put the time after the first and before the second.
     share = (time - one.time) / (two.time - one.time)
     return PathPoint(time, one.x + share * (two.x - one.x), one.y + share * (two.y - one.y), one.angle)

@@ -15,7 +15,7 @@ from eurobot_od.support import svg
 from eurobot_od.support.svg import GREEN, INK, PAPER, RED, PaperPoint
 
 MOST_TICKS = 60
-"""So many times are marked at most: one far timestamp in a log is no reason to draw for ever."""
+"""The most times that are marked: one far timestamp in a log is no reason to draw for ever."""
 
 TEXT, SMALL = 38, 31
 

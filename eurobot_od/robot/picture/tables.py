@@ -26,7 +26,7 @@ HEIGHT = 2640
 """From the legend's first line to the foot of the page."""
 
 HEADS = 6
-"""So many rows are taken by headings, gaps, and the lines that say what is left out."""
+"""Rows taken up by headings, gaps, and the lines that say what is left out."""
 
 TIME_TICK = 10
 """Seconds between two marks on the time line."""
@@ -37,7 +37,7 @@ def column(recording: Recording, facts: Facts) -> str:
     legend = list(_legend(recording, facts))
     below = LEGEND_ROW * len(legend) + 90
     rows = (HEIGHT - below) // ROW - HEADS
-    # A third of the rows is the stops' in any case; what gotos leave free is theirs as well.
+    # Stops get a third of the rows in any case, and whatever the gotos leave free.
     stops = min(len(recording.stops), max(rows // 3, rows - len(recording.gotos)))
     gotos = min(len(recording.gotos), rows - stops)
     return svg.group(
@@ -166,7 +166,7 @@ def _seconds(end: float, x: Callable[[float], float]) -> Iterator[str]:
     pieces = 90
     for piece in range(pieces):
         start = WIDTH * piece / pieces
-        # One unit wider: between two that only meet, renderers show a light line.
+        # One unit wider: renderers show a light line between two that only touch.
         yield svg.rectangle((start, TIME_Y), WIDTH / pieces + 1, BAR, fill=style.colour_at(piece / pieces))
     for time in (0, *style.ticks(TIME_TICK, end)):
         yield svg.line((x(time), TIME_Y), (x(time), SCORE_Y + SCORE_BAR), stroke=svg.GRID, stroke_width=3)
@@ -221,23 +221,18 @@ def _points(scores: Sequence[ScoredTask], x: Callable[[float], float]) -> Iterat
     last = float(SCORE_Y - ROW)
     for robot, total in totals.most_common():
         own = [each for each in scores if each.robot == robot]
-        line = [(place, SCORE_Y + SCORE_BAR * (1 - points / max(totals.values()))) for place, points in _steps(own, x)]
+        steps, points = [(0.0, 0)], 0
+        for each in own:
+            # Two corners at each time: points come at once, and the line goes straight up.
+            steps += [(x(each.time), points), (x(each.time), points + each.points)]
+            points += each.points
+        steps.append((WIDTH, points))
+        line = [(place, SCORE_Y + SCORE_BAR * (1 - height / max(totals.values()))) for place, height in steps]
         colour, dashes = (style.GOTO, None) if robot == OURS else (style.OTHERS[Enemy1PositionResponse][1], "18 12")
         last = max(line[-1][1], last + ROW)  # two that are nearly equal are written below each other
         yield svg.polyline(line, fill="none", stroke=colour, stroke_width=7, stroke_dasharray=dashes)
         yield style.label((WIDTH + 12, last + 11), str(total), fill=colour, anchor="start")
     yield from _names([each for each in scores if each.robot == OURS], x)
-
-
-def _steps(scores: Sequence[ScoredTask], x: Callable[[float], float]) -> Iterator[PaperPoint]:
-    """Yield the corners of one robot's line: places on the paper and points."""
-    points = 0
-    yield 0, points
-    for each in scores:
-        yield x(each.time), points
-        points += each.points
-        yield x(each.time), points
-    yield WIDTH, points
 
 
 def _names(scores: Sequence[ScoredTask], x: Callable[[float], float]) -> Iterator[str]:

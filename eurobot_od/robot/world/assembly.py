@@ -24,7 +24,7 @@ def assemble(nodes: Iterable[Node], options: MatchOptions, clock: Callable[[], f
 def equip(nodes: Iterable[Node], vehicle: Vehicle, errors: Errors, seed: str) -> None:
     """Give some of a robot's nodes the instruments that they have on its vehicle; `seed` is that of their errors."""
     for node in nodes:
-        # A stream of chance for each instrument: one more look of the sensor must not change how the wheels roll.
+        # A random stream for each instrument: one more look of the sensor must not change how the wheels roll.
         if isinstance(node, Drive):
             node.chassis = SimulatedWheels(vehicle, errors, random.Random(f"{seed} wheels"))
         if isinstance(node, Navigation):

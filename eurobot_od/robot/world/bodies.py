@@ -147,12 +147,12 @@ class RobotBody(Body):
     def approach(self, other: Body) -> float:
         """Tell how fast it drives towards another body, mm/s; negative if away from it."""
         bearing = math.radians(self.angle - self.pose.bearing(other.point))
-        # Only the part along the line between the two: who passes by does not come nearer.
+        # Only the part along the line between the two: a robot that passes by does not come nearer.
         return self.speed * math.cos(bearing)
 
 
 def standing(barriers: Iterable[Barrier]) -> list[Body]:
-    """Return what stands on the field at the begin of a match."""
+    """Return what stands on the field at the start of a match."""
     weights = {True: Weight.LIGHT, False: Weight.FIXED}
     return [Body(each.name, each.point, each.kind.radius, weights[each.kind.pushed]) for each in barriers]
 
@@ -162,7 +162,7 @@ def nearest_on(corners: list[Point], point: Point) -> Point:
     on_sides = []
     for start, end in pairwise([*corners, corners[0]]):
         dx, dy = end.x - start.x, end.y - start.y
-        # The foot of the perpendicular, held between the corners; 1.0 is for a side of no length, a corner said twice.
+        # The foot of the perpendicular, kept between the corners; 1.0 is for a side without length.
         along = ((point.x - start.x) * dx + (point.y - start.y) * dy) / (dx * dx + dy * dy or 1.0)
         share = min(max(along, 0.0), 1.0)
         on_sides.append(Point(start.x + share * dx, start.y + share * dy))

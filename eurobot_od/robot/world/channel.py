@@ -146,23 +146,22 @@ class Channel:
         """Return the answer to a line; both are without, and with, the line's end."""
         self.requests += 1
         try:
-            said = {ANSWER: self._result(_parsed(line))}
+            given = _parsed(line)
+            name, robot, token = given.pop(REQUEST, None), given.pop(ROBOT, OURS), str(given.pop(TOKEN, ""))
+            # In constant time: how long a comparison takes would tell how much of a guessed token is right.
+            if self._token and not hmac.compare_digest(token.encode(), self._token.encode()):
+                raise LocalError("the token is missing or wrong: give the address as the world printed it")
+            # In a tuple, as JSON may bring a list, which has no hash and is in no mapping.
+            if name not in tuple(REQUESTS):
+                raise UnknownName("request", name, REQUESTS)
+            if robot not in tuple(self._matches):
+                raise UnknownName("robot", robot, self._matches)
+            asked = _Asked(self._world, self._matches[robot], robot, _checked(name, given))
+            said = {ANSWER: REQUESTS[name].answer(asked)}
         except EurobotError as error:
             self.refused += 1
             said = {ERROR: str(error)}
         return json.dumps(said).encode() + b"\n"
-
-    def _result(self, given: dict[str, Any]) -> Any:
-        name, robot, token = given.pop(REQUEST, None), given.pop(ROBOT, OURS), str(given.pop(TOKEN, ""))
-        # In constant time: how long a comparison takes would tell how much of a guessed token is right.
-        if self._token and not hmac.compare_digest(token.encode(), self._token.encode()):
-            raise LocalError("the token is missing or wrong: give the address as the world printed it")
-        if name not in tuple(REQUESTS):
-            raise UnknownName("request", name, REQUESTS)
-        if robot not in tuple(self._matches):
-            raise UnknownName("robot", robot, self._matches)
-        fields = _checked(name, given)
-        return REQUESTS[name].answer(_Asked(self._world, self._matches[robot], robot, fields))
 
 
 def _parsed(line: bytes) -> dict[str, Any]:

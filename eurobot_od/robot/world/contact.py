@@ -71,7 +71,7 @@ class Contacts:
         there = self._clear(body, wanted)
         body.go(there.point, there.angle, self._clock())
         if body.touching:
-            # A contact is over only RELEASED mm away: a robot that shakes at an edge touches it once.
+            # A contact is over only RELEASED mm away: a robot that jitters at an edge touches it once.
             bodies = [*self.things, *self._robots.values()]
             near = {each.name for each in bodies if body.gap(body.pose, each) < RELEASED}
             if body.inside(body.pose, self.field, RELEASED) != body.point:
@@ -89,48 +89,39 @@ class Contacts:
         if point != wanted.point:
             self._touch(body, BORDER, wanted.point)
         pose = Pose(*point, wanted.angle)
-        near = self._near(body, point)
+        near: list[Body] = [each for each in self._robots.values() if each is not body]
+        body.room -= body.pose.distance(point)
+        if body.room <= 0:  # what stands may be in reach: measure the room anew, and look at all of it
+            body.room = min((gap(point, body.radius, each) for each in self.things), default=0.0)
+            near += self.things
         met = [each for each in near if body.gap(pose, each) < 0]
         for each in met:
             pose = Pose(*self._meet(body, pose, each), wanted.angle)
-        # Light things are left out: they have been pushed, and may be jammed between two robots without stopping them.
+        # Light things are left out: they have been pushed already, and hold nobody up.
         heavy = [each for each in near if each.weight is not Weight.LIGHT] if met else []
         if any(body.gap(pose, each) < -WEDGED for each in heavy):
-            # A disc can always turn on the spot; a corner of an outline would turn into what holds it.
+            # A disc can always turn on the spot; the corner of an outline would turn into what holds it.
             return Pose(*body.point, body.angle if body.shape else wanted.angle)
         return Pose(*body.inside(pose, self.field), wanted.angle) if met else pose
-
-    def _near(self, body: RobotBody, point: Point) -> list[Body]:
-        """Return what a robot can meet on its way to a place: the other robots, and what stands near."""
-        robots = [each for each in self._robots.values() if each is not body]
-        body.room -= body.pose.distance(point)
-        if body.room > 0:
-            return [*robots]
-        body.room = min((gap(point, body.radius, each) for each in self.things), default=0.0)
-        return [*robots, *self.things]
 
     def _meet(self, body: RobotBody, pose: Pose, other: Body) -> Point:
         """Have a robot meet a body at a pose; return where the robot is then."""
         self._touch(body, other.name, other.point)
         if other.weight is Weight.LIGHT:
             other.point = inside(body.pushes(pose, other), 0, self.field)
-            self.stir()  # it may lie now where a robot believed that it had room
+            self.stir()  # it may now lie where another robot counts on room
             self._pushed(other)
             return pose.point
         if isinstance(other, RobotBody):
-            self._shove(body, pose, other)
+            # It yields a little, and its wheels do not notice. Only a share: its motors brake, and it is heavy.
+            x, y = (old + SHOVE * (new - old) for old, new in zip(other.point, body.pushes(pose, other)))
+            there = Pose(x, y, other.angle)
+            fixed = [each for each in self.things if each.weight is Weight.FIXED]
+            # Not into a wall: a robot shoved against something fixed stays put, and stops the other one.
+            if all(other.gap(there, each) >= 0 for each in fixed):
+                other.go(other.inside(there, self.field), other.angle, self._clock())
+                other.room = 0.0
         return body.out_of(pose, other)
-
-    def _shove(self, body: RobotBody, pose: Pose, other: RobotBody) -> None:
-        """Have a robot yield a little to one that drives into it; its wheels do not notice."""
-        # Only a share: a driven robot brakes with its weight and its motors.
-        x, y = (old + SHOVE * (new - old) for old, new in zip(other.point, body.pushes(pose, other)))
-        there = Pose(x, y, other.angle)
-        fixed = [each for each in self.things if each.weight is Weight.FIXED]
-        # Not into a wall: who is shoved against something fixed stands, and stops the other one.
-        if all(other.gap(there, each) >= 0 for each in fixed):
-            other.go(other.inside(there, self.field), other.angle, self._clock())
-            other.room = 0.0
 
     def _touch(self, body: RobotBody, thing: str, towards: Point) -> None:
         """Tell that a robot meets something, which lies towards a point, unless it does already."""
@@ -139,7 +130,7 @@ class Contacts:
         body.touching.add(thing)
         place = body.edge(towards)
         other, speed, met = self._robots.get(thing), abs(body.speed), 0.0
-        # Both touch: otherwise the other one's next step would tell the same contact again.
+        # Both touch: otherwise the other one's next step would report the same contact again.
         if other is not None:
             other.touching.add(body.name)
             speed, met = body.approach(other), other.approach(body)

@@ -36,7 +36,7 @@ class FallenThing:
                 self.body = None
         elif robot.speed >= FAST:
             point = robot.pose.moved(robot.radius + AHEAD + RADIUS, 0).point
-            # Not there: it waits for a better place, so that every match has its fall.
+            # Too near, and it waits for a better place, so that every match has its fall.
             if inside(point, FROM_BORDER, self._contacts.field) == point:
                 self._fell, self.body = now, Body("fallen thing", point, RADIUS, Weight.LIGHT)
                 self._contacts.things.append(self.body)

@@ -52,7 +52,7 @@ class Game:
         if key in self._done:
             return 0
         self._done.add(key)
-        # A stream by its name: whether the mammoth is hit does not depend on what was done before.
+        # A random stream for each task: whether the mammoth is hit does not depend on what was done before.
         chance = random.Random(f"{self._seed} {robot} {task.name}")
         came = task.points * sum(chance.random() < task.chance for _ in range(task.tries))
         if task.worth is Worth.FRUIT:

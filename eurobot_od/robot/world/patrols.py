@@ -49,7 +49,7 @@ class Patrol:
         """Wait `here` for what is in the way, and turn round when that took too long; return where it looks then."""
         self._waited += dt
         if self._waited >= WAIT:
-            # It turns round rather than waiting on: two that wait for each other would stand to the end of the match.
+            # It turns round rather than wait on: two that wait for each other would stand there to the end.
             self._waited, self._step = 0.0, -self._step
             self._aim_at_next()
             self.pose = Pose(*here, Pose(*here, 0).bearing(self._points[self._leg]))
@@ -77,6 +77,6 @@ class Patrol:
         rounds = facts.others[who].rounds
         points = [Point(x + chance.uniform(-STRAY, STRAY), y + chance.uniform(-STRAY, STRAY)) for x, y in rounds]
         seen = [facts.field.seen_by(team, point) for point in points]
-        # Drawn for everybody: the confederate, who is never careless, leaves the others' chance as it is.
+        # Drawn for everybody, also for the confederate, who is never careless: so the order of chance stays the same.
         speed, careless = chance.uniform(*SPEEDS), chance.random() < CARELESS
         return cls(seen, speed, careless and who is not Source.CONFEDERATE)

@@ -64,7 +64,7 @@ class _Connection:
         try:
             if self._socket is None:
                 self._socket = socket.create_connection(self._address, TIMEOUT)
-                # A line is one small packet that is waited for: Nagle's algorithm would hold it back.
+                # A request is one small packet that somebody waits for: Nagle's algorithm would hold it back.
                 self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
                 # From now on no name has to be looked up, which may take longer than TIMEOUT.
                 self._address = self._socket.getpeername()[:2]
@@ -74,7 +74,7 @@ class _Connection:
             answer = self._answer(connection)
         except OSError:
             self.close()  # an answer that comes later would be taken for the next one's
-            # One that has answered before is asked again at once: it may have been started anew.
+            # One that has answered before is asked again at once: it may just have been restarted.
             self._rests_until = time.monotonic() + RETRY * (not self._has_answered)
             self._has_answered = False
             raise
@@ -84,7 +84,7 @@ class _Connection:
     def _answer(self, connection: socket.socket) -> bytes:
         end, answer = time.monotonic() + TIMEOUT, b""
         while not answer.endswith(b"\n"):
-            # The time is for the whole answer, not for each part; 0 would mean "do not wait", which is another error.
+            # The time is for the whole answer, not for each part; 0 would mean "do not wait", and raise another error.
             connection.settimeout(max(end - time.monotonic(), 0.001))
             part = connection.recv(LINE_LIMIT)
             if not part or len(answer) > LINE_LIMIT:
@@ -101,7 +101,7 @@ class _Connection:
 class RemoteVehicle:
     """One robot of a world in another process (see `vehicle.Vehicle`); any thread may call it.
 
-    `report` is told once when the world cannot be reached any more, and once when it is back. A world that was started
+    `report` is called once when the world can no longer be reached, and once when it is back. A world that was started
     anew is found again.
     """
 

@@ -23,7 +23,7 @@ class Sensor:
         """Measure what is ahead; None if nothing is seen."""
         errors, chance = self._errors, self._chance
         seen = self._vehicle.ahead(errors.sensor_range, errors.sensor_angle)
-        # Also when something is there: what is not there hides it.
+        # Also when something is there: the false echo hides it.
         if chance.random() < errors.sensor_false:
             return Detection(Obstacle.OBJECT, chance.uniform(0, errors.sensor_range), 0.0)
         if seen is None or chance.random() < errors.sensor_missed:

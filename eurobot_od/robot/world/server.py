@@ -18,13 +18,13 @@ from eurobot_od.robot.world.world import OURS, World
 from eurobot_od.support.address import Address
 
 LOOKS = 0.1
-"""How often the server looks what is new, s."""
+"""How often the server looks for news, s."""
 
 HTTP = re.compile(rb"(GET|HEAD|POST|PUT|DELETE|OPTIONS|PATCH|TRACE|CONNECT) ")
 """Begins a request of a browser, which ends the connection; a line of ours begins with a brace."""
 
 REMEMBERED = 10_000
-"""So many steps of each robot are kept, or a world that goes on for days would grow without end."""
+"""How many steps of each robot are kept: a world that runs for days must not grow without end."""
 
 
 class _Client(asyncio.Protocol):
@@ -67,7 +67,7 @@ class Server:
     async def serve(
         self, where: WorldAddress, duration: float, listening: Callable[[WorldAddress], object] = lambda _: None
     ) -> None:
-        """Serve for so many seconds; `listening` is called with the address once it does. Raises WorldError."""
+        """Serve for `duration` seconds; `listening` is called with the address once it does. Raises WorldError."""
         loop = asyncio.get_running_loop()
         try:
             server = await loop.create_server(lambda: _Client(self._channel.answer, self._clients), *where.address)

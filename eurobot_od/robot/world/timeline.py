@@ -46,7 +46,7 @@ class MatchEvent:
 
 
 class Timeline:
-    """Where events are told; `show` is called with each as it comes. `clock` is the match's: seconds since power-on."""
+    """Where events go; `show` is called with each as it comes. `clock` is the match's: seconds since power-on."""
 
     def __init__(self, clock: Callable[[], float], show: Callable[[MatchEvent], None]) -> None:
         self.clock, self._show = clock, show

@@ -1,4 +1,4 @@
-"""A simulated robot's wheels: they do not quite do what they are told, and do not quite tell what they did."""
+"""A simulated robot's wheels: they do not quite do what they are told, nor quite report what they did."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class SimulatedWheels:
 
     def __init__(self, vehicle: Vehicle, errors: Errors, chance: random.Random) -> None:
         self._vehicle, self._errors, self._chance = vehicle, errors, chance
-        # Drawn once for a match, as tyres and track do not change in it; the first one the drive's filter learns.
+        # Drawn once, as tyres and track do not change in a match; the drive's filter learns the first of the two.
         self._scale, self._bias = chance.gauss(1, errors.wheel_scale), chance.gauss(1, errors.wheel_turn)
 
     def advance(self, command: Command, dt: float) -> Odometry:
@@ -39,12 +39,12 @@ class SimulatedWheels:
         return Odometry(told.distance * (share + self._errors.wheel_slip * (1 - share)), told.turn)
 
     def _rolled(self, told: Odometry) -> Odometry:
-        """Return how the wheels really roll where they are told a step."""
+        """Return how the wheels really roll when they are given a step."""
         metres, quarters = abs(told.distance) / 1000, abs(told.turn) / 90
         distance, turn = told.distance * self._scale, told.turn * self._bias
         if metres:
             distance += self._chance.gauss(0, self._errors.wheel_noise * math.sqrt(metres))
-        # Errors at random grow with the root of the way: the sum of many small ones.
+        # Random errors grow with the root of the way: they are the sum of many small ones.
         if metres or quarters:
             turn += self._chance.gauss(0, self._errors.heading_noise * math.sqrt(metres + quarters))
         return Odometry(distance, turn)

@@ -95,7 +95,7 @@ class World:
     def _put(self, name: str) -> None:
         """Put a robot that nodes drive where its team starts."""
         start = self.facts.start(self._teams[name])
-        # Ours is without the robot's name, and stays so: another name would be another match for every seed.
+        # Ours has no robot's name in it, and keeps it so: another name would make another match of every seed.
         chance = self._stream(f"placement {name}" if name != OURS else "placement")
         spreads = (PLACEMENT, PLACEMENT, PLACEMENT_ANGLE)
         shape = self.facts.body
@@ -145,7 +145,7 @@ class World:
             self._fallen.look_at(body, self.clock())
         if body.point == there.point or not self._options.solid:
             return wanted.distance
-        # What it came along the chord, with its sign: a robot pushed back has made a negative way.
+        # Along the chord, with its sign: a robot that was pushed back has made a negative way.
         heading = math.radians(before.angle + wanted.turn / 2)
         return (body.point.x - before.x) * math.cos(heading) + (body.point.y - before.y) * math.sin(heading)
 
@@ -161,20 +161,17 @@ class World:
         while self._now + PACE <= self.clock():
             self._now += PACE
             for name, patrol in self._patrols.items():
-                self._step(self.robots[name], patrol)
-
-    def _step(self, body: RobotBody, patrol: Patrol) -> None:
-        if nearest_ahead(body, self.robots.values(), patrol.look_out, LOOK_OUT_ANGLE):
-            body.speed, body.angle = 0.0, patrol.held_up(body.point, PACE).angle
-            return
-        before, wanted = body.point, patrol.advance(body.point, PACE)
-        body.speed = patrol.speed
-        self._go(body, wanted)
-        # Sliding along something does not count as going on: it would rub there to the end of the match.
-        if math.dist(before, body.point) < 0.2 * patrol.speed * PACE:
-            body.angle = patrol.held_up(body.point, PACE).angle
-        else:
-            patrol.gone_on()
+                body = self.robots[name]
+                if nearest_ahead(body, self.robots.values(), patrol.look_out, LOOK_OUT_ANGLE):
+                    body.speed, body.angle = 0.0, patrol.held_up(body.point, PACE).angle
+                    continue
+                before, body.speed = body.point, patrol.speed
+                self._go(body, patrol.advance(before, PACE))
+                # Sliding along something does not count as going on: it would rub there to the end of the match.
+                if math.dist(before, body.point) < 0.2 * patrol.speed * PACE:
+                    body.angle = patrol.held_up(body.point, PACE).angle
+                else:
+                    patrol.gone_on()
 
     # What can be seen
 
@@ -186,7 +183,7 @@ class World:
             return None
         if not age:
             return body.pose
-        # The trace is in the order of time, and has thousands of steps: it is not searched from its begin.
+        # The trace is ordered by time and has thousands of steps, so it is bisected.
         after = bisect_right(body.trace, self.clock() - age, key=lambda moment: moment[0])
         return body.trace[max(after - 1, 0)][1]
 
