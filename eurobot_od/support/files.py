@@ -21,6 +21,9 @@ from pathlib import Path
 LONGEST_WAIT, WAIT = 0.5, 0.01
 """Seconds that another program may have the folder, and between two looks whether it still has."""
 
+ABANDONED = 60.0
+"""Seconds after which a new file that has taken nobody's place was left by a crash."""
+
 NAME_BYTES = 4
 """So many random bytes, in hexadecimal digits, make the name of a new file its own."""
 
@@ -69,7 +72,10 @@ def _folder(file: Path) -> Iterator[None]:
     try:
         if _locked(folder):
             for left in file.parent.glob(f"{escape(file.name)}.{'[0-9a-f]' * 2 * NAME_BYTES}.new"):
-                left.unlink(missing_ok=True)
+                with suppress(FileNotFoundError):
+                    # Not a young one: a program that has waited too long for the lock may just be writing it.
+                    if time.time() - left.stat().st_mtime > ABANDONED:
+                        left.unlink()
         yield
         os.fsync(folder)  # the name is the folder's content, not the file's
     finally:

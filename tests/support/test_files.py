@@ -71,9 +71,17 @@ def test_a_new_file_has_the_mode_that_the_user_wants(tmp_path: Path) -> None:
 def test_what_a_crash_has_left_goes_and_other_files_stay(file: Path) -> None:
     for name in ("settings [1].dcf.0123abcd.new", "settings [1].dcf.mine.new", "other.dcf.0123abcd.new"):
         file.with_name(name).write_bytes(b"half")
+        os.utime(file.with_name(name), (1.0, 1.0))
     write_whole(file, b"new")
     left = sorted(each.name for each in file.parent.iterdir())
     assert left == ["other.dcf.0123abcd.new", "settings [1].dcf", "settings [1].dcf.mine.new"]
+
+
+def test_what_another_program_is_just_writing_stays(file: Path) -> None:
+    beside = file.with_name("settings [1].dcf.0123abcd.new")
+    beside.write_bytes(b"half")  # by one that has waited too long for the lock, and writes without it
+    write_whole(file, b"new")
+    assert beside.exists()
 
 
 def test_a_program_that_hangs_with_the_lock_stops_nobody(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
