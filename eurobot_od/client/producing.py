@@ -36,7 +36,7 @@ def times(now: Callable[[], datetime], cob_id: int = TIME_COB_ID) -> Iterator[Fr
 
 
 def produce(master: Master, frames: Iterable[Frame], period: float, guard: Guard = unguarded) -> None:
-    """Send the first frame at once and then one every `period` seconds until there are no more, under a guard.
+    """Send the first frame at once and then one every `period` seconds until there are no more, with the guard held.
 
     Raises BusError.
     """

@@ -167,7 +167,7 @@ class NodeWatch:
 
 
 def watch_nodes(master: Master, watch: NodeWatch, end: float = inf, guard: Guard = unguarded) -> None:
-    """Watch the nodes of a master's bus until its clock is at `end`, step by step under a guard. Raises BusError."""
+    """Watch the nodes of a bus until its clock is at `end`, holding the guard for each step. Raises BusError."""
     for node_id in NODE_IDS:
         master.listeners[ERROR_CONTROL_BASE + node_id] = partial(_receive, master, watch, node_id)
     while master.clock() < end:

@@ -1,6 +1,6 @@
 """The NMT slave: states, commands, boot-up and heartbeat (CiA 301, 7.2.8 and 7.3.2).
 
-Rule of this file: no clock and no bus; the state machine is one table, and who resets what is told by its result.
+Rule of this file: no clock and no bus; the state machine is one table, and its result says who resets what.
 """
 
 from __future__ import annotations

@@ -276,7 +276,7 @@ class Node:
     def handle(self, message: Message) -> None:
         """Take in a message that has come, and act on it if it can be believed and the node does not refuse it.
 
-        One that cannot be believed is counted and told by EMCY, once until a message of its type can be again.
+        One that cannot be believed is counted and reported by EMCY, once until a message of its type can be again.
         """
         emergencies, what = self.device.emergencies, (Node.doubt, type(message))
         doubt = self.doubt(message)

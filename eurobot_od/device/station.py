@@ -22,7 +22,7 @@ from eurobot_od.support.backoff import Backoff
 
 
 class OnError(Enum):
-    """What becomes of a node that raises an exception; it is stopped before, and told by EMCY."""
+    """What becomes of a node that raises an exception; it is stopped before, and reported by EMCY."""
 
     END = "end"
     RESTART = "restart"

@@ -71,7 +71,7 @@ class Dictionary:
 
     @property
     def changes(self) -> list[Change]:
-        """What the file writes otherwise than CiA 306 asks for, and was read as it is meant."""
+        """What the file does not write as CiA 306 asks for, and was read as it is meant."""
         return [each for each in self._normal.changes if not each.standard]
 
     @property
@@ -231,7 +231,7 @@ def _imported(file: Path, normal: Normal, node_id: int) -> ObjectDictionary:
 
     from canopen.objectdictionary import ObjectDictionaryError, eds
 
-    logging.getLogger("canopen").addHandler(logging.NullHandler())  # an error is told once: by what is raised
+    logging.getLogger("canopen").addHandler(logging.NullHandler())  # an error is reported once: by what is raised
     try:
         objects: ObjectDictionary = eds.import_eds(StringIO(normal.text), node_id)  # type: ignore[no-untyped-call]
     except (ValueError, KeyError, configparser.Error, ObjectDictionaryError) as error:

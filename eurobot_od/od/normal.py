@@ -35,7 +35,7 @@ BYTES = (values.OCTET_STRING, values.DOMAIN)
 
 
 class Change(NamedTuple):
-    """What is written otherwise than in the file: the line it is about, and what was done.
+    """What is written differently from the file: the line it is about, and what was done.
 
     `standard` tells that CiA 306 allows what stood there; the others mend what it does not.
     """
@@ -65,7 +65,7 @@ class Dropped(NamedTuple):
 class Normal(NamedTuple):
     """A file in its normal form.
 
-    `text` is that form, `encoding` the one of the file. `changes` is what the form has otherwise than the file,
+    `text` is that form, `encoding` the one of the file. `changes` is where the form differs from the file,
     `refusals` what cannot be used of it, `dropped` what canopen does not read.
     """
 

@@ -7,7 +7,7 @@ makes its steps from the `Subject`, which is what the file says. The name of eac
 
 Rules of this package:
 - What the file does not have is skipped with the reason, never red. What the standard leaves open is open here.
-- A step asks for what is right, it does not guess what is wrong: which fault a device has is told by the step's name.
+- A step asks for what is right, it does not guess what is wrong: the step's name says which fault a device has.
 - What is written is put back, and a write that has to be refused writes what would do the least harm. Without
   `destructive` nothing is stored, and no object gets another value but those of the communication that is checked: the
   heartbeat time, a PDO's record and the transmission of a TPDO, each for as long as it is looked at.

@@ -83,7 +83,7 @@ def _too_short(subject: Subject) -> Iterator[Data]:
         wait("50 ms"),
         {"name": "the frame", "send": {"raw": frame}},
         {"name": f"EMCY 0x{code:04X}", "emcy": f"0x{code:04X}"},
-        never("it is told once", {"emcy": f"0x{code:04X}"}, ONCE),
+        never("it is reported once", {"emcy": f"0x{code:04X}"}, ONCE),
         *_registered(subject),
         *_remembered(subject, code),
         nmt("reset communication"),

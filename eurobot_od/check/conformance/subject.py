@@ -247,7 +247,7 @@ def never(name: str, pattern: object, span: str) -> Data:
 def awake(subject: Subject, name: str = "answers an SDO request") -> Data:
     """Ask for an object until it is answered, if only by an abort: the device is up after a reset.
 
-    A device that does not come back is told once: nothing else can be asked then.
+    A device that does not come back is reported once: nothing else can be asked then.
     """
     return {
         "name": name,

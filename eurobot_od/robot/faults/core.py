@@ -232,7 +232,7 @@ FAULTS = {
         "sends a stop once and takes it for heard", hooks.preset("Standstill.Stop period", 60_000)
     ),
     "standstill-not-watched": Caught(
-        "core", "4.2.2 Emergency mushroom: a robot that is not seen to stand is told by EMCY"
+        "core", "4.2.2 Emergency mushroom: a robot that is not seen to stand is reported by EMCY"
     ).fault("never says that the robot does not stop", hooks.preset("Standstill.Standstill wait", 60_000)),
     "unconfirmed-goto-left": Caught("core", "2.1 Goto ACK: and then stopped, as the drive may have heard it").fault(
         "gives up a goto that is not confirmed without stopping the drive",

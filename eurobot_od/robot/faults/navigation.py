@@ -114,7 +114,7 @@ FAULTS = {
         "confirms the start configuration and forgets it",
         hooks.handling(StartConfigurationSet, lambda navigation, *_: navigation.offer(StartConfigurationConfirm())),
     ),
-    "navi-contradictions-taken": Caught("navigation", "Table 3: no enemy, but a diameter, is told by EMCY").fault(
+    "navi-contradictions-taken": Caught("navigation", "Table 3: no enemy, but a diameter, is reported by EMCY").fault(
         "takes a start configuration that contradicts itself", ContradictionsTaken
     ),
     "navi-mute-after-shutdown": Caught(

@@ -1,4 +1,4 @@
-"""The picture of a match that was played here: what was on the bus, and what the world knows besides."""
+"""The picture of a match that was played here: what was on the bus, and what only the simulated world knows."""
 
 from __future__ import annotations
 

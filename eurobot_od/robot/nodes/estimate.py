@@ -48,7 +48,7 @@ SOONEST, LATEST = 0.05, 1.0
 LATEST is less than two of its usual pauses, so that a robot that was carried away finds back soon."""
 
 LONGEST_LATENCY = 2.0
-"""Seconds for which the odometer is remembered; a position that is older is taken for one of then."""
+"""Seconds for which the odometer is remembered; a position that is older is taken to be from that time."""
 
 
 class Estimate:

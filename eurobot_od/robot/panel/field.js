@@ -171,7 +171,7 @@ panel("field", (setup, source) => {
   return {
     element: h("div", {class: "field-panel"}, drawing, list, form, legend),
     show(time) {
-      say(list, robots.map(robot => showRobot(robot, time)).filter(Boolean).join(" · ") || "nobody was seen yet");
+      say(list, robots.map(robot => showRobot(robot, time)).filter(Boolean).join(" · ") || "no robot seen yet");
       showEvents(time);
       show(form, connection.control);
     },

@@ -87,7 +87,7 @@ class RobotBody(Body):
         self.point, self.angle, self.room = pose.point, pose.angle, 0.0
 
     def go(self, point: Point, angle: float, now: float) -> None:
-        """Let it have come to a place."""
+        """Put it where its way has led it."""
         self.point, self.angle = point, angle
         self.trace.append((now, self.pose))
 
