@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from contextlib import closing
 
 import can
@@ -22,6 +23,7 @@ class Scene:
 
     def __init__(self, opens: bool = True, refusals: int = 0, bus: type[can.BusABC] = VirtualBus) -> None:
         self.now, self.refusals, self._bus = 0.0, refusals, bus
+        self.on_open: Callable[[], object] = lambda: None
         self.told: list[object] = []
         opener = self._open if opens else None
         self.connection = Connection(
@@ -40,6 +42,7 @@ class Scene:
         if self.refusals:
             self.refusals -= 1
             raise BusError("not yet")
+        self.on_open()
         return self._bus("connection")
 
 
@@ -89,6 +92,14 @@ def test_what_is_closed_neither_fails_nor_opens() -> None:
         scene.connection.fail(FAILED)
         assert not scene.connection.reopen()
         assert scene.told == []
+
+
+def test_a_bus_that_is_closed_while_it_opens_is_not_read() -> None:
+    with closing(Scene()) as scene:
+        scene.connection.fail(FAILED)
+        scene.on_open = scene.connection.close
+        assert not scene.connection.reopen()
+        assert not scene.connection.up
 
 
 class CountingBus(VirtualBus):

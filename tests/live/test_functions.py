@@ -111,7 +111,13 @@ def test_when_too_many_calls_wait_the_oldest_are_lost_counted_and_reported(scene
     assert str(scene.reports[0]).endswith("too many calls wait, 1 message lost so far; the newest are kept")
 
 
-@pytest.mark.parametrize("leave", [lambda *_: sys.exit(), lambda *_: 1 / 0], ids=["exit", "error"])
+def interrupted(*_: object) -> None:
+    raise KeyboardInterrupt
+
+
+@pytest.mark.parametrize(
+    "leave", [lambda *_: sys.exit(), interrupted, lambda *_: 1 / 0], ids=["exit", "interrupt", "error"]
+)
 def test_a_function_that_raises_is_reported_and_ends_no_other(scene: Scene, leave: object) -> None:
     scene.thread.submit(scene.listener("leaves", leave), 0, 0.0)
     scene.thread.submit(scene.hears, "still here", 0.0)

@@ -103,6 +103,7 @@ CONFINED = {
     "an extension": "INSTALL httpfs",
     "the confinement lifted": "SET enable_external_access = true; COPY (SELECT 1) TO '{outside}'",
     "another folder allowed": "SET allowed_directories = ['/']; COPY (SELECT 1) TO '{outside}'",
+    "a setting of any kind": "SET threads = 1",
     "a variable of Python": "SELECT * FROM values",
 }
 
