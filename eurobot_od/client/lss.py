@@ -16,6 +16,7 @@ from typing import NamedTuple, TypeAlias, TypeVar
 
 from eurobot_od.client.description import Identity
 from eurobot_od.client.master import STORE_WAIT, Master
+from eurobot_od.client.procedure import Procedure
 from eurobot_od.errors import LocalError, NoAnswer, RemoteError
 from eurobot_od.od.values import LSS_COB_IDS, NODE_IDS
 from eurobot_od.support.progress import Progress, unwatched
@@ -245,7 +246,8 @@ def _number(value: int) -> bytes:
 # The bus
 
 
-def perform(
+@Procedure
+async def perform(
     master: Master, steps: LssSteps[Result], wait: float = ANSWER_WAIT, progress: Progress = unwatched
 ) -> Result:
     """Do a service; a device has `wait` seconds for each answer, more to store. Raises as it does, and BusError.
@@ -259,7 +261,7 @@ def perform(
         for number in count(1):
             request = steps.send(answer)
             progress(number, None)
-            answer = _exchange(master, request, answers, wait)
+            answer = await _exchange(master, request, answers, wait)
         raise AssertionError  # `count` has no end
     except StopIteration as end:
         result: Result = end.value
@@ -268,13 +270,13 @@ def perform(
         del master.listeners[ANSWERS]
 
 
-def _exchange(master: Master, request: LssRequest, answers: list[bytes], wait: float) -> bytes | None:
+async def _exchange(master: Master, request: LssRequest, answers: list[bytes], wait: float) -> bytes | None:
     master.drain()  # a late answer to the request before is none to this one
     answers.clear()
     master.send(REQUESTS, request.data)
     if request.answer is None:
         return None
-    master.pump(_wait(request, wait), lambda: any(_fitting(answers, request)))
+    await master.pump.steps(_wait(request, wait), lambda: any(_fitting(answers, request)))
     return next(_fitting(answers, request), None)
 
 
