@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from eurobot_od.od.dictionary import Dictionary
     from eurobot_od.od.values import Value
     from eurobot_od.plugin import Plugin
-    from eurobot_od.simulation.network import Network
+    from eurobot_od.simulation.network import Simulation
     from eurobot_od.support.yaml_places import Place
 
 PATTERNS = ("*.check.yaml", "*.check.yml")
@@ -234,11 +234,11 @@ def eurobot_check(request: pytest.FixtureRequest) -> Callable[..., list[SuiteRes
 
 
 @pytest.fixture
-def eurobot_network() -> Network:
+def eurobot_network() -> Simulation:
     """A bus in simulated time: `attach` nodes, `run(until=...)` seconds, in no time."""
-    from eurobot_od.simulation.network import Network
+    from eurobot_od.simulation.network import Simulation
 
-    return Network()
+    return Simulation()
 
 
 @pytest.fixture

@@ -28,6 +28,9 @@ class Identity(NamedTuple):
     revision: int = 0
     serial: int = 0
 
+    def __str__(self) -> str:
+        return ":".join(f"0x{number:08X}" for number in self)
+
     @classmethod
     def of(cls, dictionary: Dictionary) -> Identity:
         """Return the identity that an EDS or DCF is for."""

@@ -210,6 +210,38 @@ def store() -> LssSteps[None]:
     return _configured(Lss.STORE, b"")
 
 
+def chosen(identity: Identity | None, alone: bool = False) -> LssSteps[Identity | None]:
+    """Put the device that is meant into configuration state; return its identity, None for the only one on the bus.
+
+    It is the only one (`alone`), the one with an identity, or else the first without a node-ID. Raises RemoteError if
+    there is none.
+    """
+    if alone:
+        yield from switch(LssState.CONFIGURATION)
+        return None
+    if identity:
+        found = identity if (yield from select(identity)) else None
+        missing = f"no device has the identity {identity}"
+    else:
+        yield from switch(LssState.WAITING)  # fastscan is for devices in waiting state only (CiA 305)
+        found, missing = (yield from fastscan()), "no device without a node-ID answers"
+    if found is None:
+        raise RemoteError(missing)
+    return found
+
+
+def assigned(node_id: int, identity: Identity | None, bit_rate: int | None, stores: bool) -> LssSteps[Identity | None]:
+    """Give the device of `chosen` a node-ID and, unless None, a bit rate in kbit/s, and have it store them."""
+    services = [configure_node_id(node_id)]
+    services += [] if bit_rate is None else [configure_bit_rate(bit_rate)]
+    device = yield from chosen(identity)
+    for each in services:
+        yield from each
+    if stores:
+        yield from store()
+    return device
+
+
 def _sent(request: LssRequest) -> LssSteps[None]:
     yield request
 

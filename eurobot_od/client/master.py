@@ -10,7 +10,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from contextlib import AbstractAsyncContextManager, AbstractContextManager, nullcontext
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 from eurobot_od.client.procedure import Procedure
 from eurobot_od.device.nmt import COMMAND_NAMES, NmtCommand, NmtState
@@ -59,6 +59,14 @@ BOOT_WAIT = 5.0
 """Seconds that a node has from a reset to its boot-up message."""
 
 
+class Periodic(Protocol):
+    """What is sent again and again until it is stopped; it may be started anew."""
+
+    def start(self) -> None: ...
+
+    def stop(self) -> None: ...
+
+
 class Master:
     """The master's end of a bus; use it as a context manager, it shuts the bus down at its end.
 
@@ -81,6 +89,7 @@ class Master:
         self.states: dict[int, NmtState] = {}
         self.listeners: dict[int, Callable[[bytes], None]] = {}
         self.observers: list[Callable[[int, bytes, float], object]] = []
+        self.periodic: list[Periodic] = []
         self.guard: AbstractContextManager[object] = nullcontext()
         """Held while frames are taken in, where a thread of its own does that."""
         self._message = can.Message
@@ -89,7 +98,21 @@ class Master:
         return self
 
     def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """End what is sent periodically, and shut the bus down."""
+        self.stop_periodic()
         self.bus.shutdown()
+
+    def stop_periodic(self) -> None:
+        """End what is sent periodically."""
+        for task in self.periodic:
+            task.stop()
+
+    def call(self, function: Callable[[], object]) -> None:
+        """Have a function of a user called that is told of a frame: here at once, by whoever takes frames in."""
+        function()
 
     def node(self, node_id: int) -> RemoteNode:
         """Return a node to talk to, whether it is there or not."""

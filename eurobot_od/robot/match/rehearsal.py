@@ -21,7 +21,7 @@ from eurobot_od.robot.model.options import MatchOptions
 from eurobot_od.robot.nodes import Core
 from eurobot_od.robot.world import World
 from eurobot_od.simulation import loop
-from eurobot_od.simulation.network import Network
+from eurobot_od.simulation.network import Simulation
 
 DEFAULTS = MatchOptions(falling=False)
 
@@ -86,7 +86,7 @@ def _rehearse(
         return result
 
 
-def _stop(core: Core, network: Network) -> None:
+def _stop(core: Core, network: Simulation) -> None:
     """Have the robot stand after a strategy that has failed, as it does on the robot."""
     if core.leave() is not None:
         network.run(network.now + core.seconds("Standstill.Standstill wait"))
