@@ -47,6 +47,9 @@ BusName: TypeAlias = "str | can.BusABC | canopen.Network | None"
 DeviceFile: TypeAlias = "str | Path | Dictionary | canopen.ObjectDictionary | None"
 """An EDS or DCF, or what was made of one; None for a device of which nothing is known but its node-ID."""
 
+SimulatedFile: TypeAlias = "SimulatedDevice | Dictionary | str | Path"
+"""A simulated device, or an EDS or DCF from which it runs."""
+
 AnyDevice = TypeVar("AnyDevice", bound=DeviceAtNode)
 
 LSS_WAIT = lss.ANSWER_WAIT
@@ -419,16 +422,16 @@ class SimulatedNetwork(Network):
         self.devices: dict[int, SimulatedDevice] = {}
         super().__init__(Master(SimulatedBus(self.simulation), clock=lambda: self.simulation.now))
 
-    def simulate(
-        self, device: SimulatedDevice | str | Path, node_id: int | None = None, **options: Any
-    ) -> RemoteDevice:
+    def simulate(self, device: SimulatedFile, node_id: int | None = None, **options: Any) -> RemoteDevice:
         """Attach a device, or one that runs from its EDS or DCF, and add it; it has booted when this returns.
 
         `options` are those of SimulatedDevice: `given` values, `waveforms`.
         """
         from eurobot_od.device.simulated import SimulatedDevice
 
-        made = device if isinstance(device, SimulatedDevice) else SimulatedDevice.load(device, node_id, **options)
+        if isinstance(device, (str, Path)):
+            device = Dictionary.load(device, node_id)
+        made = SimulatedDevice(device, **options) if isinstance(device, Dictionary) else device
         dictionary = made.dictionary
         self.devices[dictionary.node_id] = made
         self.simulation.attach(made, self.simulation.now)
@@ -442,9 +445,7 @@ BOOT_TIME = 0.05
 
 
 @contextmanager
-def simulated(
-    *devices: SimulatedDevice | str | Path, node_id: int | None = None, **options: Any
-) -> Iterator[SimulatedNetwork]:
+def simulated(*devices: SimulatedFile, node_id: int | None = None, **options: Any) -> Iterator[SimulatedNetwork]:
     """Give a network in simulated time with devices that run from their EDS or DCF files.
 
     A file without a node-ID of its own takes `node_id`, of several files the following ones. `options` are those of
