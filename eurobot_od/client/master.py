@@ -7,6 +7,7 @@ that receive all the time, in a thread, in an event loop or in simulated time, s
 
 from __future__ import annotations
 
+import logging
 import time
 from collections.abc import Callable
 from contextlib import AbstractAsyncContextManager, AbstractContextManager, nullcontext
@@ -111,8 +112,14 @@ class Master:
             task.stop()
 
     def call(self, function: Callable[[], object]) -> None:
-        """Have a function of a user called that is told of a frame: here at once, by whoever takes frames in."""
-        function()
+        """Have a function of a user called that is told of a frame: here at once, by whoever takes frames in.
+
+        What it raises is logged: the others are still told.
+        """
+        try:
+            function()
+        except Exception:
+            logging.getLogger("eurobot_od").exception("a function that was to be called has failed")
 
     def node(self, node_id: int) -> RemoteNode:
         """Return a node to talk to, whether it is there or not."""

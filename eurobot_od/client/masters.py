@@ -13,7 +13,6 @@ whole transfer, by which two threads, or two tasks, can talk to one node. It is 
 from __future__ import annotations
 
 import asyncio
-import logging
 import threading
 from collections import defaultdict, deque
 from collections.abc import Callable, Iterator, Sequence
@@ -216,7 +215,7 @@ class ThreadedMaster(FedMaster):
 
     def _call(self) -> None:
         while (function := self._calls.get()) is not None:
-            called(function)
+            super().call(function)
 
     def _seen(self, now: float, frame: Frame) -> None:
         with self._changed:
@@ -318,11 +317,3 @@ class LoopMaster(FedMaster):
             yield
         finally:
             del self._waiting[future]
-
-
-def called(function: Callable[[], object]) -> None:
-    """Call a function of a user; what it raises is logged, and the others are still told."""
-    try:
-        function()
-    except Exception:
-        logging.getLogger("eurobot_od").exception("a function that was to be called has failed")

@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     from typing_extensions import Self
 
     from eurobot_od.device.simulated import SimulatedDevice
+    from eurobot_od.device.station import Station
     from eurobot_od.simulation.network import Simulation
 
 BusName: TypeAlias = "str | can.BusABC | canopen.Network | None"
@@ -83,7 +84,8 @@ class NodeWatcher(Iterator[NodeEvent], AsyncIterator[NodeEvent]):
     def __init__(self, master: Master, node_ids: Sequence[int], within: float, guard: float | None) -> None:
         self._master, self._events = master, deque[NodeEvent]()
         guarded = dict.fromkeys(node_ids, guard) if guard else {}
-        self._watch = NodeWatch(self._events.append, expected=node_ids, patience=within, guarded=guarded)
+        periods = dict.fromkeys(node_ids, within / LOST_AFTER)  # until its period is known by two heartbeats
+        self._watch = NodeWatch(self._events.append, periods, node_ids, within, guarded)
         self._watch.tick(master.clock())
         master.observers.append(self._hear)
 
@@ -411,7 +413,7 @@ class SimulatedNetwork(Network):
     """A network in simulated time with the devices on it: time passes while the program waits, and costs none.
 
     `simulation` is the bus, to which more devices are attached, and which loses or spoils frames on demand; `devices`
-    are the simulated ones by node-ID, to look at their values and to set them.
+    are the simulated ones by node-ID, to look at their values and to set them, `stations` their places on the bus.
     """
 
     def __init__(self, simulation: Simulation | None = None) -> None:
@@ -420,6 +422,7 @@ class SimulatedNetwork(Network):
 
         self.simulation = simulation or Simulation()
         self.devices: dict[int, SimulatedDevice] = {}
+        self.stations: dict[int, Station] = {}
         super().__init__(Master(SimulatedBus(self.simulation), clock=lambda: self.simulation.now))
 
     def simulate(self, device: SimulatedFile, node_id: int | None = None, **options: Any) -> RemoteDevice:
@@ -434,7 +437,7 @@ class SimulatedNetwork(Network):
         made = SimulatedDevice(device, **options) if isinstance(device, Dictionary) else device
         dictionary = made.dictionary
         self.devices[dictionary.node_id] = made
-        self.simulation.attach(made, self.simulation.now)
+        self.stations[dictionary.node_id] = self.simulation.attach(made, self.simulation.now)
         added = self.add(dictionary.node_id, dictionary)
         self.sleep(BOOT_TIME)
         return added

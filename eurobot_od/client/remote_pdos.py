@@ -168,6 +168,8 @@ class MappedPdos(Generic[AnyPdo]):
     def __init__(self, node: RemoteNode, dictionary: Dictionary | None, kind: type[AnyPdo]) -> None:
         self._node, self._kind = node, kind
         self._pdos: dict[str, AnyPdo] = {}
+        self._made: dict[str, AnyPdo] = {}
+        """Those that were valid once, too: a program that has one keeps it while it is mapped anew."""
         self._records: dict[str, str] = {}
         self._refused: dict[int, MappingError] = {}
         self.dictionary = dictionary
@@ -180,7 +182,7 @@ class MappedPdos(Generic[AnyPdo]):
         refusals = list[MappingError]()
         found = {key_of(pdo): pdo for pdo in self.dictionary.read_pdos(self.dictionary.default, refusals.append)}
         self._refused = {each.index: each for each in refusals if each.index is not None}
-        self._pdos = {key: pdo for key, pdo in self._pdos.items() if key in found and found[key].valid}
+        self._pdos = {}
         self._records = {plain_name(pdo.name): key for key, pdo in found.items()}
         for key, pdo in found.items():
             if pdo.valid:
@@ -191,9 +193,11 @@ class MappedPdos(Generic[AnyPdo]):
             binding = Binding(dictionary.file, pdo, key, None)
         except MappingError as error:
             self._refused[pdo.index] = error
-            self._pdos.pop(key, None)
-        else:
-            self._pdos.setdefault(key, self._kind(self._node, key)).adopt(binding)
+            return
+        if key not in self._made:
+            self._made[key] = self._kind(self._node, key)
+        self._made[key].adopt(binding)
+        self._pdos = {**self._pdos, key: self._made[key]}
 
     def present(self, values: Mapping[Address, Value]) -> None:
         """Take over values that the node has in its PDO parameters now."""
