@@ -14,6 +14,34 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 
+__all__ = [
+    "BusError",
+    "Cause",
+    "ConfigurationError",
+    "DamagedFile",
+    "DictionaryError",
+    "EurobotError",
+    "FieldError",
+    "FrameLengthError",
+    "HeartbeatLost",
+    "ListenerError",
+    "LocalError",
+    "MappingError",
+    "NamedObject",
+    "NoAnswer",
+    "NodeFailed",
+    "NodeRefused",
+    "ProgramError",
+    "ProgramFailed",
+    "Refused",
+    "RemoteError",
+    "StateError",
+    "UnknownIdentifier",
+    "UnknownName",
+    "WorldError",
+    "WrongAnswer",
+]
+
 LONGEST_NAME = 100
 """So many characters of a name are compared with others: it takes a time that grows with their square."""
 

@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Callable
-from contextlib import AbstractAsyncContextManager, AbstractContextManager, nullcontext
-from typing import TYPE_CHECKING, Protocol
+from collections.abc import Callable, Iterator
+from contextlib import AbstractAsyncContextManager, AbstractContextManager, contextmanager, nullcontext
+from typing import TYPE_CHECKING, Protocol, TypeAlias
 
 from eurobot_od.client.procedure import Procedure
 from eurobot_od.device.nmt import COMMAND_NAMES, NmtCommand, NmtState
@@ -60,6 +60,10 @@ BOOT_WAIT = 5.0
 """Seconds that a node has from a reset to its boot-up message."""
 
 
+Observer: TypeAlias = Callable[[int, bytes, float], object]
+"""Called with COB-ID, data, and time of a frame in seconds."""
+
+
 class Periodic(Protocol):
     """What is sent again and again until it is stopped; it may be started anew."""
 
@@ -89,7 +93,7 @@ class Master:
         self.bus, self.answer_wait, self.clock, self.unannounced = bus, answer_wait, clock, unannounced
         self.states: dict[int, NmtState] = {}
         self.listeners: dict[int, Callable[[bytes], None]] = {}
-        self.observers: list[Callable[[int, bytes, float], object]] = []
+        self.observers: tuple[Observer, ...] = ()
         self.periodic: list[Periodic] = []
         self.guard: AbstractContextManager[object] = nullcontext()
         """Held while frames are taken in, where a thread of its own does that."""
@@ -176,6 +180,15 @@ class Master:
             self.heard(message.arbitration_id, bytes(message.data), message.timestamp)
         return message is not None
 
+    @contextmanager
+    def observed(self, observer: Observer) -> Iterator[None]:
+        """Have an observer called with every frame."""
+        self.observers = (*self.observers, observer)  # replaced whole: a reader may be going through it
+        try:
+            yield
+        finally:
+            self.observers = tuple(each for each in self.observers if each is not observer)
+
     def heard(self, cob_id: int, data: bytes, now: float) -> None:
         """Take in a classic data frame with an 11-bit identifier."""
         node_id = cob_id - ERROR_CONTROL_BASE
@@ -260,7 +273,20 @@ class RemoteNode:
     @Procedure
     async def wait_for(self, state: NmtState, wait: float) -> bool:
         """Wait for a heartbeat with a state, INITIALISING being the boot-up; return whether one came."""
-        return await self.master.pump.steps(wait, lambda: self.last_state is state)
+        with self._states_heard() as heard:
+            return await self.master.pump.steps(wait, lambda: state in (self.last_state, *heard))
+
+    @contextmanager
+    def _states_heard(self) -> Iterator[list[NmtState | None]]:
+        """Give all states that are heard: a heartbeat may follow the boot-up before whoever waits has looked."""
+        heard: list[NmtState | None] = []
+
+        def hear(cob_id: int, *_: object) -> None:
+            if cob_id == ERROR_CONTROL_BASE + self.node_id:
+                heard.append(self.last_state)
+
+        with self.master.observed(hear):
+            yield heard
 
     @property
     def last_state(self) -> NmtState | None:
@@ -270,8 +296,10 @@ class RemoteNode:
     @Procedure
     async def reset(self, command: NmtCommand = NmtCommand.RESET_NODE) -> None:
         """Reset the node and wait for its boot-up message. Raises NoAnswer."""
-        self.command(command)
-        if not await self.wait_for.steps(NmtState.INITIALISING, BOOT_WAIT):
+        with self._states_heard() as heard:
+            self.command(command)
+            booted = await self.master.pump.steps(BOOT_WAIT, lambda: NmtState.INITIALISING in heard)
+        if not booted:
             raise NoAnswer(COMMAND_NAMES[command], f"boot-up of node {self.node_id}", 1, BOOT_WAIT, self.node_id)
 
     async def _transfer(self, verb: str, address: Address, name: str, transfer: Transfer) -> bytes:

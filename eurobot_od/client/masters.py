@@ -286,7 +286,7 @@ class LoopMaster(FedMaster):
                 self.heard(frame.cob_id, frame.data, now)
             except BusError as error:  # of what a transfer sends next
                 self.failure = error
-        self._wake()
+            self._wake()  # after each: the next one may undo what somebody waits for
 
     def _failed(self, why: BusError) -> None:
         def fail() -> None:

@@ -87,7 +87,8 @@ class NodeWatcher(Iterator[NodeEvent], AsyncIterator[NodeEvent]):
         periods = dict.fromkeys(node_ids, within / LOST_AFTER)  # until its period is known by two heartbeats
         self._watch = NodeWatch(self._events.append, periods, node_ids, within, guarded)
         self._watch.tick(master.clock())
-        master.observers.append(self._hear)
+        self._observed = master.observed(self._hear)
+        self._observed.__enter__()
 
     def _hear(self, cob_id: int, data: bytes, _: float) -> None:
         if cob_id - ERROR_CONTROL_BASE in NODE_IDS:
@@ -95,7 +96,7 @@ class NodeWatcher(Iterator[NodeEvent], AsyncIterator[NodeEvent]):
 
     def close(self) -> None:
         """Watch no more."""
-        self._master.observers.remove(self._hear)
+        self._observed.__exit__(None, None, None)
 
     async def _next(self) -> NodeEvent:
         while not self._events:
@@ -130,7 +131,7 @@ class NetworkOfDevices(Generic[AnyDevice]):
 
     def _begin(self, master: Master) -> None:
         self.master = master
-        master.observers.append(self._hear)
+        master.observers = (*master.observers, self._hear)
 
     def _hear(self, cob_id: int, data: bytes, now: float) -> None:
         for device in self._devices.values():
