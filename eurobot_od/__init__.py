@@ -15,11 +15,15 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from eurobot_od.client.emergencies import Emergency as Emergency
     from eurobot_od.client.network import AsyncNetwork as AsyncNetwork
     from eurobot_od.client.network import Network as Network
     from eurobot_od.client.network import simulated as simulated
     from eurobot_od.client.remote_device import AsyncRemoteDevice as AsyncRemoteDevice
     from eurobot_od.client.remote_device import RemoteDevice as RemoteDevice
+    from eurobot_od.client.remote_pdos import PdoReading as PdoReading
+    from eurobot_od.client.remote_pdos import PdoValue as PdoValue
+    from eurobot_od.client.watch import NodeEvent as NodeEvent
     from eurobot_od.device.simulated import SimulatedDevice as SimulatedDevice
     from eurobot_od.frame import Frame as Frame
     from eurobot_od.gatekeeper import Gatekeeper as Gatekeeper
@@ -44,11 +48,15 @@ _HOMES = {
     "Core": "robot.nodes",
     "Dictionary": "od.dictionary",
     "Drive": "robot.nodes",
+    "Emergency": "client.emergencies",
     "Frame": "frame",
     "Gatekeeper": "gatekeeper",
     "Live": "live",
     "Navigation": "robot.nodes",
     "Network": "client.network",
+    "NodeEvent": "client.watch",
+    "PdoReading": "client.remote_pdos",
+    "PdoValue": "client.remote_pdos",
     "Protocol": "pdo.protocol",
     "RemoteDevice": "client.remote_device",
     "Robot": "robot.facade",
@@ -69,6 +77,10 @@ __all__ = [  # noqa: RUF022 (as documented; each is loaded by __getattr__)
     "AsyncNetwork",
     "RemoteDevice",
     "AsyncRemoteDevice",
+    "PdoReading",
+    "PdoValue",
+    "Emergency",
+    "NodeEvent",
     "simulated",
     "Simulation",
     "SimulatedDevice",

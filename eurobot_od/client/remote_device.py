@@ -18,7 +18,7 @@ from eurobot_od.client.program import Loaded
 from eurobot_od.client.remote_objects import AsyncRemoteObject, ObjectKey, RemoteObject, found_variables
 from eurobot_od.client.remote_pdos import AsyncRemotePdo, AsyncRemotePdos, MappedPdos, RemotePdo, RemotePdos
 from eurobot_od.device.nmt import TARGET, NmtCommand, NmtState
-from eurobot_od.errors import HeartbeatLost
+from eurobot_od.errors import HeartbeatLost, LocalError
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.objects import address_of, all_objects, data_type, decode
 from eurobot_od.od.values import EMCY_BASE
@@ -43,9 +43,14 @@ class DeviceAtNode:
         self._emergencies: HeardEmergencies
 
     @property
-    def od(self) -> ObjectDictionary | None:
-        """Canopen's object dictionary, which `canopen.RemoteNode(5, drive.od)` takes; None without a file."""
-        return self.dictionary.objects if self.dictionary else None
+    def od(self) -> ObjectDictionary:
+        """Canopen's object dictionary: `canopen.RemoteNode(5, drive.od)`; raises LocalError without a file."""
+        if self.dictionary is None:
+            raise LocalError(f"node {self.node_id} was added without an EDS or DCF")
+        return self.dictionary.objects
+
+    def _variables(self, key: ObjectKey) -> list[ODVariable]:
+        return found_variables(key, self.dictionary.objects if self.dictionary else None)
 
     @property
     def state(self) -> NmtState | None:
@@ -167,7 +172,7 @@ class RemoteDevice(DeviceAtNode):
 
     def __getitem__(self, key: ObjectKey) -> RemoteObject:
         """Return an object by name, `0x6081`, `0x1018:1`, index, or (index, sub-index); raises UnknownName."""
-        return RemoteObject(self._node, found_variables(key, self.od), self._wrote)
+        return RemoteObject(self._node, self._variables(key), self._wrote)
 
     def __iter__(self) -> Iterator[RemoteObject]:
         """Give every object of the file."""
@@ -229,7 +234,7 @@ class AsyncRemoteDevice(DeviceAtNode):
 
     def __getitem__(self, key: ObjectKey) -> AsyncRemoteObject:
         """Return an object by name, `0x6081`, `0x1018:1`, index, or (index, sub-index); raises UnknownName."""
-        return AsyncRemoteObject(self._node, found_variables(key, self.od), self._wrote)
+        return AsyncRemoteObject(self._node, self._variables(key), self._wrote)
 
     def __iter__(self) -> Iterator[AsyncRemoteObject]:
         """Give every object of the file."""

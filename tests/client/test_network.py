@@ -96,9 +96,11 @@ def test_a_record_has_members_by_name_and_number() -> None:
 def test_without_a_file_objects_are_numbers_and_bytes() -> None:
     with servo() as network:
         drive = network.add(5)
-        assert (drive.od, drive["0x6081"].value, drive[0x1018, 4].bytes) == (None, 1000, b"\1\0\0\0")
+        assert (drive["0x6081"].value, drive[0x1018, 4].bytes) == (1000, b"\1\0\0\0")
         drive[0x6081].bytes = UNSIGNED32.write(77)
         assert drive[0x6081].value == 77
+        with pytest.raises(LocalError, match="node 5 was added without an EDS"):
+            _ = drive.od
         with pytest.raises(FieldError, match="bytes: no file says its type"):
             drive[0x6081].value = 77
 
