@@ -65,11 +65,13 @@ Observer: TypeAlias = Callable[[int, bytes, float], object]
 
 
 class Periodic(Protocol):
-    """What is sent again and again until it is stopped; it may be started anew."""
+    """What is sent again and again until it is stopped."""
 
-    def start(self) -> None: ...
+    def resume(self) -> None:
+        """Go on, on a bus that was opened again."""
 
-    def stop(self) -> None: ...
+    def stop(self) -> None:
+        """End it."""
 
 
 class Master:

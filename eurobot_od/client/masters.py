@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 from eurobot_od.client.master import ANSWER_WAIT, Master
 from eurobot_od.errors import BusError, LocalError
 from eurobot_od.frame import HIGHEST_IDENTIFIER, Frame
-from eurobot_od.live.buses import Driver
+from eurobot_od.live.buses import Driver, failure
 from eurobot_od.live.reader import FrameReader
 
 if TYPE_CHECKING:
@@ -141,17 +141,22 @@ class PeriodicTask:
         self._messages = [can.Message(arbitration_id=f.cob_id, data=f.data, is_extended_id=False) for f in frames]
         self._master, self.period = master, period
         self._task: Any = None
-        self.start()
+        self._start()
 
-    def start(self) -> None:
-        """Begin, or begin anew on a bus that was opened again."""
-        from eurobot_od.live.buses import failure
+    def resume(self) -> None:
+        """Begin anew on a bus that was opened again, unless it was stopped."""
+        if self._task is not None:
+            self.stop()
+            self._start()
 
-        self.stop()
+    def _start(self) -> None:
         try:
             self._task = self._master.bus.send_periodic(self._messages, self.period, store_task=False)
         except Exception as error:  # whatever a driver raises
             raise failure(self._master.bus, error) from error
+        # Where a thread of python-can sends, it ends with the bus: whoever waits for frames is told, once.
+        if hasattr(self._task, "on_error"):
+            self._task.on_error = lambda _: False
 
     def stop(self) -> None:
         """End it; does nothing if it has ended."""
@@ -189,7 +194,7 @@ class FedMaster(Master):
     def _back(self) -> None:
         self.failure, self.bus = None, self._feed.bus
         for task in self.periodic:
-            task.start()
+            task.resume()
 
 
 class ThreadedMaster(FedMaster):

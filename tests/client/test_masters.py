@@ -1,69 +1,74 @@
-"""The master of docs/python.md, three times: ours are as short as canopen's, and every PDO of 200 SYNCs is read.
-
-`tests/test_docs.py` runs them as they stand.
-"""
+"""Masters that receive all the time: a bus that is lost and comes back, threads at one node, frames of no interest."""
 
 from __future__ import annotations
 
-import ast
-import asyncio
-import re
-from itertools import islice
-from pathlib import Path
+import threading
+from functools import partial
 
+import can
 import pytest
 
-from eurobot_od.client.network import AsyncNetwork
-from tests.client.servo import DCF, SERVO, live_servos, servo
-
-PAGE = Path(__file__).parents[2] / "docs" / "python.md"
-SECTION = PAGE.read_text(encoding="utf-8").split("## A master\n")[1].split("\n## ")[0]
-OURS, OURS_ASYNC, CANOPEN = re.findall(r"```python\n(.*?)```", SECTION, re.DOTALL)
-
-LINES, IMPORTS = 19, 2
-"""What canopen's takes at most: lines with something in them, and imports."""
+from eurobot_od.client.masters import OwnFeed, PeriodicTask, SharedFeed, ThreadedMaster
+from eurobot_od.errors import BusError
+from eurobot_od.frame import Frame
+from tests.client.peers import new_channel, open_bus
+from tests.client.servo import live_servos
+from tests.live.loose import LONG, Cable
 
 
-def lines(text: str) -> int:
-    return sum(bool(line.strip()) for line in text.splitlines())
+def test_a_bus_that_is_lost_is_told_and_opened_again_and_what_was_periodic_goes_on() -> None:
+    cable = Cable(new_channel())
+    master = ThreadedMaster(OwnFeed(cable.open))
+    with open_bus(cable.channel) as other:
+        task = PeriodicTask(master, [Frame(0x080)], 0.01)
+        ended = PeriodicTask(master, [Frame(0x123)], 0.01)
+        master.periodic += [task, ended]
+        ended.stop()
+        cable.error = OSError("pulled out")
+        with pytest.raises(BusError, match="pulled out"):
+            master.pump(LONG)
+        with pytest.raises(BusError, match="pulled out"):
+            master.send(0x100, b"")
+        cable.error = None
+        master._changed.acquire()
+        assert master._changed.wait_for(lambda: master.failure is None, LONG)
+        master._changed.release()
+        while other.recv(0) is not None:  # what was sent before
+            pass
+        assert {message.arbitration_id for _ in range(3) if (message := other.recv(LONG))} == {0x080}
+        master.close()
+        while other.recv(0) is not None:
+            pass
+        assert other.recv(0.05) is None
+    assert all(bus.closed for bus in cable.buses)
 
 
-def imports(text: str) -> int:
-    return sum(isinstance(each, (ast.Import, ast.ImportFrom)) for each in ast.walk(ast.parse(text)))
-
-
-@pytest.mark.parametrize("program", [OURS, OURS_ASYNC, CANOPEN], ids=["ours", "async", "canopen"])
-def test_a_master_has_few_lines_and_imports(program: str) -> None:
-    assert lines(program) <= LINES
-    assert imports(program) <= IMPORTS
-
-
-def test_every_pdo_of_200_syncs_is_read() -> None:
-    with servo() as network:
-        drive, syncs = network[5], list[float]()
-        network.simulation.observers.append(lambda now, frame: syncs.append(now) if frame.cob_id == 0x080 else None)
-        drive.configure(DCF)
-        drive.nmt.start(within=1.0)
-        readings = iter(drive.pdo["TPDO1"])
-        task = network.sync(period=0.01)
-        network.sleep(1.995)
-        task.stop()
-        network.sleep(0.1)
-        assert len(syncs) == drive.pdo["TPDO1"].count == 200
-        times = [each.time for each in islice(readings, 200)]
-        assert all(0 < came - asked < 0.001 for asked, came in zip(syncs, times))
-
-
-def test_every_pdo_is_read_in_an_event_loop() -> None:
-    async def main(channel: str) -> None:
-        async with AsyncNetwork.open("virtual", channel, answer_wait=2.0) as network:
-            drive = network.add(5, SERVO)
-            await drive.nmt.start(within=2.0)
-            pdo = drive.pdo["TPDO1"]
-            for number in range(1, 201):
-                network.send(0x080)
-                while pdo.count < number:
-                    await pdo.wait(2.0)
-
+def test_threads_take_turns_at_one_node() -> None:
     with live_servos(5) as channel:
-        asyncio.run(main(channel))
+        master, found = ThreadedMaster(OwnFeed(partial(open_bus, channel)), LONG), list[bytes]()
+
+        def read() -> None:
+            found.extend(master.node(5).upload((0x1008, 0)) for _ in range(5))
+
+        threads = [threading.Thread(target=read) for _ in range(3)]
+        for each in threads:
+            each.start()
+        for each in threads:
+            each.join()
+        assert found == [b"Servo 100"] * 15
+        master.close()
+
+
+def test_only_classic_data_frames_with_short_identifiers_are_heard() -> None:
+    channel, heard = new_channel(), list[int]()
+    with open_bus(channel) as shared, open_bus(channel) as other:
+        master = ThreadedMaster(SharedFeed(shared))
+        with master.observed(lambda cob_id, *_: heard.append(cob_id)):
+            other.send(can.Message(arbitration_id=0x101, is_extended_id=True))
+            other.send(can.Message(arbitration_id=0x102, is_extended_id=False, is_remote_frame=True))
+            other.send(can.Message(arbitration_id=0x103, is_extended_id=False))
+            assert master.pump(LONG, lambda: bool(heard))
+        master.close()
+        other.send(can.Message(arbitration_id=0x104, is_extended_id=False))
+        assert shared.recv(LONG) is not None  # it is still open, and nobody else reads it
+    assert heard == [0x103]
