@@ -8,7 +8,7 @@ looks; in simulated time (`simulated`) there is no thread, and time passes while
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import AsyncIterator, Iterable, Iterator, Sequence
+from collections.abc import AsyncIterator, Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
 from io import StringIO
@@ -27,7 +27,7 @@ from eurobot_od.client.remote_device import AsyncRemoteDevice, DeviceAtNode, Rem
 from eurobot_od.client.scan import LISTEN, Found, scan
 from eurobot_od.client.watch import LOST_AFTER, NodeEvent, NodeWatch
 from eurobot_od.device.nmt import ALL_NODES, NmtCommand
-from eurobot_od.errors import LocalError, UnknownName
+from eurobot_od.errors import LocalError, StateError, UnknownName
 from eurobot_od.live import open_bus
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.network import DEFAULT, load, read_network
@@ -76,6 +76,12 @@ def _dictionary(file: DeviceFile, node_id: int) -> Dictionary | None:
     text = StringIO()
     canopen.export_od(file, text, "eds")
     return Dictionary.read(text.getvalue().encode(), Path(f"canopen {node_id}"), node_id)
+
+
+def _described(file: str | Path) -> tuple[Sequence[Dictionary], int | None]:
+    """Return the devices of a network file or folder, and its bit rate in kbit/s; raises DictionaryError."""
+    network = read_network(file)
+    return load(network.nodes), network.bit_rate
 
 
 class NodeWatcher(Iterator[NodeEvent], AsyncIterator[NodeEvent]):
@@ -145,6 +151,8 @@ class NetworkOfDevices(Generic[AnyDevice]):
         """
         if node_id not in NODE_IDS:
             raise LocalError(f"node-ID {node_id} is not in {NODE_IDS[0]}..{NODE_IDS[-1]}")
+        if not hasattr(self, "master"):
+            raise StateError("the network is not open yet: `async with` begins it")
         device = self._kind(self.master, node_id, _dictionary(file, node_id), name)
         self._devices = {**self._devices, node_id: device}  # replaced whole: the reader may be going through it
         return device
@@ -325,10 +333,9 @@ class Network(NetworkOfDevices[RemoteDevice]):
 
         Its bit rate is the file's; `options` are those of `open`. Raises DictionaryError, BusError, LocalError.
         """
-        nodes = load(read_network(file).nodes)
-        kbit = read_network(file).bit_rate if Path(file).is_file() else None
+        described, kbit = _described(file)
         network = cls.open(bus, channel, kbit and kbit * 1000, **options)
-        for each in nodes:
+        for each in described:
             network.add(each.node_id, each)
         return network
 
@@ -365,10 +372,10 @@ class AsyncNetwork(NetworkOfDevices[AsyncRemoteDevice]):
 
     _kind = AsyncRemoteDevice
 
-    def __init__(self, feed: Feed, answer_wait: float = ANSWER_WAIT) -> None:
+    def __init__(self, open_feed: Callable[[], Feed], answer_wait: float = ANSWER_WAIT) -> None:
         super().__init__()
-        self._feed, self._answer_wait = feed, answer_wait
-        self._files: list[tuple[int, Dictionary]] = []
+        self._open_feed, self._answer_wait = open_feed, answer_wait
+        self._files: Iterable[Dictionary] = ()
 
     @classmethod
     def open(
@@ -379,23 +386,22 @@ class AsyncNetwork(NetworkOfDevices[AsyncRemoteDevice]):
         *,
         answer_wait: float = ANSWER_WAIT,
     ) -> Self:
-        """Open a bus, as Network.open does; it is read from `async with` on."""
-        return cls(_feed(bus, channel, bitrate), answer_wait)
+        """Open a bus, as Network.open does; it is opened by `async with`, which raises BusError."""
+        return cls(partial(_feed, bus, channel, bitrate), answer_wait)
 
     @classmethod
     def load(cls, file: str | Path = DEFAULT, bus: BusName = None, channel: str | None = None, **options: Any) -> Self:
         """Open a bus with all devices of a network file, as Network.load does."""
-        nodes = load(read_network(file).nodes)
-        kbit = read_network(file).bit_rate if Path(file).is_file() else None
+        described, kbit = _described(file)
         network = cls.open(bus, channel, kbit and kbit * 1000, **options)
-        network._files = [(each.node_id, each) for each in nodes]
+        network._files = described
         return network
 
     async def __aenter__(self) -> Self:
-        self._begin(LoopMaster(self._feed, self._answer_wait))
+        self._begin(LoopMaster(self._open_feed(), self._answer_wait))
         self.nmt, self.lss = NetworkNmt(self.master), AsyncNetworkLss(self)
-        for node_id, dictionary in self._files:
-            self.add(node_id, dictionary)
+        for each in self._files:
+            self.add(each.node_id, each)
         return self
 
     async def __aexit__(self, *_: object) -> None:

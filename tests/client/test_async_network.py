@@ -15,7 +15,7 @@ from eurobot_od.device.nmt import NmtState
 from eurobot_od.errors import FieldError, HeartbeatLost, NoAnswer, StateError
 from eurobot_od.od import dcf
 from tests.client.peers import new_channel
-from tests.client.servo import DCF, SERVO, live_servos
+from tests.client.servo import DCF, EDS, SERVO, live_servos
 
 PATIENCE = 30.0
 """Seconds, for a machine with much else to do."""
@@ -110,6 +110,22 @@ def test_a_configuration_that_is_cancelled_takes_back_what_it_wrote() -> None:
             with pytest.raises(asyncio.CancelledError):
                 await task
             assert await drive["Producer heartbeat time"].value == 100
+
+    with live_servos(5) as channel:
+        run(main(channel))
+
+
+def test_a_network_that_nobody_has_entered_says_so() -> None:
+    with pytest.raises(StateError, match="`async with` begins it"):
+        AsyncNetwork.open("virtual", new_channel()).add(5)
+
+
+def test_a_network_file_names_the_nodes(tmp_path: Any) -> None:
+    (tmp_path / "network.yaml").write_text(f"nodes:\n  axis: {{file: {EDS}, node_id: 5}}\n")
+
+    async def main(channel: str) -> None:
+        async with AsyncNetwork.load(tmp_path / "network.yaml", "virtual", channel, answer_wait=2.0) as network:
+            assert await network["axis"]["Profile velocity"].read() == 1000
 
     with live_servos(5) as channel:
         run(main(channel))
