@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import threading
+from collections.abc import Callable
 from functools import partial
 
 import can
 import pytest
 
 from eurobot_od.client.masters import OwnFeed, PeriodicTask, SharedFeed, ThreadedMaster
+from eurobot_od.device.nmt import NmtCommand, NmtState
 from eurobot_od.errors import BusError
 from eurobot_od.frame import Frame
 from tests.client.peers import new_channel, open_bus
@@ -72,3 +74,30 @@ def test_only_classic_data_frames_with_short_identifiers_are_heard() -> None:
         other.send(can.Message(arbitration_id=0x104, is_extended_id=False))
         assert shared.recv(LONG) is not None  # it is still open, and nobody else reads it
     assert heard == [0x103]
+
+
+class Hasty:
+    """A feed whose node boots and sends a heartbeat before `send` of a reset returns."""
+
+    def __init__(self, bus: can.BusABC) -> None:
+        self.bus = bus
+
+    def start(self, seen: Callable[[float, Frame], object], *_: object) -> None:
+        self._seen = seen
+
+    def send(self, frame: Frame) -> None:
+        if frame.data[0] == NmtCommand.RESET_NODE:
+            for state in (NmtState.INITIALISING, NmtState.OPERATIONAL):
+                self._seen(0.0, Frame(0x705, bytes([state])))
+
+    def stop(self) -> None:
+        """Nothing runs."""
+
+
+def test_a_boot_up_counts_that_a_heartbeat_has_followed_already(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("eurobot_od.client.master.BOOT_WAIT", 0.05)
+    with open_bus(new_channel()) as bus:
+        master = ThreadedMaster(Hasty(bus))
+        master.node(5).reset()
+        assert master.states == {5: NmtState.OPERATIONAL}
+        master.close()
