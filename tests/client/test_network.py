@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import textwrap
 from collections.abc import Callable, Mapping
 from itertools import islice
 from pathlib import Path
@@ -406,3 +407,11 @@ def test_both_kinds_of_networks_have_the_same_names_and_arguments(pair: tuple[ty
 def test_help_answers_a_newcomer() -> None:
     for each in (Network, AsyncNetwork, RemoteDevice, AsyncRemoteDevice, NodeNmt, NetworkLss, simulated):
         assert len(inspect.getdoc(each) or "") > 50
+
+
+@pytest.mark.parametrize("thing", [simulated, RemoteDevice, Protocol])
+def test_the_example_of_a_docstring_runs(thing: object, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(DOCS)
+    indented = [line for line in (inspect.getdoc(thing) or "").splitlines() if line.startswith("    ")]
+    assert indented
+    exec(textwrap.dedent("\n".join(indented)), {"simulated": simulated, "Protocol": Protocol})
