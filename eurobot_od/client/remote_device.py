@@ -74,12 +74,13 @@ class DeviceAtNode:
             self._pdos.present({address: decode(thing, data)})
 
     async def _configure(self, file: str | Path, store: bool, reset: bool) -> Configured:
-        plan = await self._difference(file)
-        if not plan.changes:
-            return Configured(0, False)
-        done = await configure.apply.steps(self._node, plan, datetime.now(), stores=store, resets=reset)
-        # What has been read back is what the node has, whatever the file said before that the program began with.
-        has = {address_of(each.thing): decode(each.thing, each.after) for each in plan.changes}
+        description = from_file(file)
+        plan = await configure.difference.steps(self._node, description)
+        done = Configured(0, False)
+        if plan.changes:
+            done = await configure.apply.steps(self._node, plan, datetime.now(), stores=store, resets=reset)
+        # All of the file is what the node has: it was so before, or was written and read back.
+        has = {address_of(thing): decode(thing, data) for thing, data in configure.settings(description)}
         self._pdos.present({address: value for address, value in has.items() if pdo_of(address) is not None})
         return done
 

@@ -212,6 +212,14 @@ def test_a_pdo_is_read_as_the_device_has_it_mapped_after_a_configuration() -> No
         assert second["Statusword"] == 0x240
 
 
+def test_a_pdo_that_the_device_had_mapped_so_before_is_read_so_too() -> None:
+    with servo() as network:
+        network[5].configure(DCF)
+        again = network.add(5, SERVO)
+        assert again.configure(DCF).changed == 0
+        assert again.pdo["TPDO1"].names == ["Statusword", VELOCITY, "Torque actual value"]
+
+
 def test_a_mapping_that_is_written_as_an_object_or_by_somebody_else_is_followed() -> None:
     with servo() as network:
         drive, other = network[5], network.add(5)
