@@ -13,6 +13,7 @@ import can
 import canopen
 import pytest
 
+from eurobot_od.client.description import Identity
 from eurobot_od.client.network import AsyncNetwork, Network, NetworkLss, SimulatedNetwork, simulated
 from eurobot_od.client.remote_device import AsyncRemoteDevice, NodeNmt, RemoteDevice
 from eurobot_od.client.watch import NodeChange
@@ -29,13 +30,16 @@ from eurobot_od.errors import (
     NoAnswer,
     NodeRefused,
     Refused,
+    RemoteError,
     UnknownName,
 )
 from eurobot_od.od.objects import Range
 from eurobot_od.od.values import UNSIGNED32
 from eurobot_od.pdo.protocol import Protocol
+from tests.client.lss_slave import WAITING, LssSlave
 from tests.client.peers import new_channel, open_bus
 from tests.client.servo import DCF, DOCS, EDS, SERVO, live_servos, servo
+from tests.client.wired import wired
 
 VELOCITY = "Velocity actual value"
 
@@ -423,3 +427,16 @@ def test_the_example_of_a_docstring_runs(thing: object, monkeypatch: pytest.Monk
     indented = [line for line in (inspect.getdoc(thing) or "").splitlines() if line.startswith("    ")]
     assert indented
     exec(textwrap.dedent("\n".join(indented)), {"simulated": simulated, "Protocol": Protocol})
+
+
+def test_devices_without_a_node_id_are_found_and_given_one() -> None:
+    identities = [Identity(1, 2, 3, 4), Identity(1, 2, 3, 5)]
+    slaves = [LssSlave(each) for each in identities]
+    with Network(wired(*slaves)) as network:
+        assert network.lss.find() == identities
+        assert network.lss.assign(7, identities[1], bit_rate=250) == identities[1]
+        assert network.lss.find() == identities[:1]
+        assert network.lss.assign(8, store=False) == identities[0]
+        with pytest.raises(RemoteError, match="no device without a node-ID answers"):
+            network.lss.assign(9)
+    assert [(slave.node_id, slave.state) for slave in slaves] == [(8, WAITING), (7, WAITING)]
