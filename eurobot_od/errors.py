@@ -8,11 +8,39 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from enum import Enum
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 if TYPE_CHECKING:
     from pathlib import Path
 
+
+__all__ = [
+    "BusError",
+    "Cause",
+    "ConfigurationError",
+    "DamagedFile",
+    "DictionaryError",
+    "EurobotError",
+    "FieldError",
+    "FrameLengthError",
+    "HeartbeatLost",
+    "ListenerError",
+    "LocalError",
+    "MappingError",
+    "NamedObject",
+    "NoAnswer",
+    "NodeFailed",
+    "NodeRefused",
+    "ProgramError",
+    "ProgramFailed",
+    "Refused",
+    "RemoteError",
+    "StateError",
+    "UnknownIdentifier",
+    "UnknownName",
+    "WorldError",
+    "WrongAnswer",
+]
 
 LONGEST_NAME = 100
 """So many characters of a name are compared with others: it takes a time that grows with their square."""
@@ -98,6 +126,14 @@ class MappingError(DictionaryError):
 # A peer's mistakes, and the wire's
 
 
+class NamedObject(NamedTuple):
+    """Which object of which node an error is about: node-ID, `address` (index, sub-index), and `name` if known."""
+
+    node_id: int
+    address: tuple[int, int]
+    name: str = ""
+
+
 class RemoteError(EurobotError):
     """What came from the bus is not what the protocol says."""
 
@@ -119,13 +155,40 @@ class FrameLengthError(RemoteError):
 
 
 class NoAnswer(RemoteError):
-    """A peer did not answer in its time: `request`, `answer` and how often was asked."""
+    """A peer did not answer in its time: `request`, `answer` and how often was asked.
 
-    def __init__(self, request: str, answer: str, attempts: int, waited: float) -> None:
+    `waited` is in seconds; `node_id` and `object` say of whom and what, None where it is of no one node or object.
+    """
+
+    def __init__(
+        self,
+        request: str,
+        answer: str,
+        attempts: int,
+        waited: float,
+        node_id: int | None = None,
+        where: NamedObject | None = None,
+    ) -> None:
         self.request, self.answer, self.attempts, self.waited = request, answer, attempts, waited
+        self.node_id, self.object = node_id, where
         within = f"{waited * 1000:.0f} ms"
         asked = f"within {within} after {request}" if attempts == 1 else f"after {attempts} x {request} ({within} each)"
         super().__init__(f"no {answer} {asked}")
+
+
+class HeartbeatLost(NoAnswer):
+    """No heartbeat of a node came in its time: `node_id`, and `waited` in seconds."""
+
+    def __init__(self, node_id: int, waited: float) -> None:
+        super().__init__("the last one", f"heartbeat of node {node_id}", 1, waited, node_id)
+
+
+class WrongAnswer(RemoteError):
+    """A node gave an answer that does not fit the `request`; `object` says which node and object."""
+
+    def __init__(self, request: str, what: str, where: NamedObject) -> None:
+        self.request, self.node_id, self.object = request, where.node_id, where
+        super().__init__(f"node {where.node_id} gave an odd answer to {request}: {what}")
 
 
 class Cause(Enum):
@@ -144,15 +207,26 @@ class Refused(RemoteError):
 
 
 class NodeRefused(RemoteError):
-    """A node aborted an SDO transfer: `node_id`, `request`, abort `code` and `reason` (CiA 301, Table 22)."""
+    """A node aborted an SDO transfer: `node_id`, `request`, abort `code` and `reason` (CiA 301, Table 22).
 
-    def __init__(self, node_id: int, request: str, code: int, reason: str) -> None:
-        self.node_id, self.request, self.code, self.reason = node_id, request, code, reason
+    `object` is the object concerned.
+    """
+
+    def __init__(self, node_id: int, request: str, code: int, reason: str, where: NamedObject | None = None) -> None:
+        self.node_id, self.request, self.code, self.reason, self.object = node_id, request, code, reason, where
         super().__init__(f"node {node_id} refused to {request}: {reason} (0x{code:08X})")
 
 
 class ConfigurationError(RemoteError):
-    """A node that could not be configured; the text says what was written and in which state the node is."""
+    """A node that could not be configured; the text says what was written and in which state the node is.
+
+    `written` are the objects that have their new values and are not stored, `left` those that still have their former
+    ones, both as `0x1017:0 Producer heartbeat time`; everything is in `left` once it was taken back.
+    """
+
+    def __init__(self, text: str, written: Iterable[str] = (), left: Iterable[str] = ()) -> None:
+        self.written, self.left = tuple(written), tuple(left)
+        super().__init__(text)
 
 
 class ProgramError(RemoteError):

@@ -16,7 +16,7 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack
 from functools import cached_property, partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import pytest
 
@@ -26,11 +26,9 @@ if TYPE_CHECKING:
     from eurobot_od.check.reader import SuiteReader
     from eurobot_od.check.results import StepResult, SuitePart, SuiteResult
     from eurobot_od.check.suite import Step, Suite
-    from eurobot_od.client.master import Master, RemoteNode
-    from eurobot_od.od.dictionary import Dictionary
-    from eurobot_od.od.values import Value
+    from eurobot_od.client.network import Network
+    from eurobot_od.client.remote_device import RemoteDevice
     from eurobot_od.plugin import Plugin
-    from eurobot_od.simulation.network import Network
     from eurobot_od.support.yaml_places import Place
 
 PATTERNS = ("*.check.yaml", "*.check.yml")
@@ -237,14 +235,6 @@ def eurobot_check(request: pytest.FixtureRequest) -> Callable[..., list[SuiteRes
 
 
 @pytest.fixture
-def eurobot_network() -> Network:
-    """A bus in simulated time: `attach` nodes, `run(until=...)` seconds, in no time."""
-    from eurobot_od.simulation.network import Network
-
-    return Network()
-
-
-@pytest.fixture
 def eurobot_bus(request: pytest.FixtureRequest) -> Iterator[Callable[[], can.BusABC]]:
     """Open the bus of the options, or else one inside the process for this test: each call is one more participant."""
     with ExitStack() as stack:
@@ -256,54 +246,33 @@ def eurobot_bus(request: pytest.FixtureRequest) -> Iterator[Callable[[], can.Bus
 
 
 @pytest.fixture
-def eurobot_master(eurobot_bus: Callable[[], can.BusABC]) -> Master:
-    """A CANopen master on the bus: `node(5).upload((0x1018, 1))`, NMT, heartbeats."""
-    from eurobot_od.client.master import Master
+def eurobot_network(request: pytest.FixtureRequest, eurobot_bus: Callable[[], can.BusABC]) -> Iterator[Network]:
+    """A `Network` on the bus of the options, or else in simulated time, where waiting costs none.
 
-    return Master(eurobot_bus())
+    In simulated time it has a `simulation`, to which nodes are attached, and `devices`.
+    """
+    from eurobot_od.client.network import Network, simulated
 
-
-class DescribedNode(NamedTuple):
-    """A device as its file describes it: `remote` for NMT, states and bytes."""
-
-    remote: RemoteNode
-    dictionary: Dictionary
-
-    def read(self, name: str) -> Value:
-        """Read an object by number or name; raises NodeRefused, NoAnswer, UnknownName, BusError."""
-        from eurobot_od.od.objects import address_of, decode, find_one
-
-        thing = find_one(name, self.dictionary.objects)
-        return decode(thing, self.remote.upload(address_of(thing), thing.qualname))
-
-    def write(self, name: str, value: Value) -> None:
-        """Write an object by number or name; raises as `read`, and FieldError for a value that it does not allow."""
-        from eurobot_od.od.objects import address_of, encode, find_one
-
-        thing = find_one(name, self.dictionary.objects)
-        self.remote.download(address_of(thing), encode(thing, value), thing.qualname)
+    is_live = request.config.getoption("eurobot_interface")
+    with Network.open(eurobot_bus()) if is_live else simulated() as network:
+        yield network
 
 
 @pytest.fixture
-def eurobot_node(
-    request: pytest.FixtureRequest, eurobot_bus: Callable[[], can.BusABC], eurobot_master: Master
-) -> Iterator[Callable[..., DescribedNode]]:
-    """Reach a device by its EDS or DCF: `eurobot_node("motor.eds", node_id=5).read("Motor.Speed")`.
+def eurobot_node(request: pytest.FixtureRequest, eurobot_network: Network) -> Callable[..., RemoteDevice]:
+    """Reach a device by its EDS or DCF: `eurobot_node("motor.eds", node_id=5)["Motor.Speed"].value`.
 
-    Without a bus of the options the device is run from its file, as a thread of the test. A file is looked for beside
-    the test.
+    Without a bus of the options the device is run from its file, in simulated time. A file is looked for beside the
+    test.
     """
-    with ExitStack() as stack:
 
-        def reach(file: str | Path, node_id: int | None = None) -> DescribedNode:
-            from eurobot_od.od.dictionary import Dictionary
+    def reach(file: str | Path, node_id: int | None = None) -> RemoteDevice:
+        from eurobot_od.client.network import SimulatedNetwork
+        from eurobot_od.od.dictionary import Dictionary
 
-            dictionary = Dictionary.load(request.path.parent / file, node_id)
-            if not request.config.getoption("eurobot_interface"):
-                from eurobot_od.device.simulated import SimulatedDevice
-                from eurobot_od.live import Live
+        dictionary = Dictionary.load(request.path.parent / file, node_id)
+        if isinstance(eurobot_network, SimulatedNetwork):
+            return eurobot_network.simulate(dictionary)
+        return eurobot_network.add(dictionary.node_id, dictionary)
 
-                stack.enter_context(Live.node(eurobot_bus(), SimulatedDevice(dictionary)))
-            return DescribedNode(eurobot_master.node(dictionary.node_id), dictionary)
-
-        yield reach
+    return reach

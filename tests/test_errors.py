@@ -15,9 +15,11 @@ from eurobot_od.errors import (
     EurobotError,
     FieldError,
     FrameLengthError,
+    HeartbeatLost,
     ListenerError,
     LocalError,
     MappingError,
+    NamedObject,
     NoAnswer,
     NodeFailed,
     NodeRefused,
@@ -29,6 +31,7 @@ from eurobot_od.errors import (
     UnknownIdentifier,
     UnknownName,
     WorldError,
+    WrongAnswer,
 )
 from eurobot_od.robot.model.values import Direction
 
@@ -75,6 +78,12 @@ ERRORS: list[tuple[EurobotError, type[EurobotError], str]] = [
         NodeRefused(2, "write 0x1017:0", 0x06090030, "value range exceeded"),
         RemoteError,
         "node 2 refused to write 0x1017:0: value range exceeded (0x06090030)",
+    ),
+    (HeartbeatLost(5, 0.3), NoAnswer, "no heartbeat of node 5 within 300 ms after the last one"),
+    (
+        WrongAnswer("read 0x1017:0", "it is short", NamedObject(5, (0x1017, 0))),
+        RemoteError,
+        "node 5 gave an odd answer to read 0x1017:0: it is short",
     ),
     (Refused(Cause.STATE, "the safe state is held"), RemoteError, "the safe state is held"),
     (ConfigurationError("drive is half configured"), RemoteError, "drive is half configured"),

@@ -184,17 +184,18 @@ def test_fixtures_reach_a_device_and_a_simulated_network(pytester: pytest.Pytest
 
         def test_node(eurobot_node):
             motor = eurobot_node("motor.eds", node_id=5)
-            motor.write("Producer heartbeat time", 40)
-            assert motor.read("0x1017") == 40
-            assert motor.remote.state(wait=2.0).name == "OPERATIONAL"
+            motor["Producer heartbeat time"].value = 40
+            assert motor["0x1017"].value == 40
+            assert motor.heartbeat(within=2.0).name == "OPERATIONAL"
             with pytest.raises(FieldError):
-                motor.write("0x1017", 70000)
+                motor["0x1017"].value = 70000
 
         def test_network(eurobot_network):
             seen = []
-            eurobot_network.observers.append(lambda now, frame: seen.append(str(frame)))
-            eurobot_network.attach(SimulatedDevice.load("motor.eds", node_id=5))
-            eurobot_network.run(until=1.0)
+            simulation = eurobot_network.simulation
+            simulation.observers.append(lambda now, frame: seen.append(str(frame)))
+            simulation.attach(SimulatedDevice.load("motor.eds", node_id=5))
+            eurobot_network.sleep(1.0)
             assert "705#00" in seen
         """
     )

@@ -36,7 +36,7 @@ from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.robot.plugin import ROBOT
 from eurobot_od.simulation.bit_errors import Attempt, Flip
 from eurobot_od.simulation.bits import frame_bits
-from eurobot_od.simulation.network import Network
+from eurobot_od.simulation.network import Simulation
 
 FINE, WRONG = 0, 1
 
@@ -130,7 +130,7 @@ class Bench:
 
     def __init__(self, messages: MessageSet, bit_rate: int, random: Random) -> None:
         self.messages, self.bit_rate, self.random = messages.messages, bit_rate, random
-        self.network = Network(bit_rate)
+        self.network = Simulation(bit_rate)
         self.network.disturb = lambda _now, _frame: ()  # nobody listens
         self.network.observers.append(self._sent)
         if messages.errors.number:

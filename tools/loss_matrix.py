@@ -41,7 +41,7 @@ from eurobot_od.robot.world import World
 from eurobot_od.robot.world.assembly import equip
 from eurobot_od.robot.world.timeline import EventKind, MatchEvent, Timeline
 from eurobot_od.simulation import loop
-from eurobot_od.simulation.network import ON_TIME, Network, processing_time
+from eurobot_od.simulation.network import ON_TIME, Simulation, processing_time
 
 FINE, WRONG = 0, 1
 
@@ -151,7 +151,7 @@ class Trial:
             errors=NOISE_ONLY,
             solid=False,
         )
-        self.network = Network()
+        self.network = Simulation()
         self.world = World(self.options, self._clock)
         _, nodes = stage.cast_for(self.options, self.files, self.world)
         self.nodes: dict[str, Node] = {node.name: node for node in nodes}

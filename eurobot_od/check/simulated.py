@@ -23,7 +23,7 @@ from eurobot_od.errors import RemoteError
 from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.simulation import loop
-from eurobot_od.simulation.network import Network, processing_time
+from eurobot_od.simulation.network import Simulation, processing_time
 
 POWER_UP = 0.1
 """Seconds after which all nodes are up; then the suite begins, and the programs of the nodes."""
@@ -67,7 +67,7 @@ class Tester(Node):
 class SimulatedBench:
     """The bench of a network on which the tester is a node."""
 
-    def __init__(self, network: Network, tester: Tester) -> None:
+    def __init__(self, network: Simulation, tester: Tester) -> None:
         self._network, self._tester = network, tester
         self.trace = Trace()
         self._sending: list[tuple[Frame, asyncio.Future[float]]] = []
@@ -110,7 +110,7 @@ class SimulatedBench:
 class Program:
     """Runs the program of a node: it begins with each boot of the node, and what is left of the last run is ended."""
 
-    def __init__(self, node: Node, program: Callable[[], Coroutine[Any, Any, None]], network: Network) -> None:
+    def __init__(self, node: Node, program: Callable[[], Coroutine[Any, Any, None]], network: Simulation) -> None:
         self._program, self._network = program, network
         self._boot_up = error_control(node.device.node_id, NmtState.INITIALISING)
         self._task: asyncio.Task[None] | None = None
@@ -142,7 +142,7 @@ class Program:
 
 def run_simulated(suite: Suite, options: RunOptions, make_nodes: MakeNodes, seed: int = 1) -> SuiteResult:
     """Run a suite against simulated nodes, with all chance from `seed`."""
-    network = Network()
+    network = Simulation()
     tested = make_nodes({name: suite.dictionaries[name] for name in suite.nodes}, seed, lambda: network.now)
     for number, (node, _) in enumerate(tested):
         network.attach(node, number * BOOT_STEP, processing_time(seed, node.name))

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from eurobot_od.cli import ExitStatus
 from eurobot_od.cli.table import BUS, CommandRow, Parameter, option
-from eurobot_od.errors import LocalError, RemoteError
+from eurobot_od.errors import LocalError
 from eurobot_od.od.values import parse_number
 from eurobot_od.support import durations
 from eurobot_od.support.progress import SHORT, Unit, bar
@@ -53,7 +53,7 @@ def _find(identity: Identity | None, alone: bool) -> LssSteps[list[str]]:
 
     if not (identity or alone):
         found = yield from find_all()
-        return [f"{_words(each)}  no node-ID" for each in found]
+        return [f"{each}  no node-ID" for each in found]
     device = yield from _selected(identity, alone)
     node_id = yield from inquire_node_id()
     return [f"{device}  {_node_id(node_id)}"]
@@ -88,25 +88,10 @@ def _all_set(
 
 
 def _selected(identity: Identity | None, alone: bool) -> LssSteps[str]:
-    """Put the device that is meant into configuration state and say which it is; raises RemoteError without one."""
-    from eurobot_od.client.lss import LssState, fastscan, select, switch
+    from eurobot_od.client.lss import chosen
 
-    if alone:
-        yield from switch(LssState.CONFIGURATION)
-        return "the only device"
-    if identity:
-        found = identity if (yield from select(identity)) else None
-        missing = f"no device has the identity {_words(identity)}"
-    else:
-        yield from switch(LssState.WAITING)  # fastscan is for devices in waiting state only (CiA 305)
-        found, missing = (yield from fastscan()), "no device without a node-ID answers"
-    if found is None:
-        raise RemoteError(missing)
-    return _words(found)
-
-
-def _words(identity: Identity) -> str:
-    return ":".join(f"0x{number:08X}" for number in identity)
+    found = yield from chosen(identity, alone)
+    return str(found or "the only device")
 
 
 def _node_id(number: int) -> str:

@@ -6,14 +6,16 @@ taken back. Nothing is stored before everything reads back as it should, so a re
 
 from __future__ import annotations
 
+from asyncio import CancelledError
 from collections.abc import Collection, Container, Iterable, Mapping
 from datetime import datetime
 from enum import Enum
 from typing import TYPE_CHECKING, NamedTuple
 
-from eurobot_od.client.description import Description, Identity
+from eurobot_od.client.description import Description, Identity, read_identity
 from eurobot_od.client.master import STORE_WAIT, RemoteNode
 from eurobot_od.client.pdo_order import Bytes, in_order, pdo_of, procedure_objects
+from eurobot_od.client.procedure import Procedure
 from eurobot_od.device.nmt import STATE_NAMES, NmtCommand, NmtState
 from eurobot_od.device.objects import COMMUNICATION_PROFILE
 from eurobot_od.errors import BusError, ConfigurationError, DictionaryError, EurobotError, FieldError, NodeRefused
@@ -122,14 +124,15 @@ class Configured(NamedTuple):
     verified: bool = False
 
 
-def configure(node: RemoteNode, description: Description, now: datetime) -> Configured:
+@Procedure
+async def configure(node: RemoteNode, description: Description, now: datetime) -> Configured:
     """Make a node what a DCF says; `now` is what is written to verify configuration 0x1020.
 
     Raises DictionaryError for the file, before anything is written; ConfigurationError if the node did not take all
     of it, with the state it is left in; RemoteError and BusError before anything is written.
     """
-    plan = difference(node, description)
-    return apply(node, plan, now) if plan.changes else Configured(0, False)
+    plan = await difference.steps(node, description)
+    return await apply.steps(node, plan, now) if plan.changes else Configured(0, False)
 
 
 # The file
@@ -199,7 +202,8 @@ def _counts(dictionary: Dictionary, address: Address) -> bool:
 # The difference
 
 
-def difference(
+@Procedure
+async def difference(
     node: RemoteNode, description: Description, chapters: Collection[Chapter] = tuple(Chapter)
 ) -> ChangePlan:
     """Compare a node with a DCF, or with some chapters of it, by reading alone.
@@ -209,11 +213,11 @@ def difference(
     """
     check_file(description, node.node_id)
     dictionary = description.dictionary
-    other = Identity.of(dictionary).difference(Identity.read(node))
+    other = Identity.of(dictionary).difference(await read_identity.steps(node))
     if other is not None:
         raise DictionaryError(dictionary.file, None, f"is for another device: node {node.node_id} has {other}")
     wanted = [each for each in settings(description) if any(each[0].index in one.indices for one in chapters)]
-    present = {address_of(thing): _present(node, dictionary, thing) for thing, _ in wanted}
+    present = {address_of(thing): await _present(node, dictionary, thing) for thing, _ in wanted}
     read = ((thing, present[address_of(thing)], data) for thing, data in wanted)
     changes = tuple(ChangedObject(*each) for each in read if each[1] != each[2])
     _check_own_node_id(node, dictionary, changes)
@@ -221,7 +225,7 @@ def difference(
     return ChangePlan(
         dictionary,
         changes,
-        {address: present.get(address) or node.upload(address) for address in needed},
+        {address: present.get(address) or await node.upload.steps(address) for address in needed},
         whole=set(chapters) == set(Chapter),
     )
 
@@ -238,19 +242,20 @@ def _check_own_node_id(node: RemoteNode, dictionary: Dictionary, changes: Iterab
             raise DictionaryError(dictionary.file, thing.index, what)
 
 
-def read_object(node: RemoteNode, thing: ODVariable) -> bytes:
+@Procedure
+async def read_object(node: RemoteNode, thing: ODVariable) -> bytes:
     """Read an object, as many bytes as its type has: some devices send 4 of everything. Raises as `upload`."""
     if data_type(thing) == DOMAIN and is_described(thing):
-        return node.upload_block(address_of(thing), thing.qualname)
+        return await node.upload_block.steps(address_of(thing), thing.qualname)
     size = data_type(thing).size or None
     most = max(size, EXPEDITED_SIZE) if size else LARGEST
-    return node.upload(address_of(thing), thing.qualname, most=most)[:size]
+    return (await node.upload.steps(address_of(thing), thing.qualname, most=most))[:size]
 
 
-def _present(node: RemoteNode, dictionary: Dictionary, thing: ODVariable) -> bytes | None:
+async def _present(node: RemoteNode, dictionary: Dictionary, thing: ODVariable) -> bytes | None:
     """Read an object of a DCF; None if it can only be written, or has no value yet. Raises as `difference`."""
     try:
-        return read_object(node, thing)
+        return await read_object.steps(node, thing)
     except NodeRefused as error:
         if error.code in (AbortCode.NO_OBJECT, AbortCode.NO_SUBINDEX):
             what = f"sub {thing.subindex} ({thing.qualname}): node {node.node_id} has no such object"
@@ -269,7 +274,10 @@ def _unit(address: Address) -> Address:
 # The change
 
 
-def apply(node: RemoteNode, plan: ChangePlan, now: datetime, *, stores: bool = True, resets: bool = True) -> Configured:
+@Procedure
+async def apply(
+    node: RemoteNode, plan: ChangePlan, now: datetime, *, stores: bool = True, resets: bool = True
+) -> Configured:
     """Write a plan: pre-operational, writes, read back, verify configuration, store, reset, verify.
 
     Verify configuration is only for a whole DCF, and the reset for a node that has stored. Raises ConfigurationError,
@@ -280,42 +288,50 @@ def apply(node: RemoteNode, plan: ChangePlan, now: datetime, *, stores: bool = T
     try:
         # A node at work would send PDOs half in the old form, half in the new, and some refuse to be mapped anew.
         node.command(NmtCommand.ENTER_PRE_OPERATIONAL)
-        _write(node, plan, plan.writes(), done)
-        read_back(node, plan)
+        await _write(node, plan, plan.writes(), done)
+        await read_back.steps(node, plan)
         # The node clears the mark when its configuration changes, so it comes after all else; and it is stored too.
-        _write(node, plan, mark, [])
+        await _write(node, plan, mark, [])
         stored = stores and plan.dictionary.variable((STORE, ALL_PARAMETERS)) is not None
         if stored:
-            store(node)
-    except (EurobotError, KeyboardInterrupt) as error:
-        raise _failure(error, _take_back(node, plan, done, former)) from error
+            await store.steps(node)
+    except (EurobotError, KeyboardInterrupt, CancelledError) as error:
+        failed = await _take_back(error, node, plan, done, former)
+        if isinstance(error, CancelledError):  # an event loop has to see that its task has ended so
+            raise
+        raise failed from error
     if stored and resets:
-        _reset(node, plan, mark)
+        await _reset(node, plan, mark)
     else:
         node.command(COMMAND_TO.get(former, NmtCommand.START))
     return Configured(len(plan.changes), stored, stored and resets)
 
 
-def read_back(node: RemoteNode, plan: ChangePlan) -> None:
+@Procedure
+async def read_back(node: RemoteNode, plan: ChangePlan) -> None:
     """Raise ConfigurationError unless a node has all that a plan was to write."""
     for thing, _, after in plan.changes:
         if not thing.readable:
             continue
-        found = _present(node, plan.dictionary, thing)
+        found = await _present(node, plan.dictionary, thing)
         if found != after:
             reads, wrote = ChangedObject(thing, found, after).texts
             what = f"node {node.node_id}: {label(thing)} reads {reads} after {wrote} was written"
             raise ConfigurationError(what)
 
 
-def store(node: RemoteNode) -> None:
+@Procedure
+async def store(node: RemoteNode) -> None:
     """Have a node store its parameters, so that they survive a reset; raises as `RemoteNode.download`."""
-    node.download((STORE, ALL_PARAMETERS), SIGNATURES[STORE], "Save all parameters", STORE_WAIT)
+    await node.download.steps((STORE, ALL_PARAMETERS), SIGNATURES[STORE], "Save all parameters", STORE_WAIT)
 
 
-def restore(node: RemoteNode) -> None:
+@Procedure
+async def restore(node: RemoteNode) -> None:
     """Have a node take the defaults of its parameters again, from its next reset on; raises as `store`."""
-    node.download((RESTORE, ALL_PARAMETERS), SIGNATURES[RESTORE], "Restore all default parameters", STORE_WAIT)
+    await node.download.steps(
+        (RESTORE, ALL_PARAMETERS), SIGNATURES[RESTORE], "Restore all default parameters", STORE_WAIT
+    )
 
 
 def _mark(dictionary: Dictionary, now: datetime) -> list[Write]:
@@ -325,48 +341,54 @@ def _mark(dictionary: Dictionary, now: datetime) -> list[Write]:
     return [Write(a, number.to_bytes(4, "little")) for a, number in zip(VERIFY_CONFIGURATION, TimeOfDay.of(now))]
 
 
-def _write(node: RemoteNode, plan: ChangePlan, writes: Iterable[Write], done: list[Write]) -> None:
+async def _write(node: RemoteNode, plan: ChangePlan, writes: Iterable[Write], done: list[Write]) -> None:
     """Write and note in `done` what the node has, or may have; a write that it refused it has not."""
     for write in writes:
         done.append(write)
         try:
-            node.download(write.address, write.data, at(write.address, plan.dictionary.objects).qualname)
+            await node.download.steps(write.address, write.data, at(write.address, plan.dictionary.objects).qualname)
         except NodeRefused:
             done.pop()
             raise
 
 
-def _reset(node: RemoteNode, plan: ChangePlan, mark: list[Write]) -> None:
+async def _reset(node: RemoteNode, plan: ChangePlan, mark: list[Write]) -> None:
     """Reset a node that has stored its parameters and see that it still has them."""
     try:
-        node.reset()
+        await node.reset.steps()
         # The mark that it still has stands for all of them: that saves reading every object once more.
-        if any(node.upload(write.address) != write.data for write in mark) or not mark:
-            read_back(node, plan)
+        if not mark or [await node.upload.steps(write.address) for write in mark] != [write.data for write in mark]:
+            await read_back.steps(node, plan)
     except EurobotError as error:
-        raise _failure(error, f"node {node.node_id} was written completely, stored and reset before that") from error
+        what = f"node {node.node_id} was written completely, stored and reset before that"
+        raise _failure(error, what, [label(each.thing) for each in plan.changes]) from error
 
 
 # The way back
 
 
-def _take_back(node: RemoteNode, plan: ChangePlan, done: list[Write], former: NmtState | None) -> str:
-    """Give a node back what it had, and return in which state it is."""
+async def _take_back(
+    error: BaseException, node: RemoteNode, plan: ChangePlan, done: list[Write], former: NmtState | None
+) -> EurobotError:
+    """Give a node back what it had; return the error that says why, and in which state the node is."""
+    names = [label(each.thing) for each in plan.changes]
     try:
-        _write(node, plan, plan.way_back(done), [])
+        await _write(node, plan, plan.way_back(done), [])
         state = former if former is NmtState.OPERATIONAL else NmtState.PRE_OPERATIONAL
         node.command(COMMAND_TO[state])
     except EurobotError:
         units = {_unit(write.address) for write in done}
-        is_new = {label(c.thing): _unit(address_of(c.thing)) in units for c in plan.changes}
-        new, old = (", ".join(name for name in is_new if is_new[name] is which) or "nothing" for which in (True, False))
-        return (
-            f"node {node.node_id} is pre-operational; written and not stored: {new}; not written: {old}; "
+        is_new = {label(each.thing): _unit(address_of(each.thing)) in units for each in plan.changes}
+        new, old = ([name for name in names if is_new[name] is which] for which in (True, False))
+        what = (
+            f"node {node.node_id} is pre-operational; written and not stored: {', '.join(new) or 'nothing'}; "
+            f"not written: {', '.join(old) or 'nothing'}; "
             f"a reset brings the former values back (eurobot-od nmt {node.node_id} reset)"
         )
-    return f"node {node.node_id} has its former values again and is {STATE_NAMES[state]}"
+        return _failure(error, what, new, old)
+    return _failure(error, f"node {node.node_id} has its former values again and is {STATE_NAMES[state]}", (), names)
 
 
-def _failure(error: BaseException, state: str) -> EurobotError:
-    kind: type[EurobotError] = BusError if isinstance(error, BusError) else ConfigurationError
-    return kind(f"{str(error) or 'interrupted'}; {state}")
+def _failure(error: BaseException, state: str, written: Iterable[str] = (), left: Iterable[str] = ()) -> EurobotError:
+    text = f"{str(error) or 'interrupted'}; {state}"
+    return BusError(text) if isinstance(error, BusError) else ConfigurationError(text, written, left)

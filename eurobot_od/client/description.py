@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from eurobot_od.client.master import RemoteNode
+from eurobot_od.client.procedure import Procedure
 from eurobot_od.errors import NodeRefused
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.standard import DEVICE_NAME, IDENTITY, STORE_FORMAT, STORED_EDS
@@ -27,11 +28,8 @@ class Identity(NamedTuple):
     revision: int = 0
     serial: int = 0
 
-    @classmethod
-    def read(cls, node: RemoteNode) -> Identity:
-        """Ask a node; only the vendor-ID is mandatory."""
-        numbers = [_optional(node, (IDENTITY, subindex), name) for subindex, name in enumerate(cls._fields, start=1)]
-        return cls(*(int.from_bytes(each, "little") for each in numbers))
+    def __str__(self) -> str:
+        return ":".join(f"0x{number:08X}" for number in self)
 
     @classmethod
     def of(cls, dictionary: Dictionary) -> Identity:
@@ -52,6 +50,14 @@ class Identity(NamedTuple):
         return next((f"{name} 0x{b:X}, not 0x{a:X}" for name, (a, b) in pairs.items() if a != b), None)
 
 
+@Procedure
+async def read_identity(node: RemoteNode) -> Identity:
+    """Ask a node what it is; only the vendor-ID is mandatory. Raises NoAnswer, RemoteError, BusError."""
+    addresses = {(IDENTITY, subindex): name for subindex, name in enumerate(Identity._fields, start=1)}
+    numbers = [await _optional(node, address, name) for address, name in addresses.items()]
+    return Identity(*(int.from_bytes(each, "little") for each in numbers))
+
+
 class Description(NamedTuple):
     """An EDS or DCF: `dictionary`, and the `text` it was read from."""
 
@@ -68,15 +74,16 @@ def _described(dictionary: Dictionary) -> Description:
     return Description(dictionary, dictionary.content.decode("latin-1"))
 
 
-def uploaded(node: RemoteNode) -> Description | None:
+@Procedure
+async def uploaded(node: RemoteNode) -> Description | None:
     """Return the EDS that a node keeps of itself in 0x1021, None if it has none that is plain text.
 
     Raises DictionaryError for one that cannot be read.
     """
     try:
-        if node.upload(STORE_FORMAT, "Store format") != PLAIN_TEXT:
+        if await node.upload.steps(STORE_FORMAT, "Store format") != PLAIN_TEXT:
             return None
-        content = node.upload_block(STORED_EDS, "Store EDS")
+        content = await node.upload_block.steps(STORED_EDS, "Store EDS")
     except NodeRefused:
         return None
     if not content:
@@ -84,24 +91,26 @@ def uploaded(node: RemoteNode) -> Description | None:
     return _described(Dictionary.read(content, Path(f"EDS of node {node.node_id}"), node.node_id))
 
 
-def fitting(node: RemoteNode, known: Iterable[Dictionary]) -> Description | None:
+@Procedure
+async def fitting(node: RemoteNode, known: Iterable[Dictionary]) -> Description | None:
     """Return the first of the known EDS files that has the node's identity; None if there is none.
 
     Raises DictionaryError, and what reading the identity raises.
     """
-    identity = Identity.read(node)
+    identity = await read_identity.steps(node)
     found = next((each for each in known if Identity.of(each).difference(identity) is None), None)
     return None if found is None else from_file(found.file, node.node_id)
 
 
-def device_name(node: RemoteNode) -> str:
+@Procedure
+async def device_name(node: RemoteNode) -> str:
     """Return the name in 0x1008, `` if the node has none."""
-    return _optional(node, DEVICE_NAME, "Manufacturer device name").decode(errors="replace").rstrip("\0")
+    return (await _optional(node, DEVICE_NAME, "Manufacturer device name")).decode(errors="replace").rstrip("\0")
 
 
-def _optional(node: RemoteNode, address: Address, name: str) -> bytes:
+async def _optional(node: RemoteNode, address: Address, name: str) -> bytes:
     """Read an object that a node need not have: without it there are no bytes."""
     try:
-        return node.upload(address, name)
+        return await node.upload.steps(address, name)
     except NodeRefused:
         return b""

@@ -9,6 +9,7 @@ import struct
 from typing import NamedTuple
 
 from eurobot_od.client.master import RemoteNode
+from eurobot_od.client.procedure import Procedure
 from eurobot_od.od.standard import ERROR_FIELD, ERROR_REGISTER
 
 REGISTER_BITS = (
@@ -37,14 +38,16 @@ class History(NamedTuple):
         return [name for bit, name in enumerate(REGISTER_BITS) if self.register >> bit & 1]
 
 
-def history(node: RemoteNode) -> History:
+@Procedure
+async def history(node: RemoteNode) -> History:
     """Read the errors of a node. Raises NodeRefused, NoAnswer, BusError."""
-    register = node.upload(ERROR_REGISTER, "Error register")[0]
-    count = node.upload((ERROR_FIELD, 0), "Number of errors")[0]
-    fields = (node.upload((ERROR_FIELD, sub)) for sub in range(1, count + 1))
+    register = (await node.upload.steps(ERROR_REGISTER, "Error register"))[0]
+    count = (await node.upload.steps((ERROR_FIELD, 0), "Number of errors"))[0]
+    fields = [await node.upload.steps((ERROR_FIELD, sub)) for sub in range(1, count + 1)]
     return History(register, [RememberedError(*struct.unpack_from("<HH", each)) for each in fields])
 
 
-def clear(node: RemoteNode) -> None:
+@Procedure
+async def clear(node: RemoteNode) -> None:
     """Empty the history; raises as `history` does."""
-    node.download((ERROR_FIELD, 0), b"\0", "Number of errors")
+    await node.download.steps((ERROR_FIELD, 0), b"\0", "Number of errors")

@@ -16,6 +16,7 @@ from typing import NamedTuple, TypeAlias, TypeVar
 
 from eurobot_od.client.description import Identity
 from eurobot_od.client.master import STORE_WAIT, Master
+from eurobot_od.client.procedure import Procedure
 from eurobot_od.errors import LocalError, NoAnswer, RemoteError
 from eurobot_od.od.values import LSS_COB_IDS, NODE_IDS
 from eurobot_od.support.progress import Progress, unwatched
@@ -209,6 +210,38 @@ def store() -> LssSteps[None]:
     return _configured(Lss.STORE, b"")
 
 
+def chosen(identity: Identity | None, alone: bool = False) -> LssSteps[Identity | None]:
+    """Put the device that is meant into configuration state; return its identity, None for the only one on the bus.
+
+    It is the only one (`alone`), the one with an identity, or else the first without a node-ID. Raises RemoteError if
+    there is none.
+    """
+    if alone:
+        yield from switch(LssState.CONFIGURATION)
+        return None
+    if identity:
+        found = identity if (yield from select(identity)) else None
+        missing = f"no device has the identity {identity}"
+    else:
+        yield from switch(LssState.WAITING)  # fastscan is for devices in waiting state only (CiA 305)
+        found, missing = (yield from fastscan()), "no device without a node-ID answers"
+    if found is None:
+        raise RemoteError(missing)
+    return found
+
+
+def assigned(node_id: int, identity: Identity | None, bit_rate: int | None, stores: bool) -> LssSteps[Identity | None]:
+    """Give the device of `chosen` a node-ID and, unless None, a bit rate in kbit/s, and have it store them."""
+    services = [configure_node_id(node_id)]
+    services += [] if bit_rate is None else [configure_bit_rate(bit_rate)]
+    device = yield from chosen(identity)
+    for each in services:
+        yield from each
+    if stores:
+        yield from store()
+    return device
+
+
 def _sent(request: LssRequest) -> LssSteps[None]:
     yield request
 
@@ -245,7 +278,8 @@ def _number(value: int) -> bytes:
 # The bus
 
 
-def perform(
+@Procedure
+async def perform(
     master: Master, steps: LssSteps[Result], wait: float = ANSWER_WAIT, progress: Progress = unwatched
 ) -> Result:
     """Do a service; a device has `wait` seconds for each answer, more to store. Raises as it does, and BusError.
@@ -259,7 +293,7 @@ def perform(
         for number in count(1):
             request = steps.send(answer)
             progress(number, None)
-            answer = _exchange(master, request, answers, wait)
+            answer = await _exchange(master, request, answers, wait)
         raise AssertionError  # `count` has no end
     except StopIteration as end:
         result: Result = end.value
@@ -268,13 +302,13 @@ def perform(
         del master.listeners[ANSWERS]
 
 
-def _exchange(master: Master, request: LssRequest, answers: list[bytes], wait: float) -> bytes | None:
+async def _exchange(master: Master, request: LssRequest, answers: list[bytes], wait: float) -> bytes | None:
     master.drain()  # a late answer to the request before is none to this one
     answers.clear()
     master.send(REQUESTS, request.data)
     if request.answer is None:
         return None
-    master.pump(_wait(request, wait), lambda: any(_fitting(answers, request)))
+    await master.pump.steps(_wait(request, wait), lambda: any(_fitting(answers, request)))
     return next(_fitting(answers, request), None)
 
 

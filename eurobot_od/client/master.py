@@ -1,17 +1,21 @@
-"""A CANopen master on a python-can bus: SDO transfers with one node after the other, NMT, heartbeats.
+"""A CANopen master: SDO transfers, NMT, heartbeats, as procedures (see `procedure`) that await frames in `pump`.
 
 Rule of this file: no thread receives. Whoever waits for something takes the frames from the bus meanwhile, and each
-frame goes to the listener of its COB-ID; so a frame that comes while nothing waits is read at the next wait.
+frame goes to the listener of its COB-ID; so a frame that comes while nothing waits is read at the next wait. Masters
+that receive all the time, in a thread, in an event loop or in simulated time, stand in `masters`.
 """
 
 from __future__ import annotations
 
+import logging
 import time
-from collections.abc import Callable
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Iterator
+from contextlib import AbstractAsyncContextManager, AbstractContextManager, contextmanager, nullcontext
+from typing import TYPE_CHECKING, Protocol, TypeAlias
 
+from eurobot_od.client.procedure import Procedure
 from eurobot_od.device.nmt import COMMAND_NAMES, NmtCommand, NmtState
-from eurobot_od.errors import NoAnswer, NodeRefused, RemoteError
+from eurobot_od.errors import NamedObject, NoAnswer, NodeRefused, RemoteError, WrongAnswer
 from eurobot_od.live.buses import failure
 from eurobot_od.od.values import (
     ERROR_CONTROL_BASE,
@@ -56,12 +60,27 @@ BOOT_WAIT = 5.0
 """Seconds that a node has from a reset to its boot-up message."""
 
 
+Observer: TypeAlias = Callable[[int, bytes, float], object]
+"""Called with COB-ID, data, and time of a frame in seconds."""
+
+
+class Periodic(Protocol):
+    """What is sent again and again until it is stopped."""
+
+    def resume(self) -> None:
+        """Go on, on a bus that was opened again."""
+
+    def stop(self) -> None:
+        """End it."""
+
+
 class Master:
     """The master's end of a bus; use it as a context manager, it shuts the bus down at its end.
 
     `answer_wait` is how many seconds a node has for an answer, by `clock`; `unannounced` how many bytes are read of an
     object whose size the node does not say. `states` has the last NMT state heard of
-    each node, `listeners` what is called with the data of a frame, by COB-ID.
+    each node, `listeners` what is called with the data of a frame, by COB-ID, `observers` what is called with COB-ID,
+    data and time of every frame; the time is the driver's, in seconds.
     """
 
     def __init__(
@@ -76,17 +95,45 @@ class Master:
         self.bus, self.answer_wait, self.clock, self.unannounced = bus, answer_wait, clock, unannounced
         self.states: dict[int, NmtState] = {}
         self.listeners: dict[int, Callable[[bytes], None]] = {}
+        self.observers: tuple[Observer, ...] = ()
+        self.periodic: list[Periodic] = []
+        self.guard: AbstractContextManager[object] = nullcontext()
+        """Held while frames are taken in, where a thread of its own does that."""
         self._message = can.Message
 
     def __enter__(self) -> Master:
         return self
 
     def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """End what is sent periodically, and shut the bus down."""
+        self.stop_periodic()
         self.bus.shutdown()
+
+    def stop_periodic(self) -> None:
+        """End what is sent periodically."""
+        for task in self.periodic:
+            task.stop()
+
+    def call(self, function: Callable[[], object]) -> None:
+        """Have a function of a user called that is told of a frame: here at once, by whoever takes frames in.
+
+        What it raises is logged: the others are still told.
+        """
+        try:
+            function()
+        except Exception:
+            logging.getLogger("eurobot_od").exception("a function that was to be called has failed")
 
     def node(self, node_id: int) -> RemoteNode:
         """Return a node to talk to, whether it is there or not."""
         return RemoteNode(self, node_id)
+
+    def turn(self, node_id: int) -> AbstractAsyncContextManager[object]:
+        """Return what is held during a transfer: a node's SDO server does one at a time (CiA 301, 7.2.4.1)."""
+        return nullcontext()
 
     def send(self, cob_id: int, data: bytes) -> None:
         """Send a frame; raises BusError."""
@@ -108,8 +155,13 @@ class Master:
             if not self._receive(0):
                 break
 
-    def pump(self, wait: float, done: Callable[[], bool] = lambda: False) -> bool:
-        """Take in frames for `wait` seconds, or until `done`; return whether it is done. Raises BusError.
+    @Procedure
+    async def pump(self, wait: float, done: Callable[[], bool] = lambda: False) -> bool:
+        """Take in frames for `wait` seconds, or until `done`; return whether it is done. Raises BusError."""
+        return await self._taken_in(wait, done)
+
+    async def _taken_in(self, wait: float, done: Callable[[], bool]) -> bool:
+        """Do what `pump` does.
 
         Frames that are waiting at the end count too: they have come in time, however late this process looks.
         """
@@ -127,13 +179,27 @@ class Master:
         except Exception as error:  # as in `send`
             raise failure(self.bus, error) from error
         if message is not None and not (message.is_extended_id or message.is_error_frame or message.is_remote_frame):
-            cob_id, data = message.arbitration_id, bytes(message.data)
-            node_id = cob_id - ERROR_CONTROL_BASE
-            if node_id in NODE_IDS and len(data) == 1 and data[0] in set(NmtState):
-                self.states[node_id] = NmtState(data[0])
-            if cob_id in self.listeners:
-                self.listeners[cob_id](data)
+            self.heard(message.arbitration_id, bytes(message.data), message.timestamp)
         return message is not None
+
+    @contextmanager
+    def observed(self, observer: Observer) -> Iterator[None]:
+        """Have an observer called with every frame."""
+        self.observers = (*self.observers, observer)  # replaced whole: a reader may be going through it
+        try:
+            yield
+        finally:
+            self.observers = tuple(each for each in self.observers if each is not observer)
+
+    def heard(self, cob_id: int, data: bytes, now: float) -> None:
+        """Take in a classic data frame with an 11-bit identifier."""
+        node_id = cob_id - ERROR_CONTROL_BASE
+        if node_id in NODE_IDS and len(data) == 1 and data[0] in set(NmtState):
+            self.states[node_id] = NmtState(data[0])
+        for observe in self.observers:
+            observe(cob_id, data, now)
+        if cob_id in self.listeners:
+            self.listeners[cob_id](data)
 
 
 class RemoteNode:
@@ -142,25 +208,30 @@ class RemoteNode:
     def __init__(self, master: Master, node_id: int) -> None:
         self.master, self.node_id = master, node_id
 
-    def upload(self, address: Address, name: str = "", progress: Progress = unwatched, most: int = LARGEST) -> bytes:
+    @Procedure
+    async def upload(
+        self, address: Address, name: str = "", progress: Progress = unwatched, most: int = LARGEST
+    ) -> bytes:
         """Read an object's bytes, of which it can have `most`.
 
         Raises NodeRefused, NoAnswer, RemoteError for an odd answer, BusError.
         """
         master, room = self.master, Room(most, min(most, self.master.unannounced))
-        return self._transfer("read", address, name, upload(address, master.answer_wait, progress, room))
+        return await self._transfer("read", address, name, upload(address, master.answer_wait, progress, room))
 
-    def upload_block(self, address: Address, name: str = "", progress: Progress = unwatched) -> bytes:
+    @Procedure
+    async def upload_block(self, address: Address, name: str = "", progress: Progress = unwatched) -> bytes:
         """Read a long object by block transfer; by segments if the node has no blocks, however it says so."""
         master = self.master
         room = Room(unannounced=master.unannounced)
         by_blocks = block_upload(address, master.answer_wait, progress=progress, room=room)
         try:
-            return self._transfer("read", address, name, by_blocks)
+            return await self._transfer("read", address, name, by_blocks)
         except RemoteError:
-            return self.upload(address, name, progress)
+            return await self.upload.steps(address, name, progress)
 
-    def download(
+    @Procedure
+    async def download(
         self,
         address: Address,
         data: bytes,
@@ -180,13 +251,13 @@ class RemoteNode:
                 progress(done, size)
 
             try:
-                self._transfer("write", address, name, block_download(address, data, answer_wait, noted))
+                await self._transfer("write", address, name, block_download(address, data, answer_wait, noted))
             except RemoteError:
                 if taken[-1]:
                     raise
             else:
                 return
-        self._transfer("write", address, name, download(address, data, answer_wait, progress))
+        await self._transfer("write", address, name, download(address, data, answer_wait, progress))
 
     def command(self, command: NmtCommand) -> None:
         """Send an NMT command to this node; it is not confirmed, and heartbeats from before it count no more."""
@@ -194,53 +265,75 @@ class RemoteNode:
         self.master.states.pop(self.node_id, None)
         self.master.send(NMT_COB_ID, bytes([command, self.node_id]))
 
-    def state(self, wait: float) -> NmtState | None:
+    @Procedure
+    async def state(self, wait: float) -> NmtState | None:
         """Wait for the node's next heartbeat and return its state, None if there is no heartbeat."""
         self.master.states.pop(self.node_id, None)
-        self.master.pump(wait, lambda: self.node_id in self.master.states)
+        await self.master.pump.steps(wait, lambda: self.node_id in self.master.states)
         return self.last_state
 
-    def wait_for(self, state: NmtState, wait: float) -> bool:
+    @Procedure
+    async def wait_for(self, state: NmtState, wait: float) -> bool:
         """Wait for a heartbeat with a state, INITIALISING being the boot-up; return whether one came."""
-        return self.master.pump(wait, lambda: self.last_state is state)
+        with self._states_heard() as heard:
+            return await self.master.pump.steps(wait, lambda: state in (self.last_state, *heard))
+
+    @contextmanager
+    def _states_heard(self) -> Iterator[list[NmtState | None]]:
+        """Give all states that are heard: a heartbeat may follow the boot-up before whoever waits has looked."""
+        heard: list[NmtState | None] = []
+
+        def hear(cob_id: int, *_: object) -> None:
+            if cob_id == ERROR_CONTROL_BASE + self.node_id:
+                heard.append(self.last_state)
+
+        with self.master.observed(hear):
+            yield heard
 
     @property
     def last_state(self) -> NmtState | None:
         """The state in the last heartbeat that was heard, None if there was none."""
         return self.master.states.get(self.node_id)
 
-    def reset(self, command: NmtCommand = NmtCommand.RESET_NODE) -> None:
+    @Procedure
+    async def reset(self, command: NmtCommand = NmtCommand.RESET_NODE) -> None:
         """Reset the node and wait for its boot-up message. Raises NoAnswer."""
-        self.command(command)
-        if not self.wait_for(NmtState.INITIALISING, BOOT_WAIT):
-            raise NoAnswer(COMMAND_NAMES[command], f"boot-up of node {self.node_id}", 1, BOOT_WAIT)
+        with self._states_heard() as heard:
+            self.command(command)
+            booted = await self.master.pump.steps(BOOT_WAIT, lambda: NmtState.INITIALISING in heard)
+        if not booted:
+            raise NoAnswer(COMMAND_NAMES[command], f"boot-up of node {self.node_id}", 1, BOOT_WAIT, self.node_id)
 
-    def _transfer(self, verb: str, address: Address, name: str, transfer: Transfer) -> bytes:
+    async def _transfer(self, verb: str, address: Address, name: str, transfer: Transfer) -> bytes:
         """Do a transfer, and turn how it failed into the error that says it of this node and object."""
-        self.run(transfer)
-        request = f"{verb} {label(address, name)}"
+        await self.run.steps(transfer)
+        request, where = f"{verb} {label(address, name)}", NamedObject(self.node_id, address, name)
         try:
             return transfer.result()
         except Aborted as error:
-            raise NodeRefused(self.node_id, request, error.code, reason(error.code)) from error
+            raise NodeRefused(self.node_id, request, error.code, reason(error.code), where) from error
         except Silence as error:
-            raise NoAnswer(request, f"answer from node {self.node_id}", 1, transfer.wait) from error
+            answer = f"answer from node {self.node_id}"
+            raise NoAnswer(request, answer, 1, transfer.wait, self.node_id, where) from error
         except OddAnswer as error:
-            raise RemoteError(f"node {self.node_id} gave an odd answer to {request}: {error}") from error
+            raise WrongAnswer(request, str(error), where) from error
 
-    def run(self, transfer: Transfer) -> None:
+    @Procedure
+    async def run(self, transfer: Transfer) -> None:
         """Do a transfer to its end, whatever that is. Raises BusError."""
+        master, clock, cob_id = self.master, self.master.clock, SDO_RESPONSE_BASE + self.node_id
 
         def send(requests: list[bytes]) -> None:
             for request in requests:
-                self.master.send(SDO_REQUEST_BASE + self.node_id, request)
+                master.send(SDO_REQUEST_BASE + self.node_id, request)
 
-        clock = self.master.clock
-        # An answer that came too late for the request before would be taken for the answer to this one.
-        self.master.drain()
-        cob_id = SDO_RESPONSE_BASE + self.node_id
-        self.master.listeners[cob_id] = lambda data: send(transfer.receive(data, clock()))
-        send(transfer.start(clock()))
-        while not transfer.done:
-            self.master.pump(transfer.deadline - clock(), lambda: transfer.done)
-            send(transfer.tick(clock()))
+        async with master.turn(self.node_id):
+            # An answer that came too late for the request before would be taken for the answer to this one.
+            master.drain()
+            with master.guard:
+                master.listeners[cob_id] = lambda data: send(transfer.receive(data, clock()))
+                send(transfer.start(clock()))
+            while not transfer.done:
+                await master.pump.steps(transfer.deadline - clock(), lambda: transfer.done)
+                with master.guard:
+                    send(transfer.tick(clock()))

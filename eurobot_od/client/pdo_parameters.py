@@ -9,17 +9,19 @@ from collections.abc import Iterator
 
 from eurobot_od.client.master import RemoteNode
 from eurobot_od.client.pdo_order import pdo_of
+from eurobot_od.client.procedure import Procedure
 from eurobot_od.client.reading import read_bytes
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.values import Address, Value
 
 
-def pdo_parameters(node: RemoteNode, dictionary: Dictionary) -> dict[Address, Value]:
+@Procedure
+async def pdo_parameters(node: RemoteNode, dictionary: Dictionary) -> dict[Address, Value]:
     """Read the numbers that a node has in its PDOs' records; what it refuses is left out.
 
     Raises NoAnswer, RemoteError, BusError.
     """
-    found = read_bytes(node, _addresses(dictionary))
+    found = await read_bytes.steps(node, _addresses(dictionary))
     return {address: int.from_bytes(data, "little") for address, data in found.items() if isinstance(data, bytes)}
 
 

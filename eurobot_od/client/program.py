@@ -13,8 +13,9 @@ from enum import IntEnum
 from typing import NamedTuple
 from zlib import crc32
 
-from eurobot_od.client.description import Identity
+from eurobot_od.client.description import Identity, read_identity
 from eurobot_od.client.master import RemoteNode
+from eurobot_od.client.procedure import Procedure
 from eurobot_od.errors import BusError, EurobotError, NoAnswer, NodeRefused, ProgramError
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.standard import FLASH_STATUS, PROGRAM_CONTROL, PROGRAM_DATA, PROGRAM_IDENTIFICATION
@@ -71,7 +72,8 @@ class Loaded(NamedTuple):
     crc: str
 
 
-def load(
+@Procedure
+async def load(
     node: RemoteNode,
     content: bytes,
     program: int = 1,
@@ -86,27 +88,27 @@ def load(
     memory = ProgramMemory(node, program)
     start = f"eurobot-od write {node.node_id} 0x{PROGRAM_CONTROL:X}:{program} {ProgramControl.START:d} starts it"
     with _left(node, "its program is as it was"):
-        state = memory.look(content, dictionary)
+        state = await memory.look(content, dictionary)
     with _left(node, f"its program may be stopped; {start} again"):
         if state != ProgramControl.STOP:  # a node that is in its loader already may refuse to be stopped
             with suppress(NoAnswer):  # and one that leaves its program for its loader need not confirm
-                memory.control(ProgramControl.STOP)
-        memory.wait()
+                await memory.control(ProgramControl.STOP)
+        await memory.wait()
     with _left(
         node, "its program is stopped and may be cleared: download it again, or, if it is still there, " + start
     ):
-        memory.control(ProgramControl.CLEAR, FLASH_WAIT)
-        memory.wait(NO_ERROR, NO_PROGRAM)
+        await memory.control(ProgramControl.CLEAR, FLASH_WAIT)
+        await memory.wait(NO_ERROR, NO_PROGRAM)
     with _left(node, "it is stopped without a whole program: download it again"):
-        node.download((PROGRAM_DATA, program), content, NAMES[PROGRAM_DATA], FLASH_WAIT, progress)
-        memory.wait(NO_ERROR)
+        await node.download.steps((PROGRAM_DATA, program), content, NAMES[PROGRAM_DATA], FLASH_WAIT, progress)
+        await memory.wait(NO_ERROR)
     with _left(node, f"the program is written and not started: download it again, or {start} as it is"):
-        crc = memory.identify(content) if check_crc else ""
+        crc = await memory.identify(content) if check_crc else ""
     with _left(node, f"the program is written and does not run; {start}, or download it again"):
         with suppress(NoAnswer):  # nor need one that leaves its loader for its program
-            memory.control(ProgramControl.START)
-        memory.wait(NO_ERROR)
-        memory.check_started()
+            await memory.control(ProgramControl.START)
+        await memory.wait(NO_ERROR)
+        await memory.check_started()
     return Loaded(len(content), crc)
 
 
@@ -116,20 +118,20 @@ class ProgramMemory:
     def __init__(self, node: RemoteNode, program: int) -> None:
         self._node, self._program = node, program
 
-    def look(self, content: bytes, dictionary: Dictionary | None) -> int:
+    async def look(self, content: bytes, dictionary: Dictionary | None) -> int:
         """Return the state that program control tells; raises ProgramError if there is nowhere to load a content to."""
         if len(content) > LARGEST:
             raise ProgramError(f"the file has {len(content)} bytes; a program has at most {LARGEST}")
         if dictionary is not None:
-            self._check_file(dictionary)
+            await self._check_file(dictionary)
         for index in (PROGRAM_DATA, PROGRAM_CONTROL):
-            self._check_number(index)
-        return self._state()
+            await self._check_number(index)
+        return await self._state()
 
-    def _check_number(self, index: int) -> None:
+    async def _check_number(self, index: int) -> None:
         """Raise ProgramError if the node has fewer programs; how many, not every node tells."""
         try:
-            number = int.from_bytes(self._node.upload((index, 0), NAMES[index]), "little")
+            number = int.from_bytes(await self._node.upload.steps((index, 0), NAMES[index]), "little")
         except NodeRefused as error:
             if error.code == AbortCode.NO_OBJECT:
                 raise
@@ -138,9 +140,9 @@ class ProgramMemory:
                 has = f"0x{index:04X} {NAMES[index]} has {amount(number, 'program')}"
                 raise ProgramError(f"{has}: there is no program {self._program}")
 
-    def _check_file(self, dictionary: Dictionary) -> None:
+    async def _check_file(self, dictionary: Dictionary) -> None:
         """Raise ProgramError if the node is not the device of a file, or if the file has no such program."""
-        other = Identity.of(dictionary).difference(Identity.read(self._node))
+        other = Identity.of(dictionary).difference(await read_identity.steps(self._node))
         if other is not None:
             raise ProgramError(f"{dictionary.file} is for another device: node {self._node.node_id} has {other}")
         for index in (PROGRAM_DATA, PROGRAM_CONTROL):
@@ -148,40 +150,40 @@ class ProgramMemory:
             if variable is None or not variable.writable:
                 raise ProgramError(f"{dictionary.file} has no {self._where(index)} that can be written")
 
-    def _state(self) -> int:
+    async def _state(self) -> int:
         try:
-            return self.read(PROGRAM_CONTROL)
+            return await self.read(PROGRAM_CONTROL)
         except NodeRefused as error:
             if error.code == AbortCode.WRITE_ONLY:
                 return ProgramControl.START
             raise
 
-    def read(self, index: int) -> int:
+    async def read(self, index: int) -> int:
         """Return the number in an object."""
-        return int.from_bytes(self._node.upload((index, self._program), NAMES[index]), "little")
+        return int.from_bytes(await self._node.upload.steps((index, self._program), NAMES[index]), "little")
 
-    def control(self, command: ProgramControl, wait: float | None = None) -> None:
+    async def control(self, command: ProgramControl, wait: float | None = None) -> None:
         """Tell the node what to do with its program."""
         what = f"{NAMES[PROGRAM_CONTROL]} ({command.name})"
-        self._node.download((PROGRAM_CONTROL, self._program), bytes([command]), what, wait)
+        await self._node.download.steps((PROGRAM_CONTROL, self._program), bytes([command]), what, wait)
 
-    def wait(self, *allowed: int) -> None:
+    async def wait(self, *allowed: int) -> None:
         """Wait until the flash memory is not at work; its error has to be one of the allowed, any if none is named."""
         clock = self._node.master.clock
         end = clock() + FLASH_WAIT
-        while (status := self._status()) & IN_PROGRESS:
+        while (status := await self._status()) & IN_PROGRESS:
             if clock() >= end:
                 raise NoAnswer("start of an operation", f"end of it in {self._where(FLASH_STATUS)}", 1, FLASH_WAIT)
-            self._node.master.pump(POLL)
+            await self._node.master.pump.steps(POLL)
         error = status >> 1 & 0x7F
         if allowed and error not in allowed:
             words = FLASH_ERRORS.get(error, f"error {error}")
             maker = f" (the manufacturer's 0x{status >> 16:04X})" if status >> 16 else ""
             raise ProgramError(f"{self._where(FLASH_STATUS)} says: {words}{maker}")
 
-    def identify(self, content: bytes) -> str:
+    async def identify(self, content: bytes) -> str:
         """Return by which CRC the node identifies a program, `` if it does not; raises ProgramError for another one."""
-        found = self._read_if_there(PROGRAM_IDENTIFICATION)
+        found = await self._read_if_there(PROGRAM_IDENTIFICATION)
         known = {
             "CRC-32": crc32(content),
             "CRC-16 (start value 0)": crc_hqx(content, 0),
@@ -197,21 +199,21 @@ class ProgramMemory:
             f"{self._where(PROGRAM_IDENTIFICATION)} is 0x{found:X}, which is no CRC of the file ({no_crc})"
         )
 
-    def check_started(self) -> None:
+    async def check_started(self) -> None:
         """Raise ProgramError if the node says that the program is stopped; a program need not have the object."""
-        if self._read_if_there(PROGRAM_CONTROL) == ProgramControl.STOP:
+        if await self._read_if_there(PROGRAM_CONTROL) == ProgramControl.STOP:
             raise ProgramError(f"{self._where(PROGRAM_CONTROL)} says: stopped")
 
-    def _status(self) -> int:
+    async def _status(self) -> int:
         """Return the flash status; at work for a node that is silent, at rest for one that has none."""
         try:
-            return self._read_if_there(FLASH_STATUS) or 0
+            return await self._read_if_there(FLASH_STATUS) or 0
         except NoAnswer:
             return IN_PROGRESS
 
-    def _read_if_there(self, index: int) -> int | None:
+    async def _read_if_there(self, index: int) -> int | None:
         try:
-            return self.read(index)
+            return await self.read(index)
         except NodeRefused as error:
             if error.code in ABSENT:
                 return None

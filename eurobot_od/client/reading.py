@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from eurobot_od.client.configure import is_parameter, read_object
 from eurobot_od.client.description import device_name
 from eurobot_od.client.master import RemoteNode
+from eurobot_od.client.procedure import Procedure
 from eurobot_od.errors import NodeRefused
 from eurobot_od.od.dcf import Dcf, with_contents
 from eurobot_od.od.dictionary import Dictionary
@@ -40,7 +41,8 @@ def read_all(node: RemoteNode, things: Iterable[ODVariable]) -> Iterator[ObjectR
             yield ObjectReading(thing, refusal=error.reason)
 
 
-def read_bytes(node: RemoteNode, addresses: Iterable[Address]) -> dict[Address, bytes | int]:
+@Procedure
+async def read_bytes(node: RemoteNode, addresses: Iterable[Address]) -> dict[Address, bytes | int]:
     """Read objects as their bytes, or the abort code; raises as `read_all`.
 
     Once the node has said that there is nothing at an index, its other sub-indices are not asked for.
@@ -49,7 +51,7 @@ def read_bytes(node: RemoteNode, addresses: Iterable[Address]) -> dict[Address, 
     missing: set[int] = set()
     for address in addresses:
         try:
-            found[address] = AbortCode.NO_OBJECT if address[0] in missing else node.upload(address)
+            found[address] = AbortCode.NO_OBJECT if address[0] in missing else await node.upload.steps(address)
         except NodeRefused as error:
             found[address] = error.code
             missing |= {address[0]} if error.code == AbortCode.NO_OBJECT else set()

@@ -10,8 +10,9 @@ from collections.abc import Iterable
 from functools import partial
 from typing import NamedTuple
 
-from eurobot_od.client.description import Identity, device_name
+from eurobot_od.client.description import Identity, device_name, read_identity
 from eurobot_od.client.master import Master
+from eurobot_od.client.procedure import Procedure
 from eurobot_od.device.nmt import NmtState
 from eurobot_od.errors import RemoteError
 from eurobot_od.od.standard import DEVICE_TYPE
@@ -34,7 +35,10 @@ class Found(NamedTuple):
     name: str
 
 
-def scan(master: Master, node_ids: Iterable[int] = NODE_IDS, pace: float = PACE, listen: float = LISTEN) -> list[Found]:
+@Procedure
+async def scan(
+    master: Master, node_ids: Iterable[int] = NODE_IDS, pace: float = PACE, listen: float = LISTEN
+) -> list[Found]:
     """Return the nodes that are there, by node-ID. Raises BusError."""
     wanted = sorted(node_ids)
     answered: set[int] = set()
@@ -47,9 +51,9 @@ def scan(master: Master, node_ids: Iterable[int] = NODE_IDS, pace: float = PACE,
     for node_id in wanted:
         master.listeners[SDO_RESPONSE_BASE + node_id] = partial(received, node_id)
         master.send(SDO_REQUEST_BASE + node_id, initiate(ClientCommand.UPLOAD << 5, DEVICE_TYPE))
-        master.pump(pace)
-    master.pump(max(listen - pace * len(wanted), master.answer_wait))
-    return [_found(master, node_id) for node_id in sorted(answered | set(master.states)) if node_id in wanted]
+        await master.pump.steps(pace)
+    await master.pump.steps(max(listen - pace * len(wanted), master.answer_wait))
+    return [await _found(master, node_id) for node_id in sorted(answered | set(master.states)) if node_id in wanted]
 
 
 def _is_answer(data: bytes) -> bool:
@@ -63,11 +67,11 @@ def _is_answer(data: bytes) -> bool:
     return answer.command >> 5 in (ServerCommand.UPLOAD, ServerCommand.ABORT) and answer.address == DEVICE_TYPE
 
 
-def _found(master: Master, node_id: int) -> Found:
+async def _found(master: Master, node_id: int) -> Found:
     """Ask a node that is there for its identity; one in STOPPED does not answer."""
     node = master.node(node_id)
     try:
-        identity, name = Identity.read(node), device_name(node)
+        identity, name = await read_identity.steps(node), await device_name.steps(node)
     except RemoteError:
         identity, name = None, ""
     return Found(node_id, node.last_state, identity, name)

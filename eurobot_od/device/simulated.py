@@ -61,6 +61,11 @@ class SimulatedDevice(Node):
         """Make a device of an EDS or DCF file; `options` are those of the class. Raises DictionaryError."""
         return cls(Dictionary.load(file, node_id), **options)
 
+    @property
+    def dictionary(self) -> Dictionary:
+        """What its file says."""
+        return self._dictionary
+
     # Values
 
     def value(self, name: ObjectName) -> Value:

@@ -163,9 +163,14 @@ class FrameReader:
         self._thread = threading.Thread(target=reader.read, name=f"{bus.channel_info} watch", daemon=True)
 
     @property
+    def bus(self) -> can.BusABC:
+        """The bus as it is opened now."""
+        return self._connection.driver.bus
+
+    @property
     def name(self) -> str:
         """What the driver calls the bus."""
-        return str(self._connection.driver.bus.channel_info)
+        return str(self.bus.channel_info)
 
     def send(self, frame: Frame, timeout: float | None = None) -> bool:
         """Hand a frame to the driver, as `Driver.send` does; when that fails, the bus is opened again as well."""

@@ -8,11 +8,14 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable
-from typing import TYPE_CHECKING, Any, TypeAlias
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar, TypeAlias
+from typing import Protocol as Interface
 
 from eurobot_od.errors import MappingError, UnknownIdentifier, UnknownName
 from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.network import READERS, load, read_network
 from eurobot_od.od.pdos import OnRefused, Pdo, fatal
 from eurobot_od.od.values import PdoDirection
 from eurobot_od.pdo.binding import Binding
@@ -26,6 +29,15 @@ NAMES_NOTHING = re.compile(r"PDO|parameter|^\W*$", re.IGNORECASE)
 """Names of communication records that any PDO could have."""
 
 
+
+class Described(Interface):
+    """What has dictionaries: a network of devices."""
+
+    @property
+    def dictionaries(self) -> Iterable[Dictionary]:
+        """The dictionaries of its devices."""
+
+
 PdoSource: TypeAlias = tuple[Dictionary, Iterable[Pdo]]
 """What a file says, often a whole `Dictionary`, and those of its PDOs that are looked at."""
 
@@ -33,10 +45,16 @@ PdoSource: TypeAlias = tuple[Dictionary, Iterable[Pdo]]
 class Protocol:
     """The messages of one or more dictionaries, encoded and decoded as those map them.
 
+        protocol = Protocol.of("motor.eds", node_id=5)
+        print(protocol.decode(0x185, bytes(8)))
+
     `catalogue` has the message types; a PDO that it does not know becomes a named tuple of plain numbers. `refused`
     gets a MappingError if a mapping does not fit its message type, if two messages share a COB-ID, or if two
     dictionaries disagree about a message; by default it is raised.
     """
+
+    CATALOGUE: ClassVar[Catalogue] = NOTHING
+    """The message types of what `of` reads."""
 
     def __init__(
         self, sources: Iterable[PdoSource], catalogue: Catalogue = NOTHING, refused: OnRefused = fatal
@@ -56,6 +74,23 @@ class Protocol:
         # filled when a message is first read or written, as its function is generated then
         self._readers: dict[int, Callable[[bytes], Message]] = {}
         self._writers: dict[type[Message], Callable[[Any], Frame]] = {}
+
+    @classmethod
+    def of(cls, source: str | Path | Dictionary | Described, node_id: int | None = None) -> Self:
+        """Return the messages of a device, or of all devices of a network.
+
+        A device is its EDS or DCF, or what was read of one, with a node-ID (1..127) if the file has none. A network is
+        an `eurobot_od.Network`, a network file (YAML, nodelist.cpj), or a folder of EDS files. Raises DictionaryError,
+        and MappingError as the class does.
+        """
+        if isinstance(source, Dictionary):
+            dictionaries: Iterable[Dictionary] = [source]
+        elif isinstance(source, (str, Path)):
+            is_network = Path(source).is_dir() or Path(source).suffix.lower() in READERS
+            dictionaries = load(read_network(source).nodes) if is_network else [Dictionary.load(source, node_id)]
+        else:
+            dictionaries = source.dictionaries
+        return cls.of_devices(dictionaries, cls.CATALOGUE)
 
     @classmethod
     def of_devices(cls, dictionaries: Iterable[Dictionary], catalogue: Catalogue, refused: OnRefused = fatal) -> Self:

@@ -1,11 +1,10 @@
-"""The robot's messages as the EDS files of a dialect map them; the public `eurobot_od.Protocol`."""
+"""The robot's messages as the EDS files of a dialect map them; the public `eurobot_od.robot.Protocol`."""
 
 from __future__ import annotations
 
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.robot import dialects
 from eurobot_od.robot.model.messages import CATALOGUE
@@ -17,15 +16,12 @@ if TYPE_CHECKING:
 class EurobotProtocol(Protocol):
     """A protocol that knows the 23 messages of the document's Table 5 by their types."""
 
+    CATALOGUE = CATALOGUE
+
     @classmethod
     def load(cls, dialect: str | Path | None = None) -> EurobotProtocol:
         """Load all EDS files of a dialect by its name or folder; raises UnknownName, DictionaryError."""
         return cls.of_devices(dialects.load_all(dialect), CATALOGUE)
-
-    @classmethod
-    def of(cls, dictionary: Dictionary) -> EurobotProtocol:
-        """Return the messages of one device as its EDS or DCF maps them; raises MappingError."""
-        return cls.of_devices([dictionary], CATALOGUE)
 
 
 def decoder(dialect: str | Path | None = None) -> Decoder:

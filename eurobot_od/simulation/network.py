@@ -36,7 +36,7 @@ from eurobot_od.gatekeeper.mailboxes import Mailboxes
 from eurobot_od.simulation.bit_errors import BitErrors
 from eurobot_od.simulation.bus import Bus, regroup
 from eurobot_od.simulation.confinement import ErrorState
-from eurobot_od.simulation.controller import Babble, Controller, Nothing
+from eurobot_od.simulation.controller import Babble, Controller, FrameSource, Nothing
 
 PROCESSING_TIMES = (50e-6, 100e-6, 150e-6, 200e-6)
 """How long a node may take until it looks at a frame, s: about as long as a frame takes at 500 kbit/s.
@@ -46,7 +46,7 @@ are two frames on the bus if their times differ, and one merged frame if not. Wi
 who asks learns to live with either."""
 
 ON_TIME = (0.0,)
-"""What `Network.disturb` says for a frame that reaches everyone as it should."""
+"""What `Simulation.disturb` says for a frame that reaches everyone as it should."""
 
 Disturb: TypeAlias = Callable[[float, Frame], Sequence[float]]
 """Says for a frame that has ended at a time, s, after which delays, s, it reaches the receivers: once for each."""
@@ -83,7 +83,7 @@ class Attachment:
         return self.station.next_wakeup
 
 
-class Network:
+class Simulation:
     """A simulated bus at `bitrate` bit/s with its stations; `now` is the simulated time in seconds.
 
     `reports` are the gatekeepers' reports. `observers` are called with each frame and the time, in seconds, at which
@@ -121,7 +121,7 @@ class Network:
         self._places[station] = Attachment(station, mailboxes, controller, processing)
         self._stations[controller] = station
         self._whole.controllers.append(controller)
-        self._plan(start, partial(self._start, station))
+        self.plan(start, partial(self._start, station))
         return station
 
     def detach(self, station: Station) -> None:
@@ -137,14 +137,14 @@ class Network:
         """
         controller = self.controller(station)
         controller.silent_until = max(controller.silent_until, until)
-        self._plan(until, _look_around)
+        self.plan(until, _look_around)
 
     def cut(self, until: float) -> None:
         """Switch the bus off until a time in seconds: a frame on the wire is lost, and begins anew afterwards."""
         for bus in self._buses:
             bus.drop(self.now)
             bus.off_until = max(bus.off_until, until)
-        self._plan(until, _look_around)
+        self.plan(until, _look_around)
 
     def split(self, stations: Iterable[Station], until: float = inf) -> None:
         """Cut the bus in two until a time in seconds: these stations, and the others with the monitor.
@@ -157,15 +157,20 @@ class Network:
         left = [(bus, [each for each in bus.controllers if each not in moved]) for bus in torn]
         part = self._add_bus()
         regroup(self.now, torn, [*left, (part, moved)])
-        self._plan(until, partial(self._join, part))
+        self.plan(until, partial(self._join, part))
 
     def babble(self, frame: Frame, until: float) -> Controller:
         """Have one more controller send the same frame again and again until a time in seconds; return it."""
         controller = Controller(Babble(frame))
         self._whole.controllers.append(controller)
-        self._plan(self.now, _look_around)
-        self._plan(until, partial(self._remove, controller))
+        self.plan(self.now, _look_around)
+        self.plan(until, partial(self._remove, controller))
         return controller
+
+    def join(self, source: FrameSource) -> Callable[[], None]:
+        """Connect who is no station; call what is returned when the source has a new frame. Observers hear for it."""
+        self._whole.controllers.append(Controller(source))
+        return lambda: self.plan(self.now, _look_around)
 
     def controller(self, station: Station) -> Controller:
         """Return a station's CAN controller, which has its error counters and state."""
@@ -243,7 +248,8 @@ class Network:
         while self.advance(until):
             pass
 
-    def _plan(self, time: float, action: Callable[[], None]) -> None:
+    def plan(self, time: float, action: Callable[[], None]) -> None:
+        """Have something done at a time, in seconds, before what the stations do then."""
         # The number breaks ties by the order of planning, and keeps the heap from comparing functions.
         heapq.heappush(self._queue, (time, next(self._order), action))
 
@@ -264,7 +270,7 @@ class Network:
         for delay in self.disturb(self.now, frame):
             for station in filter(self._is_awake, stations):
                 look = self.now + delay + self._places[station].processing
-                self._plan(look, partial(self._look, station, frame))
+                self.plan(look, partial(self._look, station, frame))
 
     def _has_changed(self, controller: Controller, before: ErrorState, after: ErrorState) -> None:
         """Tell a node what its controller reports."""

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import Protocol
 
-from eurobot_od.simulation.network import Network
+from eurobot_od.simulation.network import Simulation
 
 
 class Simulated(Protocol):
@@ -27,7 +27,7 @@ class Simulated(Protocol):
 class Several:
     """Some networks, advanced together."""
 
-    def __init__(self, *networks: Network) -> None:
+    def __init__(self, *networks: Simulation) -> None:
         self._networks = networks
         self.now = max(network.now for network in networks)
 

@@ -13,6 +13,7 @@ from canopen.sdo.exceptions import SdoAbortedError
 from eurobot_od.client.configure import Chapter, Configured, apply, configure, difference, is_parameter
 from eurobot_od.client.description import Description, from_file
 from eurobot_od.client.master import RemoteNode
+from eurobot_od.client.procedure import Procedure
 from eurobot_od.device.nmt import NmtCommand, NmtState
 from eurobot_od.errors import BusError, ConfigurationError, DictionaryError, NoAnswer
 from eurobot_od.frame import Frame
@@ -411,7 +412,8 @@ class Interrupted(RemoteNode):
 
     writes = 0
 
-    def download(
+    @Procedure
+    async def download(
         self,
         address: Address,
         data: bytes,
@@ -419,7 +421,7 @@ class Interrupted(RemoteNode):
         wait: float | None = None,
         progress: Progress = unwatched,
     ) -> None:
-        super().download(address, data, name, wait, progress)
+        await super().download.steps(address, data, name, wait, progress)
         self.writes += 1
         if self.writes == 3:
             raise KeyboardInterrupt

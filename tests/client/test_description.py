@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from eurobot_od.client.description import Identity, device_name, fitting, from_file, uploaded
+from eurobot_od.client.description import Identity, device_name, fitting, from_file, read_identity, uploaded
 from eurobot_od.errors import DictionaryError
 from eurobot_od.robot import dialects
 from tests.client.peers import DRIVE, master_on, peer, robot, stock_drive
@@ -15,7 +15,7 @@ DRIVE_IDENTITY = Identity(0, 2, 0x30000, 1)
 
 def test_a_node_and_its_eds_have_one_identity() -> None:
     with robot("drive") as channel, master_on(channel) as master:
-        assert Identity.read(master.node(2)) == DRIVE_IDENTITY
+        assert read_identity(master.node(2)) == DRIVE_IDENTITY
     assert Identity.of(from_file(DRIVE).dictionary) == DRIVE_IDENTITY
 
 
@@ -37,7 +37,7 @@ def test_kinds_of_devices_differ_in_vendor_product_or_major_revision(other: Iden
 def test_a_node_without_identity_has_zeros_and_no_name() -> None:
     with peer(lambda request: [b"\x80" + request[1:4] + NO_SUCH_OBJECT]) as channel, master_on(channel) as master:
         node = master.node(2)
-        assert Identity.read(node) == Identity()
+        assert read_identity(node) == Identity()
         assert device_name(node) == ""
         assert uploaded(node) is None
 

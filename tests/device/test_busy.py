@@ -13,7 +13,7 @@ from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.robot.nodes import Drive
 from eurobot_od.sdo.client import block_upload
 from eurobot_od.sdo.wire import BLOCK_SEGMENTS
-from eurobot_od.simulation.network import Network
+from eurobot_od.simulation.network import Simulation
 from tests.robot.nodes.harness import DICTIONARIES, Peer
 
 PERIODS = {0x702: 1.0, 0x701: 0.2}
@@ -63,7 +63,7 @@ class Chatter(Peer):
 @pytest.mark.parametrize("load", [0.0, 0.5], ids=["alone", "beside a load of 50 %"])
 @pytest.mark.parametrize("bitrate", [50_000, 125_000, 250_000])
 def test_a_block_upload_delays_no_heartbeat_by_more_than_its_block(bitrate: int, load: float) -> None:
-    network, heard = Network(bitrate), defaultdict[int, list[float]](list)
+    network, heard = Simulation(bitrate), defaultdict[int, list[float]](list)
     network.observers.append(lambda time, frame: heard[frame.cob_id].append(time))
     master, drive = Reader(DICTIONARIES["core"]), Drive(DICTIONARIES["drive"])
     nodes: list[Node] = [drive, master]

@@ -211,7 +211,7 @@ def test_unknown_identifier_is_told(cob_id: int) -> None:
 
 
 def test_names_of_the_package_are_loaded_when_asked_for() -> None:
-    assert eurobot_od.Protocol is EurobotProtocol
+    assert eurobot_od.Protocol is Protocol
     assert eurobot_od.Frame is Frame
     assert eurobot_od.messages.GotoXY is GotoXY
     assert all(hasattr(eurobot_od, name) for name in eurobot_od.__all__)

@@ -14,7 +14,7 @@ from eurobot_od.simulation.bit_errors import LAST_BUT_ONE, BitErrors, Noise, Str
 from eurobot_od.simulation.bits import frame_bits, on_wire
 from eurobot_od.simulation.confinement import ErrorState
 from eurobot_od.simulation.controller import Controller
-from eurobot_od.simulation.network import Network
+from eurobot_od.simulation.network import Simulation
 from tests.robot.nodes.harness import DICTIONARIES, Peer
 
 FRAME, OTHER = Frame(0x555, b"\x55\x0f"), Frame(0x6AB, b"\x02")
@@ -40,7 +40,7 @@ class Wire:
     """The three nodes, idle at 0.1 s; `frames` are those on the bus since then but heartbeats."""
 
     def __init__(self, *, monitored: bool = True) -> None:
-        self.network = Network(monitored=monitored)
+        self.network = Simulation(monitored=monitored)
         self.nodes = {name: Ear(name) for name in ROLES}
         self.stations = {name: self.network.attach(node) for name, node in self.nodes.items()}
         self.network.run(0.1)
@@ -246,7 +246,7 @@ def test_a_node_may_be_detached_from_a_part() -> None:
 def test_a_first_node_is_heard_by_the_monitor_only() -> None:
     seen: dict[bool, list[float]] = {}
     for monitored in (True, False):
-        network, times = Network(monitored=monitored), list[float]()
+        network, times = Simulation(monitored=monitored), list[float]()
         network.observers.append(lambda time, _, times=times: times.append(time))  # type: ignore[misc]
         network.attach(Ear("core"))
         network.attach(Ear("drive"), start=0.05)

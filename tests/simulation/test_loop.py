@@ -13,12 +13,12 @@ from eurobot_od.robot.model.messages import CheckDriveRequest, GotoXY, KalmanPos
 from eurobot_od.robot.model.values import Outcome
 from eurobot_od.robot.nodes.core import Core
 from eurobot_od.simulation.loop import NothingHappens, run
-from eurobot_od.simulation.network import Network
+from eurobot_od.simulation.network import Simulation
 from tests.robot.nodes.harness import RED, Bench, as_if_started
 
 
 def test_sleeping_takes_simulated_time_only() -> None:
-    network = Network()
+    network = Simulation()
 
     async def sleep() -> float:
         await asyncio.sleep(86_400)
@@ -39,12 +39,12 @@ def test_sleepers_wake_in_the_order_of_their_times() -> None:
     async def main() -> None:
         await asyncio.gather(sleeper("a", 3.0), sleeper("b", 1.0, 1.0, 2.0), sleeper("c", 2.5))
 
-    run(Network(), main())
+    run(Simulation(), main())
     assert woken == ["b", "b", "c", "a", "b"]
 
 
 def test_a_second_run_goes_on_where_the_first_ended() -> None:
-    network = Network()
+    network = Simulation()
     run(network, asyncio.sleep(1.0))
     run(network, asyncio.sleep(2.0))
     assert network.now == pytest.approx(3.0)
@@ -128,11 +128,11 @@ def test_waiting_for_what_never_happens_is_an_error() -> None:
         await asyncio.get_running_loop().create_future()
 
     with pytest.raises(NothingHappens):
-        run(Network(), main())
+        run(Simulation(), main())
 
 
 def test_another_thread_can_wake_a_task() -> None:
-    network = Network()
+    network = Simulation()
 
     async def main() -> str:
         loop = asyncio.get_running_loop()
@@ -164,9 +164,9 @@ def test_tasks_left_over_are_cancelled_at_the_end(fails: bool) -> None:
 
     if fails:
         with pytest.raises(ValueError, match="main has failed"):
-            run(Network(), main())
+            run(Simulation(), main())
     else:
-        run(Network(), main())
+        run(Simulation(), main())
     assert ended == ["background"]
 
 

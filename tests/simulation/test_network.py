@@ -21,7 +21,7 @@ from eurobot_od.robot.model.messages import (
 )
 from eurobot_od.robot.nodes import ROLES, Drive
 from eurobot_od.simulation.bits import frame_bits, on_wire
-from eurobot_od.simulation.network import ON_TIME, PROCESSING_TIMES, Network, processing_time
+from eurobot_od.simulation.network import ON_TIME, PROCESSING_TIMES, Simulation, processing_time
 from tests.robot.nodes.harness import DICTIONARIES, PROTOCOL, Peer
 
 GOTO = PROTOCOL.encode(GotoXY(1500, 1000, 90, 80))
@@ -53,7 +53,7 @@ class Wire:
     """Stand-ins for the three nodes on a bus that is idle at 0.1 s, and the frames since but the core's heartbeats."""
 
     def __init__(self, processing: float = 0.0) -> None:
-        self.network = Network()
+        self.network = Simulation()
         self.core, self.drive, self.navigation = (Ear(name) for name in ROLES)
         nodes = (self.core, self.drive, self.navigation)
         self.stations = [self.network.attach(node, processing=processing) for node in nodes]
@@ -142,7 +142,7 @@ def test_a_frame_left_to_a_gatekeeper_from_outside_leaves_at_once() -> None:
 
 @pytest.mark.parametrize("bitrate", [125_000, 500_000, 1_000_000])
 def test_a_frame_takes_its_bits_at_the_bitrate(bitrate: int) -> None:
-    network, times = Network(bitrate), list[float]()
+    network, times = Simulation(bitrate), list[float]()
     peer = Peer(DICTIONARIES["core"])
     network.attach(peer)
     network.run(0.1)
@@ -154,21 +154,21 @@ def test_a_frame_takes_its_bits_at_the_bitrate(bitrate: int) -> None:
 
 
 def test_time_goes_on_without_events() -> None:
-    network = Network()
+    network = Simulation()
     assert network.next_event == inf
     assert not network.advance(5.0)
     assert network.now == 5.0
 
 
 def test_time_never_goes_back() -> None:
-    network = Network()
+    network = Simulation()
     network.run(5.0)
     network.run(3.0)
     assert network.now == 5.0
 
 
 def test_nodes_boot_when_they_are_switched_on_and_hear_nothing_before() -> None:
-    network, frames = Network(), list[tuple[float, Frame]]()
+    network, frames = Simulation(), list[tuple[float, Frame]]()
     network.observers.append(lambda time, frame: frames.append((round(time, 3), frame)))
     core, drive = Peer(DICTIONARIES["core"]), Drive(DICTIONARIES["drive"])
     network.attach(core)
@@ -288,7 +288,7 @@ DRIVE_HEARTBEAT = Frame(0x702, b"\x05")
 class Silence(NamedTuple):
     """What makes a station silent at 0.1 s, and until when."""
 
-    begin: Callable[[Network, Station], None]
+    begin: Callable[[Simulation, Station], None]
     until: float
 
     def fits(self, times: list[float]) -> bool:
@@ -296,7 +296,7 @@ class Silence(NamedTuple):
         return all(time > self.until for time in times) and bool(times) == (self.until < inf)
 
 
-def freeze_twice(network: Network, station: Station) -> None:
+def freeze_twice(network: Simulation, station: Station) -> None:
     network.freeze(station, 2.5)
     network.freeze(station, 1.0)
 

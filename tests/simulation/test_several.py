@@ -11,11 +11,11 @@ from eurobot_od.robot import dialects
 from eurobot_od.robot.model.values import TeamColour
 from eurobot_od.robot.nodes import Core, Drive, Navigation
 from eurobot_od.simulation import loop
-from eurobot_od.simulation.network import Network
+from eurobot_od.simulation.network import Simulation
 from eurobot_od.simulation.several import Several
 
 
-def robot(network: Network) -> Core:
+def robot(network: Simulation) -> Core:
     """Put a whole robot on a bus; return its core."""
     core = Core(dialects.load("core"))
     network.attach(core)
@@ -25,7 +25,7 @@ def robot(network: Network) -> Core:
 
 
 def test_two_robots_start_up_on_buses_of_their_own() -> None:
-    networks = Network(), Network()
+    networks = Simulation(), Simulation()
     clock = Several(*networks)
     cores = [robot(network) for network in networks]
     seen: list[tuple[int, float, Frame]] = []
@@ -48,7 +48,7 @@ def test_two_robots_start_up_on_buses_of_their_own() -> None:
 
 
 def test_their_clocks_are_one() -> None:
-    networks = Network(), Network()
+    networks = Simulation(), Simulation()
     clock = Several(*networks)
     robot(networks[0])
     while clock.advance(0.5):
@@ -57,7 +57,7 @@ def test_their_clocks_are_one() -> None:
 
 
 def test_nothing_happens_on_empty_buses() -> None:
-    clock = Several(Network(), Network())
+    clock = Several(Simulation(), Simulation())
     assert clock.next_event == inf
     assert not clock.advance(1.0)
     assert clock.now == 1.0

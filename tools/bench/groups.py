@@ -8,7 +8,22 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from bench.measure import Series
-from bench.rows import bus, codec, configure, echo, lint, logs, match, monitor, receive, sdo, season, socketcan, startup
+from bench.rows import (
+    bus,
+    codec,
+    configure,
+    echo,
+    lint,
+    logs,
+    match,
+    monitor,
+    network,
+    receive,
+    sdo,
+    season,
+    socketcan,
+    startup,
+)
 
 GROUPS: tuple[Sequence[Series], ...] = (
     codec.SERIES,
@@ -21,6 +36,7 @@ GROUPS: tuple[Sequence[Series], ...] = (
     startup.SERIES,
     lint.SERIES,
     configure.SERIES,
+    network.SERIES,
     sdo.SERIES,
     bus.SERIES,
     match.SERIES,

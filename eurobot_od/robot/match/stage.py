@@ -40,7 +40,7 @@ from eurobot_od.robot.world.timeline import EventKind, MatchEvent, Timeline
 from eurobot_od.robot.world.world import OURS, RIVAL
 from eurobot_od.simulation import loop as simulated_loop
 from eurobot_od.simulation.bit_errors import Noise
-from eurobot_od.simulation.network import Network, processing_time
+from eurobot_od.simulation.network import Simulation, processing_time
 from eurobot_od.simulation.several import Several
 
 if TYPE_CHECKING:
@@ -164,15 +164,15 @@ class Performance:
         )
 
 
-def bus(options: MatchOptions) -> Network:
+def bus(options: MatchOptions) -> Simulation:
     """Make a simulated bus, with the bit errors of a match's world."""
-    network = Network()
+    network = Simulation()
     if options.errors.bus_bits:
         network.bit_errors.append(Noise(options.errors.bus_bits, options.seed))
     return network
 
 
-def switch_on(nodes: Iterable[Node], network: Network, seed: int) -> None:
+def switch_on(nodes: Iterable[Node], network: Simulation, seed: int) -> None:
     """Attach nodes to a simulated bus; each boots in its time."""
     last = max(BOOT_TIMES.values())
     for number, node in enumerate(nodes, 1 - len(BOOT_TIMES)):

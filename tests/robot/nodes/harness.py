@@ -32,7 +32,7 @@ from eurobot_od.robot.nodes.motion import Command, Odometry
 from eurobot_od.robot.nodes.navigation import Fix
 from eurobot_od.robot.protocol import EurobotProtocol
 from eurobot_od.simulation import loop
-from eurobot_od.simulation.network import ON_TIME, Network
+from eurobot_od.simulation.network import ON_TIME, Simulation
 
 Result = TypeVar("Result")
 
@@ -99,7 +99,7 @@ class Bench:
     """
 
     def __init__(self, *peers: str) -> None:
-        self.network = Network()
+        self.network = Simulation()
         self.network.observers.append(self._observe)
         self.log: list[Sent] = []
         self.others: list[tuple[float, Frame]] = []

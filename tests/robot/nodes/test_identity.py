@@ -11,16 +11,16 @@ from eurobot_od.robot import dialects
 from eurobot_od.robot.nodes import Core, Drive, Navigation, Node
 from eurobot_od.robot.nodes.identity import DialectMismatch, revision_in
 from eurobot_od.simulation.loop import run
-from eurobot_od.simulation.network import Network
+from eurobot_od.simulation.network import Simulation
 
 BOOTED = 0.1
 ONE, OTHER = dialects.names()[:2]
 ROLES: dict[str, type[Node]] = {"core": Core, "drive": Drive, "navigation": Navigation}
 
 
-def robot(**spoken: str) -> tuple[Network, Core]:
+def robot(**spoken: str) -> tuple[Simulation, Core]:
     """Put the three nodes on a bus, each in the dialect given, and let them boot."""
-    network = Network()
+    network = Simulation()
     nodes = {name: role(dialects.load(name, spoken.get(name, ONE))) for name, role in ROLES.items()}
     for node in nodes.values():
         network.attach(node)
@@ -30,7 +30,7 @@ def robot(**spoken: str) -> tuple[Network, Core]:
     return network, core
 
 
-def check(network: Network, core: Core) -> dict[str, float]:
+def check(network: Simulation, core: Core) -> dict[str, float]:
     async def main() -> dict[str, float]:
         return await core.check_nodes()
 

@@ -43,7 +43,7 @@ from eurobot_od.robot.nodes import ROLES, Core, Drive, Navigation
 from eurobot_od.robot.nodes.navigation import Fix
 from eurobot_od.robot.protocol import EurobotProtocol
 from eurobot_od.sdo.wire import AbortCode
-from eurobot_od.simulation.network import Network
+from eurobot_od.simulation.network import Simulation
 from tests.device.master import SYNC_COB_ID, NodeWire, dictionary_with_sync
 from tests.robot.nodes.harness import DICTIONARIES, RED, Peer, as_if_started
 
@@ -358,7 +358,7 @@ class Field:
 
     def __init__(self, dialect: str) -> None:
         self.protocol = EurobotProtocol.of(dialects.load("drive", dialect))
-        self.drive, self._master, self._network = Witness(dialect), Peer(DICTIONARIES["core"]), Network()
+        self.drive, self._master, self._network = Witness(dialect), Peer(DICTIONARIES["core"]), Simulation()
         for node in (self.drive, self._master):
             self._network.attach(node)
         self.say(NOTHING, self.protocol.encode(RED), self.protocol.encode(GOTO))

@@ -17,7 +17,7 @@ from eurobot_od.robot.nodes import Core, Drive, Navigation
 from eurobot_od.robot.nodes.goto import GotoReport
 from eurobot_od.robot.nodes.node import RobotNode
 from eurobot_od.robot.protocol import EurobotProtocol
-from eurobot_od.simulation.network import ON_TIME, Network
+from eurobot_od.simulation.network import ON_TIME, Simulation
 from tests.robot.document import NAMES
 from tests.robot.nodes.harness import put
 
@@ -52,7 +52,7 @@ class Robot2014:
     """Our core with the two."""
 
     def __init__(self) -> None:
-        self.network = Network()
+        self.network = Simulation()
         self.core = Core(dialects.load("core", DIALECT))
         self.drive = OldDrive(dialects.load("drive", DIALECT))
         put(self.drive, "Estimate.Largest deviation", 0xFFFF)  # its navigation sees nobody

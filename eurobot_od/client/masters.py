@@ -1,0 +1,324 @@
+"""Masters that receive all the time: in a thread of their own, or in an event loop.
+
+Theory of operation. Both have one thread a bus, whatever the number of nodes: the reader, which waits for frames. In a
+program that blocks (`ThreadedMaster`) it also takes them in: it continues transfers, so that no other thread has to be
+woken for each segment, and wakes those who wait in `pump` once what they wait for may be there. Functions of users run
+in one more thread, in the order of what they are told: they may ask nodes themselves, for which the reader must be
+free. In an event loop (`LoopMaster`) the reader hands frames over to the loop, and everything else happens there.
+
+Locks. `guard` protects what `heard` changes; nobody holds it while waiting for frames. A node's `turn` is held for a
+whole transfer, by which two threads, or two tasks, can talk to one node. It is taken before the guard, never after it.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import threading
+from collections import defaultdict, deque
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractAsyncContextManager, contextmanager
+from math import inf
+from queue import SimpleQueue
+from typing import TYPE_CHECKING, Any, Protocol
+
+from eurobot_od.client.master import ANSWER_WAIT, Master
+from eurobot_od.errors import BusError, LocalError
+from eurobot_od.frame import HIGHEST_IDENTIFIER, Frame
+from eurobot_od.live.buses import Driver, failure
+from eurobot_od.live.reader import FrameReader
+
+if TYPE_CHECKING:
+    import can
+
+    from eurobot_od.live.connection import Opener
+
+SEND_WAIT = 0.5
+"""Seconds that a driver may take to accept a frame."""
+
+PATIENCE = 1.0
+"""Seconds that the end waits for functions of users."""
+
+Seen = Callable[[float, Frame], object]
+Failed = Callable[[BusError], object]
+
+
+class Feed(Protocol):
+    """A bus that gives each classic data frame to `seen`, in whatever thread, between `start` and `stop`."""
+
+    @property
+    def bus(self) -> can.BusABC:
+        """The bus as it is opened now."""
+
+    def start(self, seen: Seen, failed: Failed, back: Callable[[], object]) -> None:
+        """Begin to read; `failed` is told why the bus is lost, `back` when it is there again."""
+
+    def send(self, frame: Frame) -> None:
+        """Send a frame; raises BusError."""
+
+    def stop(self) -> None:
+        """End reading."""
+
+
+class OwnFeed:
+    """A bus that is opened by `opener`, opened again when it is lost, and shut down at the end."""
+
+    def __init__(self, opener: Opener) -> None:
+        self._opener, self._first = opener, opener()
+        self._reader: FrameReader | None = None
+
+    @property
+    def bus(self) -> can.BusABC:
+        return self._first if self._reader is None else self._reader.bus
+
+    def start(self, seen: Seen, failed: Failed, back: Callable[[], object]) -> None:
+        self._reader = FrameReader(self._first, seen, None, failed, opener=self._opener, back=lambda _: back())
+        self._reader.__enter__()
+
+    def send(self, frame: Frame) -> None:
+        assert self._reader is not None
+        if not self._reader.send(frame, SEND_WAIT):
+            raise Driver(self.bus).stuck(SEND_WAIT)
+
+    def stop(self) -> None:
+        if self._reader is not None:
+            self._reader.__exit__()
+
+
+class SharedFeed:
+    """Somebody else's bus and python-can notifier; neither is touched at the end. Without a notifier there is ours."""
+
+    def __init__(self, bus: can.BusABC, notifier: can.Notifier | None = None) -> None:
+        import can
+
+        self.bus, self._driver = bus, Driver(bus)
+        found = getattr(can.Notifier, "find_instances", lambda _: ())(bus)  # since python-can 4.5
+        self._notifier, self._own = notifier or next(iter(found), None), False
+        self._hear: Any = None
+
+    def start(self, seen: Seen, failed: Failed, back: Callable[[], object]) -> None:
+        import can
+
+        def hear(message: can.Message) -> None:
+            odd = message.is_extended_id or message.is_remote_frame or message.is_error_frame or message.is_fd
+            if not odd and message.arbitration_id <= HIGHEST_IDENTIFIER:
+                seen(message.timestamp, Frame(message.arbitration_id, bytes(message.data)))
+
+        self._hear = hear
+        if self._notifier is None:
+            self._notifier, self._own = can.Notifier(self.bus, [], timeout=0.1), True
+        self._notifier.add_listener(hear)
+
+    def send(self, frame: Frame) -> None:
+        if not self._driver.send(frame, SEND_WAIT):
+            raise self._driver.stuck(SEND_WAIT)
+
+    def stop(self) -> None:
+        if self._notifier is None:
+            return
+        self._notifier.remove_listener(self._hear)
+        if self._own:
+            self._notifier.stop()
+
+
+def feed_of(network: Any) -> SharedFeed:
+    """Return the feed of an open python-can bus, or of a connected `canopen.Network`; raises LocalError."""
+    import can
+
+    if isinstance(network, can.BusABC):
+        return SharedFeed(network)
+    bus = getattr(network, "bus", None)
+    if not isinstance(bus, can.BusABC):
+        raise LocalError(f"{network!r} is no interface's name, no open bus and no connected canopen.Network")
+    return SharedFeed(bus, getattr(network, "notifier", None))
+
+
+class PeriodicTask:
+    """Frames sent one after the other, one every `period` seconds, by the driver or the kernel, until `stop`."""
+
+    def __init__(self, master: Master, frames: Sequence[Frame], period: float) -> None:
+        import can
+
+        self._messages = [can.Message(arbitration_id=f.cob_id, data=f.data, is_extended_id=False) for f in frames]
+        self._master, self.period = master, period
+        self._task: Any = None
+        self._start()
+
+    def resume(self) -> None:
+        """Begin anew on a bus that was opened again, unless it was stopped."""
+        if self._task is not None:
+            self.stop()
+            self._start()
+
+    def _start(self) -> None:
+        try:
+            self._task = self._master.bus.send_periodic(self._messages, self.period, store_task=False)
+        except Exception as error:  # whatever a driver raises
+            raise failure(self._master.bus, error) from error
+        # Where a thread of python-can sends, it ends with the bus: whoever waits for frames is told, once.
+        if hasattr(self._task, "on_error"):
+            self._task.on_error = lambda _: False
+
+    def stop(self) -> None:
+        """End it; does nothing if it has ended."""
+        if self._task is not None:
+            self._task.stop()
+            self._task = None
+
+    def __enter__(self) -> PeriodicTask:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.stop()
+
+
+class FedMaster(Master):
+    """What both kinds of masters have: a feed, why it has failed (`failure`), and what is sent periodically."""
+
+    def __init__(self, feed: Feed, answer_wait: float = ANSWER_WAIT, **options: Any) -> None:
+        super().__init__(feed.bus, answer_wait, **options)
+        self._feed = feed
+        self.failure: BusError | None = None
+
+    def send(self, cob_id: int, data: bytes) -> None:
+        """Send a frame; raises BusError."""
+        self._feed.send(Frame(cob_id, data))
+
+    def drain(self) -> None:
+        """Do nothing: frames are taken in as they come."""
+
+    def close(self) -> None:
+        """End what is sent periodically, and the reading."""
+        self.stop_periodic()
+        self._feed.stop()
+
+    def _back(self) -> None:
+        self.failure, self.bus = None, self._feed.bus
+        for task in self.periodic:
+            task.resume()
+
+
+class ThreadedMaster(FedMaster):
+    """A master for programs that block; its reader takes frames in. See the top of the file."""
+
+    def __init__(self, feed: Feed, answer_wait: float = ANSWER_WAIT) -> None:
+        super().__init__(feed, answer_wait)
+        self._changed = threading.Condition(threading.RLock())
+        self.guard = self._changed
+        self._turns: defaultdict[int, _BlockingTurn] = defaultdict(_BlockingTurn)
+        self._calls: SimpleQueue[Callable[[], object] | None] = SimpleQueue()
+        self._caller = threading.Thread(target=self._call, name=f"{feed.bus.channel_info} functions", daemon=True)
+        self._caller.start()
+        feed.start(self._seen, self._failed, self._back)
+
+    def turn(self, node_id: int) -> AbstractAsyncContextManager[object]:
+        """Return what is held during a transfer."""
+        return self._turns[node_id]
+
+    def call(self, function: Callable[[], object]) -> None:
+        """Have a function of a user called soon, in the thread for such."""
+        self._calls.put(function)
+
+    def _call(self) -> None:
+        while (function := self._calls.get()) is not None:
+            super().call(function)
+
+    def _seen(self, now: float, frame: Frame) -> None:
+        with self._changed:
+            self.heard(frame.cob_id, frame.data, now)
+            self._changed.notify_all()
+
+    def _failed(self, why: BusError) -> None:
+        with self._changed:
+            self.failure = why
+            self._changed.notify_all()
+
+    async def _taken_in(self, wait: float, done: Callable[[], bool]) -> bool:
+        with self._changed:
+            self._changed.wait_for(lambda: done() or self.failure is not None, None if wait == inf else max(wait, 0))
+            if self.failure is not None and not done():
+                raise self.failure
+            return done()
+
+    def close(self) -> None:
+        """End what is sent periodically, the reading and the functions."""
+        super().close()
+        self._calls.put(None)
+        if self._caller is not threading.current_thread():
+            self._caller.join(PATIENCE)
+
+
+class _BlockingTurn:
+    """A lock of threads in the form in which procedures use it."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+
+    async def __aenter__(self) -> None:
+        self._lock.acquire()
+
+    async def __aexit__(self, *_: object) -> None:
+        self._lock.release()
+
+
+class LoopMaster(FedMaster):
+    """A master in the event loop that is running; its reader hands frames over to the loop."""
+
+    def __init__(self, feed: Feed, answer_wait: float = ANSWER_WAIT) -> None:
+        self._loop = asyncio.get_running_loop()
+        super().__init__(feed, answer_wait, clock=self._loop.time)
+        self._turns: defaultdict[int, asyncio.Lock] = defaultdict(asyncio.Lock)
+        self._waiting: dict[asyncio.Future[None], Callable[[], bool]] = {}
+        self._arrived: deque[tuple[float, Frame]] = deque()
+        self._is_called = False
+        feed.start(self._seen, self._failed, lambda: self._loop.call_soon_threadsafe(self._back))
+
+    def turn(self, node_id: int) -> AbstractAsyncContextManager[object]:
+        """Return what is held during a transfer."""
+        return self._turns[node_id]
+
+    def _seen(self, now: float, frame: Frame) -> None:
+        """Hand a frame over; in the reader's thread. The loop is woken once for all that come before it looks."""
+        self._arrived.append((now, frame))
+        if not self._is_called and not self._loop.is_closed():
+            self._is_called = True
+            self._loop.call_soon_threadsafe(self._look)
+
+    def _look(self) -> None:
+        self._is_called = False  # first: a frame that comes from now on is seen in this round, or calls for the next
+        while self._arrived:
+            now, frame = self._arrived.popleft()
+            try:
+                self.heard(frame.cob_id, frame.data, now)
+            except BusError as error:  # of what a transfer sends next
+                self.failure = error
+            self._wake()  # after each: the next one may undo what somebody waits for
+
+    def _failed(self, why: BusError) -> None:
+        def fail() -> None:
+            self.failure = why
+            self._wake()
+
+        if not self._loop.is_closed():
+            self._loop.call_soon_threadsafe(fail)
+
+    def _wake(self) -> None:
+        for future, done in [*self._waiting.items()]:
+            if not future.done() and (self.failure is not None or done()):
+                future.set_result(None)
+
+    async def _taken_in(self, wait: float, done: Callable[[], bool]) -> bool:
+        if not done():
+            future: asyncio.Future[None] = self._loop.create_future()
+            with self._waits(future, done):
+                await asyncio.wait([future], timeout=None if wait == inf else max(wait, 0))
+        if self.failure is not None and not done():
+            raise self.failure
+        return done()
+
+    @contextmanager
+    def _waits(self, future: asyncio.Future[None], done: Callable[[], bool]) -> Iterator[None]:
+        self._waiting[future] = done
+        try:
+            yield
+        finally:
+            del self._waiting[future]

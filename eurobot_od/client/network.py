@@ -1,0 +1,472 @@
+"""A CANopen network as a program sees it: `Network` for programs that block, `AsyncNetwork` for event loops.
+
+Theory of operation. Both are faces of one master (`master`, `masters`): what they do is written once, as procedures.
+A `Network` on a bus reads in a thread of its own, so that states, emergency messages and PDOs are there when a program
+looks; in simulated time (`simulated`) there is no thread, and time passes while the program waits.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import AsyncIterator, Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from functools import partial
+from io import StringIO
+from itertools import islice
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Generic, TypeAlias, TypeVar
+
+from eurobot_od.client import lss
+from eurobot_od.client.description import Identity
+from eurobot_od.client.lss import LssState, LssSteps, Result
+from eurobot_od.client.master import ANSWER_WAIT, Master
+from eurobot_od.client.masters import Feed, LoopMaster, OwnFeed, PeriodicTask, ThreadedMaster, feed_of
+from eurobot_od.client.procedure import finished
+from eurobot_od.client.producing import syncs
+from eurobot_od.client.remote_device import AsyncRemoteDevice, DeviceAtNode, RemoteDevice
+from eurobot_od.client.scan import LISTEN, Found, scan
+from eurobot_od.client.watch import LOST_AFTER, NodeEvent, NodeWatch
+from eurobot_od.device.nmt import ALL_NODES, NmtCommand
+from eurobot_od.errors import LocalError, StateError, UnknownName
+from eurobot_od.live import open_bus
+from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.network import DEFAULT, load, read_network
+from eurobot_od.od.values import ERROR_CONTROL_BASE, NMT_COB_ID, NODE_IDS, SYNC_COB_ID
+
+if TYPE_CHECKING:
+    import can
+    import canopen
+    from typing_extensions import Self
+
+    from eurobot_od.device.simulated import SimulatedDevice
+    from eurobot_od.device.station import Station
+    from eurobot_od.simulation.network import Simulation
+
+BusName: TypeAlias = "str | can.BusABC | canopen.Network | None"
+"""An interface as python-can names it, a bus that is open, or somebody else's network, whose bus is shared."""
+
+DeviceFile: TypeAlias = "str | Path | Dictionary | canopen.ObjectDictionary | None"
+"""An EDS or DCF, or what was made of one; None for a device of which nothing is known but its node-ID."""
+
+SimulatedFile: TypeAlias = "SimulatedDevice | Dictionary | str | Path"
+"""A simulated device, or an EDS or DCF from which it runs."""
+
+AnyDevice = TypeVar("AnyDevice", bound=DeviceAtNode)
+
+LSS_WAIT = lss.ANSWER_WAIT
+
+SHORTEST_PAUSE = 0.001
+"""Seconds between two looks at who is lost."""
+
+
+def _feed(bus: BusName, channel: str | None, bitrate: int | None) -> Feed:
+    """Open a bus by its interface, or share one that is open; raises BusError, LocalError."""
+    if bus is None or isinstance(bus, str):
+        return OwnFeed(partial(open_bus, bus, channel, bitrate))
+    return feed_of(bus)
+
+
+def _dictionary(file: DeviceFile, node_id: int) -> Dictionary | None:
+    if file is None or isinstance(file, Dictionary):
+        return file if file is None or file.node_id == node_id else file.renumbered(node_id)
+    if isinstance(file, (str, Path)):
+        return Dictionary.load(file, node_id)
+    import canopen
+
+    text = StringIO()
+    canopen.export_od(file, text, "eds")
+    return Dictionary.read(text.getvalue().encode(), Path(f"canopen {node_id}"), node_id)
+
+
+def _described(file: str | Path) -> tuple[Sequence[Dictionary], int | None]:
+    """Return the devices of a network file or folder, and its bit rate in kbit/s; raises DictionaryError."""
+    network = read_network(file)
+    return load(network.nodes), network.bit_rate
+
+
+class NodeWatcher(Iterator[NodeEvent], AsyncIterator[NodeEvent]):
+    """An endless iterator over what happens to nodes, for programs that block and for event loops."""
+
+    def __init__(self, master: Master, node_ids: Sequence[int], within: float, guard: float | None) -> None:
+        self._master, self._events = master, deque[NodeEvent]()
+        guarded = dict.fromkeys(node_ids, guard) if guard else {}
+        periods = dict.fromkeys(node_ids, within / LOST_AFTER)  # until its period is known by two heartbeats
+        self._watch = NodeWatch(self._events.append, periods, node_ids, within, guarded)
+        self._watch.tick(master.clock())
+        self._observed = master.observed(self._hear)
+        self._observed.__enter__()
+
+    def _hear(self, cob_id: int, data: bytes, _: float) -> None:
+        if cob_id - ERROR_CONTROL_BASE in NODE_IDS:
+            self._watch.receive(cob_id - ERROR_CONTROL_BASE, data, self._master.clock())
+
+    def close(self) -> None:
+        """Watch no more."""
+        self._observed.__exit__(None, None, None)
+
+    async def _next(self) -> NodeEvent:
+        while not self._events:
+            now = self._master.clock()
+            for cob_id in self._watch.tick(now):
+                self._master.request(cob_id)
+            pause = max(self._watch.next_wakeup - now, SHORTEST_PAUSE)
+            await self._master.pump.steps(pause, lambda: bool(self._events))
+        return self._events.popleft()
+
+    def __iter__(self) -> NodeWatcher:
+        return self
+
+    def __next__(self) -> NodeEvent:
+        return finished(self._next())
+
+    def __aiter__(self) -> NodeWatcher:
+        return self
+
+    async def __anext__(self) -> NodeEvent:
+        return await self._next()
+
+
+class NetworkOfDevices(Generic[AnyDevice]):
+    """What both kinds of networks have in common; nothing here waits."""
+
+    master: Master
+    _kind: type[AnyDevice]
+
+    def __init__(self) -> None:
+        self._devices: dict[int, AnyDevice] = {}
+
+    def _begin(self, master: Master) -> None:
+        self.master = master
+        master.observers = (*master.observers, self._hear)
+
+    def _hear(self, cob_id: int, data: bytes, now: float) -> None:
+        for device in self._devices.values():
+            device.hear(cob_id, data, now)
+
+    def add(self, node_id: int, file: DeviceFile = None, name: str = "") -> AnyDevice:
+        """Add a device by its node-ID (1..127) and its EDS or DCF, and return it; nothing is sent.
+
+        Instead of a file it may be a `Dictionary`, or canopen's ObjectDictionary. Without any, objects are numbers and
+        bytes. `name` is the file's unless another one is given. Raises DictionaryError, LocalError.
+        """
+        if node_id not in NODE_IDS:
+            raise LocalError(f"node-ID {node_id} is not in {NODE_IDS[0]}..{NODE_IDS[-1]}")
+        if not hasattr(self, "master"):
+            raise StateError("the network is not open yet: `async with` begins it")
+        device = self._kind(self.master, node_id, _dictionary(file, node_id), name)
+        self._devices = {**self._devices, node_id: device}  # replaced whole: the reader may be going through it
+        return device
+
+    def __getitem__(self, node: int | str) -> AnyDevice:
+        """Return a device that was added, by its node-ID or name; raises UnknownName."""
+        for device in self._devices.values():
+            if node in (device.node_id, device.name):
+                return device
+        raise UnknownName("node", node, [each.name for each in self._devices.values()])
+
+    def __iter__(self) -> Iterator[AnyDevice]:
+        return iter([*self._devices.values()])
+
+    def __len__(self) -> int:
+        return len(self._devices)
+
+    @property
+    def dictionaries(self) -> tuple[Dictionary, ...]:
+        """The dictionaries of the devices that have one."""
+        return tuple(each.dictionary for each in self if each.dictionary is not None)
+
+    def send(self, cob_id: int, data: bytes = b"") -> None:
+        """Send any frame: an 11-bit identifier and up to 8 bytes. Raises BusError."""
+        self.master.send(cob_id, data)
+
+    def sync(self, period: float, counter: int | None = None, cob_id: int = SYNC_COB_ID) -> PeriodicTask:
+        """Send a SYNC every `period` seconds from now on, until `stop()` of what is returned, or the network's end.
+
+        With a `counter` (2..240) they are numbered from 1 to it, again and again (0x1019). The driver sends them, with
+        SocketCAN the kernel, so that a busy program does not delay them. Raises LocalError, BusError.
+        """
+        if not period > 0:
+            raise LocalError(f"the period of SYNC is a time longer than 0 s, not {period} s")
+        task = PeriodicTask(self.master, [*islice(syncs(counter, cob_id), counter or 1)], period)
+        self.master.periodic.append(task)
+        return task
+
+    def watch(self, *node_ids: int, within: float = LOST_AFTER, guard: float | None = None) -> NodeWatcher:
+        """Return an endless iterator over what happens to nodes: each NodeEvent says who was found, booted, lost, back.
+
+        The nodes that are named are lost if they are not heard within so many seconds; every node that is heard is
+        watched by the period of its heartbeats, and lost after two of them. `guard` is the period in seconds at which
+        nodes without heartbeats are asked by remote frames.
+        """
+        return NodeWatcher(self.master, node_ids, within, guard)
+
+    async def _perform_lss(self, steps: LssSteps[Result], wait: float) -> Result:
+        try:
+            return await lss.perform.steps(self.master, steps, wait)
+        finally:
+            # A device left in configuration state would obey the next command, whichever device that is for.
+            await lss.perform.steps(self.master, lss.switch(LssState.WAITING))
+
+
+class NetworkNmt:
+    """NMT commands to all nodes of a network at once; they are not confirmed. Each raises BusError."""
+
+    def __init__(self, master: Master) -> None:
+        self._master = master
+
+    def command(self, command: NmtCommand) -> None:
+        """Send a command to all nodes; what heartbeats said before counts no more."""
+        with self._master.guard:
+            self._master.states.clear()
+        self._master.send(NMT_COB_ID, bytes([command, ALL_NODES]))
+
+    def start(self) -> None:
+        """Have all nodes become OPERATIONAL."""
+        self.command(NmtCommand.START)
+
+    def stop(self) -> None:
+        """Have all nodes become STOPPED."""
+        self.command(NmtCommand.STOP)
+
+    def enter_pre_operational(self) -> None:
+        """Have all nodes become PRE-OPERATIONAL."""
+        self.command(NmtCommand.ENTER_PRE_OPERATIONAL)
+
+    def reset(self) -> None:
+        """Have all nodes reset themselves; nobody waits for their boot-up messages."""
+        self.command(NmtCommand.RESET_NODE)
+
+
+class NetworkLss:
+    """Devices without a node-ID, by the layer setting services (CiA 305); every call takes 0.1 s for each answer."""
+
+    def __init__(self, network: NetworkOfDevices[Any]) -> None:
+        self._perform = network._perform_lss
+
+    def find(self, wait: float = LSS_WAIT) -> list[Identity]:
+        """Return the devices without a node-ID; about 130 requests a device. Raises BusError."""
+        return finished(self._perform(lss.find_all(), wait))
+
+    def assign(
+        self,
+        node_id: int,
+        identity: Identity | None = None,
+        *,
+        bit_rate: int | None = None,
+        store: bool = True,
+        wait: float = LSS_WAIT,
+    ) -> Identity | None:
+        """Give the device with an identity, or the first that has none, a node-ID, and a bit rate in kbit/s.
+
+        Returns which device that was. Raises RemoteError if there is none, or if it refuses; NoAnswer, LocalError,
+        BusError.
+        """
+        return finished(self._perform(lss.assigned(node_id, identity, bit_rate, store), wait))
+
+
+class AsyncNetworkLss:
+    """Devices without a node-ID, as NetworkLss, awaited."""
+
+    def __init__(self, network: NetworkOfDevices[Any]) -> None:
+        self._perform = network._perform_lss
+
+    async def find(self, wait: float = LSS_WAIT) -> list[Identity]:
+        """Return the devices without a node-ID; about 130 requests a device. Raises BusError."""
+        return await self._perform(lss.find_all(), wait)
+
+    async def assign(
+        self,
+        node_id: int,
+        identity: Identity | None = None,
+        *,
+        bit_rate: int | None = None,
+        store: bool = True,
+        wait: float = LSS_WAIT,
+    ) -> Identity | None:
+        """Give a device a node-ID, as NetworkLss.assign does."""
+        return await self._perform(lss.assigned(node_id, identity, bit_rate, store), wait)
+
+
+class Network(NetworkOfDevices[RemoteDevice]):
+    """A CANopen network for programs that block: a bus with devices by name; use it as a context manager.
+
+        with Network.open("socketcan", "can0") as network:
+            drive = network.add(5, "epos4.eds")
+            drive.configure("drive.dcf")
+            drive.nmt.start()
+            network.sync(period=0.01)
+            for reading in drive.pdo["TPDO1"]:
+                print(reading.time, reading["Velocity actual value"])
+
+    `network.scan()` finds nodes, `network.watch()` notices who is lost, `network.lss` gives node-IDs, `network.nmt`
+    commands all nodes. Functions of yours (`drive.emcy.on(print)`) run in one thread beside yours, and may talk to
+    nodes. A bus that is lost is opened again; who waits meanwhile gets the BusError.
+    """
+
+    _kind = RemoteDevice
+
+    def __init__(self, master: Master) -> None:
+        super().__init__()
+        self._begin(master)
+        self.nmt, self.lss = NetworkNmt(master), NetworkLss(self)
+
+    @classmethod
+    def open(
+        cls,
+        bus: BusName = None,
+        channel: str | None = None,
+        bitrate: int | None = None,
+        *,
+        answer_wait: float = ANSWER_WAIT,
+    ) -> Self:
+        """Open a bus by python-can's names of interface and channel, `bitrate` in bit/s.
+
+        What is not given comes from python-can's configuration. A bus that is open already, or a connected
+        `canopen.Network`, is shared and stays open at the end. A node has `answer_wait` seconds for each answer. Raises
+        BusError, LocalError.
+        """
+        return cls(ThreadedMaster(_feed(bus, channel, bitrate), answer_wait))
+
+    @classmethod
+    def load(cls, file: str | Path = DEFAULT, bus: BusName = None, channel: str | None = None, **options: Any) -> Self:
+        """Open a bus with all devices of a network file (`network.yaml`, `nodelist.cpj`) or of a folder of EDS files.
+
+        Its bit rate is the file's; `options` are those of `open`. Raises DictionaryError, BusError, LocalError.
+        """
+        described, kbit = _described(file)
+        network = cls.open(bus, channel, kbit and kbit * 1000, **options)
+        for each in described:
+            network.add(each.node_id, each)
+        return network
+
+    def close(self) -> None:
+        """End what is sent periodically, the threads, and the bus unless it is somebody else's."""
+        self.master.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def sleep(self, seconds: float) -> None:
+        """Let time pass, in which states, emergency messages and PDOs come in; raises BusError if the bus is lost."""
+        self.master.pump(seconds)
+
+    def scan(self, node_ids: Iterable[int] = NODE_IDS, listen: float = LISTEN) -> list[Found]:
+        """Return the nodes that answer SDO or whose heartbeats are heard within `listen` seconds, by node-ID."""
+        return scan(self.master, node_ids, listen=listen)
+
+
+class AsyncNetwork(NetworkOfDevices[AsyncRemoteDevice]):
+    """A CANopen network in an event loop: what Network has, awaited, without a thread a node.
+
+        async with AsyncNetwork.open("socketcan", "can0") as network:
+            drives = [network.add(node_id, "epos4.eds") for node_id in range(1, 21)]
+            await asyncio.gather(*(drive.configure(f"{drive.node_id}.dcf") for drive in drives))
+            async for reading in drives[0].pdo["TPDO1"]:
+                print(reading.time, reading["Velocity actual value"])
+
+    Functions of yours run in the loop.
+    """
+
+    _kind = AsyncRemoteDevice
+
+    def __init__(self, open_feed: Callable[[], Feed], answer_wait: float = ANSWER_WAIT) -> None:
+        super().__init__()
+        self._open_feed, self._answer_wait = open_feed, answer_wait
+        self._files: Iterable[Dictionary] = ()
+
+    @classmethod
+    def open(
+        cls,
+        bus: BusName = None,
+        channel: str | None = None,
+        bitrate: int | None = None,
+        *,
+        answer_wait: float = ANSWER_WAIT,
+    ) -> Self:
+        """Open a bus, as Network.open does; it is opened by `async with`, which raises BusError."""
+        return cls(partial(_feed, bus, channel, bitrate), answer_wait)
+
+    @classmethod
+    def load(cls, file: str | Path = DEFAULT, bus: BusName = None, channel: str | None = None, **options: Any) -> Self:
+        """Open a bus with all devices of a network file, as Network.load does."""
+        described, kbit = _described(file)
+        network = cls.open(bus, channel, kbit and kbit * 1000, **options)
+        network._files = described
+        return network
+
+    async def __aenter__(self) -> Self:
+        self._begin(LoopMaster(self._open_feed(), self._answer_wait))
+        self.nmt, self.lss = NetworkNmt(self.master), AsyncNetworkLss(self)
+        for each in self._files:
+            self.add(each.node_id, each)
+        return self
+
+    async def __aexit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """End what is sent periodically, the reading, and the bus unless it is somebody else's."""
+        self.master.close()
+
+    async def scan(self, node_ids: Iterable[int] = NODE_IDS, listen: float = LISTEN) -> list[Found]:
+        """Return the nodes that answer SDO or whose heartbeats are heard within `listen` seconds, by node-ID."""
+        return await scan.steps(self.master, node_ids, listen=listen)
+
+
+class SimulatedNetwork(Network):
+    """A network in simulated time with the devices on it: time passes while the program waits, and costs none.
+
+    `simulation` is the bus, to which more devices are attached, and which loses or spoils frames on demand; `devices`
+    are the simulated ones by node-ID, to look at their values and to set them, `stations` their places on the bus.
+    """
+
+    def __init__(self, simulation: Simulation | None = None) -> None:
+        from eurobot_od.simulation.network import Simulation
+        from eurobot_od.simulation.simulated_bus import SimulatedBus
+
+        self.simulation = simulation or Simulation()
+        self.devices: dict[int, SimulatedDevice] = {}
+        self.stations: dict[int, Station] = {}
+        super().__init__(Master(SimulatedBus(self.simulation), clock=lambda: self.simulation.now))
+
+    def simulate(self, device: SimulatedFile, node_id: int | None = None, **options: Any) -> RemoteDevice:
+        """Attach a device, or one that runs from its EDS or DCF, and add it; it has booted when this returns.
+
+        `options` are those of SimulatedDevice: `given` values, `waveforms`.
+        """
+        from eurobot_od.device.simulated import SimulatedDevice
+
+        if isinstance(device, (str, Path)):
+            device = Dictionary.load(device, node_id)
+        made = SimulatedDevice(device, **options) if isinstance(device, Dictionary) else device
+        dictionary = made.dictionary
+        self.devices[dictionary.node_id] = made
+        self.stations[dictionary.node_id] = self.simulation.attach(made, self.simulation.now)
+        added = self.add(dictionary.node_id, dictionary)
+        self.sleep(BOOT_TIME)
+        return added
+
+
+BOOT_TIME = 0.05
+"""Simulated seconds that a device has to boot."""
+
+
+@contextmanager
+def simulated(*devices: SimulatedFile, node_id: int | None = None, **options: Any) -> Iterator[SimulatedNetwork]:
+    """Give a network in simulated time with devices that run from their EDS or DCF files.
+
+    A file without a node-ID of its own takes `node_id`, of several files the following ones. `options` are those of
+    SimulatedDevice: `given` values by name, `waveforms`. For tests: nothing waits in real time.
+
+        with simulated("motor.eds", node_id=5) as network:
+            assert network[5]["Temperature"].value == 20.0
+
+    Raises DictionaryError.
+    """
+    with SimulatedNetwork() as network:
+        for number, device in enumerate(devices):
+            network.simulate(device, None if node_id is None else node_id + number, **options)
+        yield network

@@ -1,0 +1,273 @@
+"""One node of a network by name: its objects, NMT state, emergency messages, PDOs, configuration, program."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from datetime import datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from eurobot_od.client import configure, program
+from eurobot_od.client.configure import ChangePlan, Configured
+from eurobot_od.client.description import Identity, from_file, read_identity
+from eurobot_od.client.emergencies import AsyncEmergencyStream, EmergencyStream, HeardEmergencies
+from eurobot_od.client.master import Master
+from eurobot_od.client.pdo_order import pdo_of
+from eurobot_od.client.procedure import finished
+from eurobot_od.client.program import Loaded
+from eurobot_od.client.remote_objects import AsyncRemoteObject, ObjectKey, RemoteObject, found_variables
+from eurobot_od.client.remote_pdos import AsyncRemotePdo, AsyncRemotePdos, MappedPdos, RemotePdo, RemotePdos
+from eurobot_od.device.nmt import TARGET, NmtCommand, NmtState
+from eurobot_od.errors import HeartbeatLost, LocalError
+from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.objects import address_of, all_objects, data_type, decode
+from eurobot_od.od.values import EMCY_BASE
+from eurobot_od.support.progress import Progress, unwatched
+
+if TYPE_CHECKING:
+    from canopen.objectdictionary import ObjectDictionary, ODVariable
+
+EMCY_COB_ID = (0x1014, 0)
+
+
+class DeviceAtNode:
+    """What the devices of both kinds of networks have in common."""
+
+    def __init__(self, master: Master, node_id: int, dictionary: Dictionary | None, name: str = "") -> None:
+        self.node_id, self.dictionary = node_id, dictionary
+        self.name = name or (dictionary.name if dictionary else f"node {node_id}")
+        self._node = master.node(node_id)
+        base = EMCY_BASE + node_id
+        self._emcy_id = dictionary.cob_id(EMCY_COB_ID, EMCY_BASE) if dictionary else base
+        self._pdos: MappedPdos[Any]
+        self._emergencies: HeardEmergencies
+
+    @property
+    def od(self) -> ObjectDictionary:
+        """Canopen's object dictionary: `canopen.RemoteNode(5, drive.od)`; raises LocalError without a file."""
+        if self.dictionary is None:
+            raise LocalError(f"node {self.node_id} was added without an EDS or DCF")
+        return self.dictionary.objects
+
+    def _variables(self, key: ObjectKey) -> list[ODVariable]:
+        return found_variables(key, self.dictionary.objects if self.dictionary else None)
+
+    @property
+    def state(self) -> NmtState | None:
+        """The NMT state in the last heartbeat or boot-up message, None before the first and after a command."""
+        self._node.master.drain()
+        return self._node.last_state
+
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__} {self.node_id} {self.name}>"
+
+    def hear(self, cob_id: int, data: bytes, now: float) -> None:
+        """Take in a frame that may be the node's."""
+        if cob_id == self._emcy_id:
+            self._emergencies.hear(data, now)
+        self._pdos.hear(cob_id, data, now)
+
+    def _wrote(self, thing: ODVariable, data: bytes) -> None:
+        """Read PDOs as they are from now on, if what was written is a parameter of one."""
+        address = address_of(thing)
+        if pdo_of(address) is not None and len(data) >= data_type(thing).size:
+            self._pdos.present({address: decode(thing, data)})
+
+    async def _configure(self, file: str | Path, store: bool, reset: bool) -> Configured:
+        description = from_file(file)
+        plan = await configure.difference.steps(self._node, description)
+        done = Configured(0, False)
+        if plan.changes:
+            done = await configure.apply.steps(self._node, plan, datetime.now(), stores=store, resets=reset)
+        # All of the file is what the node has: it was so before, or was written and read back.
+        has = {address_of(thing): decode(thing, data) for thing, data in configure.settings(description)}
+        self._pdos.present({address: value for address, value in has.items() if pdo_of(address) is not None})
+        return done
+
+    async def _difference(self, file: str | Path) -> ChangePlan:
+        return await configure.difference.steps(self._node, from_file(file))
+
+    async def _heartbeat(self, within: float) -> NmtState:
+        state = await self._node.state.steps(within)
+        if state is None:
+            raise HeartbeatLost(self.node_id, within)
+        return state
+
+    async def _program(self, content: bytes, number: int, check_crc: bool, progress: Progress) -> Loaded:
+        return await program.load.steps(self._node, content, number, check_crc, progress, self.dictionary)
+
+
+class NmtOfNode:
+    """What the NMT commands of both kinds of networks have in common."""
+
+    def __init__(self, device: DeviceAtNode) -> None:
+        self._node = device._node
+
+    async def _go(self, command: NmtCommand, within: float | None) -> None:
+        self._node.command(command)
+        if within is not None and not await self._node.wait_for.steps(TARGET[command], within):
+            raise HeartbeatLost(self._node.node_id, within)
+
+
+class NodeNmt(NmtOfNode):
+    """NMT commands to one node. They are not confirmed: with `within` seconds the heartbeat has to show the state.
+
+    If it does not in that time, HeartbeatLost is raised. All raise BusError.
+    """
+
+    def start(self, within: float | None = None) -> None:
+        """Have the node become OPERATIONAL: PDOs come and go."""
+        finished(self._go(NmtCommand.START, within))
+
+    def stop(self, within: float | None = None) -> None:
+        """Have the node become STOPPED: it hears NMT alone."""
+        finished(self._go(NmtCommand.STOP, within))
+
+    def enter_pre_operational(self, within: float | None = None) -> None:
+        """Have the node become PRE-OPERATIONAL: SDO, no PDOs."""
+        finished(self._go(NmtCommand.ENTER_PRE_OPERATIONAL, within))
+
+    def reset(self, command: NmtCommand = NmtCommand.RESET_NODE) -> None:
+        """Reset the node, or its communication, and wait for its boot-up message; raises NoAnswer."""
+        self._node.reset(command)
+
+
+class AsyncNodeNmt(NmtOfNode):
+    """NMT commands to one node, as those of NodeNmt, awaited."""
+
+    async def start(self, within: float | None = None) -> None:
+        """Have the node become OPERATIONAL: PDOs come and go."""
+        await self._go(NmtCommand.START, within)
+
+    async def stop(self, within: float | None = None) -> None:
+        """Have the node become STOPPED: it hears NMT alone."""
+        await self._go(NmtCommand.STOP, within)
+
+    async def enter_pre_operational(self, within: float | None = None) -> None:
+        """Have the node become PRE-OPERATIONAL: SDO, no PDOs."""
+        await self._go(NmtCommand.ENTER_PRE_OPERATIONAL, within)
+
+    async def reset(self, command: NmtCommand = NmtCommand.RESET_NODE) -> None:
+        """Reset the node, or its communication, and wait for its boot-up message; raises NoAnswer."""
+        await self._node.reset.steps(command)
+
+
+class RemoteDevice(DeviceAtNode):
+    """A device on a `Network`.
+
+    `drive["Profile velocity"].value` reads and writes an object; `drive.nmt`, `drive.state`, `drive.emcy` and
+    `drive.pdo["TPDO1"]` are its NMT commands, state, emergency messages and PDOs; `drive.od` is canopen's dictionary.
+    Whatever waits for the node raises NodeRefused, NoAnswer, WrongAnswer or BusError, which name node and object.
+
+        with simulated("motor.eds", node_id=5) as network:
+            motor = network[5]
+            motor.nmt.start()
+            print(motor["Temperature"].value)
+    """
+
+    def __init__(self, master: Master, node_id: int, dictionary: Dictionary | None = None, name: str = "") -> None:
+        super().__init__(master, node_id, dictionary, name)
+        self.nmt = NodeNmt(self)
+        self.emcy = self._emergencies = EmergencyStream(self._node)
+        self.pdo = self._pdos = RemotePdos(self._node, dictionary, RemotePdo)
+
+    def __getitem__(self, key: ObjectKey) -> RemoteObject:
+        """Return an object by name, `0x6081`, `0x1018:1`, index, or (index, sub-index); raises UnknownName."""
+        return RemoteObject(self._node, self._variables(key), self._wrote)
+
+    def __iter__(self) -> Iterator[RemoteObject]:
+        """Give every object of the file."""
+        things = all_objects(self.dictionary.objects) if self.dictionary else ()
+        return (RemoteObject(self._node, [each], self._wrote) for each in things)
+
+    def identity(self) -> Identity:
+        """Read the identity object 0x1018; 0 for a number that the node does not have."""
+        return read_identity(self._node)
+
+    def configure(self, file: str | Path, *, store: bool = True, reset: bool = True) -> Configured:
+        """Make the node what a DCF says: write what differs, read it back, store it, reset the node, verify.
+
+        Returns how many objects were changed, whether they are stored, and verified after the reset. Without `store`
+        they last until the next reset; without `reset` nothing is verified after one. Raises DictionaryError for a file
+        that is damaged or for another device, before anything is written; ConfigurationError if the node did not take
+        all of it: it has its former values again, or `written` and `left` say which objects have and have not changed.
+        """
+        return finished(self._configure(file, store, reset))
+
+    def difference(self, file: str | Path) -> ChangePlan:
+        """Return what `configure` would write, by reading alone; raises DictionaryError."""
+        return finished(self._difference(file))
+
+    def store(self) -> None:
+        """Have the node store all parameters, so that they survive a reset (0x1010); it may take 5 s."""
+        configure.store(self._node)
+
+    def restore(self) -> None:
+        """Have the node take the defaults of its parameters again, from its next reset on (0x1011)."""
+        configure.restore(self._node)
+
+    def heartbeat(self, within: float = 1.0) -> NmtState:
+        """Wait for the next heartbeat and return the state in it; raises HeartbeatLost after `within` seconds."""
+        return finished(self._heartbeat(within))
+
+    def program(
+        self, content: bytes, number: int = 1, check_crc: bool = True, progress: Progress = unwatched
+    ) -> Loaded:
+        """Download a program, verify and start it (CiA 302-3); `number` is 1..254, `progress` gets bytes so far.
+
+        Raises ProgramError with the state that the node was left in, and how to go on.
+        """
+        return finished(self._program(content, number, check_crc, progress))
+
+
+class AsyncRemoteDevice(DeviceAtNode):
+    """A device on an `AsyncNetwork`: what RemoteDevice has, awaited.
+
+    `await drive["Profile velocity"].read()`, `await drive.configure("drive.dcf")`,
+    `async for reading in drive.pdo["TPDO1"]`.
+    """
+
+    def __init__(self, master: Master, node_id: int, dictionary: Dictionary | None = None, name: str = "") -> None:
+        super().__init__(master, node_id, dictionary, name)
+        self.nmt = AsyncNodeNmt(self)
+        self.emcy = self._emergencies = AsyncEmergencyStream(self._node)
+        self.pdo = self._pdos = AsyncRemotePdos(self._node, dictionary, AsyncRemotePdo)
+
+    def __getitem__(self, key: ObjectKey) -> AsyncRemoteObject:
+        """Return an object by name, `0x6081`, `0x1018:1`, index, or (index, sub-index); raises UnknownName."""
+        return AsyncRemoteObject(self._node, self._variables(key), self._wrote)
+
+    def __iter__(self) -> Iterator[AsyncRemoteObject]:
+        """Give every object of the file."""
+        things = all_objects(self.dictionary.objects) if self.dictionary else ()
+        return (AsyncRemoteObject(self._node, [each], self._wrote) for each in things)
+
+    async def identity(self) -> Identity:
+        """Read the identity object 0x1018; 0 for a number that the node does not have."""
+        return await read_identity.steps(self._node)
+
+    async def configure(self, file: str | Path, *, store: bool = True, reset: bool = True) -> Configured:
+        """Make the node what a DCF says, as RemoteDevice.configure does; cancelled, it takes back what was written."""
+        return await self._configure(file, store, reset)
+
+    async def difference(self, file: str | Path) -> ChangePlan:
+        """Return what `configure` would write, by reading alone; raises DictionaryError."""
+        return await self._difference(file)
+
+    async def store(self) -> None:
+        """Have the node store all parameters, so that they survive a reset (0x1010); it may take 5 s."""
+        await configure.store.steps(self._node)
+
+    async def restore(self) -> None:
+        """Have the node take the defaults of its parameters again, from its next reset on (0x1011)."""
+        await configure.restore.steps(self._node)
+
+    async def heartbeat(self, within: float = 1.0) -> NmtState:
+        """Wait for the next heartbeat and return the state in it; raises HeartbeatLost after `within` seconds."""
+        return await self._heartbeat(within)
+
+    async def program(
+        self, content: bytes, number: int = 1, check_crc: bool = True, progress: Progress = unwatched
+    ) -> Loaded:
+        """Download a program, verify and start it, as RemoteDevice.program does."""
+        return await self._program(content, number, check_crc, progress)

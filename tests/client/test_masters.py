@@ -1,0 +1,103 @@
+"""Masters that receive all the time: a bus that is lost and comes back, threads at one node, frames of no interest."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from functools import partial
+
+import can
+import pytest
+
+from eurobot_od.client.masters import OwnFeed, PeriodicTask, SharedFeed, ThreadedMaster
+from eurobot_od.device.nmt import NmtCommand, NmtState
+from eurobot_od.errors import BusError
+from eurobot_od.frame import Frame
+from tests.client.peers import new_channel, open_bus
+from tests.client.servo import live_servos
+from tests.live.loose import LONG, Cable
+
+
+def test_a_bus_that_is_lost_is_told_and_opened_again_and_what_was_periodic_goes_on() -> None:
+    cable = Cable(new_channel())
+    master = ThreadedMaster(OwnFeed(cable.open))
+    with open_bus(cable.channel) as other:
+        task = PeriodicTask(master, [Frame(0x080)], 0.01)
+        ended = PeriodicTask(master, [Frame(0x123)], 0.01)
+        master.periodic += [task, ended]
+        ended.stop()
+        cable.error = OSError("pulled out")
+        with pytest.raises(BusError, match="pulled out"):
+            master.pump(LONG)
+        with pytest.raises(BusError, match="pulled out"):
+            master.send(0x100, b"")
+        cable.error = None
+        master._changed.acquire()
+        assert master._changed.wait_for(lambda: master.failure is None, LONG)
+        master._changed.release()
+        while other.recv(0) is not None:  # what was sent before
+            pass
+        assert {message.arbitration_id for _ in range(3) if (message := other.recv(LONG))} == {0x080}
+        master.close()
+        while other.recv(0) is not None:
+            pass
+        assert other.recv(0.05) is None
+    assert all(bus.closed for bus in cable.buses)
+
+
+def test_threads_take_turns_at_one_node() -> None:
+    with live_servos(5) as channel:
+        master, found = ThreadedMaster(OwnFeed(partial(open_bus, channel)), LONG), list[bytes]()
+
+        def read() -> None:
+            found.extend(master.node(5).upload((0x1008, 0)) for _ in range(5))
+
+        threads = [threading.Thread(target=read) for _ in range(3)]
+        for each in threads:
+            each.start()
+        for each in threads:
+            each.join()
+        assert found == [b"Servo 100"] * 15
+        master.close()
+
+
+def test_only_classic_data_frames_with_short_identifiers_are_heard() -> None:
+    channel, heard = new_channel(), list[int]()
+    with open_bus(channel) as shared, open_bus(channel) as other:
+        master = ThreadedMaster(SharedFeed(shared))
+        with master.observed(lambda cob_id, *_: heard.append(cob_id)):
+            other.send(can.Message(arbitration_id=0x101, is_extended_id=True))
+            other.send(can.Message(arbitration_id=0x102, is_extended_id=False, is_remote_frame=True))
+            other.send(can.Message(arbitration_id=0x103, is_extended_id=False))
+            assert master.pump(LONG, lambda: bool(heard))
+        master.close()
+        other.send(can.Message(arbitration_id=0x104, is_extended_id=False))
+        assert shared.recv(LONG) is not None  # it is still open, and nobody else reads it
+    assert heard == [0x103]
+
+
+class Hasty:
+    """A feed whose node boots and sends a heartbeat before `send` of a reset returns."""
+
+    def __init__(self, bus: can.BusABC) -> None:
+        self.bus = bus
+
+    def start(self, seen: Callable[[float, Frame], object], *_: object) -> None:
+        self._seen = seen
+
+    def send(self, frame: Frame) -> None:
+        if frame.data[0] == NmtCommand.RESET_NODE:
+            for state in (NmtState.INITIALISING, NmtState.OPERATIONAL):
+                self._seen(0.0, Frame(0x705, bytes([state])))
+
+    def stop(self) -> None:
+        """Nothing runs."""
+
+
+def test_a_boot_up_counts_that_a_heartbeat_has_followed_already(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("eurobot_od.client.master.BOOT_WAIT", 0.05)
+    with open_bus(new_channel()) as bus:
+        master = ThreadedMaster(Hasty(bus))
+        master.node(5).reset()
+        assert master.states == {5: NmtState.OPERATIONAL}
+        master.close()

@@ -1,0 +1,442 @@
+"""A network by name: objects, states, emergencies, PDOs, configuration; errors name node, object and cause."""
+
+from __future__ import annotations
+
+import inspect
+import textwrap
+from collections.abc import Callable, Mapping
+from itertools import islice
+from pathlib import Path
+from typing import Any, ClassVar
+
+import can
+import canopen
+import pytest
+
+from eurobot_od.client.description import Identity
+from eurobot_od.client.network import AsyncNetwork, Network, NetworkLss, SimulatedNetwork, simulated
+from eurobot_od.client.remote_device import AsyncRemoteDevice, NodeNmt, RemoteDevice
+from eurobot_od.client.watch import NodeChange
+from eurobot_od.device.nmt import NmtState
+from eurobot_od.device.simulated import ObjectName, SimulatedDevice
+from eurobot_od.errors import (
+    Cause,
+    ConfigurationError,
+    DictionaryError,
+    EurobotError,
+    FieldError,
+    HeartbeatLost,
+    LocalError,
+    NoAnswer,
+    NodeRefused,
+    Refused,
+    RemoteError,
+    UnknownName,
+)
+from eurobot_od.od.objects import Range
+from eurobot_od.od.values import UNSIGNED32
+from eurobot_od.pdo.protocol import Protocol
+from tests.client.lss_slave import WAITING, LssSlave
+from tests.client.peers import new_channel, open_bus
+from tests.client.servo import DCF, DOCS, EDS, SERVO, live_servos, servo
+from tests.client.wired import wired
+
+VELOCITY = "Velocity actual value"
+
+
+# Objects
+
+
+@pytest.mark.parametrize("key", ["Profile velocity", "profile velocity", "0x6081", "6081h", 0x6081, (0x6081, 0)])
+def test_an_object_is_found_by_name_and_by_number(key: str) -> None:
+    with servo() as network:
+        assert network[5][key].value == 1000
+
+
+WRITTEN = [
+    # (what a program writes, what the device then has)
+    (1200, 1200),
+    ("1200", 1200),
+    ("1200 rpm", 1200),  # with the unit that the file gives
+    ("0x4B0", 1200),
+]
+
+
+@pytest.mark.parametrize(("value", "raw"), WRITTEN)
+def test_a_value_is_written_as_a_number_or_as_a_person_writes_it(value: object, raw: int) -> None:
+    with servo() as network:
+        network[5]["Profile velocity"].value = value
+        assert network.devices[5].value("Profile velocity") == raw
+
+
+def test_a_factor_is_between_value_and_raw() -> None:
+    with servo(given={"Supply temperature": -40}) as network:
+        temperature = network[5]["Supply temperature"]
+        assert (temperature.value, temperature.raw, temperature.text) == (-4.0, -40, "-4.0 degC")
+        temperature = network[5]["Brake delay"]
+        temperature.od.factor = 0.001
+        temperature.value = 0.25
+        assert (temperature.raw, temperature.bytes, temperature.limits) == (250, b"\xfa\0", Range(0, 1000))
+
+
+def test_a_word_of_canopen_s_value_descriptions_is_a_value() -> None:
+    with servo() as network:
+        mode = network[5]["Modes of operation"]
+        mode.od.value_descriptions = {3: "profile velocity"}
+        mode.value = "Profile Velocity"
+        assert (mode.raw, mode.text) == (3, "profile velocity")
+
+
+def test_a_record_has_members_by_name_and_number() -> None:
+    with servo() as network:
+        control = network[5]["Current control"]
+        assert [each.name for each in control][1:] == ["Current control.P gain", "Current control.I gain"]
+        assert control["P gain"].value == control[1].value == network[5]["Current control.P gain"].value == 1200
+        with pytest.raises(LocalError, match="is not one object but a record of"):
+            _ = control.value
+        with pytest.raises(UnknownName, match="unknown member of 0x2010 'D gain'"):
+            control["D gain"]
+
+
+def test_without_a_file_objects_are_numbers_and_bytes() -> None:
+    with servo() as network:
+        drive = network.add(5)
+        assert (drive["0x6081"].value, drive[0x1018, 4].bytes) == (1000, b"\1\0\0\0")
+        drive[0x6081].bytes = UNSIGNED32.write(77)
+        assert drive[0x6081].value == 77
+        with pytest.raises(LocalError, match="node 5 was added without an EDS"):
+            _ = drive.od
+        with pytest.raises(FieldError, match="bytes: no file says its type"):
+            drive[0x6081].value = 77
+
+
+def test_canopen_s_dictionary_goes_there_and_back() -> None:
+    with servo() as network:
+        objects = network[5].od
+        assert isinstance(objects, canopen.ObjectDictionary)
+        again = network.add(5, objects)
+        assert again["Profile velocity"].value == 1000
+        assert again.pdo["TPDO1"].names == network[5].pdo["TPDO1"].names
+
+
+WRONG: list[tuple[Callable[[RemoteDevice], object], type[EurobotError], str]] = [
+    # (what a program does, class of the error, what it says)
+    (lambda drive: drive["Profil velocity"], UnknownName, "did you mean Profile velocity"),
+    (lambda drive: drive["Profile velocity"].write(0), FieldError, r"0x6081:0: Profile velocity = 0 .* 1\.\.12000"),
+    (lambda drive: drive["Profile velocity"].write("fast"), FieldError, "'fast' is not allowed; allowed: an integer"),
+    (lambda drive: drive["Statusword"].write(1), NodeRefused, "node 5 refused to write 0x6041:0 Statusword: .* read"),
+    (lambda drive: drive.pdo["TPDO9"], UnknownName, "unknown valid PDO of node 5 'TPDO9'"),
+    (lambda drive: drive.pdo["TPDO1"]["Speed"], UnknownName, "unknown object of TPDO1 'Speed'; known: Statusword"),
+    (lambda drive: drive.pdo["TPDO1"].transmit({}), LocalError, "TPDO1 of node 5 is sent by the node"),
+    (lambda drive: drive.pdo["RPDO1"].transmit({}), FieldError, "RPDO1: Controlword = None is not allowed"),
+    (lambda drive: drive.pdo["TPDO1"].wait(0.1), NoAnswer, "no TPDO1 of node 5 within 100 ms"),
+    (lambda drive: drive.configure(DOCS / "motor.eds"), DictionaryError, "the file names no node-ID"),
+]
+
+
+@pytest.mark.parametrize(("call", "kind", "text"), WRONG)
+def test_what_goes_wrong_names_node_object_and_cause(
+    call: Callable[[RemoteDevice], object], kind: type[EurobotError], text: str
+) -> None:
+    with servo() as network, pytest.raises(kind, match=text):
+        call(network[5])
+
+
+def test_a_refusal_and_a_silence_have_node_and_object_as_data() -> None:
+    with servo() as network:
+        with pytest.raises(NodeRefused) as refused:
+            network[5]["Statusword"].value = 1
+        assert (refused.value.code, refused.value.object) == (0x06010002, (5, (0x6041, 0), "Statusword"))
+        with pytest.raises(NoAnswer, match="no answer from node 6 within 500 ms after read 0x6041:0 Statusword") as no:
+            _ = network.add(6, EDS)["Statusword"].value
+        assert no.value.object == (6, (0x6041, 0), "Statusword")
+
+
+# States and emergencies
+
+
+def test_nmt_commands_are_followed_and_heartbeats_tell() -> None:
+    with servo() as network:
+        drive = network[5]
+        drive.nmt.start(within=1.0)
+        assert [drive.state, drive.heartbeat()] == [NmtState.OPERATIONAL] * 2
+        drive.nmt.enter_pre_operational(within=1.0)
+        drive.nmt.reset()
+        assert drive.state == NmtState.INITIALISING
+        network.nmt.stop()
+        assert drive.heartbeat() is NmtState.STOPPED
+        drive.nmt.reset()
+        drive["Producer heartbeat time"].value = 0
+        with pytest.raises(HeartbeatLost, match="no heartbeat of node 5 within 300 ms"):
+            drive.heartbeat(within=0.3)
+        with pytest.raises(HeartbeatLost):
+            drive.nmt.start(within=0.3)
+
+
+def test_a_lost_node_is_noticed() -> None:
+    with servo() as network:
+        watching = network.watch(5, within=0.5)
+        assert next(watching).change is NodeChange.FOUND
+        station = network.stations[5]
+        network.simulation.freeze(station, network.simulation.now + 1.0)
+        assert [each.change for each in islice(watching, 2)] == [NodeChange.LOST, NodeChange.BACK]
+        watching.close()
+
+
+def test_emergencies_are_told_and_remembered() -> None:
+    with servo() as network:
+        drive, told = network[5], list[str]()
+        drive.emcy.on(lambda each: told.append(str(each)))
+        network.send(0x205, b"\0")  # too short for RPDO 1
+        drive.nmt.start()
+        network.send(0x205, b"\0")
+        emergency = drive.emcy.wait()
+        assert told[0].startswith("node 5: 0x8210 pdo too short (error register 0x11")
+        assert [*drive.emcy.active] == [emergency.code] == [0x8210]
+        assert drive.emcy.history().entries[0].code == 0x8210
+        drive.emcy.clear()
+        assert drive.emcy.history().entries == []
+
+
+# PDOs
+
+
+def test_a_pdo_is_read_as_the_device_has_it_mapped_after_a_configuration() -> None:
+    with servo() as network:
+        drive = network[5]
+        assert drive.pdo["TPDO1"].names == ["Statusword", VELOCITY]
+        drive.configure(DCF)
+        assert drive.pdo["TPDO1"].names == ["Statusword", VELOCITY, "Torque actual value"]
+        drive.nmt.start()
+        with network.sync(period=0.01):
+            first, second = islice(drive.pdo["TPDO1"], 2)
+        assert second.time - first.time == pytest.approx(0.01, abs=0.001)
+        assert first.values == {"Statusword": 0x240, VELOCITY: 0, "Torque actual value": 0}
+        assert drive.pdo["TPDO1"].last == second
+        assert second["Statusword"] == 0x240
+
+
+def test_a_pdo_that_the_device_had_mapped_so_before_is_read_so_too() -> None:
+    with servo() as network:
+        network[5].configure(DCF)
+        again = network.add(5, SERVO)
+        assert again.configure(DCF).changed == 0
+        assert again.pdo["TPDO1"].names == ["Statusword", VELOCITY, "Torque actual value"]
+
+
+def test_a_mapping_that_is_written_as_an_object_or_by_somebody_else_is_followed() -> None:
+    with servo() as network:
+        drive, other = network[5], network.add(5)
+        pdo = drive.pdo["TPDO1"]
+        for key, value in (((0x1800, 1), 0x80000185), ((0x1A00, 0), 0), ((0x1A00, 1), 0x60770010), ((0x1A00, 0), 1)):
+            drive[key].value = value
+        assert "TPDO1" not in [each.name for each in drive.pdo]
+        drive[0x1800, 1].value = 0x185
+        assert drive.pdo["TPDO1"] is pdo
+        assert pdo.names == ["Torque actual value"]
+        other[0x1801, 1].bytes = UNSIGNED32.write(0x80000285)
+        again = network.add(5, SERVO)
+        assert "TPDO2" in [each.name for each in again.pdo]
+        again.pdo.read()
+        assert "TPDO2" not in [each.name for each in again.pdo]
+        assert again.pdo["TPDO1"].names == ["Torque actual value"]
+
+
+def test_one_value_of_a_pdo_has_callback_iterator_and_time() -> None:
+    with servo() as network:
+        drive, seen = network[5], list[tuple[float, int]]()
+        signal = drive.pdo["TPDO1"][VELOCITY]
+        signal.on(seen.append)
+        drive.nmt.start()
+        with network.sync(period=0.5):
+            times = [time for time, _ in islice(signal, 3)]
+        assert (
+            [time for time, _ in seen]
+            == times
+            == [pytest.approx(times[0] + 0.5 * each, abs=0.001) for each in range(3)]
+        )
+        assert (signal.value, signal.count) == (0, 3)
+
+
+def test_a_frame_too_short_for_its_mapping_is_no_reading() -> None:
+    with servo() as network:
+        pdo = network[5].pdo["TPDO1"]
+        pdo.hear(b"\0\0", 0.0)
+        assert pdo.last is None
+        assert "2 bytes of data, expected 6" in str(pdo.refused)
+
+
+def test_an_rpdo_is_sent_by_names() -> None:
+    with servo() as network:
+        drive = network[5]
+        drive.nmt.start()
+        drive.pdo["RPDO3"].transmit({"Controlword": 15, "Target velocity": -70})
+        network.sleep(0.1)
+        assert network.devices[5].value("Target velocity") == -70
+        with pytest.raises(FieldError, match=r"RPDO4: target_torque = 2000 is not allowed"):
+            drive.pdo["RPDO4"].transmit({"Target torque": 2000})
+
+
+def test_a_function_that_fails_stops_neither_the_others_nor_the_network(caplog: pytest.LogCaptureFixture) -> None:
+    with servo() as network:
+        drive, seen = network[5], list[object]()
+        drive.pdo["TPDO1"].on(lambda reading: reading["no such object"])
+        drive.pdo["TPDO1"].on(seen.append)
+        drive.nmt.start()
+        with network.sync(period=0.1):
+            assert len([*islice(drive.pdo["TPDO1"], 2)]) == len(seen) == 2
+    assert "has failed" in caplog.text
+
+
+# Configuration
+
+
+def refuse(_device: SimulatedDevice, _value: int) -> None:
+    raise Refused(Cause.VALUES, "1000 is enough")
+
+
+def test_a_configuration_is_written_stored_and_verified_once() -> None:
+    with servo() as network:
+        drive = network[5]
+        assert drive.difference(DCF).changes[0].thing.qualname == "Producer heartbeat time"
+        done = drive.configure(DCF)
+        assert (done.changed, done.stored, done.verified) == (5, True, True)
+        assert drive["Profile velocity"].value == 1500
+        assert drive.configure(DCF).changed == 0
+
+
+def test_a_configuration_that_fails_says_what_is_written_and_what_is_left() -> None:
+    with simulated(Stubborn(SERVO)) as network:
+        drive = network[5]
+        with pytest.raises(ConfigurationError, match="has its former values again") as failed:
+            drive.configure(DCF)
+        assert failed.value.written == ()
+        assert "0x6081:0 Profile velocity" in failed.value.left
+        assert drive["Producer heartbeat time"].value == 100
+
+
+def test_a_configuration_that_cannot_be_taken_back_says_which_objects_have_changed() -> None:
+    with servo() as network:
+        drive = network[5]
+        silence_after_heartbeat(network)
+        with pytest.raises(ConfigurationError, match="node 5 is pre-operational; written and not stored") as failed:
+            drive.configure(DCF)
+        # the second may have come through: it is not known
+        assert failed.value.written == ("0x1017:0 Producer heartbeat time", "0x2010:1 Current control.P gain")
+        assert len(failed.value.left) == 3
+
+
+class Stubborn(SimulatedDevice):
+    """A device that takes no other profile velocity."""
+
+    WRITERS: ClassVar[Mapping[ObjectName, Callable[[Any, Any], object]]] = {"Profile velocity": refuse}
+
+
+def silence_after_heartbeat(network: SimulatedNetwork) -> None:
+    """Have the first write of 4 bytes lost, and whatever the master asks after it."""
+    lost = False
+
+    def disturb(_: float, frame: tuple[int, bytes]) -> tuple[float, ...]:
+        nonlocal lost
+        lost = lost or (frame[0] == 0x605 and frame[1][0] == 0x23)
+        return () if lost and frame[0] == 0x605 else (0.0,)
+
+    network.simulation.disturb = disturb
+
+
+# Networks
+
+
+def test_nodes_are_found_and_named() -> None:
+    with simulated(EDS, EDS, node_id=8) as network:
+        assert [each.node_id for each in network.scan(range(1, 20))] == [8, 9]
+        assert network["servo"].node_id == 8
+        assert [each.node_id for each in network] == [8, 9]
+        with pytest.raises(UnknownName, match="unknown node 'sevro'; did you mean servo"):
+            _ = network["sevro"]
+        with pytest.raises(LocalError, match=r"node-ID 200 is not in 1\.\.127"):
+            network.add(200)
+        assert network[9].identity().serial == 1
+
+
+def test_the_messages_of_a_network_are_a_protocol() -> None:
+    with simulated(EDS, DOCS / "motor.eds", node_id=5) as network:
+        assert {"servo.TPDO1", "motor.TPDO1"} <= {*Protocol.of(network).names()}
+    assert Protocol.of(EDS, node_id=7).cob_id("servo.TPDO1") == 0x187
+    assert Protocol.of(SERVO).names() == Protocol.of(str(EDS), 5).names()
+
+
+def test_a_network_file_names_bus_and_nodes(tmp_path: Path) -> None:
+    file = tmp_path / "network.yaml"
+    file.write_text(f"nodes:\n  axis: {{file: {EDS}, node_id: 5}}\n")
+    with live_servos(5) as channel, Network.load(file, "virtual", channel) as network:
+        assert network["axis"]["Profile velocity"].value == 1000
+
+
+def test_an_open_bus_and_a_canopen_network_are_shared_and_stay_open() -> None:
+    with live_servos(5) as channel, open_bus(channel) as bus:
+        with Network.open(bus) as network:
+            assert network.add(5, SERVO)["Profile velocity"].value == 1000
+        bus.send(can.Message(arbitration_id=0x100, is_extended_id=False))
+        theirs = canopen.Network(open_bus(channel))
+        theirs.NOTIFIER_CYCLE = 0.01
+        theirs.connect()
+        with Network.open(theirs) as network:
+            network.add(5, SERVO)["Profile velocity"].value = 900
+        node = theirs.add_node(canopen.RemoteNode(5, SERVO.objects))
+        assert node.sdo["Profile velocity"].raw == 900
+        theirs.disconnect()
+    with pytest.raises(LocalError, match=r"no connected canopen\.Network"):
+        Network.open(canopen.Network())
+
+
+def test_a_function_may_talk_to_nodes() -> None:
+    with live_servos(5) as channel, Network.open("virtual", channel, answer_wait=2.0) as network:
+        drive, seen = network.add(5, SERVO), list[int]()
+        drive.nmt.start()
+        drive.pdo["TPDO1"].on(lambda _: seen.append(drive["Statusword"].value))
+        with network.sync(period=0.01):
+            network.master.pump(5.0, lambda: len(seen) >= 3)
+        assert seen[:3] == [0x240] * 3
+
+
+def test_a_bus_that_fails_is_told_to_who_waits() -> None:
+    with Network.open("virtual", new_channel()) as network:
+        assert network.master.states == {}
+    with pytest.raises(EurobotError):
+        network.send(0x100)
+
+
+@pytest.mark.parametrize("pair", [(Network, AsyncNetwork), (RemoteDevice, AsyncRemoteDevice)])
+def test_both_kinds_of_networks_have_the_same_names_and_arguments(pair: tuple[type, type]) -> None:
+    blocking, awaited = ({name: each for name, each in vars(kind).items() if name[0] != "_"} for kind in pair)
+    assert set(blocking) - set(awaited) <= {"sleep"}
+    for name in set(blocking) & set(awaited):
+        one, other = (inspect.unwrap(getattr(kind, name)) for kind in pair)
+        assert not callable(one) or [*inspect.signature(one).parameters] == [*inspect.signature(other).parameters]
+
+
+def test_help_answers_a_newcomer() -> None:
+    for each in (Network, AsyncNetwork, RemoteDevice, AsyncRemoteDevice, NodeNmt, NetworkLss, simulated):
+        assert len(inspect.getdoc(each) or "") > 50
+
+
+@pytest.mark.parametrize("thing", [simulated, RemoteDevice, Protocol])
+def test_the_example_of_a_docstring_runs(thing: object, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(DOCS)
+    indented = [line for line in (inspect.getdoc(thing) or "").splitlines() if line.startswith("    ")]
+    assert indented
+    exec(textwrap.dedent("\n".join(indented)), {"simulated": simulated, "Protocol": Protocol})
+
+
+def test_devices_without_a_node_id_are_found_and_given_one() -> None:
+    identities = [Identity(1, 2, 3, 4), Identity(1, 2, 3, 5)]
+    slaves = [LssSlave(each) for each in identities]
+    with Network(wired(*slaves)) as network:
+        assert network.lss.find() == identities
+        assert network.lss.assign(7, identities[1], bit_rate=250) == identities[1]
+        assert network.lss.find() == identities[:1]
+        assert network.lss.assign(8, store=False) == identities[0]
+        with pytest.raises(RemoteError, match="no device without a node-ID answers"):
+            network.lss.assign(9)
+    assert [(slave.node_id, slave.state) for slave in slaves] == [(8, WAITING), (7, WAITING)]
