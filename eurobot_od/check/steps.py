@@ -88,6 +88,8 @@ class Doer:
 
     def words(self, frame: Frame) -> str:
         """Say what a frame means; nothing if nobody knows."""
+        if frame.is_remote:
+            return "remote frame"
         meaning = self._decoder(frame)
         return f"{meaning.name}  {meaning.text}".rstrip() if meaning.name else ""
 

@@ -272,7 +272,7 @@ MAPPING_RECORDS = {
 }
 """Indices of the records of all PDOs there may be."""
 
-COB_ID, TRANSMISSION_TYPE, INHIBIT_TIME, EVENT_TIMER = 1, 2, 3, 5
+COB_ID, TRANSMISSION_TYPE, INHIBIT_TIME, EVENT_TIMER, SYNC_START = 1, 2, 3, 5, 6
 """Sub-indices of a communication record (CiA 301, Tables 66 and 70)."""
 
 SYNCHRONOUS, EVENT_DRIVEN = range(241), 255

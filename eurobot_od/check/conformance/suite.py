@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from eurobot_od.check.conformance import emcy, nmt, objects, pdo, sdo, storage
+from eurobot_od.check.conformance import emcy, error_control, nmt, objects, pdo, sdo, storage, sync
 from eurobot_od.check.conformance.subject import Chapter, Subject, Tier, awake
 from eurobot_od.check.conformance.subject import nmt as command
 from eurobot_od.check.conformance.writing import Data, documents
 from eurobot_od.check.format import VERSION
 from eurobot_od.od.dictionary import Dictionary
 
-CHAPTERS = (nmt.CHAPTER, objects.CHAPTER, sdo.CHAPTER, pdo.CHAPTER, emcy.CHAPTER, storage.CHAPTER)
+CHAPTERS = tuple(each.CHAPTER for each in (nmt, error_control, objects, sdo, pdo, sync, emcy, storage))
 """The suites, in the order in which they are run: what the later ones rely on comes first."""
 
 TAG = "conformance"
