@@ -46,7 +46,7 @@ class Frame(NamedTuple):
 
 
 class RemoteFrame(Frame):
-    """A remote frame, which asks for the frame of its `cob_id`; of `data` only the length is sent, as that of the answer.
+    """A remote frame, which asks for the frame of its `cob_id`; of `data` only the length is sent: the answer's.
 
     As a tuple it is equal to a data frame of zeros: `is_remote` tells them apart.
     """

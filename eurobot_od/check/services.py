@@ -21,7 +21,7 @@ from eurobot_od.errors import LocalError
 from eurobot_od.od import objects
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.standard import COMMANDS, EMCY
-from eurobot_od.od.values import BASE_IDENTIFIER, DOMAIN, ERROR_CONTROL_BASE, NOT_VALID
+from eurobot_od.od.values import BASE_IDENTIFIER, DOMAIN, ERROR_CONTROL_BASE, NOT_SCANNED, NOT_VALID
 from eurobot_od.support.yaml_places import Problems
 
 if TYPE_CHECKING:
@@ -114,7 +114,8 @@ class ServiceShapes:
 
     def _dump(self, equal: bool, given: Dictionary | None) -> Action:
         node = self._dictionary(given)
-        chosen = (each for each in objects.all_objects(node.objects) if _is_kept(each))
+        kept = (each for each in objects.all_objects(node.objects) if _is_kept(each))
+        chosen = (each for each in kept if not node.flags(objects.address_of(each)) & NOT_SCANNED)
         return Dump(NodeServices.of(node), tuple(chosen), equal)
 
     # SDO

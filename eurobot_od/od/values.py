@@ -234,6 +234,10 @@ WRITABLE = ("rw", "wo", "rwr", "rww")
 DUMMIES = range(0x0001, 0x0008)
 """Data types 1 to 7 stand for bits to be skipped when they are mapped (CiA 301, 7.4.8.2; RPDO only)."""
 
+NOT_WRITTEN, NOT_SCANNED = 1, 2
+"""Bits of ObjFlags (CiA 306): who loads a configuration does not write the object, who scans a device does not read
+it."""
+
 STRUCTURE = 0xFF
 """The sub-index that says what an object is, and holds no data of it (CiA 301, 7.4.9)."""
 

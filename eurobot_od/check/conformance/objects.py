@@ -28,7 +28,7 @@ from eurobot_od.device.objects import COMMUNICATION_PROFILE
 from eurobot_od.od import values
 from eurobot_od.od.objects import address_of, data_type, default_bytes, default_of, in_limits, limits
 from eurobot_od.od.standard import COMMANDS, DEVICE_NAME, DEVICE_TYPE, ERROR_FIELD, IDENTITY
-from eurobot_od.od.values import MAPPING_RECORDS, MOST_SUBS, Address, label
+from eurobot_od.od.values import MAPPING_RECORDS, MOST_SUBS, NOT_SCANNED, Address, label
 from eurobot_od.sdo.wire import AbortCode
 
 if TYPE_CHECKING:
@@ -77,13 +77,24 @@ def _identity(subject: Subject) -> Iterator[Data]:
             yield skip(title(each), "the file does not say it")
 
 
+def _structure(subject: Subject) -> Iterator[Data]:
+    """Read what 0x1000 says of itself: ObjectType VAR and DataType UNSIGNED32 (CiA 301, 7.4.9)."""
+    if subject.find(DEVICE_TYPE) is None:
+        yield skip("0x1000:255", "the file has no device type (0x1000)")
+        return
+    absent = codes(AbortCode.NO_SUBINDEX)
+    yield read("0x1000:255", (DEVICE_TYPE[0], values.STRUCTURE), data="07 07 00 00", optional=absent)
+
+
 # Values
 
 
 def _readable(subject: Subject) -> Iterator[Data]:
     """Read everything; the value must have the length of its type. What has no value now may say so."""
     for each in subject.objects:
-        if each.readable:
+        if each.readable and subject.dictionary.flags(address_of(each)) & NOT_SCANNED:
+            yield skip(title(each), "its ObjFlags say that a scan does not read it")
+        elif each.readable:
             none_now = [AbortCode.NO_DATA, *([AbortCode.NO_SUBINDEX] if each.index == ERROR_FIELD else [])]
             yield read(title(each), address_of(each), optional=codes(*none_now))
 
@@ -92,7 +103,8 @@ def _defaults(subject: Subject) -> Iterator[Data]:
     for each in subject.objects:
         configured = each.access_type in CONFIGURED or each.index in FIXED
         own = address_of(each) == subject.dictionary.node_id_address  # what the suite was given, not what the file says
-        if each.readable and configured and not own and each.index not in ACTING:
+        scanned = not subject.dictionary.flags(address_of(each)) & NOT_SCANNED
+        if each.readable and scanned and configured and not own and each.index not in ACTING:
             yield from _default(each)
 
 
@@ -140,6 +152,8 @@ def _own_values(subject: Subject) -> Iterator[Data]:
     for each in _writable(subject):
         if not each.readable:
             yield skip(title(each), "write-only: what is there is not known, so nothing is written")
+        elif subject.dictionary.flags(address_of(each)):
+            yield skip(title(each), "its ObjFlags say that a configuration does not write it, or a scan not read it")
         elif data_type(each) is values.DOMAIN:
             yield skip(title(each), "a DOMAIN may be a program: nothing is written")
         else:
@@ -252,6 +266,7 @@ CHAPTER = Chapter(
         Clause("7.2.4.3.17", "Unknown object", _unknown_written, Tier.REVERSIBLE),
         Clause("7.2.4.3.17", "Unknown sub-index", _unknown_subindices, ctt="2.5"),
         Clause("7.5.2.21", "Identity", _identity),
+        Clause("7.4.9", "Structure", _structure, ctt="4.5"),
         Clause("7.4.4", "Length of the type", _readable, ctt="4.1, 4.7"),
         Clause("7.3.2.2.3", "Default after a reset", _defaults, Tier.REVERSIBLE, "4.2, 4.8"),
         Clause("7.4.5", "Write-only", _write_only, ctt="2.4, 4.4"),

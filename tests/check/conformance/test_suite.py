@@ -53,7 +53,7 @@ ASKED = [
     "7.5.2.4 Error history: 0 clears it [destructive]: 0 is written",
     "7.3.2.2.3 Values: 0x1017:0 Producer heartbeat time after reset [reversible, CTT 9.1]: what was not stored is gone",
     "7.5.2.4 Error history: 0 clears it [destructive]: no error is left",
-    "7.5.2.37 TPDO transmission: TPDO 1 by its event timer [reversible, CTT 3.5]: none in PRE-OPERATIONAL",
+    "7.5.2.37 TPDO transmission: TPDO 1 by event timer [reversible, CTT 3.4, 3.5]: none in PRE-OPERATIONAL",
     "7.5.2.21 Identity: 0x1018:1 Vendor-ID [reading]",
     "7.5.2.35 RPDO communication: RPDO 2 keeps its identifier [reversible]: another identifier while it is valid",
     "7.5.2.37 TPDO communication: TPDO 1 keeps its inhibit time [reversible]: nothing has changed",
