@@ -27,7 +27,10 @@ class Frame(NamedTuple):
     cob_id: int
     data: bytes = b""
 
-    is_remote = False
+    @property
+    def is_remote(self) -> bool:
+        """Whether it carries no data, and asks for some."""
+        return False
 
     @classmethod
     def parse(cls, text: str) -> Frame:
@@ -52,7 +55,11 @@ class RemoteFrame(Frame):
     """
 
     __slots__ = ()
-    is_remote = True
+
+    @property
+    def is_remote(self) -> bool:
+        """Always."""
+        return True
 
     def __str__(self) -> str:
         """Write it as candump does: `705#R1`."""

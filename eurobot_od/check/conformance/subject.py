@@ -62,11 +62,15 @@ class Tier(IntEnum):
 
 @dataclass(frozen=True)
 class Subject:
-    """The device under test, up to which `tier` it may be asked, and `only` which indices are looked at one by one."""
+    """The device under test, up to which `tier` it may be asked, and `only` which indices are looked at one by one.
+
+    `restore` are the sub-indices of 0x1011 behind which there is something of the maker's, and which may be written.
+    """
 
     dictionary: Dictionary
     tier: Tier = Tier.READING
     only: range = range(0x10000)
+    restore: tuple[int, ...] = ()
 
     @property
     def node_id(self) -> int:

@@ -102,7 +102,8 @@ def _sync(subject: Subject, digits: str = "") -> Data:
     return {"raw": f"{subject.model.sync_cob_id or 0:03X}#{digits}"}
 
 
-def _every(message: Data, milliseconds: int, count: int) -> Data:
+def every(message: Data, milliseconds: int, count: int) -> Data:
+    """See that a frame comes again and again at its time."""
     period = {"message": message, "every": f"{milliseconds} ms", "tolerance": PRECISION, "count": count}
     return {"name": f"every {milliseconds} ms", "period": period}
 
@@ -112,7 +113,7 @@ def _produced(subject: Subject) -> Iterator[Data]:
     if why:
         yield skip(name, why)
     else:
-        count = _every(_sync(subject), PERIOD // 1000, 5)
+        count = every(_sync(subject), PERIOD // 1000, 5)
         yield group(name, *_configured(subject, 0), _started(subject), count, *fresh(subject))
 
 
@@ -153,7 +154,7 @@ def _every_second(subject: Subject) -> Iterator[Data]:
         _typed(tpdo, 2),
         _started(subject),
         nmt("start"),
-        _every(_sent(tpdo), 2 * PERIOD // 1000, 3),
+        every(_sent(tpdo), 2 * PERIOD // 1000, 3),
         *fresh(subject),
     )
 
