@@ -91,6 +91,7 @@ class Format:
             ),
             "sdo": ActionRow(services.sdo, _within, "read or write an object", within),
             "dump": ActionRow(services.dump, _same, "keep the values of all settings, or see that they are the same"),
+            "errors": ActionRow(services.errors, _same, "see that the node reports no error itself"),
             "nmt": ActionRow(services.nmt, _same, "send an NMT command"),
             "heartbeat": ActionRow(services.heartbeat, _expect_one, "wait for a heartbeat with a state", within),
             "emcy": ActionRow(services.emcy, _expect_one, "wait for an emergency message", within),

@@ -46,6 +46,8 @@ def _reason_lines(reason: Reason) -> Iterator[str]:
         yield f"      expected  {reason.expected}"
         yield f"      came      {reason.came}"
     yield from (f"        {mismatch}" for mismatch in reason.mismatches)
+    if reason.cause:
+        yield f"      the node says  {reason.cause}"
     if reason.frames:
         yield "      last frames (> sent, < received)"
     for time, own, frame, meaning in reason.frames:
@@ -219,6 +221,7 @@ def _reason_data(reason: Reason) -> dict[str, Any]:
         "what": reason.what,
         "expected": reason.expected,
         "came": reason.came,
+        "cause": reason.cause,
         "differences": [each._asdict() for each in reason.mismatches],
         "frames": [
             {

@@ -10,7 +10,8 @@ Rule of this file: no clock and no bus but the bench's.
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Awaitable, Callable, Mapping, Sequence
+from collections.abc import AsyncIterator, Awaitable, Callable, Mapping, Sequence
+from contextlib import suppress
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from eurobot_od.check import suite
@@ -19,11 +20,13 @@ from eurobot_od.check.patterns import Mismatch, Pattern, Sent, is_final
 from eurobot_od.check.results import Reason
 from eurobot_od.check.trace import Seen
 from eurobot_od.check.values import ValueProblem
+from eurobot_od.device.emergency import HISTORY, REGISTER_BITS, error_words
 from eurobot_od.errors import BusError, NoAnswer
 from eurobot_od.frame import Frame
 from eurobot_od.logs.meaning import Decoder
 from eurobot_od.od import objects
-from eurobot_od.od.values import NMT_COB_ID, Value
+from eurobot_od.od.standard import ERROR_FIELD, ERROR_REGISTER
+from eurobot_od.od.values import NMT_COB_ID, Address, Value
 from eurobot_od.sdo.client import (
     Aborted,
     OddAnswer,
@@ -309,14 +312,40 @@ class Doer:
 
     async def _content(self, variable: ODVariable, node: suite.NodeServices) -> str:
         """Return what an object has, in hexadecimal digits, or the abort if it has nothing; raises NoAnswer."""
-        transfer = upload(objects.address_of(variable), self._timeout)
-        await self._run(transfer, node)
         try:
-            return transfer.result().hex(" ").upper()
-        except Silence:
-            raise NoAnswer("SDO request", f"answer from {node.name}", 1, transfer.wait) from None
+            return (await self._uploaded(objects.address_of(variable), node)).hex(" ").upper()
         except Aborted as error:
             return code_and_reason(error.code)
+
+    async def _errors(self, action: suite.Errors) -> None:
+        """Read what errors the node has; raises NoAnswer, Failed with all of them in words, Skipped without 0x1001."""
+        self._ask()
+        try:
+            register = await self._uploaded(ERROR_REGISTER, action.node)
+        except Aborted:
+            raise Skipped(Reason("the node has no error register (0x1001)")) from None
+        bits = int.from_bytes(register, "little")
+        if bits:
+            classes = [name for bit, name in enumerate(REGISTER_BITS) if bits >> bit & 1]
+            codes = [code async for code in self._history(action.node)]
+            words = [*classes, *(f"0x{code:04X} {error_words(code, {})}" for code in codes)]
+            raise Failed(Reason(f"{action.node.name} reports an error itself", "none", "; ".join(words)))
+
+    async def _history(self, node: suite.NodeServices) -> AsyncIterator[int]:
+        """Give the codes of the errors that a node remembers, as far as it says them."""
+        with suppress(Aborted):
+            count = int.from_bytes(await self._uploaded((ERROR_FIELD, 0), node), "little")
+            for sub in range(1, min(count, HISTORY) + 1):
+                yield int.from_bytes((await self._uploaded((ERROR_FIELD, sub), node))[:2], "little")
+
+    async def _uploaded(self, address: Address, node: suite.NodeServices) -> bytes:
+        """Return what an object has; raises NoAnswer, Aborted."""
+        transfer = upload(address, self._timeout)
+        await self._run(transfer, node)
+        try:
+            return transfer.result()
+        except Silence:
+            raise NoAnswer("SDO request", f"answer from {node.name}", 1, transfer.wait) from None
 
     async def _run(self, transfer: Transfer, node: suite.NodeServices) -> None:
         """Do a transfer to its end; raises OddAnswer for an answer that has not the length of an SDO frame."""
@@ -358,6 +387,7 @@ class Doer:
         suite.SdoWrite: _sdo_write,
         suite.Nmt: _nmt,
         suite.Dump: _dump,
+        suite.Errors: _errors,
         suite.Save: _save,
         suite.Wait: _wait,
         suite.Skip: _skip,

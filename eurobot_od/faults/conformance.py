@@ -472,7 +472,7 @@ FAULTS: Mapping[str, Fault] = {
         "7.5.2.36 RPDO mapping", "lets entries be changed while sub-index 0 is not 0", taking(_entry_in_use)
     ),
     "anything-mapped": _fault("7.5.2.36 RPDO mapping", "maps what cannot be mapped", taking(_any_entry)),
-    "mapping-too-long-taken": _fault("7.5.2.38 TPDO mapping", "maps more than 64 bits", taking(_any_count)),
+    "mapping-too-long-taken": _fault("7.5.2.36 RPDO mapping", "maps more than 64 bits", taking(_any_count)),
     "not-mappable-code-wrong": _fault(
         "7.5.2.36 RPDO mapping",
         "refuses what cannot be mapped as read-only",

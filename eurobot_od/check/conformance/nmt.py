@@ -83,6 +83,14 @@ def _allowed(variable: ODVariable, value: int) -> int:
     return value if range_ is None else int(min(max(value, range_.low), range_.high))
 
 
+# Errors of its own
+
+
+def _errors(_: Subject) -> Iterator[Data]:
+    """See that the device has no error to begin with: what is red afterwards may come from it."""
+    yield {"name": "the device reports no error itself", "errors": "none"}
+
+
 # Boot-up
 
 
@@ -93,7 +101,8 @@ def _boot_up(command: str) -> Data:
 def _boot_ups(subject: Subject) -> Iterator[Data]:
     for command, (state, way) in product(("reset", "reset communication"), WAY_TO.items()):
         there = [nmt(each) for each in ("pre-operational", *way)]
-        yield group(f"{command} in {state.upper()}", *there, nmt(command), _boot_up(command), awake(subject))
+        name = f"boot-up after {command} in {state.upper()}"
+        yield group(name, *there, nmt(command), _boot_up(command), awake(subject))
 
 
 def _first_state(subject: Subject) -> Iterator[Data]:
@@ -204,6 +213,7 @@ CHAPTER = Chapter(
     "nmt",
     "NMT states, boot-up and heartbeat",
     (
+        Clause("7.5.2.2", "Error register", _errors),
         Clause("7.2.8.3.3", "Boot-up", _boot_ups, Tier.REVERSIBLE, "10.1"),
         Clause("7.5.2.20", "Heartbeat time", _heartbeat_times, ctt="7.101 to 7.103"),
         Clause("7.2.8.3.2", "Heartbeat", _heartbeat_of_the_file, Tier.REVERSIBLE, "7.102"),

@@ -25,7 +25,6 @@ from eurobot_od.check.conformance.subject import (
     unchanged,
     write,
 )
-from eurobot_od.check.conformance.sync import NO_SYNC, OVERFLOW, PERIOD, every
 from eurobot_od.check.conformance.writing import Data, hexadecimal
 from eurobot_od.od import standard
 from eurobot_od.od.objects import address_of, data_type, default_of, in_limits
@@ -147,7 +146,7 @@ class Kept(NamedTuple):
     digits: int = 8
 
 
-def _kept(subject: Subject, name: str, values: Sequence[Kept], *looks: Data) -> Iterator[Data]:
+def kept_over_reset(subject: Subject, name: str, values: Sequence[Kept], *looks: Data) -> Iterator[Data]:
     """Give objects values in their order, store them, see after a reset what the last of each was, and restore."""
     both = (_commands(subject, index) for index in (standard.STORE, standard.RESTORE))
     store, restore = (each.get(standard.ALL_PARAMETERS) for each in both)
@@ -181,20 +180,6 @@ def _back(subject: Subject, each: Kept) -> Data:
     return read(f"{label(each.address)} has its default", each.address, expect=subject.number(each.address))
 
 
-def _sync(subject: Subject) -> Iterator[Data]:
-    """Store the counter of SYNC, then all of SYNC: after a reset the device sends it by itself."""
-    counter, off = Kept(standard.SYNC_COUNTER, OVERFLOW, 2), Kept(standard.SYNC_PERIOD, 0)
-    sends = subject.number(standard.SYNC) | standard.SYNC_PRODUCER
-    yield from _kept(subject, "the counter of SYNC", [off, counter])
-    name, cob_id = "SYNC", subject.model.sync_cob_id
-    if cob_id is None:
-        yield skip(name, NO_SYNC)
-        return
-    sync = every({"raw": f"{cob_id:03X}#??"}, PERIOD // 1000, 3)
-    values = [off, counter, Kept(standard.SYNC_PERIOD, PERIOD), Kept(standard.SYNC, sends)]
-    yield from _kept(subject, name, values, sync)
-
-
 def _clients(subject: Subject) -> Iterator[Data]:
     """Store the identifiers of the first SDO client, not valid ones."""
     index = next((each for each in standard.SDO_CLIENTS if each in subject.dictionary.members), None)
@@ -203,7 +188,7 @@ def _clients(subject: Subject) -> Iterator[Data]:
         return
     bases = (SDO_REQUEST_BASE, SDO_RESPONSE_BASE)
     values = [Kept((index, sub), NOT_VALID | base + subject.another) for sub, base in enumerate(bases, start=1)]
-    yield from _kept(subject, f"0x{index:04X}", values)
+    yield from kept_over_reset(subject, f"0x{index:04X}", values)
 
 
 def _verified(subject: Subject) -> Iterator[Data]:
@@ -213,7 +198,8 @@ def _verified(subject: Subject) -> Iterator[Data]:
     if shown is not None:
         changed = write(f"{title(shown)} is changed", address_of(shown), value=_other(shown))
         looks = [changed, *(read(f"{label(each)} is 0 again", each, expect=0) for each in (date, time))]
-    yield from _kept(subject, "date and time of the configuration", [Kept(date, 9000), Kept(time, 36_000_000)], *looks)
+    values = [Kept(date, 9000), Kept(time, 36_000_000)]
+    yield from kept_over_reset(subject, "date and time of the configuration", values, *looks)
 
 
 def _signed(each: ODVariable, name: str) -> Data:
@@ -235,7 +221,6 @@ CHAPTER = Chapter(
         Clause("7.5.2.13", "Store", _signatures(standard.STORE), Tier.DESTRUCTIVE, "8.1, 8.3, 8.5, 8.7"),
         Clause("7.5.2.14", "Restore", _signatures(standard.RESTORE), Tier.DESTRUCTIVE, "8.2, 8.4, 8.6, 8.8"),
         Clause("7.5.2.13", "Store", _stored, Tier.DESTRUCTIVE, "8.1, 8.2"),
-        Clause("7.5.2.13", "Store", _sync, Tier.DESTRUCTIVE, "6.8, 6.10"),
         Clause("7.5.2.13", "Store", _clients, Tier.DESTRUCTIVE, "2.30"),
         Clause("7.5.2.23", "Verify configuration", _verified, Tier.DESTRUCTIVE, "8.9"),
         Clause("7.5.2.14", "Restore", _makers_own, Tier.DESTRUCTIVE),

@@ -14,7 +14,7 @@ from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.standard import RESTORE
 from eurobot_od.od.values import label
 
-CHAPTERS = tuple(each.CHAPTER for each in (nmt, error_control, objects, sdo, pdo, sync, emcy, storage))
+CHAPTERS = tuple(each.CHAPTER for each in (nmt, objects, sdo, storage, pdo, emcy, error_control, sync))
 """The suites, in the order in which they are run: what the later ones rely on comes first."""
 
 TAG = "conformance"

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from eurobot_od.check.conformance.storage import Kept, kept_over_reset
 from eurobot_od.check.conformance.subject import (
     BUSY,
     OUTSIDE,
@@ -212,6 +213,21 @@ def _not_while_there_is_a_period(subject: Subject) -> Data:
     return group(name, *fresh(subject), period, changed, *fresh(subject))
 
 
+# Stored
+
+
+def _stored(subject: Subject) -> Iterator[Data]:
+    """Store the counter, then all of SYNC: after a reset the device sends it by itself."""
+    counter, off = Kept(SYNC_COUNTER, OVERFLOW, 2), Kept(SYNC_PERIOD, 0)
+    yield from kept_over_reset(subject, "the counter is stored", [off, counter])
+    if subject.model.sync_cob_id is None:
+        yield skip("all of it is stored", NO_SYNC)
+        return
+    values = [off, counter, Kept(SYNC_PERIOD, PERIOD), Kept(SYNC, _sending(subject))]
+    goes_on = every(_sync(subject, "??"), PERIOD // 1000, 3)
+    yield from kept_over_reset(subject, "all of it is stored", values, goes_on)
+
+
 CHAPTER = Chapter(
     "sync",
     "SYNC",
@@ -222,5 +238,6 @@ CHAPTER = Chapter(
         Clause("7.5.2.6", "SYNC consumer", _without_period, Tier.DESTRUCTIVE, "6.4"),
         Clause("7.5.2.22", "SYNC counter", _numbers, Tier.DESTRUCTIVE, "6.5, 6.9"),
         Clause("7.5.2.22", "SYNC counter", _counted, Tier.DESTRUCTIVE, "6.7"),
+        Clause("7.5.2.13", "SYNC", _stored, Tier.DESTRUCTIVE, "6.8, 6.10"),
     ),
 )

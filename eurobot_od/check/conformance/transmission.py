@@ -215,7 +215,6 @@ def _by_acyclic_sync(subject: Subject, pdos: Pdos) -> Data:
         f"{_named(pdos)} by SYNC after an event",
         *_set(subject, pdos, TRANSMISSION_TYPE, 0, "transmission type", *NO_SUCH_TYPE),
         nmt("start"),
-        wait("50 ms"),
         *_none("none without SYNC", pdos),
         _sync(subject),
         wait("100 ms"),
