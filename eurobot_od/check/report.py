@@ -50,8 +50,13 @@ def _reason_lines(reason: Reason) -> Iterator[str]:
         yield f"      the node says  {reason.cause}"
     if reason.frames:
         yield "      last frames (> sent, < received)"
+    yield from (f"        {line}" for line in frame_lines(reason))
+
+
+def frame_lines(reason: Reason) -> Iterator[str]:
+    """Yield the last frames of a step: time in the suite, > sent or < received, the frame, and what it means."""
     for time, own, frame, meaning in reason.frames:
-        yield f"        {time:9.4f} s {'>' if own else '<'} {frame!s:<21} {meaning}".rstrip()
+        yield f"{time:9.4f} s {'>' if own else '<'} {frame!s:<21} {meaning}".rstrip()
 
 
 UNEVENTFUL = (Status.PASSED, Status.SKIPPED)

@@ -152,7 +152,8 @@ def _html_block(block: DocBlock) -> Iterator[str]:
         of_columns = dict.fromkeys(block.words, ' class="word"') | dict.fromkeys(block.numbers, ' class="number"')
         classes = [of_columns.get(each, "") for each in block.head]
         yield "<table>"
-        yield f"<thead>{_html_row('th', block.head, classes)}</thead>"
+        if any(block.head):
+            yield f"<thead>{_html_row('th', block.head, classes)}</thead>"
         yield from (_html_row("td", row, classes) for row in block.rows)
         yield "</table>"
 

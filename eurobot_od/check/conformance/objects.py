@@ -65,6 +65,11 @@ def _writable(subject: Subject) -> Iterator[ODVariable]:
     return (each for each in subject.objects if each.writable and _plain(each))
 
 
+def _tried(subject: Subject) -> Iterator[ODVariable]:
+    """Give the objects to which something else may be written than they have, if only to be refused."""
+    return (each for each in _writable(subject) if not subject.dictionary.flags(address_of(each)))
+
+
 # Identity
 
 
@@ -125,9 +130,11 @@ def _default(each: ODVariable) -> Iterator[Data]:
 
 
 def _write_only(subject: Subject) -> Iterator[Data]:
-    for each in subject.objects:
-        if not each.readable:
-            yield read(title(each), address_of(each), abort=codes(AbortCode.WRITE_ONLY))
+    write_only = [each for each in subject.objects if not each.readable]
+    for each in write_only:
+        yield read(title(each), address_of(each), abort=codes(AbortCode.WRITE_ONLY))
+    if not write_only:
+        yield skip("every object", "the file has no write-only object")
 
 
 def _read_only(subject: Subject) -> Iterator[Data]:
@@ -195,7 +202,7 @@ def _unknown_subindices(subject: Subject) -> Iterator[Data]:
 
 
 def _wrong_lengths(subject: Subject) -> Iterator[Data]:
-    for each in _writable(subject):
+    for each in _tried(subject):
         size = data_type(each).size
         if size:
             yield _of_length(each, size + 1, "too long")
@@ -209,7 +216,7 @@ def _of_length(each: ODVariable, size: int, what: str) -> Data:
 
 
 def _limits(subject: Subject) -> Iterator[Data]:
-    for each in _writable(subject):
+    for each in _tried(subject):
         refused = list(_outside(each))
         if refused and each.readable:
             yield group(title(each), save(each), *refused, unchanged(each))
@@ -235,7 +242,7 @@ def _outside(each: ODVariable) -> Iterator[Data]:
 
 def _other_values(subject: Subject) -> Iterator[Data]:
     """Write another value to each configuration object, and put back the one it had."""
-    for each in _writable(subject):
+    for each in _tried(subject):
         other = _other(each) if _is_setting(subject, each) else None
         if other is not None:
             written = write(f"{other} is written", address_of(each), value=other, optional=codes(*BUSY))

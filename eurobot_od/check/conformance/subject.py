@@ -9,6 +9,7 @@ from enum import IntEnum
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
+from eurobot_od.check.conformance.naming import StepName
 from eurobot_od.check.conformance.writing import Data, hexadecimal, object_at, shown
 from eurobot_od.device.device import Device
 from eurobot_od.device.heartbeat import split
@@ -186,10 +187,10 @@ class Clause(NamedTuple):
 
     def named(self, subject: Subject) -> Iterator[Data]:
         """Give the steps, each with a name that begins with the clause and ends with tier and CTT number."""
-        note = f"[{self.tier.word}, CTT {self.ctt}]" if self.ctt else f"[{self.tier.word}]"
         allowed = self.tier <= subject.tier
         for step in self.steps(subject) if allowed else [skip("not done", f"only with --{self.tier.word}")]:
-            yield {**step, "name": f"{self.number} {self.topic}: {step['name']} {note}"}
+            name = StepName(self.number, self.topic, step["name"], self.tier.word, self.ctt)
+            yield {**step, "name": str(name)}
 
 
 class Chapter(NamedTuple):

@@ -22,6 +22,11 @@ SAMPLES = Path(__file__).parents[2] / "lint" / "samples"
 MODULE = SAMPLES / "clean.eds"
 """A device with everything that a suite looks at but write-only objects."""
 
+MAKERS = Path(__file__).parent / "makers"
+"""Files in the style of makers, of no device that there is: with guarding and remote frames, with SYNC's counter, ..."""
+
+IO_MODULE, AXIS_DRIVE = MAKERS / "io-module.eds", MAKERS / "axis-drive.eds"
+
 NODE_ID = 5
 
 
