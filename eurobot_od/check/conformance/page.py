@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from itertools import groupby
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -108,8 +109,22 @@ def _all_red(run: Report) -> Iterator[DocBlock]:
             yield Paragraph(f"{result.name} ended before its time: {result.error}")
     if not run.red:
         yield Paragraph("Nothing.")
-    for step in run.red:
-        yield from _red(step)
+    for _, together in groupby(run.red, _belongs_to):
+        first, *others = together
+        yield from _red(first)
+        if others:
+            yield DocTable(("After it also red", "What"), list(map(_also_red, others)))
+
+
+def _belongs_to(step: StepResult) -> tuple[str, ...]:
+    """Return what the steps of a group have in common; after the first red one the others mostly follow."""
+    name = StepName.of(step.name)
+    return (step.name,) if name is None else (name.clause, name.topic, name.what, name.tier, name.ctt)
+
+
+def _also_red(step: StepResult) -> tuple[str, str]:
+    name = StepName.of(step.name)
+    return name.inside if name and name.inside else step.name, step.reason.what if step.reason else ""
 
 
 def _red(step: StepResult) -> Iterator[DocBlock]:

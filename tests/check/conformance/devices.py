@@ -23,7 +23,7 @@ MODULE = SAMPLES / "clean.eds"
 """A device with everything that a suite looks at but write-only objects."""
 
 MAKERS = Path(__file__).parent / "makers"
-"""Files in the style of makers, of no device that there is: with guarding and remote frames, with SYNC's counter, ..."""
+"""Files in the style of makers, of no device that there is: guarding, SYNC, little else."""
 
 IO_MODULE, AXIS_DRIVE = MAKERS / "io-module.eds", MAKERS / "axis-drive.eds"
 
