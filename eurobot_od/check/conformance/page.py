@@ -87,7 +87,7 @@ def blocks(run: Report) -> Iterator[DocBlock]:
     yield DocHeading(1, f"Conformance of {run.dictionary.name}")
     passed = sum(each.count(Status.PASSED) for each in run.results)
     red = f"{amount(len(run.red), 'step')} red" if run.red else "no step red"
-    yield Paragraph(f"{amount(passed, 'step')} green, {red}. {ctt.score(run.tests)} of CiA's conformance test tool.")
+    yield Paragraph(f"{amount(passed, 'step')} green, {red}.")
     yield DocTable(("", ""), run.facts, words=("",))
     yield DocHeading(2, "Score by chapter")
     yield DocTable(("Chapter", "Green", "Red", "Skipped"), list(map(_score, run.results)), ("Green", "Red", "Skipped"))
@@ -113,18 +113,20 @@ def _all_red(run: Report) -> Iterator[DocBlock]:
         first, *others = together
         yield from _red(first)
         if others:
-            yield DocTable(("After it also red", "What"), list(map(_also_red, others)))
+            yield DocTable(("Also red there", "Expected", "Came"), list(map(_also_red, others)))
 
 
 def _belongs_to(step: StepResult) -> tuple[str, ...]:
-    """Return what the steps of a group have in common; after the first red one the others mostly follow."""
+    """Return what steps have in common that one fault makes red: their group, else the question put to each object."""
     name = StepName.of(step.name)
-    return (step.name,) if name is None else (name.clause, name.topic, name.what, name.tier, name.ctt)
+    if name is None:
+        return (step.name,)
+    return name.clause, name.topic, name.tier, name.what if name.inside else ""
 
 
-def _also_red(step: StepResult) -> tuple[str, str]:
-    name = StepName.of(step.name)
-    return name.inside if name and name.inside else step.name, step.reason.what if step.reason else ""
+def _also_red(step: StepResult) -> tuple[str, str, str]:
+    name, reason = StepName.of(step.name), step.reason or Reason("red")
+    return (name.inside or name.what if name else step.name), reason.expected or reason.what, reason.came
 
 
 def _red(step: StepResult) -> Iterator[DocBlock]:

@@ -25,7 +25,7 @@ from eurobot_od.check.conformance.subject import (
     unchanged,
     write,
 )
-from eurobot_od.check.conformance.transmission import CLAUSES, NOT_SETTABLE, each_of, off
+from eurobot_od.check.conformance.transmission import CLAUSES, NOT_SETTABLE, each_of, off, why_not_off
 from eurobot_od.check.conformance.writing import Data, hexadecimal
 from eurobot_od.od.objects import address_of, data_type
 from eurobot_od.od.pdos import Pdo
@@ -82,8 +82,9 @@ def _communication(subject: Subject, pdo: Pdo) -> Iterator[Data]:
 def _restricted(subject: Subject, pdo: Pdo) -> Iterator[Data]:
     """Give a PDO the identifiers that no PDO may have (CiA 301, 7.3.5)."""
     name, cob_id = f"{pdo.title} takes no restricted identifier", subject.settable((pdo.index, COB_ID))
-    if cob_id is None:
-        yield skip(name, f"the COB-ID of {pdo.title} {NOT_SETTABLE}")
+    why = why_not_off(subject, pdo)
+    if why or cob_id is None:
+        yield skip(name, why)
         return
     bits = subject.number(address_of(cob_id)) & NO_RTR
     tried = (write(f"0x{each:03X}", address_of(cob_id), value=each | bits, abort="any") for each in RESTRICTED_ONES)
@@ -127,8 +128,9 @@ def _default_mapping(subject: Subject, pdo: Pdo) -> Iterator[Data]:
 def _mapping(subject: Subject, pdo: Pdo) -> Iterator[Data]:
     title, cob_id = pdo.title, subject.settable((pdo.index, COB_ID))
     used = range(max(1, len(pdo.mapping)) + 1)
-    if cob_id is None:
-        yield skip(title, f"the COB-ID of {title} {NOT_SETTABLE}")
+    why = why_not_off(subject, pdo)
+    if why or cob_id is None:
+        yield skip(title, why)
     elif not all(subject.settable((pdo.mapping_index, sub)) for sub in used):
         yield skip(title, f"the mapping of {title} {NOT_SETTABLE}")
     elif wrong := _unmapped(subject, pdo, used[1:]):

@@ -29,7 +29,8 @@ from eurobot_od.check.conformance.subject import (
     write,
 )
 from eurobot_od.check.conformance.writing import Data, hexadecimal
-from eurobot_od.od.objects import address_of
+from eurobot_od.device.device import Device
+from eurobot_od.od.objects import address_of, data_type
 from eurobot_od.od.pdos import Pdo
 from eurobot_od.od.standard import SYNC, SYNC_COUNTER, SYNC_PERIOD, SYNC_PRODUCER
 from eurobot_od.od.values import (
@@ -41,7 +42,7 @@ from eurobot_od.od.values import (
     TRANSMISSION_TYPE,
     PdoDirection,
 )
-from eurobot_od.sdo.wire import AbortCode
+from eurobot_od.sdo.wire import Abort, AbortCode
 
 if TYPE_CHECKING:
     from canopen.objectdictionary import ODVariable
@@ -141,6 +142,20 @@ def off(subject: Subject, cob_id: ODVariable) -> Data:
     return write("1. not valid", address_of(cob_id), value=hexadecimal(value, 8))
 
 
+def why_not_off(subject: Subject, pdo: Pdo) -> str:
+    """Say why a PDO cannot be made not valid and again what it was; nothing if a device that is its file lets it be."""
+    cob_id = subject.settable((pdo.index, COB_ID))
+    if cob_id is None:
+        return f"the COB-ID of {pdo.title} {NOT_SETTABLE}"
+    device, address = Device(subject.dictionary), address_of(cob_id)
+    try:
+        for value in (subject.number(address) | NOT_VALID, subject.number(address)):
+            device.objects.write(address, data_type(cob_id).write(value))
+    except Abort as refusal:
+        return f"the file's own COB-ID of {pdo.title} is one that it does not take: {refusal}"
+    return ""
+
+
 # By the event timer
 
 
@@ -228,7 +243,7 @@ def _by_acyclic_sync(subject: Subject, pdos: Pdos) -> Data:
 
 
 def _why_no_start(subject: Subject, pdo: Pdo) -> str:
-    settable = ((TRANSMISSION_TYPE, 1), (SYNC_START, START), (COB_ID, subject.number((pdo.index, COB_ID))))
+    settable = ((TRANSMISSION_TYPE, 1), (SYNC_START, START))
     may = all(subject.may_be((pdo.index, sub), value) for sub, value in settable)
     period = subject.number(SYNC_PERIOD)
     reasons = {
@@ -238,7 +253,7 @@ def _why_no_start(subject: Subject, pdo: Pdo) -> str:
         "the file's period of SYNC (0x1006) cannot be 0": bool(period) and not subject.may_be(SYNC_PERIOD, 0),
         f"the file has no SYNC start value of {pdo.title} that can be {START}": not may,
     }
-    return next((reason for reason, holds in reasons.items() if holds), "")
+    return next((reason for reason, holds in reasons.items() if holds), "") or why_not_off(subject, pdo)
 
 
 def _numbered(subject: Subject, pdos: Pdos) -> Data:
