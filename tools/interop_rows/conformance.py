@@ -51,7 +51,6 @@ RED = {
     "7.5.2.14 Restore": "0x1011 wants no signature",
     "7.4.9 Structure": "sub-index 255 of 0x1000 is its value",
     "7.2.4.3.13 SDO block upload": "has no block upload, and does not refuse one",
-    "7.5.2.33 SDO server": "has no 0x1200 though its file has",
     "7.5.2.23 Verify configuration": "a change of the configuration leaves 0x1020",
     "7.3.5 RPDO identifier": "takes any identifier",
     "7.3.5 TPDO identifier": "takes any identifier",

@@ -81,6 +81,8 @@ def _no_heartbeat(subject: Subject) -> Iterator[Data]:
 def _guarded(subject: Subject) -> Iterator[Data]:
     """Ask in every state; after a reset of the communication the toggle bit begins with 0."""
     why = _why_not_guarded(subject)
+    if not why and subject.number(GUARD_TIME) * subject.number(LIFE_TIME_FACTOR):
+        why = "the file's life guarding is on: once it is asked, the device may leave OPERATIONAL by itself"
     if why:
         yield skip("a remote frame is answered", why)
         return
