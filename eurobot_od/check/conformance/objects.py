@@ -27,7 +27,7 @@ from eurobot_od.check.conformance.writing import Data
 from eurobot_od.device.objects import COMMUNICATION_PROFILE
 from eurobot_od.od import values
 from eurobot_od.od.objects import address_of, data_type, default_bytes, default_of, in_limits, limits
-from eurobot_od.od.standard import COMMANDS, DEVICE_NAME, DEVICE_TYPE, ERROR_FIELD, IDENTITY
+from eurobot_od.od.standard import COMMANDS, DEVICE_NAME, DEVICE_TYPE, ERROR_FIELD, IDENTITY, VERIFY_CONFIGURATION
 from eurobot_od.od.values import MAPPING_RECORDS, MOST_SUBS, NOT_SCANNED, Address, label
 from eurobot_od.sdo.wire import AbortCode
 
@@ -46,6 +46,9 @@ ACTING = {*COMMANDS, 0x1013, *range(0x1023, 0x1028), *range(0x1F50, 0x1F58)}
 MAPPINGS = {index for records in MAPPING_RECORDS.values() for index in records}
 
 COMMUNICATIONS = {index for records in values.COMMUNICATION_RECORDS.values() for index in records}
+
+SET_BY_DEVICE = {*COMMUNICATIONS, *(index for index, _ in VERIFY_CONFIGURATION)}
+"""Objects that may have a value outside their limits: 0x1020 is 0 after each change of the configuration."""
 
 CONFIGURED = ("const", "rw", "rww")
 """Access types of what has its default after power-on; `ro` and `rwr` are mostly measured."""
@@ -165,7 +168,7 @@ def _own_values(subject: Subject) -> Iterator[Data]:
             yield skip(title(each), "a DOMAIN may be a program: nothing is written")
         else:
             # Some stacks refuse with 0x06090030 whatever is written to a PDO's record while it is valid.
-            refused = BUSY if _has_value(each) and each.index not in COMMUNICATIONS else (*BUSY, *OUTSIDE)
+            refused = BUSY if _has_value(each) and each.index not in SET_BY_DEVICE else (*BUSY, *OUTSIDE)
             written = {**put_back(each, optional=codes(*refused)), "name": "it is written"}
             yield group(f"{title(each)}: the value it has", save(each), written, unchanged(each))
 

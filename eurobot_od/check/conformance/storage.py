@@ -197,7 +197,7 @@ def _verified(subject: Subject) -> Iterator[Data]:
     shown, looks = _shown_by(subject), []
     if shown is not None:
         changed = write(f"{title(shown)} is changed", address_of(shown), value=_other(shown))
-        looks = [changed, *(read(f"{label(each)} is 0 again", each, expect=0) for each in (date, time))]
+        looks = [changed, *(read(f"{label(each)} is 0 again", each, data="00 00 00 00") for each in (date, time))]
     values = [Kept(date, 9000), Kept(time, 36_000_000)]
     yield from kept_over_reset(subject, "date and time of the configuration", values, *looks)
 
