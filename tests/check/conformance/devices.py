@@ -57,6 +57,12 @@ def steps(
         yield from run(each).steps
 
 
+@cache
+def asked_for_everything(file: Path) -> list[StepResult]:
+    """Run all suites of a file up to the destructive ones, once for all tests."""
+    return list(steps(file, tier=Tier.DESTRUCTIVE))
+
+
 def run_all(dictionary: Dictionary, *, tier: Tier = Tier.REVERSIBLE) -> list[StepResult]:
     """Run all suites of a dictionary against the device simulated from it."""
     run = partial(run_simulated, options=RunOptions(keep_going=True), make_nodes=of_kind(SimulatedDevice))

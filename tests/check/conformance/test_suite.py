@@ -24,7 +24,17 @@ from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.objects import address_of
 from eurobot_od.od.values import SDO_REQUEST_BASE, SDO_RESPONSE_BASE, Address, Value
 from eurobot_od.robot import dialects
-from tests.check.conformance.devices import AXIS_DRIVE, IO_MODULE, MAKERS, MODULE, NODE_ID, SAMPLES, steps, suites
+from tests.check.conformance.devices import (
+    AXIS_DRIVE,
+    IO_MODULE,
+    MAKERS,
+    MODULE,
+    NODE_ID,
+    SAMPLES,
+    asked_for_everything,
+    steps,
+    suites,
+)
 from tests.eds_text import DEVICE_TYPE, record
 
 FILES = [each for each in sorted(SAMPLES.iterdir()) if not each.name.startswith("broken_by_hand")]
@@ -39,8 +49,7 @@ def test_no_step_is_red_on_a_device_that_is_its_file(file: Path) -> None:
 
 @pytest.mark.parametrize("file", MADE, ids=lambda file: file.stem)
 def test_nor_on_a_makers_device_with_everything_that_may_be_asked(file: Path) -> None:
-    done = list(steps(file, tier=Tier.DESTRUCTIVE))
-    assert [each.name for each in done if each.status is Status.FAILED] == []
+    assert [each.name for each in asked_for_everything(file) if each.status is Status.FAILED] == []
 
 
 def test_nor_on_a_node_that_acts_on_what_is_written() -> None:
@@ -69,7 +78,7 @@ ASKED = [
 
 
 def test_a_device_with_everything_is_asked_for_everything() -> None:
-    passed = [each.name for each in steps(MODULE, tier=Tier.DESTRUCTIVE) if each.status is Status.PASSED]
+    passed = [each.name for each in asked_for_everything(MODULE) if each.status is Status.PASSED]
     assert [each for each in ASKED if each not in passed] == []
     assert sum("changed in order, and not otherwise [" in each for each in passed) >= 4
 
@@ -87,7 +96,7 @@ ASKED_OF_MAKERS = [
 
 @pytest.mark.parametrize(("file", "step"), ASKED_OF_MAKERS)
 def test_a_makers_device_is_asked_for_what_it_has(file: Path, step: str) -> None:
-    passed = [each.name for each in steps(file, tier=Tier.DESTRUCTIVE) if each.status is Status.PASSED]
+    passed = [each.name for each in asked_for_everything(file) if each.status is Status.PASSED]
     assert any(each.endswith(step) for each in passed)
 
 
@@ -226,7 +235,7 @@ def test_a_run_proves_itself_that_all_is_as_it_was(tier: Tier) -> None:
 
 
 def test_a_destructive_suite_is_green_and_leaves_the_defaults() -> None:
-    done = list(steps(MODULE, tier=Tier.DESTRUCTIVE))
+    done = asked_for_everything(MODULE)
     assert [each.name for each in done if each.status is Status.FAILED] == []
     assert any("stored and restored" in each.name and each.name.endswith(": the default is back") for each in done)
     assert any(each.name.startswith("7.4.5 Writable: 0x2006:0 Enabled: another value") for each in done)
