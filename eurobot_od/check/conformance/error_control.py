@@ -188,8 +188,8 @@ def _one_of_both(subject: Subject) -> Iterator[Data]:
 def _heartbeat_instead(subject: Subject) -> Iterator[Data]:
     """Change from guarding to the heartbeat: the heartbeat's bit 7 is 0, and the master is not missed."""
     name, why = "the heartbeat takes guarding's place", _why_no_life(subject)
-    if not why and not subject.may_be(HEARTBEAT_TIME, BEAT):
-        why = f"the file has no heartbeat time (0x1017) that can be {BEAT} ms"
+    if not why and not (subject.may_be(HEARTBEAT_TIME, BEAT) and subject.may_be(HEARTBEAT_TIME, SLOW)):
+        why = f"the file has no heartbeat time (0x1017) that can be {BEAT} and {SLOW} ms"
     if why:
         yield skip(name, why)
         return
@@ -205,6 +205,10 @@ def _heartbeat_instead(subject: Subject) -> Iterator[Data]:
         write(f"a heartbeat every {BEAT} ms", HEARTBEAT_TIME, value=BEAT),
         {**beats, "repeat": 4},
         _missed("the master is not missed", "1 s"),
+        write(f"a heartbeat every {SLOW} ms", HEARTBEAT_TIME, value=SLOW),
+        wait("20 ms"),
+        remote(_own(subject)),
+        never("no answer to a remote frame", _answer(subject), QUIET),
         *fresh(subject),
     )
 
@@ -282,12 +286,12 @@ CHAPTER = Chapter(
     "error-control",
     "node guarding and heartbeat consumer",
     (
-        Clause("7.5.2.11", "Guard time", _times, ctt="7.1"),
+        Clause("7.5.2.11", "Guard time", _times, ctt="7.1, 7.201"),
         Clause("7.2.8.3.2.1", "Node guarding", _guarded, Tier.REVERSIBLE, "7.2, 7.3"),
         Clause("7.2.8.3.2.1", "Node guarding", _other_identifier, Tier.DESTRUCTIVE, "7.4"),
         Clause("7.5.2.12", "Life guarding", _life_guarding, Tier.DESTRUCTIVE, "7.5, 7.6"),
-        Clause("7.2.8.2.2", "Heartbeat or guarding", _one_of_both, Tier.REVERSIBLE, "7.201 to 7.204"),
-        Clause("7.2.8.2.2", "Heartbeat or guarding", _heartbeat_instead, Tier.DESTRUCTIVE, "7.205 to 7.207"),
+        Clause("7.2.8.2.2", "Heartbeat or guarding", _one_of_both, Tier.REVERSIBLE, "7.202, 7.203, 7.205"),
+        Clause("7.2.8.2.2", "Heartbeat or guarding", _heartbeat_instead, Tier.DESTRUCTIVE, "7.206, 7.207"),
         Clause("7.5.2.19", "Consumer heartbeat time", _twice, Tier.DESTRUCTIVE, "7.104"),
         Clause("7.5.2.19", "Consumer heartbeat time", _faster, Tier.DESTRUCTIVE, "7.105"),
         Clause("7.5.2.19", "Consumer heartbeat time", _slower, Tier.DESTRUCTIVE, "7.106"),

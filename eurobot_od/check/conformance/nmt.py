@@ -215,7 +215,7 @@ CHAPTER = Chapter(
     (
         Clause("7.5.2.2", "Error register", _errors),
         Clause("7.2.8.3.3", "Boot-up", _boot_ups, Tier.REVERSIBLE, "10.1"),
-        Clause("7.5.2.20", "Heartbeat time", _heartbeat_times, ctt="7.101 to 7.103"),
+        Clause("7.5.2.20", "Heartbeat time", _heartbeat_times, ctt="7.101 to 7.103, 7.204"),
         Clause("7.2.8.3.2", "Heartbeat", _heartbeat_of_the_file, Tier.REVERSIBLE, "7.102"),
         Clause("7.3.2.2", "NMT state", _first_state, Tier.REVERSIBLE, "9.1"),
         Clause("7.2.8.2.1", "NMT commands", _walk, Tier.REVERSIBLE, "10.2 to 10.4"),
