@@ -1,7 +1,7 @@
 """A CAN frame, the one value that crosses the boundary between nodes and buses.
 
-Rule of this file: classic CAN data frames with 11-bit identifiers only; whatever else a bus carries is
-counted where it arrives and goes no further.
+Rule of this file: classic CAN frames with 11-bit identifiers only, and remote frames only to be sent; whatever else a
+bus carries is counted where it arrives and goes no further.
 """
 
 from __future__ import annotations
@@ -27,6 +27,11 @@ class Frame(NamedTuple):
     cob_id: int
     data: bytes = b""
 
+    @property
+    def is_remote(self) -> bool:
+        """Whether it carries no data, and asks for some."""
+        return False
+
     @classmethod
     def parse(cls, text: str) -> Frame:
         """Read a frame as candump and cansend write it: `185#0102`, dots between bytes allowed; raises LocalError."""
@@ -41,3 +46,21 @@ class Frame(NamedTuple):
     def __str__(self) -> str:
         """Write it as candump does: `008#D27423592C01C3A5`."""
         return f"{self.cob_id:03X}#{self.data.hex().upper()}"
+
+
+class RemoteFrame(Frame):
+    """A remote frame, which asks for the frame of its `cob_id`; of `data` only the length is sent: the answer's.
+
+    As a tuple it is equal to a data frame of zeros: `is_remote` tells them apart.
+    """
+
+    __slots__ = ()
+
+    @property
+    def is_remote(self) -> bool:
+        """Always."""
+        return True
+
+    def __str__(self) -> str:
+        """Write it as candump does: `705#R1`."""
+        return f"{self.cob_id:03X}#R{len(self.data) or ''}"

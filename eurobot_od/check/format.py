@@ -96,6 +96,7 @@ class Format:
             "dump": ActionRow(
                 services.dump, _same, "keep the values of all settings, or check that they are unchanged"
             ),
+            "errors": ActionRow(services.errors, _same, "check that the node reports no error itself"),
             "nmt": ActionRow(services.nmt, _same, "send an NMT command"),
             "heartbeat": ActionRow(services.heartbeat, _expect_one, "wait for a heartbeat with a state", within),
             "emcy": ActionRow(services.emcy, _expect_one, "wait for an emergency message", within),

@@ -20,7 +20,7 @@ from eurobot_od.check.suite import FieldOf, Order, Patterns
 from eurobot_od.check.values import FieldValues, Operand, Scale, ValueProblem, expectation
 from eurobot_od.check.vocabulary import Vocabulary
 from eurobot_od.errors import UnknownName
-from eurobot_od.frame import Frame
+from eurobot_od.frame import Frame, RemoteFrame
 from eurobot_od.od.values import parse_number
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.catalogue import field_name, plain_name
@@ -29,7 +29,7 @@ from eurobot_od.support.yaml_places import NodeReader, Problems, ReadError, Text
 
 T = TypeVar("T")
 
-RAW = re.compile(r"(?P<id>[0-7]?[0-9A-Fa-f]{1,2})#(?P<data>(?:[0-9A-Fa-f]{2}){0,8})")
+RAW = re.compile(r"(?P<id>[0-7]?[0-9A-Fa-f]{1,2})#(?:(?P<remote>R[0-8]?)|(?P<data>(?:[0-9A-Fa-f]{2}){0,8}))")
 RAW_PATTERN = re.compile(r"(?P<id>[0-7]?[0-9A-Fa-f]{1,2})#(?P<data>(?:[0-9A-Fa-f?]{2}){0,8})")
 NO_ANSWER = "nothing"
 """What ends the answers to a message."""
@@ -59,7 +59,7 @@ class FrameShapes:
         name, value = _named(node, problems)
         if name == "raw" and value is not None:
             match = _match(RAW, value, problems, "a frame such as 008#D27423")
-            return SentFrame(Frame(int(match["id"], 16), bytes.fromhex(match["data"])))
+            return SentFrame(_raw_frame(match))
         binding = taken(name, problems, self._words.protocol.binding)
         fields = self._fields(binding, value, problems, partial(_operand, binding))
         missing = [each for each in binding.kinds if each not in fields and each not in binding.defaults]
@@ -160,6 +160,12 @@ def _named(node: yaml.Node, problems: Problems) -> tuple[Text, yaml.Node | None]
     if len(pairs) != 1:
         refuse(node, problems, f"expected one message, found {len(pairs)} keys")
     return next(iter(pairs.items()))
+
+
+def _raw_frame(match: re.Match[str]) -> Frame:
+    """Return the data frame, or the remote frame, that is written so."""
+    cob_id, remote = int(match["id"], 16), match["remote"]
+    return RemoteFrame(cob_id, bytes(int(remote[1:] or 0))) if remote else Frame(cob_id, bytes.fromhex(match["data"]))
 
 
 def _read_raw_pattern(node: yaml.Node, problems: Problems) -> Pattern:

@@ -41,13 +41,20 @@ def reason_lines(reason: Reason) -> Iterator[str]:
     if reason.expected:
         lines += [f"      expected  {reason.expected}", f"      came      {reason.came}"]
     lines += (f"        {mismatch}" for mismatch in reason.mismatches)
+    if reason.cause:
+        lines.append(f"      the node says  {reason.cause}")
     if reason.frames:
         lines.append("      last frames (> sent, < received)")
-    for time, own, frame, meaning in reason.frames:
-        # The longest frame, an identifier, `#` and eight bytes, has 20 characters: the meanings stand in a column.
-        lines.append(f"        {time:9.4f} s {'>' if own else '<'} {frame!s:<21} {meaning}".rstrip())
+    lines += (f"        {line}" for line in frame_lines(reason))
     # What a node sends as a text is in them: it must not end a line, nor reach the terminal as a command.
     return map(one_line, lines)
+
+
+def frame_lines(reason: Reason) -> Iterator[str]:
+    """Yield the last frames of a step: time in the suite, > sent or < received, the frame, and what it means."""
+    for time, own, frame, meaning in reason.frames:
+        # The longest frame, an identifier, `#` and eight bytes, has 20 characters: the meanings stand in a column.
+        yield f"{time:9.4f} s {'>' if own else '<'} {frame!s:<21} {meaning}".rstrip()
 
 
 UNEVENTFUL = (Status.PASSED, Status.SKIPPED)
@@ -214,6 +221,7 @@ def _reason_data(reason: Reason) -> dict[str, Any]:
         "what": reason.what,
         "expected": reason.expected,
         "came": reason.came,
+        "cause": reason.cause,
         "differences": [each._asdict() for each in reason.mismatches],
         "frames": [
             {

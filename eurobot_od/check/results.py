@@ -40,13 +40,17 @@ class Line(NamedTuple):
 
 
 class Reason(NamedTuple):
-    """Why a step failed: in words, thing by thing, and the frames on the bus up to then."""
+    """Why a step failed: in words, thing by thing, and the frames on the bus up to then.
+
+    `cause` is the error that the node itself has reported by then, and not taken back.
+    """
 
     what: str
     expected: str = ""
     came: str = ""
     mismatches: tuple[Mismatch, ...] = ()
     frames: tuple[Line, ...] = ()
+    cause: str = ""
 
 
 class StepResult(NamedTuple):

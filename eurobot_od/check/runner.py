@@ -17,10 +17,16 @@ from eurobot_od.check.bench import Bench
 from eurobot_od.check.results import Line, Reason, Status, StepResult, SuitePart, SuiteResult
 from eurobot_od.check.steps import Doer, Failed, Skipped
 from eurobot_od.check.suite import Group, Step, Suite
+from eurobot_od.device.nmt import NmtState, error_control
 from eurobot_od.errors import BusError, LocalError, RemoteError
+from eurobot_od.od.standard import EMCY
+from eurobot_od.od.values import base_identifier
 
 AFTER_SKIPPED = Reason("it belongs to a step that is skipped")
 """Why the rest of a group is skipped after one of its steps."""
+
+EMCY_LENGTH = 8
+"""Bytes of every EMCY (CiA 301, 7.2.7.4)."""
 
 FRAMES_SHOWN = 8
 """How many frames a failed step shows, the last ones on the bus."""
@@ -179,7 +185,19 @@ class Runner:
             Line(time - self._start, own, frame, self._doer.words(frame))
             for time, frame, own in self._trace.frames[-FRAMES_SHOWN:]
         )
-        return status, reason._replace(frames=tuple(frames))
+        return status, reason._replace(frames=tuple(frames), cause=self._reported())
+
+    def _reported(self) -> str:
+        """Return the last error that a node under test has reported since it booted, and not taken back."""
+        nodes = [self._suite.dictionaries[name] for name in self._suite.nodes]
+        boots = {error_control(each.node_id, NmtState.INITIALISING) for each in nodes}
+        emcys = {base_identifier(each.default(EMCY)) for each in nodes}
+        for _, frame, own in reversed(self._trace.frames):
+            if not own and frame in boots:
+                break
+            if not own and frame.cob_id in emcys and len(frame.data) == EMCY_LENGTH:
+                return self._doer.words(frame) if any(frame.data[:2]) else ""
+        return ""
 
     def _tell(self, result: StepResult) -> None:
         self._results.append(result)

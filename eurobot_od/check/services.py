@@ -13,7 +13,7 @@ import yaml
 from eurobot_od.check import shapes
 from eurobot_od.check.patterns import ANY, EmergencyPattern, HeartbeatPattern, Pattern
 from eurobot_od.check.shapes import NAME, NUMBER, SCALAR, TEXT, Key, Shape, converted, taken
-from eurobot_od.check.suite import AbortCodes, Action, Dump, Nmt, NodeServices, SdoRead, SdoWrite
+from eurobot_od.check.suite import AbortCodes, Action, Dump, Errors, Nmt, NodeServices, SdoRead, SdoWrite
 from eurobot_od.check.values import ObjectValues, expectation
 from eurobot_od.check.vocabulary import Vocabulary
 from eurobot_od.device.nmt import ALL_NODES, COMMAND_NAMES, STATE_NAMES, NmtCommand
@@ -21,7 +21,7 @@ from eurobot_od.errors import LocalError
 from eurobot_od.od import objects
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.standard import COMMANDS, EMCY
-from eurobot_od.od.values import BASE_IDENTIFIER, DOMAIN, ERROR_CONTROL_BASE, NOT_VALID
+from eurobot_od.od.values import BASE_IDENTIFIER, DOMAIN, ERROR_CONTROL_BASE, NOT_SCANNED, NOT_VALID
 from eurobot_od.support.yaml_places import Problems
 
 if TYPE_CHECKING:
@@ -64,6 +64,8 @@ class ServiceShapes:
             needed=True,
         )
         self.dump: Shape[Action] = self._service("when", when, self._dump)
+        none = Key(shapes.named({"none": True}, "errors"), "none are there", needed=True)
+        self.errors: Shape[Action] = self._service("wanted", none, self._errors)
         sdo = {
             "read": Key(SCALAR, "object to read: 0x1017, 0x1018:1, or its name in any letter case"),
             "write": Key(SCALAR, "object to write"),
@@ -122,7 +124,11 @@ class ServiceShapes:
         # What keeps its value while nobody writes it: `ro` is measured, 0x1003 a history, a DOMAIN a file of any size.
         steady = (each for each in objects.all_objects(node.objects) if each.access_type in ("rw", "const"))
         kept = (each for each in steady if each.index not in COMMANDS and objects.data_type(each) is not DOMAIN)
-        return Dump(NodeServices.of(node), tuple(kept), equal)
+        chosen = (each for each in kept if not node.flags(objects.address_of(each)) & NOT_SCANNED)
+        return Dump(NodeServices.of(node), tuple(chosen), equal)
+
+    def _errors(self, _: bool, given: Dictionary | None) -> Action:
+        return Errors(NodeServices.of(self._dictionary(given)))
 
     # SDO
 

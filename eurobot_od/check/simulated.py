@@ -95,6 +95,9 @@ class SimulatedBench:
 
     async def send(self, frame: Frame) -> float:
         """Send a frame and return when it is through; raises NotSent."""
+        if frame.is_remote:
+            self._network.request(frame)
+            return asyncio.get_running_loop().time()
         sent: asyncio.Future[float] = asyncio.get_running_loop().create_future()
         sending = frame, sent
         self._sending.append(sending)

@@ -10,7 +10,8 @@ Rule of this file: no clock and no bus but the bench's.
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Awaitable, Callable, Mapping, Sequence
+from collections.abc import AsyncIterator, Awaitable, Callable, Mapping, Sequence
+from contextlib import suppress
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from eurobot_od.check import suite
@@ -19,10 +20,12 @@ from eurobot_od.check.patterns import Mismatch, Pattern, Sent, is_final
 from eurobot_od.check.results import Reason
 from eurobot_od.check.trace import Seen
 from eurobot_od.check.values import ValueProblem
+from eurobot_od.device.emergency import HISTORY, REGISTER_BITS, error_words
 from eurobot_od.errors import BusError, NoAnswer
 from eurobot_od.frame import Frame
 from eurobot_od.logs.meaning import Decoder
 from eurobot_od.od import objects
+from eurobot_od.od.standard import ERROR_FIELD, ERROR_REGISTER
 from eurobot_od.od.values import NMT_COB_ID
 from eurobot_od.sdo.client import (
     Aborted,
@@ -80,6 +83,8 @@ class Doer:
 
     def words(self, frame: Frame) -> str:
         """Say what a frame means; nothing if nobody knows."""
+        if frame.is_remote:
+            return "remote frame"
         meaning = self._decoder(frame)
         return f"{meaning.name}  {meaning.text}".rstrip() if meaning.name else ""
 
@@ -304,6 +309,28 @@ class Doer:
         except Aborted as error:
             return code_and_reason(error.code)  # a dump is red only if something has changed, a refusal too
 
+    async def _errors(self, action: suite.Errors) -> None:
+        """Read what errors the node has; raises NoAnswer, Failed with all of them in words, Skipped without 0x1001."""
+        self._ask()
+        try:
+            register = await self._run(upload(ERROR_REGISTER, self._timeout), action.node)
+        except Aborted:
+            raise Skipped(Reason("the node has no error register (0x1001)")) from None
+        bits = int.from_bytes(register, "little")
+        if bits:
+            classes = [name for bit, name in enumerate(REGISTER_BITS) if bits >> bit & 1]
+            codes = [code async for code in self._history(action.node)]
+            words = [*classes, *(f"0x{code:04X} {error_words(code, {})}" for code in codes)]
+            raise Failed(Reason(f"{action.node.name} reports an error itself", "none", "; ".join(words)))
+
+    async def _history(self, node: suite.NodeServices) -> AsyncIterator[int]:
+        """Give the codes of the errors that a node remembers, as far as it says them."""
+        with suppress(Aborted):
+            count = int.from_bytes(await self._run(upload((ERROR_FIELD, 0), self._timeout), node), "little")
+            for sub in range(1, min(count, HISTORY) + 1):
+                remembered = await self._run(upload((ERROR_FIELD, sub), self._timeout), node)
+                yield int.from_bytes(remembered[:2], "little")
+
     async def _run(self, transfer: Transfer, node: suite.NodeServices) -> bytes:
         """Do a transfer and return what it brought; raises NoAnswer, Aborted.
 
@@ -351,6 +378,7 @@ class Doer:
         suite.SdoWrite: _sdo_write,
         suite.Nmt: _nmt,
         suite.Dump: _dump,
+        suite.Errors: _errors,
         suite.Save: _save,
         suite.Wait: _wait,
         suite.Skip: _skip,

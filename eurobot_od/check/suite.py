@@ -182,6 +182,15 @@ class Dump(NamedTuple):
         return f"dump of {amount(len(self.variables), 'object')}"
 
 
+class Errors(NamedTuple):
+    """See that a node reports no error itself: by its error register 0x1001, and its error history 0x1003."""
+
+    node: NodeServices
+
+    def __str__(self) -> str:
+        return "no error"
+
+
 class Nmt(NamedTuple):
     """Send an NMT command to a node, 0 for all."""
 
@@ -245,7 +254,8 @@ class Group(NamedTuple):
 
 
 Action: TypeAlias = (
-    "Send | Answer | Expect | Never | Poll | Period | SdoRead | SdoWrite | Dump | Nmt | Save | Wait | Skip | Group"
+    "Send | Answer | Expect | Never | Poll | Period "
+    "| SdoRead | SdoWrite | Dump | Errors | Nmt | Save | Wait | Skip | Group"
 )
 
 

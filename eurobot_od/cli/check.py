@@ -3,19 +3,26 @@
 from __future__ import annotations
 
 import argparse
+import datetime
 import json
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from eurobot_od.cli import ExitStatus, campaign, output
+from eurobot_od.cli import ExitStatus, campaign, output, version
 from eurobot_od.cli import options as shared
 from eurobot_od.errors import LocalError
+from eurobot_od.od.values import MOST_SUBS
 from eurobot_od.support.files import check_writable
 
 if TYPE_CHECKING:
     from eurobot_od.check.results import SuiteResult
+    from eurobot_od.cli.checking import Checks
+
+
+FIRST_OWN = 4
+"""The first sub-index of 0x1011 that is the maker's (CiA 301, 7.5.2.14)."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -40,6 +47,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     tier = parser.add_mutually_exclusive_group()
     tier.add_argument("--reversible", action="store_true", help="conformance: also reset, write PDOs and own values")
     tier.add_argument("--destructive", action="store_true", help="conformance: also write other values, and store")
+    parser.add_argument(
+        "--restore",
+        action="append",
+        type=shared.whole(FIRST_OWN, MOST_SUBS, what="a sub-index of the maker's"),
+        default=[],
+        metavar="SUB",
+        help="conformance, destructive: also restore what the maker has behind this sub-index of 0x1011",
+    )
+    parser.add_argument(
+        "--report", type=Path, metavar="FILE", help="conformance: write a page for the maker, as .html, .md or .json"
+    )
     parser.add_argument("-o", "--output", type=Path, metavar="FILE", help="conformance: write the suites, and exit")
     parser.add_argument("--keep-going", action="store_true", help="go on with the next step after a failed one")
     parser.add_argument(
@@ -54,6 +72,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     form = parser.add_mutually_exclusive_group()
     form.add_argument("--tap", action="store_true", help="print as TAP")
     form.add_argument("--json", action="store_true", help="print as JSON")
+    form.add_argument("--ctt", action="store_true", help="conformance: print by the numbers of CiA's test tool")
     form.add_argument("--format", choices=("github",), help="also print annotations for GitHub Actions")
     form.add_argument("-v", "--verbose", action="store_true", help="print every step, green and skipped ones too")
     form.add_argument("-q", "--quiet", action="store_true", help="print only the red steps and the last line")
@@ -70,8 +89,9 @@ def run(arguments: argparse.Namespace) -> ExitStatus:
     from eurobot_od.cli.checking import Checks, Printer, listed, many_results, results_of
 
     _refuse_what_does_not_go_together(arguments)
-    if arguments.junit is not None:
-        check_writable(arguments.junit)
+    for file in (arguments.junit, arguments.report):
+        if file is not None:
+            check_writable(file)
     own = {name: getattr(arguments, name) for name in Checks._fields if name not in ("devices", "open_bus")}
     checks = Checks(shared.Devices.of(arguments), shared.opener(arguments), **own)
     for name in checks.fault:
@@ -93,7 +113,8 @@ def run(arguments: argparse.Namespace) -> ExitStatus:
         print(*listed(suites), sep="\n")
         return ExitStatus.FINE
     interrupt, seeds = Interrupt(), range(arguments.seed, arguments.seed + arguments.repeat)
-    printer = Printer(bool(arguments.tap or arguments.json or arguments.quiet), arguments.verbose)
+    silent = arguments.tap or arguments.json or arguments.quiet or arguments.ctt
+    printer = Printer(bool(silent), arguments.verbose)
     with interrupt.by_ctrl_c():
         if any(getattr(arguments, option) for option in campaign.OPTIONS):
             kept = campaign.results(arguments, CheckedSeed, lambda: checks.settings(suites))
@@ -101,7 +122,7 @@ def run(arguments: argparse.Namespace) -> ExitStatus:
                 results = list(many_results(checks, suites, seeds, interrupt, printer, workers, kept))
         else:
             results = list(results_of(checks, suites, seeds, interrupt, printer))
-    _report(arguments, results)
+    _report(arguments, checks, results)
     if interrupt.requested:
         return ExitStatus.INTERRUPTED
     if any(result.error for result in results):
@@ -116,19 +137,29 @@ def _refuse_what_does_not_go_together(arguments: argparse.Namespace) -> None:
         raise LocalError(f"--conformance makes its suites from the EDS files: leave out {arguments.files[0]}")
     if not arguments.simulate:
         campaign.refuse(arguments, "--simulate --repeat")
-    for option in ("reversible", "destructive", "output"):
+    if arguments.restore and not arguments.destructive:
+        raise LocalError("--restore needs --destructive")
+    if arguments.report is not None:
+        from eurobot_od.check.conformance.page import check_form
+
+        check_form(arguments.report)
+    for option in ("reversible", "destructive", "output", "report", "ctt"):
         if getattr(arguments, option) and not arguments.conformance:
             raise LocalError(f"--{option} needs --conformance")
 
 
-def _report(arguments: argparse.Namespace, results: Sequence[SuiteResult]) -> None:
-    """Print the failures again and the summary, or the whole report in another form; write the JUnit report."""
+def _report(arguments: argparse.Namespace, checks: Checks, results: Sequence[SuiteResult]) -> None:
+    """Print the failures again and the summary, or the whole report in another form; write the files."""
     from eurobot_od.check import report
+    from eurobot_od.check.conformance import ctt, page
 
     if arguments.tap:
         print("\n".join(report.tap(results)))
     elif arguments.json:
         print(json.dumps(report.as_data(results), indent=2))
+    elif arguments.ctt:
+        for each in checks.conformance_reports(results, ""):
+            print(each.dictionary.name, *ctt.lines(each.tests), sep="\n")
     else:
         sys.stdout.writelines(f"{line}\n" for line in report.failures(results))
         print(report.summary(results))
@@ -136,3 +167,6 @@ def _report(arguments: argparse.Namespace, results: Sequence[SuiteResult]) -> No
             print(line)
     if arguments.junit is not None:
         output.write(arguments.junit, report.junit(results))
+    if arguments.report is not None:
+        made = f"{version()}, {datetime.date.today()}"
+        output.write(arguments.report, page.text(arguments.report, checks.conformance_reports(results, made)))

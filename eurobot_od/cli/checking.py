@@ -22,6 +22,8 @@ from eurobot_od.support.terminal import in_colour
 if TYPE_CHECKING:
     from eurobot_od.campaign.executors import Workers
     from eurobot_od.campaign.results import Results
+    from eurobot_od.check.conformance.page import Report
+    from eurobot_od.check.conformance.subject import Tier
     from eurobot_od.check.suite import Suite
     from eurobot_od.live.connection import Opener
     from eurobot_od.od.dictionary import Dictionary
@@ -42,6 +44,7 @@ class Checks(NamedTuple):
     conformance: bool
     reversible: bool
     destructive: bool
+    restore: Sequence[int]
     keep_going: bool
 
     def reader(self, refused: OnRefused = lambda _: None) -> SuiteReader:
@@ -63,13 +66,27 @@ class Checks(NamedTuple):
         networks = known._replace(find=lambda dialect: known.find(dialect) if dialect else named, load=load)
         return SuiteReader(networks, self.devices.dialect)
 
+    @property
+    def tier(self) -> Tier:
+        """How far conformance suites may go."""
+        from eurobot_od.check.conformance.subject import Tier
+
+        return next((each for each in Tier if each and getattr(self, each.word)), Tier.READING)
+
     def conformance_texts(self) -> dict[Path, str]:
         """Make the conformance suites of each device, by what reports call their file."""
         from eurobot_od.check.conformance import suite
-        from eurobot_od.check.conformance.subject import Tier
 
-        tier = next((each for each in Tier if each and getattr(self, each.word)), Tier.READING)
-        return {Path(f"{each.name}.yaml"): suite.text(each, tier) for each in self.devices.load()}
+        return {_file_of(each): suite.text(each, self.tier, self.restore) for each in self.devices.load()}
+
+    def conformance_reports(self, results: Sequence[SuiteResult], made: str) -> list[Report]:
+        """Return what there is to say of each device; `made` says by what and when."""
+        from eurobot_od.check.conformance.page import Report
+
+        of_device = {
+            each: [result for result in results if result.file == _file_of(each)] for each in self.devices.load()
+        }
+        return [Report(each, self.tier, own, made) for each, own in of_device.items()]
 
     def suites(self, reader: SuiteReader) -> list[Suite]:
         """Read the suites that are asked for; raises SuiteError, LocalError."""
@@ -125,10 +142,15 @@ class Checks(NamedTuple):
         folders = {dialects.folder(each.dialect or dialect) for each in suites if each.dialect or not named}
         found = [file for folder in sorted(folders) for file in sorted(folder.glob("*.eds"))]
         options = {"robot": robot_name, "dialect": dialect, "eds": eds, "network": named_network}
-        own = ("fault", "tag", "step", "conformance", "reversible", "destructive", "keep_going")
+        own = ("fault", "tag", "step", "conformance", "reversible", "destructive", "restore", "keep_going")
         # Beside the options the files' content: an edited suite must not be continued with results of the old one.
         given = {name: str(value) for name, value in (options | {each: getattr(self, each) for each in own}).items()}
         return {"campaign": "checks", **given, "files": digest_of([*(each.file for each in suites), *named, *found])}
+
+
+def _file_of(device: Dictionary) -> Path:
+    """Return what the file of a device's conformance suites is called."""
+    return Path(f"{device.name}.yaml")
 
 
 def is_chosen(texts: Sequence[str], name: str) -> bool:

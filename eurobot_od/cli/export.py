@@ -43,7 +43,8 @@ def dbc(output: Path | None, devices: Devices) -> None:
 
 def docs(output: Path | None, format: str | None, devices: Devices) -> None:  # as the option is called
     """Write messages and object dictionaries as a document to read: Markdown or HTML."""
-    from eurobot_od.export.docs import docs_text, form_of
+    from eurobot_od.export.docs import docs_text
+    from eurobot_od.export.forms import form_of
 
     form = format or (form_of(output) if output else "markdown")
     files.write(output, docs_text(devices.protocol(), devices.load(), form))

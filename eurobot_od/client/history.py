@@ -10,13 +10,8 @@ from typing import NamedTuple
 
 from eurobot_od.client.master import RemoteNode
 from eurobot_od.client.procedure import Procedure
+from eurobot_od.device.emergency import REGISTER_BITS
 from eurobot_od.od.standard import ERROR_FIELD, ERROR_REGISTER
-
-REGISTER_BITS = (
-    "generic error", "current", "voltage", "temperature",
-    "communication", "device profile", "reserved bit 6", "manufacturer specific",
-)  # fmt: skip
-"""Names of the bits of the error register, bit 0 first (CiA 301, 7.5.2.2)."""
 
 
 class RememberedError(NamedTuple):

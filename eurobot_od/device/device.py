@@ -138,7 +138,7 @@ class Device:
         self._connect(bound, readers, writers)
         self._process = ProcessData(self.objects)
         self._pacing = Pacing(self._pdos.inhibit_time, self._pdos.event_timer)
-        self._synchronous, self._sync = Synchronous(self._pdos.sync_type), SyncProducer()
+        self._synchronous, self._sync = Synchronous(self._pdos.sync_type, self._pdos.sync_start), SyncProducer()
         self._deadlines, self._changes = Deadlines(self._pdos.deadline), Changes(self._process.frame)
         self._sampled: dict[Binding, Frame] = {}
         self._guarding = NodeGuarding()
@@ -541,12 +541,13 @@ class Device:
             self._process.note(binding, frame.data)
         return Reaction([], message)
 
-    def _receive_sync(self, _: Frame) -> Reaction:
+    def _receive_sync(self, sync: Frame) -> Reaction:
         """Send what goes with this SYNC, with the values of now, and let take effect what has waited for it."""
         if not self.operational:
             return Reaction([])
         # First: a TPDO carries the values at the SYNC, not those that the SYNC lets in.
-        frames = [self._process.frame(binding) for binding in self._synchronous.due()]
+        number = sync.data[0] if sync.data else None
+        frames = [self._process.frame(binding) for binding in self._synchronous.due(number)]
         sampled = filter(self._pdos.is_sampled, self._pdos.requestable.values())
         self._sampled = {binding: self._process.frame(binding) for binding in sampled}
         arrived = self._synchronous.arrived()

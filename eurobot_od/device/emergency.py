@@ -27,6 +27,12 @@ PASSING = 1.0
 GENERIC, COMMUNICATION, MANUFACTURER = 1 << 0, 1 << 4, 1 << 7
 """Bits of the error register (CiA 301, Table 48)."""
 
+REGISTER_BITS = (
+    "generic error", "current", "voltage", "temperature",
+    "communication", "device profile", "reserved bit 6", "manufacturer specific",
+)  # fmt: skip
+"""Names of the bits of the error register, bit 0 first (CiA 301, 7.5.2.2)."""
+
 
 class ErrorCode(IntEnum):
     """Emergency error codes that any device of ours reports (CiA 301, Table 26).

@@ -202,8 +202,7 @@ class Objects:
         is_setting = address not in VERIFY_CONFIGURATION and is_configuration(self.dictionary, address)
         if is_setting and self.kept(address) != before:
             # A changed configuration is not the verified one any more (CiA 301, 7.5.2.23).
-            for mark in VERIFY_CONFIGURATION:
-                self.values.pop(mark, None)
+            self.values |= {mark: 0 for mark in VERIFY_CONFIGURATION if self.dictionary.variable(mark)}
 
     def _variable(self, address: Address) -> ODVariable:
         variable = self.dictionary.variable(address)

@@ -26,6 +26,7 @@ from eurobot_od.od.values import (
     INHIBIT_TIME,
     MAPPABLE,
     MAX_BITS,
+    SYNC_START,
     SYNCHRONOUS,
     TRANSMISSION_TYPE,
     Address,
@@ -121,6 +122,10 @@ class Pdos:
         number = self._type(binding.pdo.index)
         return number if number in self._sync_types and not binding.always else None
 
+    def sync_start(self, binding: Binding) -> int:
+        """Return the number of the SYNC that is the first one for a TPDO; 0: any, as without a counter."""
+        return self._objects.raw((binding.pdo.index, SYNC_START)) if self.sync_counter else 0
+
     @property
     def _sync_types(self) -> range:
         return SYNCHRONOUS if self.sync_cob_id is not None else range(0)
@@ -185,7 +190,7 @@ class Pdos:
             raise Abort(AbortCode.VALUE, allowed)
         if subindex == INHIBIT_TIME and number and index < PdoDirection.TPDO.value:
             raise Abort(AbortCode.VALUE, "an RPDO is not inhibited")
-        if subindex == INHIBIT_TIME and self._is_valid(index):  # CiA 301, 7.5.2.37
+        if subindex in (INHIBIT_TIME, SYNC_START) and self._is_valid(index):  # CiA 301, 7.5.2.37
             raise Abort(AbortCode.STATE, "the PDO is valid")
         self._objects.put(address, number)
 

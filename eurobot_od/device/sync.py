@@ -53,12 +53,16 @@ class Arrival(NamedTuple):
 
 
 class Synchronous:
-    """The PDOs that follow SYNC; `type_of` gives the transmission type of a PDO, None for one that does not."""
+    """The PDOs that follow SYNC; `type_of` gives the transmission type of a PDO, None for one that does not.
 
-    def __init__(self, type_of: Callable[[Binding], int | None]) -> None:
-        self._type_of = type_of
+    `start_of` gives the number of the SYNC that is the first one for a TPDO, 0 for whichever comes first.
+    """
+
+    def __init__(self, type_of: Callable[[Binding], int | None], start_of: Callable[[Binding], int]) -> None:
+        self._type_of, self._start_of = type_of, start_of
         self._types: dict[Binding, int] = {}
         self._counts: dict[Binding, int] = {}
+        self._starts: dict[Binding, int] = {}
         self._asked: set[Binding] = set()
         self._arrived: dict[Binding, Arrival] = {}
 
@@ -66,6 +70,7 @@ class Synchronous:
         """Begin anew with these PDOs, and with their types as they are now; what waited is dropped."""
         self._types = {each: n for each in (*sent, *received) if (n := self._type_of(each)) is not None}
         self._counts = {each: 0 for each in sent if each in self._types}
+        self._starts = {each: start for each in self._counts if (start := self._start_of(each))}
         self._asked.clear()
         self._arrived.clear()
 
@@ -80,14 +85,16 @@ class Synchronous:
         """Keep what has been received until the next SYNC."""
         self._arrived[arrival.binding] = arrival
 
-    def due(self) -> list[Binding]:
-        """Count a SYNC, and return the TPDOs that go with it."""
-        self._counts = {binding: count + 1 for binding, count in self._counts.items()}
+    def due(self, number: int | None) -> list[Binding]:
+        """Count a SYNC, and return the TPDOs that go with it; `number` is what its counter says, None without one."""
+        self._starts = {binding: start for binding, start in self._starts.items() if start != number}
+        self._counts |= {binding: count + 1 for binding, count in self._counts.items() if binding not in self._starts}
         periods = self._types
         due = [
-            binding
-            for binding, count in self._counts.items()
-            if (binding in self._asked if periods[binding] == ACYCLIC else count % periods[binding] == 0)
+            each
+            for each, count in self._counts.items()
+            if each not in self._starts
+            and (each in self._asked if periods[each] == ACYCLIC else count % periods[each] == 0)
         ]
         self._asked.clear()
         return due

@@ -1,57 +1,15 @@
-"""A network's messages and its devices' objects as a document to read: Markdown or HTML.
-
-The document is a list of blocks; a form writes each kind of block, and escapes all texts.
-"""
+"""A network's messages and its devices' objects as a document to read, in the forms of `forms`."""
 
 from __future__ import annotations
 
-import re
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from html import escape
-from pathlib import Path
-from typing import NamedTuple, TypeAlias
+from collections.abc import Iterable, Iterator, Sequence
 
 from eurobot_od.errors import UnknownName
 from eurobot_od.export.description import DescribedMessage, Numeral, described
+from eurobot_od.export.forms import FORMS, DocBlock, DocHeading, DocLink, DocTable, Paragraph
 from eurobot_od.od.description import COMPOSED
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.pdo.protocol import Protocol
-
-
-class DocHeading(NamedTuple):
-    """A heading: its level from 1, and the anchor that links lead to."""
-
-    level: int
-    text: str
-    anchor: str = ""
-
-
-class DocLink(NamedTuple):
-    """A text with a link to a heading."""
-
-    text: str
-    anchor: str
-
-
-Cell: TypeAlias = "str | DocLink"
-
-
-class Paragraph(NamedTuple):
-    """Some words."""
-
-    text: str
-
-
-class DocTable(NamedTuple):
-    """A table: its column heads and rows; the columns `numbers` are flush right, `words` are never broken."""
-
-    head: Sequence[str]
-    rows: Sequence[Sequence[Cell]]
-    numbers: Sequence[str] = ()
-    words: Sequence[str] = ()
-
-
-DocBlock: TypeAlias = "DocHeading | Paragraph | DocTable"
 
 
 def docs_text(protocol: Protocol, dictionaries: Iterable[Dictionary], form: str) -> str:
@@ -59,14 +17,6 @@ def docs_text(protocol: Protocol, dictionaries: Iterable[Dictionary], form: str)
     if form not in FORMS:
         raise UnknownName("format", form, FORMS)
     return FORMS[form](list(blocks(protocol, list(dictionaries))))
-
-
-def form_of(file: Path) -> str:
-    """Return the form of a file's suffix; raises UnknownName for any other suffix."""
-    try:
-        return SUFFIXES[file.suffix.lower()]
-    except KeyError:
-        raise UnknownName("document format", file.suffix or file.name, SUFFIXES) from None
 
 
 # What it says
@@ -154,105 +104,3 @@ def _device(dictionary: Dictionary) -> Iterator[DocBlock]:
             type_, is_mappable = variable.type.name if variable.type else "", "yes" if variable.is_mappable else ""
             rows.append((number, str(sub), variable.name, type_, variable.access, is_mappable, value, *limits))
     yield DocTable(OBJECT_HEAD, rows, words=("Index", "Type"))
-
-
-# The forms
-
-MARKED = re.compile(r"([\\`*_\[\]<>|&#~$])")
-"""Characters with a meaning in Markdown."""
-
-
-def one_line(text: str) -> str:
-    """Return a text in one line; a character that cannot be printed becomes U+FFFD."""
-    return "".join(each if each.isprintable() else "\ufffd" for each in " ".join(text.split()))
-
-
-def _markdown_block(block: DocBlock) -> Iterator[str]:
-    if isinstance(block, DocHeading):
-        if block.anchor:  # of our own: each renderer makes another one of a heading's text
-            yield f'<a id="{block.anchor}"></a>\n'
-        yield f"{'#' * block.level} {_marked(block.text)}"
-    elif isinstance(block, Paragraph):
-        yield _marked(block.text)
-    else:
-        yield _markdown_row(block.head)
-        yield "|" + "|".join("---:" if each in block.numbers else "---" for each in block.head) + "|"
-        yield from map(_markdown_row, block.rows)
-
-
-def _markdown_row(cells: Iterable[Cell]) -> str:
-    def written(cell: Cell) -> str:
-        return f"[{_marked(cell.text)}](#{cell.anchor})" if isinstance(cell, DocLink) else _marked(cell)
-
-    return f"| {' | '.join(map(written, cells))} |"
-
-
-def _marked(text: str) -> str:
-    return MARKED.sub(r"\\\1", one_line(text))
-
-
-STYLE = """
-body { font: 15px/1.45 system-ui, sans-serif; color: #1c2329; max-width: 75rem; margin: 2rem auto; padding: 0 1.5rem; }
-h1 { font-size: 1.7rem; } h2 { font-size: 1.3rem; margin-top: 2.5rem; border-bottom: 1px solid #ccd3d9; }
-h3 { font-size: 1.05rem; margin: 1.8rem 0 0.3rem; } p { margin: 0.4rem 0 0.6rem; }
-table { border-collapse: collapse; margin: 0.6rem 0; }
-th, td { text-align: left; padding: 0.2rem 0.7rem; border-bottom: 1px solid #e3e8ec; vertical-align: top; }
-td { overflow-wrap: anywhere; } th { background: #f0f3f6; white-space: nowrap; }
-.word { white-space: nowrap; } .number { text-align: right; } a { color: #0b5cad; }
-@media (prefers-color-scheme: dark) {
-  body { background: #14181c; color: #dde3e8; } th { background: #20262c; } th, td, h2 { border-color: #333c44; }
-  a { color: #7db8f5; }
-}
-"""
-
-
-def _html(contents: Sequence[DocBlock]) -> str:
-    title = next(each.text for each in contents if isinstance(each, DocHeading))
-    body = "\n".join(line for each in contents for line in _html_block(each))
-    return f"""<!DOCTYPE html>
-<html lang="en">
-<head>
-<meta charset="utf-8">
-<meta name="viewport" content="width=device-width">
-<title>{_escaped(title)}</title>
-<style>{STYLE}</style>
-</head>
-<body>
-{body}
-</body>
-</html>
-"""
-
-
-def _html_block(block: DocBlock) -> Iterator[str]:
-    if isinstance(block, DocHeading):
-        anchor = f' id="{block.anchor}"' if block.anchor else ""
-        yield f"<h{block.level}{anchor}>{_escaped(block.text)}</h{block.level}>"
-    elif isinstance(block, Paragraph):
-        yield f"<p>{_escaped(block.text)}</p>"
-    else:
-        of_columns = dict.fromkeys(block.words, ' class="word"') | dict.fromkeys(block.numbers, ' class="number"')
-        classes = [of_columns.get(each, "") for each in block.head]
-        yield "<table>"
-        yield f"<thead>{_html_row('th', block.head, classes)}</thead>"
-        yield from (_html_row("td", row, classes) for row in block.rows)
-        yield "</table>"
-
-
-def _html_row(tag: str, cells: Iterable[Cell], classes: Iterable[str]) -> str:
-    texts = (
-        f'<a href="#{each.anchor}">{_escaped(each.text)}</a>' if isinstance(each, DocLink) else _escaped(each)
-        for each in cells
-    )
-    return f"<tr>{''.join(f'<{tag}{each}>{text}</{tag}>' for text, each in zip(texts, classes))}</tr>"
-
-
-def _escaped(text: str) -> str:
-    return escape(one_line(text))
-
-
-FORMS: Mapping[str, Callable[[Sequence[DocBlock]], str]] = {
-    "markdown": lambda contents: "\n\n".join("\n".join(_markdown_block(each)) for each in contents) + "\n",
-    "html": _html,
-}
-SUFFIXES = {".md": "markdown", ".markdown": "markdown", ".html": "html", ".htm": "html"}

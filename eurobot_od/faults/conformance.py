@@ -5,10 +5,12 @@ Rule of this file: a step is named by the beginning that it has in every such su
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Container, Iterable, Mapping
 from typing import TYPE_CHECKING, TypeAlias
 
-from eurobot_od.device.nmt import ALL_NODES, NmtCommand, NmtState
+from eurobot_od.device.emergency import ErrorCode
+from eurobot_od.device.guarding import TOGGLE
+from eurobot_od.device.nmt import ALL_NODES, NmtCommand, NmtState, error_control
 from eurobot_od.device.node import Node
 from eurobot_od.faults import hooks
 from eurobot_od.faults.fault import Caught, Fault
@@ -17,25 +19,39 @@ from eurobot_od.frame import Frame
 from eurobot_od.od.objects import address_of, all_objects, at, data_type, in_limits, is_described
 from eurobot_od.od.standard import (
     ALL_PARAMETERS,
+    CONSUMED_HEARTBEATS,
+    DEVICE_TYPE,
     ERROR_FIELD,
     ERROR_REGISTER,
     HEARTBEAT_TIME,
     IDENTITY,
     RESTORE,
+    SDO_REQUESTS,
     STORE,
     SYNC,
+    SYNC_COUNTER,
+    SYNC_PERIOD,
+    VERIFY_CONFIGURATION,
 )
 from eurobot_od.od.values import (
     BASE_IDENTIFIER,
     COB_ID,
     COMMUNICATION_RECORDS,
+    DUMMIES,
+    ERROR_CONTROL_BASE,
     INHIBIT_TIME,
     MANUFACTURER,
     MAPPING_OFFSET,
     MAPPING_RECORDS,
     NMT_COB_ID,
+    NOT_VALID,
+    RESTRICTED,
     STRUCTURE,
+    SYNC_START,
+    TRANSMISSION_TYPE,
     Address,
+    PdoDirection,
+    owner,
 )
 from eurobot_od.sdo import wire
 from eurobot_od.sdo.wire import AbortCode, Block, ClientCommand, Initiate, ServerCommand
@@ -106,6 +122,10 @@ TOO_LONG = _to_object(lambda variable, content: variable.writable and 0 < data_t
 TOO_SHORT = _to_object(lambda variable, content: variable.writable and len(content) < data_type(variable).size)
 
 
+def _fits(node: Node, address: Address, content: bytes) -> bool:
+    return not any(odd(node, address, content) for odd in (TOO_LONG, TOO_SHORT))
+
+
 def _outside(variable: ODVariable, content: bytes) -> bool:
     type_ = data_type(variable)  # a value of another length is refused for that, before its limits count
     return len(content) == type_.size and not in_limits(variable, type_.read(content))
@@ -115,13 +135,15 @@ def _is_valid(node: Node, communication: int) -> bool:
     return node.device.objects.cob_id((communication, COB_ID)) is not None
 
 
-def _to_mapping(wrong: Callable[[int, int, bytes], bool], *, valid: bool = False) -> Taken:
+def _to_mapping(
+    wrong: Callable[[int, int, bytes], bool], *, of: Container[int] = MAPPINGS, valid: bool = False
+) -> Taken:
     """Take what is written to the mapping of a PDO, valid or not, if sub-index, sub-index 0 and content say so.
 
     CiA 301, 7.5.2.36: a mapping is changed while the PDO is not valid, its entries while sub-index 0 is 0.
     """
     return lambda node, address, content: (
-        address[0] in MAPPINGS
+        address[0] in of
         and wrong(address[1], node.device.objects.raw((address[0], 0)), content)
         and _is_valid(node, address[0] - MAPPING_OFFSET) is valid
     )
@@ -132,7 +154,7 @@ def _parameter_of_a_valid_one(subindex: int) -> Taken:
         address[0] in COMMUNICATIONS
         and address[1] == subindex
         and _is_valid(node, address[0])
-        and not any(odd(node, address, content) for odd in (TOO_LONG, TOO_SHORT))
+        and _fits(node, address, content)
     )
 
 
@@ -308,6 +330,155 @@ def _a_setting(node: Node) -> Address | None:
     return next((each for each in addresses if each != node.device.dictionary.node_id_address), None)
 
 
+# Remote frames, error control, SYNC
+
+
+def _sync(node: Node) -> int:
+    return node.device.objects.raw(SYNC) & BASE_IDENTIFIER
+
+
+def asked(answer: Callable[[Node, int, float], list[Frame] | None]) -> Mixin:
+    """Have the node answer remote frames otherwise; None leaves one to the node."""
+
+    class Asked(Node):
+        def requested(self, cob_id: int, now: float) -> list[Frame]:
+            answers = answer(self, cob_id, now)
+            return super().requested(cob_id, now) if answers is None else answers
+
+    return Asked
+
+
+def _no_tpdo(node: Node, cob_id: int, _: float) -> list[Frame] | None:
+    return None if cob_id == hooks.heartbeat(node) else []
+
+
+def _no_guarding(node: Node, cob_id: int, _: float) -> list[Frame] | None:
+    return [] if cob_id == hooks.heartbeat(node) else None
+
+
+def _in_any_state(node: Node, cob_id: int, now: float) -> list[Frame] | None:
+    if cob_id == hooks.heartbeat(node) or node.device.state is NmtState.OPERATIONAL:
+        return None
+    binding = node.device.protocol.binding_of(cob_id)
+    return [Frame(cob_id, bytes(binding.layout.length))] if now else None
+
+
+def _with_a_heartbeat(node: Node, cob_id: int, _: float) -> list[Frame] | None:
+    beats = node.device.objects.raw(HEARTBEAT_TIME)
+    return (
+        [error_control(node.device.node_id, node.device.state)] if beats and cob_id == hooks.heartbeat(node) else None
+    )
+
+
+def _untoggled(data: bytes) -> bytes:
+    return bytes([data[0] & ~TOGGLE])
+
+
+def _not_lost(data: bytes) -> bool:
+    return data[:2] != ErrorCode.HEARTBEAT_LOST.to_bytes(2, "little")
+
+
+class HeartbeatsUnheard(Node):
+    """Hears no heartbeat of another node."""
+
+    def receive(self, frame: Frame, now: float) -> list[Frame]:
+        other = frame.cob_id in range(ERROR_CONTROL_BASE + 1, ERROR_CONTROL_BASE + 0x80)
+        return [] if other else super().receive(frame, now)
+
+
+def _start_value(node: Node, address: Address, content: bytes) -> bool:
+    return address[0] in COMMUNICATIONS and address[1] == SYNC_START and _fits(node, address, content)
+
+
+def _second_watched(node: Node, address: Address, content: bytes) -> bool:
+    return address == (CONSUMED_HEARTBEATS, 2) and _fits(node, address, content)
+
+
+def _counter_with_a_period(node: Node, address: Address, _: bytes) -> bool:
+    return address == SYNC_COUNTER and bool(node.device.objects.raw(SYNC_PERIOD))
+
+
+class CounterForgotten(Node):
+    """Stores no SYNC counter."""
+
+    def reset(self) -> None:
+        super().reset()
+        self.device.objects.values.pop(SYNC_COUNTER, None)
+
+
+class VerifiedForGood(Node):
+    """Keeps date and time of its configuration, whatever is changed."""
+
+    def receive(self, frame: Frame, now: float) -> list[Frame]:
+        values = self.device.objects.values
+        before = {mark: values[mark] for mark in VERIFY_CONFIGURATION if values.get(mark)}
+        frames = super().receive(frame, now)
+        if frame.cob_id == hooks.sdo_request(self):
+            self.device.objects.values |= before
+        return frames
+
+
+def refusing(refused: Taken, code: AbortCode) -> Mixin:
+    """Have the node refuse what it should take."""
+
+    class Refusing(Node):
+        def receive(self, frame: Frame, now: float) -> list[Frame]:
+            content = _written(self, frame)
+            address = Initiate.of(frame.data).address if content is not None else (0, 0)
+            if content is None or not refused(self, address, content):
+                return super().receive(frame, now)
+            return [Frame(hooks.sdo_answer(self), wire.aborted(address, code))]
+
+    return Refusing
+
+
+def _dummy(_: Node, address: Address, content: bytes) -> bool:
+    return address[0] in MAPPINGS and address[1] > 0 and int.from_bytes(content, "little") >> 16 in DUMMIES
+
+
+def _restricted(node: Node, address: Address, content: bytes) -> bool:
+    identifier = int.from_bytes(content, "little")
+    parameter = address[0] in COMMUNICATIONS and address[1] == COB_ID and _fits(node, address, content)
+    return parameter and not identifier & NOT_VALID and owner(identifier & BASE_IDENTIFIER, RESTRICTED) is not None
+
+
+def _as_event(data: bytes) -> bytes:
+    """Make transmission type 0 one that is event-driven."""
+    written = len(data) == wire.LENGTH and data[0] >> 5 == ClientCommand.DOWNLOAD
+    index, sub = Initiate.of(data).address if written else (0, 0)
+    return (
+        data[:4] + b"\xfe" + data[5:] if index in COMMUNICATIONS and sub == TRANSMISSION_TYPE and not data[4] else data
+    )
+
+
+def _at_most(place: int) -> FrameChange:
+    """Take 1 for a number of segments that is too high, at a place of a request of a block upload."""
+
+    def change(data: bytes) -> bytes:
+        return data[:place] + b"\1" + data[place + 1 :] if data[place] > wire.BLOCK_SEGMENTS else data
+
+    kind = Block.INITIATE if place > 1 else Block.ACKNOWLEDGE
+    return _where(ClientCommand.BLOCK_UPLOAD, lambda data: change(data) if data[0] & 3 == kind else data)
+
+
+class StructureWrong(Node):
+    """Says of 0x1000 in sub-index 255 that it has no type."""
+
+    def receive(self, frame: Frame, now: float) -> list[Frame]:
+        address = DEVICE_TYPE[0], STRUCTURE
+        if frame.cob_id == hooks.sdo_request(self) and frame.data == wire.initiate(ClientCommand.UPLOAD << 5, address):
+            return [Frame(hooks.sdo_answer(self), wire.carrying(ServerCommand.UPLOAD, address, bytes(4)))]
+        return super().receive(frame, now)
+
+
+class ErrorFromTheStart(Node):
+    """Has an error as soon as it runs."""
+
+    def reset(self) -> None:
+        super().reset()
+        self.raise_error(ErrorCode.HARDWARE, ErrorFromTheStart)
+
+
 def _fault(step: str, text: str, mixin: Mixin) -> Fault:
     return Caught(SUITE, step).fault(text, mixin)
 
@@ -472,7 +643,11 @@ FAULTS: Mapping[str, Fault] = {
         "7.5.2.38 TPDO mapping",
         "maps more than 64 bits",
         # the bits are added up when sub-index 0 is written; 0 itself ends the mapping and is always right
-        taking(_to_mapping(lambda subindex, _, content: subindex == 0 and content != b"\0")),
+        taking(
+            _to_mapping(
+                lambda subindex, _, content: subindex == 0 and content != b"\0", of=MAPPING_RECORDS[PdoDirection.TPDO]
+            )
+        ),
     ),
     "not-mappable-code-wrong": _fault(
         "7.5.2.36 RPDO mapping",
@@ -483,7 +658,7 @@ FAULTS: Mapping[str, Fault] = {
     "sync-ignored": _fault(
         "7.2.2.2 TPDO transmission",
         "hears no SYNC",
-        hooks.arriving(lambda node: node.device.objects.raw(SYNC) & BASE_IDENTIFIER, hooks.lost),
+        hooks.arriving(_sync, hooks.lost),
     ),
     # Emergencies
     "history-not-cleared": _fault(
@@ -498,6 +673,94 @@ FAULTS: Mapping[str, Fault] = {
         "7.2.7 EMCY: RPDO",
         "says in 0x1001 that there is no error when there is one",
         hooks.leaving(hooks.sdo_answer, hooks.data(_no_error)),
+    ),
+    "error-from-the-start": _fault(
+        "7.5.2.2 Error register", "has a hardware error as soon as it runs", ErrorFromTheStart
+    ),
+    # Remote frames
+    "remote-frames-ignored": _fault(
+        "7.2.2.5.2 TPDO by remote frame", "sends no TPDO that a remote frame asks for", asked(_no_tpdo)
+    ),
+    "remote-frames-answered-when-stopped": _fault(
+        "7.2.2.5.2 TPDO by remote frame", "sends TPDOs that remote frames ask for in any state", asked(_in_any_state)
+    ),
+    "guarding-not-answered": _fault(
+        "7.2.8.3.2.1 Node guarding", "does not answer the remote frames of node guarding", asked(_no_guarding)
+    ),
+    "guarding-toggle-stuck": _fault(
+        "7.2.8.3.2.1 Node guarding",
+        "answers node guarding with the same toggle bit each time",
+        hooks.leaving(hooks.heartbeat, hooks.data(_untoggled)),
+    ),
+    "guarded-with-a-heartbeat": _fault(
+        "7.2.8.2.2 Heartbeat or guarding",
+        "answers node guarding though it sends heartbeats",
+        asked(_with_a_heartbeat),
+    ),
+    "loss-not-told": _fault(
+        "7.5.2.12 Life guarding: the master is missed",
+        "tells nobody that a heartbeat, or the master that guards it, is missed",
+        hooks.leaving(hooks.emcy, hooks.only(_not_lost)),
+    ),
+    "watched-twice": _fault(
+        "7.5.2.19 Consumer heartbeat time: a node is watched once",
+        "lets one node be watched twice",
+        taking(_second_watched),
+    ),
+    "heartbeats-unheard": _fault(
+        "7.5.2.19 Consumer heartbeat time: heartbeats too late", "hears no heartbeats", HeartbeatsUnheard
+    ),
+    # SYNC
+    "acyclic-as-event": _fault(
+        "7.2.2.2 TPDO transmission: TPDO 1 by SYNC after an event",
+        "sends a TPDO of type 0 without waiting for SYNC",
+        hooks.arriving(hooks.sdo_request, hooks.data(_as_event)),
+    ),
+    "start-value-ignored": _fault(
+        "7.5.2.37 SYNC start value", "takes SYNC start values, and forgets them", taking(_start_value, keeps=False)
+    ),
+    "sync-missing": _fault("7.5.2.6 SYNC producer", "never sends SYNC", hooks.leaving(_sync, hooks.lost)),
+    "sync-counter-stuck": _fault(
+        "7.5.2.22 SYNC counter: a counter up to",
+        "counts each SYNC as the first",
+        hooks.leaving(_sync, hooks.data(lambda data: b"\1" if data else data)),
+    ),
+    "sync-counter-unlimited": _fault(
+        "7.5.2.22 SYNC counter: only 0 and 2 to 240",
+        "takes any number for the SYNC counter",
+        taking(_of(SYNC_COUNTER, b"\1", b"\xf1")),
+    ),
+    "sync-counter-changed-in-use": _fault(
+        "7.5.2.22 SYNC counter: not while SYNC has a period",
+        "lets the SYNC counter be changed while SYNC has a period",
+        taking(_counter_with_a_period),
+    ),
+    "sync-counter-not-stored": _fault(
+        "7.5.2.13 SYNC: the counter is stored", "does not store the SYNC counter", CounterForgotten
+    ),
+    # Further
+    "dummy-refused": _fault("7.5.2.36 RPDO mapping", "maps no dummies", refusing(_dummy, AbortCode.NOT_MAPPABLE)),
+    "restricted-identifier-taken": _fault(
+        "7.3.5 RPDO identifier", "lets a PDO have an identifier that CANopen itself uses", taking(_restricted)
+    ),
+    "block-size-not-checked": _fault(
+        "7.2.4.3.12 SDO block upload: a block of 128 segments is refused",
+        "takes any number of segments for a block",
+        hooks.arriving(hooks.sdo_request, _at_most(4)),
+    ),
+    "acknowledgement-not-checked": _fault(
+        "7.2.4.3.13 SDO block upload",
+        "takes any number of acknowledged segments",
+        hooks.arriving(hooks.sdo_request, _at_most(1)),
+    ),
+    "structure-wrong": _fault("7.4.9 Structure", "has a wrong structure in sub-index 255", StructureWrong),
+    "sdo-server-elsewhere": _fault(
+        "7.5.2.33 SDO server", "says another identifier of its SDO server", _other_value(lambda _: SDO_REQUESTS)
+    ),
+    "verified-for-good": _fault(
+        "7.5.2.23 Verify configuration",
+        "has its configuration verified still after a change of it",
+        VerifiedForGood,
     ),
     # Store and restore
     "stores-without-signature": _fault(

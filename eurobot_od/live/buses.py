@@ -167,7 +167,7 @@ class Driver:
         Without a timeout it is as short as the driver allows. A driver that is not `prompt` may wait longer.
         """
         # by their places: by their names the arguments take half as long again
-        message = self._message(0.0, frame.cob_id, False, False, False, None, None, frame.data)
+        message = self._message(0.0, frame.cob_id, False, frame.is_remote, False, None, len(frame.data), frame.data)
         bus = self.bus
         try:
             bus.send(message, timeout=self._wait if timeout is None else timeout)

@@ -131,6 +131,12 @@ class Dictionary:
         """Return canopen's variable at an index and sub-index, None if there is none."""
         return od.variable_at(self.objects, address)
 
+    def flags(self, address: Address) -> int:
+        """Return the ObjFlags of a variable, 0 without any (CiA 306)."""
+        described = self.device.variable(*address)
+        number = described.number("objflags") if described else None
+        return number.value if number else 0
+
     def addresses(self) -> Iterator[Address]:
         """Give the addresses of all variables, in the file's order."""
         return ((index, sub) for index, subs in self.members.items() for sub in subs)

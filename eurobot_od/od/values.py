@@ -242,6 +242,10 @@ WRITABLE = ("rw", "wo", "rwr", "rww")
 DUMMIES = range(0x0001, 0x0008)
 """Data types 1 to 7 stand for bits to be skipped when they are mapped (CiA 301, 7.4.8.2; RPDO only)."""
 
+NOT_WRITTEN, NOT_SCANNED = 1, 2
+"""Bits of ObjFlags (CiA 306): who loads a configuration does not write the object, who scans a device does not read
+it."""
+
 STRUCTURE = 0xFF
 """The sub-index that says what an object is, and holds no data of it (CiA 301, 7.4.9)."""
 
@@ -283,7 +287,7 @@ MAPPING_RECORDS = {
 }
 """Indices of the records of all PDOs there may be."""
 
-COB_ID, TRANSMISSION_TYPE, INHIBIT_TIME, EVENT_TIMER = 1, 2, 3, 5
+COB_ID, TRANSMISSION_TYPE, INHIBIT_TIME, EVENT_TIMER, SYNC_START = 1, 2, 3, 5, 6
 """Sub-indices of a communication record (CiA 301, Tables 66 and 70)."""
 
 SYNCHRONOUS, EVENT_DRIVEN = range(241), 255

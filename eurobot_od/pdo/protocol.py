@@ -29,7 +29,6 @@ NAMES_NOTHING = re.compile(r"PDO|parameter|^\W*$", re.IGNORECASE)
 """Names of communication records that any PDO could have."""
 
 
-
 class Described(Interface):
     """What has dictionaries: a network of devices."""
 

@@ -34,6 +34,7 @@ from eurobot_od.frame import Frame
 from eurobot_od.gatekeeper import Report
 from eurobot_od.gatekeeper.mailboxes import Mailboxes
 from eurobot_od.simulation.bit_errors import BitErrors
+from eurobot_od.simulation.bits import frame_bits
 from eurobot_od.simulation.bus import Bus, regroup
 from eurobot_od.simulation.confinement import ErrorState
 from eurobot_od.simulation.controller import Babble, Controller, FrameSource, Nothing
@@ -172,6 +173,12 @@ class Simulation:
         self._whole.controllers.append(Controller(source))
         return lambda: self.plan(self.now, _look_around)
 
+    def request(self, frame: Frame) -> None:
+        """Have a remote frame reach all stations; it takes as long as on a free bus, and part in no arbitration."""
+        heard = self.now + frame_bits(Frame(frame.cob_id)) / self.bitrate
+        for station, place in self._places.items():
+            self.plan(heard + place.processing, partial(self._answer, station, frame.cob_id))
+
     def controller(self, station: Station) -> Controller:
         """Return a station's CAN controller, which has its error counters and state."""
         return self._places[station].controller
@@ -282,6 +289,12 @@ class Simulation:
         """Have a station look at a frame that has come, if it still can."""
         if self._is_awake(station):
             station.gatekeeper.receive(frame, self.now)
+            self._places[station].ask()
+
+    def _answer(self, station: Station, cob_id: int) -> None:
+        """Have a station answer a remote frame, if it still can."""
+        if self._is_awake(station):
+            station.requested(cob_id, self.now)
             self._places[station].ask()
 
 

@@ -10,7 +10,7 @@ from eurobot_od.check.patterns import EmergencyPattern, FramePattern, HeartbeatP
 from eurobot_od.check.reader import SuiteError
 from eurobot_od.check.suite import Expect, Group, Nmt, Order, Poll, SdoWrite, Send
 from eurobot_od.device.nmt import NmtCommand, NmtState
-from eurobot_od.frame import Frame
+from eurobot_od.frame import Frame, RemoteFrame
 from eurobot_od.od.objects import address_of
 from tests.check.suites import HEAD, document, read, reader, suite
 from tests.marks import marked
@@ -64,6 +64,7 @@ WRONG_STEPS = {
     ),
     # raw frames
     "identifier over 11 bits": ("- send: {raw: ^'900#'}", "expected a frame such as 008#D27423, found '900#'"),
+    "remote frame of nine bytes": ("- send: {raw: ^'705#R9'}", "expected a frame such as 008#D27423"),
     "half a byte": ("- send: {raw: ^'008#123'}", "expected a frame such as 008#D27423"),
     "nine bytes": ("- send: {raw: ^'008#112233445566778899'}", "expected a frame such as 008#D27423"),
     "any digit to be sent": ("- send: {raw: ^'008#1?'}", "expected a frame such as 008#D27423"),
@@ -182,6 +183,8 @@ def action(step: str, head: str = HEAD) -> object:
         ("- send: {Stop Drive: }", Frame(0x004)),
         ("- send: stop drive", Frame(0x004)),  # case does not matter
         ("- send: {raw: 008#d274}", Frame(0x008, b"\xd2\x74")),
+        ("- send: {raw: '705#R1'}", RemoteFrame(0x705, b"\0")),
+        ("- send: {raw: '185#R'}", RemoteFrame(0x185)),
         (
             "- send: {Goto XY: {x: 1234, Y position: 567 mm, angle: 89, Speed: 75, barriers: 0xA5C3}}",
             Frame(0x008, bytes.fromhex("D27423592C01C3A5")),
@@ -197,6 +200,7 @@ def test_reads_what_is_sent(step: str, frame: Frame) -> None:
     sent = action(step)
     assert isinstance(sent, Send)
     assert sent.sent.frame({}) == frame
+    assert sent.sent.frame({}).is_remote == frame.is_remote
 
 
 def test_reads_barriers_by_name() -> None:

@@ -297,3 +297,33 @@ def test_steps_that_are_asked_for_are_done_with_those_before_them_and_no_others(
     options = RunOptions(chosen=lambda name: name in names)
     result = run_simulated(suite(document(steps)), options, ROBOT.under_test)
     assert [step.name for step in result.steps] == done
+
+
+# Errors that the node itself reports
+
+
+def test_a_node_without_an_error_reports_none() -> None:
+    assert verdicts("- errors: none") == "+"
+
+
+TOO_SHORT = "- send: {raw: 008#D274}\n- emcy: 0x8210\n"
+
+
+def test_a_node_with_an_error_says_which() -> None:
+    reason = run(f"{TOO_SHORT}- errors: none")[-1].reason
+    assert reason is not None
+    assert reason.what == "drive reports an error itself"
+    assert reason.came == "generic error; communication; 0x8210 pdo too short"
+
+
+def test_a_red_step_tells_what_the_node_has_reported() -> None:
+    reason = run(f"{TOO_SHORT}- expect: Goto Confirm")[-1].reason
+    assert reason is not None
+    assert reason.cause.startswith("EMCY  drive, 0x8210 pdo too short")
+
+
+@pytest.mark.parametrize("before", ["", f"{TOO_SHORT}- nmt: reset\n- heartbeat: boot-up\n"])
+def test_an_error_that_a_reset_has_ended_is_told_no_more(before: str) -> None:
+    reason = run(f"{before}- expect: Goto Confirm")[-1].reason
+    assert reason is not None
+    assert reason.cause == ""

@@ -71,6 +71,14 @@ def test_runs(words: str, status: int, last: str, capsys: pytest.CaptureFixture[
 REFUSALS = {
     "conformance of a suite": ("green.yaml --conformance --simulate", 2, "eurobot-od: --conformance makes its suites"),
     "destructive suite": ("green.yaml --destructive --simulate", 2, "eurobot-od: --destructive needs --conformance"),
+    "report of a suite": ("green.yaml --report x.html", 2, "eurobot-od: --report needs --conformance"),
+    "odd form of a report": ("--conformance --report x.txt", 2, "eurobot-od: unknown form of a report '.txt'"),
+    "restored in reading": ("--conformance --restore 4", 2, "eurobot-od: --restore needs --destructive"),
+    "restored by the standard": (
+        "--conformance --restore 1",
+        2,
+        "eurobot-od check: error: argument --restore: 1 is not a sub-index of",
+    ),
     "written suite": ("green.yaml -o copy.yaml", 2, "eurobot-od: --output needs --conformance"),
     "wrong file": ("green.yaml wrong.yaml --simulate", 2, "wrong.yaml:6:11: '1' is not a duration"),
     "no file": ("nothing.yaml --simulate", 2, "nothing.yaml:1:1: No such file or directory"),
@@ -221,7 +229,7 @@ def test_a_conformance_suite_goes_on_behind_a_red_step(capsys: pytest.CaptureFix
     said = run(capsys, "check", *words.split())
     (result,) = json.loads(said.out)
     assert said.status == 1
-    assert [step["status"] for step in result["steps"]].count("failed") == 2
+    assert [step["status"] for step in result["steps"]].count("failed") == 3
 
 
 @pytest.mark.usefixtures("folder")
@@ -247,6 +255,18 @@ def test_a_conformance_suite_is_kept_and_run_again(capsys: pytest.CaptureFixture
     made = run(capsys, "check", "--conformance", *MODULE.split(), "--simulate").out.splitlines()
     kept = run(capsys, "check", "kept.yaml", *MODULE.split(), "--simulate").out.splitlines()
     assert kept[-1] == made[-1]
+
+
+@pytest.mark.usefixtures("folder")
+def test_a_report_and_the_lines_of_the_tool(capsys: pytest.CaptureFixture[str]) -> None:
+    words = f"check --conformance {MODULE} --simulate --tag objects --ctt --report clean.html"
+    said = run(capsys, *words.split())
+    assert (said.status, said.err) == (0, "")
+    lines = said.out.splitlines()
+    assert lines[0] == "clean"
+    assert "   2.5  passed   0x1000:1 read" in lines
+    assert lines[-1].startswith("5 of 127 tests executed: 5 passed, 0 failed")
+    assert "<h1>Conformance of clean</h1>" in Path("clean.html").read_text()
 
 
 class InterruptedAt(io.StringIO):

@@ -219,3 +219,13 @@ def test_a_producer_refuses(
 ) -> None:
     index, value, size = setting
     assert producer(*before).refused((index, 0), value, size) == code, why
+
+
+def test_a_tpdo_begins_with_the_sync_of_its_start_value() -> None:
+    """CiA 301, 7.5.2.37, sub-index 6: that SYNC counts as the first one; before it the TPDO is not sent."""
+    wire = synchronous((STATE_TPDO, 2))
+    wire.device.objects.values |= {(0x1019, 0): 10, (STATE_TPDO, 6): 3}
+    wire.send(Frame(0, b"\x80\x00"))
+    wire.send(Frame(0, b"\x01\x00"))
+    numbered = [wire.send(Frame(SYNC_COB_ID, bytes([number]))).frames for number in range(1, 8)]
+    assert [sum(frame.cob_id == STATE for frame in each) for each in numbered] == [0, 0, 0, 1, 0, 1, 0]

@@ -10,7 +10,8 @@ import pytest
 from markdown_it import MarkdownIt
 
 from eurobot_od.errors import UnknownName
-from eurobot_od.export.docs import FORMS, docs_text, form_of, one_line
+from eurobot_od.export.docs import docs_text
+from eurobot_od.export.forms import FORMS, form_of, one_line
 from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.robot import dialects
 from eurobot_od.robot.protocol import EurobotProtocol

@@ -48,6 +48,7 @@ RECORDS = {
     "1020": ("UNSIGNED32", WIDE, ["rw"]),
     "1029": ("UNSIGNED8", ["0", "1", "2", "200"], ["rw"]),
     "1200": ("UNSIGNED32", ["$NODEID+0x600", "$NODEID+0x580", "0x80000000", "0"], ["ro", "rw"]),
+    "1201": ("UNSIGNED32", ["0x80000000", "$NODEID+0x610", "0"], ["rw", "ro"]),
     "1280": ("UNSIGNED32", ["0x80000000", "0x610", "0", "0x590"], ["rw"]),
 }
 MAPPED = ["0x00000000", "0x20000108", "0x20000110", "0x20000208", "0x60000010", "0x60000008", "0x61000020",
@@ -66,6 +67,8 @@ def objects(draw: st.DrawFn, head: str, type_: str, defaults: list[str], accesse
     for key in ("LowLimit", "HighLimit"):
         limit = draw(st.sampled_from(["", "", "", "", "0", "1", "0xFF", "0xFFFF", "0xFFFFFFFF", "200", "-1"]))
         lines += [f"{key}={limit}"] if limit else []
+    flags = draw(st.sampled_from(["", "", "", "", "", "0", "1", "2", "3"]))
+    lines += [f"ObjFlags={flags}"] if flags else []
     return section(head, type_, draw(st.sampled_from(accesses)), *lines)
 
 

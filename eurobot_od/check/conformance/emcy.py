@@ -6,26 +6,29 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from eurobot_od.check.conformance.subject import (
+    NO_EMCY,
     Chapter,
     Clause,
     Subject,
     Tier,
-    awake,
     codes,
+    emcy,
+    fresh,
     group,
     never,
     nmt,
     read,
+    sent,
     skip,
     wait,
     write,
 )
 from eurobot_od.check.conformance.writing import Data
 from eurobot_od.device.emergency import ErrorCode
-from eurobot_od.od.objects import in_limits
+from eurobot_od.od.objects import address_of, data_type, in_limits
 from eurobot_od.od.pdos import Pdo
 from eurobot_od.od.standard import EMCY, ERROR_FIELD, ERROR_REGISTER
-from eurobot_od.od.values import Address, PdoDirection, base_identifier
+from eurobot_od.od.values import Address, PdoDirection
 from eurobot_od.sdo.wire import AbortCode
 
 if TYPE_CHECKING:
@@ -40,16 +43,22 @@ QUIET, ONCE = "500 ms", "100 ms"
 NO_HISTORY = "the file has no error history (0x1003)"
 
 
-def _has_emcy(subject: Subject) -> bool:
-    """Whether the file gives EMCY an identifier: reports find it only there."""
-    return base_identifier(subject.dictionary.default(EMCY)) is not None
-
-
 def _silence(subject: Subject) -> Iterator[Data]:
-    if _has_emcy(subject):
+    if subject.has_emcy:
         yield group("none without an error", wait("100 ms"), never("silent", {"emcy": "any"}, QUIET))
     else:
-        yield skip("none without an error", "the file has no valid EMCY (0x1014)")
+        yield skip("none without an error", NO_EMCY)
+
+
+def _beforehand(subject: Subject) -> Iterator[Data]:
+    """Read where EMCY, error register and error history are, and see that no error is there before one is made."""
+    for address, what in ((EMCY, "its COB-ID"), (ERROR_REGISTER, "the error register, before any error")):
+        found = subject.find(address)
+        if found is None or not found.readable:
+            yield skip(what, f"the file has no 0x{address[0]:04X} that can be read")
+        else:
+            content = data_type(found).write(subject.number(address))
+            yield read(f"{what} is {content[::-1].hex().upper()}", address_of(found), data=content.hex(" ").upper())
 
 
 def _history(subject: Subject) -> Iterator[Data]:
@@ -69,27 +78,35 @@ def _empty() -> Data:
     return read("no error is left", HISTORY, data="00")
 
 
+def _remembers(subject: Subject) -> Iterator[Data]:
+    """Read the history: how many errors it has, and the newest if there is one."""
+    history, newest = subject.find(HISTORY), subject.find((ERROR_FIELD, 1))
+    if history is None or not history.readable:
+        yield skip("its number of errors", NO_HISTORY)
+        return
+    yield read("its number of errors", HISTORY, data="any")
+    if newest is not None and newest.readable:
+        none_now = codes(AbortCode.NO_DATA, AbortCode.NO_SUBINDEX)
+        yield read("the newest of them", (ERROR_FIELD, 1), optional=none_now)
+
+
 def _too_short(subject: Subject) -> Iterator[Data]:
     """Send an RPDO that lacks a byte: the device must not take it, and says so."""
     rpdo = _received(subject)
-    if rpdo is None or not _has_emcy(subject):
-        yield skip("an RPDO that is too short", "the file has no valid EMCY (0x1014), or no valid RPDO with data")
+    if rpdo is None or not subject.has_emcy:
+        yield skip("an RPDO that is too short", NO_EMCY if rpdo else "the file has no valid RPDO with data")
         return
     code = ErrorCode.PDO_TOO_SHORT
-    frame = f"{rpdo.cob_id:03X}#{'00' * (rpdo.length - 1)}"
     yield group(
         f"RPDO {rpdo.number}, one byte too short",
         nmt("start"),
         wait("50 ms"),
-        {"name": "the frame", "send": {"raw": frame}},
-        {"name": f"EMCY 0x{code:04X}", "emcy": f"0x{code:04X}"},
+        sent("the frame", rpdo.cob_id, bytes(rpdo.length - 1)),
+        emcy(f"EMCY 0x{code:04X}", code),
         never("it is reported once", {"emcy": f"0x{code:04X}"}, ONCE),
         *_registered(subject),
         *_remembered(subject, code),
-        nmt("reset communication"),
-        wait("200 ms"),
-        nmt("pre-operational"),
-        awake(subject, "it is there again"),
+        *fresh(subject),
     )
 
 
@@ -127,7 +144,9 @@ CHAPTER = Chapter(
     "emcy",
     "emergencies",
     (
+        Clause("7.5.2.17", "EMCY", _beforehand, Tier.REVERSIBLE, "5.1, 5.2"),
         Clause("7.2.7", "EMCY", _silence),
+        Clause("7.5.2.4", "Error history", _remembers, ctt="5.3"),
         Clause("7.5.2.4", "Error history", _history, Tier.DESTRUCTIVE),
         Clause("7.2.7", "EMCY", _too_short, Tier.DESTRUCTIVE, "5.4 to 5.6"),
     ),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import product
 from typing import TYPE_CHECKING
 
 from eurobot_od.check.conformance.subject import (
@@ -18,6 +19,7 @@ from eurobot_od.check.conformance.subject import (
     nmt,
     put_back,
     save,
+    sent,
     skip,
     wait,
     write,
@@ -25,8 +27,8 @@ from eurobot_od.check.conformance.subject import (
 from eurobot_od.check.conformance.writing import Data
 from eurobot_od.device.nmt import STATE_NAMES, boot_state
 from eurobot_od.od.objects import address_of, in_limits, limits
-from eurobot_od.od.standard import GUARD_TIME, HEARTBEAT_TIME, NMT_STARTUP
-from eurobot_od.od.values import NMT_COB_ID, NODE_IDS
+from eurobot_od.od.standard import HEARTBEAT_TIME, NMT_STARTUP
+from eurobot_od.od.values import NMT_COB_ID
 from eurobot_od.sdo.wire import ClientCommand, initiate
 
 if TYPE_CHECKING:
@@ -81,6 +83,14 @@ def _allowed(variable: ODVariable, value: int) -> int:
     return value if range_ is None else int(min(max(value, range_.low), range_.high))
 
 
+# Errors of its own
+
+
+def _errors(_: Subject) -> Iterator[Data]:
+    """See that the device has no error to begin with: what is red afterwards may come from it."""
+    yield {"name": "the device reports no error itself", "errors": "none"}
+
+
 # Boot-up
 
 
@@ -89,8 +99,10 @@ def _boot_up(command: str) -> Data:
 
 
 def _boot_ups(subject: Subject) -> Iterator[Data]:
-    for command in ("reset", "reset communication"):
-        yield group(f"boot-up after {command}", nmt(command), _boot_up(command), awake(subject))
+    for command, (state, way) in product(("reset", "reset communication"), WAY_TO.items()):
+        there = [nmt(each) for each in ("pre-operational", *way)]
+        name = f"boot-up after {command} in {state.upper()}"
+        yield group(name, *there, nmt(command), _boot_up(command), awake(subject))
 
 
 def _first_state(subject: Subject) -> Iterator[Data]:
@@ -119,9 +131,8 @@ def _state_reached(subject: Subject, before: str, command: str, state: str) -> D
 
 
 def _other_commands(subject: Subject) -> Iterator[Data]:
-    other = next(each for each in reversed(NODE_IDS) if each != subject.node_id)
     for name, data in (
-        ("another node's command does not matter", bytes([1, other])),
+        ("another node's command does not matter", bytes([1, subject.another])),
         ("an unknown command does not matter", bytes([0x77, subject.node_id])),
         ("half a command does not matter", bytes([1])),
     ):
@@ -134,7 +145,7 @@ def _other_commands(subject: Subject) -> Iterator[Data]:
 
 
 def _raw(data: bytes) -> Data:
-    return {"name": f"NMT {data.hex(' ').upper()}", "send": {"raw": f"{NMT_COB_ID:03X}#{data.hex().upper()}"}}
+    return sent(f"NMT {data.hex(' ').upper()}", NMT_COB_ID, data)
 
 
 # Services
@@ -198,19 +209,14 @@ def _heartbeat_of_the_file(subject: Subject) -> Iterator[Data]:
     )
 
 
-def _life_guarding(subject: Subject) -> Iterator[Data]:
-    if subject.find(GUARD_TIME) is not None:
-        yield skip("node guarding", "it needs remote frames, which CiA 301 advises against (7.2.8.3.2.1)")
-
-
 CHAPTER = Chapter(
     "nmt",
     "NMT states, boot-up and heartbeat",
     (
+        Clause("7.5.2.2", "Error register", _errors),
         Clause("7.2.8.3.3", "Boot-up", _boot_ups, Tier.REVERSIBLE, "10.1"),
-        Clause("7.5.2.20", "Heartbeat time", _heartbeat_times, ctt="7.101 to 7.103"),
+        Clause("7.5.2.20", "Heartbeat time", _heartbeat_times, ctt="7.101 to 7.103, 7.204"),
         Clause("7.2.8.3.2", "Heartbeat", _heartbeat_of_the_file, Tier.REVERSIBLE, "7.102"),
-        Clause("7.2.8.3.2", "Guarding", _life_guarding, ctt="7.1 to 7.6"),
         Clause("7.3.2.2", "NMT state", _first_state, Tier.REVERSIBLE, "9.1"),
         Clause("7.2.8.2.1", "NMT commands", _walk, Tier.REVERSIBLE, "10.2 to 10.4"),
         Clause("7.2.8.2.1", "NMT commands", _other_commands, Tier.DESTRUCTIVE),

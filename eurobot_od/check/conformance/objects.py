@@ -27,8 +27,8 @@ from eurobot_od.check.conformance.writing import Data
 from eurobot_od.device.objects import COMMUNICATION_PROFILE
 from eurobot_od.od import values
 from eurobot_od.od.objects import address_of, data_type, default_bytes, default_of, in_limits, limits
-from eurobot_od.od.standard import COMMANDS, DEVICE_NAME, DEVICE_TYPE, ERROR_FIELD, IDENTITY
-from eurobot_od.od.values import MAPPING_RECORDS, MOST_SUBS, Address, label
+from eurobot_od.od.standard import COMMANDS, DEVICE_NAME, DEVICE_TYPE, ERROR_FIELD, IDENTITY, VERIFY_CONFIGURATION
+from eurobot_od.od.values import MAPPING_RECORDS, MOST_SUBS, NOT_SCANNED, Address, label
 from eurobot_od.sdo.wire import AbortCode
 
 if TYPE_CHECKING:
@@ -46,6 +46,9 @@ ACTING = {*COMMANDS, 0x1013, *range(0x1023, 0x1028), *range(0x1F50, 0x1F58)}
 MAPPINGS = {index for records in MAPPING_RECORDS.values() for index in records}
 
 COMMUNICATIONS = {index for records in values.COMMUNICATION_RECORDS.values() for index in records}
+
+SET_BY_DEVICE = {*COMMUNICATIONS, *(index for index, _ in VERIFY_CONFIGURATION)}
+"""Objects that may have a value outside their limits: 0x1020 is 0 after each change of the configuration."""
 
 CONFIGURED = ("const", "rw", "rww")
 """Access types of what has its default after power-on; `ro` and `rwr` are mostly measured."""
@@ -65,6 +68,11 @@ def _writable(subject: Subject) -> Iterator[ODVariable]:
     return (each for each in subject.objects if each.writable and _plain(each))
 
 
+def _tried(subject: Subject) -> Iterator[ODVariable]:
+    """Give the objects to which something else may be written than they have, if only to be refused."""
+    return (each for each in _writable(subject) if not subject.dictionary.flags(address_of(each)))
+
+
 # Identity
 
 
@@ -77,13 +85,24 @@ def _identity(subject: Subject) -> Iterator[Data]:
             yield skip(title(each), "the file does not say it")
 
 
+def _structure(subject: Subject) -> Iterator[Data]:
+    """Read what 0x1000 says of itself: ObjectType VAR and DataType UNSIGNED32 (CiA 301, 7.4.9)."""
+    if subject.find(DEVICE_TYPE) is None:
+        yield skip("0x1000:255", "the file has no device type (0x1000)")
+        return
+    absent = codes(AbortCode.NO_SUBINDEX)
+    yield read("0x1000:255", (DEVICE_TYPE[0], values.STRUCTURE), data="07 07 00 00", optional=absent)
+
+
 # Values
 
 
 def _readable(subject: Subject) -> Iterator[Data]:
     """Read everything; the value must have the length of its type. What has no value now may say so."""
     for each in subject.objects:
-        if each.readable:
+        if each.readable and subject.dictionary.flags(address_of(each)) & NOT_SCANNED:
+            yield skip(title(each), "its ObjFlags say that a scan does not read it")
+        elif each.readable:
             none_now = [AbortCode.NO_DATA, *([AbortCode.NO_SUBINDEX] if each.index == ERROR_FIELD else [])]
             yield read(title(each), address_of(each), optional=codes(*none_now))
 
@@ -92,7 +111,8 @@ def _defaults(subject: Subject) -> Iterator[Data]:
     for each in subject.objects:
         configured = each.access_type in CONFIGURED or each.index in FIXED
         own = address_of(each) == subject.dictionary.node_id_address  # what the suite was given, not what the file says
-        if each.readable and configured and not own and each.index not in ACTING:
+        scanned = not subject.dictionary.flags(address_of(each)) & NOT_SCANNED
+        if each.readable and scanned and configured and not own and each.index not in ACTING:
             yield from _default(each)
 
 
@@ -113,9 +133,11 @@ def _default(each: ODVariable) -> Iterator[Data]:
 
 
 def _write_only(subject: Subject) -> Iterator[Data]:
-    for each in subject.objects:
-        if not each.readable:
-            yield read(title(each), address_of(each), abort=codes(AbortCode.WRITE_ONLY))
+    write_only = [each for each in subject.objects if not each.readable]
+    for each in write_only:
+        yield read(title(each), address_of(each), abort=codes(AbortCode.WRITE_ONLY))
+    if not write_only:
+        yield skip("every object", "the file has no write-only object")
 
 
 def _read_only(subject: Subject) -> Iterator[Data]:
@@ -140,11 +162,13 @@ def _own_values(subject: Subject) -> Iterator[Data]:
     for each in _writable(subject):
         if not each.readable:
             yield skip(title(each), "write-only: what is there is not known, so nothing is written")
+        elif subject.dictionary.flags(address_of(each)):
+            yield skip(title(each), "its ObjFlags say that a configuration does not write it, or a scan not read it")
         elif data_type(each) is values.DOMAIN:
             yield skip(title(each), "a DOMAIN may be a program: nothing is written")
         else:
             # Some stacks refuse with 0x06090030 whatever is written to a PDO's record while it is valid.
-            refused = BUSY if _has_value(each) and each.index not in COMMUNICATIONS else (*BUSY, *OUTSIDE)
+            refused = BUSY if _has_value(each) and each.index not in SET_BY_DEVICE else (*BUSY, *OUTSIDE)
             written = {**put_back(each, optional=codes(*refused)), "name": "it is written"}
             yield group(f"{title(each)}: the value it has", save(each), written, unchanged(each))
 
@@ -181,7 +205,7 @@ def _unknown_subindices(subject: Subject) -> Iterator[Data]:
 
 
 def _wrong_lengths(subject: Subject) -> Iterator[Data]:
-    for each in _writable(subject):
+    for each in _tried(subject):
         size = data_type(each).size
         if size:
             yield _of_length(each, size + 1, "too long")
@@ -195,7 +219,7 @@ def _of_length(each: ODVariable, size: int, what: str) -> Data:
 
 
 def _limits(subject: Subject) -> Iterator[Data]:
-    for each in _writable(subject):
+    for each in _tried(subject):
         refused = list(_outside(each))
         if refused and each.readable:
             yield group(title(each), save(each), *refused, unchanged(each))
@@ -221,7 +245,7 @@ def _outside(each: ODVariable) -> Iterator[Data]:
 
 def _other_values(subject: Subject) -> Iterator[Data]:
     """Write another value to each configuration object, and put back the one it had."""
-    for each in _writable(subject):
+    for each in _tried(subject):
         other = _other(each) if _is_setting(subject, each) else None
         if other is not None:
             written = write(f"{other} is written", address_of(each), value=other, optional=codes(*BUSY))
@@ -252,6 +276,7 @@ CHAPTER = Chapter(
         Clause("7.2.4.3.17", "Unknown object", _unknown_written, Tier.REVERSIBLE),
         Clause("7.2.4.3.17", "Unknown sub-index", _unknown_subindices, ctt="2.5"),
         Clause("7.5.2.21", "Identity", _identity),
+        Clause("7.4.9", "Structure", _structure, ctt="4.5"),
         Clause("7.4.4", "Length of the type", _readable, ctt="4.1, 4.7"),
         Clause("7.3.2.2.3", "Default after a reset", _defaults, Tier.REVERSIBLE, "4.2, 4.8"),
         Clause("7.4.5", "Write-only", _write_only, ctt="2.4, 4.4"),

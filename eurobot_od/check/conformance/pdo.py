@@ -1,47 +1,47 @@
-"""PDOs: how a master changes them, and when TPDOs are sent (CiA 301, 7.2.2 and 7.5.2.35 to 7.5.2.38).
+"""PDOs: which there are, and how a master changes them (CiA 301, 7.5.2.35 to 7.5.2.38); when they go: `transmission`.
 
 Rule of this file: of a PDO that is changed, the file's mapping is put back entry by entry, and its COB-ID last.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING
 
 from eurobot_od.check.conformance.subject import (
-    BUSY,
     OUTSIDE,
     Chapter,
     Clause,
+    StepsOf,
     Subject,
     Tier,
     codes,
-    expect,
     group,
-    never,
-    nmt,
     put_back,
     read,
     save,
     skip,
     title,
     unchanged,
-    wait,
     write,
 )
+from eurobot_od.check.conformance.transmission import CLAUSES, NOT_SETTABLE, each_of, off, why_not_off
 from eurobot_od.check.conformance.writing import Data, hexadecimal
-from eurobot_od.od.objects import address_of, data_type, in_limits
+from eurobot_od.od.objects import address_of, data_type
 from eurobot_od.od.pdos import Pdo
-from eurobot_od.od.standard import SYNC, SYNC_COUNTER, SYNC_PRODUCER
 from eurobot_od.od.values import (
     COB_ID,
-    EVENT_TIMER,
+    COMMUNICATION_RECORDS,
+    DATA_TYPES,
+    DUMMIES,
     INHIBIT_TIME,
     MAPPABLE,
     MAX_BITS,
-    NOT_VALID,
-    TRANSMISSION_TYPE,
+    NO_RTR,
+    NOT_SCANNED,
+    RESTRICTED,
     PdoDirection,
+    label,
 )
 from eurobot_od.sdo.wire import Abort, AbortCode
 
@@ -49,33 +49,14 @@ if TYPE_CHECKING:
     from canopen.objectdictionary import ODVariable
 
 
-EVENT_TIME = 100
-"""Event timer with which TPDOs are looked at, ms."""
+RESTRICTED_ONES = tuple(each.high for each in RESTRICTED if each.high)
+"""An identifier of each range that no PDO may have but NMT's: some devices take 0 for one that is not valid."""
 
-SOON, QUIET = f"{3 * EVENT_TIME} ms", "300 ms"
-
-NOT_SETTABLE = "cannot be read, written and put back"
+TOO_MANY = (AbortCode.NO_OBJECT, AbortCode.NO_SUBINDEX, AbortCode.NOT_MAPPABLE, AbortCode.MAPPING_TOO_LONG)
+"""Aborts for a number of entries that a PDO does not have."""
 
 MISSING = 0x1FFF
 """An index where mostly nothing is."""
-
-NO_SUCH_TYPE = (AbortCode.VALUE, AbortCode.TOO_HIGH, AbortCode.TOO_LOW, *BUSY)
-"""Aborts of a device that does not send a TPDO by SYNC."""
-
-ClauseOf = Callable[[Subject, Pdo], "Iterator[Data]"]
-
-
-def _of(direction: PdoDirection, steps: ClauseOf) -> Callable[[Subject], Iterator[Data]]:
-    """Make steps for all PDOs of a direction that hold."""
-
-    def all_of_them(subject: Subject) -> Iterator[Data]:
-        chosen = [each for each in subject.pdos if each.direction is direction]
-        for each in chosen:
-            yield from steps(subject, each)
-        if not chosen:
-            yield skip(direction.name, f"the file has no {direction.name} whose parameters hold")
-
-    return all_of_them
 
 
 # Communication parameters
@@ -98,14 +79,58 @@ def _communication(subject: Subject, pdo: Pdo) -> Iterator[Data]:
             yield group(f"{pdo.title} keeps its inhibit time", save(time), other, unchanged(time))
 
 
+def _restricted(subject: Subject, pdo: Pdo) -> Iterator[Data]:
+    """Give a PDO the identifiers that no PDO may have (CiA 301, 7.3.5)."""
+    name, cob_id = f"{pdo.title} takes no restricted identifier", subject.settable((pdo.index, COB_ID))
+    why = why_not_off(subject, pdo)
+    if why or cob_id is None:
+        yield skip(name, why)
+        return
+    bits = subject.number(address_of(cob_id)) & NO_RTR
+    tried = (write(f"0x{each:03X}", address_of(cob_id), value=each | bits, abort="any") for each in RESTRICTED_ONES)
+    yield group(name, save(cob_id), off(subject, cob_id), *tried, put_back(cob_id))
+
+
 # Mapping
+
+
+def _scan(subject: Subject, direction: PdoDirection) -> Iterator[Data]:
+    """Read the COB-ID of each PDO, and see that the next one is not there."""
+    records = COMMUNICATION_RECORDS[direction]
+    there = [index for index in subject.dictionary.members if index in records]
+    for found in filter(None, (subject.find((index, COB_ID)) for index in there)):
+        if found.readable:
+            yield read(title(found), address_of(found), data="any")
+    missing = next((index for index in records if index not in subject.dictionary.members), None)
+    if missing is not None:
+        yield read(f"0x{missing:04X} is not there", (missing, COB_ID), abort=codes(AbortCode.NO_OBJECT))
+
+
+def _scans(direction: PdoDirection) -> StepsOf:
+    return lambda subject: _scan(subject, direction)
+
+
+def _default_mapping(subject: Subject, pdo: Pdo) -> Iterator[Data]:
+    """Read each object that a PDO has by default."""
+    found = {each.address: subject.find(each.address) for each in pdo.mapping if not each.is_padding}
+    if not found:
+        yield skip(pdo.title, f"{pdo.title} maps nothing by default")
+    for address, variable in found.items():
+        name = f"{pdo.title} maps {label(address)}"
+        if variable is None or subject.dictionary.flags(address) & NOT_SCANNED:
+            yield skip(name, "the file does not have it, or its ObjFlags say that a scan does not read it")
+        elif variable.readable:
+            yield read(name, address, data="any", optional=codes(AbortCode.NO_DATA))
+        else:
+            yield read(name, address, abort=codes(AbortCode.WRITE_ONLY))
 
 
 def _mapping(subject: Subject, pdo: Pdo) -> Iterator[Data]:
     title, cob_id = pdo.title, subject.settable((pdo.index, COB_ID))
     used = range(max(1, len(pdo.mapping)) + 1)
-    if cob_id is None:
-        yield skip(title, f"the COB-ID of {title} {NOT_SETTABLE}")
+    why = why_not_off(subject, pdo)
+    if why or cob_id is None:
+        yield skip(title, why)
     elif not all(subject.settable((pdo.mapping_index, sub)) for sub in used):
         yield skip(title, f"the mapping of {title} {NOT_SETTABLE}")
     elif wrong := _unmapped(subject, pdo, used[1:]):
@@ -117,14 +142,16 @@ def _mapping(subject: Subject, pdo: Pdo) -> Iterator[Data]:
 
 def _unmapped(subject: Subject, pdo: Pdo, subs: Iterable[int]) -> str:
     """Return an entry of the file that a device which is its file refuses to be given again; empty if there is none."""
-    for sub in subs:
-        entry = subject.number((pdo.mapping_index, sub))
-        try:
-            if entry:
-                subject.model.check_mapped(pdo.mapping_index, entry)
-        except Abort:
-            return hexadecimal(entry, 8)
-    return ""
+    entries = (subject.number((pdo.mapping_index, sub)) for sub in subs)
+    return next((hexadecimal(each, 8) for each in entries if each and not _may_be_mapped(subject, pdo, each)), "")
+
+
+def _may_be_mapped(subject: Subject, pdo: Pdo, entry: int) -> bool:
+    try:
+        subject.model.check_mapped(pdo.mapping_index, entry)
+    except Abort:
+        return False
+    return True
 
 
 def _room(subject: Subject, pdo: Pdo) -> int:
@@ -138,18 +165,15 @@ def _remapped(subject: Subject, pdo: Pdo, cob_id: ODVariable) -> Iterator[Data]:
     yield save(cob_id)
     if pdo.valid:
         yield write("sub-index 0 while it is valid", (record, 0), value=0, abort="any")
-    yield _off(subject, cob_id)
+    yield off(subject, cob_id)
     if pdo.mapping:
         entry = hexadecimal(subject.number((record, 1)), 8)
         yield write("an entry while sub-index 0 is not 0", (record, 1), value=entry, abort="any")
     yield write("2. sub-index 0 is 0", (record, 0), value=0)
     yield from _refused_entries(subject, pdo)
+    yield from _other_entries(subject, pdo)
+    yield from _too_many(subject, pdo)
     yield from _mapped_again(subject, pdo, cob_id)
-
-
-def _off(subject: Subject, cob_id: ODVariable) -> Data:
-    off = subject.number(address_of(cob_id)) | NOT_VALID
-    return write("1. not valid", address_of(cob_id), value=hexadecimal(off, 8))
 
 
 def _mapped_again(subject: Subject, pdo: Pdo, cob_id: ODVariable) -> Iterator[Data]:
@@ -177,7 +201,7 @@ def _at_most(subject: Subject, pdo: Pdo, cob_id: ODVariable) -> Data:
     return group(
         name,
         save(cob_id),
-        _off(subject, cob_id),
+        off(subject, cob_id),
         write("2. sub-index 0 is 0", (record, 0), value=0),
         *(write(f"entry {sub} of too many", (record, sub), value=_entry(wide)) for sub in range(1, count + 1)),
         write(f"{count * data_type(wide).bits} bits", (record, 0), value=count, abort=too_long),
@@ -202,6 +226,48 @@ def _refused_entries(subject: Subject, pdo: Pdo) -> Iterator[Data]:
         yield write("an object that is not there", entry, value=missing, abort=aborts)
 
 
+DIRECTED = {PdoDirection.RPDO: ("rww", "wo"), PdoDirection.TPDO: ("rwr", "ro")}
+"""Access types of what may be mapped in this direction, and not in the other one (CiA 301, Table 42)."""
+
+
+def _other_entries(subject: Subject, pdo: Pdo) -> Iterator[Data]:
+    """Map objects by their access type: those of this direction, one of the other, and a dummy."""
+    entry = pdo.mapping_index, 1
+    mapped = [each for each in subject.objects if each.pdo_mappable and data_type(each).size in (1, 2, 4)]
+    for access in DIRECTED[pdo.direction]:
+        each = next((each for each in mapped if each.access_type == access), None)
+        if each is not None and _may_be_tried(subject, pdo, int(_entry(each), 16)):
+            yield write(f"{title(each)} is {access}: it may be mapped", entry, value=_entry(each))
+    (opposite,) = {*DIRECTED} - {pdo.direction}
+    other = next((each for each in mapped if each.access_type in DIRECTED[opposite]), None)
+    if other is not None:
+        refused = codes(AbortCode.NOT_MAPPABLE, AbortCode.UNSUPPORTED_ACCESS, *OUTSIDE)
+        yield write(f"{title(other)} is {other.access_type}: it may not", entry, value=_entry(other), abort=refused)
+    dummies = (each << 16 | DATA_TYPES[each].bits for each in DUMMIES if _has_dummy(subject, each))
+    dummy = next((each for each in dummies if _may_be_tried(subject, pdo, each)), None)
+    if dummy is not None:
+        yield write("a dummy may be mapped", entry, value=hexadecimal(dummy, 8))
+    yield write("the file's entry", entry, value=hexadecimal(subject.number(entry), 8))
+
+
+def _may_be_tried(subject: Subject, pdo: Pdo, entry: int) -> bool:
+    """Whether a PDO's first entry may be this: it can be mapped there, and is within the entry's own limits."""
+    return subject.may_be((pdo.mapping_index, 1), entry) and _may_be_mapped(subject, pdo, entry)
+
+
+def _has_dummy(subject: Subject, code: int) -> bool:
+    """Whether the file's [DummyUsage] has a data type."""
+    return subject.dictionary.device.document.text("dummyusage", f"dummy{code:04x}") == "1"
+
+
+def _too_many(subject: Subject, pdo: Pdo) -> Iterator[Data]:
+    """Set sub-index 0 to one more than there are entries."""
+    count = _room(subject, pdo) + 1
+    if 1 < count <= MAX_BITS:
+        aborts = codes(*TOO_MANY, *OUTSIDE)
+        yield write(f"{count} entries are too many", (pdo.mapping_index, 0), value=count, abort=aborts)
+
+
 def _entry(each: ODVariable) -> str:
     return hexadecimal(each.index << 16 | each.subindex << 8 | data_type(each).bits, 8)
 
@@ -213,82 +279,22 @@ def _widest(subject: Subject, pdo: Pdo) -> ODVariable | None:
     return max(numbers, key=lambda each: data_type(each).bits, default=None)
 
 
-# When TPDOs are sent
-
-
-def _sent(pdo: Pdo) -> Data:
-    """Return the pattern of a TPDO: whatever its data, but of its length."""
-    return {"raw": f"{pdo.cob_id:03X}#{'?' * (2 * pdo.length)}"}
-
-
-def _event_timer(subject: Subject, pdo: Pdo) -> Iterator[Data]:
-    timer, sent = subject.settable((pdo.index, EVENT_TIMER)), _sent(pdo)
-    reasons = {
-        f"{pdo.title} is not event-driven by default": pdo.transmission_type not in (254, 255),
-        f"the event timer of {pdo.title} {NOT_SETTABLE}": timer is None or not in_limits(timer, EVENT_TIME),
-        f"the inhibit time of {pdo.title} is longer than {EVENT_TIME} ms": pdo.inhibit_time >= 10 * EVENT_TIME,
-    }
-    why = subject.why_not_seen(pdo) or next((reason for reason, holds in reasons.items() if holds), "")
-    if why or timer is None:
-        yield skip(pdo.title, why)
-        return
-    yield group(
-        f"{pdo.title} by its event timer",
-        save(timer),
-        write(f"event timer {EVENT_TIME} ms", address_of(timer), value=EVENT_TIME),
-        wait("50 ms"),
-        never("none in PRE-OPERATIONAL", sent, QUIET),
-        nmt("start"),
-        {**expect(f"again and again, {EVENT_TIME} ms apart at most", sent, SOON), "repeat": 3},
-        nmt("stop"),
-        wait("50 ms"),
-        never("none in STOPPED", sent, QUIET),
-        nmt("pre-operational"),
-        put_back(timer),
-    )
-
-
-def _by_sync(subject: Subject, pdo: Pdo) -> Iterator[Data]:
-    type_, sent = subject.settable((pdo.index, TRANSMISSION_TYPE)), _sent(pdo)
-    reasons = {
-        "the file has no SYNC (0x1005) with an identifier": subject.model.sync_cob_id is None,
-        "the device sends SYNC itself": bool(subject.number(SYNC) & SYNC_PRODUCER),
-        "the file's SYNC has a counter": bool(subject.number(SYNC_COUNTER)),
-        f"the transmission type of {pdo.title} {NOT_SETTABLE}": type_ is None or not in_limits(type_, 1),
-    }
-    why = subject.why_not_seen(pdo) or next((reason for reason, holds in reasons.items() if holds), "")
-    if why or type_ is None:
-        yield skip(pdo.title, why)
-        return
-    sync = {"name": "SYNC", "send": {"raw": f"{subject.model.sync_cob_id:03X}#"}}
-    yield group(
-        f"{pdo.title} by SYNC",
-        save(type_),
-        write("transmission type 1", address_of(type_), value=1, optional=codes(*NO_SUCH_TYPE)),
-        sync,
-        never("none in PRE-OPERATIONAL", sent, QUIET),
-        nmt("start"),
-        wait("50 ms"),
-        never("none without SYNC", sent, QUIET),
-        {**group("with each SYNC", sync, expect("it comes", sent, SOON)), "repeat": 2},
-        nmt("pre-operational"),
-        put_back(type_),
-    )
-
+TPDO_MAPPING = "3.22 to 3.26, 3.30 to 3.32"
 
 CHAPTER = Chapter(
     "pdo",
     "PDOs",
     (
-        Clause("7.5.2.35", "RPDO communication", _of(PdoDirection.RPDO, _communication), Tier.REVERSIBLE),
-        Clause(
-            "7.5.2.36", "RPDO mapping", _of(PdoDirection.RPDO, _mapping), Tier.REVERSIBLE, "3.22 to 3.24, 3.26, 3.29"
-        ),
-        Clause("7.5.2.37", "TPDO communication", _of(PdoDirection.TPDO, _communication), Tier.REVERSIBLE),
-        Clause(
-            "7.5.2.38", "TPDO mapping", _of(PdoDirection.TPDO, _mapping), Tier.REVERSIBLE, "3.22 to 3.24, 3.26, 3.32"
-        ),
-        Clause("7.5.2.37", "TPDO transmission", _of(PdoDirection.TPDO, _event_timer), Tier.REVERSIBLE, "3.5"),
-        Clause("7.2.2.2", "TPDO transmission", _of(PdoDirection.TPDO, _by_sync), Tier.REVERSIBLE, "3.6"),
+        Clause("7.5.2.35", "RPDOs", _scans(PdoDirection.RPDO), ctt="3.1"),
+        Clause("7.5.2.37", "TPDOs", _scans(PdoDirection.TPDO), ctt="3.2"),
+        Clause("7.5.2.36", "RPDO mapping", each_of(PdoDirection.RPDO, _default_mapping), ctt="3.21"),
+        Clause("7.5.2.38", "TPDO mapping", each_of(PdoDirection.TPDO, _default_mapping), ctt="3.21"),
+        Clause("7.3.5", "RPDO identifier", each_of(PdoDirection.RPDO, _restricted), Tier.REVERSIBLE, "8.10"),
+        Clause("7.3.5", "TPDO identifier", each_of(PdoDirection.TPDO, _restricted), Tier.REVERSIBLE, "8.10"),
+        Clause("7.5.2.35", "RPDO communication", each_of(PdoDirection.RPDO, _communication), Tier.REVERSIBLE),
+        Clause("7.5.2.36", "RPDO mapping", each_of(PdoDirection.RPDO, _mapping), Tier.REVERSIBLE, "3.22 to 3.29, 3.33"),
+        Clause("7.5.2.37", "TPDO communication", each_of(PdoDirection.TPDO, _communication), Tier.REVERSIBLE),
+        Clause("7.5.2.38", "TPDO mapping", each_of(PdoDirection.TPDO, _mapping), Tier.REVERSIBLE, TPDO_MAPPING),
+        *CLAUSES,
     ),
 )

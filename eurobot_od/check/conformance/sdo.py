@@ -17,6 +17,7 @@ from eurobot_od.check.conformance.subject import (
     awake,
     codes,
     expect,
+    fresh,
     group,
     never,
     put_back,
@@ -29,7 +30,8 @@ from eurobot_od.check.conformance.subject import (
 )
 from eurobot_od.check.conformance.writing import Data
 from eurobot_od.od.objects import address_of, data_type, default_bytes
-from eurobot_od.od.standard import DEVICE_TYPE, HEARTBEAT_TIME
+from eurobot_od.od.standard import DEVICE_TYPE, HEARTBEAT_TIME, SDO_ANSWERS, SDO_CLIENTS, SDO_REQUESTS
+from eurobot_od.od.values import SDO_REQUEST_BASE, SDO_RESPONSE_BASE
 from eurobot_od.sdo import wire
 from eurobot_od.sdo.wire import AbortCode, ClientCommand, initiate
 
@@ -48,6 +50,11 @@ NO_SEGMENTS = "the file has no object of more than 4 bytes whose value is known"
 NO_NUMBER = "the file has no number of up to 4 bytes that can be written and whose value is known"
 NO_BLOCKS = (AbortCode.UNKNOWN_COMMAND, AbortCode.UNSUPPORTED_ACCESS)
 """Aborts of a server that has no block transfer."""
+
+
+SDO_SERVERS = range(SDO_REQUESTS[0], SDO_CLIENTS[0])
+SDO_BASES = {SDO_REQUESTS: SDO_REQUEST_BASE, SDO_ANSWERS: SDO_RESPONSE_BASE}
+"""Where the COB-IDs of the first server are, without the node-ID."""
 
 
 def _known(each: ODVariable) -> bool:
@@ -196,6 +203,64 @@ def _unfinished(subject: Subject) -> Iterator[Data]:
     )
 
 
+# Servers
+
+
+def _servers(subject: Subject) -> Iterator[Data]:
+    """Read where each server is; the first has the identifiers of the predefined connection set."""
+    for index in subject.dictionary.members:
+        for found in filter(None, (subject.find((index, sub)) for sub in (1, 2) if index in SDO_SERVERS)):
+            usual = SDO_BASES[address_of(found)] + subject.node_id if address_of(found) in SDO_BASES else None
+            if usual is not None and subject.number(address_of(found)) != usual:
+                yield skip(title(found), f"the file itself has another one than 0x{usual:X}")
+            elif found.readable:
+                data = "any" if usual is None else data_type(found).write(usual).hex(" ").upper()
+                yield read(title(found), address_of(found), data=data)
+    if SDO_REQUESTS[0] not in subject.dictionary.members:
+        yield skip("0x1200", "the file has no SDO server (0x1200)")
+
+
+def _further_servers(subject: Subject) -> Iterator[Data]:
+    """See that further servers have their defaults after a reset of the communication."""
+    further = [each for each in subject.objects if each.index in SDO_SERVERS[1:] and _known(each)]
+    if not further:
+        yield skip("further servers", "the file has no further SDO server (0x1201) with defaults")
+        return
+    seen = (read(title(each), address_of(each), data=_content(each).hex(" ").upper()) for each in further)
+    yield group("further servers after reset communication", *fresh(subject), *seen)
+
+
+# Numbers of blocks
+
+
+def _block_size(subject: Subject) -> Iterator[Data]:
+    """Ask for blocks of one segment more than there are."""
+    size = bytes([wire.BLOCK_SEGMENTS + 1])
+    yield group(
+        "a block of 128 segments is refused",
+        _sent(subject, "128 segments", initiate(ClientCommand.BLOCK_UPLOAD << 5, subject.probe, size)),
+        _aborted(subject, AbortCode.BLOCK_SIZE, AbortCode.GENERAL, *NO_BLOCKS),
+    )
+
+
+def _sequence_number(subject: Subject) -> Iterator[Data]:
+    """Acknowledge more segments than a block can have."""
+    beyond = bytes([wire.BLOCK_SEGMENTS + 1, wire.BLOCK_SEGMENTS])
+    there = read("blocks are there", subject.probe, data="any", transfer="block", optional=codes(*NO_BLOCKS))
+    upload = ClientCommand.BLOCK_UPLOAD << 5
+    yield group(
+        "an acknowledgement of 128 segments is refused",
+        there,
+        _sent(subject, "the first request", initiate(upload, subject.probe, bytes([wire.BLOCK_SEGMENTS]))),
+        expect("it begins", subject.answer(f"C?{'?' * 14}"), WITHIN),
+        _sent(subject, "start", wire.plain(upload | wire.Block.START)),
+        expect("the first segment", subject.answer(f"?1{'?' * 14}"), WITHIN),
+        _sent(subject, "128 segments acknowledged", wire.plain(upload | wire.Block.ACKNOWLEDGE, beyond)),
+        _aborted(subject, AbortCode.SEQUENCE_NUMBER, AbortCode.GENERAL, AbortCode.UNKNOWN_COMMAND),
+        wait("50 ms"),  # what a server without blocks still has to say is no answer to the next request
+    )
+
+
 # Frames
 
 
@@ -215,17 +280,14 @@ def _sent(subject: Subject, name: str, data: bytes) -> Data:
     return {"name": name, **subject.request(data)}
 
 
-def _aborted(subject: Subject, code: AbortCode) -> Data:
-    """Expect an abort; which object it names is open where the request did not name one."""
-    return expect("abort", subject.answer(f"80??????{code.to_bytes(4, 'little').hex().upper()}"), WITHIN)
+def _aborted(subject: Subject, *aborts: AbortCode) -> Data:
+    """Expect one of some aborts; which object it names is open where the request did not name one."""
+    answers = [subject.answer(f"80??????{code.to_bytes(4, 'little').hex().upper()}") for code in aborts]
+    return expect("abort", {"any": answers} if len(answers) > 1 else answers[0], WITHIN)
 
 
 def _multiplexer(each: ODVariable) -> str:
     return f"{each.index & 0xFF:02X}{each.index >> 8:02X}{each.subindex:02X}"
-
-
-def _as_before(each: ODVariable) -> Data:
-    return read("it has its value", address_of(each), data=_content(each).hex(" "))
 
 
 CHAPTER = Chapter(
@@ -239,5 +301,9 @@ CHAPTER = Chapter(
         Clause("7.2.4.3.8", "SDO block download", _block_download, ctt="2.19 to 2.25"),
         Clause("7.2.4.3.17", "SDO abort", _unknown_command, ctt="2.7"),
         Clause("7.2.4.3.17", "SDO abort", _unfinished),
+        Clause("7.2.4.3.12", "SDO block upload", _block_size, ctt="2.26"),
+        Clause("7.2.4.3.13", "SDO block upload", _sequence_number, ctt="2.27"),
+        Clause("7.5.2.33", "SDO server", _servers, ctt="2.12, 2.28"),
+        Clause("7.5.2.33", "SDO server", _further_servers, Tier.REVERSIBLE, "2.29"),
     ),
 )

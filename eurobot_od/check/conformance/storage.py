@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Iterator, Sequence
+from typing import TYPE_CHECKING, NamedTuple
 
 from eurobot_od.check.conformance.subject import (
+    BUSY,
     OUTSIDE,
     Chapter,
     Clause,
@@ -13,6 +14,7 @@ from eurobot_od.check.conformance.subject import (
     Tier,
     awake,
     codes,
+    fresh,
     group,
     nmt,
     put_back,
@@ -23,10 +25,10 @@ from eurobot_od.check.conformance.subject import (
     unchanged,
     write,
 )
-from eurobot_od.check.conformance.writing import Data
+from eurobot_od.check.conformance.writing import Data, hexadecimal
 from eurobot_od.od import standard
 from eurobot_od.od.objects import address_of, data_type, default_of, in_limits
-from eurobot_od.od.values import UNSIGNED32, Address
+from eurobot_od.od.values import NOT_VALID, SDO_REQUEST_BASE, SDO_RESPONSE_BASE, UNSIGNED32, Address, label
 from eurobot_od.sdo.wire import AbortCode
 
 if TYPE_CHECKING:
@@ -81,8 +83,9 @@ def _power_on_values(subject: Subject) -> Iterator[Data]:
 
 
 def _commands(subject: Subject, index: int) -> dict[int, ODVariable]:
-    """Return the sub-indices of 0x1010 or 0x1011 that are the standard's, and take a signature."""
-    found = (each for each in subject.objects if each.index == index and each.subindex in STANDARD_GROUPS)
+    """Return the sub-indices of 0x1010 or 0x1011 that are the standard's, or were named, and take a signature."""
+    own = subject.restore if index == standard.RESTORE else ()
+    found = (each for each in subject.objects if each.index == index and each.subindex in (*STANDARD_GROUPS, *own))
     return {each.subindex: each for each in found if each.writable and data_type(each) is UNSIGNED32}
 
 
@@ -123,6 +126,82 @@ def _stored(subject: Subject) -> Iterator[Data]:
         )
 
 
+def _makers_own(subject: Subject) -> Iterator[Data]:
+    """Restore what the maker has behind the sub-indices that were named."""
+    commands = _commands(subject, standard.RESTORE)
+    for each in (commands[sub] for sub in subject.restore if sub in commands):
+        yield group(f"{title(each)} restored", _signed(each, "restored"), *_power_cycle(subject))
+    if not subject.restore:
+        yield skip("the maker's own sub-indices", "none was named (--restore 4)")
+
+
+# What is kept over a reset
+
+
+class Kept(NamedTuple):
+    """An object, and the value that it is given to be kept."""
+
+    address: Address
+    value: int
+    digits: int = 8
+
+
+def kept_over_reset(subject: Subject, name: str, values: Sequence[Kept], *looks: Data) -> Iterator[Data]:
+    """Give objects values in their order, store them, see after a reset what the last of each was, and restore."""
+    both = (_commands(subject, index) for index in (standard.STORE, standard.RESTORE))
+    store, restore = (each.get(standard.ALL_PARAMETERS) for each in both)
+    lacking = [label(each.address) for each in values if not subject.may_be(each.address, each.value)]
+    if store is None or restore is None or lacking:
+        lack = lacking[0] if lacking else "0x1010:1 or 0x1011:1"
+        yield skip(name, f"the file lacks {lack} that can be written as this wants")
+        return
+    last = {each.address: each for each in values}.values()
+    refused = codes(*BUSY, *OUTSIDE, AbortCode.GENERAL, AbortCode.UNSUPPORTED_ACCESS)
+    yield group(
+        name,
+        *fresh(subject),
+        *(_given(each, optional=refused) for each in values),
+        _signed(store, "stored"),
+        *fresh(subject),
+        *(read(f"{label(each.address)} is kept", each.address, expect=each.value) for each in last),
+        *looks,
+        _signed(restore, "restored"),
+        *_power_cycle(subject),
+        *(_back(subject, each) for each in last),
+    )
+
+
+def _given(each: Kept, **more: object) -> Data:
+    value = hexadecimal(each.value, each.digits)
+    return write(f"{label(each.address)} is {value}", each.address, value=value, **more)
+
+
+def _back(subject: Subject, each: Kept) -> Data:
+    return read(f"{label(each.address)} has its default", each.address, expect=subject.number(each.address))
+
+
+def _clients(subject: Subject) -> Iterator[Data]:
+    """Store the identifiers of the first SDO client, not valid ones."""
+    index = next((each for each in standard.SDO_CLIENTS if each in subject.dictionary.members), None)
+    if index is None:
+        yield skip("SDO client", "the file has no SDO client (0x1280)")
+        return
+    bases = (SDO_REQUEST_BASE, SDO_RESPONSE_BASE)
+    values = [Kept((index, sub), NOT_VALID | base + subject.another) for sub, base in enumerate(bases, start=1)]
+    yield from kept_over_reset(subject, f"0x{index:04X}", values)
+
+
+def _verified(subject: Subject) -> Iterator[Data]:
+    """Store the date of the configuration, and see that a change of the configuration clears it (7.5.2.23)."""
+    date, time = standard.VERIFY_CONFIGURATION
+    shown, looks = _shown_by(subject), []
+    if shown is not None:
+        changed = write(f"{title(shown)} is changed", address_of(shown), value=_other(shown))
+        looks = [changed, *(read(f"{label(each)} is 0 again", each, data="00 00 00 00") for each in (date, time))]
+    values = [Kept(date, 9000), Kept(time, 36_000_000)]
+    yield from kept_over_reset(subject, "date and time of the configuration", values, *looks)
+
+
 def _signed(each: ODVariable, name: str) -> Data:
     # As bytes: the limits that a file may give a command say nothing of its signature.
     return {**write(name, address_of(each), data=standard.SIGNATURES[each.index].hex(" ")), "within": "10 s"}
@@ -142,5 +221,8 @@ CHAPTER = Chapter(
         Clause("7.5.2.13", "Store", _signatures(standard.STORE), Tier.DESTRUCTIVE, "8.1, 8.3, 8.5, 8.7"),
         Clause("7.5.2.14", "Restore", _signatures(standard.RESTORE), Tier.DESTRUCTIVE, "8.2, 8.4, 8.6, 8.8"),
         Clause("7.5.2.13", "Store", _stored, Tier.DESTRUCTIVE, "8.1, 8.2"),
+        Clause("7.5.2.13", "Store", _clients, Tier.DESTRUCTIVE, "2.30"),
+        Clause("7.5.2.23", "Verify configuration", _verified, Tier.DESTRUCTIVE, "8.9"),
+        Clause("7.5.2.14", "Restore", _makers_own, Tier.DESTRUCTIVE),
     ),
 )

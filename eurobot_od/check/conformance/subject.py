@@ -9,13 +9,15 @@ from enum import IntEnum
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
+from eurobot_od.check.conformance.naming import StepName
 from eurobot_od.check.conformance.writing import Data, hexadecimal, object_at, shown
 from eurobot_od.device.device import Device
+from eurobot_od.device.heartbeat import split
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.objects import address_of, data_type, in_limits, members
 from eurobot_od.od.pdos import Pdo
-from eurobot_od.od.standard import DEVICE_TYPE
-from eurobot_od.od.values import Address, label
+from eurobot_od.od.standard import CONSUMED_HEARTBEATS, DEVICE_TYPE, EMCY, EMCY_INHIBIT_TIME
+from eurobot_od.od.values import MOST_SUBS, NODE_IDS, Address, base_identifier, label
 from eurobot_od.sdo.wire import AbortCode, ClientCommand, initiate
 
 if TYPE_CHECKING:
@@ -24,6 +26,11 @@ if TYPE_CHECKING:
 
 BUSY = (AbortCode.NOT_TRANSFERRED, AbortCode.LOCAL_CONTROL, AbortCode.STATE)
 """Aborts by which a device says that it will not take a value now (CiA 301, Table 22: 0x0800002x)."""
+
+NO_EMCY = "the file has no valid EMCY (0x1014)"
+
+LONGEST_INHIBIT = 1000
+"""The longest time between two EMCY for which a step waits, in 100 us."""
 
 BOOT_TIME = "10 s"
 """How long a device may take from a reset to its boot-up, and to its first SDO answer; the standard names no time."""
@@ -56,11 +63,15 @@ class Tier(IntEnum):
 
 @dataclass(frozen=True)
 class Subject:
-    """The device under test, up to which `tier` it may be asked, and `only` which indices are looked at one by one."""
+    """The device under test, up to which `tier` it may be asked, and `only` which indices are looked at one by one.
+
+    `restore` are the sub-indices of 0x1011 behind which there is something of the maker's, and which may be written.
+    """
 
     dictionary: Dictionary
     tier: Tier = Tier.READING
     only: range = range(0x10000)
+    restore: tuple[int, ...] = ()
 
     @property
     def node_id(self) -> int:
@@ -121,6 +132,32 @@ class Subject:
         """Return the number that a variable has after power-on, 0 without one."""
         return self.model.objects.raw(address)
 
+    @property
+    def another(self) -> int:
+        """A node-ID that neither the device has nor its file watches: the tester plays that node."""
+        watched = {split(self.number((CONSUMED_HEARTBEATS, sub)))[0] for sub in range(1, MOST_SUBS + 1)}
+        return next(each for each in reversed(NODE_IDS) if each != self.node_id and each not in watched)
+
+    def may_be(self, address: Address, value: int) -> bool:
+        """Whether an object can be written, given its default again, and may have a value meanwhile."""
+        found = self.settable(address)
+        return found is not None and in_limits(found, value)
+
+    # Emergencies
+
+    @property
+    def has_emcy(self) -> bool:
+        """Whether the file gives EMCY an identifier: reports find it only there."""
+        return base_identifier(self.dictionary.default(EMCY)) is not None
+
+    @property
+    def why_no_emcy(self) -> str:
+        """Say why no EMCY can be waited for; nothing if one can."""
+        if not self.has_emcy:
+            return NO_EMCY
+        late = self.number(EMCY_INHIBIT_TIME) > LONGEST_INHIBIT
+        return f"the file's EMCY may be {LONGEST_INHIBIT // 10} ms apart and more (0x1015)" if late else ""
+
     # Frames of its SDO server
 
     def request(self, data: bytes) -> Data:
@@ -150,10 +187,10 @@ class Clause(NamedTuple):
 
     def named(self, subject: Subject) -> Iterator[Data]:
         """Give the steps, each with a name that begins with the clause and ends with tier and CTT number."""
-        note = f"[{self.tier.word}, CTT {self.ctt}]" if self.ctt else f"[{self.tier.word}]"
         allowed = self.tier <= subject.tier
         for step in self.steps(subject) if allowed else [skip("not done", f"only with --{self.tier.word}")]:
-            yield {**step, "name": f"{self.number} {self.topic}: {step['name']} {note}"}
+            name = StepName(self.number, self.topic, step["name"], self.tier.word, self.ctt)
+            yield {**step, "name": str(name)}
 
 
 class Chapter(NamedTuple):
@@ -196,17 +233,17 @@ PRESENT = "{present}"
 """The value kept: of an integer the number, of anything else the bytes, every one of which has to come back."""
 
 
-def save(variable: ODVariable) -> Data:
+def save(variable: ODVariable, kept: str = "present") -> Data:
     """Keep an object's present value; one that has none now cannot be looked at."""
     as_bytes = {} if data_type(variable).is_integer else {"data": "any"}
     none_now = codes(AbortCode.NO_DATA)
-    return read("its present value", address_of(variable), **as_bytes, save="present", optional=none_now)
+    return read("its present value", address_of(variable), **as_bytes, save=kept, optional=none_now)
 
 
-def put_back(variable: ODVariable, **more: object) -> Data:
+def put_back(variable: ODVariable, kept: str = "present", **more: object) -> Data:
     """Give an object the value kept."""
     key = "value" if data_type(variable).is_integer else "data"
-    return write("put back", address_of(variable), **{key: PRESENT}, **more)
+    return write("put back", address_of(variable), **{key: f"{{{kept}}}"}, **more)
 
 
 def unchanged(variable: ODVariable, name: str = "nothing has changed", **more: object) -> Data:
@@ -242,6 +279,28 @@ def expect(name: str, pattern: object, within: str) -> Data:
 def never(name: str, pattern: object, span: str) -> Data:
     """See that a frame does not come."""
     return {"name": name, "never": pattern, "for": span}
+
+
+def sent(name: str, cob_id: int, data: bytes = b"") -> Data:
+    """Send a frame as it is."""
+    return {"name": name, "send": {"raw": f"{cob_id:03X}#{data.hex().upper()}"}}
+
+
+def remote(cob_id: int, length: int = 1) -> Data:
+    """Send a remote frame, with the length of what it asks for in bytes."""
+    return {"name": f"remote frame 0x{cob_id:03X}", "send": {"raw": f"{cob_id:03X}#R{length}"}}
+
+
+def emcy(name: str, code: int) -> Data:
+    """Wait for an EMCY."""
+    return {"name": name, "emcy": hexadecimal(code), "within": "2 s"}
+
+
+def fresh(subject: Subject) -> Iterator[Data]:
+    """Give the communication the values of power-on, and wait until the device is in PRE-OPERATIONAL."""
+    yield nmt("reset communication")
+    yield awake(subject)
+    yield nmt("pre-operational")
 
 
 def awake(subject: Subject, name: str = "answers an SDO request") -> Data:

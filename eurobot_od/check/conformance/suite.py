@@ -2,22 +2,34 @@
 
 from __future__ import annotations
 
-from eurobot_od.check.conformance import emcy, nmt, objects, pdo, sdo, storage
+from collections.abc import Sequence
+
+from eurobot_od.check.conformance import emcy, error_control, nmt, objects, pdo, sdo, storage, sync
 from eurobot_od.check.conformance.subject import Chapter, Subject, Tier, awake
 from eurobot_od.check.conformance.subject import nmt as command
 from eurobot_od.check.conformance.writing import Data, documents
 from eurobot_od.check.format import VERSION
+from eurobot_od.errors import LocalError
 from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.standard import RESTORE
+from eurobot_od.od.values import label
 
-CHAPTERS = (nmt.CHAPTER, objects.CHAPTER, sdo.CHAPTER, pdo.CHAPTER, emcy.CHAPTER, storage.CHAPTER)
+CHAPTERS = tuple(each.CHAPTER for each in (nmt, objects, sdo, storage, pdo, emcy, error_control, sync))
 """The suites, in the order in which they are run: what the later ones rely on comes first."""
 
 TAG = "conformance"
 
 
-def text(dictionary: Dictionary, tier: Tier = Tier.READING) -> str:
-    """Return the conformance suites of a device, one for each chapter, with the steps up to a tier."""
-    subject = Subject(dictionary, tier)
+def text(dictionary: Dictionary, tier: Tier = Tier.READING, restore: Sequence[int] = ()) -> str:
+    """Return the conformance suites of a device, one for each chapter, with the steps up to a tier.
+
+    `restore` names sub-indices of 0x1011 that are the maker's own; raises LocalError for one that the file lacks.
+    """
+    for each in restore:
+        found = dictionary.variable((RESTORE, each))
+        if found is None or not found.writable:
+            raise LocalError(f"{dictionary.file} has no {label((RESTORE, each))} that can be written")
+    subject = Subject(dictionary, tier, restore=tuple(restore))
     return documents(_suite(subject, chapter) for chapter in CHAPTERS)
 
 

@@ -22,6 +22,11 @@ SAMPLES = Path(__file__).parents[2] / "lint" / "samples"
 MODULE = SAMPLES / "clean.eds"
 """A device with everything that a suite looks at but write-only objects."""
 
+MAKERS = Path(__file__).parent / "makers"
+"""Files in the style of makers, of no device that there is: guarding, SYNC, little else."""
+
+IO_MODULE, AXIS_DRIVE = MAKERS / "io-module.eds", MAKERS / "axis-drive.eds"
+
 NODE_ID = 5
 
 
@@ -50,6 +55,12 @@ def steps(
     run = partial(run_simulated, options=RunOptions(keep_going), make_nodes=of_kind(kind))
     for each in suites(file, tier=tier):
         yield from run(each).steps
+
+
+@cache
+def asked_for_everything(file: Path) -> list[StepResult]:
+    """Run all suites of a file up to the destructive ones, once for all tests."""
+    return list(steps(file, tier=Tier.DESTRUCTIVE))
 
 
 def run_all(dictionary: Dictionary, *, tier: Tier = Tier.REVERSIBLE) -> list[StepResult]:

@@ -15,24 +15,41 @@ from eurobot_od.check.conformance.subject import Tier
 from eurobot_od.check.results import Status, SuitePart
 from eurobot_od.check.runner import RunOptions
 from eurobot_od.check.simulated import NodeUnderTest, run_simulated
-from eurobot_od.check.suite import Nmt, SdoWrite, Step, Suite
+from eurobot_od.check.suite import Nmt, SdoRead, SdoWrite, Step, Suite
 from eurobot_od.device.nmt import NmtCommand
 from eurobot_od.device.simulated import SimulatedDevice
+from eurobot_od.errors import LocalError
 from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.objects import address_of
 from eurobot_od.od.values import SDO_REQUEST_BASE, SDO_RESPONSE_BASE, Address, Value
 from eurobot_od.robot import dialects
-from tests.check.conformance.devices import MODULE, NODE_ID, SAMPLES, steps, suites
+from tests.check.conformance.devices import (
+    AXIS_DRIVE,
+    IO_MODULE,
+    MAKERS,
+    MODULE,
+    NODE_ID,
+    SAMPLES,
+    asked_for_everything,
+    steps,
+    suites,
+)
 from tests.eds_text import DEVICE_TYPE, record
 
 FILES = [each for each in sorted(SAMPLES.iterdir()) if not each.name.startswith("broken_by_hand")]
+MADE = sorted(MAKERS.glob("*.eds"))
 CLAUSE = re.compile(r"7\.\d(\.\d+)* [A-Z]")
 
 
 @pytest.mark.parametrize("file", FILES, ids=lambda file: file.name)
 def test_no_step_is_red_on_a_device_that_is_its_file(file: Path) -> None:
     assert [each.name for each in steps(file) if each.status is Status.FAILED] == []
+
+
+@pytest.mark.parametrize("file", MADE, ids=lambda file: file.stem)
+def test_nor_on_a_makers_device_with_everything_that_may_be_asked(file: Path) -> None:
+    assert [each.name for each in asked_for_everything(file) if each.status is Status.FAILED] == []
 
 
 def test_nor_on_a_node_that_acts_on_what_is_written() -> None:
@@ -53,7 +70,7 @@ ASKED = [
     "7.5.2.4 Error history: 0 clears it [destructive]: 0 is written",
     "7.3.2.2.3 Values: 0x1017:0 Producer heartbeat time after reset [reversible, CTT 9.1]: what was not stored is gone",
     "7.5.2.4 Error history: 0 clears it [destructive]: no error is left",
-    "7.5.2.37 TPDO transmission: TPDO 1 by its event timer [reversible, CTT 3.5]: none in PRE-OPERATIONAL",
+    "7.5.2.37 TPDO transmission: TPDO 1 by event timer [reversible, CTT 3.4, 3.5]: none in PRE-OPERATIONAL",
     "7.5.2.21 Identity: 0x1018:1 Vendor-ID [reading]",
     "7.5.2.35 RPDO communication: RPDO 2 keeps its identifier [reversible]: another identifier while it is valid",
     "7.5.2.37 TPDO communication: TPDO 1 keeps its inhibit time [reversible]: nothing has changed",
@@ -61,9 +78,26 @@ ASKED = [
 
 
 def test_a_device_with_everything_is_asked_for_everything() -> None:
-    passed = [each.name for each in steps(MODULE, tier=Tier.DESTRUCTIVE) if each.status is Status.PASSED]
+    passed = [each.name for each in asked_for_everything(MODULE) if each.status is Status.PASSED]
     assert [each for each in ASKED if each not in passed] == []
     assert sum("changed in order, and not otherwise [" in each for each in passed) >= 4
+
+
+ASKED_OF_MAKERS = [
+    # a file, and a step that only such a device can be asked
+    (IO_MODULE, "TPDO 1 and TPDO 2 by remote frame [reversible, CTT 3.15]: it comes"),
+    (IO_MODULE, "TPDO 1 and TPDO 2 by event timer [reversible, CTT 3.10, 3.11, 3.16, 3.17]: none in STOPPED"),
+    (IO_MODULE, "0x2000:0 Password [reading, CTT 2.4, 4.4]"),
+    (AXIS_DRIVE, "TPDO 1 and TPDO 2 from SYNC 3 on [destructive, CTT 3.14, 3.20]: it comes"),
+    (AXIS_DRIVE, "further servers after reset communication [reversible, CTT 2.29]: 0x1201:1 COB-ID client to server"),
+    (AXIS_DRIVE, "0x1280 [destructive, CTT 2.30]: 0x1280:1 is kept"),
+]
+
+
+@pytest.mark.parametrize(("file", "step"), ASKED_OF_MAKERS)
+def test_a_makers_device_is_asked_for_what_it_has(file: Path, step: str) -> None:
+    passed = [each.name for each in asked_for_everything(file) if each.status is Status.PASSED]
+    assert any(each.endswith(step) for each in passed)
 
 
 LACKING = [
@@ -99,6 +133,22 @@ def test_an_identity_without_a_default_is_that_of_the_device_info() -> None:
 
 def test_of_a_device_without_a_number_that_may_be_written_none_is_written() -> None:
     assert NO_NUMBER in made()
+
+
+def test_what_the_object_flags_exclude_is_not_touched() -> None:
+    done = [step.action for each in suites(AXIS_DRIVE, tier=Tier.DESTRUCTIVE) for step in all_steps(each)]
+    touched = {address_of(each.variable) for each in done if isinstance(each, (SdoRead, SdoWrite))}
+    assert (0x2100, 0) in touched
+    assert (0x2101, 0) not in touched
+
+
+def test_the_makers_own_defaults_are_restored_only_by_their_number() -> None:
+    dictionary = Dictionary.load(AXIS_DRIVE, NODE_ID)
+    written = re.compile(r'write: "0x1011:4", data: "6c 6f 61 64"')
+    assert not written.search(suite.text(dictionary, Tier.DESTRUCTIVE))
+    assert written.search(suite.text(dictionary, Tier.DESTRUCTIVE, [4]))
+    with pytest.raises(LocalError, match="has no 0x1011:9 that can be written"):
+        suite.text(dictionary, Tier.DESTRUCTIVE, [9])
 
 
 def test_a_step_is_named_once_within_its_suite() -> None:
@@ -185,7 +235,7 @@ def test_a_run_proves_itself_that_all_is_as_it_was(tier: Tier) -> None:
 
 
 def test_a_destructive_suite_is_green_and_leaves_the_defaults() -> None:
-    done = list(steps(MODULE, tier=Tier.DESTRUCTIVE))
+    done = asked_for_everything(MODULE)
     assert [each.name for each in done if each.status is Status.FAILED] == []
     assert any("stored and restored" in each.name and each.name.endswith(": the default is back") for each in done)
     assert any(each.name.startswith("7.4.5 Writable: 0x2006:0 Enabled: another value") for each in done)
