@@ -7,19 +7,25 @@ be *noticed* by somebody who says so, and afterwards everything has to be *recov
 another goto is confirmed.
 
 Numbered frames tell what is lost. Each process has to have received every number that was sent, or else: it was not
-running, its bus was away and it said so, or it has counted at least so many frames as lost (the counters are of frames
-of any kind). What is none of that is *uncounted*. What cannot be known: what a process has received in the last half
-second before SIGKILL took its count along, which counts as "not running" here; and what was on its way within the
-operating system when a server ended, which counts as "bus away", as does the second before and after.
+running, its bus was away and it said so, or it counted as many lost frames within the last seconds (its counters are of
+frames of any kind, so what it counted long ago excuses nothing). What is none of that is *uncounted*. What cannot be
+known: what a process received in the last half second before SIGKILL took its count along, which counts as "not
+running" here; and what was on its way within the operating system when a server ended, which counts as "bus away", as
+does the second before and after.
 
-Memory, threads and file descriptors are read from /proc, once a process has settled, and at its end.
+Memory, threads and file descriptors are read from /proc, once a process has settled, and at its end; memory is judged
+by the bytes for each numbered frame in between.
 
 The exit status is 1 if something was not noticed, not recovered, uncounted, or has grown.
+
+`--self-test` runs it with nodes that are broken on purpose, see `soak_node.BROKEN`: each has to be called wrong. Then
+the exit status is 1 if one was not.
 """
 
 from __future__ import annotations
 
 import argparse
+import configparser
 import platform
 import random
 import re
@@ -29,12 +35,13 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack, suppress
+from dataclasses import dataclass
 from functools import partial
 from itertools import takewhile
 from pathlib import Path
-from typing import ClassVar, NamedTuple
+from typing import ClassVar, NamedTuple, cast
 
 import can
 import frame_fuzz
@@ -89,8 +96,14 @@ SETTLED = 5.0
 MARGIN = 1.0
 """Seconds before and after a gap in which its frames may be lost, too: a server's queues, and the printing of lines."""
 
-MEMORY_GROWTH = 16_384
-"""KiB that a process may grow: its allocator's whims, and what the monitor's table takes."""
+LEAK = 512
+"""Bytes for each numbered frame that a process may grow: the monitor's table takes about 120."""
+
+ARENA = 2048
+"""KiB that a process may grow whatever it has received: the allocator takes memory in pieces."""
+
+CREDIT = 5.0
+"""Seconds for which a counted loss explains missing numbers: a full queue takes some to reach the number behind it."""
 
 SETTING = (0x2101, 1)
 """Navigation: Position deviation, UNSIGNED16, which is stored again and again."""
@@ -117,48 +130,93 @@ class Usage(NamedTuple):
 
 
 class Life(NamedTuple):
-    """What a process had when it had settled, and when it ended."""
+    """What a process had when it had settled, and when it ended, and how many numbered frames were sent in between."""
 
     begin: Usage
     end: Usage
+    frames: int
+
+    def __str__(self) -> str:
+        changes = (f"{name} {a} to {b}" for name, a, b in zip(Usage._fields, self.begin, self.end) if b > a)
+        return f"{', '.join(changes)} in {self.frames} frames"
 
     @property
     def has_grown(self) -> bool:
-        """Whether it holds more threads or descriptors, or much more memory."""
-        more = self.end.memory > self.begin.memory + MEMORY_GROWTH
+        """Whether it holds more threads or descriptors, or more memory for each frame than what is remembered takes."""
+        more = self.end.memory > self.begin.memory + ARENA + self.frames * LEAK / 1024
         return more or self.end.threads > self.begin.threads or self.end.descriptors > self.begin.descriptors
+
+
+@dataclass
+class Loss:
+    """Numbers that did not come while a process ran, and how many lost frames it has counted for them."""
+
+    numbers: range
+    counted: int = 0
+
+
+class Losses:
+    """What a process lacks beside what it counts, each loss with its share of the frames counted around its time."""
+
+    def __init__(self) -> None:
+        self.all: list[Loss] = []
+        self._open: list[tuple[float, Loss]] = []
+        self._credit: list[tuple[float, int]] = []
+
+    def miss(self, numbers: range, now: float) -> None:
+        """Note numbers that did not come."""
+        self.all.append(loss := Loss(numbers))
+        self._open.append((now, loss))
+        self._settle(now)
+
+    def count(self, frames: int, now: float) -> None:
+        """Note that the process has counted so many more lost frames."""
+        if frames > 0:
+            self._credit.append((now, frames))
+            self._settle(now)
+
+    def _settle(self, now: float) -> None:
+        """Let what was counted stand for what is missing, the oldest first; what is older than CREDIT is over."""
+        self._open = [(at, loss) for at, loss in self._open if now - at <= CREDIT]
+        credit = sum(frames for at, frames in self._credit if now - at <= CREDIT)
+        for _, loss in self._open:
+            taken = min(credit, len(loss.numbers) - loss.counted)
+            loss.counted, credit = loss.counted + taken, credit - taken
+        self._open = [(at, loss) for at, loss in self._open if loss.counted < len(loss.numbers)]
+        self._credit = [(self._credit[-1][0], credit)] if self._credit and credit else []
 
 
 class Role:
     """A process that may end and be started again; what it has said, which numbers it lacks, and how it has lived.
 
-    `away` are the times, in seconds, between which its bus was gone; `lost` the ranges of numbers that did not come
-    while it ran, `before` those that were sent while it did not.
+    `away` are the times, in seconds, between which its bus was gone; `losses` the numbers that did not come while it
+    ran, `before` those that were sent before the first that it saw, and `pauses` the times between which it was not up.
     """
 
     def __init__(self, name: str, *command: str) -> None:
         self.name, self._command = name, command
         self.said: list[tuple[float, str]] = []
         self.away: list[list[float]] = []
-        self.lost: list[range] = []
+        self.losses = Losses()
         self.before: list[range] = []
+        self.pauses: list[list[float]] = [[0.0, float("inf")]]
         self.lives: list[Life] = []
-        self.counted = 0
-        self._counted_now = 0
+        self._counted = 0
         self.last: int | None = None
         self._watched = Numbers(self._miss)
         self.start()
 
     def start(self) -> None:
         """Start the process; what is noted of its lines has to be there before its first one."""
-        self._begin: Usage | None = None
+        self._begin: tuple[Usage, int] | None = None
         self._up: float | None = None
+        self._counted = 0
         self.program = Program(*self._command, took=self._take)
 
     def kill(self) -> None:
-        """End it by SIGKILL; what it has counted is kept."""
+        """End it by SIGKILL."""
+        self.pauses.append([time.monotonic() - MARGIN, float("inf")])
         self.program.kill()
-        self.counted, self._counted_now = self.counted + self._counted_now, 0
 
     def interrupt(self) -> None:
         """End it as Ctrl-C does: the monitor tells all that it has counted only then."""
@@ -185,15 +243,14 @@ class Role:
             self.said.append((time.monotonic(), line))
 
     def _count(self, last: str, overflow: str, missed: str) -> None:
-        self._counted_now = int(overflow) + int(missed)
+        self._note_lost(int(overflow) + int(missed))
         if last != "None":
             self._saw(int(last))
 
     def _saw(self, number: int) -> None:
         if self._up is None:
             self._up = time.monotonic()
-            if self.last is not None and number > self.last + 1:
-                self.before.append(range(self.last + 1, number))
+            self.before.append(range(0 if self.last is None else self.last + 1, number))
         self.last = number
 
     def _report_missing(self, first: str, last: str) -> None:
@@ -201,14 +258,21 @@ class Role:
         self._miss(int(first), int(last))
 
     def _miss(self, first: int, last: int) -> None:
-        self.lost.append(range(first, last + 1))
+        self.losses.miss(range(first, last + 1), time.monotonic())
 
     def _watch(self, number: str) -> None:
         self._watched.take(bytes.fromhex(number))
         self._saw(int.from_bytes(bytes.fromhex(number), "little"))
 
     def _note_overflow(self, frames: str) -> None:
-        self._counted_now = max(self._counted_now, int(frames))
+        self._note_lost(int(frames))
+
+    def _note_lost(self, counted: int) -> None:
+        self.losses.count(counted - self._counted, time.monotonic())
+        self._counted = max(self._counted, counted)
+
+    def _come_up(self) -> None:
+        self.pauses[-1][1] = time.monotonic() + MARGIN
 
     def _lose_bus(self) -> None:
         self.away.append([time.monotonic() - MARGIN, float("inf")])
@@ -220,6 +284,7 @@ class Role:
     LINES: ClassVar[tuple[tuple[re.Pattern[str], Callable[..., None]], ...]] = (
         (re.compile(r"^last (\w+), overflow (\d+), missed (\d+)$"), _count),
         (re.compile(r"^numbers (\d+)\.\.(\d+) missing$"), _report_missing),
+        (re.compile(r"^on the bus$"), _come_up),
         (re.compile(rf"{NUMBERED:03X}#([0-9A-F]{{8}})"), _watch),
         (re.compile(r"(\d+) frames have found no room"), _note_overflow),
         (re.compile(r"it is opened again"), _lose_bus),
@@ -232,13 +297,14 @@ class Role:
         """Note what it has, if it has settled just now."""
         if self._begin is None and self._up is not None and time.monotonic() - self._up >= SETTLED:
             with suppress(OSError):
-                self._begin = Usage.of(self.program.popen.pid)
+                self._begin = Usage.of(self.program.popen.pid), self.last or 0
 
     def note_life(self) -> None:
         """Note what it has at its end, if it has lived long enough to have settled."""
         if self._begin is not None:
+            usage, number = self._begin
             with suppress(OSError, KeyError):
-                self.lives.append(Life(self._begin, Usage.of(self.program.popen.pid)))
+                self.lives.append(Life(usage, Usage.of(self.program.popen.pid), (self.last or 0) - number))
 
 
 class Remote:
@@ -308,18 +374,21 @@ Condition = Callable[[], bool]
 class Soak:
     """The processes on their bus, and what was done to them."""
 
-    def __init__(self, transport: Remote | SocketCan, seed: int, folder: Path) -> None:
-        self.transport, self.dice = transport, random.Random(seed)
+    def __init__(
+        self, transport: Remote | SocketCan, seed: int, folder: Path, broken: str = "", only: Sequence[str] = ()
+    ) -> None:
+        self.transport, self.dice, self._only = transport, random.Random(seed), only
         self.told: list[Told] = []
         self.wrong: list[str] = []
         self.sent_at: list[float] = []
         self._heard: dict[int, Heard] = {}
         self._emergencies: list[tuple[float, str, bytes]] = []
-        self._stored: list[object] = [dialects.load("navigation").default(SETTING)]
+        self._folder = folder
+        self._stored = self._default = cast(int, dialects.load("navigation").default(SETTING))
         node = (sys.executable, str(Path(__file__).with_name("soak_node.py")))
         monitor = (sys.executable, "-m", "eurobot_od", "monitor", "--plain")
         interface, channel = transport.bus
-        self.roles = {name: Role(name, *node, name, interface, channel, str(folder)) for name in ROLES}
+        self.roles = {name: Role(name, *node, name, interface, channel, str(folder), broken) for name in ROLES}
         self.monitor = Role("monitor", *monitor, "-i", interface, "-c", channel)
         self.opener = partial(open_bus, interface, channel)
         gatekeeper = Gatekeeper(PROTOCOL)
@@ -395,12 +464,12 @@ class Soak:
         yield self.goes_on()
 
     def freeze(self, name: str) -> Iterator[Condition]:
-        """Freeze a node for some seconds: the others notice, and it says so when it wakes."""
-        since = time.monotonic()
+        """Freeze a node for some seconds: another one notices, and it says so itself when it wakes."""
+        noticed, since = self.emergency("drive" if name == "core" else "core", HEARTBEAT_LOST), time.monotonic()
         self.roles[name].program.signal(signal.SIGSTOP)
         self.wait(lambda: False, FROZEN)
         self.roles[name].program.signal(signal.SIGCONT)
-        yield lambda: self.roles[name].has_said("stood still", since)
+        yield lambda: noticed() and self.roles[name].has_said("stood still", since)
         yield self.goes_on()
 
     def lose_bus(self) -> Iterator[Condition]:
@@ -445,27 +514,40 @@ class Soak:
         yield self.goes_on()
 
     def store(self) -> Iterator[Condition]:
-        """Have navigation store a setting, kill it meanwhile, and see that it has the old value or the new one."""
+        """Have navigation store a setting, and kill it: its file has the new value if it said so, else either one."""
         navigation = self.roles["navigation"]
         navigation.note_life()  # not in the midst of it: it has files open then
-        value = self.dice.randrange(1, 1 << 16)
-        self._stored.append(value)
+        value, waits = self.dice.randrange(1, 1 << 16), self.dice.random() < 0.5
+        allowed = [value] if waits else [self._stored, value]
         with Master(self.opener(), answer_wait=PATIENCE / 4) as master:
             node = master.node(NODE_IDS["navigation"])
             node.download(SETTING, value.to_bytes(2, "little"))
-            request = bytes([0x23, *STORE.to_bytes(2, "little"), 1]) + SIGNATURES[STORE]
-            master.send(REQUEST + node.node_id, request)
-            time.sleep(self.dice.uniform(0.0, 0.03))
+            if waits:
+                node.download((STORE, 1), SIGNATURES[STORE])
+            else:
+                request = bytes([0x23, *STORE.to_bytes(2, "little"), 1]) + SIGNATURES[STORE]
+                master.send(REQUEST + node.node_id, request)
+                time.sleep(self.dice.uniform(0.0, 0.03))
             since = time.monotonic()
             navigation.kill()
+            self._stored = self._value_in_file()
             navigation.start()
             yield lambda: self._heard[HEARTBEAT + NODE_IDS["navigation"]].time > since
             master.drain()
             found = int.from_bytes(node.upload(SETTING), "little")
-        if found not in self._stored[-2:]:
-            self.wrong.append(f"navigation has {found} stored, neither {self._stored[-2]} nor {self._stored[-1]}")
-        self._stored = [found]
+        if self._stored not in allowed:
+            self.wrong.append(f"navigation's file has {self._stored}, not {' or '.join(map(str, allowed))}")
+        if found != self._stored:
+            self.wrong.append(f"navigation has {found}, its file {self._stored}")
         yield self.goes_on()
+
+    def _value_in_file(self) -> int:
+        """Read the setting as anybody reads a DCF, not with what wrote it."""
+        stored = configparser.ConfigParser()
+        stored.read(self._folder / "navigation.dcf", encoding="latin-1")
+        section = f"{SETTING[0]:04x}sub{SETTING[1]:x}"
+        text = {name.lower(): stored[name] for name in stored}.get(section, {}).get("parametervalue")
+        return int(text, 0) if text else self._default
 
     def faults(self) -> dict[str, Callable[[], Iterator[Condition]]]:
         """Return all faults by their names in the report."""
@@ -492,8 +574,9 @@ class Soak:
             if not self.wait(self.goes_on()):
                 self.wrong.append("the nodes have not started up")
             deck: list[str] = []
+            kinds = sorted(self._only or self.faults())
             while time.monotonic() < begun + seconds and not self.wrong:
-                deck = deck or self.dice.sample(sorted(self.faults()), len(self.faults()))
+                deck = deck or self.dice.sample(kinds, len(kinds))
                 self._inject(deck.pop())
                 self.wait(lambda: False, self.dice.uniform(0.2, 2.0))
             self.wait(lambda: all(role.last == len(self.sent_at) - 1 for role in self.everybody), SETTLED)
@@ -525,20 +608,27 @@ class Soak:
 
     def lost(self, role: Role) -> Lost:
         """Say of which numbers a role knows what became of them."""
-        missing = [number for each in role.lost for number in each if number < len(self.sent_at)]
-        away = [n for n in missing if any(begin <= self.sent_at[n] <= end for begin, end in role.away)]
-        not_running = sum(map(len, role.before))
-        counted = len(missing) - len(away)
-        uncounted = max(counted - role.counted, 0)
-        received = len(self.sent_at) - not_running - len(missing)
-        return Lost(received, not_running, len(away), counted - uncounted, uncounted)
+        away = counted = uncounted = 0
+        for loss in role.losses.all:
+            excused = self._sent_within(loss.numbers, role.away)
+            missing = len(loss.numbers) - excused
+            away, counted = away + excused, counted + min(missing, loss.counted)
+            uncounted += max(missing - loss.counted, 0)
+        not_running = sum(self._sent_within(each, [*role.pauses, *role.away]) for each in role.before)
+        uncounted += sum(map(len, role.before)) - not_running
+        received = len(self.sent_at) - not_running - away - counted - uncounted
+        return Lost(received, not_running, away, counted, uncounted)
+
+    def _sent_within(self, numbers: range, times: Iterable[Sequence[float]]) -> int:
+        return sum(any(begin <= self.sent_at[number] <= end for begin, end in times) for number in numbers)
 
     def complaints(self) -> list[str]:
         """Say what is wrong."""
         found = [f"{each.kind}: not noticed" for each in self.told if each.noticed is None]
         found += [f"{each.kind}: not recovered" for each in self.told if each.recovered is None]
         found += [f"{role.name}: {lost} frames uncounted" for role in self.everybody if (lost := self.lost(role)[-1])]
-        found += [f"{role.name}: has grown" for role in self.everybody if any(life.has_grown for life in role.lives)]
+        grown = ((role.name, life) for role in self.everybody for life in role.lives if life.has_grown)
+        found += [f"{name}: has grown: {life}" for name, life in grown]
         return [*self.wrong, *found]
 
 
@@ -574,13 +664,14 @@ def report(soak: Soak, command: str, seconds: float) -> Iterator[str]:
     for role in soak.everybody:
         yield f"| {role.name} | {' | '.join(map(str, soak.lost(role)))} |"
     yield ""
-    yield "| process | lives | memory, KiB | threads | file descriptors |"
-    yield "|---" * 5 + "|"
+    yield "| process | lives | memory, KiB | threads | file descriptors | bytes a frame |"
+    yield "|---" * 6 + "|"
     for role in soak.everybody:
         if role.lives:
             most = max(role.lives, key=lambda life: life.end.memory - life.begin.memory)
             pairs = " | ".join(f"{begin} → {end}" for begin, end in zip(most.begin, most.end))
-            yield f"| {role.name} | {len(role.lives)} | {pairs} |"
+            slope = 1024 * (most.end.memory - most.begin.memory) / max(most.frames, 1)
+            yield f"| {role.name} | {len(role.lives)} | {pairs} | {slope:.0f} |"
     yield ""
     wrong = soak.complaints()
     yield from (f"- {each}" for each in wrong)
@@ -593,15 +684,52 @@ def parser() -> argparse.ArgumentParser:
     command.add_argument("--minutes", type=float, default=10.0, metavar="N", help="how long (default: %(default)s)")
     command.add_argument("--seed", type=int, default=1, help="which faults, and when (default: %(default)s)")
     command.add_argument("--remote", action="store_true", help="python-can-remote even where there is a vcan0")
+    command.add_argument("--self-test", action="store_true", help="nodes broken on purpose: each is found wrong")
     return command
+
+
+class Trial(NamedTuple):
+    """A build that is broken on purpose: what is done to it, for how many seconds, and what has to be complained of."""
+
+    seconds: float
+    faults: tuple[str, ...]
+    complaint: str
+
+
+KILLED, STORED = "navigation killed (SIGKILL) and restarted", "navigation killed while it stores"
+
+SELF_TEST = {
+    "store": Trial(40, (STORED,), r"navigation's file has \d+, not \d+"),
+    "deaf": Trial(12, (KILLED,), r"\w+: \d+ frames uncounted"),
+    "leak": Trial(20, (f"flood of {FLOOD} frames",), r"\w+: has grown"),
+    "skips": Trial(12, (f"flood of {FLOOD} frames",), r"\w+: \d+ frames uncounted"),
+    "descriptors": Trial(12, ("SDO transfers, segments and blocks",), r"\w+: has grown"),
+}
+"""By the names in `soak_node.BROKEN`."""
+
+
+def self_test(transport: Callable[[], Remote | SocketCan], seed: int) -> Iterator[tuple[str, bool]]:
+    """Run with each broken build, and give what the soak says, and whether it complained of what is broken."""
+    for broken, trial in SELF_TEST.items():
+        with tempfile.TemporaryDirectory() as folder:
+            soak = Soak(transport(), seed, Path(folder), broken, trial.faults)
+            soak.run(trial.seconds)
+        said = soak.complaints()
+        yield f"{broken}: {'; '.join(said) or 'nothing wrong'}", any(re.match(trial.complaint, each) for each in said)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run it and print the report."""
     options = parser().parse_args(arguments)
-    remote = options.remote or not Path("/sys/class/net", INTERFACE).exists()
+    transport = Remote if options.remote or not Path("/sys/class/net", INTERFACE).exists() else SocketCan
+    if options.self_test:
+        found = []
+        for line, is_found in self_test(transport, options.seed):
+            print(f"{'found' if is_found else 'MISSED'}  {line}", flush=True)
+            found.append(is_found)
+        return FINE if all(found) else WRONG
     with tempfile.TemporaryDirectory() as folder:
-        soak = Soak(Remote() if remote else SocketCan(), options.seed, Path(folder))
+        soak = Soak(transport(), options.seed, Path(folder))
         started = time.monotonic()
         soak.run(60 * options.minutes)
         seconds = time.monotonic() - started

@@ -2,21 +2,26 @@
 
 Its lines are read by `soak.py`: the node's reports, `numbers A..B missing` when they are, and every HALF_A_SECOND the
 number that it has seen last and its counters.
+
+A last argument names one of BROKEN, which makes the node wrong on purpose, for the soak's self-test.
 """
 
 from __future__ import annotations
 
 import itertools
+import os
 import sys
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
 
 from eurobot_od.device.storage import FileStore
 from eurobot_od.errors import EurobotError
+from eurobot_od.frame import Frame
 from eurobot_od.live import Live, open_bus
+from eurobot_od.od.values import Address, Value
 from eurobot_od.robot import dialects
 from eurobot_od.robot.model.values import TeamColour
 from eurobot_od.robot.nodes import ROLES, Core
@@ -65,14 +70,68 @@ def lead(core: Core) -> None:
             time.sleep(HALF_A_SECOND)
 
 
-def run(name: str, interface: str, channel: str, folder: Path) -> None:
+# What is broken on purpose
+
+
+class ForgetfulStore(FileStore):
+    """Says that it saved, and writes nothing."""
+
+    def save(self, values: Mapping[Address, Value], node_id: int) -> None:
+        """Lose the values."""
+
+
+Receive = Callable[[Frame, float], object]
+
+
+def deaf(receive: Receive) -> Receive:
+    """Receive nothing for the first 6 s of a life."""
+    born = time.monotonic()
+    return lambda frame, now: receive(frame, now) if time.monotonic() - born > 6 else None
+
+
+def skips(receive: Receive) -> Receive:
+    """Lose every 40th numbered frame."""
+    return lambda frame, now: None if frame.cob_id == NUMBERED and frame.data[0] % 40 == 0 else receive(frame, now)
+
+
+def leaks(receive: Receive) -> Receive:
+    """Keep 2.5 kB for each numbered frame."""
+    kept: list[bytearray] = []
+
+    def keep(frame: Frame, now: float) -> object:
+        if frame.cob_id == NUMBERED:
+            kept.append(bytearray(b"leak" * 625))
+        return receive(frame, now)
+
+    return keep
+
+
+def opens(receive: Receive) -> Receive:
+    """Open a file with each 20th numbered frame, and never close it."""
+    files: list[object] = []
+
+    def keep(frame: Frame, now: float) -> object:
+        if frame.cob_id == NUMBERED and frame.data[0] % 20 == 0:
+            files.append(Path(os.devnull).open())  # noqa: SIM115
+        return receive(frame, now)
+
+    return keep
+
+
+BROKEN: dict[str, Callable[[Receive], Receive]] = {"deaf": deaf, "skips": skips, "leak": leaks, "descriptors": opens}
+STORES = {"store": ForgetfulStore}
+
+
+def run(name: str, interface: str, channel: str, folder: Path, broken: str = "") -> None:
     """Run a node until it is killed."""
     dictionary = dialects.load(name)
     numbers = Numbers(lambda first, last: say(f"numbers {first}..{last} missing"))
-    node = ROLES[name](dictionary, store=FileStore(folder / f"{name}.dcf", dictionary))
+    store = STORES.get(broken, FileStore)(folder / f"{name}.dcf", dictionary)
+    node = ROLES[name](dictionary, store=store)
     opener = partial(open_bus, interface, channel)
     live = Live.node(opener(), node, opener=opener, report=say)
-    live.gatekeeper.add_node(lambda: (NUMBERED,), lambda frame, _: numbers.take(frame.data), "numbers")
+    receive = BROKEN.get(broken, lambda receive: receive)(lambda frame, _: numbers.take(frame.data))
+    live.gatekeeper.add_node(lambda: (NUMBERED,), receive, "numbers")
     with live:
         say("on the bus")
         if isinstance(node, Core):
@@ -83,4 +142,4 @@ def run(name: str, interface: str, channel: str, folder: Path) -> None:
 
 
 if __name__ == "__main__":
-    run(sys.argv[1], sys.argv[2], sys.argv[3], Path(sys.argv[4]))
+    run(sys.argv[1], sys.argv[2], sys.argv[3], Path(sys.argv[4]), sys.argv[5])

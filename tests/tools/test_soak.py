@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 import soak
 from programs import Program
-from soak import Life, Role, Soak, Told, Usage
+from soak import CREDIT, Life, Loss, Losses, Role, Soak, Told, Usage
 
 pytestmark = pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="what a process has is Linux's to say")
 
@@ -28,18 +28,42 @@ def test_everything_that_goes_wrong_is_noticed_recovered_and_counted() -> None:
 
 HAS = Usage(40_000, 4, 5)
 LIVES = {
-    "as before": (HAS, False),
-    "a little memory": (HAS._replace(memory=40_100), False),
-    "less of everything": (Usage(1, 1, 1), False),
-    "much memory": (HAS._replace(memory=80_000), True),
-    "a thread": (HAS._replace(threads=5), True),
-    "a descriptor": (HAS._replace(descriptors=6), True),
+    "as before": (HAS, 1000, False),
+    "an arena of the allocator": (HAS._replace(memory=41_000), 0, False),
+    "what a table takes": (HAS._replace(memory=42_000), 10_000, False),
+    "less of everything": (Usage(1, 1, 1), 1000, False),
+    "2.5 kB a frame": (HAS._replace(memory=42_500), 1000, True),
+    "a thread": (HAS._replace(threads=5), 1000, True),
+    "a descriptor": (HAS._replace(descriptors=6), 1000, True),
 }
 
 
-@pytest.mark.parametrize(("end", "grown"), LIVES.values(), ids=LIVES)
-def test_what_has_grown(end: Usage, grown: bool) -> None:
-    assert Life(HAS, end).has_grown is grown
+@pytest.mark.parametrize(("end", "frames", "grown"), LIVES.values(), ids=LIVES)
+def test_what_has_grown(end: Usage, frames: int, grown: bool) -> None:
+    assert Life(HAS, end, frames).has_grown is grown
+
+
+LOST = {
+    "counted before it is missed": ([(0.0, 3), (1.0, range(5))], 3),
+    "counted after it is missed": ([(0.0, range(5)), (1.0, 3)], 3),
+    "counted for other frames, long ago": ([(0.0, 3), (CREDIT + 1, range(5))], 0),
+    "counted long afterwards": ([(0.0, range(5)), (CREDIT + 1, 3)], 0),
+    "counted in parts": ([(0.0, 2), (1.0, range(5)), (2.0, 2), (3.0, 9)], 5),
+    "not counted": ([(0.0, range(5))], 0),
+}
+
+
+@pytest.mark.parametrize(("events", "counted"), LOST.values(), ids=LOST)
+def test_a_loss_is_excused_only_by_what_is_counted_around_its_time(
+    events: list[tuple[float, int | range]], counted: int
+) -> None:
+    losses = Losses()
+    for now, event in events:
+        if isinstance(event, range):
+            losses.miss(event, now)
+        else:
+            losses.count(event, now)
+    assert sum(loss.counted for loss in losses.all) == counted
 
 
 LINES = ("last 2, overflow 0, missed 0", "numbers 3..5 missing", "last 8, overflow 1, missed 1")
@@ -55,9 +79,8 @@ def role() -> Iterator[Role]:
 
 
 def test_what_a_role_lacks_is_read_from_its_lines(role: Role) -> None:
-    assert (role.last, role.lost, role.before) == (8, [range(3, 6)], [])
-    role.kill()
-    assert role.counted == 2
+    assert (role.last, role.before) == (8, [range(2)])
+    assert role.losses.all == [Loss(range(3, 6), counted=2)]
 
 
 AGAIN = """
@@ -75,7 +98,7 @@ def test_what_was_sent_while_it_did_not_run_is_known(tmp_path: Path) -> None:
     role.start()
     role.program.wait()
     role.kill()
-    assert (role.last, role.lost, role.before, role.counted) == (20, [], [range(9, 20)], 1)
+    assert (role.last, role.losses.all, role.before) == (20, [], [range(8), range(9, 20)])
 
 
 def test_what_is_told_since_a_time(role: Role) -> None:
@@ -109,15 +132,19 @@ class Past(Soak):
 
 @pytest.mark.parametrize(("told", "complaints"), TOLD.values(), ids=TOLD)
 def test_what_was_neither_noticed_nor_recovered(role: Role, told: Told, complaints: list[str]) -> None:
-    role.counted = 3
+    role.losses.all[0].counted = 3
     assert Past(role, told).complaints() == complaints
 
 
 def test_each_number_is_received_or_its_loss_is_known(role: Role) -> None:
     past = Past(role)
-    assert past.lost(role) == (6, 0, 0, 0, 3)
-    assert past.complaints() == ["node: 3 frames uncounted"]
+    assert past.lost(role) == (4, 2, 0, 2, 1)
+    assert past.complaints() == ["node: 1 frames uncounted"]
     role.away.append([4.0, 5.0])
-    assert past.lost(role) == (6, 0, 2, 0, 1)
-    role.counted = 2
-    assert past.lost(role) == (6, 0, 2, 1, 0)
+    assert past.lost(role) == (4, 2, 2, 1, 0)
+
+
+def test_what_is_not_heard_by_a_process_that_is_up_is_uncounted(role: Role) -> None:
+    role.losses.all.clear()
+    role.pauses[:] = [[0.0, 0.5]]
+    assert Past(role).lost(role) == (7, 1, 0, 0, 1)
