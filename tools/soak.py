@@ -545,9 +545,9 @@ class Soak:
         """Read the setting as anybody reads a DCF, not with what wrote it."""
         stored = configparser.ConfigParser()
         stored.read(self._folder / "navigation.dcf", encoding="latin-1")
-        section = f"{SETTING[0]:04x}sub{SETTING[1]:x}"
-        text = {name.lower(): stored[name] for name in stored}.get(section, {}).get("parametervalue")
-        return int(text, 0) if text else self._default
+        sections = {name.lower(): name for name in stored}
+        section = sections.get(f"{SETTING[0]:04x}sub{SETTING[1]:x}")
+        return int(stored[section]["ParameterValue"], 0) if section else self._default
 
     def faults(self) -> dict[str, Callable[[], Iterator[Condition]]]:
         """Return all faults by their names in the report."""

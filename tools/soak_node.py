@@ -130,8 +130,11 @@ def run(name: str, interface: str, channel: str, folder: Path, broken: str = "")
     node = ROLES[name](dictionary, store=store)
     opener = partial(open_bus, interface, channel)
     live = Live.node(opener(), node, opener=opener, report=say)
-    receive = BROKEN.get(broken, lambda receive: receive)(lambda frame, _: numbers.take(frame.data))
-    live.gatekeeper.add_node(lambda: (NUMBERED,), receive, "numbers")
+
+    def take(frame: Frame, _: float) -> None:
+        numbers.take(frame.data)
+
+    live.gatekeeper.add_node(lambda: (NUMBERED,), BROKEN[broken](take) if broken in BROKEN else take, "numbers")
     with live:
         say("on the bus")
         if isinstance(node, Core):
