@@ -10,7 +10,6 @@ from collections.abc import Iterator
 
 from eurobot_od.check.conformance.subject import (
     Chapter,
-    Clause,
     Subject,
     Tier,
     codes,
@@ -35,6 +34,8 @@ from eurobot_od.device.nmt import NmtState, error_control
 from eurobot_od.od.standard import CONSUMED_HEARTBEATS, GUARD_TIME, HEARTBEAT_TIME, LIFE_TIME_FACTOR
 from eurobot_od.od.values import ERROR_CONTROL_BASE, Address
 from eurobot_od.sdo.wire import AbortCode
+
+CHAPTER = Chapter("error-control", "node guarding and heartbeat consumer")
 
 GUARD, FACTOR = 100, 3
 """A guard time in ms and a life time factor: the master is missed after 0.3 s."""
@@ -63,6 +64,7 @@ def _why_not_guarded(subject: Subject) -> str:
     return "" if ends else "the file's heartbeat (0x1017) cannot be ended, and a device that has one is not guarded"
 
 
+@CHAPTER.clause("7.5.2.11", "Guard time", ctt="7.1, 7.201")
 def _times(subject: Subject) -> Iterator[Data]:
     for address, lack in ((GUARD_TIME, NOT_GUARDED), (LIFE_TIME_FACTOR, "the file has no life time factor (0x100D)")):
         found = subject.find(address)
@@ -78,6 +80,7 @@ def _no_heartbeat(subject: Subject) -> Iterator[Data]:
         yield wait("20 ms")
 
 
+@CHAPTER.clause("7.2.8.3.2.1", "Node guarding", Tier.REVERSIBLE, "7.2, 7.3")
 def _guarded(subject: Subject) -> Iterator[Data]:
     """Ask in every state; after a reset of the communication the toggle bit begins with 0."""
     why = _why_not_guarded(subject)
@@ -110,6 +113,7 @@ def _answer(subject: Subject, digits: str = "??") -> Data:
     return {"raw": f"{_own(subject):03X}#{digits}"}
 
 
+@CHAPTER.clause("7.2.8.3.2.1", "Node guarding", Tier.DESTRUCTIVE, "7.4")
 def _other_identifier(subject: Subject) -> Iterator[Data]:
     name, why = "another node's identifier is not answered", _why_not_guarded(subject)
     if why:
@@ -135,6 +139,7 @@ def _missed(name: str, span: str) -> Data:
     return never(name, {"emcy": hexadecimal(ErrorCode.HEARTBEAT_LOST)}, span)
 
 
+@CHAPTER.clause("7.5.2.12", "Life guarding", Tier.DESTRUCTIVE, "7.5, 7.6")
 def _life_guarding(subject: Subject) -> Iterator[Data]:
     why = _why_no_life(subject)
     if why:
@@ -162,6 +167,7 @@ def _life_guarding(subject: Subject) -> Iterator[Data]:
 # Guarding and heartbeat
 
 
+@CHAPTER.clause("7.2.8.2.2", "Heartbeat or guarding", Tier.REVERSIBLE, "7.202, 7.203, 7.205")
 def _one_of_both(subject: Subject) -> Iterator[Data]:
     name, why = "with a heartbeat it is not guarded", _why_not_guarded(subject)
     if not why and not (subject.may_be(HEARTBEAT_TIME, SLOW) and subject.may_be(HEARTBEAT_TIME, 0)):
@@ -185,6 +191,7 @@ def _one_of_both(subject: Subject) -> Iterator[Data]:
     )
 
 
+@CHAPTER.clause("7.2.8.2.2", "Heartbeat or guarding", Tier.DESTRUCTIVE, "7.206, 7.207")
 def _heartbeat_instead(subject: Subject) -> Iterator[Data]:
     """Change from guarding to the heartbeat: the heartbeat's bit 7 is 0, and the master is not missed."""
     name, why = "the heartbeat takes guarding's place", _why_no_life(subject)
@@ -245,6 +252,7 @@ def _alive(subject: Subject) -> Data:
     return {**beat, "repeat": 5}
 
 
+@CHAPTER.clause("7.5.2.19", "Consumer heartbeat time", Tier.DESTRUCTIVE, "7.104")
 def _twice(subject: Subject) -> Iterator[Data]:
     why = _why_not_watching(subject, SECOND)
     if why:
@@ -256,14 +264,17 @@ def _twice(subject: Subject) -> Iterator[Data]:
     yield group("a node is watched once", *_watched(subject), second, *fresh(subject))
 
 
+@CHAPTER.clause("7.5.2.19", "Consumer heartbeat time", Tier.DESTRUCTIVE, "7.105")
 def _faster(subject: Subject) -> Iterator[Data]:
     yield from _watching(subject, "heartbeats in time", _missed("not before the first", ONCE), _alive(subject))
 
 
+@CHAPTER.clause("7.5.2.19", "Consumer heartbeat time", Tier.DESTRUCTIVE, "7.106")
 def _slower(subject: Subject) -> Iterator[Data]:
     yield from _watching(subject, "heartbeats too late", *_lost(subject), _missed("it is told once", ONCE))
 
 
+@CHAPTER.clause("7.5.2.19", "Consumer heartbeat time", Tier.DESTRUCTIVE, "7.107")
 def _restarted(subject: Subject) -> Iterator[Data]:
     boot = sent("boot-up of that node", *error_control(subject.another, NmtState.INITIALISING))
     yield from _watching(subject, "a node that boots", *_lost(subject), boot, _alive(subject), *_lost(subject))
@@ -280,21 +291,3 @@ def _watching(subject: Subject, name: str, *steps: Data) -> Iterator[Data]:
         yield skip(name, why)
     else:
         yield group(name, *_watched(subject), *steps, *fresh(subject))
-
-
-CHAPTER = Chapter(
-    "error-control",
-    "node guarding and heartbeat consumer",
-    (
-        Clause("7.5.2.11", "Guard time", _times, ctt="7.1, 7.201"),
-        Clause("7.2.8.3.2.1", "Node guarding", _guarded, Tier.REVERSIBLE, "7.2, 7.3"),
-        Clause("7.2.8.3.2.1", "Node guarding", _other_identifier, Tier.DESTRUCTIVE, "7.4"),
-        Clause("7.5.2.12", "Life guarding", _life_guarding, Tier.DESTRUCTIVE, "7.5, 7.6"),
-        Clause("7.2.8.2.2", "Heartbeat or guarding", _one_of_both, Tier.REVERSIBLE, "7.202, 7.203, 7.205"),
-        Clause("7.2.8.2.2", "Heartbeat or guarding", _heartbeat_instead, Tier.DESTRUCTIVE, "7.206, 7.207"),
-        Clause("7.5.2.19", "Consumer heartbeat time", _twice, Tier.DESTRUCTIVE, "7.104"),
-        Clause("7.5.2.19", "Consumer heartbeat time", _faster, Tier.DESTRUCTIVE, "7.105"),
-        Clause("7.5.2.19", "Consumer heartbeat time", _slower, Tier.DESTRUCTIVE, "7.106"),
-        Clause("7.5.2.19", "Consumer heartbeat time", _restarted, Tier.DESTRUCTIVE, "7.107"),
-    ),
-)

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 from eurobot_od.check.conformance.subject import (
     BOOT_TIME,
     Chapter,
-    Clause,
     Subject,
     Tier,
     awake,
@@ -33,6 +32,8 @@ from eurobot_od.sdo.wire import ClientCommand, initiate
 
 if TYPE_CHECKING:
     from canopen.objectdictionary import ODVariable
+
+CHAPTER = Chapter("nmt", "NMT states, boot-up and heartbeat")
 
 BEAT = 100
 """Heartbeat time with which states are watched, ms."""
@@ -86,6 +87,7 @@ def _allowed(variable: ODVariable, value: int) -> int:
 # Errors of its own
 
 
+@CHAPTER.clause("7.5.2.2", "Error register")
 def _errors(_: Subject) -> Iterator[Data]:
     """See that the device has no error to begin with: what is red afterwards may come from it."""
     yield {"name": "the device reports no error itself", "errors": "none"}
@@ -94,82 +96,19 @@ def _errors(_: Subject) -> Iterator[Data]:
 # Boot-up
 
 
-def _boot_up(command: str) -> Data:
-    return {**heartbeat("boot-up", BOOT_TIME), "name": f"after {command}"}
-
-
+@CHAPTER.clause("7.2.8.3.3", "Boot-up", Tier.REVERSIBLE, "10.1")
 def _boot_ups(subject: Subject) -> Iterator[Data]:
     for command, (state, way) in product(("reset", "reset communication"), WAY_TO.items()):
         there = [nmt(each) for each in ("pre-operational", *way)]
         name = f"boot-up after {command} in {state.upper()}"
-        yield group(name, *there, nmt(command), _boot_up(command), awake(subject))
-
-
-def _first_state(subject: Subject) -> Iterator[Data]:
-    state = STATE_NAMES[boot_state(subject.dictionary.default(NMT_STARTUP))]
-    says = heartbeat(state, SOON)
-    beating = _beating(subject, f"{state} by itself after a reset", says)
-    yield group("after a reset", nmt("reset"), awake(subject), beating)
-    yield nmt("pre-operational")
-
-
-# Commands
-
-
-def _walk(subject: Subject) -> Iterator[Data]:
-    before = "pre-operational"
-    for command, state in WALK:
-        yield _state_reached(subject, before, command, state)
-        before = state
-
-
-def _state_reached(subject: Subject, before: str, command: str, state: str) -> Data:
-    """Send a command, and see the state; in STOPPED the heartbeat time can be neither set nor put back."""
-    commands = [nmt(each) for each in WAY_TO[before]]
-    back = [] if state == "pre-operational" else [nmt("pre-operational")]
-    return _beating(subject, f"{command} in {before.upper()}", *commands, nmt(command), heartbeat(state, SOON), *back)
-
-
-def _other_commands(subject: Subject) -> Iterator[Data]:
-    for name, data in (
-        ("another node's command does not matter", bytes([1, subject.another])),
-        ("an unknown command does not matter", bytes([0x77, subject.node_id])),
-        ("half a command does not matter", bytes([1])),
-    ):
-        yield _beating(
-            subject, name, _raw(data), never("stays", {"heartbeat": "operational"}, QUIET), heartbeat("any", SOON)
-        )
-    started = [nmt("start"), heartbeat("operational", SOON)]
-    to_all = {**_raw(bytes([0x80, 0])), "name": "NMT pre-operational to all"}
-    yield _beating(subject, "a command to all nodes", *started, to_all, heartbeat("pre-operational", SOON))
-
-
-def _raw(data: bytes) -> Data:
-    return sent(f"NMT {data.hex(' ').upper()}", NMT_COB_ID, data)
-
-
-# Services
-
-
-def _services(subject: Subject) -> Iterator[Data]:
-    request = subject.request(initiate(ClientCommand.UPLOAD << 5, subject.probe))
-    answered = awake(subject, "an SDO is answered")
-    yield group("SDO in PRE-OPERATIONAL", answered)
-    yield group("SDO in OPERATIONAL", nmt("start"), answered, nmt("pre-operational"))
-    yield group(
-        "no SDO in STOPPED",
-        nmt("stop"),
-        wait("50 ms"),
-        {"name": "a request", **request},
-        never("no answer", subject.answer("?" * 16), QUIET),
-        nmt("pre-operational"),
-        answered,
-    )
+        booted = {**heartbeat("boot-up", BOOT_TIME), "name": f"after {command}"}
+        yield group(name, *there, nmt(command), booted, awake(subject))
 
 
 # Heartbeat
 
 
+@CHAPTER.clause("7.5.2.20", "Heartbeat time", ctt="7.101 to 7.103, 7.204")
 def _heartbeat_times(subject: Subject) -> Iterator[Data]:
     time = subject.settable(HEARTBEAT_TIME)
     if time is None:
@@ -194,6 +133,7 @@ def _heartbeat_times(subject: Subject) -> Iterator[Data]:
         yield group("0 ends it", save(time), faster, none, wait("20 ms"), silent, put_back(time))
 
 
+@CHAPTER.clause("7.2.8.3.2", "Heartbeat", Tier.REVERSIBLE, "7.102")
 def _heartbeat_of_the_file(subject: Subject) -> Iterator[Data]:
     period = subject.number(HEARTBEAT_TIME)
     if not 0 < period <= LONGEST_PERIOD:
@@ -209,17 +149,63 @@ def _heartbeat_of_the_file(subject: Subject) -> Iterator[Data]:
     )
 
 
-CHAPTER = Chapter(
-    "nmt",
-    "NMT states, boot-up and heartbeat",
-    (
-        Clause("7.5.2.2", "Error register", _errors),
-        Clause("7.2.8.3.3", "Boot-up", _boot_ups, Tier.REVERSIBLE, "10.1"),
-        Clause("7.5.2.20", "Heartbeat time", _heartbeat_times, ctt="7.101 to 7.103, 7.204"),
-        Clause("7.2.8.3.2", "Heartbeat", _heartbeat_of_the_file, Tier.REVERSIBLE, "7.102"),
-        Clause("7.3.2.2", "NMT state", _first_state, Tier.REVERSIBLE, "9.1"),
-        Clause("7.2.8.2.1", "NMT commands", _walk, Tier.REVERSIBLE, "10.2 to 10.4"),
-        Clause("7.2.8.2.1", "NMT commands", _other_commands, Tier.DESTRUCTIVE),
-        Clause("7.3.2.2.4", "NMT state", _services, Tier.REVERSIBLE, "9.2 to 9.4"),
-    ),
-)
+@CHAPTER.clause("7.3.2.2", "NMT state", Tier.REVERSIBLE, "9.1")
+def _first_state(subject: Subject) -> Iterator[Data]:
+    state = STATE_NAMES[boot_state(subject.dictionary.default(NMT_STARTUP))]
+    says = heartbeat(state, SOON)
+    beating = _beating(subject, f"{state} by itself after a reset", says)
+    yield group("after a reset", nmt("reset"), awake(subject), beating)
+    yield nmt("pre-operational")
+
+
+# Commands
+
+
+@CHAPTER.clause("7.2.8.2.1", "NMT commands", Tier.REVERSIBLE, "10.2 to 10.4")
+def _walk(subject: Subject) -> Iterator[Data]:
+    before = "pre-operational"
+    for command, state in WALK:
+        commands = [*(nmt(each) for each in WAY_TO[before]), nmt(command), heartbeat(state, SOON)]
+        # An SDO server is silent in STOPPED (CiA 301, 7.3.2.2.4): the heartbeat time could be neither set nor put back.
+        back = [] if state == "pre-operational" else [nmt("pre-operational")]
+        yield _beating(subject, f"{command} in {before.upper()}", *commands, *back)
+        before = state
+
+
+@CHAPTER.clause("7.2.8.2.1", "NMT commands", Tier.DESTRUCTIVE)
+def _other_commands(subject: Subject) -> Iterator[Data]:
+    for name, data in (
+        ("another node's command does not matter", bytes([1, subject.another])),
+        ("an unknown command does not matter", bytes([0x77, subject.node_id])),
+        ("half a command does not matter", bytes([1])),
+    ):
+        yield _beating(
+            subject, name, _raw(data), never("stays", {"heartbeat": "operational"}, QUIET), heartbeat("any", SOON)
+        )
+    started = [nmt("start"), heartbeat("operational", SOON)]
+    to_all = {**_raw(bytes([0x80, 0])), "name": "NMT pre-operational to all"}
+    yield _beating(subject, "a command to all nodes", *started, to_all, heartbeat("pre-operational", SOON))
+
+
+def _raw(data: bytes) -> Data:
+    return sent(f"NMT {data.hex(' ').upper()}", NMT_COB_ID, data)
+
+
+# Services
+
+
+@CHAPTER.clause("7.3.2.2.4", "NMT state", Tier.REVERSIBLE, "9.2 to 9.4")
+def _services(subject: Subject) -> Iterator[Data]:
+    request = subject.request(initiate(ClientCommand.UPLOAD << 5, subject.probe))
+    answered = awake(subject, "an SDO is answered")
+    yield group("SDO in PRE-OPERATIONAL", answered)
+    yield group("SDO in OPERATIONAL", nmt("start"), answered, nmt("pre-operational"))
+    yield group(
+        "no SDO in STOPPED",
+        nmt("stop"),
+        wait("50 ms"),
+        {"name": "a request", **request},
+        never("no answer", subject.answer("?" * 16), QUIET),
+        nmt("pre-operational"),
+        answered,
+    )

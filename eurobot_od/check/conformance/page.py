@@ -59,10 +59,27 @@ class Report(NamedTuple):
         return [step for result in self.results for step in result.steps if step.status is Status.FAILED]
 
     @property
+    def skipped(self) -> Counter[str]:
+        """Why steps were skipped, and how many of them."""
+        skipped = (step for result in self.results for step in result.steps if step.status is Status.SKIPPED)
+        return Counter(step.reason.what if step.reason else "a step before it is red" for step in skipped)
+
+    @property
     def tests(self) -> list[ctt.CttResult]:
         """What the run says of each test of CiA's tool; the file is checked by `lint`."""
         found = lint(self.dictionary.content, self.dictionary.file.name)
         return ctt.results_of(self.results, [str(each) for each in found if each.severity is Severity.ERROR])
+
+    def as_data(self) -> dict[str, Any]:
+        """Return all of it as plain data."""
+        return {
+            "device": self.dictionary.name,
+            **{what.lower().replace(" ", "_"): value for what, value in self.facts},
+            "chapters": report.as_data(self.results),
+            "ctt": [
+                {**each._asdict(), "verdict": each.verdict.value.lower(), "asks": each.asks} for each in self.tests
+            ],
+        }
 
 
 def check_form(file: Path) -> None:
@@ -75,7 +92,7 @@ def text(file: Path, reports: Sequence[Report]) -> str:
     """Return the page of some devices in the form of a file's suffix; raises UnknownName."""
     check_form(file)
     if file.suffix.lower() == JSON:
-        return json.dumps([_data(each) for each in reports], indent=1) + "\n"
+        return json.dumps([each.as_data() for each in reports], indent=1) + "\n"
     return FORMS[SUFFIXES[file.suffix.lower()]]([block for each in reports for block in blocks(each)])
 
 
@@ -93,9 +110,13 @@ def blocks(run: Report) -> Iterator[DocBlock]:
     yield DocTable(("Chapter", "Green", "Red", "Skipped"), list(map(_score, run.results)), ("Green", "Red", "Skipped"))
     yield DocHeading(2, "What is red")
     yield from _all_red(run)
-    yield from _ctt(run)
+    yield DocHeading(2, "By the numbers of CiA's test tool")
+    tests = run.tests
+    yield Paragraph(f"{ctt.score(tests)}. This is no run of that tool, and no certificate.")
+    rows = [(each.number, each.asks, each.verdict.value, each.why) for each in tests]
+    yield DocTable(("Test", "It asks", "", "Why"), rows, words=("Test", ""))
     yield DocHeading(2, "What was skipped")
-    yield DocTable(("Why", "Steps"), [(why, str(count)) for why, count in _skipped(run).items()], ("Steps",))
+    yield DocTable(("Why", "Steps"), [(why, str(count)) for why, count in run.skipped.items()], ("Steps",))
 
 
 def _score(result: SuiteResult) -> tuple[str, ...]:
@@ -141,26 +162,3 @@ def _red(step: StepResult) -> Iterator[DocBlock]:
     yield DocTable(("", ""), [each for each in rows if each[1]], words=("",))
     if reason.frames:
         yield Preformatted(list(report.frame_lines(reason)))
-
-
-def _ctt(run: Report) -> Iterator[DocBlock]:
-    tests = run.tests
-    yield DocHeading(2, "By the numbers of CiA's test tool")
-    yield Paragraph(f"{ctt.score(tests)}. This is no run of that tool, and no certificate.")
-    rows = [(each.number, each.asks, each.verdict.value, each.why) for each in tests]
-    yield DocTable(("Test", "It asks", "", "Why"), rows, words=("Test", ""))
-
-
-def _skipped(run: Report) -> Counter[str]:
-    skipped = (step for result in run.results for step in result.steps if step.status is Status.SKIPPED)
-    return Counter(step.reason.what if step.reason else "a step before it is red" for step in skipped)
-
-
-def _data(run: Report) -> dict[str, Any]:
-    """Return all of it as plain data."""
-    return {
-        "device": run.dictionary.name,
-        **{what.lower().replace(" ", "_"): value for what, value in run.facts},
-        "chapters": report.as_data(run.results),
-        "ctt": [{**each._asdict(), "verdict": each.verdict.value.lower(), "asks": each.asks} for each in run.tests],
-    }

@@ -6,6 +6,7 @@ Rule of this file: of a PDO that is changed, the file's mapping is put back entr
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from functools import partial
 from typing import TYPE_CHECKING
 
 from eurobot_od.check.conformance.subject import (
@@ -172,7 +173,10 @@ def _remapped(subject: Subject, pdo: Pdo, cob_id: ODVariable) -> Iterator[Data]:
     yield write("2. sub-index 0 is 0", (record, 0), value=0)
     yield from _refused_entries(subject, pdo)
     yield from _other_entries(subject, pdo)
-    yield from _too_many(subject, pdo)
+    count = _room(subject, pdo) + 1
+    if 1 < count <= MAX_BITS:
+        aborts = codes(*TOO_MANY, *OUTSIDE)
+        yield write(f"{count} entries are too many", (record, 0), value=count, abort=aborts)
     yield from _mapped_again(subject, pdo, cob_id)
 
 
@@ -243,7 +247,8 @@ def _other_entries(subject: Subject, pdo: Pdo) -> Iterator[Data]:
     if other is not None:
         refused = codes(AbortCode.NOT_MAPPABLE, AbortCode.UNSUPPORTED_ACCESS, *OUTSIDE)
         yield write(f"{title(other)} is {other.access_type}: it may not", entry, value=_entry(other), abort=refused)
-    dummies = (each << 16 | DATA_TYPES[each].bits for each in DUMMIES if _has_dummy(subject, each))
+    usage = partial(subject.dictionary.device.document.text, "dummyusage")
+    dummies = (each << 16 | DATA_TYPES[each].bits for each in DUMMIES if usage(f"dummy{each:04x}") == "1")
     dummy = next((each for each in dummies if _may_be_tried(subject, pdo, each)), None)
     if dummy is not None:
         yield write("a dummy may be mapped", entry, value=hexadecimal(dummy, 8))
@@ -253,19 +258,6 @@ def _other_entries(subject: Subject, pdo: Pdo) -> Iterator[Data]:
 def _may_be_tried(subject: Subject, pdo: Pdo, entry: int) -> bool:
     """Whether a PDO's first entry may be this: it can be mapped there, and is within the entry's own limits."""
     return subject.may_be((pdo.mapping_index, 1), entry) and _may_be_mapped(subject, pdo, entry)
-
-
-def _has_dummy(subject: Subject, code: int) -> bool:
-    """Whether the file's [DummyUsage] has a data type."""
-    return subject.dictionary.device.document.text("dummyusage", f"dummy{code:04x}") == "1"
-
-
-def _too_many(subject: Subject, pdo: Pdo) -> Iterator[Data]:
-    """Set sub-index 0 to one more than there are entries."""
-    count = _room(subject, pdo) + 1
-    if 1 < count <= MAX_BITS:
-        aborts = codes(*TOO_MANY, *OUTSIDE)
-        yield write(f"{count} entries are too many", (pdo.mapping_index, 0), value=count, abort=aborts)
 
 
 def _entry(each: ODVariable) -> str:

@@ -9,7 +9,6 @@ from eurobot_od.check.conformance.subject import (
     BUSY,
     OUTSIDE,
     Chapter,
-    Clause,
     Subject,
     Tier,
     awake,
@@ -33,6 +32,8 @@ from eurobot_od.sdo.wire import AbortCode
 
 if TYPE_CHECKING:
     from canopen.objectdictionary import ODVariable
+
+CHAPTER = Chapter("storage", "store and restore")
 
 KEPT: tuple[Address, ...] = (standard.HEARTBEAT_TIME, standard.EMCY_INHIBIT_TIME, standard.SYNC_PERIOD)
 """Parameters that show what is stored: numbers in which nothing else of the communication hangs."""
@@ -64,6 +65,7 @@ def _other(each: ODVariable) -> int:
     return next((present + offset for offset in OFFSETS if in_limits(each, present + offset)), present - 1)
 
 
+@CHAPTER.clause("7.3.2.2.3", "Values", Tier.REVERSIBLE, "9.1")
 def _power_on_values(subject: Subject) -> Iterator[Data]:
     """See that what was not stored is gone with a reset."""
     each = _shown_by(subject)
@@ -104,6 +106,11 @@ def _signatures(index: int) -> Callable[[Subject], Iterator[Data]]:
     return steps
 
 
+CHAPTER.clause("7.5.2.13", "Store", Tier.DESTRUCTIVE, "8.1, 8.3, 8.5, 8.7")(_signatures(standard.STORE))
+CHAPTER.clause("7.5.2.14", "Restore", Tier.DESTRUCTIVE, "8.2, 8.4, 8.6, 8.8")(_signatures(standard.RESTORE))
+
+
+@CHAPTER.clause("7.5.2.13", "Store", Tier.DESTRUCTIVE, "8.1, 8.2")
 def _stored(subject: Subject) -> Iterator[Data]:
     """Store another value, see that it survives a reset, and restore the file's."""
     each = _shown_by(subject)
@@ -126,15 +133,6 @@ def _stored(subject: Subject) -> Iterator[Data]:
         )
 
 
-def _makers_own(subject: Subject) -> Iterator[Data]:
-    """Restore what the maker has behind the sub-indices that were named."""
-    commands = _commands(subject, standard.RESTORE)
-    for each in (commands[sub] for sub in subject.restore if sub in commands):
-        yield group(f"{title(each)} restored", _signed(each, "restored"), *_power_cycle(subject))
-    if not subject.restore:
-        yield skip("the maker's own sub-indices", "none was named (--restore 4)")
-
-
 # What is kept over a reset
 
 
@@ -144,6 +142,11 @@ class Kept(NamedTuple):
     address: Address
     value: int
     digits: int = 8
+
+    def written(self, **more: object) -> Data:
+        """Write it."""
+        value = hexadecimal(self.value, self.digits)
+        return write(f"{label(self.address)} is {value}", self.address, value=value, **more)
 
 
 def kept_over_reset(subject: Subject, name: str, values: Sequence[Kept], *looks: Data) -> Iterator[Data]:
@@ -155,31 +158,23 @@ def kept_over_reset(subject: Subject, name: str, values: Sequence[Kept], *looks:
         lack = lacking[0] if lacking else "0x1010:1 or 0x1011:1"
         yield skip(name, f"the file lacks {lack} that can be written as this wants")
         return
-    last = {each.address: each for each in values}.values()
+    last = {each.address: each.value for each in values}
     refused = codes(*BUSY, *OUTSIDE, AbortCode.GENERAL, AbortCode.UNSUPPORTED_ACCESS)
     yield group(
         name,
         *fresh(subject),
-        *(_given(each, optional=refused) for each in values),
+        *(each.written(optional=refused) for each in values),
         _signed(store, "stored"),
         *fresh(subject),
-        *(read(f"{label(each.address)} is kept", each.address, expect=each.value) for each in last),
+        *(read(f"{label(at)} is kept", at, expect=value) for at, value in last.items()),
         *looks,
         _signed(restore, "restored"),
         *_power_cycle(subject),
-        *(_back(subject, each) for each in last),
+        *(read(f"{label(at)} has its default", at, expect=subject.number(at)) for at in last),
     )
 
 
-def _given(each: Kept, **more: object) -> Data:
-    value = hexadecimal(each.value, each.digits)
-    return write(f"{label(each.address)} is {value}", each.address, value=value, **more)
-
-
-def _back(subject: Subject, each: Kept) -> Data:
-    return read(f"{label(each.address)} has its default", each.address, expect=subject.number(each.address))
-
-
+@CHAPTER.clause("7.5.2.13", "Store", Tier.DESTRUCTIVE, "2.30")
 def _clients(subject: Subject) -> Iterator[Data]:
     """Store the identifiers of the first SDO client, not valid ones."""
     index = next((each for each in standard.SDO_CLIENTS if each in subject.dictionary.members), None)
@@ -191,6 +186,7 @@ def _clients(subject: Subject) -> Iterator[Data]:
     yield from kept_over_reset(subject, f"0x{index:04X}", values)
 
 
+@CHAPTER.clause("7.5.2.23", "Verify configuration", Tier.DESTRUCTIVE, "8.9")
 def _verified(subject: Subject) -> Iterator[Data]:
     """Store the date of the configuration, and see that a change of the configuration clears it (7.5.2.23)."""
     date, time = standard.VERIFY_CONFIGURATION
@@ -202,6 +198,16 @@ def _verified(subject: Subject) -> Iterator[Data]:
     yield from kept_over_reset(subject, "date and time of the configuration", values, *looks)
 
 
+@CHAPTER.clause("7.5.2.14", "Restore", Tier.DESTRUCTIVE)
+def _makers_own(subject: Subject) -> Iterator[Data]:
+    """Restore what the maker has behind the sub-indices that were named."""
+    commands = _commands(subject, standard.RESTORE)
+    for each in (commands[sub] for sub in subject.restore if sub in commands):
+        yield group(f"{title(each)} restored", _signed(each, "restored"), *_power_cycle(subject))
+    if not subject.restore:
+        yield skip("the maker's own sub-indices", "none was named (--restore 4)")
+
+
 def _signed(each: ODVariable, name: str) -> Data:
     # As bytes: the limits that a file may give a command say nothing of its signature.
     return {**write(name, address_of(each), data=standard.SIGNATURES[each.index].hex(" ")), "within": "10 s"}
@@ -211,18 +217,3 @@ def _power_cycle(subject: Subject) -> Iterator[Data]:
     yield nmt("reset")
     yield awake(subject)
     yield nmt("pre-operational")
-
-
-CHAPTER = Chapter(
-    "storage",
-    "store and restore",
-    (
-        Clause("7.3.2.2.3", "Values", _power_on_values, Tier.REVERSIBLE, "9.1"),
-        Clause("7.5.2.13", "Store", _signatures(standard.STORE), Tier.DESTRUCTIVE, "8.1, 8.3, 8.5, 8.7"),
-        Clause("7.5.2.14", "Restore", _signatures(standard.RESTORE), Tier.DESTRUCTIVE, "8.2, 8.4, 8.6, 8.8"),
-        Clause("7.5.2.13", "Store", _stored, Tier.DESTRUCTIVE, "8.1, 8.2"),
-        Clause("7.5.2.13", "Store", _clients, Tier.DESTRUCTIVE, "2.30"),
-        Clause("7.5.2.23", "Verify configuration", _verified, Tier.DESTRUCTIVE, "8.9"),
-        Clause("7.5.2.14", "Restore", _makers_own, Tier.DESTRUCTIVE),
-    ),
-)

@@ -47,6 +47,6 @@ def _suite(subject: Subject, chapter: Chapter) -> Data:
         "node": subject.dictionary.name,
         "tags": [TAG, chapter.word],
         "setup": [*([reset] * resets), alive, *([pause] * resets), *([before] * proves)],
-        "steps": [step for clause in chapter.clauses for step in clause.named(subject)],
+        "steps": [step for clause in chapter for step in clause.named(subject)],
         "teardown": [*([reset] * resets), *([alive] * (resets and proves)), *([after] * proves)],
     }

@@ -13,7 +13,6 @@ from eurobot_od.check.conformance.subject import (
     BUSY,
     OUTSIDE,
     Chapter,
-    Clause,
     Subject,
     Tier,
     codes,
@@ -35,6 +34,8 @@ from eurobot_od.od.standard import SYNC, SYNC_COUNTER, SYNC_PERIOD, SYNC_PRODUCE
 from eurobot_od.od.values import TRANSMISSION_TYPE, PdoDirection
 from eurobot_od.sdo.wire import AbortCode
 
+CHAPTER = Chapter("sync", "SYNC")
+
 PERIOD = 100_000
 """Time between two SYNCs of the device, us."""
 
@@ -52,6 +53,7 @@ NO_PRODUCER = (*OUTSIDE, AbortCode.UNSUPPORTED_ACCESS, AbortCode.GENERAL)
 NO_SYNC = "the file has no SYNC (0x1005) with an identifier"
 
 
+@CHAPTER.clause("7.5.2.5", "SYNC", Tier.REVERSIBLE, "6.1")
 def _identifier(subject: Subject) -> Iterator[Data]:
     found = subject.find(SYNC)
     if found is None or not found.readable:
@@ -109,6 +111,7 @@ def every(message: Data, milliseconds: int, count: int) -> Data:
     return {"name": f"every {milliseconds} ms", "period": period}
 
 
+@CHAPTER.clause("7.5.2.6", "SYNC producer", Tier.DESTRUCTIVE, "6.2, 6.6")
 def _produced(subject: Subject) -> Iterator[Data]:
     name, why = "SYNC at its time, without data", _why_no_producer(subject)
     if why:
@@ -116,16 +119,6 @@ def _produced(subject: Subject) -> Iterator[Data]:
     else:
         count = every(_sync(subject), PERIOD // 1000, 5)
         yield group(name, *_configured(subject, 0), _started(subject), count, *fresh(subject))
-
-
-def _counted(subject: Subject) -> Iterator[Data]:
-    name, why = f"a counter up to {OVERFLOW}", _why_no_producer(subject, OVERFLOW)
-    if why:
-        yield skip(name, why)
-        return
-    numbers = [*range(1, OVERFLOW + 1), 1]
-    counts = [expect(f"SYNC {number}", _sync(subject, f"{number:02X}"), SOON) for number in numbers]
-    yield group(name, *_configured(subject, OVERFLOW), _started(subject), *counts, *fresh(subject))
 
 
 # PDOs
@@ -142,6 +135,7 @@ def _sent(pdo: Pdo) -> Data:
     return {"raw": f"{pdo.cob_id:03X}#{'?' * (2 * pdo.length)}"}
 
 
+@CHAPTER.clause("7.2.2.2", "SYNC producer", Tier.DESTRUCTIVE, "6.3")
 def _every_second(subject: Subject) -> Iterator[Data]:
     """Have a TPDO follow the device's own SYNC: with every second one of them."""
     name, (tpdo, lack) = "a TPDO with every second SYNC of its own", _followed(subject, 2)
@@ -165,6 +159,7 @@ def _typed(pdo: Pdo, type_: int) -> Data:
     return write(name, (pdo.index, TRANSMISSION_TYPE), value=type_, optional=codes(*BUSY, *OUTSIDE))
 
 
+@CHAPTER.clause("7.5.2.6", "SYNC consumer", Tier.DESTRUCTIVE, "6.4")
 def _without_period(subject: Subject) -> Iterator[Data]:
     """Send SYNC to a device that has no period of it: it is a consumer all the same."""
     name, (tpdo, lack) = "a TPDO with each SYNC though the period is 0", _followed(subject, 1)
@@ -188,6 +183,7 @@ def _without_period(subject: Subject) -> Iterator[Data]:
 # Counter
 
 
+@CHAPTER.clause("7.5.2.22", "SYNC counter", Tier.DESTRUCTIVE, "6.5, 6.9")
 def _numbers(subject: Subject) -> Iterator[Data]:
     """Write what the counter cannot be, and change it while SYNC has a period (CiA 301, 7.5.2.22)."""
     counter = subject.settable(SYNC_COUNTER)
@@ -213,9 +209,21 @@ def _not_while_there_is_a_period(subject: Subject) -> Data:
     return group(name, *fresh(subject), period, changed, *fresh(subject))
 
 
+@CHAPTER.clause("7.5.2.22", "SYNC counter", Tier.DESTRUCTIVE, "6.7")
+def _counted(subject: Subject) -> Iterator[Data]:
+    name, why = f"a counter up to {OVERFLOW}", _why_no_producer(subject, OVERFLOW)
+    if why:
+        yield skip(name, why)
+        return
+    numbers = [*range(1, OVERFLOW + 1), 1]
+    counts = [expect(f"SYNC {number}", _sync(subject, f"{number:02X}"), SOON) for number in numbers]
+    yield group(name, *_configured(subject, OVERFLOW), _started(subject), *counts, *fresh(subject))
+
+
 # Stored
 
 
+@CHAPTER.clause("7.5.2.13", "SYNC", Tier.DESTRUCTIVE, "6.8, 6.10")
 def _stored(subject: Subject) -> Iterator[Data]:
     """Store the counter, then all of SYNC: after a reset the device sends it by itself."""
     counter, off = Kept(SYNC_COUNTER, OVERFLOW, 2), Kept(SYNC_PERIOD, 0)
@@ -226,18 +234,3 @@ def _stored(subject: Subject) -> Iterator[Data]:
     values = [off, counter, Kept(SYNC_PERIOD, PERIOD), Kept(SYNC, _sending(subject))]
     goes_on = every(_sync(subject, "??"), PERIOD // 1000, 3)
     yield from kept_over_reset(subject, "all of it is stored", values, goes_on)
-
-
-CHAPTER = Chapter(
-    "sync",
-    "SYNC",
-    (
-        Clause("7.5.2.5", "SYNC", _identifier, Tier.REVERSIBLE, "6.1"),
-        Clause("7.5.2.6", "SYNC producer", _produced, Tier.DESTRUCTIVE, "6.2, 6.6"),
-        Clause("7.2.2.2", "SYNC producer", _every_second, Tier.DESTRUCTIVE, "6.3"),
-        Clause("7.5.2.6", "SYNC consumer", _without_period, Tier.DESTRUCTIVE, "6.4"),
-        Clause("7.5.2.22", "SYNC counter", _numbers, Tier.DESTRUCTIVE, "6.5, 6.9"),
-        Clause("7.5.2.22", "SYNC counter", _counted, Tier.DESTRUCTIVE, "6.7"),
-        Clause("7.5.2.13", "SYNC", _stored, Tier.DESTRUCTIVE, "6.8, 6.10"),
-    ),
-)

@@ -261,21 +261,20 @@ def _numbered(subject: Subject, pdos: Pdos) -> Data:
     steps = [*fresh(subject), *([write("period 0", SYNC_PERIOD, value=0)] if subject.number(SYNC_PERIOD) else [])]
     steps.append(write(f"counter {OVERFLOW}", SYNC_COUNTER, value=OVERFLOW))
     for each in pdos:
-        steps += _begun_with(subject, each)
+        cob_id, type_, start = ((each.index, sub) for sub in (COB_ID, TRANSMISSION_TYPE, SYNC_START))
+        value = subject.number(cob_id)
+        steps += [
+            # The start value must not be changed while the PDO exists (CiA 301, 7.5.2.37).
+            write(f"{each.title} not valid", cob_id, value=hexadecimal(value | NOT_VALID, 8)),
+            write("transmission type 1", type_, value=1, optional=codes(*NO_SUCH_TYPE)),
+            write(f"SYNC start value {START}", start, value=START),
+            write(f"{each.title} valid", cob_id, value=hexadecimal(value, 8)),
+        ]
     steps += [nmt("start"), wait("50 ms")]
     for number in range(1, START + 3):
         steps.append(_sync(subject, bytes([number])))
         steps += [_come("it comes", pdos)] if number >= START else _none(f"not before SYNC {START}", pdos)
     return group(f"{_named(pdos)} from SYNC {START} on", *steps, *fresh(subject))
-
-
-def _begun_with(subject: Subject, pdo: Pdo) -> Iterator[Data]:
-    cob_id, type_, start = ((pdo.index, sub) for sub in (COB_ID, TRANSMISSION_TYPE, SYNC_START))
-    value = subject.number(cob_id)
-    yield write(f"{pdo.title} not valid", cob_id, value=hexadecimal(value | NOT_VALID, 8))
-    yield write("transmission type 1", type_, value=1, optional=codes(*NO_SUCH_TYPE))
-    yield write(f"SYNC start value {START}", start, value=START)
-    yield write(f"{pdo.title} valid", cob_id, value=hexadecimal(value, 8))
 
 
 # By remote frame
