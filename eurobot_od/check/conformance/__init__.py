@@ -2,7 +2,7 @@
 
 Theory of operation. `suite.text` writes suites in YAML, in the format of all others, and the reader reads them: what a
 generated suite can do, a written one can do, too, and a team may keep the text and edit it. Each chapter (`nmt`,
-`objects`, `sdo`, `storage`, `pdo` with `transmission`, `emcy`, `error_control`, `sync`) is a list of clauses of CiA 301:
+`objects`, `sdo`, `storage`, `pdo` with `transmission`, `emcy`, `error_control`, `sync`) is a list of CiA 301's clauses:
 a function is entered by `@CHAPTER.clause` with the clause and its topic, and makes the steps from the `Subject`, which
 is what the file says; what differs only in the PDOs it looks at is a row of a table. Clauses are run in the order of
 the file. The name of each step begins with the clause (`naming`), by which a run is reported: as a `page` for the

@@ -197,6 +197,8 @@ def _judged(number: str, verdicts: Mapping[Verdict, str]) -> CttResult:
     """One red step makes a test fail, one green step pass."""
     for verdict in (Verdict.FAILED, Verdict.PASSED, Verdict.SKIPPED):
         if verdict in verdicts:
+            # Several of our steps may stand for one of its tests: what is red counts more than what is green, and both
+            # more than what was skipped.
             why = "" if verdict is Verdict.PASSED else verdicts[verdict]
             return CttResult(number, verdict, why)
     return CttResult(number, Verdict.SKIPPED, NOT_ASKED)

@@ -48,6 +48,8 @@ def _beforehand(subject: Subject) -> Iterator[Data]:
         if found is None or not found.readable:
             yield skip(what, f"the file has no 0x{address[0]:04X} that can be read")
         else:
+            # The file's own value, and not a guess of what is usual: 0x1014 may be anywhere, and 0x1001 may have a bit
+            # of the maker's that is always set.
             content = data_type(found).write(subject.number(address))
             yield read(f"{what} is {content[::-1].hex().upper()}", address_of(found), data=content.hex(" ").upper())
 
@@ -69,6 +71,7 @@ def _remembers(subject: Subject) -> Iterator[Data]:
         return
     yield read("its number of errors", HISTORY, data="any")
     if newest is not None and newest.readable:
+        # While there is no error the entry may be empty, or not there at all (CiA 301, 7.5.2.4): makers differ.
         none_now = codes(AbortCode.NO_DATA, AbortCode.NO_SUBINDEX)
         yield read("the newest of them", (ERROR_FIELD, 1), optional=none_now)
 
@@ -82,6 +85,7 @@ def _history(subject: Subject) -> Iterator[Data]:
     if not history.writable:
         yield skip("the history is cleared", "the file's error history cannot be written")
         return
+    # 0 clears the history, everything else is not allowed (CiA 301, 7.5.2.4).
     refused = codes(AbortCode.VALUE, AbortCode.TOO_HIGH)
     yield write("only 0 may be written", HISTORY, value=1, abort=refused)
     yield group("0 clears it", write("0 is written", HISTORY, data="00"), _empty())
@@ -104,6 +108,8 @@ def _too_short(subject: Subject) -> Iterator[Data]:
         f"RPDO {rpdo.number}, one byte too short",
         nmt("start"),
         wait("50 ms"),
+        # The one error that can be made from outside without doing harm: the device ignores the frame and says 0x8210
+        # (CiA 301, 7.2.7).
         sent("the frame", rpdo.cob_id, bytes(rpdo.length - 1)),
         emcy(f"EMCY 0x{code:04X}", code),
         never("it is reported once", {"emcy": f"0x{code:04X}"}, ONCE),
@@ -116,6 +122,8 @@ def _too_short(subject: Subject) -> Iterator[Data]:
 def _remembered(subject: Subject, code: ErrorCode) -> Iterator[Data]:
     history = subject.find(HISTORY)
     if history is not None and history.readable and subject.find((ERROR_FIELD, 1)) is not None:
+        # Asked for as a frame: an entry has the error code in its lower half, and whatever the maker adds in the upper
+        # one, so that no value can be compared.
         digits = code.to_bytes(2, "little").hex().upper()
         asked = {"name": "the history is asked", **subject.request(bytes.fromhex("4003100100000000"))}
         if in_limits(history, 1):
@@ -131,4 +139,5 @@ def _received(subject: Subject) -> Pdo | None:
     """Return the first valid RPDO with data that takes effect at once, else the first at all."""
     rpdos = (each for each in subject.pdos if each.direction is PdoDirection.RPDO)
     seen = (each for each in rpdos if not subject.why_not_seen(each))
+    # One that waits for SYNC takes effect only with the next one, and some devices look at its length only then.
     return min(seen, key=lambda each: each.is_synchronous, default=None)

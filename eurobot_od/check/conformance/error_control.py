@@ -60,6 +60,7 @@ def _why_not_guarded(subject: Subject) -> str:
     """Say why the device cannot be guarded; nothing if it can be."""
     if subject.find(GUARD_TIME) is None:
         return NOT_GUARDED
+    # Heartbeat and guarding exclude each other; if both are configured, the heartbeat wins (CiA 301, 7.2.8.2.2).
     ends = not subject.number(HEARTBEAT_TIME) or subject.may_be(HEARTBEAT_TIME, 0)
     return "" if ends else "the file's heartbeat (0x1017) cannot be ended, and a device that has one is not guarded"
 
@@ -85,6 +86,8 @@ def _guarded(subject: Subject) -> Iterator[Data]:
     """Ask in every state; after a reset of the communication the toggle bit begins with 0."""
     why = _why_not_guarded(subject)
     if not why and subject.number(GUARD_TIME) * subject.number(LIFE_TIME_FACTOR):
+        # A default above 0 in both: with the first remote frame the device begins to wait for the next one, and the
+        # steps that follow are not made to keep up.
         why = "the file's life guarding is on: once it is asked, the device may leave OPERATIONAL by itself"
     if why:
         yield skip("a remote frame is answered", why)
@@ -99,6 +102,8 @@ def _guarded(subject: Subject) -> Iterator[Data]:
     steps: list[Data] = [*fresh(subject), *_no_heartbeat(subject)]
     for number, (command, state) in enumerate(asked):
         steps += [] if command is None else [nmt(command), wait("50 ms")]
+        # Bit 7 alternates from answer to answer, so that a master notices one that it has seen before (CiA 301,
+        # 7.2.8.3.2.1).
         answer = state | TOGGLE * (number % 2)
         said = f"{number + 1}. {state.name.replace('_', '-')}, toggle bit {number % 2}"
         steps += [remote(_own(subject)), expect(said, _answer(subject, f"{answer:02X}"), QUIET)]
@@ -119,6 +124,8 @@ def _other_identifier(subject: Subject) -> Iterator[Data]:
     if why:
         yield skip(name, why)
         return
+    # A device that compares only a part of the identifier would answer for its neighbours, and hide that one is
+    # missing.
     asked = remote(ERROR_CONTROL_BASE + subject.another)
     yield group(name, *fresh(subject), *_no_heartbeat(subject), asked, never("no answer", _answer(subject), QUIET))
 
@@ -146,6 +153,7 @@ def _life_guarding(subject: Subject) -> Iterator[Data]:
         yield skip("both are written", why)
         yield skip("the master is missed", why)
         return
+    # Reset first: life guarding that some earlier step began ends with nothing else.
     both = [*fresh(subject), *_no_heartbeat(subject), *_life_times()]
     seen = (read("guard time", GUARD_TIME, expect=GUARD), read("life time factor", LIFE_TIME_FACTOR, expect=FACTOR))
     yield group("both are written", *both, *seen, *fresh(subject))
@@ -155,6 +163,7 @@ def _life_guarding(subject: Subject) -> Iterator[Data]:
         "the master is missed",
         *both,
         _missed("not before its first remote frame", ONCE),
+        # Longer in all than the life time, so that it is the questions which keep the device from missing its master.
         {**asked, "repeat": 4},
         emcy("EMCY: the life time is over", ErrorCode.HEARTBEAT_LOST),
         _missed("it is told once", ONCE),
@@ -200,6 +209,7 @@ def _heartbeat_instead(subject: Subject) -> Iterator[Data]:
     if why:
         yield skip(name, why)
         return
+    # A heartbeat has no toggle bit: bit 7 is reserved and 0 (CiA 301, 7.2.8.3.2.2).
     (state,) = error_control(subject.node_id, NmtState.PRE_OPERATIONAL).data
     guarded = group("guarded", remote(_own(subject)), expect("answer", _answer(subject), QUIET))
     beats = expect("a heartbeat, its toggle bit always 0", _answer(subject, f"{state:02X}"), QUIET)
@@ -233,6 +243,7 @@ def _why_not_watching(subject: Subject, *others: Address) -> str:
 
 
 def _entry(subject: Subject, milliseconds: int = WATCHED) -> int:
+    # Bits 16 to 23 are the node-ID, the lower half the time in ms; the highest byte is reserved (CiA 301, 7.5.2.19).
     return subject.another << 16 | milliseconds
 
 
@@ -243,6 +254,7 @@ def _watched(subject: Subject, milliseconds: int = WATCHED) -> Iterator[Data]:
 
 
 def _beats(subject: Subject, state: NmtState = NmtState.OPERATIONAL) -> Data:
+    # The tester plays that node, whose node-ID nobody on the bus has: whoever else watches nodes is not confused.
     return sent("heartbeat", *error_control(subject.another, state))
 
 
@@ -259,6 +271,7 @@ def _twice(subject: Subject) -> Iterator[Data]:
         yield skip("a node is watched once", why)
         return
     again = hexadecimal(_entry(subject, WATCHED + 1), 8)
+    # CiA 301 names 0x06040043 (7.5.2.19); the other codes refuse it as well, and are in use.
     refused = codes(AbortCode.INCOMPATIBLE, AbortCode.VALUE, AbortCode.GENERAL, AbortCode.STATE)
     second = write("the same node in the second entry", SECOND, value=again, abort=refused)
     yield group("a node is watched once", *_watched(subject), second, *fresh(subject))
@@ -276,12 +289,14 @@ def _slower(subject: Subject) -> Iterator[Data]:
 
 @CHAPTER.clause("7.5.2.19", "Consumer heartbeat time", Tier.DESTRUCTIVE, "7.107")
 def _restarted(subject: Subject) -> Iterator[Data]:
+    # A boot-up shows that the node was away: its consumer begins anew with the heartbeats that follow.
     boot = sent("boot-up of that node", *error_control(subject.another, NmtState.INITIALISING))
     yield from _watching(subject, "a node that boots", *_lost(subject), boot, _alive(subject), *_lost(subject))
 
 
 def _lost(subject: Subject) -> Iterator[Data]:
     yield _beats(subject)
+    # Missed can only be who was heard: the time begins with the first heartbeat (CiA 301, 7.2.8.3.2.2).
     yield emcy("EMCY: its heartbeat is missed", ErrorCode.HEARTBEAT_LOST)
 
 

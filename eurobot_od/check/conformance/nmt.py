@@ -74,6 +74,8 @@ def _beating(subject: Subject, name: str, *steps: Data) -> Data:
     time = subject.settable(HEARTBEAT_TIME)
     if time is None:
         return skip(name, NO_HEARTBEAT)
+    # A node says its state only in its heartbeat (CiA 301, 7.2.8.3.2); many devices have none by default, or one a
+    # second.
     faster = write(f"a heartbeat every {BEAT} ms", address_of(time), value=_allowed(time, BEAT))
     return group(name, save(time), faster, *steps, put_back(time))
 
@@ -90,6 +92,7 @@ def _allowed(variable: ODVariable, value: int) -> int:
 @CHAPTER.clause("7.5.2.2", "Error register")
 def _errors(_: Subject) -> Iterator[Data]:
     """See that the device has no error to begin with: what is red afterwards may come from it."""
+    # First of all: a short circuit, or a bus that was unplugged, would make steps red that have nothing to do with it.
     yield {"name": "the device reports no error itself", "errors": "none"}
 
 
@@ -101,6 +104,8 @@ def _boot_ups(subject: Subject) -> Iterator[Data]:
     for command, (state, way) in product(("reset", "reset communication"), WAY_TO.items()):
         there = [nmt(each) for each in ("pre-operational", *way)]
         name = f"boot-up after {command} in {state.upper()}"
+        # The boot-up comes at the change from Initialisation to PRE-OPERATIONAL, whatever state the node was in before
+        # (CiA 301, 7.2.8.3.3); a node that is STOPPED hears the command as well.
         booted = {**heartbeat("boot-up", BOOT_TIME), "name": f"after {command}"}
         yield group(name, *there, nmt(command), booted, awake(subject))
 
@@ -117,6 +122,7 @@ def _heartbeat_times(subject: Subject) -> Iterator[Data]:
     beat = _allowed(time, BEAT)
     slower = write(f"{SLOW} ms", address_of(time), value=_allowed(time, SLOW))
     faster = write(f"{beat} ms", address_of(time), value=beat)
+    # From a long time to a short one: a device that first lets the old time run out takes up to 5 s.
     first = {**heartbeat("any", f"{beat + 100} ms"), "name": "a heartbeat after the new time"}
     yield group("a change counts at once", save(time), slower, wait("20 ms"), faster, first, put_back(time))
     every = {"message": {"heartbeat": "any"}, "every": f"{beat} ms", "tolerance": PRECISION, "count": 5}
@@ -127,6 +133,7 @@ def _heartbeat_times(subject: Subject) -> Iterator[Data]:
         {"name": f"every {beat} ms", "period": every},
         put_back(time),
     )
+    # 0 means no heartbeat (CiA 301, 7.5.2.20), but a maker may forbid it by LowLimit: then there is nothing to look at.
     if in_limits(time, 0):
         none = write("0: no heartbeat", address_of(time), value=0)
         silent = never("silent", {"heartbeat": "any"}, QUIET)
@@ -136,6 +143,7 @@ def _heartbeat_times(subject: Subject) -> Iterator[Data]:
 @CHAPTER.clause("7.2.8.3.2", "Heartbeat", Tier.REVERSIBLE, "7.102")
 def _heartbeat_of_the_file(subject: Subject) -> Iterator[Data]:
     period = subject.number(HEARTBEAT_TIME)
+    # Two periods are measured, and a suite is to end: a device with one beat a minute is not worth two minutes here.
     if not 0 < period <= LONGEST_PERIOD:
         yield skip("as the file says", f"the file has no heartbeat time from 1 to {LONGEST_PERIOD} ms")
         return
@@ -151,6 +159,7 @@ def _heartbeat_of_the_file(subject: Subject) -> Iterator[Data]:
 
 @CHAPTER.clause("7.3.2.2", "NMT state", Tier.REVERSIBLE, "9.1")
 def _first_state(subject: Subject) -> Iterator[Data]:
+    # By itself means PRE-OPERATIONAL, unless 0x1F80 of the file says that the device starts on its own (CiA 302-2).
     state = STATE_NAMES[boot_state(subject.dictionary.default(NMT_STARTUP))]
     says = heartbeat(state, SOON)
     beating = _beating(subject, f"{state} by itself after a reset", says)
@@ -177,11 +186,14 @@ def _other_commands(subject: Subject) -> Iterator[Data]:
     for name, data in (
         ("another node's command does not matter", bytes([1, subject.another])),
         ("an unknown command does not matter", bytes([0x77, subject.node_id])),
+        # An NMT frame has two bytes; with one of them a device would have to guess whom it is for.
         ("half a command does not matter", bytes([1])),
     ):
         yield _beating(
             subject, name, _raw(data), never("stays", {"heartbeat": "operational"}, QUIET), heartbeat("any", SOON)
         )
+    # Node-ID 0 is for all nodes (CiA 301, 7.2.8.2.1). PRE-OPERATIONAL, because every other node on the bus hears it
+    # too.
     started = [nmt("start"), heartbeat("operational", SOON)]
     to_all = {**_raw(bytes([0x80, 0])), "name": "NMT pre-operational to all"}
     yield _beating(subject, "a command to all nodes", *started, to_all, heartbeat("pre-operational", SOON))
@@ -196,6 +208,7 @@ def _raw(data: bytes) -> Data:
 
 @CHAPTER.clause("7.3.2.2.4", "NMT state", Tier.REVERSIBLE, "9.2 to 9.4")
 def _services(subject: Subject) -> Iterator[Data]:
+    # An upload: whatever a device in STOPPED makes of it, nothing is written.
     request = subject.request(initiate(ClientCommand.UPLOAD << 5, subject.probe))
     answered = awake(subject, "an SDO is answered")
     yield group("SDO in PRE-OPERATIONAL", answered)

@@ -90,6 +90,7 @@ def _free(subject: Subject) -> Iterator[Address]:
 @CHAPTER.clause("7.2.4.3.17", "Unknown sub-index", ctt="2.5")
 def _unknown_subindices(subject: Subject) -> Iterator[Data]:
     for index, members in subject.dictionary.members.items():
+        # The one after the last: a device that does not check its sub-indices reads what lies behind the record.
         free = max(members, default=MOST_SUBS) + 1
         if free <= MOST_SUBS:
             address: Address = index, free
@@ -106,6 +107,7 @@ def _identity(subject: Subject) -> Iterator[Data]:
         if each is not None and number:
             yield read(title(each), address_of(each), data=data_type(each).write(number).hex(" ").upper())
         elif each is not None:
+            # A master tells devices apart by these; 0 in a file mostly means that nobody has filled it in.
             yield skip(title(each), "the file does not say it")
 
 
@@ -115,6 +117,7 @@ def _structure(subject: Subject) -> Iterator[Data]:
     if subject.find(DEVICE_TYPE) is None:
         yield skip("0x1000:255", "the file has no device type (0x1000)")
         return
+    # Sub-index 255 is optional: few devices have it.
     absent = codes(AbortCode.NO_SUBINDEX)
     yield read("0x1000:255", (DEVICE_TYPE[0], values.STRUCTURE), data="07 07 00 00", optional=absent)
 
@@ -173,6 +176,8 @@ def _write_only(subject: Subject) -> Iterator[Data]:
 def _read_only(subject: Subject) -> Iterator[Data]:
     for each in subject.objects:
         if not each.writable:
+            # Of the right length, so that only the access can be refused; and zeros, should it be taken after all: they
+            # do the least.
             zeros = bytes(data_type(each).size or 1).hex(" ")
             yield write(title(each), address_of(each), data=zeros, abort=codes(AbortCode.READ_ONLY))
 
@@ -209,6 +214,8 @@ def _wrong_lengths(subject: Subject) -> Iterator[Data]:
     for each in _tried(subject):
         size = data_type(each).size
         if size:
+            # Downloaded in one frame or by segments, as the length asks for: what is to be refused is the length, not
+            # the transfer.
             yield _of_length(each, size + 1, "too long")
         if size > 1:
             yield _of_length(each, size - 1, "too short")
@@ -225,6 +232,7 @@ def _limits(subject: Subject) -> Iterator[Data]:
     for each in _tried(subject):
         refused = list(_outside(each))
         if refused and each.readable:
+            # A device may say no and write all the same.
             yield group(title(each), save(each), *refused, unchanged(each))
         elif refused:
             yield group(title(each), *refused)
@@ -239,6 +247,7 @@ def _outside(each: ODVariable) -> Iterator[Data]:
         (range_.low - 1, "too low", AbortCode.TOO_LOW),
         (range_.high + 1, "too high", AbortCode.TOO_HIGH),
     ):
+        # A value that its type cannot carry would be refused by our own encoding, and never get to the device.
         if type_.low <= value <= type_.high:
             yield write(f"{value} is {what}", address_of(each), value=value, abort=codes(code, AbortCode.VALUE))
 
@@ -248,25 +257,16 @@ def _outside(each: ODVariable) -> Iterator[Data]:
 
 @CHAPTER.clause("7.4.5", "Writable", Tier.DESTRUCTIVE)
 def _other_values(subject: Subject) -> Iterator[Data]:
-    """Write another value to each configuration object, and put back the one it had."""
+    """Write another value to each of the device's own settings, and put back the one it had."""
     for each in _tried(subject):
-        other = _other(each) if _is_setting(subject, each) else None
-        if other is not None:
+        own = each.index >= values.MANUFACTURER[0] and address_of(each) != subject.dictionary.node_id_address
+        # What a PDO can carry is a process value: writing it may move something.
+        if not (own and each.access_type == "rw" and not each.pdo_mappable and _has_value(each)):
+            continue
+        default = default_of(each)
+        present = default if isinstance(default, int) else 0
+        other = next((value for value in (present + 1, present - 1) if in_limits(each, value)), None)
+        if data_type(each).is_integer and other is not None:
             written = write(f"{other} is written", address_of(each), value=other, optional=codes(*BUSY))
             seen = read("and read again", address_of(each), expect=other)
             yield group(f"{title(each)}: another value", save(each), written, seen, put_back(each))
-
-
-def _is_setting(subject: Subject, each: ODVariable) -> bool:
-    """Whether an object is one of the device's own settings, and not its node-ID."""
-    own = each.index >= values.MANUFACTURER[0] and address_of(each) != subject.dictionary.node_id_address
-    return own and each.access_type == "rw" and not each.pdo_mappable and _has_value(each)
-
-
-def _other(each: ODVariable) -> int | None:
-    """Return a value that an object may have besides its default, None if there is none, or if it is a text."""
-    if not data_type(each).is_integer:
-        return None
-    default = default_of(each)
-    present = default if isinstance(default, int) else 0
-    return next((value for value in (present + 1, present - 1) if in_limits(each, value)), None)

@@ -1,6 +1,6 @@
 """A page to hand to a device's maker: what was asked, the score by chapter, and each red step with its frames.
 
-Rule of this file: one value, `Report`, has all that the page says; the forms (Markdown, HTML, JSON) only write it.
+Rule of this file: one value, `DeviceRun`, has all that the page says; the forms (Markdown, HTML, JSON) only write it.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ INFORMATION = (
 """What [DeviceInfo] says of a device."""
 
 
-class Report(NamedTuple):
+class DeviceRun(NamedTuple):
     """A run: the device, up to which tier it was asked, its results, and by what and when they were `made`."""
 
     dictionary: Dictionary
@@ -88,7 +88,7 @@ def check_form(file: Path) -> None:
         raise UnknownName("form of a report", file.suffix or file.name, [*SUFFIXES, JSON])
 
 
-def text(file: Path, reports: Sequence[Report]) -> str:
+def text(file: Path, reports: Sequence[DeviceRun]) -> str:
     """Return the page of some devices in the form of a file's suffix; raises UnknownName."""
     check_form(file)
     if file.suffix.lower() == JSON:
@@ -99,7 +99,7 @@ def text(file: Path, reports: Sequence[Report]) -> str:
 # What it says
 
 
-def blocks(run: Report) -> Iterator[DocBlock]:
+def blocks(run: DeviceRun) -> Iterator[DocBlock]:
     """Give the page of a device."""
     yield DocHeading(1, f"Conformance of {run.dictionary.name}")
     passed = sum(each.count(Status.PASSED) for each in run.results)
@@ -124,7 +124,7 @@ def _score(result: SuiteResult) -> tuple[str, ...]:
     return result.name.removeprefix("CiA 301, "), *(str(result.count(each)) for each in statuses)
 
 
-def _all_red(run: Report) -> Iterator[DocBlock]:
+def _all_red(run: DeviceRun) -> Iterator[DocBlock]:
     for result in run.results:
         if result.error:
             yield Paragraph(f"{result.name} ended before its time: {result.error}")

@@ -71,6 +71,7 @@ def _content(each: ODVariable) -> bytes:
 
 def _long(subject: Subject) -> ODVariable | None:
     """Return the object with the longest known value over 4 bytes."""
+    # Up to 4 bytes go into the first answer: only a longer value shows segments (CiA 301, 7.2.4.3.6).
     found = [each for each in subject.objects if _known(each) and len(_content(each)) > 4]
     return max(found, key=lambda each: len(_content(each)), default=None)
 
@@ -115,6 +116,7 @@ def _segmented_upload(subject: Subject) -> Iterator[Data]:
         "a wrong toggle bit is refused",
         _asked(subject, ClientCommand.UPLOAD << 5, address_of(each)),
         expect("it begins", subject.answer(f"4?{_multiplexer(each)}????????"), WITHIN),
+        # The first segment has the toggle bit 0 (CiA 301, 7.2.4.3.7).
         _sent(subject, "the first segment, asked for with the toggle bit set", wire.plain(0x70)),
         _aborted(subject, AbortCode.TOGGLE_BIT),
     )
@@ -124,6 +126,7 @@ def _segmented_upload(subject: Subject) -> Iterator[Data]:
 def _block_upload(subject: Subject) -> Iterator[Data]:
     each = _long(subject) or subject.find(DEVICE_TYPE)
     if each is not None and default_bytes(each) is not None:
+        # Block transfer is optional; a server without it refuses the first request, and nothing else is wrong with it.
         again = unchanged(each, "in blocks it is the same", transfer="block", optional=codes(*NO_BLOCKS))
         yield group(f"{title(each)} in blocks", save(each), again)
 
@@ -147,6 +150,7 @@ def _segmented_download(subject: Subject) -> Iterator[Data]:
         read("it has the value", address_of(each), data=content.hex(" ")),
         put_back(each),
     )
+    # With its own value: a server that does not look at the bit writes what is there already.
     wrong = wire.segment(ClientCommand.DOWNLOAD_SEGMENT, wire.TOGGLE, content, last=True)
     yield group(
         "a wrong toggle bit is refused",
@@ -175,6 +179,8 @@ def _block_download(subject: Subject) -> Iterator[Data]:
 def _unknown_command(subject: Subject) -> Iterator[Data]:
     yield group(
         "an unknown command is refused",
+        # 0xE0: the one of eight that no request has (CiA 301, 7.2.4.3). It is about an object that there is, so that
+        # only the command can be refused.
         _sent(subject, "command specifier 7", initiate(0xE0, subject.probe)),
         _aborted(subject, AbortCode.UNKNOWN_COMMAND),
     )
@@ -185,6 +191,7 @@ def _unfinished(subject: Subject) -> Iterator[Data]:
     yield group(
         "a client's abort is not answered",
         _sent(subject, "abort", wire.aborted(subject.probe, AbortCode.GENERAL)),
+        # An abort that is answered by an abort would go to and fro for ever.
         never("no answer", subject.answer("?" * 16), QUIET),
         awake(subject, "the next request is"),
     )
@@ -203,6 +210,7 @@ def _unfinished(subject: Subject) -> Iterator[Data]:
         "a transfer that is left alone does not block the server",
         save(each),
         *_begun(subject, each),
+        # No clause names a time-out; but a client that went away must not keep all later ones out until the next reset.
         wait(LEFT_ALONE),
         unchanged(each),
     )
@@ -214,6 +222,7 @@ def _unfinished(subject: Subject) -> Iterator[Data]:
 @CHAPTER.clause("7.2.4.3.12", "SDO block upload", ctt="2.26")
 def _block_size(subject: Subject) -> Iterator[Data]:
     """Ask for blocks of one segment more than there are."""
+    # 127 is the most that seven bits can number (CiA 301, 7.2.4.3.12).
     size = bytes([wire.BLOCK_SEGMENTS + 1])
     yield group(
         "a block of 128 segments is refused",
@@ -249,6 +258,7 @@ def _servers(subject: Subject) -> Iterator[Data]:
     """Read where each server is; the first has the identifiers of the predefined connection set."""
     for index in subject.dictionary.members:
         for found in filter(None, (subject.find((index, sub)) for sub in (1, 2) if index in SDO_SERVERS)):
+            # 0x600 and 0x580 plus the node-ID: a master that knows nothing else of a device must be able to ask it.
             usual = SDO_BASES[address_of(found)] + subject.node_id if address_of(found) in SDO_BASES else None
             if usual is not None and subject.number(address_of(found)) != usual:
                 yield skip(title(found), f"the file itself has another one than 0x{usual:X}")
@@ -292,6 +302,7 @@ def _sent(subject: Subject, name: str, data: bytes) -> Data:
 def _aborted(subject: Subject, *aborts: AbortCode) -> Data:
     """Expect one of some aborts; which object it names is open where the request did not name one."""
     answers = [subject.answer(f"80??????{code.to_bytes(4, 'little').hex().upper()}") for code in aborts]
+    # CiA 301 names codes, but leaves it to a server how exactly it knows what is wrong.
     return expect("abort", {"any": answers} if len(answers) > 1 else answers[0], WITHIN)
 
 

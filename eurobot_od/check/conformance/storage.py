@@ -72,6 +72,8 @@ def _power_on_values(subject: Subject) -> Iterator[Data]:
     if each is None:
         yield skip("a reset", "the file has none of 0x1006, 0x1015 and 0x1017 that can be read, written and put back")
         return
+    # Both load the communication profile's values of power-on; only the first also those of the maker's and the
+    # profile's objects (CiA 301, 7.3.2.2.3).
     for command in ("reset", "reset communication"):
         yield group(
             f"{title(each)} after {command}",
@@ -86,6 +88,7 @@ def _power_on_values(subject: Subject) -> Iterator[Data]:
 
 def _commands(subject: Subject, index: int) -> dict[int, ODVariable]:
     """Return the sub-indices of 0x1010 or 0x1011 that are the standard's, or were named, and take a signature."""
+    # Never by default: behind 0x1011:4 and up may be a maker's calibration, which nothing brings back.
     own = subject.restore if index == standard.RESTORE else ()
     found = (each for each in subject.objects if each.index == index and each.subindex in (*STANDARD_GROUPS, *own))
     return {each.subindex: each for each in found if each.writable and data_type(each) is UNSIGNED32}
@@ -99,6 +102,7 @@ def _signatures(index: int) -> Callable[[Subject], Iterator[Data]]:
         if not commands:
             yield skip("the signature", f"the file has no 0x{index:04X} that can be written")
         for each in commands.values():
+            # Zeros are what an empty program writes, and the letters backwards what one with the wrong byte order does.
             for wrong in (bytes(4), standard.SIGNATURES[index][::-1]):
                 name = f"{title(each)} wants its signature, not {wrong.hex(' ').upper()}"
                 yield write(name, address_of(each), data=wrong.hex(" "), abort=codes(*REFUSED, *OUTSIDE))
@@ -177,6 +181,7 @@ def kept_over_reset(subject: Subject, name: str, values: Sequence[Kept], *looks:
 @CHAPTER.clause("7.5.2.13", "Store", Tier.DESTRUCTIVE, "2.30")
 def _clients(subject: Subject) -> Iterator[Data]:
     """Store the identifiers of the first SDO client, not valid ones."""
+    # Not valid while it is stored: an SDO client that becomes active would talk to a node that is not there.
     index = next((each for each in standard.SDO_CLIENTS if each in subject.dictionary.members), None)
     if index is None:
         yield skip("SDO client", "the file has no SDO client (0x1280)")
@@ -190,6 +195,8 @@ def _clients(subject: Subject) -> Iterator[Data]:
 def _verified(subject: Subject) -> Iterator[Data]:
     """Store the date of the configuration, and see that a change of the configuration clears it (7.5.2.23)."""
     date, time = standard.VERIFY_CONFIGURATION
+    # 0x1020 tells a master that it need not compare each object: a device that keeps it after a change makes the master
+    # believe an old configuration.
     shown, looks = _shown_by(subject), []
     if shown is not None:
         changed = write(f"{title(shown)} is changed", address_of(shown), value=_other(shown))
@@ -214,6 +221,7 @@ def _signed(each: ODVariable, name: str) -> Data:
 
 
 def _power_cycle(subject: Subject) -> Iterator[Data]:
+    # As near to a power cycle as the bus can bring it: every value of power-on is loaded again (CiA 301, 7.3.2.2.3).
     yield nmt("reset")
     yield awake(subject)
     yield nmt("pre-operational")

@@ -92,6 +92,7 @@ class Subject:
 
     def why_not_seen(self, pdo: Pdo) -> str:
         """Say why a PDO's frames cannot be told from others, or are none; nothing if they can be looked at."""
+        # Counted over all PDOs and services: by its identifier alone nobody could say whose frame it was that came.
         taken = Counter(each.cob_id for each in self.pdos if each.valid) + Counter(self.model.service_identifiers)
         mapped = {each.pdo.index for each in self.model.protocol.bindings}
         reasons = {
@@ -137,6 +138,7 @@ class Subject:
     @property
     def another(self) -> int:
         """A node-ID that neither the device has nor its file watches: the tester plays that node."""
+        # One that the device watches would be reported as lost when the tester stops playing it.
         watched = {split(self.number((CONSUMED_HEARTBEATS, sub)))[0] for sub in range(1, MOST_SUBS + 1)}
         return next(each for each in reversed(NODE_IDS) if each != self.node_id and each not in watched)
 
@@ -157,6 +159,7 @@ class Subject:
         """Say why no EMCY can be waited for; nothing if one can."""
         if not self.has_emcy:
             return NO_EMCY
+        # The EMCY may come as late as that after the one before, and a step that waits less would be red for nothing.
         late = self.number(EMCY_INHIBIT_TIME) > LONGEST_INHIBIT
         return f"the file's EMCY may be {LONGEST_INHIBIT // 10} ms apart and more (0x1015)" if late else ""
 

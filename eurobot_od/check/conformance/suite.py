@@ -34,7 +34,9 @@ def text(dictionary: Dictionary, tier: Tier = Tier.READING, restore: Sequence[in
 
 
 def _suite(subject: Subject, chapter: Chapter) -> Data:
+    # The reading tier sends no NMT command: it is for a device at work, which a reset would stop.
     resets = subject.tier >= Tier.REVERSIBLE
+    # Of a destructive run it cannot hold: what is stored and restored may well differ from what was there before.
     proves = subject.tier < Tier.DESTRUCTIVE
     reset = {**command("reset"), "name": "7.3.2.2.3 NMT: reset, for the values of power-on [reversible]"}
     pause = {**command("pre-operational"), "name": "7.2.8.2.1 NMT: to PRE-OPERATIONAL [reversible]"}

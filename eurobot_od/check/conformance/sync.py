@@ -73,6 +73,7 @@ def _sending(subject: Subject) -> int:
 
 def _why_no_producer(subject: Subject, overflow: int = 0) -> str:
     """Say why the device cannot be made to send SYNC; nothing if it can be."""
+    # Without 0x1019 there is no counter, which is the same as an overflow of 0.
     counted = subject.number(SYNC_COUNTER) == overflow or subject.may_be(SYNC_COUNTER, overflow)
     reasons = {
         NO_SYNC: subject.model.sync_cob_id is None,
@@ -91,6 +92,7 @@ def _configured(subject: Subject, overflow: int) -> Iterator[Data]:
     """Write period and counter, which may be changed only while the period is 0."""
     yield from fresh(subject)
     yield write("period 0", SYNC_PERIOD, value=0)
+    # 0x1019 may be written only while 0x1006 is 0, else 0x08000022 (CiA 301, 7.5.2.22).
     if subject.find(SYNC_COUNTER) is not None and subject.number(SYNC_COUNTER) != overflow:
         yield write(f"counter {overflow}", SYNC_COUNTER, value=overflow)
     yield write(f"period {PERIOD} us", SYNC_PERIOD, value=PERIOD)
@@ -98,6 +100,8 @@ def _configured(subject: Subject, overflow: int) -> Iterator[Data]:
 
 def _started(subject: Subject) -> Data:
     value = hexadecimal(_sending(subject), 8)
+    # Bit 30, last of all: the first SYNC is to come with the period and the counter that were just written (CiA 301,
+    # 7.5.2.5).
     return write("the device sends SYNC", SYNC, value=value, optional=codes(*NO_PRODUCER))
 
 
@@ -174,6 +178,7 @@ def _without_period(subject: Subject) -> Iterator[Data]:
         yield skip(name, why)
         return
     sync = sent("SYNC", subject.model.sync_cob_id or 0)
+    # 0x1006 is the producer's period and the consumer's watch; a consumer without one follows each SYNC all the same.
     with_each = group("with each SYNC", sync, expect("it comes", _sent(tpdo), SOON))
     period = write("period 0", SYNC_PERIOD, value=0)
     steps = (period, _typed(tpdo, 1), nmt("start"), {**with_each, "repeat": 3})
@@ -192,21 +197,18 @@ def _numbers(subject: Subject) -> Iterator[Data]:
         return
     steps: list[Data] = [write("period 0", SYNC_PERIOD, value=0)] if subject.may_be(SYNC_PERIOD, 0) else []
     refused = codes(*OUTSIDE, *(BUSY if subject.number(SYNC_PERIOD) and not steps else ()))
+    # 1 would be the same number in each SYNC, and 241 to 255 are reserved (CiA 301, 7.5.2.22).
     for value in (1, COUNTERS[-1] + 1):
         if subject.number(SYNC_COUNTER) != value:
             steps.append(write(f"{value} is refused", SYNC_COUNTER, value=value, abort=refused))
     yield group("only 0 and 2 to 240", *fresh(subject), *steps, *fresh(subject))
-    yield _not_while_there_is_a_period(subject)
-
-
-def _not_while_there_is_a_period(subject: Subject) -> Data:
     name, other = "not while SYNC has a period", OVERFLOW + (subject.number(SYNC_COUNTER) == OVERFLOW)
     if not (_has_period(subject) and subject.may_be(SYNC_COUNTER, other)):
-        return skip(name, "the file has no period of SYNC (0x1006) that can be written")
+        yield skip(name, "the file has no period of SYNC (0x1006) that can be written")
+        return
     period = write(f"period {PERIOD} us", SYNC_PERIOD, value=PERIOD)
-    refused = codes(AbortCode.STATE, AbortCode.GENERAL)
-    changed = write(f"counter {other}", SYNC_COUNTER, value=other, abort=refused)
-    return group(name, *fresh(subject), period, changed, *fresh(subject))
+    changed = write(f"counter {other}", SYNC_COUNTER, value=other, abort=codes(AbortCode.STATE, AbortCode.GENERAL))
+    yield group(name, *fresh(subject), period, changed, *fresh(subject))
 
 
 @CHAPTER.clause("7.5.2.22", "SYNC counter", Tier.DESTRUCTIVE, "6.7")
@@ -215,6 +217,8 @@ def _counted(subject: Subject) -> Iterator[Data]:
     if why:
         yield skip(name, why)
         return
+    # It begins with 1 and goes back to 1, never through 0 (CiA 301, 7.2.5): one more than the overflow is needed to see
+    # it.
     numbers = [*range(1, OVERFLOW + 1), 1]
     counts = [expect(f"SYNC {number}", _sync(subject, f"{number:02X}"), SOON) for number in numbers]
     yield group(name, *_configured(subject, OVERFLOW), _started(subject), *counts, *fresh(subject))
@@ -232,5 +236,6 @@ def _stored(subject: Subject) -> Iterator[Data]:
         yield skip("all of it is stored", NO_SYNC)
         return
     values = [off, counter, Kept(SYNC_PERIOD, PERIOD), Kept(SYNC, _sending(subject))]
+    # Any number: how many SYNCs came between the reset and the first look, nobody can say.
     goes_on = every(_sync(subject, "??"), PERIOD // 1000, 3)
     yield from kept_over_reset(subject, "all of it is stored", values, goes_on)
