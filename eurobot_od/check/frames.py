@@ -59,7 +59,10 @@ class FrameShapes:
         name, value = _named(node, problems)
         if name == "raw" and value is not None:
             match = _match(RAW, value, problems, "a frame such as 008#D27423")
-            return SentFrame(_raw_frame(match))
+            cob_id, remote, data = int(match["id"], 16), match["remote"], match["data"]
+            # `R4` asks for 4 bytes: a remote frame has a length, and no data.
+            frame = RemoteFrame(cob_id, bytes(int(remote[1:] or 0))) if remote else Frame(cob_id, bytes.fromhex(data))
+            return SentFrame(frame)
         binding = taken(name, problems, self._words.protocol.binding)
         fields = self._fields(binding, value, problems, partial(_operand, binding))
         missing = [each for each in binding.kinds if each not in fields and each not in binding.defaults]
@@ -160,12 +163,6 @@ def _named(node: yaml.Node, problems: Problems) -> tuple[Text, yaml.Node | None]
     if len(pairs) != 1:
         refuse(node, problems, f"expected one message, found {len(pairs)} keys")
     return next(iter(pairs.items()))
-
-
-def _raw_frame(match: re.Match[str]) -> Frame:
-    """Return the data frame, or the remote frame, that is written so."""
-    cob_id, remote = int(match["id"], 16), match["remote"]
-    return RemoteFrame(cob_id, bytes(int(remote[1:] or 0))) if remote else Frame(cob_id, bytes.fromhex(match["data"]))
 
 
 def _read_raw_pattern(node: yaml.Node, problems: Problems) -> Pattern:

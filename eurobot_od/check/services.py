@@ -13,7 +13,7 @@ import yaml
 from eurobot_od.check import shapes
 from eurobot_od.check.patterns import ANY, EmergencyPattern, HeartbeatPattern, Pattern
 from eurobot_od.check.shapes import NAME, NUMBER, SCALAR, TEXT, Key, Shape, converted, taken
-from eurobot_od.check.suite import AbortCodes, Action, Dump, Errors, Nmt, NodeServices, SdoRead, SdoWrite
+from eurobot_od.check.suite import AbortCodes, Action, Dump, Nmt, NodeServices, SdoRead, SdoWrite, SelfReported
 from eurobot_od.check.values import ObjectValues, expectation
 from eurobot_od.check.vocabulary import Vocabulary
 from eurobot_od.device.nmt import ALL_NODES, COMMAND_NAMES, STATE_NAMES, NmtCommand
@@ -65,7 +65,9 @@ class ServiceShapes:
         )
         self.dump: Shape[Action] = self._service("when", when, self._dump)
         none = Key(shapes.named({"none": True}, "errors"), "none are there", needed=True)
-        self.errors: Shape[Action] = self._service("wanted", none, self._errors)
+        self.errors: Shape[Action] = self._service(
+            "wanted", none, lambda _, given: SelfReported(NodeServices.of(self._dictionary(given)))
+        )
         sdo = {
             "read": Key(SCALAR, "object to read: 0x1017, 0x1018:1, or its name in any letter case"),
             "write": Key(SCALAR, "object to write"),
@@ -126,9 +128,6 @@ class ServiceShapes:
         kept = (each for each in steady if each.index not in COMMANDS and objects.data_type(each) is not DOMAIN)
         chosen = (each for each in kept if not node.flags(objects.address_of(each)) & NOT_SCANNED)
         return Dump(NodeServices.of(node), tuple(chosen), equal)
-
-    def _errors(self, _: bool, given: Dictionary | None) -> Action:
-        return Errors(NodeServices.of(self._dictionary(given)))
 
     # SDO
 

@@ -10,9 +10,10 @@ Rule of this file: no clock and no bus but the bench's.
 from __future__ import annotations
 
 import asyncio
-from collections.abc import AsyncIterator, Awaitable, Callable, Mapping, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
-from typing import TYPE_CHECKING, Any, ClassVar
+from functools import singledispatchmethod
+from typing import TYPE_CHECKING, Any
 
 from eurobot_od.check import suite
 from eurobot_od.check.bench import Bench
@@ -42,7 +43,7 @@ from eurobot_od.support import durations
 from eurobot_od.support.amounts import amount
 
 if TYPE_CHECKING:
-    from canopen.objectdictionary import ODVariable
+    pass
 
 
 class Failed(Exception):
@@ -78,8 +79,13 @@ class Doer:
     async def do(self, action: suite.Action) -> None:
         """Do one action; raises Failed, LocalError or RemoteError if it is red, Skipped, BusError if the bus failed."""
         await asyncio.sleep(0)  # an interrupt has its turn, whatever is repeated
-        await self.DO[type(action)](self, action)
+        await self._do(action)
         self._asking = isinstance(action, suite.Send) or (self._asking and isinstance(action, suite.Save))
+
+    @singledispatchmethod
+    async def _do(self, action: suite.Action) -> None:
+        """Do the action by its type."""
+        raise NotImplementedError(action)
 
     def words(self, frame: Frame) -> str:
         """Say what a frame means; nothing if nobody knows."""
@@ -99,11 +105,13 @@ class Doer:
     async def _put(self, frame: Frame) -> None:
         self._trace.add(Seen(await self._bench.send(frame), frame, own=True))
 
+    @_do.register
     async def _send(self, action: suite.Send) -> None:
         if not self._asking:  # several in a row are one question, or the second would lose the answer to the first
             self._ask()
         await self._put(action.sent.frame(self._variables))
 
+    @_do.register
     async def _answer(self, action: suite.Answer) -> None:
         for cob_id, sent in action.answers.items():
             self._answers.pop(cob_id, None)
@@ -123,13 +131,16 @@ class Doer:
         if isinstance(error, BusError):  # nobody awaits the task, so the step under way has to hear of it
             self._trace.fail(error)
 
+    @_do.register
     async def _nmt(self, action: suite.Nmt) -> None:
         self._ask()
         await self._put(Frame(NMT_COB_ID, bytes([action.command, action.node_id])))
 
+    @_do.register
     async def _skip(self, action: suite.Skip) -> None:
         raise Skipped(Reason(action.reason))
 
+    @_do.register
     async def _wait(self, action: suite.Wait) -> None:
         await self._trace.sleep(action.seconds)
         self._edge = len(self._trace)
@@ -154,6 +165,7 @@ class Doer:
         self._used.add(number)
         self._edge = number + 1
 
+    @_do.register
     async def _expect(self, action: suite.Expect) -> None:
         order, left = action.expected.order, list(action.expected.patterns)
         deadline, start, other = self._deadline(action.within), self._mark, None
@@ -196,6 +208,7 @@ class Doer:
             return Failed(Reason(what, wanted, "nothing"))
         return Failed(Reason(what, wanted, self._meaning(last), (*self._mismatches(pattern, last), *off)))
 
+    @_do.register
     async def _never(self, action: suite.Never) -> None:
         start, deadline = self._edge, self._deadline(action.span)
         while (found := await self._next([action.pattern], start, deadline)) is not None:
@@ -206,6 +219,7 @@ class Doer:
             start = number + 1
         self._edge = len(self._trace)
 
+    @_do.register
     async def _poll(self, action: suite.Poll) -> None:
         self._ask()
         started, start, last = self._trace.now, self._mark, None
@@ -223,6 +237,7 @@ class Doer:
                     return
         raise self._with_last(f"{action.until} not as wanted after {count} x {action.sent}", action.until, last)
 
+    @_do.register
     async def _period(self, action: suite.Period) -> None:
         latest = action.every + action.tolerance
         start, last = self._edge, None
@@ -245,6 +260,7 @@ class Doer:
 
     # SDO
 
+    @_do.register
     async def _sdo_read(self, action: suite.SdoRead) -> None:
         self._ask()
         begin = block_upload if action.blocks else upload
@@ -263,6 +279,7 @@ class Doer:
         if action.save is not None:
             self._variables[action.save] = value
 
+    @_do.register
     async def _sdo_write(self, action: suite.SdoWrite) -> None:
         self._ask()
         begin = block_download if action.blocks else download
@@ -288,11 +305,18 @@ class Doer:
             raise Failed(Reason(f"{action}: the node does not refuse", wanted, "no abort"))
         return data
 
+    @_do.register
     async def _dump(self, action: suite.Dump) -> None:
         if action.equal and not self._dumped:
             raise Skipped(Reason("nothing was read before"))
         self._ask()
-        dump = {objects.label(each): await self._content(each, action.node) for each in action.variables}
+        dump = {}
+        for variable in action.variables:
+            try:
+                data = await self._run(upload(objects.address_of(variable), self._timeout), action.node)
+                dump[objects.label(variable)] = data.hex(" ").upper()
+            except Aborted as error:  # a dump is red only if something has changed, a refusal too
+                dump[objects.label(variable)] = code_and_reason(error.code)
         if not action.equal:
             self._dumped = dump
             return
@@ -301,15 +325,8 @@ class Doer:
         if off:
             raise Failed(Reason(f"{amount(len(off), 'object')} not as before", mismatches=tuple(off)))
 
-    async def _content(self, variable: ODVariable, node: suite.NodeServices) -> str:
-        """Return what an object has, in hexadecimal digits, or the abort if it has nothing; raises NoAnswer."""
-        try:
-            data = await self._run(upload(objects.address_of(variable), self._timeout), node)
-            return data.hex(" ").upper()
-        except Aborted as error:
-            return code_and_reason(error.code)  # a dump is red only if something has changed, a refusal too
-
-    async def _errors(self, action: suite.Errors) -> None:
+    @_do.register
+    async def _errors(self, action: suite.SelfReported) -> None:
         """Read what errors the node has; raises NoAnswer, Failed with all of them in words, Skipped without 0x1001."""
         self._ask()
         try:
@@ -318,18 +335,15 @@ class Doer:
             raise Skipped(Reason("the node has no error register (0x1001)")) from None
         bits = int.from_bytes(register, "little")
         if bits:
-            classes = [name for bit, name in enumerate(REGISTER_BITS) if bits >> bit & 1]
-            codes = [code async for code in self._history(action.node)]
-            words = [*classes, *(f"0x{code:04X} {error_words(code, {})}" for code in codes)]
+            words = [name for bit, name in enumerate(REGISTER_BITS) if bits >> bit & 1]
+            with suppress(Aborted):  # no device has to remember its errors: 0x1003 is optional (CiA 301, 7.5.2.4)
+                count = await self._run(upload((ERROR_FIELD, 0), self._timeout), action.node)
+                for sub in range(1, min(int.from_bytes(count, "little"), HISTORY) + 1):
+                    remembered = await self._run(upload((ERROR_FIELD, sub), self._timeout), action.node)
+                    # Its lower half is the error code, the upper half the maker's.
+                    code = int.from_bytes(remembered[:2], "little")
+                    words.append(f"0x{code:04X} {error_words(code, {})}")
             raise Failed(Reason(f"{action.node.name} reports an error itself", "none", "; ".join(words)))
-
-    async def _history(self, node: suite.NodeServices) -> AsyncIterator[int]:
-        """Give the codes of the errors that a node remembers, as far as it says them."""
-        with suppress(Aborted):
-            count = int.from_bytes(await self._run(upload((ERROR_FIELD, 0), self._timeout), node), "little")
-            for sub in range(1, min(count, HISTORY) + 1):
-                remembered = await self._run(upload((ERROR_FIELD, sub), self._timeout), node)
-                yield int.from_bytes(remembered[:2], "little")
 
     async def _run(self, transfer: Transfer, node: suite.NodeServices) -> bytes:
         """Do a transfer and return what it brought; raises NoAnswer, Aborted.
@@ -359,6 +373,7 @@ class Doer:
 
     # Variables
 
+    @_do.register
     async def _save(self, action: suite.Save) -> None:
         for name, (binding, field) in action.variables.items():
             frames = (each.frame for each in reversed(self._trace.frames) if not each.own)
@@ -366,20 +381,3 @@ class Doer:
             if last is None:
                 raise Failed(Reason(f"no {binding.name} has come yet"))
             self._variables[name] = getattr(self._decoder.protocol.decode(*last), field)
-
-    DO: ClassVar[Mapping[type, Callable[[Any, Any], Awaitable[None]]]] = {
-        suite.Send: _send,
-        suite.Answer: _answer,
-        suite.Expect: _expect,
-        suite.Never: _never,
-        suite.Poll: _poll,
-        suite.Period: _period,
-        suite.SdoRead: _sdo_read,
-        suite.SdoWrite: _sdo_write,
-        suite.Nmt: _nmt,
-        suite.Dump: _dump,
-        suite.Errors: _errors,
-        suite.Save: _save,
-        suite.Wait: _wait,
-        suite.Skip: _skip,
-    }

@@ -182,7 +182,7 @@ class Dump(NamedTuple):
         return f"dump of {amount(len(self.variables), 'object')}"
 
 
-class Errors(NamedTuple):
+class SelfReported(NamedTuple):
     """See that a node reports no error itself: by its error register 0x1001, and its error history 0x1003."""
 
     node: NodeServices
@@ -255,7 +255,7 @@ class Group(NamedTuple):
 
 Action: TypeAlias = (
     "Send | Answer | Expect | Never | Poll | Period "
-    "| SdoRead | SdoWrite | Dump | Errors | Nmt | Save | Wait | Skip | Group"
+    "| SdoRead | SdoWrite | Dump | SelfReported | Nmt | Save | Wait | Skip | Group"
 )
 
 

@@ -22,7 +22,7 @@ from eurobot_od.support.terminal import in_colour
 if TYPE_CHECKING:
     from eurobot_od.campaign.executors import Workers
     from eurobot_od.campaign.results import Results
-    from eurobot_od.check.conformance.page import Report
+    from eurobot_od.check.conformance.page import DeviceRun
     from eurobot_od.check.conformance.subject import Tier
     from eurobot_od.check.suite import Suite
     from eurobot_od.live.connection import Opener
@@ -79,14 +79,14 @@ class Checks(NamedTuple):
 
         return {_file_of(each): suite.text(each, self.tier, self.restore) for each in self.devices.load()}
 
-    def conformance_reports(self, results: Sequence[SuiteResult], made: str) -> list[Report]:
+    def conformance_reports(self, results: Sequence[SuiteResult], made: str) -> list[DeviceRun]:
         """Return what there is to say of each device; `made` says by what and when."""
-        from eurobot_od.check.conformance.page import Report
+        from eurobot_od.check.conformance.page import DeviceRun
 
         of_device = {
             each: [result for result in results if result.file == _file_of(each)] for each in self.devices.load()
         }
-        return [Report(each, self.tier, own, made) for each, own in of_device.items()]
+        return [DeviceRun(each, self.tier, own, made) for each, own in of_device.items()]
 
     def suites(self, reader: SuiteReader) -> list[Suite]:
         """Read the suites that are asked for; raises SuiteError, LocalError."""

@@ -168,6 +168,8 @@ def all_writes(description: Description) -> list[Write]:
     """Return the writes that configure a device of which nothing is known, in their order; raises as `settings`."""
     wanted = {address_of(thing): data for thing, data in settings(description)}
     dictionary = description.dictionary
+    # A mapping can be changed only while its PDO is not valid, so that the COB-ID has to be known even where the DCF
+    # leaves it alone (CiA 301, 7.5.2.36).
     for address in set(procedure_objects(wanted)) - set(wanted):
         wanted[address] = encode(at(address, dictionary.objects), dictionary.default(address))
     return in_order(wanted, {})
@@ -185,6 +187,8 @@ def check_file(description: Description, node_id: int) -> None:
     if absent:
         raise DictionaryError(dictionary.file, None, f"incomplete: no section [{absent[0]}]")
     intended = dictionary.commissioned_node_id
+    # CiA 306 puts the node-ID of a DCF into [DeviceComissioning]; without it the COB-IDs that depend on it are
+    # nobody's.
     if intended is None:
         raise DictionaryError(dictionary.file, None, f"incomplete: no NodeID in [{COMMISSIONING}]")
     if intended != node_id:
@@ -213,6 +217,7 @@ async def difference(
     """
     check_file(description, node.node_id)
     dictionary = description.dictionary
+    # Before anything is read or written: at the wrong device the objects may be there, with another meaning.
     other = Identity.of(dictionary).difference(await read_identity.steps(node))
     if other is not None:
         raise DictionaryError(dictionary.file, None, f"is for another device: node {node.node_id} has {other}")
@@ -245,6 +250,7 @@ def _check_own_node_id(node: RemoteNode, dictionary: Dictionary, changes: Iterab
 @Procedure
 async def read_object(node: RemoteNode, thing: ODVariable) -> bytes:
     """Read an object, as many bytes as its type has: some devices send 4 of everything. Raises as `upload`."""
+    # A DOMAIN may be a program or a recording; by segments a megabyte takes 150 000 requests.
     if data_type(thing) == DOMAIN and is_described(thing):
         return await node.upload_block.steps(address_of(thing), thing.qualname)
     size = data_type(thing).size or None
@@ -268,6 +274,7 @@ async def _present(node: RemoteNode, dictionary: Dictionary, thing: ODVariable) 
 def _unit(address: Address) -> Address:
     """Return what changes together: a PDO's communication record, or the object itself."""
     pdo = pdo_of(address)
+    # A mapping without its COB-ID, or the other way round, is a PDO that nobody has asked for.
     return address if pdo is None else (pdo, 0)
 
 
@@ -292,6 +299,8 @@ async def apply(
         await read_back.steps(node, plan)
         # The node clears the mark when its configuration changes, so it comes after all else; and it is stored too.
         await _write(node, plan, mark, [])
+        # 0x1010 is optional (CiA 301, 7.5.2.13): a device without it has its values until the next reset, and a reset
+        # would lose them.
         stored = stores and plan.dictionary.variable((STORE, ALL_PARAMETERS)) is not None
         if stored:
             await store.steps(node)
@@ -311,6 +320,7 @@ async def apply(
 async def read_back(node: RemoteNode, plan: ChangePlan) -> None:
     """Raise ConfigurationError unless a node has all that a plan was to write."""
     for thing, _, after in plan.changes:
+        # What cannot be read cannot be checked; the device has confirmed the write, and that is all there is.
         if not thing.readable:
             continue
         found = await _present(node, plan.dictionary, thing)
@@ -335,7 +345,7 @@ async def restore(node: RemoteNode) -> None:
 
 
 def _mark(dictionary: Dictionary, now: datetime) -> list[Write]:
-    """Return the writes of verify configuration, none if the device does not have it (CiA 301, 7.5.2.21)."""
+    """Return the writes of verify configuration, none if the device does not have it (CiA 301, 7.5.2.23)."""
     if any(dictionary.variable(address) is None for address in VERIFY_CONFIGURATION):
         return []
     return [Write(a, number.to_bytes(4, "little")) for a, number in zip(VERIFY_CONFIGURATION, TimeOfDay.of(now))]
@@ -374,6 +384,7 @@ async def _take_back(
     names = [label(each.thing) for each in plan.changes]
     try:
         await _write(node, plan, plan.way_back(done), [])
+        # Not back to STOPPED, where the node would answer no SDO: whoever looks for what went wrong has to ask it.
         state = former if former is NmtState.OPERATIONAL else NmtState.PRE_OPERATIONAL
         node.command(COMMAND_TO[state])
     except EurobotError:

@@ -100,6 +100,8 @@ def switch(state: LssState) -> LssSteps[None]:
 def select(identity: Identity) -> LssSteps[bool]:
     """Put the device with an identity into configuration state; return whether there is one."""
     yield from switch(LssState.WAITING)
+    # Four frames, one part of the identity in each; only the last is answered, by the device that agrees with all of
+    # them (CiA 305).
     *first, last = [LssRequest(Lss.SELECT + part, _number(value)) for part, value in enumerate(identity)]
     yield from first
     return (yield last._replace(answer=Lss.SELECTED)) is not None
@@ -118,6 +120,8 @@ def fastscan() -> LssSteps[Identity | None]:
         for bit in range(FIRST_BIT, -1, -1):
             if not (yield from _scanned(number, bit, part, part)):
                 number |= 1 << bit
+        # Asked once more with the whole part, which is what has the device go on to the next one (CiA 305, LSS
+        # fastscan).
         if not (yield from _scanned(number, 0, part, (part + 1) % len(Identity._fields))):
             raise RemoteError("the device that fastscan was about to find no longer answers")
         found.append(number)
@@ -158,9 +162,11 @@ def _explore(head: tuple[int, ...], number: int, bit: int, seen: list[Identity])
         bit -= 1
         other = number | 1 << bit
         is_first = yield from _scanned(number, bit, part, part)
+        # Nobody in the first half, and one at least in both: then it is in the other one, without asking.
         is_other = not is_first or (yield from _scanned(other, bit, part, part))
         if is_first:
             yield from _explore(head, number, bit, seen)
+        # Exploring the first half has moved everybody on: the devices of the other one are led to this part again.
         if is_first and is_other:
             yield from _positioned(head)
         if is_other and len(seen) < len(NODE_IDS):

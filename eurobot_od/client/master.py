@@ -151,6 +151,7 @@ class Master:
 
     def drain(self) -> None:
         """Take in the frames that are waiting already. Raises BusError."""
+        # With a bound: on a bus at full load a frame is always waiting.
         for _ in range(BACKLOG):
             if not self._receive(0):
                 break
@@ -195,6 +196,8 @@ class Master:
         """Take in a classic data frame with an 11-bit identifier."""
         node_id = cob_id - ERROR_CONTROL_BASE
         if node_id in NODE_IDS and len(data) == 1 and data[0] in set(NmtState):
+            # One with bit 7 set is an answer to node guarding with its toggle bit: that is for `NodeWatch`, which
+            # asked.
             self.states[node_id] = NmtState(data[0])
         for observe in self.observers:
             observe(cob_id, data, now)

@@ -5,8 +5,6 @@ A master may have moved or remapped a PDO since the file was written (CiA 301, 7
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 from eurobot_od.client.master import RemoteNode
 from eurobot_od.client.pdo_order import pdo_of
 from eurobot_od.client.procedure import Procedure
@@ -21,9 +19,5 @@ async def pdo_parameters(node: RemoteNode, dictionary: Dictionary) -> dict[Addre
 
     Raises NoAnswer, RemoteError, BusError.
     """
-    found = await read_bytes.steps(node, _addresses(dictionary))
+    found = await read_bytes.steps(node, (each for each in dictionary.addresses() if pdo_of(each) is not None))
     return {address: int.from_bytes(data, "little") for address, data in found.items() if isinstance(data, bytes)}
-
-
-def _addresses(dictionary: Dictionary) -> Iterator[Address]:
-    return (address for address in dictionary.addresses() if pdo_of(address) is not None)

@@ -87,6 +87,8 @@ async def load(
     """
     memory = ProgramMemory(node, program)
     start = f"eurobot-od write {node.node_id} 0x{PROGRAM_CONTROL:X}:{program} {ProgramControl.START:d} starts it"
+    # Each phase says what it leaves behind: between CLEAR and the end of the download a device has no program, and only
+    # its loader answers.
     with _left(node, "its program is as it was"):
         state = await memory.look(content, dictionary)
     with _left(node, f"its program may be stopped; {start} again"):
@@ -126,7 +128,12 @@ class ProgramMemory:
             await self._check_file(dictionary)
         for index in (PROGRAM_DATA, PROGRAM_CONTROL):
             await self._check_number(index)
-        return await self._state()
+        try:
+            return await self.read(PROGRAM_CONTROL)
+        except NodeRefused as error:
+            if error.code == AbortCode.WRITE_ONLY:  # then a program that answers at all has been started
+                return ProgramControl.START
+            raise
 
     async def _check_number(self, index: int) -> None:
         """Raise ProgramError if the node has fewer programs; how many, not every node tells."""
@@ -150,14 +157,6 @@ class ProgramMemory:
             if variable is None or not variable.writable:
                 raise ProgramError(f"{dictionary.file} has no {self._where(index)} that can be written")
 
-    async def _state(self) -> int:
-        try:
-            return await self.read(PROGRAM_CONTROL)
-        except NodeRefused as error:
-            if error.code == AbortCode.WRITE_ONLY:
-                return ProgramControl.START
-            raise
-
     async def read(self, index: int) -> int:
         """Return the number in an object."""
         return int.from_bytes(await self._node.upload.steps((index, self._program), NAMES[index]), "little")
@@ -175,6 +174,7 @@ class ProgramMemory:
             if clock() >= end:
                 raise NoAnswer("start of an operation", f"end of it in {self._where(FLASH_STATUS)}", 1, FLASH_WAIT)
             await self._node.master.pump.steps(POLL)
+        # Bit 0 is "in progress", bits 1 to 7 the error, the upper half the maker's (CiA 302-3, 0x1F57).
         error = status >> 1 & 0x7F
         if allowed and error not in allowed:
             words = FLASH_ERRORS.get(error, f"error {error}")
@@ -194,6 +194,7 @@ class ProgramMemory:
         for name, crc in known.items():
             if crc == found:
                 return name
+        # CiA 302-3 leaves it to the maker by what 0x1F56 identifies a program; these three are in use.
         no_crc = ", ".join(f"{name} 0x{crc:X}" for name, crc in known.items())
         raise ProgramError(
             f"{self._where(PROGRAM_IDENTIFICATION)} is 0x{found:X}, which is no CRC of the file ({no_crc})"
@@ -209,6 +210,7 @@ class ProgramMemory:
         try:
             return await self._read_if_there(FLASH_STATUS) or 0
         except NoAnswer:
+            # While it erases its flash memory a small controller cannot run the code that would answer.
             return IN_PROGRESS
 
     async def _read_if_there(self, index: int) -> int | None:

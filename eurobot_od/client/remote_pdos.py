@@ -16,7 +16,7 @@ from eurobot_od.client.streams import AsyncStream, BlockingStream, Stream
 from eurobot_od.errors import FieldError, FrameLengthError, LocalError, MappingError, UnknownName
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.objects import address_of
-from eurobot_od.od.pdos import Mapped, Pdo
+from eurobot_od.od.pdos import Pdo
 from eurobot_od.od.values import SLICE, PdoDirection, Value
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.catalogue import plain_name
@@ -61,7 +61,14 @@ class MappedPdo(Stream[PdoReading]):
         """Read frames by this mapping from now on."""
         self._binding = binding
         entries = zip(binding.pdo.mapping, binding.layout.slots)
-        self._fields = {_name(entry): slot.field for entry, slot in entries if slot.field is not None}
+        fields = {}
+        for entry, slot in entries:
+            if slot.field is not None:
+                name: str = entry.variable.qualname or "0x{:04X}:{}".format(*address_of(entry.variable))
+                # An object may be mapped in slices of a few bits; whoever asks for it means the whole.
+                part = SLICE.match(name)
+                fields[part["name"] if part else name] = slot.field
+        self._fields = fields  # replaced whole: another thread may be reading it
 
     @property
     def cob_id(self) -> int:
@@ -110,13 +117,6 @@ class MappedPdo(Stream[PdoReading]):
         if absent:
             raise FieldError(self.name, absent[0], None, "every object that is mapped has a value")
         self._master.send(*self._binding.encode(self._binding.message(**given)))
-
-
-def _name(entry: Mapped) -> str:
-    """Return what a mapped object is called; of one that is mapped in slices the whole's name."""
-    name: str = entry.variable.qualname or "0x{:04X}:{}".format(*address_of(entry.variable))
-    part = SLICE.match(name)
-    return part["name"] if part else name
 
 
 class PdoSignal(BlockingStream[PdoValue]):

@@ -22,6 +22,9 @@ from eurobot_od.sdo.wire import LENGTH, ClientCommand, Initiate, ServerCommand, 
 PACE = 0.005
 """Seconds between two requests: 127 of them are not to fill a bus that others use."""
 
+UPLOADED = (ServerCommand.UPLOAD, ServerCommand.ABORT)
+"""What an SDO server says to an upload."""
+
 LISTEN = 1.5
 """Seconds for which heartbeats are awaited; most nodes send one a second."""
 
@@ -44,7 +47,10 @@ async def scan(
     answered: set[int] = set()
 
     def received(node_id: int, data: bytes) -> None:
-        if _is_answer(data):
+        # An abort of 0x1000 is an answer too. A transfer would not do here: it ends with the first odd answer, and
+        # another master may be asking the node as well.
+        answer = Initiate.of(data) if len(data) == LENGTH else None
+        if answer is not None and answer.address == DEVICE_TYPE and answer.command >> 5 in UPLOADED:
             answered.add(node_id)
 
     # All are asked before the first has to have answered: one after the other, silent node-IDs would take a minute.
@@ -54,17 +60,6 @@ async def scan(
         await master.pump.steps(pace)
     await master.pump.steps(max(listen - pace * len(wanted), master.answer_wait))
     return [await _found(master, node_id) for node_id in sorted(answered | set(master.states)) if node_id in wanted]
-
-
-def _is_answer(data: bytes) -> bool:
-    """Whether an SDO server says this to the upload of 0x1000, be it by an abort.
-
-    A transfer would not do here: it ends with the first odd answer, and another master may be asking the node as well.
-    """
-    if len(data) != LENGTH:
-        return False
-    answer = Initiate.of(data)
-    return answer.command >> 5 in (ServerCommand.UPLOAD, ServerCommand.ABORT) and answer.address == DEVICE_TYPE
 
 
 async def _found(master: Master, node_id: int) -> Found:

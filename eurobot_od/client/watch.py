@@ -59,6 +59,7 @@ class Heartbeats:
     @property
     def deadline(self) -> float:
         """When the node is lost if it is not heard before; infinite if nothing says that it has a period."""
+        # The median: one heartbeat that was late, or one that was lost, changes it by nothing.
         period = median_low(self._intervals) if self._intervals else self.period
         return self.heard + LOST_AFTER * period if self.heard is not None and period else inf
 
@@ -125,6 +126,7 @@ class NodeWatch:
         node = self._node(node_id)
         if node_id in self._guarded and data[0] & TOGGLE == node.toggle:
             return  # an answer heard twice, or a node that is stuck: no sign of life
+        # A boot-up begins anew: the first answer after it has the toggle bit 0 (CiA 301, 7.2.8.3.2.1).
         node.toggle = data[0] & TOGGLE if state and node_id in self._guarded else None
         first, was_lost = node.pulse.heard is None, node.lost
         node.state, node.lost = NmtState(state), False
@@ -145,6 +147,7 @@ class NodeWatch:
                 node.lost = True
                 self._tell(now, node_id, NodeChange.LOST)
         asked = [node_id for node_id, due in self._next_guard.items() if now >= due]
+        # From now and not from when it was due: after a pause nobody wants all the questions that were missed at once.
         self._next_guard |= {node_id: now + self._guarded[node_id] for node_id in asked}
         return [ERROR_CONTROL_BASE + node_id for node_id in asked]
 

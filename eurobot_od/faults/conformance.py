@@ -68,6 +68,7 @@ UNKNOWN = 7
 
 COMMUNICATIONS = {index for records in COMMUNICATION_RECORDS.values() for index in records}
 MAPPINGS = {index for records in MAPPING_RECORDS.values() for index in records}
+SECOND_WATCHED: Address = (CONSUMED_HEARTBEATS, 2)
 
 
 # What is written is taken, whatever speaks against it
@@ -121,14 +122,16 @@ def _to_object(wrong: Callable[[ODVariable, bytes], bool]) -> Taken:
 TOO_LONG = _to_object(lambda variable, content: variable.writable and 0 < data_type(variable).size < len(content))
 TOO_SHORT = _to_object(lambda variable, content: variable.writable and len(content) < data_type(variable).size)
 
+# A value of another length is refused for that, before its limits count.
+OUTSIDE = _to_object(
+    lambda variable, content: (
+        len(content) == data_type(variable).size and not in_limits(variable, data_type(variable).read(content))
+    )
+)
+
 
 def _fits(node: Node, address: Address, content: bytes) -> bool:
     return not any(odd(node, address, content) for odd in (TOO_LONG, TOO_SHORT))
-
-
-def _outside(variable: ODVariable, content: bytes) -> bool:
-    type_ = data_type(variable)  # a value of another length is refused for that, before its limits count
-    return len(content) == type_.size and not in_limits(variable, type_.read(content))
 
 
 def _is_valid(node: Node, communication: int) -> bool:
@@ -149,11 +152,12 @@ def _to_mapping(
     )
 
 
-def _parameter_of_a_valid_one(subindex: int) -> Taken:
+def _parameter(subindex: int, *, of_a_valid_one: bool = False) -> Taken:
+    """Take what fits a communication parameter of any PDO, or of a valid one alone."""
     return lambda node, address, content: (
         address[0] in COMMUNICATIONS
         and address[1] == subindex
-        and _is_valid(node, address[0])
+        and (_is_valid(node, address[0]) or not of_a_valid_one)
         and _fits(node, address, content)
     )
 
@@ -348,14 +352,6 @@ def asked(answer: Callable[[Node, int, float], list[Frame] | None]) -> Mixin:
     return Asked
 
 
-def _no_tpdo(node: Node, cob_id: int, _: float) -> list[Frame] | None:
-    return None if cob_id == hooks.heartbeat(node) else []
-
-
-def _no_guarding(node: Node, cob_id: int, _: float) -> list[Frame] | None:
-    return [] if cob_id == hooks.heartbeat(node) else None
-
-
 def _in_any_state(node: Node, cob_id: int, now: float) -> list[Frame] | None:
     if cob_id == hooks.heartbeat(node) or node.device.state is NmtState.OPERATIONAL:
         return None
@@ -370,32 +366,12 @@ def _with_a_heartbeat(node: Node, cob_id: int, _: float) -> list[Frame] | None:
     )
 
 
-def _untoggled(data: bytes) -> bytes:
-    return bytes([data[0] & ~TOGGLE])
-
-
-def _not_lost(data: bytes) -> bool:
-    return data[:2] != ErrorCode.HEARTBEAT_LOST.to_bytes(2, "little")
-
-
 class HeartbeatsUnheard(Node):
     """Hears no heartbeat of another node."""
 
     def receive(self, frame: Frame, now: float) -> list[Frame]:
         other = frame.cob_id in range(ERROR_CONTROL_BASE + 1, ERROR_CONTROL_BASE + 0x80)
         return [] if other else super().receive(frame, now)
-
-
-def _start_value(node: Node, address: Address, content: bytes) -> bool:
-    return address[0] in COMMUNICATIONS and address[1] == SYNC_START and _fits(node, address, content)
-
-
-def _second_watched(node: Node, address: Address, content: bytes) -> bool:
-    return address == (CONSUMED_HEARTBEATS, 2) and _fits(node, address, content)
-
-
-def _counter_with_a_period(node: Node, address: Address, _: bytes) -> bool:
-    return address == SYNC_COUNTER and bool(node.device.objects.raw(SYNC_PERIOD))
 
 
 class CounterForgotten(Node):
@@ -430,10 +406,6 @@ def refusing(refused: Taken, code: AbortCode) -> Mixin:
             return [Frame(hooks.sdo_answer(self), wire.aborted(address, code))]
 
     return Refusing
-
-
-def _dummy(_: Node, address: Address, content: bytes) -> bool:
-    return address[0] in MAPPINGS and address[1] > 0 and int.from_bytes(content, "little") >> 16 in DUMMIES
 
 
 def _restricted(node: Node, address: Address, content: bytes) -> bool:
@@ -557,7 +529,7 @@ FAULTS: Mapping[str, Fault] = {
         "refuses too many bytes as a value that is too high",
         _instead(of=AbortCode.TOO_LONG, by=AbortCode.TOO_HIGH),
     ),
-    "limits-not-checked": _fault("7.2.4.3.17 Limits", "takes values outside the limits", taking(_to_object(_outside))),
+    "limits-not-checked": _fault("7.2.4.3.17 Limits", "takes values outside the limits", taking(OUTSIDE)),
     "limits-code-wrong": _fault(
         "7.2.4.3.17 Limits",
         "refuses a value that is too high as too low",
@@ -617,12 +589,12 @@ FAULTS: Mapping[str, Fault] = {
     "identifier-changed-while-valid": _fault(
         "7.5.2.35 RPDO communication",
         "lets the identifier of a valid PDO be changed",
-        taking(_parameter_of_a_valid_one(COB_ID)),
+        taking(_parameter(COB_ID, of_a_valid_one=True)),
     ),
     "inhibit-time-changed-while-valid": _fault(
         "7.5.2.37 TPDO communication",
         "lets the inhibit time of a valid TPDO be changed",
-        taking(_parameter_of_a_valid_one(INHIBIT_TIME)),
+        taking(_parameter(INHIBIT_TIME, of_a_valid_one=True)),
     ),
     "mapping-changed-while-valid": _fault(
         "7.5.2.36 RPDO mapping",
@@ -679,18 +651,22 @@ FAULTS: Mapping[str, Fault] = {
     ),
     # Remote frames
     "remote-frames-ignored": _fault(
-        "7.2.2.5.2 TPDO by remote frame", "sends no TPDO that a remote frame asks for", asked(_no_tpdo)
+        "7.2.2.5.2 TPDO by remote frame",
+        "sends no TPDO that a remote frame asks for",
+        asked(lambda node, cob_id, _: None if cob_id == hooks.heartbeat(node) else []),
     ),
     "remote-frames-answered-when-stopped": _fault(
         "7.2.2.5.2 TPDO by remote frame", "sends TPDOs that remote frames ask for in any state", asked(_in_any_state)
     ),
     "guarding-not-answered": _fault(
-        "7.2.8.3.2.1 Node guarding", "does not answer the remote frames of node guarding", asked(_no_guarding)
+        "7.2.8.3.2.1 Node guarding",
+        "does not answer the remote frames of node guarding",
+        asked(lambda node, cob_id, _: [] if cob_id == hooks.heartbeat(node) else None),
     ),
     "guarding-toggle-stuck": _fault(
         "7.2.8.3.2.1 Node guarding",
         "answers node guarding with the same toggle bit each time",
-        hooks.leaving(hooks.heartbeat, hooks.data(_untoggled)),
+        hooks.leaving(hooks.heartbeat, hooks.data(lambda data: bytes([data[0] & ~TOGGLE]))),
     ),
     "guarded-with-a-heartbeat": _fault(
         "7.2.8.2.2 Heartbeat or guarding",
@@ -700,12 +676,12 @@ FAULTS: Mapping[str, Fault] = {
     "loss-not-told": _fault(
         "7.5.2.12 Life guarding: the master is missed",
         "tells nobody that a heartbeat, or the master that guards it, is missed",
-        hooks.leaving(hooks.emcy, hooks.only(_not_lost)),
+        hooks.leaving(hooks.emcy, hooks.only(lambda data: data[:2] != ErrorCode.HEARTBEAT_LOST.to_bytes(2, "little"))),
     ),
     "watched-twice": _fault(
         "7.5.2.19 Consumer heartbeat time: a node is watched once",
         "lets one node be watched twice",
-        taking(_second_watched),
+        taking(lambda node, address, content: address == SECOND_WATCHED and _fits(node, address, content)),
     ),
     "heartbeats-unheard": _fault(
         "7.5.2.19 Consumer heartbeat time: heartbeats too late", "hears no heartbeats", HeartbeatsUnheard
@@ -717,7 +693,9 @@ FAULTS: Mapping[str, Fault] = {
         hooks.arriving(hooks.sdo_request, hooks.data(_as_event)),
     ),
     "start-value-ignored": _fault(
-        "7.5.2.37 SYNC start value", "takes SYNC start values, and forgets them", taking(_start_value, keeps=False)
+        "7.5.2.37 SYNC start value",
+        "takes SYNC start values, and forgets them",
+        taking(_parameter(SYNC_START), keeps=False),
     ),
     "sync-missing": _fault("7.5.2.6 SYNC producer", "never sends SYNC", hooks.leaving(_sync, hooks.lost)),
     "sync-counter-stuck": _fault(
@@ -733,13 +711,22 @@ FAULTS: Mapping[str, Fault] = {
     "sync-counter-changed-in-use": _fault(
         "7.5.2.22 SYNC counter: not while SYNC has a period",
         "lets the SYNC counter be changed while SYNC has a period",
-        taking(_counter_with_a_period),
+        taking(lambda node, address, _: address == SYNC_COUNTER and bool(node.device.objects.raw(SYNC_PERIOD))),
     ),
     "sync-counter-not-stored": _fault(
         "7.5.2.13 SYNC: the counter is stored", "does not store the SYNC counter", CounterForgotten
     ),
     # Further
-    "dummy-refused": _fault("7.5.2.36 RPDO mapping", "maps no dummies", refusing(_dummy, AbortCode.NOT_MAPPABLE)),
+    "dummy-refused": _fault(
+        "7.5.2.36 RPDO mapping",
+        "maps no dummies",
+        refusing(
+            lambda _, address, content: (
+                address[0] in MAPPINGS and address[1] > 0 and int.from_bytes(content, "little") >> 16 in DUMMIES
+            ),
+            AbortCode.NOT_MAPPABLE,
+        ),
+    ),
     "restricted-identifier-taken": _fault(
         "7.3.5 RPDO identifier", "lets a PDO have an identifier that CANopen itself uses", taking(_restricted)
     ),

@@ -42,10 +42,6 @@ class WritesForgotten(Node):
         return super().receive(frame, now)
 
 
-def _general_abort(data: bytes) -> bytes:
-    return aborted(Initiate.of(data).address, AbortCode.GENERAL) if data[0] == ABORT else data
-
-
 def _babble(node: Node) -> None:
     # an error that lasts is reported once; one that comes and goes, each time it comes and each time it goes
     node.raise_error(ErrorCode.PDO_TOO_LONG, "babble")
@@ -126,7 +122,12 @@ FAULTS = {
     ),
     "sdo-abort-general": Caught("canopen", "7.2.4.3.17 SDO: an object that is not there").fault(
         "refuses everything with the code for a general error",
-        hooks.leaving(hooks.sdo_answer, hooks.data(_general_abort)),
+        hooks.leaving(
+            hooks.sdo_answer,
+            hooks.data(
+                lambda data: aborted(Initiate.of(data).address, AbortCode.GENERAL) if data[0] == ABORT else data
+            ),
+        ),
     ),
     "sdo-abort-silent": Caught("canopen", "7.2.4.3.17 SDO: an object that is not there").fault(
         "does not answer a request that it refuses",

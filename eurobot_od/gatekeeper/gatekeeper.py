@@ -154,6 +154,8 @@ class Gatekeeper:
         if self._started:
             # The bus's thread reads the routes without a lock, so the table is closed before it runs.
             raise ListenerError(f"{name}: the gatekeeper has started; listeners are registered before")
+        # A bound, and not an ever longer list: the 2014 robot had 20 places, and an application that registers in a
+        # loop is found at its start instead of by its memory.
         if 0 < self._table_size <= len(self._registrations):
             raise ListenerError(f"{name}: the listener table is full, it has {self._table_size} places")
         self._registrations.append(registration)
@@ -189,6 +191,7 @@ class Gatekeeper:
         For the thread that receives: a master has changed a node's PDOs, SDO or heartbeat identifiers.
         """
         self._protocol = protocol
+        # Made whole and put in place by one assignment: the receiving thread looks into it without a lock.
         self._routes = deliveries_to(self._registrations, protocol)
         self.rerouted()
         return self.filters()
@@ -215,6 +218,8 @@ class Gatekeeper:
             self._unheard += 1
             return
         if to_frames:
+            # Copied here, where it is kept, and only for those who want the frame: a message takes its values out of
+            # the driver's buffer at once.
             frame = Frame(cob_id, bytes(data))
             for deliver in to_frames:
                 deliver(frame, timestamp)
@@ -232,6 +237,8 @@ class Gatekeeper:
 
     def acts_always(self, cob_id: int) -> bool:
         """Tell whether a COB-ID is that of a message that acts whenever it comes: a stop."""
+        # Asked for frames that waited while the process stood still: an old goto must not be carried out now, a stop
+        # always may.
         return any(each.always and each.cob_id == cob_id for each in self._protocol.bindings)
 
     # Sending

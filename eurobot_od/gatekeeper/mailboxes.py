@@ -94,7 +94,11 @@ class Mailboxes:
             self._withdraw(lambda each: each.stay is Stay.PERIODIC and each.cob_id == frame.cob_id)
         # Frames already waiting count too: they will take the free mailboxes, unless this one is more urgent.
         full = len(self._loaded) + len(self._waiting) >= self.count
+        # Where a mailbox is free the frame is the controller's from now on, which knows no time limit (document section
+        # 6).
         deadline = now + self.wait if full and stay is Stay.SHORT else inf
+        # Sorted on the way in: frames come one at a time, and the most urgent one is asked for at each
+        # transmit-complete.
         insort(self._waiting, Waiting(frame.cob_id, self._submitted, deadline, frame, stay))
         self._submitted += 1
 
@@ -142,6 +146,7 @@ class Mailboxes:
 
     def come_back(self) -> int:
         """Note that the bus is back; return how many frames were dropped meanwhile."""
+        # The dropped ones are one report, not one each: a second without a bus at full load would be thousands.
         before, self._away = self._away, None
         return 0 if before is None else self._dropped - before
 

@@ -68,10 +68,13 @@ class Unknown(NamedTuple):
 def _extract(layout: Layout, field: str) -> str:
     """Write the expression that takes a raw value out of `word`; the lowest run needs no shift to its place."""
     runs = layout.runs[field]
+    # More than one run only where a file maps a value in slices, or where the controller sends the most significant
+    # byte first: the word is then read in the order that needs fewer runs.
     parts = (f"(word >> {run.offset} & {run.mask:#x})" + (f" << {run.shift}" if run.shift else "") for run in runs)
     bits = " | ".join(f"({part})" for part in parts)
     if field not in layout.signed:
         return bits
+    # Two's complement (CiA 301, 7.1.4.4): the highest bit weighs minus what it would weigh without a sign.
     sign = layout.raws[field].stop  # flipping the sign bit and taking its weight off extends it to any length
     return f"(({bits}) ^ {sign:#x}) - {sign:#x}"
 
@@ -140,6 +143,8 @@ def _meaning(layout: Layout, column: Column, number: int) -> tuple[str, str, Any
         raws = layout.raws[column.field]
         # Negative values come last, since Python's index -1 is the last item of a tuple.
         return f"{name}[{raw}]", name, tuple(map(column.read, (*range(raws.stop), *range(raws.start, 0))))
+    # A wide field with words of its own, such as a position with codes for what is not known, would need a table of up
+    # to 2^64 items; what has come lately is nearly always what comes next.
     return f"{name}({raw})", name, lru_cache(REMEMBERED)(column.read)
 
 
@@ -155,6 +160,8 @@ def writer(
         empty = Frame(cob_id, bytes(layout.length))
         return lambda _: empty
     names: dict[str, Any] = {"new": tuple.__new__, "Frame": Frame, "careful": careful, "unencodable": UNENCODABLE}
+    # Of a field that is not mapped the name stands for its default, so that one comparison by identity finds a message
+    # that wants to say something which the PDO cannot carry.
     names |= {f"write{n}": each.default if each.read is None else each.write for n, each in enumerate(columns)}
     mapped = [(number, column) for number, column in enumerate(columns) if column.read is not None]
     parts = (f"({_insert(layout, column.field, _raw(column, number))})" for number, column in mapped)
@@ -188,6 +195,7 @@ def _listed(items: Iterable[str]) -> str:
 
 def compiled(name: str, source: str, names: dict[str, Any]) -> Callable[[Any], Any]:
     """Return the function `name` of a source whose global names are `names`."""
+    # Safe although it is `exec`: see the end of the docstring above. Compiled once for each message and device.
     exec(compile(source, f"<generated {name}>", "exec"), names)
     function: Callable[[Any], Any] = names[name]  # exec left it there, among the names that it uses
     return function

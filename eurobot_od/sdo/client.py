@@ -108,6 +108,7 @@ class Transfer:
             return []
         if data[0] == wire.ABORT:
             abort = Initiate.of(data)
+            # A server without a transfer under way, such as ours, names no object: that abort can only be about ours.
             if abort.address not in (self._address, wire.NO_TRANSFER):
                 return []
             return self._step(lambda: self._steps.throw(Aborted(abort.number)), now)
@@ -191,6 +192,7 @@ def _upload(address: Address, progress: Progress, room: Room) -> ClientSteps:
     if initiated.command & wire.EXPEDITED:
         return Ended(initiated.rest[: initiated.size], [])  # without a size all four bytes are the value
     content, toggle, last, count = bytearray(), 0, 0, 0
+    # A size is optional (CiA 301, 7.2.4.3.6), so that a broken server could send segments until the memory is full.
     most = room.of(answer, initiated.size)
     while not last:
         answer = yield [wire.plain(ClientCommand.UPLOAD_SEGMENT << 5 | toggle)]
@@ -217,6 +219,8 @@ def _download(address: Address, content: bytes, progress: Progress) -> ClientSte
 
 
 def _block_upload(address: Address, segments: int, progress: Progress, room: Room) -> ClientSteps:
+    # The byte after the block size, the protocol switch threshold, stays 0: the server must not go on by segments
+    # instead (CiA 301, 7.2.4.3.12). Who wants a fallback asks for another transfer, and knows it.
     answer = yield [wire.initiate(ClientCommand.BLOCK_UPLOAD << 5 | wire.BLOCK_CRC, address, bytes([segments]))]
     initiated = _initiated(answer, ServerCommand.BLOCK_UPLOAD, address)
     size = initiated.number if initiated.command & wire.BLOCK_SIZE_GIVEN else None
@@ -226,10 +230,12 @@ def _block_upload(address: Address, segments: int, progress: Progress, room: Roo
     while not complete:
         arrived, complete, latest = yield from _receive_block(request, content, segments)
         fruitless = 0 if arrived else fruitless + 1
+        # Not beyond the size: the last segment is counted whole until the end says how much of it is filling.
         progress(len(content) if size is None else min(len(content), size), size)
         _check_end(latest, len(content) - wire.SEGMENT_SIZE, most)  # up to a segment of it may be filling
         if fruitless == FRUITLESS_BLOCKS:
             raise OddAnswer(latest, "of a block that begins with segment 1", AbortCode.SEQUENCE_NUMBER)
+        # The number of the last segment in sequence, and what the next block may have: the server repeats from there.
         request = wire.plain(ClientCommand.BLOCK_UPLOAD << 5 | Block.ACKNOWLEDGE, bytes([arrived, segments]))
     end = yield [request]
     _check(end, ServerCommand.BLOCK_UPLOAD, Block.END)
@@ -266,6 +272,7 @@ def _receive_block(
 
 
 def _block_download(address: Address, content: bytes, progress: Progress) -> ClientSteps:
+    # The size is given although it is optional: a server with little memory can then refuse before the first segment.
     command = ClientCommand.BLOCK_DOWNLOAD << 5 | wire.BLOCK_CRC | wire.BLOCK_SIZE_GIVEN
     answer = yield [wire.initiate(command, address, len(content).to_bytes(4, "little"))]
     initiated = _initiated(answer, ServerCommand.BLOCK_DOWNLOAD, address)
@@ -274,6 +281,7 @@ def _block_download(address: Address, content: bytes, progress: Progress) -> Cli
         sent = wire.block(content, place, segments)
         answer = yield sent
         _check(answer, ServerCommand.BLOCK_DOWNLOAD, Block.ACKNOWLEDGE)
+        # A server may change the block size with each acknowledgement, while its buffer is not empty yet, say.
         arrived, segments = answer[1], _block_size(answer, answer[2])
         fruitless = 0 if arrived else fruitless + 1
         if arrived > len(sent) or fruitless == FRUITLESS_BLOCKS:

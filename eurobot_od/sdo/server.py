@@ -55,12 +55,15 @@ class SdoServer:
 
     def forget(self) -> None:
         """Drop the transfer under way without a word."""
+        # What is aborted outside of a transfer is about no object, so the abort names 0x0000:00.
         self._address, self.deadline = wire.NO_TRANSFER, inf
         self._steps: ServerSteps | None = None
         self._takes: Callable[[int], bool] | None = None
 
     def receive(self, data: bytes, now: float) -> list[bytes]:
         """Return the answers to a request; what is not a request has none, nor has a client's abort."""
+        # All SDO frames have 8 bytes (CiA 301, 7.2.4.3). Not even aborted: a frame that is cut short may be of another
+        # client's transfer, and an abort would end that.
         if len(data) != wire.LENGTH:
             return []
         # Looked at before the transfer under way, which in a block download takes any frame for a segment.
@@ -118,11 +121,13 @@ def _block_upload(access: ObjectAccess, request: Initiate) -> ServerSteps:
     """Send blocks of segments, each block acknowledged, the whole under a CRC (CiA 301, 7.2.4.3.12)."""
 
     def takes(command: int) -> bool:
+        # The initiate shares the specifier with the rest: it is left to the table below, as it begins another transfer.
         return command >> 5 == ClientCommand.BLOCK_UPLOAD and command & 3 != Block.INITIATE
 
     content = access.read(request.address)
     place, segments = 0, _checked_block_size(request.rest[0])
     command = ServerCommand.BLOCK_UPLOAD << 5 | wire.BLOCK_CRC | wire.BLOCK_SIZE_GIVEN
+    # A client that offers no CRC need not be able to check one; the field is 0 then (CiA 301, 7.2.4.3.15).
     end = wire.block_end(
         ServerCommand.BLOCK_UPLOAD, content, crc_hqx(content, 0) if request.command & wire.BLOCK_CRC else 0
     )
@@ -134,6 +139,8 @@ def _block_upload(access: ObjectAccess, request: Initiate) -> ServerSteps:
         _check_block(data, Block.ACKNOWLEDGE)
         # The client may change the size of the blocks with each acknowledgement; what it missed is sent again.
         arrived, segments = data[1], _checked_block_size(data[2])
+        # It acknowledges what was never sent, so that the two no longer mean the same bytes; CiA's own test tool asks
+        # for segment 128 of 127 (its test 2.27).
         if arrived > len(sent):
             raise Abort(AbortCode.SEQUENCE_NUMBER)
         place += arrived * wire.SEGMENT_SIZE
@@ -143,16 +150,20 @@ def _block_upload(access: ObjectAccess, request: Initiate) -> ServerSteps:
 
 def _check_toggle(data: bytes, toggle: int) -> None:
     if data[0] & wire.TOGGLE != toggle:
+        # The bit alternates so that a request which was repeated, or lost, is noticed: going on would double or drop
+        # seven bytes without anybody knowing (CiA 301, 7.2.4.3.7).
         raise Abort(AbortCode.TOGGLE_BIT)
 
 
 def _check_block(data: bytes, sub_command: Block) -> None:
     if data[0] & 3 != sub_command:
+        # An end where an acknowledgement was due, say: what the client believes to have is not what was sent.
         raise Abort(AbortCode.UNKNOWN_COMMAND)
 
 
 def _checked_block_size(segments: int) -> int:
     if not 1 <= segments <= wire.BLOCK_SEGMENTS:
+        # Segments are numbered in seven bits, and 0 is no number of one (CiA 301, 7.2.4.3.12).
         raise Abort(AbortCode.BLOCK_SIZE)
     return segments
 
@@ -166,6 +177,8 @@ class Download:
     def __init__(self, access: ObjectAccess, address: Address, size: int | None) -> None:
         self.content = bytearray()
         self._access, self._address, self._size = access, address, size
+        # Asked before the first byte comes: a client of a read-only object, or of one that is too long, is to hear it
+        # now and not after a megabyte.
         self._room = access.admit(address, size)
 
     def check_room(self, surplus: int = 0) -> None:
@@ -188,6 +201,7 @@ def _download(access: ObjectAccess, request: Initiate) -> ServerSteps:
         room = access.admit(request.address, request.size)
         access.write(request.address, request.rest[: request.size or min(room, wire.EXPEDITED_SIZE)])
     else:
+        # The first segment has the toggle bit 0, whatever the transfer before ended with (CiA 301, 7.2.4.3.4).
         download, toggle, last = Download(access, request.address, request.size), 0, 0
         while not last:
             data = yield Reply([answer], lambda command: command >> 5 == ClientCommand.DOWNLOAD_SEGMENT)
@@ -213,6 +227,8 @@ def _block_download(access: ObjectAccess, request: Initiate) -> ServerSteps:
         if number == 0:  # segments count from 1 (CiA 301, 7.2.4.3.9)
             raise Abort(AbortCode.SEQUENCE_NUMBER)
         if number == arrived + 1:
+            # Only in sequence: of what comes after a gap nothing is kept, as the client sends it again with the next
+            # block.
             arrived, complete = number, last
             download.content += data[1:]
             # How many bytes of the last segment count is known only at the end, so it may look too long until then.
@@ -226,6 +242,7 @@ def _block_download(access: ObjectAccess, request: Initiate) -> ServerSteps:
     download.check_room()
     # The CRC counts only if the client offered one; we always do (CiA 301, 7.2.4.3.8).
     if request.command & wire.BLOCK_CRC and crc_hqx(download.content, 0) != wire.crc_in(data):
+        # The object keeps its value: `finish`, which writes it, comes after this.
         raise Abort(AbortCode.CRC)
     download.finish()
     yield Reply([wire.plain(command | Block.END)])

@@ -113,6 +113,7 @@ class MediumAccess:
 
     def _begin(self, field: Field) -> None:
         self.idle, self._levels = False, self._attempt(field)
+        # The first level is sent before anything is seen; each later one answers a bit that was.
         self.level = next(self._levels)
 
     def _note(self, note: Note | None) -> None:
@@ -166,6 +167,8 @@ class MediumAccess:
         for _ in range(1 + END_OF_FRAME):  # after the acknowledge delimiter
             if (yield RECESSIVE) == DOMINANT:
                 return BusCondition.ERROR
+        # A sender's frame is through with the last bit of its end, a receiver's one bit before: an error just there has
+        # one side take the frame and the other repeat it, which is how a frame comes twice.
         self._note(CountingRule.TRANSMITTED)
         self._note(Through(frame, sent=True))
         return None
@@ -179,6 +182,7 @@ class MediumAccess:
         while not reading.complete:
             if not reading.take((yield RECESSIVE)):
                 return BusCondition.ERROR
+        # Looked at once, before the delimiter: what is read after it is no part of what the CRC protects.
         intact = reading.intact
         if (yield RECESSIVE) == DOMINANT:  # the CRC delimiter
             return BusCondition.ERROR

@@ -59,6 +59,8 @@ def on_wire(frame: Frame) -> Wire:
         run = RUN[run][bit]
         # The stuff bit is the first of the next run; and the last bits of the CRC are stuffed like all others.
         if abs(run) == STUFF_AFTER:
+            # Five equal bits without an edge are as long as two clocks may run apart: the receivers resynchronise on
+            # edges.
             stuffed.append(len(bits))
             bits.append(1 - bit)
             run = RUN[run][1 - bit]
@@ -128,6 +130,7 @@ class BitReading:
     @property
     def frame(self) -> Frame | None:
         """Return the frame that was read, None for a remote one or one with 29 bits."""
+        # Neither is delivered: nobody sends such a frame here, so it is made of bit errors that the CRC has let pass.
         if self._extended or self._is_recessive(12):
             return None
         data = self._bits[19:-CRC_BITS]

@@ -189,6 +189,8 @@ class Bus:
             attempt.told += 1
             self.next_event = attempt.next_event(self.bitrate)
             for controller, rule in moment.counts:
+                # Only changes are reported: a bad line counts at every frame, and a node wants to hear of the state
+                # that follows.
                 before = controller.state
                 controller.count(rule)
                 if controller.state is not before:
@@ -200,6 +202,8 @@ class Bus:
         self._under_way, self._idle_since = None, now
         # Suspended: an error passive sender lets the others begin first (ISO 11898-1, suspend transmission).
         for controller in course.suspended:
+            # Otherwise one that disturbs each frame would begin again with the next one, and with a low identifier
+            # nobody else would ever get through.
             controller.suspended_until = now + SUSPENDED / self.bitrate
         for controller, sequences in course.sequences:
             self._recover(controller, sequences)
@@ -302,6 +306,8 @@ def regroup(now: float, buses: Iterable[Bus], groups: Iterable[tuple[Bus, Sequen
     """Have the controllers of some buses hear others from now on: each bus of `groups` gets those beside it."""
     were = [bus.leave(now) for bus in buses]
     for bus, controllers in groups:
+        # All have left before the first goes on: what a controller sends from now on depends on what it has seen so
+        # far, not on whom it hears next.
         bus.go_on(now, controllers, partial(_chosen, were, controllers))
 
 
@@ -311,6 +317,7 @@ def _chosen(were: Iterable[Parts], controllers: Sequence[Controller]) -> list[Me
 
 def undisturbed(frame: Frame, offers: dict[Controller, Frame], here: Sequence[Controller]) -> Course | None:
     """Return what becomes of an attempt in which nothing can go wrong, None if something may."""
+    # Two nodes with the same identifier and data win together, and nobody notices: the bits on the wire are equal.
     senders = [each for each, offer in offers.items() if offer == frame]
     receivers = [each for each in here if offers.get(each) != frame and not each.recovery]
     # Without a receiver nobody acknowledges; two frames with one identifier collide after the arbitration.

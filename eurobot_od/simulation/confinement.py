@@ -75,6 +75,7 @@ class Counters(NamedTuple):
         # Only by the transmit counter: a receiver that is error passive has recessive flags, which disturb nobody.
         if self.transmit > OFF_ABOVE:
             return ErrorState.OFF
+        # By either counter: one that sees errors nobody else sees must not go on destroying good frames.
         return ErrorState.PASSIVE if max(self) > PASSIVE_ABOVE else ErrorState.ACTIVE
 
     def after(self, rule: CountingRule) -> Counters:

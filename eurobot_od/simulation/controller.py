@@ -73,6 +73,7 @@ class Controller:
         """Count an event by a rule of the standard."""
         self.counters = self.counters.after(rule)
         if self.counters.state is ErrorState.OFF:
+            # At once, without asking its program, as many controllers can be set to do.
             self.recovery = RECOVERY_SEQUENCES
 
     def recovers(self, sequences: int) -> bool:

@@ -60,6 +60,8 @@ class SimulatedLoop(asyncio.SelectorEventLoop):
         self, callback: Callable[..., object], *args: Any, context: Context | None = None
     ) -> asyncio.Handle:
         """Have a callback run before the next event, as the nodes do with those who await them."""
+        # A node's answer wakes its task within the same event: another event first would put a time between the two
+        # that no real program has.
         self._simulated.woken = True
         return self.call_soon(callback, *args, context=context)
 

@@ -98,6 +98,8 @@ class Simulation:
         self.now = 0.0
         self.observers: list[Callable[[float, Frame], None]] = []
         self.reports: list[Report] = []
+        # Apart from `bit_errors`: this is what a driver or a program loses, of which the sender's controller knows
+        # nothing.
         self.disturb: Disturb = lambda _now, _frame: ON_TIME
         self.bit_errors: list[BitErrors] = []
         self._places: dict[Station, Attachment] = {}
@@ -137,6 +139,7 @@ class Simulation:
         A frame of it on the wire ends. Afterwards it goes on with what it had, its mailboxes as well.
         """
         controller = self.controller(station)
+        # The longer one counts: a node that hangs twice at once is not back sooner for the second time.
         controller.silent_until = max(controller.silent_until, until)
         self.plan(until, _look_around)
 
@@ -175,9 +178,11 @@ class Simulation:
 
     def request(self, frame: Frame) -> None:
         """Have a remote frame reach all stations; it takes as long as on a free bus, and part in no arbitration."""
+        # CiA 301 advises against remote frames (7.2.2.5.2), and few controllers are alike in them; what a device
+        # answers is what matters here, not who wins the bus against its question.
         heard = self.now + frame_bits(Frame(frame.cob_id)) / self.bitrate
         for station, place in self._places.items():
-            self.plan(heard + place.processing, partial(self._answer, station, frame.cob_id))
+            self.plan(heard + place.processing, partial(self._reach, station, partial(station.requested, frame.cob_id)))
 
     def controller(self, station: Station) -> Controller:
         """Return a station's CAN controller, which has its error counters and state."""
@@ -205,6 +210,8 @@ class Simulation:
 
     def _start(self, station: Station) -> None:
         if station in self._places:
+            # From now on it acknowledges: until then its controller is without power, and one neighbour alone on the
+            # bus repeats its boot-up message for ever.
             self.controller(station).silent_until = self.now
             station.start(self.now)
             self._places[station].ask()
@@ -269,6 +276,7 @@ class Simulation:
     def _has_ended(self, frame: Frame, senders: Sequence[Controller], receivers: Sequence[Controller]) -> None:
         """Free the mailboxes of a frame that has ended, and plan when who looks at it."""
         for controller in senders:
+            # Several may have sent the same bits at once; for each of them it is transmit-complete.
             controller.source.complete(frame)
         for observer in self.observers:
             observer(self.now, frame)
@@ -277,7 +285,7 @@ class Simulation:
         for delay in self.disturb(self.now, frame):
             for station in filter(self._is_awake, stations):
                 look = self.now + delay + self._places[station].processing
-                self.plan(look, partial(self._look, station, frame))
+                self.plan(look, partial(self._reach, station, partial(station.gatekeeper.receive, frame)))
 
     def _has_changed(self, controller: Controller, before: ErrorState, after: ErrorState) -> None:
         """Tell a node what its controller reports."""
@@ -285,16 +293,10 @@ class Simulation:
         if station is not None and code is not None and self._is_awake(station):
             station.bus_error(code, self.now)
 
-    def _look(self, station: Station, frame: Frame) -> None:
-        """Have a station look at a frame that has come, if it still can."""
+    def _reach(self, station: Station, act: Callable[[float], object]) -> None:
+        """Have a station act on a frame that has come, if it still can: it may have been detached meanwhile."""
         if self._is_awake(station):
-            station.gatekeeper.receive(frame, self.now)
-            self._places[station].ask()
-
-    def _answer(self, station: Station, cob_id: int) -> None:
-        """Have a station answer a remote frame, if it still can."""
-        if self._is_awake(station):
-            station.requested(cob_id, self.now)
+            act(self.now)
             self._places[station].ask()
 
 

@@ -2,10 +2,11 @@
 
 Theory of operation. `suite.text` writes suites in YAML, in the format of all others, and the reader reads them: what a
 generated suite can do, a written one can do, too, and a team may keep the text and edit it. Each chapter (`nmt`,
-`objects`, `sdo`, `storage`, `pdo` with `transmission`, `emcy`, `error_control`, `sync`) is a table of clauses of
-CiA 301; a row has the clause, its topic, and what makes its steps from the `Subject`, which is what the file says. The
-name of each step begins with the clause (`naming`), by which a run is reported: as a `page` for the device's maker, and
-by the numbers of CiA's own test tool (`ctt`).
+`objects`, `sdo`, `storage`, `pdo` with `transmission`, `emcy`, `error_control`, `sync`) is a list of CiA 301's clauses:
+a function is entered by `@CHAPTER.clause` with the clause and its topic, and makes the steps from the `Subject`, which
+is what the file says; what differs only in the PDOs it looks at is a row of a table. Clauses are run in the order of
+the file. The name of each step begins with the clause (`naming`), by which a run is reported: as a `page` for the
+device's maker, and by the numbers of CiA's own test tool (`ctt`).
 
 Rules of this package:
 - What the file does not have is skipped with the reason, never red. What the standard leaves open is open here.

@@ -175,7 +175,9 @@ class CttResult(NamedTuple):
 def results_of(results: Iterable[SuiteResult], file_errors: Sequence[str]) -> list[CttResult]:
     """Return what a run says of each test; `file_errors` are lint's errors in the device's file."""
     steps = [(StepName.of(step.name), step) for result in results for step in result.steps]
-    found: dict[str, dict[Verdict, str]] = {LINT: _of_file(file_errors)}
+    found: dict[str, dict[Verdict, str]] = {
+        LINT: {Verdict.FAILED: file_errors[0]} if file_errors else {Verdict.PASSED: ""}
+    }
     for name, step in steps:
         verdict = VERDICTS.get(step.status)
         for number in name.numbers if name and verdict else ():
@@ -191,14 +193,12 @@ VERDICTS: Mapping[Status, Verdict] = {
 }
 
 
-def _of_file(errors: Sequence[str]) -> dict[Verdict, str]:
-    return {Verdict.FAILED: errors[0]} if errors else {Verdict.PASSED: ""}
-
-
 def _judged(number: str, verdicts: Mapping[Verdict, str]) -> CttResult:
     """One red step makes a test fail, one green step pass."""
     for verdict in (Verdict.FAILED, Verdict.PASSED, Verdict.SKIPPED):
         if verdict in verdicts:
+            # Several of our steps may stand for one of its tests: what is red counts more than what is green, and both
+            # more than what was skipped.
             why = "" if verdict is Verdict.PASSED else verdicts[verdict]
             return CttResult(number, verdict, why)
     return CttResult(number, Verdict.SKIPPED, NOT_ASKED)

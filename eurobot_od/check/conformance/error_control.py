@@ -10,7 +10,6 @@ from collections.abc import Iterator
 
 from eurobot_od.check.conformance.subject import (
     Chapter,
-    Clause,
     Subject,
     Tier,
     codes,
@@ -36,6 +35,8 @@ from eurobot_od.od.standard import CONSUMED_HEARTBEATS, GUARD_TIME, HEARTBEAT_TI
 from eurobot_od.od.values import ERROR_CONTROL_BASE, Address
 from eurobot_od.sdo.wire import AbortCode
 
+CHAPTER = Chapter("error-control", "node guarding and heartbeat consumer")
+
 GUARD, FACTOR = 100, 3
 """A guard time in ms and a life time factor: the master is missed after 0.3 s."""
 
@@ -59,10 +60,12 @@ def _why_not_guarded(subject: Subject) -> str:
     """Say why the device cannot be guarded; nothing if it can be."""
     if subject.find(GUARD_TIME) is None:
         return NOT_GUARDED
+    # Heartbeat and guarding exclude each other; if both are configured, the heartbeat wins (CiA 301, 7.2.8.2.2).
     ends = not subject.number(HEARTBEAT_TIME) or subject.may_be(HEARTBEAT_TIME, 0)
     return "" if ends else "the file's heartbeat (0x1017) cannot be ended, and a device that has one is not guarded"
 
 
+@CHAPTER.clause("7.5.2.11", "Guard time", ctt="7.1, 7.201")
 def _times(subject: Subject) -> Iterator[Data]:
     for address, lack in ((GUARD_TIME, NOT_GUARDED), (LIFE_TIME_FACTOR, "the file has no life time factor (0x100D)")):
         found = subject.find(address)
@@ -78,10 +81,13 @@ def _no_heartbeat(subject: Subject) -> Iterator[Data]:
         yield wait("20 ms")
 
 
+@CHAPTER.clause("7.2.8.3.2.1", "Node guarding", Tier.REVERSIBLE, "7.2, 7.3")
 def _guarded(subject: Subject) -> Iterator[Data]:
     """Ask in every state; after a reset of the communication the toggle bit begins with 0."""
     why = _why_not_guarded(subject)
     if not why and subject.number(GUARD_TIME) * subject.number(LIFE_TIME_FACTOR):
+        # A default above 0 in both: with the first remote frame the device begins to wait for the next one, and the
+        # steps that follow are not made to keep up.
         why = "the file's life guarding is on: once it is asked, the device may leave OPERATIONAL by itself"
     if why:
         yield skip("a remote frame is answered", why)
@@ -96,6 +102,8 @@ def _guarded(subject: Subject) -> Iterator[Data]:
     steps: list[Data] = [*fresh(subject), *_no_heartbeat(subject)]
     for number, (command, state) in enumerate(asked):
         steps += [] if command is None else [nmt(command), wait("50 ms")]
+        # Bit 7 alternates from answer to answer, so that a master notices one that it has seen before (CiA 301,
+        # 7.2.8.3.2.1).
         answer = state | TOGGLE * (number % 2)
         said = f"{number + 1}. {state.name.replace('_', '-')}, toggle bit {number % 2}"
         steps += [remote(_own(subject)), expect(said, _answer(subject, f"{answer:02X}"), QUIET)]
@@ -110,11 +118,14 @@ def _answer(subject: Subject, digits: str = "??") -> Data:
     return {"raw": f"{_own(subject):03X}#{digits}"}
 
 
+@CHAPTER.clause("7.2.8.3.2.1", "Node guarding", Tier.DESTRUCTIVE, "7.4")
 def _other_identifier(subject: Subject) -> Iterator[Data]:
     name, why = "another node's identifier is not answered", _why_not_guarded(subject)
     if why:
         yield skip(name, why)
         return
+    # A device that compares only a part of the identifier would answer for its neighbours, and hide that one is
+    # missing.
     asked = remote(ERROR_CONTROL_BASE + subject.another)
     yield group(name, *fresh(subject), *_no_heartbeat(subject), asked, never("no answer", _answer(subject), QUIET))
 
@@ -135,12 +146,14 @@ def _missed(name: str, span: str) -> Data:
     return never(name, {"emcy": hexadecimal(ErrorCode.HEARTBEAT_LOST)}, span)
 
 
+@CHAPTER.clause("7.5.2.12", "Life guarding", Tier.DESTRUCTIVE, "7.5, 7.6")
 def _life_guarding(subject: Subject) -> Iterator[Data]:
     why = _why_no_life(subject)
     if why:
         yield skip("both are written", why)
         yield skip("the master is missed", why)
         return
+    # Reset first: life guarding that some earlier step began ends with nothing else.
     both = [*fresh(subject), *_no_heartbeat(subject), *_life_times()]
     seen = (read("guard time", GUARD_TIME, expect=GUARD), read("life time factor", LIFE_TIME_FACTOR, expect=FACTOR))
     yield group("both are written", *both, *seen, *fresh(subject))
@@ -150,6 +163,7 @@ def _life_guarding(subject: Subject) -> Iterator[Data]:
         "the master is missed",
         *both,
         _missed("not before its first remote frame", ONCE),
+        # Longer in all than the life time, so that it is the questions which keep the device from missing its master.
         {**asked, "repeat": 4},
         emcy("EMCY: the life time is over", ErrorCode.HEARTBEAT_LOST),
         _missed("it is told once", ONCE),
@@ -162,6 +176,7 @@ def _life_guarding(subject: Subject) -> Iterator[Data]:
 # Guarding and heartbeat
 
 
+@CHAPTER.clause("7.2.8.2.2", "Heartbeat or guarding", Tier.REVERSIBLE, "7.202, 7.203, 7.205")
 def _one_of_both(subject: Subject) -> Iterator[Data]:
     name, why = "with a heartbeat it is not guarded", _why_not_guarded(subject)
     if not why and not (subject.may_be(HEARTBEAT_TIME, SLOW) and subject.may_be(HEARTBEAT_TIME, 0)):
@@ -185,6 +200,7 @@ def _one_of_both(subject: Subject) -> Iterator[Data]:
     )
 
 
+@CHAPTER.clause("7.2.8.2.2", "Heartbeat or guarding", Tier.DESTRUCTIVE, "7.206, 7.207")
 def _heartbeat_instead(subject: Subject) -> Iterator[Data]:
     """Change from guarding to the heartbeat: the heartbeat's bit 7 is 0, and the master is not missed."""
     name, why = "the heartbeat takes guarding's place", _why_no_life(subject)
@@ -193,6 +209,7 @@ def _heartbeat_instead(subject: Subject) -> Iterator[Data]:
     if why:
         yield skip(name, why)
         return
+    # A heartbeat has no toggle bit: bit 7 is reserved and 0 (CiA 301, 7.2.8.3.2.2).
     (state,) = error_control(subject.node_id, NmtState.PRE_OPERATIONAL).data
     guarded = group("guarded", remote(_own(subject)), expect("answer", _answer(subject), QUIET))
     beats = expect("a heartbeat, its toggle bit always 0", _answer(subject, f"{state:02X}"), QUIET)
@@ -226,6 +243,7 @@ def _why_not_watching(subject: Subject, *others: Address) -> str:
 
 
 def _entry(subject: Subject, milliseconds: int = WATCHED) -> int:
+    # Bits 16 to 23 are the node-ID, the lower half the time in ms; the highest byte is reserved (CiA 301, 7.5.2.19).
     return subject.another << 16 | milliseconds
 
 
@@ -236,6 +254,7 @@ def _watched(subject: Subject, milliseconds: int = WATCHED) -> Iterator[Data]:
 
 
 def _beats(subject: Subject, state: NmtState = NmtState.OPERATIONAL) -> Data:
+    # The tester plays that node, whose node-ID nobody on the bus has: whoever else watches nodes is not confused.
     return sent("heartbeat", *error_control(subject.another, state))
 
 
@@ -245,32 +264,39 @@ def _alive(subject: Subject) -> Data:
     return {**beat, "repeat": 5}
 
 
+@CHAPTER.clause("7.5.2.19", "Consumer heartbeat time", Tier.DESTRUCTIVE, "7.104")
 def _twice(subject: Subject) -> Iterator[Data]:
     why = _why_not_watching(subject, SECOND)
     if why:
         yield skip("a node is watched once", why)
         return
     again = hexadecimal(_entry(subject, WATCHED + 1), 8)
+    # CiA 301 names 0x06040043 (7.5.2.19); the other codes refuse it as well, and are in use.
     refused = codes(AbortCode.INCOMPATIBLE, AbortCode.VALUE, AbortCode.GENERAL, AbortCode.STATE)
     second = write("the same node in the second entry", SECOND, value=again, abort=refused)
     yield group("a node is watched once", *_watched(subject), second, *fresh(subject))
 
 
+@CHAPTER.clause("7.5.2.19", "Consumer heartbeat time", Tier.DESTRUCTIVE, "7.105")
 def _faster(subject: Subject) -> Iterator[Data]:
     yield from _watching(subject, "heartbeats in time", _missed("not before the first", ONCE), _alive(subject))
 
 
+@CHAPTER.clause("7.5.2.19", "Consumer heartbeat time", Tier.DESTRUCTIVE, "7.106")
 def _slower(subject: Subject) -> Iterator[Data]:
     yield from _watching(subject, "heartbeats too late", *_lost(subject), _missed("it is told once", ONCE))
 
 
+@CHAPTER.clause("7.5.2.19", "Consumer heartbeat time", Tier.DESTRUCTIVE, "7.107")
 def _restarted(subject: Subject) -> Iterator[Data]:
+    # A boot-up shows that the node was away: its consumer begins anew with the heartbeats that follow.
     boot = sent("boot-up of that node", *error_control(subject.another, NmtState.INITIALISING))
     yield from _watching(subject, "a node that boots", *_lost(subject), boot, _alive(subject), *_lost(subject))
 
 
 def _lost(subject: Subject) -> Iterator[Data]:
     yield _beats(subject)
+    # Missed can only be who was heard: the time begins with the first heartbeat (CiA 301, 7.2.8.3.2.2).
     yield emcy("EMCY: its heartbeat is missed", ErrorCode.HEARTBEAT_LOST)
 
 
@@ -280,21 +306,3 @@ def _watching(subject: Subject, name: str, *steps: Data) -> Iterator[Data]:
         yield skip(name, why)
     else:
         yield group(name, *_watched(subject), *steps, *fresh(subject))
-
-
-CHAPTER = Chapter(
-    "error-control",
-    "node guarding and heartbeat consumer",
-    (
-        Clause("7.5.2.11", "Guard time", _times, ctt="7.1, 7.201"),
-        Clause("7.2.8.3.2.1", "Node guarding", _guarded, Tier.REVERSIBLE, "7.2, 7.3"),
-        Clause("7.2.8.3.2.1", "Node guarding", _other_identifier, Tier.DESTRUCTIVE, "7.4"),
-        Clause("7.5.2.12", "Life guarding", _life_guarding, Tier.DESTRUCTIVE, "7.5, 7.6"),
-        Clause("7.2.8.2.2", "Heartbeat or guarding", _one_of_both, Tier.REVERSIBLE, "7.202, 7.203, 7.205"),
-        Clause("7.2.8.2.2", "Heartbeat or guarding", _heartbeat_instead, Tier.DESTRUCTIVE, "7.206, 7.207"),
-        Clause("7.5.2.19", "Consumer heartbeat time", _twice, Tier.DESTRUCTIVE, "7.104"),
-        Clause("7.5.2.19", "Consumer heartbeat time", _faster, Tier.DESTRUCTIVE, "7.105"),
-        Clause("7.5.2.19", "Consumer heartbeat time", _slower, Tier.DESTRUCTIVE, "7.106"),
-        Clause("7.5.2.19", "Consumer heartbeat time", _restarted, Tier.DESTRUCTIVE, "7.107"),
-    ),
-)

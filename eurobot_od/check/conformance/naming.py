@@ -6,7 +6,6 @@ Rule of this file: who writes a name and who reads it for a report use the same 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
 from typing import NamedTuple
 
 NAME = re.compile(
@@ -39,12 +38,10 @@ class StepName(NamedTuple):
     @property
     def numbers(self) -> tuple[str, ...]:
         """The numbers of CiA's tool, each by itself."""
-        return tuple(_numbers(self.ctt)) if self.ctt else ()
-
-
-def _numbers(text: str) -> Iterator[str]:
-    for each in text.split(", "):
-        first, _, last = each.partition(" to ")
-        chapter, _, number = first.partition(".")
-        end = last.partition(".")[2] or number
-        yield from (f"{chapter}.{each}" for each in range(int(number), int(end) + 1))
+        numbers: list[str] = []
+        for part in filter(None, self.ctt.split(", ")):
+            first, _, last = part.partition(" to ")
+            chapter, _, number = first.partition(".")
+            end = last.partition(".")[2] or number
+            numbers += [f"{chapter}.{each}" for each in range(int(number), int(end) + 1)]
+        return tuple(numbers)

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 from eurobot_od.check.conformance.subject import (
     BOOT_TIME,
     Chapter,
-    Clause,
     Subject,
     Tier,
     awake,
@@ -33,6 +32,8 @@ from eurobot_od.sdo.wire import ClientCommand, initiate
 
 if TYPE_CHECKING:
     from canopen.objectdictionary import ODVariable
+
+CHAPTER = Chapter("nmt", "NMT states, boot-up and heartbeat")
 
 BEAT = 100
 """Heartbeat time with which states are watched, ms."""
@@ -73,6 +74,8 @@ def _beating(subject: Subject, name: str, *steps: Data) -> Data:
     time = subject.settable(HEARTBEAT_TIME)
     if time is None:
         return skip(name, NO_HEARTBEAT)
+    # A node says its state only in its heartbeat (CiA 301, 7.2.8.3.2); many devices have none by default, or one a
+    # second.
     faster = write(f"a heartbeat every {BEAT} ms", address_of(time), value=_allowed(time, BEAT))
     return group(name, save(time), faster, *steps, put_back(time))
 
@@ -86,90 +89,31 @@ def _allowed(variable: ODVariable, value: int) -> int:
 # Errors of its own
 
 
+@CHAPTER.clause("7.5.2.2", "Error register")
 def _errors(_: Subject) -> Iterator[Data]:
     """See that the device has no error to begin with: what is red afterwards may come from it."""
+    # First of all: a short circuit, or a bus that was unplugged, would make steps red that have nothing to do with it.
     yield {"name": "the device reports no error itself", "errors": "none"}
 
 
 # Boot-up
 
 
-def _boot_up(command: str) -> Data:
-    return {**heartbeat("boot-up", BOOT_TIME), "name": f"after {command}"}
-
-
+@CHAPTER.clause("7.2.8.3.3", "Boot-up", Tier.REVERSIBLE, "10.1")
 def _boot_ups(subject: Subject) -> Iterator[Data]:
     for command, (state, way) in product(("reset", "reset communication"), WAY_TO.items()):
         there = [nmt(each) for each in ("pre-operational", *way)]
         name = f"boot-up after {command} in {state.upper()}"
-        yield group(name, *there, nmt(command), _boot_up(command), awake(subject))
-
-
-def _first_state(subject: Subject) -> Iterator[Data]:
-    state = STATE_NAMES[boot_state(subject.dictionary.default(NMT_STARTUP))]
-    says = heartbeat(state, SOON)
-    beating = _beating(subject, f"{state} by itself after a reset", says)
-    yield group("after a reset", nmt("reset"), awake(subject), beating)
-    yield nmt("pre-operational")
-
-
-# Commands
-
-
-def _walk(subject: Subject) -> Iterator[Data]:
-    before = "pre-operational"
-    for command, state in WALK:
-        yield _state_reached(subject, before, command, state)
-        before = state
-
-
-def _state_reached(subject: Subject, before: str, command: str, state: str) -> Data:
-    """Send a command, and see the state; in STOPPED the heartbeat time can be neither set nor put back."""
-    commands = [nmt(each) for each in WAY_TO[before]]
-    back = [] if state == "pre-operational" else [nmt("pre-operational")]
-    return _beating(subject, f"{command} in {before.upper()}", *commands, nmt(command), heartbeat(state, SOON), *back)
-
-
-def _other_commands(subject: Subject) -> Iterator[Data]:
-    for name, data in (
-        ("another node's command does not matter", bytes([1, subject.another])),
-        ("an unknown command does not matter", bytes([0x77, subject.node_id])),
-        ("half a command does not matter", bytes([1])),
-    ):
-        yield _beating(
-            subject, name, _raw(data), never("stays", {"heartbeat": "operational"}, QUIET), heartbeat("any", SOON)
-        )
-    started = [nmt("start"), heartbeat("operational", SOON)]
-    to_all = {**_raw(bytes([0x80, 0])), "name": "NMT pre-operational to all"}
-    yield _beating(subject, "a command to all nodes", *started, to_all, heartbeat("pre-operational", SOON))
-
-
-def _raw(data: bytes) -> Data:
-    return sent(f"NMT {data.hex(' ').upper()}", NMT_COB_ID, data)
-
-
-# Services
-
-
-def _services(subject: Subject) -> Iterator[Data]:
-    request = subject.request(initiate(ClientCommand.UPLOAD << 5, subject.probe))
-    answered = awake(subject, "an SDO is answered")
-    yield group("SDO in PRE-OPERATIONAL", answered)
-    yield group("SDO in OPERATIONAL", nmt("start"), answered, nmt("pre-operational"))
-    yield group(
-        "no SDO in STOPPED",
-        nmt("stop"),
-        wait("50 ms"),
-        {"name": "a request", **request},
-        never("no answer", subject.answer("?" * 16), QUIET),
-        nmt("pre-operational"),
-        answered,
-    )
+        # The boot-up comes at the change from Initialisation to PRE-OPERATIONAL, whatever state the node was in before
+        # (CiA 301, 7.2.8.3.3); a node that is STOPPED hears the command as well.
+        booted = {**heartbeat("boot-up", BOOT_TIME), "name": f"after {command}"}
+        yield group(name, *there, nmt(command), booted, awake(subject))
 
 
 # Heartbeat
 
 
+@CHAPTER.clause("7.5.2.20", "Heartbeat time", ctt="7.101 to 7.103, 7.204")
 def _heartbeat_times(subject: Subject) -> Iterator[Data]:
     time = subject.settable(HEARTBEAT_TIME)
     if time is None:
@@ -178,6 +122,7 @@ def _heartbeat_times(subject: Subject) -> Iterator[Data]:
     beat = _allowed(time, BEAT)
     slower = write(f"{SLOW} ms", address_of(time), value=_allowed(time, SLOW))
     faster = write(f"{beat} ms", address_of(time), value=beat)
+    # From a long time to a short one: a device that first lets the old time run out takes up to 5 s.
     first = {**heartbeat("any", f"{beat + 100} ms"), "name": "a heartbeat after the new time"}
     yield group("a change counts at once", save(time), slower, wait("20 ms"), faster, first, put_back(time))
     every = {"message": {"heartbeat": "any"}, "every": f"{beat} ms", "tolerance": PRECISION, "count": 5}
@@ -188,14 +133,17 @@ def _heartbeat_times(subject: Subject) -> Iterator[Data]:
         {"name": f"every {beat} ms", "period": every},
         put_back(time),
     )
+    # 0 means no heartbeat (CiA 301, 7.5.2.20), but a maker may forbid it by LowLimit: then there is nothing to look at.
     if in_limits(time, 0):
         none = write("0: no heartbeat", address_of(time), value=0)
         silent = never("silent", {"heartbeat": "any"}, QUIET)
         yield group("0 ends it", save(time), faster, none, wait("20 ms"), silent, put_back(time))
 
 
+@CHAPTER.clause("7.2.8.3.2", "Heartbeat", Tier.REVERSIBLE, "7.102")
 def _heartbeat_of_the_file(subject: Subject) -> Iterator[Data]:
     period = subject.number(HEARTBEAT_TIME)
+    # Two periods are measured, and a suite is to end: a device with one beat a minute is not worth two minutes here.
     if not 0 < period <= LONGEST_PERIOD:
         yield skip("as the file says", f"the file has no heartbeat time from 1 to {LONGEST_PERIOD} ms")
         return
@@ -209,17 +157,68 @@ def _heartbeat_of_the_file(subject: Subject) -> Iterator[Data]:
     )
 
 
-CHAPTER = Chapter(
-    "nmt",
-    "NMT states, boot-up and heartbeat",
-    (
-        Clause("7.5.2.2", "Error register", _errors),
-        Clause("7.2.8.3.3", "Boot-up", _boot_ups, Tier.REVERSIBLE, "10.1"),
-        Clause("7.5.2.20", "Heartbeat time", _heartbeat_times, ctt="7.101 to 7.103, 7.204"),
-        Clause("7.2.8.3.2", "Heartbeat", _heartbeat_of_the_file, Tier.REVERSIBLE, "7.102"),
-        Clause("7.3.2.2", "NMT state", _first_state, Tier.REVERSIBLE, "9.1"),
-        Clause("7.2.8.2.1", "NMT commands", _walk, Tier.REVERSIBLE, "10.2 to 10.4"),
-        Clause("7.2.8.2.1", "NMT commands", _other_commands, Tier.DESTRUCTIVE),
-        Clause("7.3.2.2.4", "NMT state", _services, Tier.REVERSIBLE, "9.2 to 9.4"),
-    ),
-)
+@CHAPTER.clause("7.3.2.2", "NMT state", Tier.REVERSIBLE, "9.1")
+def _first_state(subject: Subject) -> Iterator[Data]:
+    # By itself means PRE-OPERATIONAL, unless 0x1F80 of the file says that the device starts on its own (CiA 302-2).
+    state = STATE_NAMES[boot_state(subject.dictionary.default(NMT_STARTUP))]
+    says = heartbeat(state, SOON)
+    beating = _beating(subject, f"{state} by itself after a reset", says)
+    yield group("after a reset", nmt("reset"), awake(subject), beating)
+    yield nmt("pre-operational")
+
+
+# Commands
+
+
+@CHAPTER.clause("7.2.8.2.1", "NMT commands", Tier.REVERSIBLE, "10.2 to 10.4")
+def _walk(subject: Subject) -> Iterator[Data]:
+    before = "pre-operational"
+    for command, state in WALK:
+        commands = [*(nmt(each) for each in WAY_TO[before]), nmt(command), heartbeat(state, SOON)]
+        # An SDO server is silent in STOPPED (CiA 301, 7.3.2.2.4): the heartbeat time could be neither set nor put back.
+        back = [] if state == "pre-operational" else [nmt("pre-operational")]
+        yield _beating(subject, f"{command} in {before.upper()}", *commands, *back)
+        before = state
+
+
+@CHAPTER.clause("7.2.8.2.1", "NMT commands", Tier.DESTRUCTIVE)
+def _other_commands(subject: Subject) -> Iterator[Data]:
+    for name, data in (
+        ("another node's command does not matter", bytes([1, subject.another])),
+        ("an unknown command does not matter", bytes([0x77, subject.node_id])),
+        # An NMT frame has two bytes; with one of them a device would have to guess whom it is for.
+        ("half a command does not matter", bytes([1])),
+    ):
+        yield _beating(
+            subject, name, _raw(data), never("stays", {"heartbeat": "operational"}, QUIET), heartbeat("any", SOON)
+        )
+    # Node-ID 0 is for all nodes (CiA 301, 7.2.8.2.1). PRE-OPERATIONAL, because every other node on the bus hears it
+    # too.
+    started = [nmt("start"), heartbeat("operational", SOON)]
+    to_all = {**_raw(bytes([0x80, 0])), "name": "NMT pre-operational to all"}
+    yield _beating(subject, "a command to all nodes", *started, to_all, heartbeat("pre-operational", SOON))
+
+
+def _raw(data: bytes) -> Data:
+    return sent(f"NMT {data.hex(' ').upper()}", NMT_COB_ID, data)
+
+
+# Services
+
+
+@CHAPTER.clause("7.3.2.2.4", "NMT state", Tier.REVERSIBLE, "9.2 to 9.4")
+def _services(subject: Subject) -> Iterator[Data]:
+    # An upload: whatever a device in STOPPED makes of it, nothing is written.
+    request = subject.request(initiate(ClientCommand.UPLOAD << 5, subject.probe))
+    answered = awake(subject, "an SDO is answered")
+    yield group("SDO in PRE-OPERATIONAL", answered)
+    yield group("SDO in OPERATIONAL", nmt("start"), answered, nmt("pre-operational"))
+    yield group(
+        "no SDO in STOPPED",
+        nmt("stop"),
+        wait("50 ms"),
+        {"name": "a request", **request},
+        never("no answer", subject.answer("?" * 16), QUIET),
+        nmt("pre-operational"),
+        answered,
+    )

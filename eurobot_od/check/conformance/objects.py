@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from eurobot_od.check.conformance.subject import (
     BUSY,
     Chapter,
-    Clause,
-    StepsOf,
     Subject,
     Tier,
     codes,
@@ -34,6 +31,8 @@ from eurobot_od.sdo.wire import AbortCode
 if TYPE_CHECKING:
     from canopen.objectdictionary import ODVariable
 
+CHAPTER = Chapter("objects", "objects")
+
 FREE = (0x1004, 0x1FFF, 0x5FFF, 0x9FFF, 0xBFFF)
 """Indices where mostly nothing is: one that CiA 301 has given up, and one in each area."""
 
@@ -56,16 +55,15 @@ CONFIGURED = ("const", "rw", "rww")
 OUTSIDE = (AbortCode.VALUE, AbortCode.TOO_LOW, AbortCode.TOO_HIGH)
 """Aborts for the present value of an object to which the file gives none, or none within its limits."""
 
+MAKERS = range(COMMUNICATION_PROFILE.stop, 0x10000)
+"""The maker's and the profile's objects: a device that takes what it should refuse there may move."""
+
 WRONG_LENGTH = (AbortCode.LENGTH, AbortCode.TOO_LONG, AbortCode.TOO_SHORT)
 
 
-def _plain(each: ODVariable) -> bool:
-    """Whether writing an object means nothing but its value."""
-    return each.index not in ACTING and each.index not in MAPPINGS
-
-
 def _writable(subject: Subject) -> Iterator[ODVariable]:
-    return (each for each in subject.objects if each.writable and _plain(each))
+    """Give the objects whose writing means nothing but their value."""
+    return (each for each in subject.objects if each.writable and each.index not in (*ACTING, *MAPPINGS))
 
 
 def _tried(subject: Subject) -> Iterator[ODVariable]:
@@ -73,23 +71,53 @@ def _tried(subject: Subject) -> Iterator[ODVariable]:
     return (each for each in _writable(subject) if not subject.dictionary.flags(address_of(each)))
 
 
+@CHAPTER.clause("7.2.4.3.17", "Unknown object", ctt="2.6")
+def _unknown_objects(subject: Subject) -> Iterator[Data]:
+    for address in _free(subject):
+        yield read(f"read {label(address)}", address, abort=codes(AbortCode.NO_OBJECT))
+
+
+@CHAPTER.clause("7.2.4.3.17", "Unknown object", Tier.REVERSIBLE)
+def _unknown_written(subject: Subject) -> Iterator[Data]:
+    for address in _free(subject):
+        yield write(f"write {label(address)}", address, data="00", abort=codes(AbortCode.NO_OBJECT))
+
+
+def _free(subject: Subject) -> Iterator[Address]:
+    return ((index, 0) for index in FREE if index not in subject.dictionary.members)
+
+
+@CHAPTER.clause("7.2.4.3.17", "Unknown sub-index", ctt="2.5")
+def _unknown_subindices(subject: Subject) -> Iterator[Data]:
+    for index, members in subject.dictionary.members.items():
+        # The one after the last: a device that does not check its sub-indices reads what lies behind the record.
+        free = max(members, default=MOST_SUBS) + 1
+        if free <= MOST_SUBS:
+            address: Address = index, free
+            yield read(f"read {label(address)}", address, abort=codes(AbortCode.NO_SUBINDEX))
+
+
 # Identity
 
 
+@CHAPTER.clause("7.5.2.21", "Identity")
 def _identity(subject: Subject) -> Iterator[Data]:
     for subindex, number in enumerate(subject.dictionary.identity[:3], start=1):
         each = subject.find((IDENTITY, subindex))
         if each is not None and number:
             yield read(title(each), address_of(each), data=data_type(each).write(number).hex(" ").upper())
         elif each is not None:
+            # A master tells devices apart by these; 0 in a file mostly means that nobody has filled it in.
             yield skip(title(each), "the file does not say it")
 
 
+@CHAPTER.clause("7.4.9", "Structure", ctt="4.5")
 def _structure(subject: Subject) -> Iterator[Data]:
     """Read what 0x1000 says of itself: ObjectType VAR and DataType UNSIGNED32 (CiA 301, 7.4.9)."""
     if subject.find(DEVICE_TYPE) is None:
         yield skip("0x1000:255", "the file has no device type (0x1000)")
         return
+    # Sub-index 255 is optional: few devices have it.
     absent = codes(AbortCode.NO_SUBINDEX)
     yield read("0x1000:255", (DEVICE_TYPE[0], values.STRUCTURE), data="07 07 00 00", optional=absent)
 
@@ -97,6 +125,7 @@ def _structure(subject: Subject) -> Iterator[Data]:
 # Values
 
 
+@CHAPTER.clause("7.4.4", "Length of the type", ctt="4.1, 4.7")
 def _readable(subject: Subject) -> Iterator[Data]:
     """Read everything; the value must have the length of its type. What has no value now may say so."""
     for each in subject.objects:
@@ -107,6 +136,7 @@ def _readable(subject: Subject) -> Iterator[Data]:
             yield read(title(each), address_of(each), optional=codes(*none_now))
 
 
+@CHAPTER.clause("7.3.2.2.3", "Default after a reset", Tier.REVERSIBLE, "4.2, 4.8")
 def _defaults(subject: Subject) -> Iterator[Data]:
     for each in subject.objects:
         configured = each.access_type in CONFIGURED or each.index in FIXED
@@ -132,6 +162,7 @@ def _default(each: ODVariable) -> Iterator[Data]:
 # Access
 
 
+@CHAPTER.clause("7.4.5", "Write-only", ctt="2.4, 4.4")
 def _write_only(subject: Subject) -> Iterator[Data]:
     write_only = [each for each in subject.objects if not each.readable]
     for each in write_only:
@@ -140,23 +171,18 @@ def _write_only(subject: Subject) -> Iterator[Data]:
         yield skip("every object", "the file has no write-only object")
 
 
+@CHAPTER.clause("7.4.5", "Read-only", Tier.DESTRUCTIVE, "4.3", only=MAKERS)
+@CHAPTER.clause("7.4.5", "Read-only", Tier.REVERSIBLE, "2.3, 4.3", only=COMMUNICATION_PROFILE)
 def _read_only(subject: Subject) -> Iterator[Data]:
     for each in subject.objects:
         if not each.writable:
+            # Of the right length, so that only the access can be refused; and zeros, should it be taken after all: they
+            # do the least.
             zeros = bytes(data_type(each).size or 1).hex(" ")
             yield write(title(each), address_of(each), data=zeros, abort=codes(AbortCode.READ_ONLY))
 
 
-def _communication(steps: StepsOf) -> StepsOf:
-    """Restrict what has to be refused to the communication objects."""
-    return lambda subject: steps(replace(subject, only=COMMUNICATION_PROFILE))
-
-
-def _makers(steps: StepsOf) -> StepsOf:
-    """Restrict what has to be refused to the maker's and the profile's objects: a device that takes it may move."""
-    return lambda subject: steps(replace(subject, only=range(COMMUNICATION_PROFILE.stop, 0x10000)))
-
-
+@CHAPTER.clause("7.4.5", "Writable", Tier.REVERSIBLE, "2.2, 4.9")
 def _own_values(subject: Subject) -> Iterator[Data]:
     """Write what is there already, and read it again."""
     for each in _writable(subject):
@@ -182,32 +208,14 @@ def _has_value(each: ODVariable) -> bool:
 # Refusals
 
 
-def _unknown_objects(subject: Subject) -> Iterator[Data]:
-    for address in _free(subject):
-        yield read(f"read {label(address)}", address, abort=codes(AbortCode.NO_OBJECT))
-
-
-def _unknown_written(subject: Subject) -> Iterator[Data]:
-    for address in _free(subject):
-        yield write(f"write {label(address)}", address, data="00", abort=codes(AbortCode.NO_OBJECT))
-
-
-def _free(subject: Subject) -> Iterator[Address]:
-    return ((index, 0) for index in FREE if index not in subject.dictionary.members)
-
-
-def _unknown_subindices(subject: Subject) -> Iterator[Data]:
-    for index, members in subject.dictionary.members.items():
-        free = max(members, default=MOST_SUBS) + 1
-        if free <= MOST_SUBS:
-            address: Address = index, free
-            yield read(f"read {label(address)}", address, abort=codes(AbortCode.NO_SUBINDEX))
-
-
+@CHAPTER.clause("7.2.4.3.17", "Wrong length", Tier.DESTRUCTIVE, "2.8, 2.9", only=MAKERS)
+@CHAPTER.clause("7.2.4.3.17", "Wrong length", Tier.REVERSIBLE, "2.8, 2.9", only=COMMUNICATION_PROFILE)
 def _wrong_lengths(subject: Subject) -> Iterator[Data]:
     for each in _tried(subject):
         size = data_type(each).size
         if size:
+            # Downloaded in one frame or by segments, as the length asks for: what is to be refused is the length, not
+            # the transfer.
             yield _of_length(each, size + 1, "too long")
         if size > 1:
             yield _of_length(each, size - 1, "too short")
@@ -218,10 +226,13 @@ def _of_length(each: ODVariable, size: int, what: str) -> Data:
     return write(f"{title(each)}: {size} bytes are {what}", address_of(each), data=content, abort=codes(*WRONG_LENGTH))
 
 
+@CHAPTER.clause("7.2.4.3.17", "Limits", Tier.DESTRUCTIVE, "2.10, 2.11, 4.6", only=MAKERS)
+@CHAPTER.clause("7.2.4.3.17", "Limits", Tier.REVERSIBLE, "2.10, 2.11, 4.6", only=COMMUNICATION_PROFILE)
 def _limits(subject: Subject) -> Iterator[Data]:
     for each in _tried(subject):
         refused = list(_outside(each))
         if refused and each.readable:
+            # A device may say no and write all the same.
             yield group(title(each), save(each), *refused, unchanged(each))
         elif refused:
             yield group(title(each), *refused)
@@ -236,6 +247,7 @@ def _outside(each: ODVariable) -> Iterator[Data]:
         (range_.low - 1, "too low", AbortCode.TOO_LOW),
         (range_.high + 1, "too high", AbortCode.TOO_HIGH),
     ):
+        # A value that its type cannot carry would be refused by our own encoding, and never get to the device.
         if type_.low <= value <= type_.high:
             yield write(f"{value} is {what}", address_of(each), value=value, abort=codes(code, AbortCode.VALUE))
 
@@ -243,50 +255,18 @@ def _outside(each: ODVariable) -> Iterator[Data]:
 # Other values: destructive
 
 
+@CHAPTER.clause("7.4.5", "Writable", Tier.DESTRUCTIVE)
 def _other_values(subject: Subject) -> Iterator[Data]:
-    """Write another value to each configuration object, and put back the one it had."""
+    """Write another value to each of the device's own settings, and put back the one it had."""
     for each in _tried(subject):
-        other = _other(each) if _is_setting(subject, each) else None
-        if other is not None:
+        own = each.index >= values.MANUFACTURER[0] and address_of(each) != subject.dictionary.node_id_address
+        # What a PDO can carry is a process value: writing it may move something.
+        if not (own and each.access_type == "rw" and not each.pdo_mappable and _has_value(each)):
+            continue
+        default = default_of(each)
+        present = default if isinstance(default, int) else 0
+        other = next((value for value in (present + 1, present - 1) if in_limits(each, value)), None)
+        if data_type(each).is_integer and other is not None:
             written = write(f"{other} is written", address_of(each), value=other, optional=codes(*BUSY))
             seen = read("and read again", address_of(each), expect=other)
             yield group(f"{title(each)}: another value", save(each), written, seen, put_back(each))
-
-
-def _is_setting(subject: Subject, each: ODVariable) -> bool:
-    """Whether an object is one of the device's own settings, and not its node-ID."""
-    own = each.index >= values.MANUFACTURER[0] and address_of(each) != subject.dictionary.node_id_address
-    return own and each.access_type == "rw" and not each.pdo_mappable and _has_value(each)
-
-
-def _other(each: ODVariable) -> int | None:
-    """Return a value that an object may have besides its default, None if there is none, or if it is a text."""
-    if not data_type(each).is_integer:
-        return None
-    default = default_of(each)
-    present = default if isinstance(default, int) else 0
-    return next((value for value in (present + 1, present - 1) if in_limits(each, value)), None)
-
-
-CHAPTER = Chapter(
-    "objects",
-    "objects",
-    (
-        Clause("7.2.4.3.17", "Unknown object", _unknown_objects, ctt="2.6"),
-        Clause("7.2.4.3.17", "Unknown object", _unknown_written, Tier.REVERSIBLE),
-        Clause("7.2.4.3.17", "Unknown sub-index", _unknown_subindices, ctt="2.5"),
-        Clause("7.5.2.21", "Identity", _identity),
-        Clause("7.4.9", "Structure", _structure, ctt="4.5"),
-        Clause("7.4.4", "Length of the type", _readable, ctt="4.1, 4.7"),
-        Clause("7.3.2.2.3", "Default after a reset", _defaults, Tier.REVERSIBLE, "4.2, 4.8"),
-        Clause("7.4.5", "Write-only", _write_only, ctt="2.4, 4.4"),
-        Clause("7.4.5", "Read-only", _communication(_read_only), Tier.REVERSIBLE, "2.3, 4.3"),
-        Clause("7.4.5", "Read-only", _makers(_read_only), Tier.DESTRUCTIVE, "4.3"),
-        Clause("7.4.5", "Writable", _own_values, Tier.REVERSIBLE, "2.2, 4.9"),
-        Clause("7.2.4.3.17", "Wrong length", _communication(_wrong_lengths), Tier.REVERSIBLE, "2.8, 2.9"),
-        Clause("7.2.4.3.17", "Wrong length", _makers(_wrong_lengths), Tier.DESTRUCTIVE, "2.8, 2.9"),
-        Clause("7.2.4.3.17", "Limits", _communication(_limits), Tier.REVERSIBLE, "2.10, 2.11, 4.6"),
-        Clause("7.2.4.3.17", "Limits", _makers(_limits), Tier.DESTRUCTIVE, "2.10, 2.11, 4.6"),
-        Clause("7.4.5", "Writable", _other_values, Tier.DESTRUCTIVE),
-    ),
-)

@@ -1,6 +1,6 @@
 """A page to hand to a device's maker: what was asked, the score by chapter, and each red step with its frames.
 
-Rule of this file: one value, `Report`, has all that the page says; the forms (Markdown, HTML, JSON) only write it.
+Rule of this file: one value, `DeviceRun`, has all that the page says; the forms (Markdown, HTML, JSON) only write it.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ INFORMATION = (
 """What [DeviceInfo] says of a device."""
 
 
-class Report(NamedTuple):
+class DeviceRun(NamedTuple):
     """A run: the device, up to which tier it was asked, its results, and by what and when they were `made`."""
 
     dictionary: Dictionary
@@ -59,10 +59,27 @@ class Report(NamedTuple):
         return [step for result in self.results for step in result.steps if step.status is Status.FAILED]
 
     @property
+    def skipped(self) -> Counter[str]:
+        """Why steps were skipped, and how many of them."""
+        skipped = (step for result in self.results for step in result.steps if step.status is Status.SKIPPED)
+        return Counter(step.reason.what if step.reason else "a step before it is red" for step in skipped)
+
+    @property
     def tests(self) -> list[ctt.CttResult]:
         """What the run says of each test of CiA's tool; the file is checked by `lint`."""
         found = lint(self.dictionary.content, self.dictionary.file.name)
         return ctt.results_of(self.results, [str(each) for each in found if each.severity is Severity.ERROR])
+
+    def as_data(self) -> dict[str, Any]:
+        """Return all of it as plain data."""
+        return {
+            "device": self.dictionary.name,
+            **{what.lower().replace(" ", "_"): value for what, value in self.facts},
+            "chapters": report.as_data(self.results),
+            "ctt": [
+                {**each._asdict(), "verdict": each.verdict.value.lower(), "asks": each.asks} for each in self.tests
+            ],
+        }
 
 
 def check_form(file: Path) -> None:
@@ -71,18 +88,18 @@ def check_form(file: Path) -> None:
         raise UnknownName("form of a report", file.suffix or file.name, [*SUFFIXES, JSON])
 
 
-def text(file: Path, reports: Sequence[Report]) -> str:
+def text(file: Path, reports: Sequence[DeviceRun]) -> str:
     """Return the page of some devices in the form of a file's suffix; raises UnknownName."""
     check_form(file)
     if file.suffix.lower() == JSON:
-        return json.dumps([_data(each) for each in reports], indent=1) + "\n"
+        return json.dumps([each.as_data() for each in reports], indent=1) + "\n"
     return FORMS[SUFFIXES[file.suffix.lower()]]([block for each in reports for block in blocks(each)])
 
 
 # What it says
 
 
-def blocks(run: Report) -> Iterator[DocBlock]:
+def blocks(run: DeviceRun) -> Iterator[DocBlock]:
     """Give the page of a device."""
     yield DocHeading(1, f"Conformance of {run.dictionary.name}")
     passed = sum(each.count(Status.PASSED) for each in run.results)
@@ -93,9 +110,13 @@ def blocks(run: Report) -> Iterator[DocBlock]:
     yield DocTable(("Chapter", "Green", "Red", "Skipped"), list(map(_score, run.results)), ("Green", "Red", "Skipped"))
     yield DocHeading(2, "What is red")
     yield from _all_red(run)
-    yield from _ctt(run)
+    yield DocHeading(2, "By the numbers of CiA's test tool")
+    tests = run.tests
+    yield Paragraph(f"{ctt.score(tests)}. This is no run of that tool, and no certificate.")
+    rows = [(each.number, each.asks, each.verdict.value, each.why) for each in tests]
+    yield DocTable(("Test", "It asks", "", "Why"), rows, words=("Test", ""))
     yield DocHeading(2, "What was skipped")
-    yield DocTable(("Why", "Steps"), [(why, str(count)) for why, count in _skipped(run).items()], ("Steps",))
+    yield DocTable(("Why", "Steps"), [(why, str(count)) for why, count in run.skipped.items()], ("Steps",))
 
 
 def _score(result: SuiteResult) -> tuple[str, ...]:
@@ -103,7 +124,7 @@ def _score(result: SuiteResult) -> tuple[str, ...]:
     return result.name.removeprefix("CiA 301, "), *(str(result.count(each)) for each in statuses)
 
 
-def _all_red(run: Report) -> Iterator[DocBlock]:
+def _all_red(run: DeviceRun) -> Iterator[DocBlock]:
     for result in run.results:
         if result.error:
             yield Paragraph(f"{result.name} ended before its time: {result.error}")
@@ -141,26 +162,3 @@ def _red(step: StepResult) -> Iterator[DocBlock]:
     yield DocTable(("", ""), [each for each in rows if each[1]], words=("",))
     if reason.frames:
         yield Preformatted(list(report.frame_lines(reason)))
-
-
-def _ctt(run: Report) -> Iterator[DocBlock]:
-    tests = run.tests
-    yield DocHeading(2, "By the numbers of CiA's test tool")
-    yield Paragraph(f"{ctt.score(tests)}. This is no run of that tool, and no certificate.")
-    rows = [(each.number, each.asks, each.verdict.value, each.why) for each in tests]
-    yield DocTable(("Test", "It asks", "", "Why"), rows, words=("Test", ""))
-
-
-def _skipped(run: Report) -> Counter[str]:
-    skipped = (step for result in run.results for step in result.steps if step.status is Status.SKIPPED)
-    return Counter(step.reason.what if step.reason else "a step before it is red" for step in skipped)
-
-
-def _data(run: Report) -> dict[str, Any]:
-    """Return all of it as plain data."""
-    return {
-        "device": run.dictionary.name,
-        **{what.lower().replace(" ", "_"): value for what, value in run.facts},
-        "chapters": report.as_data(run.results),
-        "ctt": [{**each._asdict(), "verdict": each.verdict.value.lower(), "asks": each.asks} for each in run.tests],
-    }

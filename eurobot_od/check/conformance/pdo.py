@@ -6,13 +6,13 @@ Rule of this file: of a PDO that is changed, the file's mapping is put back entr
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from functools import partial
 from typing import TYPE_CHECKING
 
 from eurobot_od.check.conformance.subject import (
     OUTSIDE,
     Chapter,
     Clause,
-    StepsOf,
     Subject,
     Tier,
     codes,
@@ -69,6 +69,8 @@ def _communication(subject: Subject, pdo: Pdo) -> Iterator[Data]:
     elif not pdo.valid:
         yield skip(pdo.title, f"{pdo.title} is not valid by default")
     else:
+        # Bits 0 to 29 must not change while bit 31 says that the PDO exists (CiA 301, 7.5.2.35). Any abort will do: the
+        # clause names none.
         changed = hexadecimal(subject.number(address_of(cob_id)) ^ 1, 8)
         moved = write("another identifier while it is valid", address_of(cob_id), value=changed, abort="any")
         yield group(f"{pdo.title} keeps its identifier", save(cob_id), moved, put_back(cob_id))
@@ -87,6 +89,8 @@ def _restricted(subject: Subject, pdo: Pdo) -> Iterator[Data]:
         yield skip(name, why)
         return
     bits = subject.number(address_of(cob_id)) & NO_RTR
+    # Tried while it is not valid, with bit 31 cleared: a PDO on an identifier of NMT or SDO would be heard as one of
+    # these.
     tried = (write(f"0x{each:03X}", address_of(cob_id), value=each | bits, abort="any") for each in RESTRICTED_ONES)
     yield group(name, save(cob_id), off(subject, cob_id), *tried, put_back(cob_id))
 
@@ -101,13 +105,10 @@ def _scan(subject: Subject, direction: PdoDirection) -> Iterator[Data]:
     for found in filter(None, (subject.find((index, COB_ID)) for index in there)):
         if found.readable:
             yield read(title(found), address_of(found), data="any")
+    # A master finds out how many PDOs a device has by asking until one is not there.
     missing = next((index for index in records if index not in subject.dictionary.members), None)
     if missing is not None:
         yield read(f"0x{missing:04X} is not there", (missing, COB_ID), abort=codes(AbortCode.NO_OBJECT))
-
-
-def _scans(direction: PdoDirection) -> StepsOf:
-    return lambda subject: _scan(subject, direction)
 
 
 def _default_mapping(subject: Subject, pdo: Pdo) -> Iterator[Data]:
@@ -122,6 +123,7 @@ def _default_mapping(subject: Subject, pdo: Pdo) -> Iterator[Data]:
         elif variable.readable:
             yield read(name, address, data="any", optional=codes(AbortCode.NO_DATA))
         else:
+            # What an RPDO maps may be write-only; that it is there shows in how it is refused.
             yield read(name, address, abort=codes(AbortCode.WRITE_ONLY))
 
 
@@ -168,11 +170,15 @@ def _remapped(subject: Subject, pdo: Pdo, cob_id: ODVariable) -> Iterator[Data]:
     yield off(subject, cob_id)
     if pdo.mapping:
         entry = hexadecimal(subject.number((record, 1)), 8)
+        # Otherwise a PDO could go out half in the old mapping and half in the new one (CiA 301, 7.5.2.36).
         yield write("an entry while sub-index 0 is not 0", (record, 1), value=entry, abort="any")
     yield write("2. sub-index 0 is 0", (record, 0), value=0)
     yield from _refused_entries(subject, pdo)
     yield from _other_entries(subject, pdo)
-    yield from _too_many(subject, pdo)
+    count = _room(subject, pdo) + 1
+    if 1 < count <= MAX_BITS:
+        aborts = codes(*TOO_MANY, *OUTSIDE)
+        yield write(f"{count} entries are too many", (record, 0), value=count, abort=aborts)
     yield from _mapped_again(subject, pdo, cob_id)
 
 
@@ -182,6 +188,7 @@ def _mapped_again(subject: Subject, pdo: Pdo, cob_id: ODVariable) -> Iterator[Da
     for sub in range(1, count + 1):
         yield write(f"3. entry {sub}", (record, sub), value=hexadecimal(subject.number((record, sub)), 8))
     yield write(f"4. sub-index 0 is {count}", (record, 0), value=count)
+    # Its COB-ID last, with the other parameters in place: with bit 31 cleared the PDO is there at once.
     yield {**put_back(cob_id), "name": "5. as it was"}
     yield read("it has its entries", (record, 0), expect=count)
 
@@ -189,6 +196,7 @@ def _mapped_again(subject: Subject, pdo: Pdo, cob_id: ODVariable) -> Iterator[Da
 def _at_most(subject: Subject, pdo: Pdo, cob_id: ODVariable) -> Data:
     """Map more bits than a PDO has; entry by entry that may be, together it is refused."""
     record, name = pdo.mapping_index, f"{pdo.title} takes {MAX_BITS} bits at most"
+    # The widest, so that few entries are needed: many devices have only four or eight of them.
     wide = _widest(subject, pdo)
     if wide is None or MAX_BITS // data_type(wide).bits >= _room(subject, pdo):
         return skip(name, "the file has too few entries in it to map more")
@@ -221,6 +229,7 @@ def _refused_entries(subject: Subject, pdo: Pdo) -> Iterator[Data]:
             f"{title(fixed)} cannot be mapped", entry, value=value, abort=codes(AbortCode.NOT_MAPPABLE, *OUTSIDE)
         )
     if MISSING not in subject.dictionary.members:
+        # Of 8 bits, so that it can only be refused because the object is not there.
         missing = hexadecimal(MISSING << 16 | 8, 8)
         aborts = codes(AbortCode.NO_OBJECT, AbortCode.NOT_MAPPABLE, *OUTSIDE)
         yield write("an object that is not there", entry, value=missing, abort=aborts)
@@ -238,12 +247,16 @@ def _other_entries(subject: Subject, pdo: Pdo) -> Iterator[Data]:
         each = next((each for each in mapped if each.access_type == access), None)
         if each is not None and _may_be_tried(subject, pdo, int(_entry(each), 16)):
             yield write(f"{title(each)} is {access}: it may be mapped", entry, value=_entry(each))
+    # A TPDO takes `rwr` out of the device, an RPDO puts `rww` into it: in the other PDO neither means anything.
     (opposite,) = {*DIRECTED} - {pdo.direction}
     other = next((each for each in mapped if each.access_type in DIRECTED[opposite]), None)
     if other is not None:
         refused = codes(AbortCode.NOT_MAPPABLE, AbortCode.UNSUPPORTED_ACCESS, *OUTSIDE)
         yield write(f"{title(other)} is {other.access_type}: it may not", entry, value=_entry(other), abort=refused)
-    dummies = (each << 16 | DATA_TYPES[each].bits for each in DUMMIES if _has_dummy(subject, each))
+    # Dummies fill an RPDO whose sender has more than this device wants; [DummyUsage] says which ones it takes (CiA
+    # 306).
+    usage = partial(subject.dictionary.device.document.text, "dummyusage")
+    dummies = (each << 16 | DATA_TYPES[each].bits for each in DUMMIES if usage(f"dummy{each:04x}") == "1")
     dummy = next((each for each in dummies if _may_be_tried(subject, pdo, each)), None)
     if dummy is not None:
         yield write("a dummy may be mapped", entry, value=hexadecimal(dummy, 8))
@@ -253,19 +266,6 @@ def _other_entries(subject: Subject, pdo: Pdo) -> Iterator[Data]:
 def _may_be_tried(subject: Subject, pdo: Pdo, entry: int) -> bool:
     """Whether a PDO's first entry may be this: it can be mapped there, and is within the entry's own limits."""
     return subject.may_be((pdo.mapping_index, 1), entry) and _may_be_mapped(subject, pdo, entry)
-
-
-def _has_dummy(subject: Subject, code: int) -> bool:
-    """Whether the file's [DummyUsage] has a data type."""
-    return subject.dictionary.device.document.text("dummyusage", f"dummy{code:04x}") == "1"
-
-
-def _too_many(subject: Subject, pdo: Pdo) -> Iterator[Data]:
-    """Set sub-index 0 to one more than there are entries."""
-    count = _room(subject, pdo) + 1
-    if 1 < count <= MAX_BITS:
-        aborts = codes(*TOO_MANY, *OUTSIDE)
-        yield write(f"{count} entries are too many", (pdo.mapping_index, 0), value=count, abort=aborts)
 
 
 def _entry(each: ODVariable) -> str:
@@ -285,8 +285,8 @@ CHAPTER = Chapter(
     "pdo",
     "PDOs",
     (
-        Clause("7.5.2.35", "RPDOs", _scans(PdoDirection.RPDO), ctt="3.1"),
-        Clause("7.5.2.37", "TPDOs", _scans(PdoDirection.TPDO), ctt="3.2"),
+        Clause("7.5.2.35", "RPDOs", partial(_scan, direction=PdoDirection.RPDO), ctt="3.1"),
+        Clause("7.5.2.37", "TPDOs", partial(_scan, direction=PdoDirection.TPDO), ctt="3.2"),
         Clause("7.5.2.36", "RPDO mapping", each_of(PdoDirection.RPDO, _default_mapping), ctt="3.21"),
         Clause("7.5.2.38", "TPDO mapping", each_of(PdoDirection.TPDO, _default_mapping), ctt="3.21"),
         Clause("7.3.5", "RPDO identifier", each_of(PdoDirection.RPDO, _restricted), Tier.REVERSIBLE, "8.10"),

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING
 from eurobot_od.check.conformance.objects import ACTING, CONFIGURED, FIXED, MAPPINGS
 from eurobot_od.check.conformance.subject import (
     Chapter,
-    Clause,
     Subject,
     Tier,
     awake,
@@ -37,6 +36,8 @@ from eurobot_od.sdo.wire import AbortCode, ClientCommand, initiate
 
 if TYPE_CHECKING:
     from canopen.objectdictionary import ODVariable
+
+CHAPTER = Chapter("sdo", "SDO transfers")
 
 WITHIN = "1 s"
 """How long an SDO server may take for an answer; the standard names no time."""
@@ -70,6 +71,7 @@ def _content(each: ODVariable) -> bytes:
 
 def _long(subject: Subject) -> ODVariable | None:
     """Return the object with the longest known value over 4 bytes."""
+    # Up to 4 bytes go into the first answer: only a longer value shows segments (CiA 301, 7.2.4.3.6).
     found = [each for each in subject.objects if _known(each) and len(_content(each)) > 4]
     return max(found, key=lambda each: len(_content(each)), default=None)
 
@@ -80,20 +82,18 @@ def _number(subject: Subject) -> ODVariable | None:
     Where nothing is to be written but the heartbeat time there is no other.
     """
     settable = [each for each in subject.objects if _known(each) and subject.settable(address_of(each))]
-    found = [each for each in settable if _harmless(each)]
+    integers = [each for each in settable if data_type(each).is_integer and data_type(each).size <= 4]
+    # From 0x1400 on a PDO's record may refuse even the value it has while the PDO is valid, and CiA 302's objects act.
+    found = [each for each in integers if each.index not in MAPPINGS and not 0x1400 <= each.index < 0x2000]
     if subject.tier is Tier.READING:
         found = [each for each in found if address_of(each) == HEARTBEAT_TIME]
     return min(found, key=lambda each: address_of(each) != HEARTBEAT_TIME, default=None)
 
 
-def _harmless(each: ODVariable) -> bool:
-    type_, index = data_type(each), each.index
-    return type_.is_integer and type_.size <= 4 and index not in MAPPINGS and not 0x1400 <= index < 0x2000
-
-
 # Uploads
 
 
+@CHAPTER.clause("7.2.4.3.6", "SDO upload", ctt="2.1")
 def _expedited_upload(subject: Subject) -> Iterator[Data]:
     if subject.find(DEVICE_TYPE) is None:
         yield skip("the device type in one answer", "the file has no device type (0x1000)")
@@ -105,6 +105,7 @@ def _expedited_upload(subject: Subject) -> Iterator[Data]:
     )
 
 
+@CHAPTER.clause("7.2.4.3.7", "SDO upload", ctt="2.13, 2.15 to 2.18")
 def _segmented_upload(subject: Subject) -> Iterator[Data]:
     each = _long(subject)
     if each is None:
@@ -115,14 +116,17 @@ def _segmented_upload(subject: Subject) -> Iterator[Data]:
         "a wrong toggle bit is refused",
         _asked(subject, ClientCommand.UPLOAD << 5, address_of(each)),
         expect("it begins", subject.answer(f"4?{_multiplexer(each)}????????"), WITHIN),
+        # The first segment has the toggle bit 0 (CiA 301, 7.2.4.3.7).
         _sent(subject, "the first segment, asked for with the toggle bit set", wire.plain(0x70)),
         _aborted(subject, AbortCode.TOGGLE_BIT),
     )
 
 
+@CHAPTER.clause("7.2.4.3.12", "SDO block upload", ctt="2.19 to 2.25")
 def _block_upload(subject: Subject) -> Iterator[Data]:
     each = _long(subject) or subject.find(DEVICE_TYPE)
     if each is not None and default_bytes(each) is not None:
+        # Block transfer is optional; a server without it refuses the first request, and nothing else is wrong with it.
         again = unchanged(each, "in blocks it is the same", transfer="block", optional=codes(*NO_BLOCKS))
         yield group(f"{title(each)} in blocks", save(each), again)
 
@@ -130,6 +134,7 @@ def _block_upload(subject: Subject) -> Iterator[Data]:
 # Downloads
 
 
+@CHAPTER.clause("7.2.4.3.4", "SDO download", ctt="2.14, 2.17")
 def _segmented_download(subject: Subject) -> Iterator[Data]:
     each = _number(subject)
     if each is None:
@@ -145,6 +150,7 @@ def _segmented_download(subject: Subject) -> Iterator[Data]:
         read("it has the value", address_of(each), data=content.hex(" ")),
         put_back(each),
     )
+    # With its own value: a server that does not look at the bit writes what is there already.
     wrong = wire.segment(ClientCommand.DOWNLOAD_SEGMENT, wire.TOGGLE, content, last=True)
     yield group(
         "a wrong toggle bit is refused",
@@ -156,6 +162,7 @@ def _segmented_download(subject: Subject) -> Iterator[Data]:
     )
 
 
+@CHAPTER.clause("7.2.4.3.8", "SDO block download", ctt="2.19 to 2.25")
 def _block_download(subject: Subject) -> Iterator[Data]:
     each = _number(subject)
     if each is None:
@@ -168,18 +175,23 @@ def _block_download(subject: Subject) -> Iterator[Data]:
 # Aborts
 
 
+@CHAPTER.clause("7.2.4.3.17", "SDO abort", ctt="2.7")
 def _unknown_command(subject: Subject) -> Iterator[Data]:
     yield group(
         "an unknown command is refused",
+        # 0xE0: the one of eight that no request has (CiA 301, 7.2.4.3). It is about an object that there is, so that
+        # only the command can be refused.
         _sent(subject, "command specifier 7", initiate(0xE0, subject.probe)),
         _aborted(subject, AbortCode.UNKNOWN_COMMAND),
     )
 
 
+@CHAPTER.clause("7.2.4.3.17", "SDO abort")
 def _unfinished(subject: Subject) -> Iterator[Data]:
     yield group(
         "a client's abort is not answered",
         _sent(subject, "abort", wire.aborted(subject.probe, AbortCode.GENERAL)),
+        # An abort that is answered by an abort would go to and fro for ever.
         never("no answer", subject.answer("?" * 16), QUIET),
         awake(subject, "the next request is"),
     )
@@ -198,43 +210,19 @@ def _unfinished(subject: Subject) -> Iterator[Data]:
         "a transfer that is left alone does not block the server",
         save(each),
         *_begun(subject, each),
+        # No clause names a time-out; but a client that went away must not keep all later ones out until the next reset.
         wait(LEFT_ALONE),
         unchanged(each),
     )
 
 
-# Servers
-
-
-def _servers(subject: Subject) -> Iterator[Data]:
-    """Read where each server is; the first has the identifiers of the predefined connection set."""
-    for index in subject.dictionary.members:
-        for found in filter(None, (subject.find((index, sub)) for sub in (1, 2) if index in SDO_SERVERS)):
-            usual = SDO_BASES[address_of(found)] + subject.node_id if address_of(found) in SDO_BASES else None
-            if usual is not None and subject.number(address_of(found)) != usual:
-                yield skip(title(found), f"the file itself has another one than 0x{usual:X}")
-            elif found.readable:
-                data = "any" if usual is None else data_type(found).write(usual).hex(" ").upper()
-                yield read(title(found), address_of(found), data=data)
-    if SDO_REQUESTS[0] not in subject.dictionary.members:
-        yield skip("0x1200", "the file has no SDO server (0x1200)")
-
-
-def _further_servers(subject: Subject) -> Iterator[Data]:
-    """See that further servers have their defaults after a reset of the communication."""
-    further = [each for each in subject.objects if each.index in SDO_SERVERS[1:] and _known(each)]
-    if not further:
-        yield skip("further servers", "the file has no further SDO server (0x1201) with defaults")
-        return
-    seen = (read(title(each), address_of(each), data=_content(each).hex(" ").upper()) for each in further)
-    yield group("further servers after reset communication", *fresh(subject), *seen)
-
-
 # Numbers of blocks
 
 
+@CHAPTER.clause("7.2.4.3.12", "SDO block upload", ctt="2.26")
 def _block_size(subject: Subject) -> Iterator[Data]:
     """Ask for blocks of one segment more than there are."""
+    # 127 is the most that seven bits can number (CiA 301, 7.2.4.3.12).
     size = bytes([wire.BLOCK_SEGMENTS + 1])
     yield group(
         "a block of 128 segments is refused",
@@ -243,6 +231,7 @@ def _block_size(subject: Subject) -> Iterator[Data]:
     )
 
 
+@CHAPTER.clause("7.2.4.3.13", "SDO block upload", ctt="2.27")
 def _sequence_number(subject: Subject) -> Iterator[Data]:
     """Acknowledge more segments than a block can have."""
     beyond = bytes([wire.BLOCK_SEGMENTS + 1, wire.BLOCK_SEGMENTS])
@@ -259,6 +248,36 @@ def _sequence_number(subject: Subject) -> Iterator[Data]:
         _aborted(subject, AbortCode.SEQUENCE_NUMBER, AbortCode.GENERAL, AbortCode.UNKNOWN_COMMAND),
         wait("50 ms"),  # what a server without blocks still has to say is no answer to the next request
     )
+
+
+# Servers
+
+
+@CHAPTER.clause("7.5.2.33", "SDO server", ctt="2.12, 2.28")
+def _servers(subject: Subject) -> Iterator[Data]:
+    """Read where each server is; the first has the identifiers of the predefined connection set."""
+    for index in subject.dictionary.members:
+        for found in filter(None, (subject.find((index, sub)) for sub in (1, 2) if index in SDO_SERVERS)):
+            # 0x600 and 0x580 plus the node-ID: a master that knows nothing else of a device must be able to ask it.
+            usual = SDO_BASES[address_of(found)] + subject.node_id if address_of(found) in SDO_BASES else None
+            if usual is not None and subject.number(address_of(found)) != usual:
+                yield skip(title(found), f"the file itself has another one than 0x{usual:X}")
+            elif found.readable:
+                data = "any" if usual is None else data_type(found).write(usual).hex(" ").upper()
+                yield read(title(found), address_of(found), data=data)
+    if SDO_REQUESTS[0] not in subject.dictionary.members:
+        yield skip("0x1200", "the file has no SDO server (0x1200)")
+
+
+@CHAPTER.clause("7.5.2.33", "SDO server", Tier.REVERSIBLE, "2.29")
+def _further_servers(subject: Subject) -> Iterator[Data]:
+    """See that further servers have their defaults after a reset of the communication."""
+    further = [each for each in subject.objects if each.index in SDO_SERVERS[1:] and _known(each)]
+    if not further:
+        yield skip("further servers", "the file has no further SDO server (0x1201) with defaults")
+        return
+    seen = (read(title(each), address_of(each), data=_content(each).hex(" ").upper()) for each in further)
+    yield group("further servers after reset communication", *fresh(subject), *seen)
 
 
 # Frames
@@ -283,27 +302,9 @@ def _sent(subject: Subject, name: str, data: bytes) -> Data:
 def _aborted(subject: Subject, *aborts: AbortCode) -> Data:
     """Expect one of some aborts; which object it names is open where the request did not name one."""
     answers = [subject.answer(f"80??????{code.to_bytes(4, 'little').hex().upper()}") for code in aborts]
+    # CiA 301 names codes, but leaves it to a server how exactly it knows what is wrong.
     return expect("abort", {"any": answers} if len(answers) > 1 else answers[0], WITHIN)
 
 
 def _multiplexer(each: ODVariable) -> str:
     return f"{each.index & 0xFF:02X}{each.index >> 8:02X}{each.subindex:02X}"
-
-
-CHAPTER = Chapter(
-    "sdo",
-    "SDO transfers",
-    (
-        Clause("7.2.4.3.6", "SDO upload", _expedited_upload, ctt="2.1"),
-        Clause("7.2.4.3.7", "SDO upload", _segmented_upload, ctt="2.13, 2.15 to 2.18"),
-        Clause("7.2.4.3.12", "SDO block upload", _block_upload, ctt="2.19 to 2.25"),
-        Clause("7.2.4.3.4", "SDO download", _segmented_download, ctt="2.14, 2.17"),
-        Clause("7.2.4.3.8", "SDO block download", _block_download, ctt="2.19 to 2.25"),
-        Clause("7.2.4.3.17", "SDO abort", _unknown_command, ctt="2.7"),
-        Clause("7.2.4.3.17", "SDO abort", _unfinished),
-        Clause("7.2.4.3.12", "SDO block upload", _block_size, ctt="2.26"),
-        Clause("7.2.4.3.13", "SDO block upload", _sequence_number, ctt="2.27"),
-        Clause("7.5.2.33", "SDO server", _servers, ctt="2.12, 2.28"),
-        Clause("7.5.2.33", "SDO server", _further_servers, Tier.REVERSIBLE, "2.29"),
-    ),
-)

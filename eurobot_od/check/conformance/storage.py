@@ -9,7 +9,6 @@ from eurobot_od.check.conformance.subject import (
     BUSY,
     OUTSIDE,
     Chapter,
-    Clause,
     Subject,
     Tier,
     awake,
@@ -33,6 +32,8 @@ from eurobot_od.sdo.wire import AbortCode
 
 if TYPE_CHECKING:
     from canopen.objectdictionary import ODVariable
+
+CHAPTER = Chapter("storage", "store and restore")
 
 KEPT: tuple[Address, ...] = (standard.HEARTBEAT_TIME, standard.EMCY_INHIBIT_TIME, standard.SYNC_PERIOD)
 """Parameters that show what is stored: numbers in which nothing else of the communication hangs."""
@@ -64,12 +65,15 @@ def _other(each: ODVariable) -> int:
     return next((present + offset for offset in OFFSETS if in_limits(each, present + offset)), present - 1)
 
 
+@CHAPTER.clause("7.3.2.2.3", "Values", Tier.REVERSIBLE, "9.1")
 def _power_on_values(subject: Subject) -> Iterator[Data]:
     """See that what was not stored is gone with a reset."""
     each = _shown_by(subject)
     if each is None:
         yield skip("a reset", "the file has none of 0x1006, 0x1015 and 0x1017 that can be read, written and put back")
         return
+    # Both load the communication profile's values of power-on; only the first also those of the maker's and the
+    # profile's objects (CiA 301, 7.3.2.2.3).
     for command in ("reset", "reset communication"):
         yield group(
             f"{title(each)} after {command}",
@@ -84,6 +88,7 @@ def _power_on_values(subject: Subject) -> Iterator[Data]:
 
 def _commands(subject: Subject, index: int) -> dict[int, ODVariable]:
     """Return the sub-indices of 0x1010 or 0x1011 that are the standard's, or were named, and take a signature."""
+    # Never by default: behind 0x1011:4 and up may be a maker's calibration, which nothing brings back.
     own = subject.restore if index == standard.RESTORE else ()
     found = (each for each in subject.objects if each.index == index and each.subindex in (*STANDARD_GROUPS, *own))
     return {each.subindex: each for each in found if each.writable and data_type(each) is UNSIGNED32}
@@ -97,6 +102,7 @@ def _signatures(index: int) -> Callable[[Subject], Iterator[Data]]:
         if not commands:
             yield skip("the signature", f"the file has no 0x{index:04X} that can be written")
         for each in commands.values():
+            # Zeros are what an empty program writes, and the letters backwards what one with the wrong byte order does.
             for wrong in (bytes(4), standard.SIGNATURES[index][::-1]):
                 name = f"{title(each)} wants its signature, not {wrong.hex(' ').upper()}"
                 yield write(name, address_of(each), data=wrong.hex(" "), abort=codes(*REFUSED, *OUTSIDE))
@@ -104,6 +110,11 @@ def _signatures(index: int) -> Callable[[Subject], Iterator[Data]]:
     return steps
 
 
+CHAPTER.clause("7.5.2.13", "Store", Tier.DESTRUCTIVE, "8.1, 8.3, 8.5, 8.7")(_signatures(standard.STORE))
+CHAPTER.clause("7.5.2.14", "Restore", Tier.DESTRUCTIVE, "8.2, 8.4, 8.6, 8.8")(_signatures(standard.RESTORE))
+
+
+@CHAPTER.clause("7.5.2.13", "Store", Tier.DESTRUCTIVE, "8.1, 8.2")
 def _stored(subject: Subject) -> Iterator[Data]:
     """Store another value, see that it survives a reset, and restore the file's."""
     each = _shown_by(subject)
@@ -126,15 +137,6 @@ def _stored(subject: Subject) -> Iterator[Data]:
         )
 
 
-def _makers_own(subject: Subject) -> Iterator[Data]:
-    """Restore what the maker has behind the sub-indices that were named."""
-    commands = _commands(subject, standard.RESTORE)
-    for each in (commands[sub] for sub in subject.restore if sub in commands):
-        yield group(f"{title(each)} restored", _signed(each, "restored"), *_power_cycle(subject))
-    if not subject.restore:
-        yield skip("the maker's own sub-indices", "none was named (--restore 4)")
-
-
 # What is kept over a reset
 
 
@@ -144,6 +146,11 @@ class Kept(NamedTuple):
     address: Address
     value: int
     digits: int = 8
+
+    def written(self, **more: object) -> Data:
+        """Write it."""
+        value = hexadecimal(self.value, self.digits)
+        return write(f"{label(self.address)} is {value}", self.address, value=value, **more)
 
 
 def kept_over_reset(subject: Subject, name: str, values: Sequence[Kept], *looks: Data) -> Iterator[Data]:
@@ -155,33 +162,26 @@ def kept_over_reset(subject: Subject, name: str, values: Sequence[Kept], *looks:
         lack = lacking[0] if lacking else "0x1010:1 or 0x1011:1"
         yield skip(name, f"the file lacks {lack} that can be written as this wants")
         return
-    last = {each.address: each for each in values}.values()
+    last = {each.address: each.value for each in values}
     refused = codes(*BUSY, *OUTSIDE, AbortCode.GENERAL, AbortCode.UNSUPPORTED_ACCESS)
     yield group(
         name,
         *fresh(subject),
-        *(_given(each, optional=refused) for each in values),
+        *(each.written(optional=refused) for each in values),
         _signed(store, "stored"),
         *fresh(subject),
-        *(read(f"{label(each.address)} is kept", each.address, expect=each.value) for each in last),
+        *(read(f"{label(at)} is kept", at, expect=value) for at, value in last.items()),
         *looks,
         _signed(restore, "restored"),
         *_power_cycle(subject),
-        *(_back(subject, each) for each in last),
+        *(read(f"{label(at)} has its default", at, expect=subject.number(at)) for at in last),
     )
 
 
-def _given(each: Kept, **more: object) -> Data:
-    value = hexadecimal(each.value, each.digits)
-    return write(f"{label(each.address)} is {value}", each.address, value=value, **more)
-
-
-def _back(subject: Subject, each: Kept) -> Data:
-    return read(f"{label(each.address)} has its default", each.address, expect=subject.number(each.address))
-
-
+@CHAPTER.clause("7.5.2.13", "Store", Tier.DESTRUCTIVE, "2.30")
 def _clients(subject: Subject) -> Iterator[Data]:
     """Store the identifiers of the first SDO client, not valid ones."""
+    # Not valid while it is stored: an SDO client that becomes active would talk to a node that is not there.
     index = next((each for each in standard.SDO_CLIENTS if each in subject.dictionary.members), None)
     if index is None:
         yield skip("SDO client", "the file has no SDO client (0x1280)")
@@ -191,9 +191,12 @@ def _clients(subject: Subject) -> Iterator[Data]:
     yield from kept_over_reset(subject, f"0x{index:04X}", values)
 
 
+@CHAPTER.clause("7.5.2.23", "Verify configuration", Tier.DESTRUCTIVE, "8.9")
 def _verified(subject: Subject) -> Iterator[Data]:
     """Store the date of the configuration, and see that a change of the configuration clears it (7.5.2.23)."""
     date, time = standard.VERIFY_CONFIGURATION
+    # 0x1020 tells a master that it need not compare each object: a device that keeps it after a change makes the master
+    # believe an old configuration.
     shown, looks = _shown_by(subject), []
     if shown is not None:
         changed = write(f"{title(shown)} is changed", address_of(shown), value=_other(shown))
@@ -202,27 +205,23 @@ def _verified(subject: Subject) -> Iterator[Data]:
     yield from kept_over_reset(subject, "date and time of the configuration", values, *looks)
 
 
+@CHAPTER.clause("7.5.2.14", "Restore", Tier.DESTRUCTIVE)
+def _makers_own(subject: Subject) -> Iterator[Data]:
+    """Restore what the maker has behind the sub-indices that were named."""
+    commands = _commands(subject, standard.RESTORE)
+    for each in (commands[sub] for sub in subject.restore if sub in commands):
+        yield group(f"{title(each)} restored", _signed(each, "restored"), *_power_cycle(subject))
+    if not subject.restore:
+        yield skip("the maker's own sub-indices", "none was named (--restore 4)")
+
+
 def _signed(each: ODVariable, name: str) -> Data:
     # As bytes: the limits that a file may give a command say nothing of its signature.
     return {**write(name, address_of(each), data=standard.SIGNATURES[each.index].hex(" ")), "within": "10 s"}
 
 
 def _power_cycle(subject: Subject) -> Iterator[Data]:
+    # As near to a power cycle as the bus can bring it: every value of power-on is loaded again (CiA 301, 7.3.2.2.3).
     yield nmt("reset")
     yield awake(subject)
     yield nmt("pre-operational")
-
-
-CHAPTER = Chapter(
-    "storage",
-    "store and restore",
-    (
-        Clause("7.3.2.2.3", "Values", _power_on_values, Tier.REVERSIBLE, "9.1"),
-        Clause("7.5.2.13", "Store", _signatures(standard.STORE), Tier.DESTRUCTIVE, "8.1, 8.3, 8.5, 8.7"),
-        Clause("7.5.2.14", "Restore", _signatures(standard.RESTORE), Tier.DESTRUCTIVE, "8.2, 8.4, 8.6, 8.8"),
-        Clause("7.5.2.13", "Store", _stored, Tier.DESTRUCTIVE, "8.1, 8.2"),
-        Clause("7.5.2.13", "Store", _clients, Tier.DESTRUCTIVE, "2.30"),
-        Clause("7.5.2.23", "Verify configuration", _verified, Tier.DESTRUCTIVE, "8.9"),
-        Clause("7.5.2.14", "Restore", _makers_own, Tier.DESTRUCTIVE),
-    ),
-)

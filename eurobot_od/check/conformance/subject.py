@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import IntEnum
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple, TypeAlias
@@ -28,6 +28,8 @@ BUSY = (AbortCode.NOT_TRANSFERRED, AbortCode.LOCAL_CONTROL, AbortCode.STATE)
 """Aborts by which a device says that it will not take a value now (CiA 301, Table 22: 0x0800002x)."""
 
 NO_EMCY = "the file has no valid EMCY (0x1014)"
+
+EVERY_INDEX = range(0x10000)
 
 LONGEST_INHIBIT = 1000
 """The longest time between two EMCY for which a step waits, in 100 us."""
@@ -70,7 +72,7 @@ class Subject:
 
     dictionary: Dictionary
     tier: Tier = Tier.READING
-    only: range = range(0x10000)
+    only: range = EVERY_INDEX
     restore: tuple[int, ...] = ()
 
     @property
@@ -90,6 +92,7 @@ class Subject:
 
     def why_not_seen(self, pdo: Pdo) -> str:
         """Say why a PDO's frames cannot be told from others, or are none; nothing if they can be looked at."""
+        # Counted over all PDOs and services: by its identifier alone nobody could say whose frame it was that came.
         taken = Counter(each.cob_id for each in self.pdos if each.valid) + Counter(self.model.service_identifiers)
         mapped = {each.pdo.index for each in self.model.protocol.bindings}
         reasons = {
@@ -135,6 +138,7 @@ class Subject:
     @property
     def another(self) -> int:
         """A node-ID that neither the device has nor its file watches: the tester plays that node."""
+        # One that the device watches would be reported as lost when the tester stops playing it.
         watched = {split(self.number((CONSUMED_HEARTBEATS, sub)))[0] for sub in range(1, MOST_SUBS + 1)}
         return next(each for each in reversed(NODE_IDS) if each != self.node_id and each not in watched)
 
@@ -155,6 +159,7 @@ class Subject:
         """Say why no EMCY can be waited for; nothing if one can."""
         if not self.has_emcy:
             return NO_EMCY
+        # The EMCY may come as late as that after the one before, and a step that waits less would be red for nothing.
         late = self.number(EMCY_INHIBIT_TIME) > LONGEST_INHIBIT
         return f"the file's EMCY may be {LONGEST_INHIBIT // 10} ms apart and more (0x1015)" if late else ""
 
@@ -176,7 +181,7 @@ StepsOf: TypeAlias = "Callable[[Subject], Iterable[Data]]"
 class Clause(NamedTuple):
     """A clause of CiA 301, its topic, and what makes its steps from what a file says.
 
-    `ctt` are the numbers that the same tests have in CiA's conformance test tool.
+    `ctt` are the numbers that the same tests have in CiA's conformance test tool, `only` the indices that it looks at.
     """
 
     number: str
@@ -184,21 +189,35 @@ class Clause(NamedTuple):
     steps: StepsOf
     tier: Tier = Tier.READING
     ctt: str = ""
+    only: range = EVERY_INDEX
 
     def named(self, subject: Subject) -> Iterator[Data]:
         """Give the steps, each with a name that begins with the clause and ends with tier and CTT number."""
-        allowed = self.tier <= subject.tier
-        for step in self.steps(subject) if allowed else [skip("not done", f"only with --{self.tier.word}")]:
+        # A subject of its own only where it has to be: each builds its model of the device anew.
+        looked_at = subject if self.only == EVERY_INDEX else replace(subject, only=self.only)
+        left_out = [skip("not done", f"only with --{self.tier.word}")]
+        for step in self.steps(looked_at) if self.tier <= subject.tier else left_out:
             name = StepName(self.number, self.topic, step["name"], self.tier.word, self.ctt)
             yield {**step, "name": str(name)}
 
 
-class Chapter(NamedTuple):
-    """A suite: its word, what it is about, and its clauses."""
+class Chapter(list[Clause]):
+    """A suite: its word, what it is about, and its clauses in the order of its file; those of a table are given."""
 
-    word: str
-    about: str
-    clauses: tuple[Clause, ...]
+    def __init__(self, word: str, about: str, clauses: Iterable[Clause] = ()) -> None:
+        super().__init__(clauses)
+        self.word, self.about = word, about
+
+    def clause(
+        self, number: str, topic: str, tier: Tier = Tier.READING, ctt: str = "", only: range = EVERY_INDEX
+    ) -> Callable[[StepsOf], StepsOf]:
+        """Enter a function as a clause; one that is entered twice has first the lower one."""
+
+        def enter(steps: StepsOf) -> StepsOf:
+            self.append(Clause(number, topic, steps, tier, ctt, only))
+            return steps
+
+        return enter
 
 
 # Steps

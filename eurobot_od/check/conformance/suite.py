@@ -34,7 +34,9 @@ def text(dictionary: Dictionary, tier: Tier = Tier.READING, restore: Sequence[in
 
 
 def _suite(subject: Subject, chapter: Chapter) -> Data:
+    # The reading tier sends no NMT command: it is for a device at work, which a reset would stop.
     resets = subject.tier >= Tier.REVERSIBLE
+    # Of a destructive run it cannot hold: what is stored and restored may well differ from what was there before.
     proves = subject.tier < Tier.DESTRUCTIVE
     reset = {**command("reset"), "name": "7.3.2.2.3 NMT: reset, for the values of power-on [reversible]"}
     pause = {**command("pre-operational"), "name": "7.2.8.2.1 NMT: to PRE-OPERATIONAL [reversible]"}
@@ -47,6 +49,6 @@ def _suite(subject: Subject, chapter: Chapter) -> Data:
         "node": subject.dictionary.name,
         "tags": [TAG, chapter.word],
         "setup": [*([reset] * resets), alive, *([pause] * resets), *([before] * proves)],
-        "steps": [step for clause in chapter.clauses for step in clause.named(subject)],
+        "steps": [step for clause in chapter for step in clause.named(subject)],
         "teardown": [*([reset] * resets), *([alive] * (resets and proves)), *([after] * proves)],
     }

@@ -13,7 +13,6 @@ from eurobot_od.check.conformance.subject import (
     BUSY,
     OUTSIDE,
     Chapter,
-    Clause,
     Subject,
     Tier,
     codes,
@@ -35,6 +34,8 @@ from eurobot_od.od.standard import SYNC, SYNC_COUNTER, SYNC_PERIOD, SYNC_PRODUCE
 from eurobot_od.od.values import TRANSMISSION_TYPE, PdoDirection
 from eurobot_od.sdo.wire import AbortCode
 
+CHAPTER = Chapter("sync", "SYNC")
+
 PERIOD = 100_000
 """Time between two SYNCs of the device, us."""
 
@@ -52,6 +53,7 @@ NO_PRODUCER = (*OUTSIDE, AbortCode.UNSUPPORTED_ACCESS, AbortCode.GENERAL)
 NO_SYNC = "the file has no SYNC (0x1005) with an identifier"
 
 
+@CHAPTER.clause("7.5.2.5", "SYNC", Tier.REVERSIBLE, "6.1")
 def _identifier(subject: Subject) -> Iterator[Data]:
     found = subject.find(SYNC)
     if found is None or not found.readable:
@@ -71,6 +73,7 @@ def _sending(subject: Subject) -> int:
 
 def _why_no_producer(subject: Subject, overflow: int = 0) -> str:
     """Say why the device cannot be made to send SYNC; nothing if it can be."""
+    # Without 0x1019 there is no counter, which is the same as an overflow of 0.
     counted = subject.number(SYNC_COUNTER) == overflow or subject.may_be(SYNC_COUNTER, overflow)
     reasons = {
         NO_SYNC: subject.model.sync_cob_id is None,
@@ -89,6 +92,7 @@ def _configured(subject: Subject, overflow: int) -> Iterator[Data]:
     """Write period and counter, which may be changed only while the period is 0."""
     yield from fresh(subject)
     yield write("period 0", SYNC_PERIOD, value=0)
+    # 0x1019 may be written only while 0x1006 is 0, else 0x08000022 (CiA 301, 7.5.2.22).
     if subject.find(SYNC_COUNTER) is not None and subject.number(SYNC_COUNTER) != overflow:
         yield write(f"counter {overflow}", SYNC_COUNTER, value=overflow)
     yield write(f"period {PERIOD} us", SYNC_PERIOD, value=PERIOD)
@@ -96,6 +100,8 @@ def _configured(subject: Subject, overflow: int) -> Iterator[Data]:
 
 def _started(subject: Subject) -> Data:
     value = hexadecimal(_sending(subject), 8)
+    # Bit 30, last of all: the first SYNC is to come with the period and the counter that were just written (CiA 301,
+    # 7.5.2.5).
     return write("the device sends SYNC", SYNC, value=value, optional=codes(*NO_PRODUCER))
 
 
@@ -109,6 +115,7 @@ def every(message: Data, milliseconds: int, count: int) -> Data:
     return {"name": f"every {milliseconds} ms", "period": period}
 
 
+@CHAPTER.clause("7.5.2.6", "SYNC producer", Tier.DESTRUCTIVE, "6.2, 6.6")
 def _produced(subject: Subject) -> Iterator[Data]:
     name, why = "SYNC at its time, without data", _why_no_producer(subject)
     if why:
@@ -116,16 +123,6 @@ def _produced(subject: Subject) -> Iterator[Data]:
     else:
         count = every(_sync(subject), PERIOD // 1000, 5)
         yield group(name, *_configured(subject, 0), _started(subject), count, *fresh(subject))
-
-
-def _counted(subject: Subject) -> Iterator[Data]:
-    name, why = f"a counter up to {OVERFLOW}", _why_no_producer(subject, OVERFLOW)
-    if why:
-        yield skip(name, why)
-        return
-    numbers = [*range(1, OVERFLOW + 1), 1]
-    counts = [expect(f"SYNC {number}", _sync(subject, f"{number:02X}"), SOON) for number in numbers]
-    yield group(name, *_configured(subject, OVERFLOW), _started(subject), *counts, *fresh(subject))
 
 
 # PDOs
@@ -142,6 +139,7 @@ def _sent(pdo: Pdo) -> Data:
     return {"raw": f"{pdo.cob_id:03X}#{'?' * (2 * pdo.length)}"}
 
 
+@CHAPTER.clause("7.2.2.2", "SYNC producer", Tier.DESTRUCTIVE, "6.3")
 def _every_second(subject: Subject) -> Iterator[Data]:
     """Have a TPDO follow the device's own SYNC: with every second one of them."""
     name, (tpdo, lack) = "a TPDO with every second SYNC of its own", _followed(subject, 2)
@@ -165,6 +163,7 @@ def _typed(pdo: Pdo, type_: int) -> Data:
     return write(name, (pdo.index, TRANSMISSION_TYPE), value=type_, optional=codes(*BUSY, *OUTSIDE))
 
 
+@CHAPTER.clause("7.5.2.6", "SYNC consumer", Tier.DESTRUCTIVE, "6.4")
 def _without_period(subject: Subject) -> Iterator[Data]:
     """Send SYNC to a device that has no period of it: it is a consumer all the same."""
     name, (tpdo, lack) = "a TPDO with each SYNC though the period is 0", _followed(subject, 1)
@@ -179,6 +178,7 @@ def _without_period(subject: Subject) -> Iterator[Data]:
         yield skip(name, why)
         return
     sync = sent("SYNC", subject.model.sync_cob_id or 0)
+    # 0x1006 is the producer's period and the consumer's watch; a consumer without one follows each SYNC all the same.
     with_each = group("with each SYNC", sync, expect("it comes", _sent(tpdo), SOON))
     period = write("period 0", SYNC_PERIOD, value=0)
     steps = (period, _typed(tpdo, 1), nmt("start"), {**with_each, "repeat": 3})
@@ -188,6 +188,7 @@ def _without_period(subject: Subject) -> Iterator[Data]:
 # Counter
 
 
+@CHAPTER.clause("7.5.2.22", "SYNC counter", Tier.DESTRUCTIVE, "6.5, 6.9")
 def _numbers(subject: Subject) -> Iterator[Data]:
     """Write what the counter cannot be, and change it while SYNC has a period (CiA 301, 7.5.2.22)."""
     counter = subject.settable(SYNC_COUNTER)
@@ -196,26 +197,37 @@ def _numbers(subject: Subject) -> Iterator[Data]:
         return
     steps: list[Data] = [write("period 0", SYNC_PERIOD, value=0)] if subject.may_be(SYNC_PERIOD, 0) else []
     refused = codes(*OUTSIDE, *(BUSY if subject.number(SYNC_PERIOD) and not steps else ()))
+    # 1 would be the same number in each SYNC, and 241 to 255 are reserved (CiA 301, 7.5.2.22).
     for value in (1, COUNTERS[-1] + 1):
         if subject.number(SYNC_COUNTER) != value:
             steps.append(write(f"{value} is refused", SYNC_COUNTER, value=value, abort=refused))
     yield group("only 0 and 2 to 240", *fresh(subject), *steps, *fresh(subject))
-    yield _not_while_there_is_a_period(subject)
-
-
-def _not_while_there_is_a_period(subject: Subject) -> Data:
     name, other = "not while SYNC has a period", OVERFLOW + (subject.number(SYNC_COUNTER) == OVERFLOW)
     if not (_has_period(subject) and subject.may_be(SYNC_COUNTER, other)):
-        return skip(name, "the file has no period of SYNC (0x1006) that can be written")
+        yield skip(name, "the file has no period of SYNC (0x1006) that can be written")
+        return
     period = write(f"period {PERIOD} us", SYNC_PERIOD, value=PERIOD)
-    refused = codes(AbortCode.STATE, AbortCode.GENERAL)
-    changed = write(f"counter {other}", SYNC_COUNTER, value=other, abort=refused)
-    return group(name, *fresh(subject), period, changed, *fresh(subject))
+    changed = write(f"counter {other}", SYNC_COUNTER, value=other, abort=codes(AbortCode.STATE, AbortCode.GENERAL))
+    yield group(name, *fresh(subject), period, changed, *fresh(subject))
+
+
+@CHAPTER.clause("7.5.2.22", "SYNC counter", Tier.DESTRUCTIVE, "6.7")
+def _counted(subject: Subject) -> Iterator[Data]:
+    name, why = f"a counter up to {OVERFLOW}", _why_no_producer(subject, OVERFLOW)
+    if why:
+        yield skip(name, why)
+        return
+    # It begins with 1 and goes back to 1, never through 0 (CiA 301, 7.2.5): one more than the overflow is needed to see
+    # it.
+    numbers = [*range(1, OVERFLOW + 1), 1]
+    counts = [expect(f"SYNC {number}", _sync(subject, f"{number:02X}"), SOON) for number in numbers]
+    yield group(name, *_configured(subject, OVERFLOW), _started(subject), *counts, *fresh(subject))
 
 
 # Stored
 
 
+@CHAPTER.clause("7.5.2.13", "SYNC", Tier.DESTRUCTIVE, "6.8, 6.10")
 def _stored(subject: Subject) -> Iterator[Data]:
     """Store the counter, then all of SYNC: after a reset the device sends it by itself."""
     counter, off = Kept(SYNC_COUNTER, OVERFLOW, 2), Kept(SYNC_PERIOD, 0)
@@ -224,20 +236,6 @@ def _stored(subject: Subject) -> Iterator[Data]:
         yield skip("all of it is stored", NO_SYNC)
         return
     values = [off, counter, Kept(SYNC_PERIOD, PERIOD), Kept(SYNC, _sending(subject))]
+    # Any number: how many SYNCs came between the reset and the first look, nobody can say.
     goes_on = every(_sync(subject, "??"), PERIOD // 1000, 3)
     yield from kept_over_reset(subject, "all of it is stored", values, goes_on)
-
-
-CHAPTER = Chapter(
-    "sync",
-    "SYNC",
-    (
-        Clause("7.5.2.5", "SYNC", _identifier, Tier.REVERSIBLE, "6.1"),
-        Clause("7.5.2.6", "SYNC producer", _produced, Tier.DESTRUCTIVE, "6.2, 6.6"),
-        Clause("7.2.2.2", "SYNC producer", _every_second, Tier.DESTRUCTIVE, "6.3"),
-        Clause("7.5.2.6", "SYNC consumer", _without_period, Tier.DESTRUCTIVE, "6.4"),
-        Clause("7.5.2.22", "SYNC counter", _numbers, Tier.DESTRUCTIVE, "6.5, 6.9"),
-        Clause("7.5.2.22", "SYNC counter", _counted, Tier.DESTRUCTIVE, "6.7"),
-        Clause("7.5.2.13", "SYNC", _stored, Tier.DESTRUCTIVE, "6.8, 6.10"),
-    ),
-)

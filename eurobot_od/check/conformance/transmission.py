@@ -149,6 +149,8 @@ def why_not_off(subject: Subject, pdo: Pdo) -> str:
         return f"the COB-ID of {pdo.title} {NOT_SETTABLE}"
     device, address = Device(subject.dictionary), address_of(cob_id)
     try:
+        # Asked of a device that is its file: one whose own default breaks a rule could not be put back, and the suite
+        # would leave it worse than it was.
         for value in (subject.number(address) | NOT_VALID, subject.number(address)):
             device.objects.write(address, data_type(cob_id).write(value))
     except Abort as refusal:
@@ -162,6 +164,7 @@ def why_not_off(subject: Subject, pdo: Pdo) -> str:
 def _why_no_timer(subject: Subject, pdo: Pdo) -> str:
     settable = subject.may_be((pdo.index, EVENT_TIMER), EVENT_TIME)
     reasons = {
+        # Types 254 and 255 alone have an event timer (CiA 301, 7.5.2.37).
         f"{pdo.title} is not event-driven by default": pdo.transmission_type not in EVENT_TYPES,
         f"the event timer of {pdo.title} {NOT_SETTABLE}": not settable,
         f"the inhibit time of {pdo.title} is longer than {EVENT_TIME} ms": pdo.inhibit_time >= 10 * EVENT_TIME,
@@ -176,6 +179,7 @@ def _by_event_timer(subject: Subject, pdos: Pdos) -> Data:
         wait("50 ms"),
         *_none("none in PRE-OPERATIONAL", pdos),
         nmt("start"),
+        # At most: an event of the device's own may send it sooner, and begins the time anew.
         {**_come(f"again and again, {EVENT_TIME} ms apart at most", pdos), "repeat": 3},
         nmt("stop"),
         wait("50 ms"),
@@ -213,6 +217,7 @@ def _by_sync(subject: Subject, pdos: Pdos) -> Data:
         nmt("start"),
         wait("50 ms"),
         *_none("none without SYNC", pdos),
+        # Twice: a device that sends once on a change of its parameters would pass with one.
         {**group("with each SYNC", sync, _come("it comes", pdos)), "repeat": 2},
         nmt("pre-operational"),
         *_reset(subject, pdos, TRANSMISSION_TYPE),
@@ -261,33 +266,35 @@ def _numbered(subject: Subject, pdos: Pdos) -> Data:
     steps = [*fresh(subject), *([write("period 0", SYNC_PERIOD, value=0)] if subject.number(SYNC_PERIOD) else [])]
     steps.append(write(f"counter {OVERFLOW}", SYNC_COUNTER, value=OVERFLOW))
     for each in pdos:
-        steps += _begun_with(subject, each)
+        cob_id, type_, start = ((each.index, sub) for sub in (COB_ID, TRANSMISSION_TYPE, SYNC_START))
+        value = subject.number(cob_id)
+        steps += [
+            # The start value must not be changed while the PDO exists (CiA 301, 7.5.2.37).
+            write(f"{each.title} not valid", cob_id, value=hexadecimal(value | NOT_VALID, 8)),
+            write("transmission type 1", type_, value=1, optional=codes(*NO_SUCH_TYPE)),
+            write(f"SYNC start value {START}", start, value=START),
+            write(f"{each.title} valid", cob_id, value=hexadecimal(value, 8)),
+        ]
     steps += [nmt("start"), wait("50 ms")]
     for number in range(1, START + 3):
+        # The counter is in SYNC's data byte: the tester plays the producer, and counts from 1 (CiA 301, 7.2.5).
         steps.append(_sync(subject, bytes([number])))
         steps += [_come("it comes", pdos)] if number >= START else _none(f"not before SYNC {START}", pdos)
     return group(f"{_named(pdos)} from SYNC {START} on", *steps, *fresh(subject))
-
-
-def _begun_with(subject: Subject, pdo: Pdo) -> Iterator[Data]:
-    cob_id, type_, start = ((pdo.index, sub) for sub in (COB_ID, TRANSMISSION_TYPE, SYNC_START))
-    value = subject.number(cob_id)
-    yield write(f"{pdo.title} not valid", cob_id, value=hexadecimal(value | NOT_VALID, 8))
-    yield write("transmission type 1", type_, value=1, optional=codes(*NO_SUCH_TYPE))
-    yield write(f"SYNC start value {START}", start, value=START)
-    yield write(f"{pdo.title} valid", cob_id, value=hexadecimal(value, 8))
 
 
 # By remote frame
 
 
 def _why_no_remote(subject: Subject, pdo: Pdo) -> str:
+    # Bit 30 of a TPDO's COB-ID (CiA 301, 7.5.2.37).
     if subject.number((pdo.index, COB_ID)) & NO_RTR:
         return f"bit 30 of the COB-ID of {pdo.title} forbids remote frames"
     return "" if pdo.transmission_type in REMOTE_TYPES else f"{pdo.title} follows SYNC"
 
 
 def _by_remote_frame(_: Subject, pdos: Pdos) -> Data:
+    # With the length of its data: some controllers answer a remote frame only if the length code agrees.
     asked = [remote(each.cob_id, each.length) for each in pdos]
     return group(
         f"{_named(pdos)} by remote frame",

@@ -618,7 +618,9 @@ class Core(CallingNode):
 
     def _end_match(self, _: float) -> None:
         self.match_over = True
-        self._give_up_navigation()
+        if self._taking_back is not None:  # not asked for any more: the next goto recovers it first
+            self._lost = "the navigation is lost"
+            self.end(self._taking_back, StateError(MATCH_OVER))
         self.end(self._acting, StateError(MATCH_OVER))
         self._stop(messages.StopDrive(), Outcome.STOPPED, MATCH_OVER)
         self.at_match_end()
@@ -683,12 +685,6 @@ class Core(CallingNode):
             # Stopping would cost the rest of the match; the drive stands by itself when it knows its place too badly.
             self.alarm(f"the navigation is lost, and the robot goes on by its wheels: {why}")
             self._taking_back = self.begin(self._take_navigation_back(self.configuration))
-
-    def _give_up_navigation(self) -> None:
-        """Ask no more for a navigation that is still lost when the match ends: the next goto recovers it first."""
-        if self._taking_back is not None:
-            self._lost = "the navigation is lost"
-            self.end(self._taking_back, StateError(MATCH_OVER))
 
     def halted(self) -> None:
         """Stop the drive when a master takes the node out of OPERATIONAL: it cannot ask for its state any more."""

@@ -14,7 +14,7 @@ from eurobot_od.check.results import Reason, Status, StepResult, SuitePart, Suit
 from eurobot_od.support.yaml_places import Place
 
 GUIDE = Path(__file__).parents[3] / "docs" / "conformance.md"
-CLAUSES = [clause for chapter in suite.CHAPTERS for clause in chapter.clauses]
+CLAUSES = [clause for chapter in suite.CHAPTERS for clause in chapter]
 
 
 def numbers(written: str) -> tuple[str, ...]:

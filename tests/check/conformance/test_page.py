@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from eurobot_od.check.conformance import page
-from eurobot_od.check.conformance.page import Report
+from eurobot_od.check.conformance.page import DeviceRun
 from eurobot_od.check.conformance.subject import Tier
 from eurobot_od.check.runner import RunOptions
 from eurobot_od.check.simulated import run_simulated
@@ -21,12 +21,12 @@ from tests.check.conformance.devices import IO_MODULE, NODE_ID, of_kind, suites
 
 
 @cache
-def report(fault: str = "guarding-toggle-stuck") -> Report:
+def report(fault: str = "guarding-toggle-stuck") -> DeviceRun:
     """What there is to say of an I/O module with a fault: of the chapter that finds it."""
     kind = FAULTS[fault].given_to(SimulatedDevice)
     chosen = [each for each in suites(IO_MODULE) if "error-control" in each.tags]
     results = [run_simulated(each, RunOptions(keep_going=True), of_kind(kind)) for each in chosen]
-    return Report(Dictionary.load(IO_MODULE, NODE_ID), Tier.REVERSIBLE, results, "today")
+    return DeviceRun(Dictionary.load(IO_MODULE, NODE_ID), Tier.REVERSIBLE, results, "today")
 
 
 SAID = [
