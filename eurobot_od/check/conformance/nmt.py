@@ -53,7 +53,12 @@ PRECISION = "20 ms"
 LONGEST_PERIOD = 5000
 """Longest heartbeat time of a file that is measured, ms."""
 
-NO_HEARTBEAT = "the file has no producer heartbeat time (0x1017) that can be read, written and put back"
+SLOWEST = 2 * BEAT
+"""A state is watched by heartbeats of at most this time, ms: one of them has to come SOON."""
+
+NO_HEARTBEAT = (
+    f"the file has no producer heartbeat time (0x1017) that can be read, written, put back and be 1 to {SLOWEST} ms"
+)
 
 WALK = (
     ("start", "operational"),
@@ -71,13 +76,19 @@ WAY_TO = {"pre-operational": (), "operational": ("start",), "stopped": ("stop",)
 
 def _beating(subject: Subject, name: str, *steps: Data) -> Data:
     """Do some steps while the device says its state often enough to be watched."""
-    time = subject.settable(HEARTBEAT_TIME)
+    time = _heartbeat_time(subject)
     if time is None:
         return skip(name, NO_HEARTBEAT)
     # A node says its state only in its heartbeat (CiA 301, 7.2.8.3.2); many devices have none by default, or one a
     # second.
     faster = write(f"a heartbeat every {BEAT} ms", address_of(time), value=_allowed(time, BEAT))
     return group(name, save(time), faster, *steps, put_back(time))
+
+
+def _heartbeat_time(subject: Subject) -> ODVariable | None:
+    """Return 0x1017 if it can be set, put back, and be fast enough to watch a state."""
+    time = subject.settable(HEARTBEAT_TIME)
+    return time if time is not None and 0 < _allowed(time, BEAT) <= SLOWEST else None
 
 
 def _allowed(variable: ODVariable, value: int) -> int:
@@ -115,7 +126,7 @@ def _boot_ups(subject: Subject) -> Iterator[Data]:
 
 @CHAPTER.clause("7.5.2.20", "Heartbeat time", ctt="7.101 to 7.103, 7.204")
 def _heartbeat_times(subject: Subject) -> Iterator[Data]:
-    time = subject.settable(HEARTBEAT_TIME)
+    time = _heartbeat_time(subject)
     if time is None:
         yield skip("it can be changed", NO_HEARTBEAT)
         return

@@ -32,10 +32,11 @@ from tests.check.conformance.devices import (
     NODE_ID,
     SAMPLES,
     asked_for_everything,
+    run_all,
     steps,
     suites,
 )
-from tests.eds_text import DEVICE_TYPE, record
+from tests.eds_text import DEVICE_TYPE, record, variable
 
 FILES = [each for each in sorted(SAMPLES.iterdir()) if not each.name.startswith("broken_by_hand")]
 MADE = sorted(MAKERS.glob("*.eds"))
@@ -102,7 +103,7 @@ def test_a_makers_device_is_asked_for_what_it_has(file: Path, step: str) -> None
 
 LACKING = [
     # a file, a chapter's clause, and why its steps are skipped
-    ("old.eds", "7.5.2.20", "the file has no producer heartbeat time (0x1017) that can be read, written and put back"),
+    ("old.eds", "7.5.2.20", "the file has no producer heartbeat time (0x1017) that can be read, written, put back"),
     ("old.eds", "7.2.4.3.7", "the file has no object of more than 4 bytes whose value is known"),
     ("old.eds", "7.5.2.36", "the file has no RPDO"),
     ("old.eds", "7.2.7", "the file has no valid EMCY (0x1014)"),
@@ -116,6 +117,24 @@ def test_what_a_file_lacks_is_skipped_with_the_reason(name: str, clause: str, re
     skipped = [each for each in steps(SAMPLES / name) if each.status is Status.SKIPPED]
     reasons = [each.reason.what for each in skipped if each.reason and each.name.startswith(f"{clause} ")]
     assert any(each.startswith(reason) for each in reasons), reasons
+
+
+HEARTBEAT_LIMITS = {
+    # of 0x1017, its default, and whether its states can be watched
+    "": ("0", True),
+    "LowLimit=150": ("200", True),
+    "LowLimit=0xFFFF": ("0xFFFF", False),  # none comes while a step looks
+    "HighLimit=0": ("0", False),  # none ever comes
+}
+
+
+@pytest.mark.parametrize("limits", HEARTBEAT_LIMITS)
+def test_states_are_watched_by_heartbeats_that_come_soon_or_not_at_all(limits: str) -> None:
+    default, watched = HEARTBEAT_LIMITS[limits]
+    text = DEVICE_TYPE + variable("1017", "Producer heartbeat time", "UNSIGNED16", default, limits)
+    done = run_all(Dictionary.read(text.encode(), Path("device.eds"), NODE_ID), tier=Tier.DESTRUCTIVE)
+    assert [each.name for each in done if each.status is Status.FAILED] == []
+    assert any(each.status is Status.PASSED and "heartbeat says stopped" in each.name for each in done) is watched
 
 
 def made(*records: str) -> str:
