@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import random
-from collections.abc import Callable
+from collections import deque
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from functools import partial
 from math import inf
@@ -174,3 +175,77 @@ def test_lengths_at_the_edges_of_segments_and_blocks(length: int) -> None:
     client.download(*TEXT, content[:length], force_segment=True)
     with client.open(*TEXT, "rb", block_transfer=True) as stream:
         assert stream.read() == content[:length]
+
+
+FATES = ("comes", "is lost", "comes twice", "comes late", "comes after the next")
+
+
+class BadLine:
+    """Carries requests and answers, each with a fate of its own; what comes late comes when both have given up."""
+
+    def __init__(self, server: SdoServer, fates: Iterator[str]) -> None:
+        self._server, self._fates = server, fates
+        self.now = 0.0
+        self._late: list[tuple[bool, bytes]] = []
+
+    def run(self, transfer: Transfer) -> bytes:
+        """Do a transfer to its end; late frames of earlier ones come in the midst of it."""
+        waiting = deque((True, each) for each in transfer.start(self.now))
+        waiting.extend(self._late)
+        self._late = []
+        for _ in range(MOST_FRAMES):
+            if transfer.done:
+                return transfer.result()
+            if waiting:
+                self._carry(transfer, waiting)
+            else:
+                self.now = min(transfer.deadline, self._server.deadline)
+                waiting += ((True, each) for each in transfer.tick(self.now))
+                waiting += ((False, each) for each in self._server.tick(self.now))
+        raise AssertionError("no end")
+
+    def _carry(self, transfer: Transfer, waiting: deque[tuple[bool, bytes]]) -> None:
+        is_request, data = waiting.popleft()
+        fate = next(self._fates, "comes")
+        if fate == "comes late":
+            self._late.append((is_request, data))
+        elif fate == "comes after the next" and waiting and waiting[0][0] == is_request:
+            waiting.insert(1, (is_request, data))
+        elif fate != "is lost":
+            for _ in range(1 + (fate == "comes twice")):
+                if is_request:
+                    waiting += ((False, each) for each in self._server.receive(data, self.now))
+                elif not transfer.done:
+                    waiting += ((True, each) for each in transfer.receive(data, self.now))
+
+
+MOST_FRAMES = 5000
+
+KINDS: dict[str, Callable[[bytes], Transfer]] = {
+    "upload": lambda _: upload(TEXT, WAIT),
+    "block upload": lambda _: block_upload(TEXT, WAIT),
+    "download": lambda content: download(TEXT, content, WAIT),
+    "block download": lambda content: block_download(TEXT, content, WAIT),
+}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@given(
+    content=st.binary(min_size=1, max_size=300),
+    fates=st.lists(st.sampled_from((*FATES, *["comes"] * 8)), max_size=60),
+    before=st.sampled_from(sorted(KINDS)),
+)
+def test_no_wrong_value_and_always_an_end_whatever_the_line_does(
+    kind: str, content: bytes, fates: list[str], before: str
+) -> None:
+    """A transfer after another, so that late frames of the first come in the midst of the second."""
+    shelf, old = Shelf(), b"what was there before"
+    shelf.objects[TEXT] = old
+    line = BadLine(SdoServer(shelf), iter(fates))
+    for each in (before, kind):
+        had = shelf.objects[TEXT]
+        with suppress(TransferError):
+            result = line.run(KINDS[each](content))
+            assert result in ((had, shelf.objects[TEXT]) if "upload" in each else (b"",))
+            assert "upload" in each or shelf.objects[TEXT] == content
+        assert shelf.objects[TEXT] in (old, content)
