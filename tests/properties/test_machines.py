@@ -17,6 +17,11 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
 
+pytest.importorskip("pyarrow", reason="the extra `season` is not installed")
+pytest.importorskip("polars", reason="the extra `season` is not installed")
+
+import pyarrow.parquet as pq
+
 from eurobot_od.client.program import load
 from eurobot_od.device.storage import FileStore
 from eurobot_od.errors import BusError, DictionaryError, ProgramError
@@ -24,9 +29,14 @@ from eurobot_od.live import Driver
 from eurobot_od.live.connection import Connection
 from eurobot_od.od.values import Address, Value
 from eurobot_od.robot import dialects
+from eurobot_od.robot.model.messages import CATALOGUE
+from eurobot_od.season.archive import BEGUN, Archived, archive
+from eurobot_od.season.writing import DecodedNetwork
 from eurobot_od.support import backoff
 from tests.client.flash import NODE_ID, FlashDevice, Trouble
 from tests.client.wired import wired
+
+NETWORK = DecodedNetwork(dialects.load_all(dialects.DEFAULT), CATALOGUE)
 
 FEW, MANY = settings(max_examples=15, stateful_step_count=12), settings(max_examples=200, stateful_step_count=25)
 """For machines of which a step takes long, and for others."""
@@ -271,9 +281,65 @@ class ProgramDownloads(RuleBasedStateMachine):
         assert (self.device.program, self.device.running) == (content, True)
 
 
+class ArchivedLogs(RuleBasedStateMachine):
+    """Logs put into a season, broken off, and damaged there: what was archived last without an error is there once."""
+
+    LOGS = (b"", b"(0.1) can0 008#0000000000000000\n", b"(0.1) can0 008#0000000000000000\n(0.2) can0 00C#\nnoise\n")
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._folder = tempfile.TemporaryDirectory()
+        self.season = Path(self._folder.name, "season")
+        self.whole: dict[str, int] = {}
+
+    def _archive(self, number: int, progress: Any = lambda _: None) -> Archived:
+        log = Path(self._folder.name, f"{number}.log")
+        log.write_bytes(self.LOGS[number])
+        [done] = archive([log], self.season, NETWORK, progress=progress)
+        self.whole[done.run] = done.frames if not done.known else self.whole[done.run]
+        return done
+
+    @rule(number=st.sampled_from(range(len(LOGS))))
+    def archive(self, number: int) -> None:
+        self._archive(number)
+        assert self._archive(number).known
+
+    @rule(number=st.sampled_from(range(1, len(LOGS))), error=st.sampled_from([KeyboardInterrupt, MemoryError]))
+    def be_broken_off(self, number: int, error: type[BaseException]) -> None:
+        with suppress(error):
+            self._archive(number, failing(error()))
+
+    @precondition(lambda self: self.whole)
+    @rule(data=st.data(), cut=st.booleans())
+    def damage(self, data: st.DataObject, cut: bool) -> None:
+        run = data.draw(st.sampled_from(sorted(self.whole)))
+        table = data.draw(st.sampled_from(sorted(self.season.glob(f"*/{run}.parquet"))))
+        if cut:
+            table.write_bytes(table.read_bytes()[:-3])
+        else:
+            table.unlink()
+        del self.whole[run]
+
+    @invariant()
+    def what_is_whole_is_there_once(self) -> None:
+        for run, frames in self.whole.items():
+            tables = {name: pq.read_table(self.season / name / f"{run}.parquet") for name in ("runs", "frames")}
+            assert tables["runs"].column("frames").to_pylist() == [frames]
+            assert tables["frames"].num_rows == frames
+
+    @invariant()
+    def nothing_half_done_is_left(self) -> None:
+        assert list(self.season.glob(f"{BEGUN}/*")) == []
+
+    def teardown(self) -> None:
+        self._folder.cleanup()
+
+
 StoredSettings.TestCase.settings = ProgramDownloads.TestCase.settings = FEW
+ArchivedLogs.TestCase.settings = settings(FEW, max_examples=6, stateful_step_count=6)
 LostConnection.TestCase.settings = MANY
 
 TestStoredSettings = StoredSettings.TestCase
 TestLostConnection = LostConnection.TestCase
 TestProgramDownloads = ProgramDownloads.TestCase
+TestArchivedLogs = ArchivedLogs.TestCase
