@@ -64,7 +64,7 @@ def extra_lines(brought: Mapping[str, list[str]]) -> Iterator[str]:
 
 
 def denied(ports: Iterable[str]) -> Iterator[tuple[str, str]]:
-    """Yield what is wrong with serial ports that this user may not open, and what mends it."""
+    """Yield what is wrong with serial ports that this user may not open, and how to fix it."""
     for port in ports:
         # A group counts from the next log-in on: without the second half the advice seems not to help.
         yield f"{port} cannot be opened by this user", "sudo usermod -aG dialout $USER, and log in again"

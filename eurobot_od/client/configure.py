@@ -238,7 +238,7 @@ async def difference(
 def _check_own_node_id(node: RemoteNode, dictionary: Dictionary, changes: Iterable[ChangedObject]) -> None:
     """Raise DictionaryError if a change would give the node another node-ID than the file is for.
 
-    An object of a maker may be called the same and be none: it is one only if it says what the node's is.
+    A maker's object may have the same name and another meaning: it counts only if it has the node's own number.
     """
     for thing, before, after in changes:
         is_own = before is not None and int.from_bytes(before, "little") == node.node_id

@@ -188,7 +188,7 @@ def _unknown_as_zero(_: Node, frame: Frame) -> Iterable[Frame]:
 
 
 def _specifier(data: bytes) -> int | None:
-    """Return the command specifier of an SDO frame, None for a frame that is none."""
+    """Return the command specifier of an SDO frame, None for a frame that is not one."""
     return data[0] >> 5 if len(data) == wire.LENGTH else None
 
 
@@ -235,7 +235,7 @@ class Blocked(Node):
         if frame.cob_id != hooks.sdo_request(self) or len(frame.data) != wire.LENGTH:
             return super().receive(frame, now)
         command = frame.data[0]
-        # Our server lets a new request end the old transfer; segments and aborts are heard as ever.
+        # Our server lets a new request end the old transfer; segments and aborts still reach it.
         if self._waits and command >> 5 in (ClientCommand.DOWNLOAD, ClientCommand.UPLOAD):
             return []
         answers = super().receive(frame, now)
@@ -312,7 +312,7 @@ class NoTpdos(Node):
 
 
 def _other_value(choose: Callable[[Node], Address | None]) -> Mixin:
-    """Have an object another value after power-on than the file says."""
+    """Give an object another value after power-on than the file says."""
 
     class OtherValue(Node):
         def reset(self) -> None:
@@ -342,7 +342,7 @@ def _sync(node: Node) -> int:
 
 
 def asked(answer: Callable[[Node, int, float], list[Frame] | None]) -> Mixin:
-    """Have the node answer remote frames otherwise; None leaves one to the node."""
+    """Have the node answer remote frames differently; None leaves one to the node."""
 
     class Asked(Node):
         def requested(self, cob_id: int, now: float) -> list[Frame]:

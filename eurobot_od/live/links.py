@@ -73,7 +73,7 @@ def links() -> list[CanLink]:
 
 
 def of_ip(text: str) -> list[CanLink]:
-    """Read the output of `ip -details -json link`; raises ValueError if it is none."""
+    """Read the output of `ip -details -json link`; raises ValueError if it is not that."""
     found = []
     for said in (each for each in json.loads(text) if each.get("link_type") == "can"):
         info: dict[str, Any] = said.get("linkinfo", {})

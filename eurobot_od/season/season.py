@@ -71,7 +71,7 @@ class Season:
 
     @classmethod
     def open(cls, folder: str | Path) -> Season:
-        """Open a season; raises LocalError for a folder that is none."""
+        """Open a season; raises LocalError for a folder that is not one."""
         return cls(Path(folder))
 
     def frames(self, table: str) -> pl.LazyFrame:

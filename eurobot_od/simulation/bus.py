@@ -56,9 +56,9 @@ class Moment(NamedTuple):
 
 
 class Course(NamedTuple):
-    """What becomes of an attempt: its moments, after how many bits the bus is free, and who is how then.
+    """What becomes of an attempt: its moments, after how many bits the bus is free, and how it leaves the controllers.
 
-    `suspended` are those who let others go first, `sequences` what those have seen who are bus-off.
+    `suspended` are those that let others go first, `sequences` what those that are bus-off have seen.
     """
 
     moments: Sequence[Moment]
@@ -134,7 +134,7 @@ class Beginning(NamedTuple):
 
 @dataclass
 class UnderWay:
-    """An attempt that is under way since `start`, s, how the controllers were then, and how much has been told."""
+    """An attempt that is under way since `start`, s, how the controllers were then, and how many moments are past."""
 
     start: float
     parts: Parts
@@ -154,7 +154,7 @@ class UnderWay:
 
 
 class Bus:
-    """Controllers that hear each other, at `bitrate` bit/s; `ended` and `changed` are told what happens.
+    """Controllers that hear each other, at `bitrate` bit/s; `ended` and `changed` are called with what happens.
 
     All methods take the time in seconds. `next_event` is when `advance` has something to do, infinite if nothing is
     planned. Nothing is sent before `off_until`.

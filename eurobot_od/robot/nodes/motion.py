@@ -53,7 +53,7 @@ PASSED = 10.0
 """A way point that was driven to counts as passed within this distance, mm, also the last one.
 
 Nearer, a leg of its own chases the noise of the beacons for a second or two: with legs from 5 mm on, a quarter of the
-remaining times that were told with beacons off by 5 mm were wrong by more than 10 % and 100 ms; from 10 mm on, 4 %."""
+remaining times given with beacons off by 5 mm were wrong by more than 10 % and 100 ms; from 10 mm on, 4 %."""
 
 CORRECTION = 50.0
 """A leg shorter than this is a correction: driven nose or tail first, whichever needs less turning, mm."""

@@ -145,7 +145,7 @@ class FieldPanel(Panel):
         self._stops = len(recording.stops)
 
     def _new(self, events: Iterable[PageEvent]) -> Iterator[PageEvent]:
-        """Give the events that are not as they were told before."""
+        """Give the events that have changed since they were given last."""
         for event in events:
             if self._told.get(event.key) != event:
                 self._told[event.key] = event
