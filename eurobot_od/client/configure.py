@@ -146,7 +146,10 @@ def settings(description: Description) -> list[tuple[ODVariable, bytes]]:
     """
     dictionary, found = description.dictionary, []
     for thing in all_objects(dictionary.objects):
-        if is_parameter(thing) and _counts(dictionary, address_of(thing)):
+        index, subindex = address_of(thing)
+        # What stands in a mapping behind the last entry that counts is left over from another one.
+        count = dictionary.default((index, 0)) if pdo_of((index, subindex)) not in (None, index) else None
+        if is_parameter(thing) and not (isinstance(count, int) and subindex > count):
             data = _configured(dictionary, thing)
             if data is not None:
                 found.append((thing, data))
@@ -194,13 +197,6 @@ def check_file(description: Description, node_id: int) -> None:
     if intended != node_id:
         raise DictionaryError(dictionary.file, None, f"is for node {intended}, not for node {node_id}")
     dictionary.read_pdos(dictionary.default)
-
-
-def _counts(dictionary: Dictionary, address: Address) -> bool:
-    """Whether an object is anything but a mapping entry after the last that counts."""
-    index, subindex = address
-    count = dictionary.default((index, 0))
-    return pdo_of(address) in (None, index) or not isinstance(count, int) or subindex <= count
 
 
 # The difference

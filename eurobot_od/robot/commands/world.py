@@ -74,6 +74,7 @@ def run(arguments: argparse.Namespace) -> None:
 
     options = options_of(arguments, facts_given(shared.assignments("--set", "FACT=VALUE", arguments.set)))
     begin = time.monotonic()
+    # Monotonic: a clock that is set while the match runs would move the robots.
     world = World(options, lambda: time.monotonic() - begin)
     where = arguments.listen
     # 127.0.0.1 is reached only by programs of this machine; any other address by the whole network.
