@@ -39,8 +39,8 @@ def run(_: argparse.Namespace) -> ExitStatus:
     brought = extra_lines({name: each for name, each in extras.brought().items() if name not in FOR_DEVELOPERS})
     for line in (f"{version()}, {platform.platform()}", *needed, "", *brought, "", *buses, ""):
         print(one_line(line))
-    for what, mends in wrong:
-        print(one_line(f"wrong      {what}: {mends}"))
+    for what, fix in wrong:
+        print(one_line(f"wrong      {what}: {fix}"))
     if wrong:
         return ExitStatus.FOUND
     print("nothing is wrong")

@@ -1,4 +1,4 @@
-"""CAN interfaces of Linux (SocketCAN): which ones there are, what state they are in, and the command that mends one.
+"""CAN interfaces of Linux (SocketCAN): which ones there are, what state they are in, and the command that fixes one.
 
 What `ip -details -json link` and `/sys/class/net` say is read by functions of a text and a folder; only `links` asks
 the machine.
@@ -54,10 +54,10 @@ class CanLink(NamedTuple):
 
 
 class Trouble(NamedTuple):
-    """What is wrong with an interface, and the command that `mends` it or shows more."""
+    """What is wrong with an interface, and the command that is the `fix`, or shows more."""
 
     what: str
-    mends: str
+    fix: str
 
 
 # Their state
@@ -106,7 +106,7 @@ def _said(file: Path) -> str:
     return ""
 
 
-# What mends them
+# How to fix them
 
 
 def troubles(link: CanLink) -> Iterator[Trouble]:

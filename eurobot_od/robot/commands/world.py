@@ -87,7 +87,7 @@ def run(arguments: argparse.Namespace) -> None:
 
     duration = float("inf") if arguments.duration is None else arguments.duration
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # ends as Ctrl-C does
-    with suppress(KeyboardInterrupt):  # to be ended is no error: who serves has no other end
+    with suppress(KeyboardInterrupt):  # not an error: a server ends in no other way
         asyncio.run(Server(world, channel, show).serve(where, duration))
     summary = _summary(world, channel)
     print(json.dumps({"summary": summary}) if arguments.json else IN_WORDS.format(**summary))

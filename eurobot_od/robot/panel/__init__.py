@@ -215,7 +215,7 @@ def _stop(start: float, stop: RecordedStop) -> PageEvent:
     )
 
 
-# What the world of a simulated match knows besides
+# What only the world of a simulated match knows
 
 
 def truth_events(truth: Truth, start: float) -> Iterator[PageEvent]:
