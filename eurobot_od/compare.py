@@ -139,12 +139,14 @@ class _Comparison:
         up_to = bisect_left(first, second[other].time - slack, one, key=_time) - one
         other_up_to = bisect_left(second, first[one].time - slack, other, key=_time) - other
         steps = ((1, 1), (1, 0), (0, 1), (max(up_to, 1), 0), (0, max(other_up_to, 1)))
-        # `max` takes the first of equals: in doubt a pair.
-        return max(steps, key=lambda step: self._agreeing(first, second, one + step[0], other + step[1]))
 
-    def _agreeing(self, first: Sequence[_Seen], second: Sequence[_Seen], one: int, other: int) -> int:
-        """Count how many of the next frames agree if the rows go on so."""
-        return sum(map(self._agree, first[one : one + AHEAD], second[other : other + AHEAD]))
+        def agreeing(step: tuple[int, int]) -> int:
+            """Count how many of the next frames agree if the rows go on so."""
+            place, other_place = one + step[0], other + step[1]
+            return sum(map(self._agree, first[place : place + AHEAD], second[other_place : other_place + AHEAD]))
+
+        # `max` takes the first of equals: in doubt a pair.
+        return max(steps, key=agreeing)
 
     def _explained(self, ones: Sequence[_Seen], others: Sequence[_Seen]) -> Iterator[Difference]:
         if ones and others:

@@ -39,7 +39,7 @@ class Frame(NamedTuple):
         data = match["data"].replace(".", "") if match else ""  # candump's dots are for the eye
         if match is None or len(data) > 2 * MOST_BYTES:
             raise LocalError(
-                f"{text!r} is no frame: write an 11-bit identifier, # and up to {MOST_BYTES} bytes: 185#0102"
+                f"{text!r} is not a frame: write an 11-bit identifier, # and up to {MOST_BYTES} bytes: 185#0102"
             )
         return cls(int(match["identifier"], 16), bytes.fromhex(data))
 

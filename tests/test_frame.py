@@ -39,7 +39,7 @@ NO_FRAMES = [
 
 @pytest.mark.parametrize("text", NO_FRAMES)
 def test_what_is_no_classic_frame_is_refused(text: str) -> None:
-    with pytest.raises(LocalError, match="is no frame"):
+    with pytest.raises(LocalError, match="is not a frame"):
         Frame.parse(text)
 
 

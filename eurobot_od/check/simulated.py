@@ -77,7 +77,7 @@ class SimulatedBench:
         running = asyncio.get_running_loop()
 
         def seen(now: float, frame: Frame) -> None:
-            # A frame of a node that equals the tester's own cannot be told from it; on a wire the two could merge.
+            # A node's frame that equals the tester's own is taken for that; on a wire the two could merge.
             # The bus runs while the loop would sleep, so what concerns a task waits for the loop's next turn.
             own = next((each for each in self._sending if each[0] == frame), None)
             if own is not None:

@@ -88,7 +88,7 @@ class Doer:
         raise NotImplementedError(action)
 
     def words(self, frame: Frame) -> str:
-        """Say what a frame means; nothing if nobody knows."""
+        """Say what a frame means; empty if that is not known."""
         if frame.is_remote:
             return "remote frame"
         meaning = self._decoder(frame)

@@ -199,7 +199,7 @@ def _run(words: list[str]) -> int:
         gc.set_threshold(ALLOCATIONS)
         gc.enable()
     status = found.run(arguments)
-    sys.stdout.flush()  # here, where a reader that has left is no error
+    sys.stdout.flush()  # here, where a reader that has left is not an error
     return status or ExitStatus.FINE
 
 

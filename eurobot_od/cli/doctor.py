@@ -39,8 +39,8 @@ def run(_: argparse.Namespace) -> ExitStatus:
     brought = extra_lines({name: each for name, each in extras.brought().items() if name not in FOR_DEVELOPERS})
     for line in (f"{version()}, {platform.platform()}", *needed, "", *brought, "", *buses, ""):
         print(one_line(line))
-    for what, mends in wrong:
-        print(one_line(f"wrong      {what}: {mends}"))
+    for what, fix in wrong:
+        print(one_line(f"wrong      {what}: {fix}"))
     if wrong:
         return ExitStatus.FOUND
     print("nothing is wrong")
@@ -64,7 +64,7 @@ def extra_lines(brought: Mapping[str, list[str]]) -> Iterator[str]:
 
 
 def denied(ports: Iterable[str]) -> Iterator[tuple[str, str]]:
-    """Yield what is wrong with serial ports that this user may not open, and what mends it."""
+    """Yield what is wrong with serial ports that this user may not open, and how to fix it."""
     for port in ports:
         # A group counts from the next log-in on: without the second half the advice seems not to help.
         yield f"{port} cannot be opened by this user", "sudo usermod -aG dialout $USER, and log in again"

@@ -191,7 +191,7 @@ def add_network(parser: argparse.ArgumentParser) -> None:
 
 
 def check_node_id(number: int) -> int:
-    """Return a node-ID; raises LocalError if it is none."""
+    """Return a node-ID; raises LocalError if it is not one."""
     if number not in NODE_IDS:
         raise LocalError(f"node-ID {number} is not in 1..127")
     return number

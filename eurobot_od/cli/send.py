@@ -93,7 +93,7 @@ def expectation(protocol: Protocol, text: str) -> Frame:
 
 
 def meaning(protocol: Protocol, frame: Frame) -> str:
-    """Say which message a frame is, `` if it is none."""
+    """Say which message a frame is, `` if it is not one."""
     try:
         return _words(protocol, protocol.decode(*frame))
     except RemoteError:  # a raw frame may be anything, or too short for the message of its identifier

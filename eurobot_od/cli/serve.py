@@ -86,7 +86,7 @@ async def _serve(text: str, listen: Address, requests: Requests | None = None) -
     from eurobot_od.web.server import served
 
     ended = asyncio.Event()
-    # Who reaches this machine's own address is somebody who could run the command as well; others need the token.
+    # Whoever can reach this machine's loopback address could run the command as well; others need the token.
     access = AccessRules(listen.host, "" if is_local(listen.host) else secrets.token_urlsafe(24))
     async with served(text, access, listen.port, requests) as address:
         with suppress(NotImplementedError):  # on Windows, which has no SIGTERM

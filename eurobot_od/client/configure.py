@@ -146,7 +146,10 @@ def settings(description: Description) -> list[tuple[ODVariable, bytes]]:
     """
     dictionary, found = description.dictionary, []
     for thing in all_objects(dictionary.objects):
-        if is_parameter(thing) and _counts(dictionary, address_of(thing)):
+        index, subindex = address_of(thing)
+        # What stands in a mapping behind the last entry that counts is left over from another one.
+        count = dictionary.default((index, 0)) if pdo_of((index, subindex)) not in (None, index) else None
+        if is_parameter(thing) and not (isinstance(count, int) and subindex > count):
             data = _configured(dictionary, thing)
             if data is not None:
                 found.append((thing, data))
@@ -196,13 +199,6 @@ def check_file(description: Description, node_id: int) -> None:
     dictionary.read_pdos(dictionary.default)
 
 
-def _counts(dictionary: Dictionary, address: Address) -> bool:
-    """Whether an object is anything but a mapping entry after the last that counts."""
-    index, subindex = address
-    count = dictionary.default((index, 0))
-    return pdo_of(address) in (None, index) or not isinstance(count, int) or subindex <= count
-
-
 # The difference
 
 
@@ -238,7 +234,7 @@ async def difference(
 def _check_own_node_id(node: RemoteNode, dictionary: Dictionary, changes: Iterable[ChangedObject]) -> None:
     """Raise DictionaryError if a change would give the node another node-ID than the file is for.
 
-    An object of a maker may be called the same and be none: it is one only if it says what the node's is.
+    A maker's object may have the same name and another meaning: it counts only if it has the node's own number.
     """
     for thing, before, after in changes:
         is_own = before is not None and int.from_bytes(before, "little") == node.node_id

@@ -118,9 +118,9 @@ class Master:
             task.stop()
 
     def call(self, function: Callable[[], object]) -> None:
-        """Have a function of a user called that is told of a frame: here at once, by whoever takes frames in.
+        """Call a user's function that listens to frames: here at once, by whoever takes frames in.
 
-        What it raises is logged: the others are still told.
+        What it raises is logged: the others are still called.
         """
         try:
             function()

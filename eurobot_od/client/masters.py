@@ -3,7 +3,7 @@
 Theory of operation. Both have one thread a bus, whatever the number of nodes: the reader, which waits for frames. In a
 program that blocks (`ThreadedMaster`) it also takes them in: it continues transfers, so that no other thread has to be
 woken for each segment, and wakes those who wait in `pump` once what they wait for may be there. Functions of users run
-in one more thread, in the order of what they are told: they may ask nodes themselves, for which the reader must be
+in one more thread, in the order of their calls: they may ask nodes themselves, for which the reader must be
 free. In an event loop (`LoopMaster`) the reader hands frames over to the loop, and everything else happens there.
 
 Locks. `guard` protects what `heard` changes; nobody holds it while waiting for frames. A node's `turn` is held for a
@@ -50,7 +50,7 @@ class Feed(Protocol):
         """The bus as it is opened now."""
 
     def start(self, seen: Seen, failed: Failed, back: Callable[[], object]) -> None:
-        """Begin to read; `failed` is told why the bus is lost, `back` when it is there again."""
+        """Begin to read; `failed` is called with why the bus is lost, `back` when it is there again."""
 
     def send(self, frame: Frame) -> None:
         """Send a frame; raises BusError."""
@@ -154,7 +154,7 @@ class PeriodicTask:
             self._task = self._master.bus.send_periodic(self._messages, self.period, store_task=False)
         except Exception as error:  # whatever a driver raises
             raise failure(self._master.bus, error) from error
-        # Where a thread of python-can sends, it ends with the bus: whoever waits for frames is told, once.
+        # Where a thread of python-can sends, it ends with the bus: whoever waits for frames hears of it, once.
         if hasattr(self._task, "on_error"):
             self._task.on_error = lambda _: False
 

@@ -194,7 +194,7 @@ class NetworkOfDevices(Generic[AnyDevice]):
     def watch(self, *node_ids: int, within: float = LOST_AFTER, guard: float | None = None) -> NodeWatcher:
         """Return an endless iterator over what happens to nodes: each NodeEvent says who was found, booted, lost, back.
 
-        The nodes that are named are lost if they are not heard within so many seconds; every node that is heard is
+        The nodes that are named are lost if they are not heard within that many seconds; every node that is heard is
         watched by the period of its heartbeats, and lost after two of them. `guard` is the period in seconds at which
         nodes without heartbeats are asked by remote frames.
         """

@@ -90,7 +90,7 @@ class ObjectAtNode:
 
     @property
     def limits(self) -> Range | None:
-        """The least and the greatest `raw`, from limits and type; None for what is no number."""
+        """The least and the greatest `raw`, from limits and type; None for anything but a number."""
         return limits(self.od)
 
     @property

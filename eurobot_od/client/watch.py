@@ -138,7 +138,7 @@ class NodeWatch:
             self._tell(now, node_id, change)
 
     def tick(self, now: float) -> list[int]:
-        """Notice who is lost, and return the COB-IDs to be asked by remote frames now."""
+        """Notice which nodes are lost, and return the COB-IDs to be asked by remote frames now."""
         if self._started is None:
             self._started = now
         for node_id in sorted({*self.nodes, *self._expected}):
@@ -147,7 +147,7 @@ class NodeWatch:
                 node.lost = True
                 self._tell(now, node_id, NodeChange.LOST)
         asked = [node_id for node_id, due in self._next_guard.items() if now >= due]
-        # From now and not from when it was due: after a pause nobody wants all the questions that were missed at once.
+        # From now, not from when it was due: after a pause the questions that were missed must not go out at once.
         self._next_guard |= {node_id: now + self._guarded[node_id] for node_id in asked}
         return [ERROR_CONTROL_BASE + node_id for node_id in asked]
 
@@ -171,18 +171,17 @@ class NodeWatch:
 
 def watch_nodes(master: Master, watch: NodeWatch, end: float = inf, guard: Guard = unguarded) -> None:
     """Watch the nodes of a bus until its clock is at `end`, holding the guard for each step. Raises BusError."""
+
+    def received(node_id: int, data: bytes) -> None:
+        watch.receive(node_id, data, master.clock())
+
+    def step() -> None:
+        now = master.clock()
+        for cob_id in watch.tick(now):
+            master.request(cob_id)
+        master.pump(min(max(watch.next_wakeup - now, 0.001), LONGEST_PAUSE, end - now))
+
     for node_id in NODE_IDS:
-        master.listeners[ERROR_CONTROL_BASE + node_id] = partial(_receive, master, watch, node_id)
+        master.listeners[ERROR_CONTROL_BASE + node_id] = partial(received, node_id)
     while master.clock() < end:
-        guard(partial(_step, master, watch, end))
-
-
-def _step(master: Master, watch: NodeWatch, end: float) -> None:
-    now = master.clock()
-    for cob_id in watch.tick(now):
-        master.request(cob_id)
-    master.pump(min(max(watch.next_wakeup - now, 0.001), LONGEST_PAUSE, end - now))
-
-
-def _receive(master: Master, watch: NodeWatch, node_id: int, data: bytes) -> None:
-    watch.receive(node_id, data, master.clock())
+        guard(step)

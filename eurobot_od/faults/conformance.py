@@ -188,7 +188,7 @@ def _unknown_as_zero(_: Node, frame: Frame) -> Iterable[Frame]:
 
 
 def _specifier(data: bytes) -> int | None:
-    """Return the command specifier of an SDO frame, None for a frame that is none."""
+    """Return the command specifier of an SDO frame, None for a frame that is not one."""
     return data[0] >> 5 if len(data) == wire.LENGTH else None
 
 
@@ -235,7 +235,7 @@ class Blocked(Node):
         if frame.cob_id != hooks.sdo_request(self) or len(frame.data) != wire.LENGTH:
             return super().receive(frame, now)
         command = frame.data[0]
-        # Our server lets a new request end the old transfer; segments and aborts are heard as ever.
+        # Our server lets a new request end the old transfer; segments and aborts still reach it.
         if self._waits and command >> 5 in (ClientCommand.DOWNLOAD, ClientCommand.UPLOAD):
             return []
         answers = super().receive(frame, now)
@@ -295,6 +295,8 @@ class HistoryKept(Node):
     """Confirms that the error history is cleared, and keeps it."""
 
     def receive(self, frame: Frame, now: float) -> list[Frame]:
+        # Put back after our server has confirmed: the write is answered as it should be, which is what makes the fault
+        # hard to see.
         emergencies = self.device.emergencies
         before = list(emergencies.history)
         frames = super().receive(frame, now)
@@ -312,7 +314,7 @@ class NoTpdos(Node):
 
 
 def _other_value(choose: Callable[[Node], Address | None]) -> Mixin:
-    """Have an object another value after power-on than the file says."""
+    """Give an object another value after power-on than the file says."""
 
     class OtherValue(Node):
         def reset(self) -> None:
@@ -342,7 +344,7 @@ def _sync(node: Node) -> int:
 
 
 def asked(answer: Callable[[Node, int, float], list[Frame] | None]) -> Mixin:
-    """Have the node answer remote frames otherwise; None leaves one to the node."""
+    """Have the node answer remote frames differently; None leaves one to the node."""
 
     class Asked(Node):
         def requested(self, cob_id: int, now: float) -> list[Frame]:
@@ -371,6 +373,7 @@ class HeartbeatsUnheard(Node):
 
     def receive(self, frame: Frame, now: float) -> list[Frame]:
         other = frame.cob_id in range(ERROR_CONTROL_BASE + 1, ERROR_CONTROL_BASE + 0x80)
+        # The whole range of error control, its own node-ID too: nobody else sends under that.
         return [] if other else super().receive(frame, now)
 
 
@@ -387,6 +390,7 @@ class VerifiedForGood(Node):
 
     def receive(self, frame: Frame, now: float) -> list[Frame]:
         values = self.device.objects.values
+        # 0x1020 goes to 0 by itself when the configuration changes (CiA 301, 7.5.2.23): here it is put back at once.
         before = {mark: values[mark] for mark in VERIFY_CONFIGURATION if values.get(mark)}
         frames = super().receive(frame, now)
         if frame.cob_id == hooks.sdo_request(self):
@@ -437,6 +441,7 @@ class StructureWrong(Node):
     """Says of 0x1000 in sub-index 255 that it has no type."""
 
     def receive(self, frame: Frame, now: float) -> list[Frame]:
+        # Only this one sub-index: every other upload goes its usual way, so that no other step finds the fault.
         address = DEVICE_TYPE[0], STRUCTURE
         if frame.cob_id == hooks.sdo_request(self) and frame.data == wire.initiate(ClientCommand.UPLOAD << 5, address):
             return [Frame(hooks.sdo_answer(self), wire.carrying(ServerCommand.UPLOAD, address, bytes(4)))]

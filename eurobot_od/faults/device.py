@@ -53,7 +53,7 @@ FAULTS = {
         "sends no boot-up message", hooks.leaving(hooks.heartbeat, hooks.only(lambda data: data[0] != BOOT_UP))
     ),
     "reset-ignored": Caught("canopen", "7.2.8.3.3 NMT: boot-up after a reset").fault(
-        "goes on when it is told to reset",
+        "ignores the command to reset",
         hooks.arriving(hooks.nmt, hooks.only(lambda data: data[:1] != bytes([NmtCommand.RESET_NODE]))),
     ),
     "heartbeat-missing": Caught("canopen", "7.2.8.3.2 Heartbeat: OPERATIONAL by itself, as 0x1F80 says").fault(

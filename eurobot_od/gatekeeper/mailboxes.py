@@ -134,7 +134,7 @@ class Mailboxes:
     def leave(self) -> None:
         """Note that the bus is away: what waits and is not LASTING is dropped, and so is what is submitted from now on.
 
-        It is counted and not reported: `come_back` tells how much it was.
+        It is counted and not reported: `come_back` returns how many they were.
         """
         if self._away is None:
             self._away = self._dropped

@@ -1,4 +1,4 @@
-"""CAN interfaces of Linux (SocketCAN): which ones there are, what state they are in, and the command that mends one.
+"""CAN interfaces of Linux (SocketCAN): which ones there are, what state they are in, and the command that fixes one.
 
 What `ip -details -json link` and `/sys/class/net` say is read by functions of a text and a folder; only `links` asks
 the machine.
@@ -54,10 +54,10 @@ class CanLink(NamedTuple):
 
 
 class Trouble(NamedTuple):
-    """What is wrong with an interface, and the command that `mends` it or shows more."""
+    """What is wrong with an interface, and the command that is the `fix`, or shows more."""
 
     what: str
-    mends: str
+    fix: str
 
 
 # Their state
@@ -73,7 +73,7 @@ def links() -> list[CanLink]:
 
 
 def of_ip(text: str) -> list[CanLink]:
-    """Read the output of `ip -details -json link`; raises ValueError if it is none."""
+    """Read the output of `ip -details -json link`; raises ValueError if it is not that."""
     found = []
     for said in (each for each in json.loads(text) if each.get("link_type") == "can"):
         info: dict[str, Any] = said.get("linkinfo", {})
@@ -106,7 +106,7 @@ def _said(file: Path) -> str:
     return ""
 
 
-# What mends them
+# How to fix them
 
 
 def troubles(link: CanLink) -> Iterator[Trouble]:

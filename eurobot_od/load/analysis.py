@@ -142,7 +142,7 @@ NO_TIMES = Times()
 
 
 class Analysis:
-    """The analysis of a list of messages; `mailboxes` says how many a node has, and who is not named has enough."""
+    """The analysis of a list of messages; `mailboxes` says how many a node has; a node that is not named has enough."""
 
     def __init__(
         self,

@@ -1,7 +1,7 @@
 """The core node on a live bus, for scripts and the REPL: every call waits for its result.
 
-Rule of this file: each method is the core's method of the same name, waited for, and nothing besides, so that whoever
-knows the one knows the other.
+Rule of this file: each method is the core's method of the same name, waited for, and nothing more, so that whoever
+knows one knows the other.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ def _waited_for(
 ) -> Callable[Concatenate[Robot, Arguments], Result]:
     """Turn a call of the core's into one that waits for the result.
 
-    Who does not wait any longer (Ctrl-C) gives up the call: a goto then ends with a stop.
+    Ctrl-C while it waits gives up the call: a goto then ends with a stop.
     """
 
     @wraps(method)

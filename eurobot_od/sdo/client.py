@@ -50,7 +50,7 @@ class Aborted(TransferError):
 
 
 class OddAnswer(TransferError):
-    """An answer that does not fit its request; `code` is what the server is told."""
+    """An answer that does not fit its request; `code` is what we abort with."""
 
     def __init__(self, answer: bytes, expected: str, code: AbortCode = AbortCode.UNKNOWN_COMMAND) -> None:
         self.code = code
@@ -220,7 +220,7 @@ def _download(address: Address, content: bytes, progress: Progress) -> ClientSte
 
 def _block_upload(address: Address, segments: int, progress: Progress, room: Room) -> ClientSteps:
     # The byte after the block size, the protocol switch threshold, stays 0: the server must not go on by segments
-    # instead (CiA 301, 7.2.4.3.12). Who wants a fallback asks for another transfer, and knows it.
+    # instead (CiA 301, 7.2.4.3.12). A caller that wants a fallback asks for another transfer, and knows it.
     answer = yield [wire.initiate(ClientCommand.BLOCK_UPLOAD << 5 | wire.BLOCK_CRC, address, bytes([segments]))]
     initiated = _initiated(answer, ServerCommand.BLOCK_UPLOAD, address)
     size = initiated.number if initiated.command & wire.BLOCK_SIZE_GIVEN else None

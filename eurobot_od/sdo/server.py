@@ -163,7 +163,7 @@ def _check_block(data: bytes, sub_command: Block) -> None:
 
 def _checked_block_size(segments: int) -> int:
     if not 1 <= segments <= wire.BLOCK_SEGMENTS:
-        # Segments are numbered in seven bits, and 0 is no number of one (CiA 301, 7.2.4.3.12).
+        # Segments are numbered from 1, in seven bits (CiA 301, 7.2.4.3.12).
         raise Abort(AbortCode.BLOCK_SIZE)
     return segments
 

@@ -67,6 +67,7 @@ def archive(
 
     Raises UnknownName for a format that is not known, OSError.
     """
+    # A log named twice would be put in by two workers at once.
     files = list(dict.fromkeys(logs))
     for file in files:
         with file.open("rb") as opened:
@@ -122,6 +123,7 @@ class Archiver:
         with log.open("rb") as file:
             form, size = formats.form_of(file, self.form)[0], os.fstat(file.fileno()).st_size
             # The same log read by other EDS files gives other tables, so they are part of its name.
+            # Its bytes, not its name or its date: the same log copied to another folder is the same run.
             digest = hashlib.blake2b(f"{self._decoding.eds} {form}\n".encode(), digest_size=8)
             while part := file.read(HASHED):
                 digest.update(part)

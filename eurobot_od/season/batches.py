@@ -128,6 +128,7 @@ def _chunks(file: BinaryIO) -> Iterator[_Chunk]:
     """Yield a file's whole lines; the rest after the last line end is a line, too."""
     left = b""
     while new := file.read(CHUNK):
+        # Cut at a line end: a chunk is parsed by itself, and half a line would be damage in both.
         whole, end, left = (left + new).rpartition(b"\n")
         yield _Chunk(whole + end)
     yield _Chunk(left)
@@ -159,6 +160,8 @@ def _candump_batches(chunks: Iterator[_Chunk]) -> Iterator[Batch]:
     for content, cut in chunks:
         batch = _of_lines(content, lines, time)
         lines += content.count(b"\n")
+        # The last line of either kind: a damaged line at the start of the next chunk gets the time of the line above
+        # it.
         ends = [(table["line"][-1], table["t"][-1]) for table in (batch.frames, batch.foreign) if len(table)]
         time = cast(float, max(ends)[1]) if ends else time
         if cut:
@@ -197,6 +200,8 @@ def _with_odd(frames: pl.DataFrame, content: bytes, odd: list[int], before: int,
     lines = BytesIO(content).readlines()
     batch = _batch(
         (number, time, channel, raw)
+        # One by one, as they are few: whatever the expression for the usual line does not know, candump's own reader
+        # does, so that `archive` and `decode` say the same of it.
         for number in odd
         for _, time, channel, raw in read_lines(BytesIO(lines[number - before - 1]), CandumpFormat(), LARGEST)
     )

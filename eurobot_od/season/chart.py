@@ -115,6 +115,7 @@ def _lines(rows: pl.DataFrame, chart: Chart) -> Drawn:
 def _histogram(rows: pl.DataFrame, chart: Chart) -> Drawn:
     values = rows[rows.columns[0]].cast(pl.Float64)
     low, high = float(values.min() or 0), float(values.max() or 0)  # type: ignore[arg-type]  # numbers
+    # A round width, so that the classes begin at numbers a person would choose.
     width = svg.round_step((high - low) / CLASSES) if high > low else 1.0
     classes = (values / width).floor().value_counts(name="count").sort("index" if not values.name else values.name)
     begins = [number * width for number in classes[:, 0].to_list()]

@@ -136,6 +136,7 @@ class _Field:
             if not numbers or (-1 << bits - 1 <= numbers.start and numbers.stop <= 1 << bits - 1)
         )
         value = pl.when(_between(self.raw, numbers)).then(self.raw)
+        # The smallest type: most fields have 8 to 16 bits, and a season has a billion of them.
         return value.cast(next(fits, pl.UInt64))  # the upper half of 64 unsigned bits fits into no signed type
 
     def word(self) -> pl.Expr:
@@ -164,6 +165,7 @@ class _Field:
         read = partial(self.kind.read, limits=self.limits)
 
         def values(raws: pl.Series) -> pl.Series:
+            # A call of Python's for each frame would take longer than all the rest; different values are few.
             different = raws.unique().to_frame("raw").with_row_index()
             meanings = pl.Series([read(raw) for raw in different["raw"]], dtype=type_)
             return meanings.gather(raws.to_frame("raw").join(different, on="raw", maintain_order="left")["index"])
@@ -209,6 +211,7 @@ def _raw(binding: Binding, field: str) -> pl.Expr:
 
 def _bits(run: Run) -> pl.Expr:
     """Return a run's bits at their place in the value."""
+    # Polars has no shift for a column: dividing and multiplying by a power of two is one.
     down = pl.col(WORD) // (1 << run.offset) if run.offset else pl.col(WORD)
     bits = down & run.mask
     return bits * (1 << run.shift) if run.shift else bits

@@ -71,7 +71,7 @@ class Season:
 
     @classmethod
     def open(cls, folder: str | Path) -> Season:
-        """Open a season; raises LocalError for a folder that is none."""
+        """Open a season; raises LocalError for a folder that is not one."""
         return cls(Path(folder))
 
     def frames(self, table: str) -> pl.LazyFrame:
@@ -144,6 +144,7 @@ class Season:
 
     def _add_views(self, connection: duckdb.DuckDBPyConnection, query: str) -> None:
         """Add a view for each table that the query names: opening all files takes long."""
+        # A word in a string or a comment opens a table for nothing; one that is missed would be an error.
         words = set(re.findall(r"\w+", query.lower()))
         for table in words & self.files.keys():
             listed = (
@@ -189,6 +190,7 @@ def _watched(connection: duckdb.DuckDBPyConnection, progress: Progress) -> Itera
             if (done := connection.query_progress()) >= 0:  # negative where DuckDB cannot tell
                 progress(round(done))
 
+    # DuckDB says how far it is to whoever asks: the query itself runs in this thread until it is done.
     thread = Thread(target=watch, daemon=True)
     thread.start()
     try:

@@ -138,6 +138,8 @@ class _MessageTable:
 
     def take(self, frames: pl.DataFrame) -> list[pl.DataFrame]:
         """Take frames; return what is wrong with those that are written now."""
+        # A batch has some of each message: written as they come, a table would be of many small row groups, which a
+        # reader opens one by one.
         self._kept.append(frames)
         return self.flush() if sum(map(len, self._kept)) >= MANY else []
 

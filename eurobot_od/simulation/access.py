@@ -237,7 +237,7 @@ class MediumAccess:
         dominant = 0
         while (yield RECESSIVE) == DOMINANT:
             dominant += 1
-            # Who saw the error first finds the flags of the others behind its own: it is the likely culprit (rule b).
+            # The first one to see the error finds the others' flags behind its own: it is the likely culprit (rule b).
             if dominant == 1 and not self.transmitting and fault is not BusCondition.OVERLOAD:
                 self._note(CountingRule.RECEIVER_DOMINANT_AFTER_FLAG)
             if dominant % STUCK == 0:  # rule f: after each further eight dominant bits

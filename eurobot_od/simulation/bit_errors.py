@@ -17,7 +17,8 @@ from eurobot_od.frame import Frame
 from eurobot_od.simulation.controller import Controller
 
 LAST_BUT_ONE = -2
-"""The bit of the end of frame before its last: who sees an error there throws away what the others have already."""
+"""The bit of the end of frame before its last: a receiver that sees an error there
+discards a frame that the others have already accepted."""
 
 MOST = 0.5
 """The highest bit error rate: with it, bits mean nothing any more."""
@@ -78,7 +79,7 @@ class Strike:
     """An error in one bit of the frames that `which` chooses, for everyone or for one controller.
 
     A negative `bit` counts from the end of frame; -1 is its last bit. Of the frames that are chosen, the
-    first `skip` are left out, and the next `times` are struck.
+    first `skip` are left alone, and the next `times` get the error.
     """
 
     bit: int

@@ -56,9 +56,9 @@ class Moment(NamedTuple):
 
 
 class Course(NamedTuple):
-    """What becomes of an attempt: its moments, after how many bits the bus is free, and who is how then.
+    """What becomes of an attempt: its moments, after how many bits the bus is free, and how it leaves the controllers.
 
-    `suspended` are those who let others go first, `sequences` what those have seen who are bus-off.
+    `suspended` are those that let others go first, `sequences` what those that are bus-off have seen.
     """
 
     moments: Sequence[Moment]
@@ -134,18 +134,18 @@ class Beginning(NamedTuple):
 
 @dataclass
 class UnderWay:
-    """An attempt that is under way since `start`, s, how the controllers were then, and how much has been told."""
+    """An attempt that is under way since `start`, s, how the controllers were then, and how many moments are out."""
 
     start: float
     parts: Parts
     flips: Iterator[Flip]
     course: Course
-    told: int = 0
+    reported: int = 0
 
     def next_event(self, bitrate: int) -> float:
         """When the next moment has come, or the bus is free, in seconds."""
         course = self.course
-        bit = course.moments[self.told].bit if self.told < len(course.moments) else course.bits
+        bit = course.moments[self.reported].bit if self.reported < len(course.moments) else course.bits
         return self.start + bit / bitrate
 
     def parts_at(self, bit: int) -> list[MediumAccess]:
@@ -154,7 +154,7 @@ class UnderWay:
 
 
 class Bus:
-    """Controllers that hear each other, at `bitrate` bit/s; `ended` and `changed` are told what happens.
+    """Controllers that hear each other, at `bitrate` bit/s; `ended` and `changed` are called with what happens.
 
     All methods take the time in seconds. `next_event` is when `advance` has something to do, infinite if nothing is
     planned. Nothing is sent before `off_until`.
@@ -181,12 +181,12 @@ class Bus:
         attempt = self._under_way
         if attempt is None:
             self._pass_idle(now)
-        elif attempt.told == len(attempt.course.moments):
+        elif attempt.reported == len(attempt.course.moments):
             self._finish(attempt.course, now)
         else:
-            moment = attempt.course.moments[attempt.told]
+            moment = attempt.course.moments[attempt.reported]
             # Counted before anybody is called: a listener may cut the bus, and a moment must not be reported twice.
-            attempt.told += 1
+            attempt.reported += 1
             self.next_event = attempt.next_event(self.bitrate)
             for controller, rule in moment.counts:
                 # Only changes are reported: a bad line counts at every frame, and a node wants to hear of the state

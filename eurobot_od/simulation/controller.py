@@ -24,7 +24,7 @@ class FrameSource(Protocol):
 
 
 class Nothing:
-    """The source of who only listens."""
+    """The source of a controller that only listens."""
 
     def urgent(self) -> Frame | None:
         return None

@@ -4,9 +4,9 @@ Rule of this file: one event after the other, each at its time. What the bus mak
 COB-ID in all mailboxes wins it, and frames that are equal to the bit go out as one.
 
 A frame's way: its node leaves it to the mailboxes; it wins the arbitration; after its bits it has ended. At that moment
-the mailboxes of its senders are free and the observers are told, whatever becomes of it next; the bus is free after the
-intermission. Then `disturb` says when it reaches the stations that have received it, and each of them looks at it after
-its own `processing` time. Who is silent at any of these times has lost it.
+the mailboxes of its senders are free and the observers are called, whatever becomes of it next; the bus is free after
+the intermission. Then `disturb` says when it reaches the stations that have received it, and each of them looks at it
+after its own `processing` time. A station that is silent at any of these times has lost it.
 
 What is to come stands in one queue: looks, starts, and the moments at which somebody may send again. Only what is under
 way on the bus, which `cut` may take back, and the nodes' own wake-ups, which stand in their plans and may change at any
@@ -44,7 +44,7 @@ PROCESSING_TIMES = (50e-6, 100e-6, 150e-6, 200e-6)
 
 Two nodes that give the same answer to one message, as the robot's drive and navigation confirm a start configuration,
 are two frames on the bus if their times differ, and one merged frame if not. With so few times both are frequent, and
-who asks learns to live with either."""
+the node that asks has to cope with either."""
 
 ON_TIME = (0.0,)
 """What `Simulation.disturb` says for a frame that reaches everyone as it should."""
@@ -172,7 +172,7 @@ class Simulation:
         return controller
 
     def join(self, source: FrameSource) -> Callable[[], None]:
-        """Connect who is no station; call what is returned when the source has a new frame. Observers hear for it."""
+        """Connect a source of frames that is not a station; call what is returned when it has a new frame."""
         self._whole.controllers.append(Controller(source))
         return lambda: self.plan(self.now, _look_around)
 
@@ -288,7 +288,7 @@ class Simulation:
                 self.plan(look, partial(self._reach, station, partial(station.gatekeeper.receive, frame)))
 
     def _has_changed(self, controller: Controller, before: ErrorState, after: ErrorState) -> None:
-        """Tell a node what its controller reports."""
+        """Pass on to a node what its controller reports."""
         station, code = self._stations.get(controller), REPORTED.get((before, after))
         if station is not None and code is not None and self._is_awake(station):
             station.bus_error(code, self.now)

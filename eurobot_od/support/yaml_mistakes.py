@@ -1,4 +1,4 @@
-"""What the YAML parser complains of, in words for who wrote the file: what is probably meant, and how it is written.
+"""What the YAML parser complains of, in words for the file's author: what is probably meant, and how it is written.
 
 Rule of this file: the parser's own words (`expected <block end>`) never come out; a complaint that no row knows is
 said without its brackets.

@@ -209,9 +209,9 @@ def test_a_frame_is_waited_for(capsys: pytest.CaptureFixture[str], wire: can.Bus
 # What is wrong
 
 WRONG = [
-    (["185#1"], "'185#1' is no frame: write an 11-bit identifier, # and up to 8 bytes: 185#0102"),
+    (["185#1"], "'185#1' is not a frame: write an 11-bit identifier, # and up to 8 bytes: 185#0102"),
     (["185#01", "x=1"], "the frame 185#01 has no fields: x=1"),
-    (["Stop Drive", "--expect", "1855#"], "'1855#' is no frame"),
+    (["Stop Drive", "--expect", "1855#"], "'1855#' is not a frame"),
     (["Gotto"], "unknown message 'Gotto'; known: Emergency Shutdown, "),
     (["Goto Confrm"], "unknown message 'Goto Confrm'; did you mean Goto Confirm?"),
     ([*GOTO, "z=1"], "unknown field of Goto XY 'z'; known: x, y, angle, speed, barriers, direction, route"),

@@ -166,7 +166,7 @@ def _life_guarding(subject: Subject) -> Iterator[Data]:
         # Longer in all than the life time, so that it is the questions which keep the device from missing its master.
         {**asked, "repeat": 4},
         emcy("EMCY: the life time is over", ErrorCode.HEARTBEAT_LOST),
-        _missed("it is told once", ONCE),
+        _missed("it is reported once", ONCE),
         remote(_own(subject)),
         expect("a remote frame is answered again", _answer(subject), QUIET),
         *fresh(subject),
@@ -284,7 +284,7 @@ def _faster(subject: Subject) -> Iterator[Data]:
 
 @CHAPTER.clause("7.5.2.19", "Consumer heartbeat time", Tier.DESTRUCTIVE, "7.106")
 def _slower(subject: Subject) -> Iterator[Data]:
-    yield from _watching(subject, "heartbeats too late", *_lost(subject), _missed("it is told once", ONCE))
+    yield from _watching(subject, "heartbeats too late", *_lost(subject), _missed("it is reported once", ONCE))
 
 
 @CHAPTER.clause("7.5.2.19", "Consumer heartbeat time", Tier.DESTRUCTIVE, "7.107")

@@ -1,6 +1,7 @@
 """The names of conformance steps: clause, topic, what is looked at, tier and numbers of CiA's tool.
 
-Rule of this file: who writes a name and who reads it for a report use the same class; a name is all that a report has.
+Rule of this file: whatever writes a name, and whatever reads it for a report, uses the same class: a report has no more
+than the name.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ class StepName(NamedTuple):
 
     @classmethod
     def of(cls, name: str) -> StepName | None:
-        """Read the name of a step; None if it is none of a conformance suite."""
+        """Read the name of a step; None if it is not one of a conformance suite."""
         match = NAME.fullmatch(name)
         return cls(**{key: text or "" for key, text in match.groupdict().items()}) if match else None
 

@@ -91,7 +91,7 @@ class Subject:
         return list(self.dictionary.read_pdos(self.model.objects.value, lambda _: None))
 
     def why_not_seen(self, pdo: Pdo) -> str:
-        """Say why a PDO's frames cannot be told from others, or are none; nothing if they can be looked at."""
+        """Say why a PDO's frames cannot be distinguished from others, or never come; empty if they can be looked at."""
         # Counted over all PDOs and services: by its identifier alone nobody could say whose frame it was that came.
         taken = Counter(each.cob_id for each in self.pdos if each.valid) + Counter(self.model.service_identifiers)
         mapped = {each.pdo.index for each in self.model.protocol.bindings}

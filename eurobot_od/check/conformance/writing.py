@@ -46,17 +46,16 @@ def object_at(address: Address) -> str:
 
 def documents(suites: Iterable[Data]) -> str:
     """Write suites as documents of one file."""
-    return "".join("\n".join(["---", *_suite_lines(each), ""]) for each in suites)
-
-
-def _suite_lines(suite: Data) -> Iterator[str]:
-    for key, value in suite.items():
-        if key in ("setup", "steps", "teardown"):
-            yield f"{key}:"
-            for step in value:
-                yield from _step_lines(step, "  ")
-        else:
-            yield f"{key}: {_inline(value, key)}"
+    lines: list[str] = []
+    for suite in suites:
+        lines.append("---")
+        for key, value in suite.items():
+            if key in ("setup", "steps", "teardown"):
+                lines.append(f"{key}:")
+                lines += [line for step in value for line in _step_lines(step, "  ")]
+            else:
+                lines.append(f"{key}: {_inline(value, key)}")
+    return "".join(f"{line}\n" for line in lines)
 
 
 def _step_lines(step: Data, indent: str) -> Iterator[str]:

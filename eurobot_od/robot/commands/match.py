@@ -120,6 +120,7 @@ def _run_one(arguments: argparse.Namespace, options: MatchOptions) -> ExitStatus
     from eurobot_od.robot.match import stage
 
     _refuse_what_does_not_go_with_one_match(arguments)
+    # Loaded before the log is opened: a mistake in the strategy must not leave an empty log behind.
     players = _strategies(arguments).load()
     events: list[MatchEvent] = []
     frames: list[tuple[float, Frame]] = []
@@ -159,6 +160,7 @@ def _bus(arguments: argparse.Namespace) -> Callable[[], can.BusABC]:
     from eurobot_od.live import open_bus
 
     slow = too_slow(shared.robot(arguments), arguments.dialect, arguments.bitrate) if arguments.bitrate else ""
+    # Said and not refused: a team may have no faster bus, and most messages are in time on it.
     if slow:
         complain(slow)
     return partial(open_bus, arguments.interface, arguments.channel, arguments.bitrate)
@@ -215,6 +217,7 @@ def _run_many(arguments: argparse.Namespace, options: MatchOptions) -> ExitStatu
         if (value := getattr(arguments, name)) != left_out:
             raise LocalError(f"--{name} {value} is for one match, and does not go with --seeds")
     log = None if arguments.log is None else str(arguments.log)
+    # Without it each match would overwrite the log of the one before.
     if log is not None and SEED not in log:
         raise LocalError(f"--log {log}: write {SEED} where each match's seed is to stand")
     strategies, played = _strategies(arguments), []

@@ -150,6 +150,7 @@ def _play(
 
     robot = shared.robot(arguments)
     counter = FrameCounter(Protocol.of_devices(robot.dialects.load_all(arguments.dialect), robot.catalogue()))
+    # A second participant of the bus, as the core's own driver does not hear what it sends itself.
     watch = FrameReader(
         shared.open_bus(arguments), lambda _, frame: counter.count(frame), live.clock, opener=shared.opener(arguments)
     )
@@ -175,4 +176,5 @@ def _lead(core: Core, arguments: argparse.Namespace, left: Callable[[], float]) 
         from eurobot_od.robot.check.drill import drill
 
         with suppress(asyncio.TimeoutError):
+            # Cancelled and not left alone: the goto under way has to end as well, with the robot standing.
             asyncio.run(asyncio.wait_for(drill(core), left()))

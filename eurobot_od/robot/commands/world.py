@@ -74,6 +74,7 @@ def run(arguments: argparse.Namespace) -> None:
 
     options = options_of(arguments, facts_given(shared.assignments("--set", "FACT=VALUE", arguments.set)))
     begin = time.monotonic()
+    # Monotonic: a clock that is set while the match runs would move the robots.
     world = World(options, lambda: time.monotonic() - begin)
     where = arguments.listen
     # 127.0.0.1 is reached only by programs of this machine; any other address by the whole network.
@@ -86,7 +87,7 @@ def run(arguments: argparse.Namespace) -> None:
 
     duration = float("inf") if arguments.duration is None else arguments.duration
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # ends as Ctrl-C does
-    with suppress(KeyboardInterrupt):  # to be ended is no error: who serves has no other end
+    with suppress(KeyboardInterrupt):  # not an error: a server ends in no other way
         asyncio.run(Server(world, channel, show).serve(where, duration))
     summary = _summary(world, channel)
     print(json.dumps({"summary": summary}) if arguments.json else IN_WORDS.format(**summary))

@@ -228,7 +228,7 @@ FAULTS = {
         "drives at full speed whatever the goto says", hooks.arriving(GotoXY, hooks.field("speed", lambda _: 100))
     ),
     "goto-30-mm-too-far": Caught("drive", "2.1 Goto: the place is reached").fault(
-        "drives to a place 30 mm off the one it is told", hooks.arriving(GotoXY, hooks.raw(x=lambda x: x + 30))
+        "drives to a place 30 mm off the one in the goto", hooks.arriving(GotoXY, hooks.raw(x=lambda x: x + 30))
     ),
     "forced-barrier-ignored": Caught("barriers", "2.1 Barriers: no way past a forced barrier").fault(
         "takes forced barriers for no barriers",

@@ -62,7 +62,7 @@ class Errors:
         return errors
 
     def changed(self, name: str, text: str) -> Errors:
-        """Return a copy with one error changed; raises UnknownName, LocalError for what is no number from 0 on."""
+        """Return a copy with one error changed; raises UnknownName, LocalError for anything but a number from 0 on."""
         names = [each.name for each in fields(self)]
         if name not in names:
             raise UnknownName("error of the world", name, names)

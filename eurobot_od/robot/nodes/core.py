@@ -115,7 +115,7 @@ class Core(CallingNode):
     a new start configuration, `match_over` from the end of a match until the next one is started. `is_commanding` tells
     whether a goto is under way.
     `sensor` and `actuators` are what the robot has beside the bus, None if it has none. `observe` is called with each
-    goto and each task, and its call, when it begins, `at_match_end` when a match is over and the drive is told to stop.
+    goto and each task, and its call, when it begins, `at_match_end` when a match is over and a stop has gone out.
     """
 
     def __init__(

@@ -138,6 +138,8 @@ class Estimate:
         """Correct a belief by a position; None if that lies outside its gate."""
         if belief is None:
             return None
+        # Corrected first and judged then: the distance is what the correction computes anyway, and a refused belief is
+        # thrown away.
         observations = belief.compared(fix, travel, self.tuning)
         corrected, distance = belief.corrected(observations)
         return corrected if chance_up_to(distance, len(observations)) <= self.tuning.gate else None
@@ -163,6 +165,7 @@ class Estimate:
         if angle is None and self._belief is not None:
             # The estimate's heading is that of now, the position is older.
             angle = self._belief.pose.angle - travel.turned
+            # Known no better than the estimate knows it: the position adds nothing to the heading.
             variances = variances._replace(angle=self._belief.deviations.heading**2)
         if angle is None:
             return None

@@ -134,6 +134,7 @@ class Belief(NamedTuple):
     def at(cls, pose: Pose, variances: Variances, scale: float) -> Belief:
         """Return a belief in a pose, and in wheels that report true distances with the standard deviation `scale`."""
         place, angle = variances
+        # No correlations to begin with: where the robot is put says nothing of how it is turned.
         x, y = (place, 0.0, 0.0, 0.0), (0.0, place, 0.0, 0.0)
         covariance = (x, y, (0.0, 0.0, angle, 0.0), (0.0, 0.0, 0.0, scale**2))
         return cls(pose._replace(angle=normalise(pose.angle)), 1.0, covariance)
@@ -186,6 +187,7 @@ class Belief(NamedTuple):
         y = Observation((0.0, 1.0, -dx * RADIAN, -dy / self.scale), fix.y + dy - self.pose.y, place)
         if fix.angle is None:
             return [x, y]
+        # The heading by the shorter way round: 359 and 1 degree are 2 apart, not 358.
         return [x, y, Observation((0.0, 0.0, 1.0, 0.0), turn(before, fix.angle), angle)]
 
 

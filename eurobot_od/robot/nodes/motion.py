@@ -53,7 +53,7 @@ PASSED = 10.0
 """A way point that was driven to counts as passed within this distance, mm, also the last one.
 
 Nearer, a leg of its own chases the noise of the beacons for a second or two: with legs from 5 mm on, a quarter of the
-remaining times that were told with beacons off by 5 mm were wrong by more than 10 % and 100 ms; from 10 mm on, 4 %."""
+remaining times given with beacons off by 5 mm were wrong by more than 10 % and 100 ms; from 10 mm on, 4 %."""
 
 CORRECTION = 50.0
 """A leg shorter than this is a correction: driven nose or tail first, whichever needs less turning, mm."""
@@ -137,6 +137,7 @@ class Profile(NamedTuple):
 
     def _stoppable(self, left: float, dt: float) -> float:
         """Return the highest rate for a step of `dt` after which braking still stops within `left`."""
+        # The positive root of rate * dt + rate^2 / (2 * fall) = left, see the profile above.
         return self.fall * (math.sqrt(dt * dt + 2 * left / self.fall) - dt)
 
     def slower(self, rate: float, dt: float) -> float:
@@ -278,6 +279,7 @@ class Motion:
 
     def step(self, pose: Pose, dt: float) -> Command:
         """Decide, from the estimated pose, what the wheels do for the next `dt` seconds."""
+        # First the phase, then the command: otherwise one more control period would do what the old phase wanted.
         self._phase = _BEHAVIOUR[self._phase].following(self, pose, dt)
         self.command = _BEHAVIOUR[self._phase].command(self, pose, dt)
         return self.command
@@ -331,6 +333,7 @@ class Motion:
         # A correction came while it turned: the place counts, and has to be driven to again.
         if self._view(pose).distance > self._deviation:
             return Phase.AIM
+        # A speed that is left over from a correction is braked first: arrived means that both wheels stand.
         faced = self._turning.over(self.command.turn, self._final_turn(pose), dt)
         return Phase.ARRIVED if faced and not self.command.speed else Phase.FACE
 

@@ -145,7 +145,7 @@ class FieldPanel(Panel):
         self._stops = len(recording.stops)
 
     def _new(self, events: Iterable[PageEvent]) -> Iterator[PageEvent]:
-        """Give the events that are not as they were told before."""
+        """Give the events that have changed since they were given last."""
         for event in events:
             if self._told.get(event.key) != event:
                 self._told[event.key] = event
@@ -215,7 +215,7 @@ def _stop(start: float, stop: RecordedStop) -> PageEvent:
     )
 
 
-# What the world of a simulated match knows besides
+# What only the world of a simulated match knows
 
 
 def truth_events(truth: Truth, start: float) -> Iterator[PageEvent]:

@@ -17,7 +17,7 @@ from eurobot_od.support.files import write_whole
 
 
 class SeenMatch(NamedTuple):
-    """What was on the bus, with times in s, what its frames mean by `decoder`, the facts, and what is known besides."""
+    """What was on the bus, with times in s, what its frames mean by `decoder`, the facts, and what else is known."""
 
     frames: Sequence[tuple[float, Meaning]]
     decoder: Decoder

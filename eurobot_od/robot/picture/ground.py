@@ -30,6 +30,7 @@ class Sheet:
 
     def place(self, x: float, y: float) -> PaperPoint:
         """Return where a place of the field is drawn: y grows upwards on the field and downwards on paper."""
+        # The document's origin is the lower left corner of the field, SVG's the upper left one of the sheet.
         return x, self.height - y
 
 

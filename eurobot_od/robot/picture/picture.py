@@ -93,6 +93,7 @@ def field_drawing(recording: Recording, facts: Facts) -> str:
     sheet = Sheet(facts.field)
     return svg.group(
         ground(facts, recording.team, recording.passages),
+        # The others first: our own path is what the picture is for, and lies on top.
         *(_other(sheet, recording, facts, whom) for whom in style.OTHERS if recording.paths.get(whom)),
         *_path(sheet, recording.path, recording.end),
         *_true_path(sheet, recording.truth),
@@ -111,6 +112,7 @@ def field_drawing(recording: Recording, facts: Facts) -> str:
 def _ours(sheet: Sheet, body: Body, where: PathPoint, colour: str) -> str:
     """Draw our robot: by its outline, with its wheels, if it has some and its heading is known."""
     centre = sheet.place(where.x, where.y)
+    # Before the first position with a heading, as after a boot: a body drawn at an angle would be a guess.
     if where.angle is None:
         return style.robot_mark(centre, body.radius, None, colour)
     pose = Pose(where.x, where.y, where.angle)
@@ -126,6 +128,7 @@ def _points(sheet: Sheet, path: Iterable[PathPoint]) -> list[svg.PaperPoint]:
 
 def _path(sheet: Sheet, path: list[PathPoint], end: float) -> Iterator[str]:
     """Draw the path in pieces, each in the colour of its time, on a light ground that sets it off."""
+    # One line below all pieces: each piece with an edge of its own would show where they meet.
     if len(path) > 1:
         yield svg.polyline(
             _points(sheet, path), fill="none", stroke=svg.PAPER, stroke_width=24, stroke_linejoin="round"
@@ -150,6 +153,7 @@ def _ticks(sheet: Sheet, recording: Recording) -> Iterator[str]:
     """Mark the path every PATH_TICK seconds, but not under the marks of gotos and stops."""
     place = sheet.place
     taken = [place(each.message.x, each.message.y) for each in recording.gotos]
+    # Half way to the sign, so that both the dot and the sign keep their distance.
     taken += [place(each.place.x, each.place.y + SIGN / 2) for each in recording.stops if each.place]
     for time in style.ticks(PATH_TICK, recording.end):
         where = at(recording.path, time)
@@ -219,6 +223,8 @@ def _by_place(things: Iterable[tuple[svg.PaperPoint, Placed]]) -> Iterable[tuple
     """Bring together what is at the same place; it is drawn where the first of them is."""
     found: dict[tuple[int, int], tuple[svg.PaperPoint, list[Placed]]] = {}
     for where, thing in things:
+        # Squares, not distances: it takes one pass, and a chain of places each near the next one does not become one
+        # place.
         square = round(where[0] / SAME), round(where[1] / SAME)
         found.setdefault(square, (where, []))[1].append(thing)
     return found.values()
@@ -229,6 +235,7 @@ def _side_by_side(
 ) -> Iterator[tuple[svg.PaperPoint, Placed]]:
     """Yield things with places in a row around `middle`, moved so that all are on the field."""
     half = SPACING * (len(things) - 1) / 2
+    # A row that hung over the edge would cover the table beside the field.
     x = min(max(middle[0], half + SPACING), sheet.width - half - SPACING)
     for number, thing in enumerate(things):
         yield (x - half + number * SPACING, middle[1]), thing

@@ -94,8 +94,8 @@ NOTHING = Truth()
 class Recording:
     """A match: everything with its time in s since the first message.
 
-    `paths` are the sightings by message type. `truth` are the true poses of our robot, `touches` and `scores` what the
-    world knows besides, if anybody does.
+    `paths` are the sightings by message type. `truth` are the true poses of our robot, `touches` and `scores` what
+    only a simulated world knows; a log has neither.
     """
 
     configuration: messages.StartConfigurationSet | None = None
@@ -129,7 +129,7 @@ class Recording:
 
 
 def record(events: Iterable[tuple[float, Message]], truth: Truth = NOTHING) -> Recording:
-    """Work out a match from its messages and their times in s, and what is known besides, by the same clock."""
+    """Work out a match from its messages and their times in s, and what else is known, by the same clock."""
     recorder = Recorder()
     for time, message in events:
         recorder.take(time, message)

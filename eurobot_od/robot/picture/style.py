@@ -1,6 +1,6 @@
 """Colours, sizes and the marks of the picture.
 
-Rule of this file: one unit is one millimetre of the field. Everything can be told apart in print without colour, too:
+Rule of this file: one unit is one millimetre of the field. Everything can be distinguished in print without colour:
 by shape, dashes or a label.
 """
 

@@ -191,6 +191,7 @@ def _bars(gotos: Sequence[RecordedGoto], x: Callable[[float], float], end: float
     free = 0.0
     for goto in gotos:
         left, right = x(goto.sent), x(end if goto.ended is None else goto.ended)
+        # Four units narrower, so that two gotos in a row are two bars; and never so narrow that one cannot be seen.
         width, colour = max(right - left - 4, 6), style.OUTCOMES[goto.outcome]
         outline = {"fill": colour, "fill_opacity": 0.25, "stroke": colour, "stroke_width": 5}
         yield svg.rectangle((left, GOTO_Y), width, GOTO_BAR, **outline)
@@ -215,6 +216,7 @@ CHARACTER = 17
 
 def _points(scores: Sequence[ScoredTask], x: Callable[[float], float]) -> Iterator[str]:
     """Draw the points of each robot as steps over the time, and name the tasks that brought ours."""
+    # The scale is that of the robot with the most points, so it is known only after all of them are added up.
     totals: Counter[str] = Counter()
     for each in scores:
         totals[each.robot] += each.points

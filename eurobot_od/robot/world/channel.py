@@ -81,6 +81,21 @@ class _Asked(NamedTuple):
     def vehicle(self) -> LocalVehicle:
         return self.world.vehicle(self.robot)
 
+    def hello(self) -> dict[str, Any]:
+        options = self.options
+        start = {"team": options.team.name.lower(), "enemies": options.enemies, "confederates": options.confederates}
+        return {"version": VERSION, ROBOT: self.robot, **start, "seed": options.seed, "errors": asdict(options.errors)}
+
+    def truth(self) -> dict[str, Any]:
+        world, robot = self.world, self.robot
+        touches = sum(robot in (touch.robot, touch.thing) for touch in world.touches)
+        came_to = {"points": world.game.points(robot), "touches": touches}
+        return {"time": world.clock(), **world.robots[robot].pose._asdict(), **came_to}
+
+    def ahead(self) -> dict[str, Any] | None:
+        seen = self.vehicle.ahead(**self.fields)
+        return None if seen is None else seen._asdict() | {"obstacle": seen.obstacle.name.lower()}
+
 
 class Request(NamedTuple):
     """A request: its fields, and what answers it."""
@@ -89,27 +104,9 @@ class Request(NamedTuple):
     answer: Callable[[_Asked], Any]
 
 
-def _hello(asked: _Asked) -> dict[str, Any]:
-    options = asked.options
-    start = {"team": options.team.name.lower(), "enemies": options.enemies, "confederates": options.confederates}
-    return {"version": VERSION, ROBOT: asked.robot, **start, "seed": options.seed, "errors": asdict(options.errors)}
-
-
-def _truth(asked: _Asked) -> dict[str, Any]:
-    world, robot = asked.world, asked.robot
-    touches = sum(robot in (touch.robot, touch.thing) for touch in world.touches)
-    came_to = {"points": world.game.points(robot), "touches": touches}
-    return {"time": world.clock(), **world.robots[robot].pose._asdict(), **came_to}
-
-
-def _ahead(asked: _Asked) -> dict[str, Any] | None:
-    seen = asked.vehicle.ahead(**asked.fields)
-    return None if seen is None else seen._asdict() | {"obstacle": seen.obstacle.name.lower()}
-
-
 REQUESTS = {
-    "hello": Request({}, _hello),
-    "truth": Request({}, _truth),
+    "hello": Request({}, _Asked.hello),
+    "truth": Request({}, _Asked.truth),
     "move": Request(
         {
             "distance": _number(-10_000, 10_000, "mm"),
@@ -124,7 +121,7 @@ REQUESTS = {
         {"whom": _WHOM, "age": _number(0, 3600, "s", default=0.0)},
         lambda asked: (pose := asked.vehicle.pose(WHOM[asked.fields["whom"]], asked.fields["age"])) and pose._asdict(),
     ),
-    "ahead": Request({"distance": _number(0, 10_000, "mm"), "angle": _number(0, 180, "degrees")}, _ahead),
+    "ahead": Request({"distance": _number(0, 10_000, "mm"), "angle": _number(0, 180, "degrees")}, _Asked.ahead),
     "begin": Request({"task": _TASK}, lambda asked: asked.vehicle.begin(**asked.fields)),
     "finish": Request({"task": _TASK}, lambda asked: asked.vehicle.finish(**asked.fields)),
 }

@@ -27,7 +27,7 @@ RELEASED = 5.0
 """A contact is over when they are so far apart, mm."""
 
 AT_FAULT = 20.0
-"""Who comes nearer at this speed, mm/s, has not stood."""
+"""A robot that comes nearer at this speed, mm/s, was not standing."""
 
 
 class Touch(NamedTuple):

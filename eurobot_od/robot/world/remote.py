@@ -162,7 +162,7 @@ class RemoteVehicle:
     # Asking
 
     def _sensed(self, read: Callable[[Any], Value], request: str, **fields: object) -> Value | None:
-        """Ask, and return None for nothing, and if there is no answer."""
+        """Ask; None if the answer is that there is nothing, or if there is no answer."""
         try:
             return self._asked(lambda answer: None if answer is None else read(answer), request, **fields)
         except WorldError:
@@ -172,7 +172,7 @@ class RemoteVehicle:
             return None
 
     def _asked(self, read: Callable[[Any], Value], request: str, **fields: object) -> Value:
-        """Ask, and tell once if there is no answer, or an answer again; raises WorldError, LocalError for a refusal."""
+        """Ask; report once when answers stop, and when they are back. Raises WorldError, LocalError for a refusal."""
         with self._lock:
             try:
                 line = json.dumps({REQUEST: request, **self._given, **fields}).encode() + b"\n"

@@ -28,7 +28,7 @@ def test_each_test_of_the_tool_has_a_clause_and_no_clause_another_number() -> No
 
 
 def test_the_guide_names_each_test_once() -> None:
-    table = GUIDE.read_text(encoding="utf-8").partition("What we ask less")[0]
+    table = GUIDE.read_text(encoding="utf-8").partition("Where we ask less")[0]
     cells = re.findall(r"^\| ([\d., to]+) \|", table, re.MULTILINE)
     told = [number for cell in cells for number in numbers(cell)]
     assert sorted(told) == sorted(ctt.ASKS)
