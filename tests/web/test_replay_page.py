@@ -229,6 +229,52 @@ def test_every_view_fits_and_names_its_controls(page: Page, width: int, dark: bo
     assert (int(colour[0]) < 128) is dark
 
 
+@pytest.mark.parametrize("width", [1600, 1280, 1100, 390])
+def test_no_name_on_the_field_is_smaller_than_11_pixels(page: Page, width: int) -> None:
+    page.size(width)
+    page.run("clock.seek(clock.end)")
+    sizes = "[...document.querySelectorAll('.field text')].map(each => each.getBoundingClientRect().height)"
+    page.wait(f"Math.min(...{sizes}.filter(each => each > 0)) >= 11")
+
+
+@pytest.mark.parametrize(("width", "rows"), [(1440, 14), (1280, 12), (1100, 9)])
+def test_a_laptop_has_a_table_of_many_messages(page: Page, width: int, rows: int) -> None:
+    page.size(width, 800)
+    page.run("clock.seek(clock.end)")
+    assert page.run("getComputedStyle(document.querySelector('.messages tr')).display") == "table-row"
+    foot = "document.querySelector('footer').getBoundingClientRect().top"
+    inside = f"each => {{const box = each.getBoundingClientRect(); return box.height && box.bottom < {foot}; }}"
+    page.wait(f"[...document.querySelectorAll('.messages tbody tr')].filter({inside}).length >= {rows}")
+
+
+def test_columns_are_chosen(page: Page) -> None:
+    page.run("clock.seek(clock.end)")
+    shown = "getComputedStyle(document.querySelector('.messages .jitter')).display"
+    assert page.run(shown) == "none"
+    page.click(".columns summary")
+    page.click(".columns label:nth-of-type(3) input")
+    page.wait(f"{shown} === 'table-cell'")
+
+
+def test_a_search_that_finds_nothing_says_so(page: Page) -> None:
+    page.run("clock.seek(clock.end)")
+    page.click("#search")
+    for letter in "xyz":
+        page.press(letter)
+    page.wait("document.body.textContent.includes('No message, protocol or node has “xyz” in its name.')")
+
+
+def test_a_robot_that_is_no_longer_seen_is_hollow_and_says_its_age(page: Page) -> None:
+    stale = "document.querySelectorAll('.bodies .stale').length"
+    page.run("clock.seek(clock.end)")
+    assert page.run(stale) == 0
+    page.run("sources[0].rows.forEach(row => { row.times = row.times.map(time => time - 5); })")
+    page.run("clock.seek(clock.end - 0.01)")
+    page.wait(f"{stale} > 0")
+    assert "5 s ago" in page.text(".bodies .stale text")
+    assert "seen 5." in page.text(".field-panel .where")
+
+
 def test_a_robot_is_drawn_by_its_outline(window: Page, tmp_path: Path) -> None:
     file = tmp_path / "match.html"
     outline = "body.outline=[[120, 60], [-120, 60], [-120, -60], [120, -60]]"

@@ -5,7 +5,7 @@
 
 panel("field", (setup, source) => {
   const TRAIL = 20, LONGEST_GAP = 2;        // s of the path that is drawn; s between sightings that still belong together
-  const small = matchMedia("(max-width: 760px)"), magnified = () => small.matches ? "scale(1.8)" : "";
+  const OLD = 2, FRESH = 0.5;               // a place is stale after so many of its periods, but never before s
   const across = y => setup.height - y;
   const ground = new DOMParser().parseFromString(
     `<svg xmlns="http://www.w3.org/2000/svg">${setup.ground}</svg>`, "image/svg+xml").documentElement.firstElementChild;
@@ -13,9 +13,15 @@ panel("field", (setup, source) => {
   const rings = layer("rings"), trails = layer("trails"), routes = layer("routes"), marks = layer("marks"), bodies = layer("bodies");
   const aim = s("g", {class: "aim", visibility: "hidden"}, s("circle", {r: 40}), s("path", {d: "M-60 0H60M0-60V60"}));
   const drawing = s("svg", {
-    class: "field", viewBox: `-90 -30 ${setup.width + 150} ${setup.height + 100}`, role: "img", "aria-label": "playing field",
+    class: "field", viewBox: `-200 -50 ${setup.width + 280} ${setup.height + 150}`, role: "img", "aria-label": "playing field",
     onclick: event => point(event),
   }, ground, rings, trails, routes, marks, bodies, aim);
+
+  // The drawing's units are mm, and a name has to be read at any width: the style says how large a pixel is.
+  new ResizeObserver(() => {
+    const width = drawing.clientWidth;
+    if (width) drawing.style.setProperty("--pixel", drawing.viewBox.baseVal.width / width);
+  }).observe(drawing);
 
   const robots = setup.robots.map(robot => {
     const corners = robot.outline.map(([x, y]) => `${x},${-y}`).join(" ");
@@ -30,8 +36,16 @@ panel("field", (setup, source) => {
     return {...robot, group, body, front, trail, label: name};
   });
   const list = h("p", {class: "where", role: "status", "aria-live": "off"});
-  const legend = h("p", {class: "legend hint"}, "Line: heading. Dashed path: the way to the goto. Discs: gotos, filled if reached. "
-    + "Signs: stops. Rings: barriers of the goto, solid: never crossed, dashed: avoided if there is a way round.");
+  const sample = (inside, words, name = "") => h("span", {},
+    s("svg", {class: "field sample", viewBox: "-50 -50 100 100", "aria-hidden": "true"}, s("g", {class: name}, inside)), words);
+  const OCTAGON = "-14,-35 14,-35 35,-14 35,14 14,35 -14,35 -35,14 -35,-14";
+  const legend = h("p", {class: "legend hint"},
+    sample(s("polyline", {points: "-45,20 0,-20 45,20"}), "way to the goto", "routes"),
+    sample(s("circle", {r: 30}), "goto", "marks goto"), sample(s("circle", {r: 30}), "goto, reached", "marks goto reached"),
+    sample(s("polygon", {points: OCTAGON}), "stop", "stop"),
+    sample(s("circle", {r: 36, class: "forced"}), "barrier, never crossed", "rings"),
+    sample(s("circle", {r: 36, class: "normal"}), "barrier, avoided if there is a way round", "rings"),
+    sample(s("circle", {r: 36}), "not seen for longer than twice its period", "robot stale"));
 
   // The goto by hand
 
@@ -104,11 +118,18 @@ panel("field", (setup, source) => {
     return robot.colour || setup.teams[start && start.value("team_colour", time)] || "var(--ink)";
   }
   const rowOf = robot => source.row(robot.message);
+  function ageOf(row, time) {               // s since it was seen, 0 while that is as often as it should be
+    const now = row.now(time);
+    return now && now.age > Math.max(OLD * (now.period || 0), FRESH) ? now.age : 0;
+  }
 
   function showRobot(robot, time) {
     const row = rowOf(robot), place = row && placeOf(row, time);
     robot.group.setAttribute("visibility", place ? "visible" : "hidden");
     if (!place) { robot.trail.setAttribute("points", ""); return null; }
+    const age = ageOf(row, time), seen = age ? `, seen ${age.toFixed(1)} s ago` : "";
+    robot.group.classList.toggle("stale", age > 0);
+    say(robot.label, age ? `${robot.name}, ${age.toFixed(0)} s ago` : robot.name);
     const radius = robot.radius ? radiusOf(robot, time) : 40, colour = colourOf(robot, time);
     robot.group.setAttribute("transform", `translate(${place.x} ${across(place.y)})`);
     robot.group.style.color = colour;
@@ -120,7 +141,7 @@ panel("field", (setup, source) => {
     robot.front.setAttribute("x2", radius);
     robot.front.setAttribute("transform", `rotate(${-(place.angle || 0)})`);
     if (robot.radius) robot.trail.setAttribute("points", trailOf(row, time, place));
-    return `${robot.name} ${place.x.toFixed(0)}, ${place.y.toFixed(0)} mm${place.angle === null ? "" : `, ${Math.round(place.angle + 360) % 360}°`}`;
+    return `${robot.name} ${place.x.toFixed(0)}, ${place.y.toFixed(0)} mm${place.angle === null ? "" : `, ${Math.round(place.angle + 360) % 360}°`}${seen}`;
   }
   function trailOf(row, time, place) {
     const points = [], x = row.columns[row.field("x")], y = row.columns[row.field("y")];
@@ -135,7 +156,7 @@ panel("field", (setup, source) => {
 
   function discOf(event) {
     const reached = event.data.outcome === "arrived";
-    return s("g", {class: `goto ${reached ? "reached" : ""}`, transform: `translate(${event.data.x} ${across(event.data.y) + 68})${magnified()}`},
+    return s("g", {class: `goto ${reached ? "reached" : ""}`, transform: `translate(${event.data.x} ${across(event.data.y) + 68})`},
       s("title", {}, event.text), s("circle", {r: 30}), s("text", {y: 12}, event.mark));
   }
   function targetOf(event) {
@@ -145,8 +166,8 @@ panel("field", (setup, source) => {
   }
   function signOf(event) {
     const {x, y} = event.data.place;
-    return s("g", {class: event.kind, transform: `translate(${x} ${across(y) - 78})${magnified()}`}, s("title", {}, event.text),
-      s("polygon", {points: "-14,-35 14,-35 35,-14 35,14 14,35 -14,35 -35,14 -35,-14"}), s("text", {y: 12}, event.mark));
+    return s("g", {class: event.kind, transform: `translate(${x} ${across(y) - 78})`}, s("title", {}, event.text),
+      s("polygon", {points: OCTAGON}), s("text", {y: 12}, event.mark));
   }
   function ringOf([number, passage]) {
     const [name, x, y, radius] = setup.barriers[number];

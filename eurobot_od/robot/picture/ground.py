@@ -51,7 +51,7 @@ def _grid(sheet: Sheet) -> Iterator[str]:
     place, width, height = sheet.place, sheet.width, sheet.height
     for x in range(0, int(width) + 1, GRID_STEP):
         yield svg.line(place(x, 0), place(x, height), stroke=svg.GRID, stroke_width=3)
-        yield style.label((x, height + 48), str(x), fill=svg.PALE, size=style.SMALL)
+        yield style.label((x, height + 18), str(x), fill=svg.PALE, size=style.SMALL, dominant_baseline="hanging")
     for y in range(0, int(height) + 1, GRID_STEP):
         yield svg.line(place(0, y), place(width, y), stroke=svg.GRID, stroke_width=3)
         yield style.label((-24, height - y + 11), str(y), fill=svg.PALE, size=style.SMALL, anchor="end")

@@ -331,11 +331,14 @@ class MessageLine {
   show(time) {
     const now = this.row.now(time), there = now !== null && this.words.includes(plain(search));
     show(this.element, there);
-    if (!there) return;
+    if (!there) return false;
     say(this.cells.count, String(now.count));
-    say(this.cells.period, now.period === null ? "" : (now.period * 1000).toFixed(1));
-    say(this.cells.jitter, now.jitter === null ? "" : (now.jitter * 1000).toFixed(1));
+    // What comes when it likes has no period: a mean of such intervals, and how far they are off it, would tell nothing.
+    const periodic = now.period !== null && now.jitter < now.period / 2;
+    say(this.cells.period, periodic ? (now.period * 1000).toFixed(1) : "");
+    say(this.cells.jitter, periodic ? (now.jitter * 1000).toFixed(1) : "");
     say(this.cells.age, Math.max(now.age, 0).toFixed(1));
+    this.wrong = now.wrong;
     say(this.cells.wrong, now.wrong ? String(now.wrong) : "");
     this.element.classList.toggle("is-wrong", Boolean(now.defects));
     this.element.classList.toggle("old", now.age > Math.max(3 * (now.period || 0), 1));
@@ -345,17 +348,25 @@ class MessageLine {
     });
     say(this.text, now.values ? "" : now.text);
     say(this.defects, now.defects ? `! ${now.defects}` : "");
+    return true;
   }
 }
+
+const COLUMNS = {count: "Count", period: "Period ms", jitter: "Jitter ms", age: "Age s", bad: "Wrong"};
+const chosen = new Set(["count", "period", "age", "bad"]);   // of these columns; the others are always there
 
 views.push({name: "messages", title: "Messages", make() {
   const tables = perSource(source => {
     const body = h("tbody"), lines = new Map();
-    const heads = ["ID", "Message", "Count", "Period ms", "Jitter ms", "Age s", "Wrong", "Last values"];
-    const element = h("table", {class: "messages"},
-      h("thead", {}, h("tr", {}, ...heads.map(head => h("th", {scope: "col"}, head)))), body);
+    const head = (name, words) => h("th", {scope: "col", class: name}, words);
+    const table = h("table", {class: "messages"}, h("thead", {}, h("tr", {}, head("id", "ID"), head("", "Message"),
+      ...Object.entries(COLUMNS).map(each => head(...each)), head("values", "Last values"))), body);
+    const none = h("p", {class: "hint", hidden: true});
+    const element = h("div", {}, table, none);
     let known = null;
     return {element, show(time) {
+      const hidden = name => !chosen.has(name) || (name === "bad" && ![...lines.values()].some(line => line.wrong));
+      for (const name of Object.keys(COLUMNS)) table.classList.toggle(`without-${name}`, hidden(name));
       if (known !== source.rows.size) {
         for (const [key, line] of lines) if (source.rows.get(key) !== line.row) { line.element.remove(); lines.delete(key); }
         known = source.rows.size;
@@ -364,15 +375,23 @@ views.push({name: "messages", title: "Messages", make() {
           body.append(lines.get(row.key).element);
         }
       }
-      for (const line of lines.values()) line.show(time);
+      const shown = [...lines.values()].filter(line => line.show(time)).length;
+      show(table, shown > 0);
+      show(none, !shown);
+      say(none, search ? `No message, protocol or node has “${search}” in its name.` : "No message yet.");
     }};
   });
+  const choice = ([name, words]) => h("label", {}, h("input", {
+    type: "checkbox", checked: chosen.has(name),
+    onchange: event => { if (event.target.checked) chosen.add(name); else chosen.delete(name); stale = true; },
+  }), words);
+  const columns = h("details", {class: "columns"}, h("summary", {}, "Columns"), ...Object.entries(COLUMNS).map(choice));
   const box = h("input", {
     type: "search", id: "search", placeholder: "search", "aria-label": "search messages, protocols, nodes",
     oninput: () => { search = box.value; stale = true; },
   });
   const element = h("div", {}, h("div", {class: "tools"}, box,
-    h("p", {class: "hint"}, "Click a value, or drag it, to plot it.")), tables.element);
+    columns, h("p", {class: "hint"}, "Click a value, or drag it, to plot it.")), tables.element);
   return {element, show: tables.show};
 }});
 
