@@ -11,6 +11,7 @@ from enum import Enum
 from functools import lru_cache
 from typing import NamedTuple, TypeAlias, cast
 
+from eurobot_od.frame import EXTENDED as EXTENDED
 from eurobot_od.frame import HIGHEST_IDENTIFIER
 
 Address: TypeAlias = tuple[int, int]
@@ -301,8 +302,8 @@ SLICE = re.compile(r"(?P<name>.+) [(\[](?P<high>\d{1,3}):(?P<low>\d{1,3})[)\]]$"
 
 # COB-IDs
 
-NOT_VALID, NO_RTR, EXTENDED = 1 << 31, 1 << 30, 1 << 29
-"""Bits of a COB-ID entry: the service is off, no remote frames, a 29-bit identifier (CiA 301, Tables 67 and 71)."""
+NOT_VALID, NO_RTR = 1 << 31, 1 << 30
+"""Bits of a COB-ID entry: the service is off, no remote frames (CiA 301, Tables 67 and 71); EXTENDED is the third."""
 
 BASE_IDENTIFIER = HIGHEST_IDENTIFIER
 """Bits of a COB-ID entry that hold an 11-bit identifier."""
