@@ -18,7 +18,8 @@ from typing import TYPE_CHECKING, Any, Generic, TypeAlias, TypeVar
 
 from eurobot_od.client import lss
 from eurobot_od.client.description import Identity
-from eurobot_od.client.lss import LssState, LssSteps, Result
+from eurobot_od.client.lss import LssSteps, Result
+from eurobot_od.od.lss import LssState
 from eurobot_od.client.master import ANSWER_WAIT, Master
 from eurobot_od.client.masters import Feed, LoopMaster, OwnFeed, PeriodicTask, ThreadedMaster, feed_of
 from eurobot_od.client.procedure import finished

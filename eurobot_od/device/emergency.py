@@ -12,6 +12,7 @@ from enum import IntEnum
 from math import inf
 
 from eurobot_od.frame import Frame
+from eurobot_od.od.emcy_codes import profile_words
 from eurobot_od.od.values import Address, Value
 from eurobot_od.sdo.wire import Abort, AbortCode
 
@@ -66,12 +67,17 @@ CLASSES = {
 """Classes of emergency error codes by their upper byte (CiA 301, Table 26)."""
 
 
-def error_words(code: int, own: Mapping[int, str]) -> str:
-    """Return an emergency error code in words: the device's `own`, ours, or the class that CiA 301 gives it."""
+def error_words(code: int, own: Mapping[int, str], profile: int = 0) -> str:
+    """Return an emergency error code in words.
+
+    They are the device's `own`, CiA 301's, those of its `profile` (0: none), or the class that CiA 301 gives the code.
+    """
     if code in own:
         return own[code]
     if code in set(ErrorCode):
         return ErrorCode(code).name.lower().replace("_", " ")
+    if found := profile_words(profile, code):
+        return found
     return CLASSES.get(code >> 8, CLASSES.get(code >> 8 & 0xF0, "reserved"))
 
 

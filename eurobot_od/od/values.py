@@ -12,7 +12,7 @@ from functools import lru_cache
 from typing import NamedTuple, TypeAlias, cast
 
 from eurobot_od.frame import EXTENDED as EXTENDED
-from eurobot_od.frame import HIGHEST_IDENTIFIER
+from eurobot_od.frame import HIGHEST_EXTENDED, HIGHEST_IDENTIFIER
 
 Address: TypeAlias = tuple[int, int]
 """Index and sub-index of an object."""
@@ -315,6 +315,11 @@ def base_identifier(entry: Value) -> int | None:
     return (cast(int, entry) & BASE_IDENTIFIER or None) if usable else None
 
 
+def identifier(entry: int) -> int:
+    """Return the identifier of a COB-ID entry, valid or not; EXTENDED stays, if it has 29 bits."""
+    return entry & (EXTENDED | HIGHEST_EXTENDED if entry & EXTENDED else BASE_IDENTIFIER)
+
+
 NMT_COB_ID, SYNC_COB_ID, TIME_COB_ID = 0x000, 0x080, 0x100
 """Broadcast services of the pre-defined connection set (CiA 301, 7.3.3)."""
 
@@ -338,7 +343,11 @@ class IdentifierRange(NamedTuple):
 
     def whose(self, identifier: int) -> str:
         """Say whose an identifier of the range is: SYNC, or EMCY of node 64."""
-        return f"{self.owner} of node {identifier - self.low + 1}" if self.is_per_node else self.owner
+        return f"{self.owner} of node {self.node_id(identifier)}" if self.is_per_node else self.owner
+
+    def node_id(self, identifier: int) -> int | None:
+        """Return the node whose an identifier of the range is, None if the range is nobody's own."""
+        return identifier - self.low + 1 if self.is_per_node else None
 
 
 def _per_node(base: int, owner: str) -> IdentifierRange:

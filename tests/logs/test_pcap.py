@@ -24,7 +24,7 @@ IN_IT: list[Raw] = [
     Frame(0x008, bytes.fromhex("D27423592C0D9702")),
     Frame(0x00C),
     Frame(EXTENDED | 0x18FF0001, b"\xaa"),
-    RemoteFrame(0x008, bytes(8)),
+    RemoteFrame(0x008),
     Foreign(Damage.FD, "008#AABBCCDDEEFF001122330000"),
     Foreign(Damage.ERROR_FRAME, "080#0000000000000000"),
 ]

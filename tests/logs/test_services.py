@@ -36,7 +36,7 @@ SERVICES = [
     (0x582, "80 17 10 00 01 00 00 00", "SDO", "0x00000001 unknown code"),
     (0x602, "60 00 00 00 00 00 00 00", "SDO", "drive, next segment"),
     (0x582, "05 45 75 72 6F 62 00 00", "SDO", "drive, segment of 5 bytes, the last"),
-    (0x602, "A0 21 10 00 7F 00 00 00", "SDO", "drive, block upload"),
+    (0x602, "A0 21 10 00 7F 00 00 00", "SDO", "drive, read 0x1021:00"),
     (0x602, "E0 00 00 00 00 00 00 00", "SDO", "drive, command 7"),
     # words for an error code that is the devices' own
     (0x082, "02 FF 81 00 00 00 00 00", "EMCY", "drive, 0xFF02 drive blocked"),
