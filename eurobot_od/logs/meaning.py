@@ -11,7 +11,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from eurobot_od.errors import FrameLengthError
-from eurobot_od.frame import EXTENDED, Frame, RemoteFrame
+from eurobot_od.frame import Frame, RemoteFrame
 from eurobot_od.logs.entries import REMEMBERED, Damage, Foreign, Raw
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.pdos import OnRefused, fatal
@@ -114,7 +114,7 @@ class Decoder:
     def __call__(self, raw: Raw) -> Meaning:
         """Return the meaning of a frame."""
         if raw.__class__ is RemoteFrame:
-            return self._request(raw)  # type: ignore[arg-type]  # mypy does not know it by its class
+            return self._request(raw)
         read = self._readers.get(raw[0])  # by COB-ID; a Damage is never found
         if read:
             return read(raw)
@@ -143,11 +143,11 @@ class Decoder:
     def _pdo(self, frame: Frame) -> Meaning:
         """Return the meaning of a frame that is neither a message nor a service, as far as there is one."""
         found = self._unmapped.get(frame.cob_id)
-        if found is None:
-            damage = Damage.EXTENDED if frame.cob_id & EXTENDED else Damage.UNKNOWN_IDENTIFIER
-            return Meaning(frame, "", "", (), None, str(frame), (Defect(damage, str(frame)),))
-        defects = (Defect(found.damage, f"{frame}{found.why}"),) if found.damage else ()
-        text = found.text(frame.data) if found.name else str(frame)
+        damage, why = self._unmapped.defect(frame.cob_id)
+        defects = (Defect(damage, f"{frame}{why}"),) if damage else ()
+        if found is None or not found.name:
+            return Meaning(frame, "", "", (), None, str(frame), defects)
+        text = REQUEST if frame.is_remote else found.text(frame.data)
         return Meaning(frame, found.name, "", found.nodes, None, text, defects)
 
     def _request(self, frame: RemoteFrame) -> Meaning:

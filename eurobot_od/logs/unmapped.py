@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 from typing import TYPE_CHECKING, NamedTuple
 
+from eurobot_od.frame import EXTENDED
 from eurobot_od.logs.entries import Damage
 from eurobot_od.logs.network_words import plain
 from eurobot_od.logs.sdo_words import object_words, value_words
@@ -60,6 +61,12 @@ class Unmapped:
     def get(self, cob_id: int) -> OtherPdo | None:
         """Return what an identifier is for, None if nothing fits."""
         return self._known.get(cob_id) or self._guess(cob_id)
+
+    def defect(self, cob_id: int) -> tuple[Damage | None, str]:
+        """Return what is wrong with the frames of an identifier, None for nothing, and why."""
+        if found := self.get(cob_id):
+            return found.damage, found.why
+        return (Damage.EXTENDED if cob_id & EXTENDED else Damage.UNKNOWN_IDENTIFIER), ""
 
     def _guess(self, cob_id: int) -> OtherPdo | None:
         if found := values.owner(cob_id, DEFAULT_PDOS):
