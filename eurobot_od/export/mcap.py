@@ -14,6 +14,7 @@ from mcap.writer import Writer
 
 from eurobot_od.frame import identifier_text
 from eurobot_od.logs.entries import LogEntry
+from eurobot_od.logs.following import Following
 from eurobot_od.logs.meaning import Decoder, Meaning, with_defects
 from eurobot_od.pdo.kinds import ColumnForm
 from eurobot_od.pdo.message import Message, plain
@@ -67,8 +68,9 @@ def write(file: IO[bytes], entries: Iterable[LogEntry], decoder: Decoder, drawin
     writer.start(library="eurobot-od")
     channels = _Channels(writer, decoder, drawings)
     written, latest = Written(), 0.0
+    following = Following(decoder)
     for line, time, channel, raw in entries:
-        meaning = decoder(raw)
+        meaning = following(time, channel, raw)
         place = {"line": line, "channel": channel}
         # MCAP's times are unsigned 64-bit nanoseconds: an entry with another time is reported at the last good one.
         if 0 <= time < END_OF_TIME:

@@ -34,6 +34,7 @@ class Damage(Enum):
     EXTENDED = "extended frame"
     UNKNOWN_IDENTIFIER = "unknown identifier"
     SWITCHED_OFF = "switched off"
+    INCOMPLETE = "incomplete transfer"
     WRONG_LENGTH = "wrong length"
     OUT_OF_RANGE = "out of range"
 

@@ -43,7 +43,8 @@ class Defect(NamedTuple):
 class Transfer(NamedTuple):
     """An SDO transfer that has ended: the object, what happened to it, how, and how much it was in how many seconds.
 
-    `aborted` is the abort code, None if it was not; `lost` counts the segments that the log does not have.
+    `aborted` is the abort code, None if it was not; `lost` counts the segments that the log does not have. Without the
+    end in the log it is not `whole`.
     """
 
     object: str
@@ -53,6 +54,7 @@ class Transfer(NamedTuple):
     seconds: float
     aborted: int | None = None
     lost: int = 0
+    is_whole: bool = True
 
 
 class Meaning(NamedTuple):
@@ -75,7 +77,9 @@ class Meaning(NamedTuple):
 def with_defects(meaning: Meaning) -> str:
     """Write a damaged frame as far as it could be read, and after `!` what is wrong with it."""
     wrong = "; ".join(f"{damage.value}: {text}" for damage, text in meaning.defects)
-    return f"{meaning.text}  ! {wrong}" if meaning.message is not None else f"! {wrong}"
+    # A frame before which others are missing says all the same what it says.
+    is_read = meaning.message is not None or all(each.damage is Damage.INCOMPLETE for each in meaning.defects)
+    return f"{meaning.text}  ! {wrong}" if is_read else f"! {wrong}"
 
 
 class Decoder:
