@@ -154,9 +154,10 @@ class Transfers:
 
     @staticmethod
     def _is_end(running: Running, data: bytes) -> bool:
-        """Whether this is no segment but the end: after a last segment nothing else comes, unless it was not taken."""
+        """Whether this is no segment but the end: it comes after a last segment, and a block never begins like it."""
         command = ServerCommand.BLOCK_UPLOAD if running.is_upload else ClientCommand.BLOCK_DOWNLOAD
-        return running.is_last and data[0] >> 5 == command and bool(data[0] & Block.END)
+        is_possible = running.is_last or not running.taken
+        return is_possible and data[0] >> 5 == command and bool(data[0] & Block.END)
 
     # How a transfer begins and ends
 
