@@ -124,7 +124,11 @@ class _Channels:
             title, schema = self._schema(name)
             schema_id = self._writer.register_schema(title, SCHEMA, json.dumps(schema).encode())
             binding = self._bindings.get(name)
-            known = {"cob_id": f"0x{identifier_text(binding.cob_id)}", "senders": ", ".join(binding.senders)} if binding else {}
+            known = (
+                {"cob_id": f"0x{identifier_text(binding.cob_id)}", "senders": ", ".join(binding.senders)}
+                if binding
+                else {}
+            )
             self._ids[name] = self._writer.register_channel(f"/{name}", JSON, schema_id, known)
         # The time it was published is when it was logged: a bus has no other time than that of the log.
         now = round(time * NANOSECONDS)

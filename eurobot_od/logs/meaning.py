@@ -23,6 +23,7 @@ from eurobot_od.pdo.message import Message, flagged_fields
 from eurobot_od.pdo.protocol import Protocol
 
 if TYPE_CHECKING:
+    from eurobot_od.device.emergency import ErrorWords
     from eurobot_od.logs.services import CanopenService
     from eurobot_od.logs.unmapped import Unmapped
 
@@ -85,7 +86,7 @@ def with_defects(meaning: Meaning) -> str:
 class Decoder:
     """Decodes frames by the EDS files of the nodes on the bus and the catalogue of their messages.
 
-    `errors` are words for emergency error codes of single nodes, by node-ID.
+    `errors` are words for emergency error codes of single nodes, by node-ID; 0 stands for all nodes.
     """
 
     def __init__(
@@ -97,7 +98,7 @@ class Decoder:
     ) -> None:
         self.dictionaries = tuple(dictionaries)
         self.protocol = Protocol.of_devices(self.dictionaries, catalogue, refused, listening=True)
-        self.errors = errors
+        self._own_errors = errors
         self._bindings = {each.cob_id: each for each in self.protocol.bindings}
         self._readers: dict[int | Damage, Callable[[Any], Meaning]] = {}
 
@@ -106,7 +107,14 @@ class Decoder:
         """The services by identifier; made late, as many logs have none."""
         from eurobot_od.logs.services import services
 
-        return services(self.dictionaries, self.protocol.catalogue.errors, self.errors)
+        return services(self.dictionaries, self.errors)
+
+    @cached_property
+    def errors(self) -> ErrorWords:
+        """The words for the devices' emergency error codes."""
+        from eurobot_od.device.emergency import ErrorWords
+
+        return ErrorWords.of_devices(self.dictionaries, self.protocol.catalogue.errors, self._own_errors)
 
     @cached_property
     def _unmapped(self) -> Unmapped:

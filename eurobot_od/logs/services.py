@@ -10,10 +10,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import partial
-from types import MappingProxyType
 from typing import NamedTuple
 
-from eurobot_od.device.emergency import error_words
+from eurobot_od.device.emergency import ErrorWords
 from eurobot_od.logs import network_words as words
 from eurobot_od.logs.sdo_words import ANSWERS, REQUESTS, frame_words
 from eurobot_od.od import lss, values
@@ -28,7 +27,6 @@ from eurobot_od.od.standard import (
     SRDOS,
     SYNC,
     TIME,
-    device_profile,
 )
 
 NMT, GFC, FLYING_MASTER, SYNC_NAME, TIME_NAME = "NMT", "GFC", "Flying master", "SYNC", "TIME"
@@ -36,6 +34,9 @@ EMCY_NAME, SRDO, SDO, HEARTBEAT, GUARDING, LSS = "EMCY", "SRDO", "SDO", "Heartbe
 
 NAMES = (NMT, GFC, FLYING_MASTER, SYNC_NAME, TIME_NAME, EMCY_NAME, SRDO, SDO, HEARTBEAT, GUARDING, LSS)
 """The names of all services."""
+
+NO_WORDS = ErrorWords({}, {}, {})
+"""No words but those of CiA 301."""
 
 ANY_LENGTH: tuple[int, ...] = ()
 
@@ -69,33 +70,21 @@ class KnownNode(NamedTuple):
     name: str
     dictionary: Dictionary | None = None
 
-    @property
-    def profile(self) -> int:
-        """The number of its device profile, 0 for none that is known."""
-        return device_profile(self.dictionary.number) if self.dictionary else 0
-
 
 Services = dict[int, CanopenService]
 
 
-def services(
-    dictionaries: Iterable[Dictionary],
-    errors: Mapping[int, str] = MappingProxyType({}),
-    of_nodes: Mapping[int, Mapping[int, str]] = MappingProxyType({}),
-) -> Services:
+def services(dictionaries: Iterable[Dictionary], errors: ErrorWords = NO_WORDS) -> Services:
     """Return the services by identifier: the predefined ones of all node-IDs, then what the EDS files say.
 
-    `errors` are words for the error codes that are the devices' own, `of_nodes` those for single nodes by node-ID.
+    `errors` are the words for the devices' emergency error codes.
     """
     known = {each.node_id: KnownNode(each.name, each) for each in dictionaries}
     found = _broadcast({node_id: node.name for node_id, node in known.items()})
     emcy = {}
     for node_id in values.NODE_IDS:
         node = known.get(node_id, KnownNode(f"node {node_id}"))
-        own = {**errors, **of_nodes.get(node_id, {})}
-        emcy[node_id] = CanopenService(
-            EMCY_NAME, node.name, (8,), partial(words.emcy, partial(error_words, own=own, profile=node.profile))
-        )
+        emcy[node_id] = CanopenService(EMCY_NAME, node.name, (8,), partial(words.emcy, errors.of(node_id)))
         found[values.EMCY_BASE + node_id] = emcy[node_id]
         found |= _sdo(node, values.SDO_REQUEST_BASE + node_id, values.SDO_RESPONSE_BASE + node_id)
         found[values.ERROR_CONTROL_BASE + node_id] = CanopenService(HEARTBEAT, node.name, (1,), words.heartbeat)

@@ -1,11 +1,11 @@
-"""SDO transfers put together from their frames: segments, blocks, aborts, and what a log lacks of them (CiA 301, 7.2.4).
+"""SDO transfers put together from their frames: segments, blocks, aborts, what a log lacks of them (CiA 301, 7.2.4).
 
 Theory of operation: a channel, on one bus, has one transfer at a time. Its frames move a `Running` on; the frame that
 ends it says object, value, size, time and CRC. In the middle of a block nothing but the frames before tells a segment
 from a command: so a log that begins there is read wrong until the next transfer begins.
 
-Rule of this file: no clock; frames and their times go in. A transfer takes no more memory than KEPT, however long it is,
-and a log that lacks frames costs no other transfer.
+Rule of this file: no clock; frames and their times go in. A transfer takes no more memory than KEPT, however long it
+is, and a log that lacks frames costs no other transfer.
 """
 
 from __future__ import annotations

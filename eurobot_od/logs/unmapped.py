@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 from typing import TYPE_CHECKING, NamedTuple
 
+from eurobot_od.device.nmt import ALL_NODES
 from eurobot_od.frame import EXTENDED
 from eurobot_od.logs.entries import Damage
 from eurobot_od.logs.network_words import plain
@@ -95,8 +96,6 @@ def _multiplexed(devices: Mapping[int, Dictionary], device: Dictionary, pdo: Pdo
 DESTINATION = 1 << 7
 """Bit of an MPDO's first byte: the node after it is who is meant, and not who sends (CiA 301, 7.2.2.6.2)."""
 
-ALL_NODES = 0
-
 
 def _mpdo_words(devices: Mapping[int, Dictionary], data: bytes) -> str:
     """Say which object of which node has which value (CiA 301, 7.2.2.6)."""
@@ -105,10 +104,8 @@ def _mpdo_words(devices: Mapping[int, Dictionary], data: bytes) -> str:
     node_id, address, octets = data[0] & ~DESTINATION, (data[1] | data[2] << 8, data[3]), data[4:]
     device = devices.get(node_id)
     node = device.name if device else f"node {node_id}"
-    if not data[0] & DESTINATION:
-        whose = f"of {node}"
-    else:
-        whose = "to all nodes" if node_id == ALL_NODES else f"to {node}"
+    receiver = "all nodes" if node_id == ALL_NODES else node
+    whose = f"to {receiver}" if data[0] & DESTINATION else f"of {node}"
     size = _size(device, address)
     return f"{object_words(device, address)} {whose} = {value_words(device, address, octets[:size])}"
 
@@ -118,4 +115,3 @@ def _size(device: Dictionary | None, address: values.Address) -> int:
     variable = device.variable(address) if device else None
     size = values.DATA_TYPES[variable.data_type].size if variable and variable.data_type in values.DATA_TYPES else 0
     return size if 0 < size <= 4 else 4
-

@@ -206,8 +206,7 @@ class PdoReader:
             valid=not entry & values.NOT_VALID and values.identifier(entry) != values.NMT_COB_ID,
             transmission_type=self._setting((index, values.TRANSMISSION_TYPE), values.EVENT_DRIVEN),
             mapping=tuple(
-                self.mapped(record, self._parameter((record, sub)))
-                for sub in range(1, (0 if multiplex else count) + 1)
+                self.mapped(record, self._parameter((record, sub))) for sub in range(1, (0 if multiplex else count) + 1)
             ),
             inhibit_time=inhibit_time,
             event_timer=event_timer,

@@ -19,6 +19,7 @@ from eurobot_od.season.columns import LENGTH, flagged, readable
 
 PLACE = ("line", "t", "channel")
 
+
 class Check(NamedTuple):
     """A possible defect of a frame: its kind, the condition, and the words for it."""
 

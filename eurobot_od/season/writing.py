@@ -60,11 +60,10 @@ class NetworkDecoding:
             each.cob_id: MessageDecoding(each, names[each.name], answers.get(each.name, ""))
             for each in protocol.bindings
         }
-        found = services(network.dictionaries, protocol.catalogue.errors)
+        found = services(network.dictionaries)  # of EMCY only its place is needed
         # An identifier of the predefined set that a message has is the message's.
         self.services = {cob_id: each for cob_id, each in found.items() if cob_id not in self.messages}
         self.others = Unmapped.of(network.dictionaries)
-
 
     def defects_of_others(self, frames: pl.DataFrame) -> Iterator[pl.DataFrame]:
         """Yield what is wrong with frames that are no message's."""

@@ -14,9 +14,9 @@ from eurobot_od.robot import dialects
 from eurobot_od.robot.protocol import decoder as robot_decoder
 from eurobot_od.sdo.client import Transfer, TransferError, block_download, block_upload, download, upload
 from eurobot_od.sdo.server import SdoServer
-from tests.sdo.line import WAIT, Line
 from eurobot_od.support.durations import text as duration
 from tests.device.shelf import Shelf
+from tests.sdo.line import WAIT, Line
 
 READ: list[Callable[..., Transfer]] = [upload, block_upload]
 WRITE = [download, block_download]

@@ -10,7 +10,7 @@ import pytest
 
 from eurobot_od.errors import BusError
 from eurobot_od.frame import EXTENDED, Frame, RemoteFrame
-from eurobot_od.logs.entries import Damage, Foreign
+from eurobot_od.logs.entries import Foreign
 from eurobot_od.monitor.sources import BusSource, LogSource, Timed
 
 
