@@ -22,7 +22,7 @@ from statistics import median_low
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
-from eurobot_od.frame import Frame
+from eurobot_od.frame import Frame, identifier_text
 from eurobot_od.logs.entries import REMEMBERED, Raw
 from eurobot_od.logs.meaning import Decoder, Meaning, with_defects
 from eurobot_od.pdo.message import kinds
@@ -168,7 +168,7 @@ class _Comparison:
 
     def _name(self, raw: Raw) -> str:
         """Return what a frame is called: its message, its identifier, or what is wrong with it."""
-        identifier = f"0x{raw.cob_id:03X}" if isinstance(raw, Frame) else raw.damage.value
+        identifier = f"0x{identifier_text(raw.cob_id)}" if isinstance(raw, Frame) else raw.damage.value
         return self._decode(raw).name or identifier
 
     def _of_pair(self, one: _Seen, other: _Seen) -> Iterator[Difference]:

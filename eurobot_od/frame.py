@@ -1,7 +1,8 @@
 """A CAN frame, the one value that crosses the boundary between nodes and buses.
 
-Rule of this file: classic CAN frames with 11-bit identifiers only, and remote frames only to be sent; whatever else a
-bus carries is counted where it arrives and goes no further.
+Rule of this file: classic CAN frames only. Nodes and masters know no 29-bit identifiers, and remote frames only to be
+sent; whatever else a bus carries is counted where it arrives and goes no further. Who only listens has frames of all
+these kinds.
 """
 
 from __future__ import annotations
@@ -18,11 +19,17 @@ Data: TypeAlias = bytes | bytearray
 MOST_BYTES = 8
 HIGHEST_IDENTIFIER = 0x7FF
 
+EXTENDED = 1 << 29
+"""Bit of a COB-ID that stands for a 29-bit identifier (CiA 301, Tables 67 and 71); no 11-bit one is equal to it."""
+
+HIGHEST_EXTENDED = EXTENDED - 1
+"""The highest 29-bit identifier."""
+
 TEXT = re.compile(r"(?P<identifier>[0-7][0-9a-f]{2})#(?P<data>(?:[0-9a-f]{2}\.?)*)", re.IGNORECASE)
 
 
 class Frame(NamedTuple):
-    """A data frame: `cob_id` 0..0x7FF and 0 to 8 bytes of `data`."""
+    """A data frame: `cob_id` 0..0x7FF, or EXTENDED and a 29-bit identifier, and 0 to 8 bytes of `data`."""
 
     cob_id: int
     data: bytes = b""
@@ -45,16 +52,33 @@ class Frame(NamedTuple):
 
     def __str__(self) -> str:
         """Write it as candump does: `008#D27423592C01C3A5`."""
-        return f"{self.cob_id:03X}#{self.data.hex().upper()}"
+        return f"{identifier_text(self.cob_id)}#{self.data.hex().upper()}"
+
+
+def identifier_text(cob_id: int) -> str:
+    """Write an identifier as candump does: three digits, or eight for one of 29 bits."""
+    return f"{cob_id & HIGHEST_EXTENDED:08X}" if cob_id & EXTENDED else f"{cob_id:03X}"
 
 
 class RemoteFrame(Frame):
     """A remote frame, which asks for the frame of its `cob_id`; of `data` only the length is sent: the answer's.
 
-    As a tuple it is equal to a data frame of zeros: `is_remote` tells them apart.
+    It is never equal to a data frame, so that a cache keeps both.
     """
 
     __slots__ = ()
+
+    def __eq__(self, other: object) -> bool:
+        """Whether the other is a remote frame, too, and the same one."""
+        return isinstance(other, RemoteFrame) and super().__eq__(other)
+
+    def __ne__(self, other: object) -> bool:
+        """Whether it is not equal; a tuple has a method of its own for that."""
+        return not self == other
+
+    def __hash__(self) -> int:
+        """Differ from the data frame of the same identifier."""
+        return hash((RemoteFrame, self.cob_id, len(self.data)))
 
     @property
     def is_remote(self) -> bool:
@@ -63,4 +87,4 @@ class RemoteFrame(Frame):
 
     def __str__(self) -> str:
         """Write it as candump does: `705#R1`."""
-        return f"{self.cob_id:03X}#R{len(self.data) or ''}"
+        return f"{identifier_text(self.cob_id)}#R{len(self.data) or ''}"

@@ -125,7 +125,7 @@ CASES: list[tuple[str, Callable[[list[Timed]], object], Tolerances, list[Differe
     ("the last one", lambda row: row.pop(), EXACT, [DifferenceKind.MISSING]),
     ("unreadable", added(Foreign(Damage.UNREADABLE, "x")), EXACT, [DifferenceKind.EXTRA]),
     ("too short", replaced(position(1005)._replace(data=b"1")), EXACT, [DifferenceKind.CHANGED]),
-    ("no message", added(Frame(0x7E5)), EXACT, [DifferenceKind.EXTRA]),
+    ("no message", added(Frame(0x7E6)), EXACT, [DifferenceKind.EXTRA]),
 ]
 
 

@@ -136,7 +136,7 @@ class Checks(NamedTuple):
         """Return all that the results of a seed depend on: the options, and the content of the files."""
         from eurobot_od.support.files import digest_of
 
-        eds, named_network, dialect, robot_name = self.devices
+        eds, named_network, dialect, robot_name, _ = self.devices
         named = [Path(each.file) for each in self.devices.files()]
         dialects = self.devices.robot.dialects
         folders = {dialects.folder(each.dialect or dialect) for each in suites if each.dialect or not named}

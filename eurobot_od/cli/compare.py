@@ -37,6 +37,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--json", action="store_true", help="one JSON object per difference")
     add_filters(parser)
     options.add_network(parser)
+    options.add_emcy(parser)
 
 
 def run(arguments: argparse.Namespace) -> ExitStatus:

@@ -41,6 +41,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--strict", action="store_true", help="exit status 1 if anything is wrong in the logs")
     options.add_network(parser)
+    options.add_emcy(parser)
 
 
 def add_filters(parser: argparse.ArgumentParser) -> None:

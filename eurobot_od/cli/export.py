@@ -11,7 +11,7 @@ from eurobot_od.cli import output as files
 from eurobot_od.cli.options import Devices
 from eurobot_od.cli.output import OUTPUT
 from eurobot_od.cli.remote import print_readings
-from eurobot_od.cli.table import DEVICES, CommandRow, option
+from eurobot_od.cli.table import DECODED, DEVICES, CommandRow, option
 from eurobot_od.errors import DictionaryError, LocalError
 from eurobot_od.support import extras
 from eurobot_od.support.amounts import amount
@@ -143,7 +143,7 @@ FORMS = {
         option("log", metavar="LOG", help="log in any format; -: standard input"),
         option("-o", "--output", type=Path, required=True, metavar="FILE", help="the MCAP file"),
         logs.READING,
-        DEVICES,
+        DECODED,
     ),
     "xdd": CommandRow(xdd, option("file", metavar="FILE", help="an EDS or DCF"), OUTPUT),
     "cdcf": CommandRow(

@@ -9,7 +9,6 @@ import stat
 import sys
 from collections.abc import Callable, Generator, Iterable, Iterator
 from contextlib import ExitStack, contextmanager
-from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO, NamedTuple
 
@@ -86,11 +85,13 @@ def meanings(
     logs: Iterable[str], reading: ReadOptions, decoder: Decoder, damage: DamageCounts, is_watched: bool = True
 ) -> Iterator[tuple[float, Meaning]]:
     """Give the times in s and meanings of the entries of logs; count in `damage` what is wrong. Errors as `entries`."""
-    from eurobot_od.logs.entries import REMEMBERED
+    from eurobot_od.logs.following import Following
 
-    decode = lru_cache(REMEMBERED)(decoder)  # most frames are requests and confirms without data
-    for log, (line, time, _, raw) in entries(logs, reading, is_watched):
-        meaning = decode(raw)
+    before, following = "", Following(decoder)
+    for log, (line, time, channel, raw) in entries(logs, reading, is_watched):
+        if log != before:  # a transfer ends with its log
+            before, following = log, Following(decoder)
+        meaning = following(time, channel, raw)
         damage.add(log, line, meaning.defects)
         yield time, meaning
 

@@ -33,8 +33,9 @@ def lss(
     for the only device on the bus (--alone), or else for the first without a node-ID. Exit status 1 if there is no such
     device.
     """
-    from eurobot_od.client.lss import LssState, perform, switch
+    from eurobot_od.client.lss import perform, switch
     from eurobot_od.client.master import Master
+    from eurobot_od.od.lss import LssState
 
     steps = _find(identity, alone) if action == "find" else _set(identity, alone, settings)
     with Master(open_bus(), timeout) as master:
@@ -95,7 +96,7 @@ def _selected(identity: Identity | None, alone: bool) -> LssSteps[str]:
 
 
 def _node_id(number: int) -> str:
-    from eurobot_od.client.lss import UNCONFIGURED
+    from eurobot_od.od.lss import UNCONFIGURED
 
     return "no node-ID" if number == UNCONFIGURED else f"node-ID {number}"
 

@@ -60,6 +60,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--ask", action="store_true", help="read the devices' present PDO parameters by SDO")
     options.add_network(parser)
+    options.add_emcy(parser)
     options.add_bus(parser)
     options.add_reconnect(parser)
 

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
+import argparse
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from eurobot_od.cli import ExitStatus, complain
+from eurobot_od.cli import ExitStatus, complain, options
 from eurobot_od.cli import output as files
-from eurobot_od.cli.remote import TARGET, Target, print_readings
+from eurobot_od.cli.remote import TARGET, Target, add_node, print_readings
 from eurobot_od.cli.table import JSON, CommandRow, option
-from eurobot_od.device.emergency import error_words
 from eurobot_od.errors import LocalError
 from eurobot_od.od.objects import address_of, encode, find, find_one, is_described, label, parse, shown, written
 from eurobot_od.support.amounts import amount
@@ -126,30 +126,36 @@ def emcy(target: Target, clear: bool, as_json: bool) -> ExitStatus:
         if clear:
             history.clear(node)
         found = history.history(node)
-    own = target.devices.robot.catalogue().errors  # CiA 301 leaves 0xFFxx to the maker of a device
+    words = target.devices.errors().of(node.node_id)
     if as_json:
-        print(json.dumps(errors_as_data(found, own), indent=2))
+        print(json.dumps(errors_as_data(found, words), indent=2))
     else:
-        print(*errors_as_text(found, node.node_id, own), sep="\n")
+        print(*errors_as_text(found, node.node_id, words), sep="\n")
     return ExitStatus.FOUND if found.register else ExitStatus.FINE
 
 
-def errors_as_data(found: History, own: Mapping[int, str]) -> dict[str, Any]:
-    """Return a history as plain data; `own` are the words for the codes that are the devices' own."""
-    history = [each._asdict() | {"text": error_words(each.code, own)} for each in found.entries]
+def errors_as_data(found: History, words: Callable[[int], str]) -> dict[str, Any]:
+    """Return a history as plain data; `words` gives those for a code."""
+    history = [each._asdict() | {"text": words(each.code)} for each in found.entries]
     return {"register": found.register, "history": history}
 
 
-def errors_as_text(found: History, node_id: int, own: Mapping[int, str]) -> list[str]:
+def errors_as_text(found: History, node_id: int, words: Callable[[int], str]) -> list[str]:
     """Return a history as lines."""
     register = ", ".join(found.register_bits) or "no error"
     rows = [
-        (f"0x{each.code:04X}", error_words(each.code, own), f"0x{each.info:04X}" if each.info else "")
-        for each in found.entries
+        (f"0x{each.code:04X}", words(each.code), f"0x{each.info:04X}" if each.info else "") for each in found.entries
     ]
     head = f"node {node_id}: {register} (error register 0x{found.register:02X})"
     return [head, *(columns(rows) if rows else ["no error remembered"])]
 
+
+def _add_with_emcy(parser: argparse.ArgumentParser) -> None:
+    add_node(parser)
+    options.add_emcy(parser)
+
+
+WITH_EMCY = TARGET._replace(add=_add_with_emcy)
 
 COMMANDS = {
     "read": CommandRow(
@@ -170,5 +176,5 @@ COMMANDS = {
     ),
     "dump": CommandRow(dump, TARGET, JSON),
     "export-dcf": CommandRow(export_dcf, TARGET, files.OUTPUT),
-    "emcy": CommandRow(emcy, TARGET, option("--clear", action="store_true", help="empty the error history"), JSON),
+    "emcy": CommandRow(emcy, WITH_EMCY, option("--clear", action="store_true", help="empty the error history"), JSON),
 }

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import argparse
 import os
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import partial
 from math import inf
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
 from eurobot_od import plugin
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
 
     from eurobot_od.client.master import Master
     from eurobot_od.client.reconnecting import Guard
+    from eurobot_od.device.emergency import ErrorWords
     from eurobot_od.live.connection import Opener
     from eurobot_od.load.message_set import MessageSet
     from eurobot_od.logs.meaning import Decoder
@@ -190,6 +192,17 @@ def add_network(parser: argparse.ArgumentParser) -> None:
     add_dialect(group)
 
 
+def add_emcy(parser: argparse.ArgumentParser) -> None:
+    """Add --emcy: makers' words for emergency error codes."""
+    parser.add_argument(
+        "--emcy",
+        action="append",
+        default=[],
+        metavar="[NODE-ID=]FILE",
+        help="a maker's words for emergency error codes (YAML), of one node or of all; repeatable",
+    )
+
+
 def check_node_id(number: int) -> int:
     """Return a node-ID; raises LocalError if it is not one."""
     if number not in NODE_IDS:
@@ -204,11 +217,13 @@ class Devices(NamedTuple):
     network: str | None = None
     dialect: str | None = None
     robot_name: str | None = None
+    emcy: Sequence[str] = ()
 
     @classmethod
     def of(cls, arguments: argparse.Namespace) -> Devices:
         """Take them from a command line."""
-        return cls(arguments.eds, arguments.network, arguments.dialect, arguments.robot)
+        emcy = vars(arguments).get("emcy", ())  # of commands that say error codes
+        return cls(arguments.eds, arguments.network, arguments.dialect, arguments.robot, emcy)
 
     @property
     def robot(self) -> Plugin:
@@ -247,7 +262,22 @@ class Devices(NamedTuple):
 
     def decoder(self) -> Decoder:
         """Return the decoder of these devices' frames; complains of PDOs that are left out. Raises as `load`."""
-        return decoder_of(self.load_and_complain(), self.robot)
+        return decoder_of(self.load_and_complain(), self.robot, self.own_errors())
+
+    def own_errors(self) -> dict[int, dict[int, str]]:
+        """Return the words of --emcy by node-ID, 0 for all nodes; raises DictionaryError."""
+        from eurobot_od.od.emcy_file import read_error_words
+
+        found: dict[int, dict[int, str]] = {}
+        for file, node_id in (network.node_file(text)[:2] for text in self.emcy):
+            found.setdefault(node_id or 0, {}).update(read_error_words(file))
+        return found
+
+    def errors(self) -> ErrorWords:
+        """Return the words for these devices' emergency error codes; raises as `load`."""
+        from eurobot_od.device.emergency import ErrorWords
+
+        return ErrorWords.of_devices(self.load(), self.robot.catalogue().errors, self.own_errors())
 
     def asking_decoder(self, open_bus: Opener) -> Decoder:
         """Return a decoder for the PDOs as the devices on the bus are set now; complains of those that do not answer.
@@ -265,7 +295,7 @@ class Devices(NamedTuple):
                 except RemoteError as error:  # one node that is off must not keep the others from being decoded
                     complain(f"{dictionary.name}: PDOs as in {dictionary.file}: {error}")
                     asked.append(dictionary)
-        return decoder_of(asked, self.robot)
+        return decoder_of(asked, self.robot, self.own_errors())
 
     def promised(self, decoder: Decoder) -> MessageSet:
         """Return what a decoder's devices send, and how often; nothing if a period is missing."""
@@ -291,20 +321,25 @@ def complain_of_repairs(dictionaries: Iterable[Dictionary]) -> None:
             complain(f"{file}: repaired to be read: {what}{more}")
 
 
-def decoder_of(dictionaries: Iterable[Dictionary], robot: Plugin) -> Decoder:
-    """Return the decoder of some devices' frames; complains of PDOs that are left out."""
+def decoder_of(
+    dictionaries: Iterable[Dictionary], robot: Plugin, errors: Mapping[int, Mapping[int, str]] = MappingProxyType({})
+) -> Decoder:
+    """Return the decoder of some devices' frames; complains of PDOs that are left out.
+
+    `errors` are words for emergency error codes, by node-ID.
+    """
     from eurobot_od.logs.meaning import Decoder
 
     with left_out() as refused:
-        return Decoder(dictionaries, robot.catalogue(), refused)
+        return Decoder(dictionaries, robot.catalogue(), refused, errors)
 
 
 @contextmanager
 def left_out() -> Iterator[OnRefused]:
-    """Collect PDOs that cannot be used, and say in one line for each file what is wrong with the first of them."""
-    errors: dict[str, list[MappingError]] = {}
-    yield lambda error: errors.setdefault(error.file, []).append(error)
-    # One line a file: what is wrong with one PDO is often wrong with all of them.
-    for first, *others in errors.values():
-        more = f" (and {len(others)} more)" if others else ""
-        complain(f"PDO left out{more}: {first}")
+    """Collect PDOs that cannot be used, and say which, in one line for each reason in a file."""
+    errors: dict[tuple[str, str], list[MappingError]] = {}
+    yield lambda error: errors.setdefault((error.file, error.what), []).append(error)
+    # What is wrong with one PDO is often wrong with all of them.
+    for (file, what), found in errors.items():
+        indices = ", ".join(dict.fromkeys(f"0x{each.index:04X}" for each in found if each.index is not None))
+        complain(f"PDO left out: {file}: {f'{indices}: ' if indices else ''}{what}")

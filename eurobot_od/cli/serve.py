@@ -48,6 +48,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="address of the page (default: 127.0.0.1:8014); from other machines it takes a token, printed once",
     )
     options.add_network(parser)
+    options.add_emcy(parser)
     options.add_bus(parser)
 
 

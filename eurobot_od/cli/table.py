@@ -30,6 +30,16 @@ def option(*names: str, **settings: Any) -> Parameter:
 
 JSON = option("--json", dest="as_json", action="store_true", help="print as JSON")
 DEVICES = Parameter("devices", options.add_network, options.Devices.of)
+
+
+def _add_decoded(parser: argparse.ArgumentParser) -> None:
+    options.add_network(parser)
+    options.add_emcy(parser)
+
+
+DECODED = Parameter("devices", _add_decoded, options.Devices.of)
+"""Devices whose frames are decoded."""
+
 BUS = Parameter("open_bus", options.add_bus, options.opener)
 RECONNECT = Parameter("reopen", options.add_reconnect, options.reopener)
 

@@ -9,8 +9,7 @@ identity, and turns every error into a number.
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterator, Mapping
-from enum import IntEnum
+from collections.abc import Generator, Iterator
 from itertools import count
 from typing import NamedTuple, TypeAlias, TypeVar
 
@@ -18,58 +17,25 @@ from eurobot_od.client.description import Identity
 from eurobot_od.client.master import STORE_WAIT, Master
 from eurobot_od.client.procedure import Procedure
 from eurobot_od.errors import LocalError, NoAnswer, RemoteError
-from eurobot_od.od.values import LSS_COB_IDS, NODE_IDS
+from eurobot_od.od.lss import (
+    ANSWERS,
+    ANY_BIT,
+    BIT_RATES,
+    LENGTH,
+    REQUESTS,
+    UNCONFIGURED,
+    Lss,
+    LssState,
+    refusal_words,
+)
+from eurobot_od.od.values import NODE_IDS
 from eurobot_od.support.progress import Progress, unwatched
-
-ANSWERS, REQUESTS = LSS_COB_IDS
 
 ANSWER_WAIT = 0.1
 """Seconds that a device has for an answer; `find_all` waits so long about 130 times for each device."""
 
-LENGTH = 8
-"""Bytes of every LSS request and answer."""
-
-UNCONFIGURED = 255
-"""The node-ID of a device that has none."""
-
-BIT_RATES = {1000: 0, 800: 1, 500: 2, 250: 3, 125: 4, 50: 6, 20: 7, 10: 8}
-"""Index in the standard table of bit timings, by kbit/s (CiA 305, Table 1)."""
-
-
-class Lss(IntEnum):
-    """Command specifiers; an answer has that of its request where no other one is named."""
-
-    SWITCH_GLOBAL = 0x04
-    CONFIGURE_NODE_ID = 0x11
-    CONFIGURE_BIT_TIMING = 0x13
-    ACTIVATE_BIT_TIMING = 0x15
-    STORE = 0x17
-    SELECT = 0x40
-    """Of the vendor-ID; the next three are product code, revision and serial number."""
-    SELECTED = 0x44
-    IDENTIFY_SLAVE = 0x4F
-    FASTSCAN = 0x51
-    INQUIRE_NODE_ID = 0x5E
-
-
-class LssState(IntEnum):
-    """States of a device: it answers to its identity, or is being configured."""
-
-    WAITING = 0
-    CONFIGURATION = 1
-
-
-REFUSALS: Mapping[Lss, Mapping[int, str]] = {
-    Lss.CONFIGURE_NODE_ID: {1: "node-ID out of range"},
-    Lss.CONFIGURE_BIT_TIMING: {1: "bit rate not supported"},
-    Lss.STORE: {1: "storing is not supported", 2: "no access to the storage media"},
-}
-"""What the error codes of a service mean; 255 is an error of the device's own."""
-
-OWN_ERROR = 255
-
-FIRST_BIT, ANY_BIT = 31, 128
-"""Fastscan starts with the highest bit; `ANY_BIT` asks whether any device is there."""
+FIRST_BIT = 31
+"""Fastscan starts with the highest bit."""
 
 
 class LssRequest(NamedTuple):
@@ -262,8 +228,7 @@ def _configured(command: Lss, rest: bytes) -> LssSteps[None]:
     answer = yield from _asked(LssRequest(command, rest, command))
     error, own = answer[1], answer[2]
     if error:
-        words = f"error {own} of its own" if error == OWN_ERROR else REFUSALS[command].get(error, f"error {error}")
-        raise RemoteError(f"the device refuses to {_words(command)}: {words}")
+        raise RemoteError(f"the device refuses to {_words(command)}: {refusal_words(command, error, own)}")
 
 
 def _asked(request: LssRequest) -> LssSteps[bytes]:

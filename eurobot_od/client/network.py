@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, Generic, TypeAlias, TypeVar
 
 from eurobot_od.client import lss
 from eurobot_od.client.description import Identity
-from eurobot_od.client.lss import LssState, LssSteps, Result
+from eurobot_od.client.lss import LssSteps, Result
 from eurobot_od.client.master import ANSWER_WAIT, Master
 from eurobot_od.client.masters import Feed, LoopMaster, OwnFeed, PeriodicTask, ThreadedMaster, feed_of
 from eurobot_od.client.procedure import finished
@@ -30,6 +30,7 @@ from eurobot_od.device.nmt import ALL_NODES, NmtCommand
 from eurobot_od.errors import LocalError, StateError, UnknownName
 from eurobot_od.live import open_bus
 from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.lss import LssState
 from eurobot_od.od.network import DEFAULT, load, read_network
 from eurobot_od.od.values import ERROR_CONTROL_BASE, NMT_COB_ID, NODE_IDS, SYNC_COB_ID
 

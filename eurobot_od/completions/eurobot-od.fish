@@ -51,7 +51,7 @@ function _shtab_eurobot_od_using
 end
 
 set -g _shtab_eurobot_od_commands show node send check faults decode archive query compare replay monitor serve load lint diff export 'export c' 'export dbc' 'export docs' 'export wireshark' 'export mcap' 'export xdd' 'export cdcf' make-eds scan read write dump configure export-dcf store restore lss program emcy nmt watch sync time doctor completion match world new-robot field
-set -g _shtab_eurobot_od_opts_with_value --activate --against --bit-rate --bitrate --channel --cob-id --compare --confederates --count --counter --dialect --duration --eds --emergency-at --enemies --errors --except --executor --expect --explain --fault --field --file --filter --for --format --guard --identity --ignore --interface --jobs --junit --largest --listen --log --log-failure --mailboxes --message --name --network --node --node-id --on-error --only --output --period --plot --program --repeat --report --restore --results --robot --seed --seeds --select --set --since --sort --speed --step --store --strategy --svg --tag --team --time --timeout --title --tolerance --until --values --where --within --world -b -c -i -o
+set -g _shtab_eurobot_od_opts_with_value --activate --against --bit-rate --bitrate --channel --cob-id --compare --confederates --count --counter --dialect --duration --eds --emcy --emergency-at --enemies --errors --except --executor --expect --explain --fault --field --file --filter --for --format --guard --identity --ignore --interface --jobs --junit --largest --listen --log --log-failure --mailboxes --message --name --network --node --node-id --on-error --only --output --period --plot --program --repeat --report --restore --results --robot --seed --seeds --select --set --since --sort --speed --step --store --strategy --svg --tag --team --time --timeout --title --tolerance --until --values --where --within --world -b -c -i -o
 
 complete -c eurobot-od -e
 complete -c eurobot-od -f
@@ -158,6 +158,7 @@ complete -c eurobot-od -n '_shtab_eurobot_od_using decode' -l strict -d 'exit st
 complete -c eurobot-od -n '_shtab_eurobot_od_using decode' -l eds -xka "(__fish_complete_path (commandline -ct))" -d 'EDS or DCF of a device, with a node-ID if the file has none; repeatable'
 complete -c eurobot-od -n '_shtab_eurobot_od_using decode' -l network -xka "(__fish_complete_path (commandline -ct))" -d 'network file (YAML, or nodelist.cpj of CiA 306-3), or a folder of EDS files'
 complete -c eurobot-od -n '_shtab_eurobot_od_using decode' -l dialect -x -d 'name of a robot'"'"'s dialect, or a folder of EDS files (default: the variable EUROBOT_OD_DIALECT)'
+complete -c eurobot-od -n '_shtab_eurobot_od_using decode' -l emcy -x -d 'a maker'"'"'s words for emergency error codes (YAML), of one node or of all; repeatable'
 complete -c eurobot-od -n '_shtab_eurobot_od_using decode' -l robot -xka "(__fish_complete_path (commandline -ct))" -d 'robot to use: a name, a folder or a module'
 complete -c eurobot-od -n '_shtab_eurobot_od_using decode; and test $_shtab_eurobot_od_npos -ge 0' -ka "(__fish_complete_path (commandline -ct))" -d 'logs; - for standard input, the default'
 complete -c eurobot-od -n '_shtab_eurobot_od_using; and test $_shtab_eurobot_od_npos -eq 0' -a archive -d 'put logs into a season: Parquet files of frames, messages and damage'
@@ -192,6 +193,7 @@ complete -c eurobot-od -n '_shtab_eurobot_od_using compare' -l where -x -d 'cond
 complete -c eurobot-od -n '_shtab_eurobot_od_using compare' -l eds -xka "(__fish_complete_path (commandline -ct))" -d 'EDS or DCF of a device, with a node-ID if the file has none; repeatable'
 complete -c eurobot-od -n '_shtab_eurobot_od_using compare' -l network -xka "(__fish_complete_path (commandline -ct))" -d 'network file (YAML, or nodelist.cpj of CiA 306-3), or a folder of EDS files'
 complete -c eurobot-od -n '_shtab_eurobot_od_using compare' -l dialect -x -d 'name of a robot'"'"'s dialect, or a folder of EDS files (default: the variable EUROBOT_OD_DIALECT)'
+complete -c eurobot-od -n '_shtab_eurobot_od_using compare' -l emcy -x -d 'a maker'"'"'s words for emergency error codes (YAML), of one node or of all; repeatable'
 complete -c eurobot-od -n '_shtab_eurobot_od_using compare' -l robot -xka "(__fish_complete_path (commandline -ct))" -d 'robot to use: a name, a folder or a module'
 complete -c eurobot-od -n '_shtab_eurobot_od_using; and test $_shtab_eurobot_od_npos -eq 0' -a replay -d 'replay a log onto a bus with its recorded timing'
 complete -c eurobot-od -n '_shtab_eurobot_od_using replay' -s h -l help -d 'show this help message and exit'
@@ -221,6 +223,7 @@ complete -c eurobot-od -n '_shtab_eurobot_od_using monitor' -l ask -d 'read the 
 complete -c eurobot-od -n '_shtab_eurobot_od_using monitor' -l eds -xka "(__fish_complete_path (commandline -ct))" -d 'EDS or DCF of a device, with a node-ID if the file has none; repeatable'
 complete -c eurobot-od -n '_shtab_eurobot_od_using monitor' -l network -xka "(__fish_complete_path (commandline -ct))" -d 'network file (YAML, or nodelist.cpj of CiA 306-3), or a folder of EDS files'
 complete -c eurobot-od -n '_shtab_eurobot_od_using monitor' -l dialect -x -d 'name of a robot'"'"'s dialect, or a folder of EDS files (default: the variable EUROBOT_OD_DIALECT)'
+complete -c eurobot-od -n '_shtab_eurobot_od_using monitor' -l emcy -x -d 'a maker'"'"'s words for emergency error codes (YAML), of one node or of all; repeatable'
 complete -c eurobot-od -n '_shtab_eurobot_od_using monitor' -s i -l interface -x -d 'python-can interface, such as socketcan, pcan, slcan, remote'
 complete -c eurobot-od -n '_shtab_eurobot_od_using monitor' -s c -l channel -x -d 'channel of the interface, such as can0'
 complete -c eurobot-od -n '_shtab_eurobot_od_using monitor' -s b -l bitrate -x -d 'bit/s, 500000 if nothing else is configured'
@@ -236,6 +239,7 @@ complete -c eurobot-od -n '_shtab_eurobot_od_using serve' -l listen -x -d 'addre
 complete -c eurobot-od -n '_shtab_eurobot_od_using serve' -l eds -xka "(__fish_complete_path (commandline -ct))" -d 'EDS or DCF of a device, with a node-ID if the file has none; repeatable'
 complete -c eurobot-od -n '_shtab_eurobot_od_using serve' -l network -xka "(__fish_complete_path (commandline -ct))" -d 'network file (YAML, or nodelist.cpj of CiA 306-3), or a folder of EDS files'
 complete -c eurobot-od -n '_shtab_eurobot_od_using serve' -l dialect -x -d 'name of a robot'"'"'s dialect, or a folder of EDS files (default: the variable EUROBOT_OD_DIALECT)'
+complete -c eurobot-od -n '_shtab_eurobot_od_using serve' -l emcy -x -d 'a maker'"'"'s words for emergency error codes (YAML), of one node or of all; repeatable'
 complete -c eurobot-od -n '_shtab_eurobot_od_using serve' -s i -l interface -x -d 'python-can interface, such as socketcan, pcan, slcan, remote'
 complete -c eurobot-od -n '_shtab_eurobot_od_using serve' -s c -l channel -x -d 'channel of the interface, such as can0'
 complete -c eurobot-od -n '_shtab_eurobot_od_using serve' -s b -l bitrate -x -d 'bit/s, 500000 if nothing else is configured'
@@ -314,6 +318,7 @@ complete -c eurobot-od -n '_shtab_eurobot_od_using export mcap' -l largest -x -d
 complete -c eurobot-od -n '_shtab_eurobot_od_using export mcap' -l eds -xka "(__fish_complete_path (commandline -ct))" -d 'EDS or DCF of a device, with a node-ID if the file has none; repeatable'
 complete -c eurobot-od -n '_shtab_eurobot_od_using export mcap' -l network -xka "(__fish_complete_path (commandline -ct))" -d 'network file (YAML, or nodelist.cpj of CiA 306-3), or a folder of EDS files'
 complete -c eurobot-od -n '_shtab_eurobot_od_using export mcap' -l dialect -x -d 'name of a robot'"'"'s dialect, or a folder of EDS files (default: the variable EUROBOT_OD_DIALECT)'
+complete -c eurobot-od -n '_shtab_eurobot_od_using export mcap' -l emcy -x -d 'a maker'"'"'s words for emergency error codes (YAML), of one node or of all; repeatable'
 complete -c eurobot-od -n '_shtab_eurobot_od_using export mcap; and test $_shtab_eurobot_od_npos -eq 0' -ka "(__fish_complete_path (commandline -ct))" -d 'log in any format; -: standard input'
 complete -c eurobot-od -n '_shtab_eurobot_od_using export; and test $_shtab_eurobot_od_npos -eq 0' -a xdd -d 'Write the device description in XML (CiA 311) of an EDS or DCF: every object with all the file says of it.'
 complete -c eurobot-od -n '_shtab_eurobot_od_using export xdd' -s h -l help -d 'show this help message and exit'
@@ -470,6 +475,7 @@ complete -c eurobot-od -n '_shtab_eurobot_od_using emcy' -l largest -x -d 'most 
 complete -c eurobot-od -n '_shtab_eurobot_od_using emcy' -s i -l interface -x -d 'python-can interface, such as socketcan, pcan, slcan, remote'
 complete -c eurobot-od -n '_shtab_eurobot_od_using emcy' -s c -l channel -x -d 'channel of the interface, such as can0'
 complete -c eurobot-od -n '_shtab_eurobot_od_using emcy' -s b -l bitrate -x -d 'bit/s, 500000 if nothing else is configured'
+complete -c eurobot-od -n '_shtab_eurobot_od_using emcy' -l emcy -x -d 'a maker'"'"'s words for emergency error codes (YAML), of one node or of all; repeatable'
 complete -c eurobot-od -n '_shtab_eurobot_od_using emcy' -l clear -d 'empty the error history'
 complete -c eurobot-od -n '_shtab_eurobot_od_using emcy' -l json -d 'print as JSON'
 complete -c eurobot-od -n '_shtab_eurobot_od_using emcy' -l robot -xka "(__fish_complete_path (commandline -ct))" -d 'robot to use: a name, a folder or a module'

@@ -7,11 +7,18 @@ wait until the inhibit time lets them go, the newest ones if there are too many.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Hashable, Mapping
+from collections.abc import Callable, Hashable, Iterable, Mapping
 from enum import IntEnum
+from functools import partial
 from math import inf
+from types import MappingProxyType
+from typing import NamedTuple
 
+from eurobot_od.device.nmt import ALL_NODES
 from eurobot_od.frame import Frame
+from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.emcy_codes import profile_words
+from eurobot_od.od.standard import device_profile
 from eurobot_od.od.values import Address, Value
 from eurobot_od.sdo.wire import Abort, AbortCode
 
@@ -66,13 +73,44 @@ CLASSES = {
 """Classes of emergency error codes by their upper byte (CiA 301, Table 26)."""
 
 
-def error_words(code: int, own: Mapping[int, str]) -> str:
-    """Return an emergency error code in words: the device's `own`, ours, or the class that CiA 301 gives it."""
+def error_words(code: int, own: Mapping[int, str], profile: int = 0) -> str:
+    """Return an emergency error code in words.
+
+    They are the device's `own`, CiA 301's, those of its `profile` (0: none), or the class that CiA 301 gives the code.
+    """
     if code in own:
         return own[code]
     if code in set(ErrorCode):
         return ErrorCode(code).name.lower().replace("_", " ")
+    if found := profile_words(profile, code):
+        return found
     return CLASSES.get(code >> 8, CLASSES.get(code >> 8 & 0xF0, "reserved"))
+
+
+class ErrorWords(NamedTuple):
+    """The words for the error codes of a network's devices: for those of `all`, of some by node-ID, and their profiles.
+
+    The words of a node go before those of all, and these before the profile's.
+    """
+
+    all: Mapping[int, str]
+    nodes: Mapping[int, Mapping[int, str]]
+    profiles: Mapping[int, int]
+
+    @classmethod
+    def of_devices(
+        cls,
+        dictionaries: Iterable[Dictionary],
+        own: Mapping[int, str],
+        nodes: Mapping[int, Mapping[int, str]] = MappingProxyType({}),
+    ) -> ErrorWords:
+        """Return the words for devices that are described by these files."""
+        return cls(own, nodes, {each.node_id: device_profile(each.number) for each in dictionaries})
+
+    def of(self, node_id: int) -> Callable[[int], str]:
+        """Return what gives the words for a code of a node."""
+        own = {**self.all, **self.nodes.get(ALL_NODES, {}), **self.nodes.get(node_id, {})}
+        return partial(error_words, own=own, profile=self.profiles.get(node_id, 0))
 
 
 REGISTER_BIT = {0x5000: 0, 0x6000: 0, 0x8000: COMMUNICATION, 0xF000: MANUFACTURER}

@@ -12,7 +12,9 @@ from typing import IO, Any, NamedTuple
 
 from mcap.writer import Writer
 
+from eurobot_od.frame import identifier_text
 from eurobot_od.logs.entries import LogEntry
+from eurobot_od.logs.following import Following
 from eurobot_od.logs.meaning import Decoder, Meaning, with_defects
 from eurobot_od.pdo.kinds import ColumnForm
 from eurobot_od.pdo.message import Message, plain
@@ -66,8 +68,9 @@ def write(file: IO[bytes], entries: Iterable[LogEntry], decoder: Decoder, drawin
     writer.start(library="eurobot-od")
     channels = _Channels(writer, decoder, drawings)
     written, latest = Written(), 0.0
+    following = Following(decoder)
     for line, time, channel, raw in entries:
-        meaning = decoder(raw)
+        meaning = following(time, channel, raw)
         place = {"line": line, "channel": channel}
         # MCAP's times are unsigned 64-bit nanoseconds: an entry with another time is reported at the last good one.
         if 0 <= time < END_OF_TIME:
@@ -121,7 +124,11 @@ class _Channels:
             title, schema = self._schema(name)
             schema_id = self._writer.register_schema(title, SCHEMA, json.dumps(schema).encode())
             binding = self._bindings.get(name)
-            known = {"cob_id": f"0x{binding.cob_id:03X}", "senders": ", ".join(binding.senders)} if binding else {}
+            known = (
+                {"cob_id": f"0x{identifier_text(binding.cob_id)}", "senders": ", ".join(binding.senders)}
+                if binding
+                else {}
+            )
             self._ids[name] = self._writer.register_channel(f"/{name}", JSON, schema_id, known)
         # The time it was published is when it was logged: a bus has no other time than that of the log.
         now = round(time * NANOSECONDS)

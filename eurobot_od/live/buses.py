@@ -13,7 +13,7 @@ from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
 from eurobot_od.errors import BusError, UnknownName
-from eurobot_od.frame import Frame
+from eurobot_od.frame import EXTENDED, HIGHEST_EXTENDED, Frame
 from eurobot_od.live.links import BITRATE, remedy
 
 if TYPE_CHECKING:
@@ -167,7 +167,8 @@ class Driver:
         Without a timeout it is as short as the driver allows. A driver that is not `prompt` may wait longer.
         """
         # by their places: by their names the arguments take half as long again
-        message = self._message(0.0, frame.cob_id, False, frame.is_remote, False, None, len(frame.data), frame.data)
+        identifier, extended = frame.cob_id & HIGHEST_EXTENDED, frame.cob_id >= EXTENDED
+        message = self._message(0.0, identifier, extended, frame.is_remote, False, None, len(frame.data), frame.data)
         bus = self.bus
         try:
             bus.send(message, timeout=self._wait if timeout is None else timeout)

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from eurobot_od.frame import Frame
+from eurobot_od.frame import Frame, identifier_text
 from eurobot_od.load.message_set import MICROSECONDS, MessageSet
 from eurobot_od.load.report import BoundRow, load_report
 from eurobot_od.simulation.bits import frame_bits
@@ -108,7 +108,7 @@ def table(seen: SeenTraffic) -> Iterator[str]:
         times = (each.longest, each.period, each.jitter, each.answered, each.bound)
         texts = ("" if time is None else f"{time * 1000:.2f}" for time in times)
         share = f"{seen.load(each.bits):.2%}"
-        lines.append((f"{each.identifier:03X}", each.name, each.node, str(each.count), share, *texts))
+        lines.append((identifier_text(each.identifier), each.name, each.node, str(each.count), share, *texts))
     yield from columns(lines, "lllrrrrrrr")
     nodes: dict[str, int] = {}
     for each in messages:

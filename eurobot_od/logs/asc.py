@@ -19,7 +19,7 @@ EVENT = re.compile(rb"\d+\.\d+\s+((?!CANFD|\d)\S+|\d+\s+(Statistic|Status|J1939|
 """A line with a time that is not a frame: a word in place of the channel, or after it."""
 
 DIRECTIONS = (b"Rx", b"Tx", b"TxRq")
-ERROR_FRAME, CANFD, REMOTE, EXTENDED = b"errorframe", b"CANFD", (b"r", b"R"), (b"x", b"X")
+ERROR_FRAME, CANFD, DATA, REMOTE, EXTENDED = b"errorframe", b"CANFD", b"d", (b"r", b"R"), (b"x", b"X")
 
 
 class AscFormat(LineFormat):
@@ -36,16 +36,26 @@ class AscFormat(LineFormat):
 
     def entry(self, line: bytes) -> tuple[float, str, Raw]:
         stamp, channel, *words = line.split()
-        foreign = _foreign(line, channel, words)
+        foreign = _foreign(line, channel)
         if foreign:
             channel = words[0] if channel.upper() == CANFD else channel  # the word stands before the channel
             return seconds(stamp), _channel(channel), Foreign(foreign, shortened(line.split(None, 2)[2]))
-        identifier, direction, kind, length, *octets = words
+        identifier, direction, kind, *rest = words
+        extended, number = identifier[-1:] in EXTENDED, int(identifier.rstrip(b"xX"), self._base)
+        if direction not in DIRECTIONS or kind not in (*REMOTE, DATA):
+            raise ValueError(line)
+        if kind in REMOTE:  # CANalyzer leaves the length out
+            made = frame(number, b"", extended, int(rest[0], self._base) if rest else 0)
+        else:
+            made = frame(number, self._data(*rest), extended)
+        return seconds(stamp), _channel(channel), made
+
+    def _data(self, length: bytes, *octets: bytes) -> bytes:
         count = min(int(length, self._base), MOST_BYTES)  # a DLC of 9 to 15 means 8 bytes, too (ISO 11898-1)
         data = bytes([int(octet, self._base) for octet in octets[:count]])
-        if direction not in DIRECTIONS or kind != b"d" or len(data) != count:
+        if len(data) != count:
             raise ValueError(octets)
-        return seconds(stamp), _channel(channel), frame(int(identifier, self._base), data)
+        return data
 
 
 @cache
@@ -54,12 +64,8 @@ def _channel(channel: bytes) -> str:
     return str(int(channel) - 1)
 
 
-def _foreign(line: bytes, channel: bytes, words: list[bytes]) -> Damage | None:
-    """Return why a line is not a classic base data frame, None if it is one; raises IndexError if it is too short."""
+def _foreign(line: bytes, channel: bytes) -> Damage | None:
+    """Return why a line is not a classic frame, None if it is one."""
     if ERROR_FRAME in line.lower():
         return Damage.ERROR_FRAME
-    if channel.upper() == CANFD:
-        return Damage.FD
-    if words[2] in REMOTE:
-        return Damage.REMOTE
-    return Damage.EXTENDED if words[0][-1:] in EXTENDED else None
+    return Damage.FD if channel.upper() == CANFD else None

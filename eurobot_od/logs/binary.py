@@ -19,7 +19,8 @@ from eurobot_od.logs.entries import (
     Entries,
     Foreign,
     Raw,
-    frame_or_foreign,
+    foreign,
+    frame,
     read_each,
     seconds,
     shortened,
@@ -37,19 +38,14 @@ CREATE = """CREATE TABLE messages
 """The table of python-can's SqliteWriter."""
 
 
-FLAGS = (Damage.ERROR_FRAME, Damage.FD, Damage.REMOTE, Damage.EXTENDED)
-
-
-def _frame_or_foreign(flags: tuple[object, ...], cob_id: int, data: bytes) -> Raw:
-    """Return what was received; of its FLAGS the first that is set counts."""
-    damage = next((each for each, is_set in zip(FLAGS, flags) if is_set), None)
-    return frame_or_foreign(damage, cob_id, data)
-
-
 def of_message(message: can.Message) -> Raw:
-    """Return what python-can read, from a log or from a bus."""
-    flags = message.is_error_frame, message.is_fd, message.is_remote_frame, message.is_extended_id
-    return _frame_or_foreign(flags, message.arbitration_id, bytes(message.data))
+    """Return what python-can read, from a log or from a bus; raises ValueError for what no bus can carry."""
+    flags = {Damage.ERROR_FRAME: message.is_error_frame, Damage.FD: message.is_fd}
+    damage = next((each for each, is_set in flags.items() if is_set), None)
+    if damage is not None:
+        return foreign(damage, message.arbitration_id, bytes(message.data))
+    remote = message.dlc if message.is_remote_frame else None
+    return frame(message.arbitration_id, bytes(message.data), message.is_extended_id, remote)
 
 
 # SQLite
@@ -83,11 +79,15 @@ def write_table(file: Path, messages: Iterable[can.Message]) -> None:
 def _of_row(row: tuple[float, int, int, int, int, int, bytes | None]) -> tuple[float, str, Raw]:
     time, cob_id, extended, remote, error, length, data = row
     octets = data or b""
-    is_classic = not (error or remote or extended)
-    if is_classic and len(octets) != length:
+    if error:
+        return seconds(time), "", foreign(Damage.ERROR_FRAME, cob_id, octets)
+    if remote:
+        return seconds(time), "", frame(cob_id, b"", extended, length)
+    if len(octets) != length:
         raise ValueError(f"{cob_id:03X}#{octets.hex()} with length {length}")
-    flags = error, is_classic and length > MOST_BYTES, remote, extended
-    return seconds(time), "", _frame_or_foreign(flags, cob_id, octets)
+    if length > MOST_BYTES:  # no column says so
+        return seconds(time), "", foreign(Damage.FD, cob_id, octets)
+    return seconds(time), "", frame(cob_id, octets, extended)
 
 
 # Whatever else python-can knows

@@ -14,7 +14,7 @@ from struct import Struct
 from struct import error as StructError  # noqa: N812 (a class with a small name)
 from typing import BinaryIO, TypeAlias
 
-from eurobot_od.logs.entries import LARGEST, Damage, Entries, Foreign, Raw, frame_or_foreign, read_each, shortened
+from eurobot_od.logs.entries import LARGEST, Damage, Entries, Foreign, Raw, frame, read_each, shortened
 
 FILE_HEADER = Struct("<4sL32xHHHHHHHH")
 """Signature, size of the header, ..., start time: year, month, weekday, day, hour, minute, second, millisecond."""
@@ -145,5 +145,5 @@ def _entry(start: float, found: BlfObject) -> tuple[float, str, Raw]:
     if kind in FOREIGN_TYPES:
         return time, channel, Foreign(FOREIGN_TYPES[kind], shortened(body[2:].hex().upper()))
     _, flags, length, identifier, data = CLASSIC.unpack_from(body)
-    damage = Damage.REMOTE if flags & REMOTE_FLAG else Damage.EXTENDED if identifier & EXTENDED_FLAG else None
-    return time, channel, frame_or_foreign(damage, identifier & ~EXTENDED_FLAG, data[:length])
+    remote = length if flags & REMOTE_FLAG else None
+    return time, channel, frame(identifier & ~EXTENDED_FLAG, data[:length], identifier & EXTENDED_FLAG, remote)

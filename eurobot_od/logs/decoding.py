@@ -9,7 +9,8 @@ from typing import Any, BinaryIO
 from eurobot_od.logs import formats
 from eurobot_od.logs.entries import LARGEST, REMEMBERED, Raw
 from eurobot_od.logs.filters import Wanted, Window
-from eurobot_od.logs.meaning import Decoder, Defect
+from eurobot_od.logs.following import Follower, is_followed
+from eurobot_od.logs.meaning import Decoder, Defect, Meaning
 from eurobot_od.logs.output import Output
 from eurobot_od.logs.statistics import DamageCounts
 
@@ -25,22 +26,28 @@ class Decoding:
         self.damage = DamageCounts()
         self._output, self._window = output, window
 
-        # Most frames on a bus are requests and confirms without data: what is made from them is kept.
-        @lru_cache(REMEMBERED)
-        def show(raw: Raw) -> tuple[Any, tuple[Defect, ...]]:
-            meaning = decoder(raw)
+        def show(meaning: Meaning) -> tuple[Any, tuple[Defect, ...]]:
             return output.row(meaning) if wanted is None or wanted(meaning) else None, meaning.defects
 
-        self._show = show
+        # Most frames on a bus are requests and confirms without data: what is made from them is kept.
+        @lru_cache(REMEMBERED)
+        def known(raw: Raw) -> tuple[Any, tuple[Defect, ...], Meaning | None]:
+            meaning = decoder(raw)
+            return (None, (), meaning) if is_followed(meaning) else (*show(meaning), None)
+
+        self._decoder, self._show, self._known = decoder, show, known
 
     def lines(self, file: BinaryIO, log: str, form: str | None = None, largest: int = LARGEST) -> Iterator[str]:
         """Yield the lines of output for an open log named `log`; errors as `formats.read`.
 
         What is wrong in the log is counted, whether it is wanted or not.
         """
-        show, shown_time, write = self._show, self._window.clock(), self._output.writer(log)
+        known, shown_time, write = self._known, self._window.clock(), self._output.writer(log)
+        follow = Follower(self._decoder)
         for number, time, channel, raw in formats.read(file, form, largest):
-            row, defects = show(raw)
+            row, defects, followed = known(raw)
+            if followed:
+                row, defects = self._show(follow(time, channel, followed))
             if defects:
                 self.damage.add(log, number, defects)
             shown = shown_time(time)

@@ -1,6 +1,7 @@
-"""What a log holds: entries with a classic base data frame, or with something else.
+"""What a log holds: entries with a classic frame, or with something else.
 
-Nothing in a log is dropped; an entry that is not such a frame gets a name, its Damage.
+Nothing in a log is dropped; an entry that is not such a frame gets a name, its Damage. A frame with a 29-bit identifier
+has EXTENDED in its COB-ID.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ from enum import Enum
 from struct import error as StructError  # noqa: N812 (a class with a small name)
 from typing import BinaryIO, NamedTuple, TypeAlias, TypeVar
 
-from eurobot_od.frame import HIGHEST_IDENTIFIER, MOST_BYTES, Frame
+from eurobot_od.frame import EXTENDED, HIGHEST_EXTENDED, HIGHEST_IDENTIFIER, MOST_BYTES, Frame, RemoteFrame
 
 REMEMBERED = 256
 """Distinct frames, or values of a field, whose meaning is cached."""
@@ -29,16 +30,17 @@ class Damage(Enum):
     UNREADABLE = "unreadable"
     CUT_OFF = "cut off"
     ERROR_FRAME = "error frame"
-    REMOTE = "remote frame"
     FD = "FD frame"
     EXTENDED = "extended frame"
     UNKNOWN_IDENTIFIER = "unknown identifier"
+    SWITCHED_OFF = "switched off"
+    INCOMPLETE = "incomplete transfer"
     WRONG_LENGTH = "wrong length"
     OUT_OF_RANGE = "out of range"
 
 
 class Foreign(NamedTuple):
-    """An entry that is not a classic base data frame: the reason, and its text, shortened."""
+    """An entry that is not a classic frame: the reason, and its text, shortened."""
 
     damage: Damage
     text: str
@@ -83,16 +85,22 @@ def seconds(text: bytes | float) -> float:
     return time
 
 
-def frame(cob_id: int, data: bytes) -> Frame:
-    """Return a classic base data frame; raises ValueError for an identifier or length that it cannot have."""
-    if not 0 <= cob_id <= HIGHEST_IDENTIFIER or len(data) > MOST_BYTES:
-        raise ValueError(cob_id)
-    return tuple.__new__(Frame, (cob_id, data))
+def frame(identifier: int, data: bytes, extended: object = False, remote_length: int | None = None) -> Frame:
+    """Return a classic frame, a remote one of `remote_length`, if that is not None; both flags as a log has them.
+
+    Raises ValueError for an identifier or length that it cannot have.
+    """
+    highest, bit = (HIGHEST_EXTENDED, EXTENDED) if extended else (HIGHEST_IDENTIFIER, 0)
+    if not 0 <= identifier <= highest or len(data) > MOST_BYTES:
+        raise ValueError(identifier)
+    if remote_length is not None:  # a DLC of 9 to 15 means 8 bytes, too (ISO 11898-1)
+        return RemoteFrame(bit | identifier, bytes(min(remote_length, MOST_BYTES)))
+    return tuple.__new__(Frame, (bit | identifier, data))
 
 
-def frame_or_foreign(damage: Damage | None, cob_id: int, data: bytes) -> Raw:
-    """Return a frame, or with damage what stands there instead; raises ValueError as `frame`."""
-    return Foreign(damage, shortened(f"{cob_id:03X}#{data.hex().upper()}")) if damage else frame(cob_id, data)
+def foreign(damage: Damage, identifier: int, data: bytes) -> Foreign:
+    """Return what is no classic frame, but has an identifier and data."""
+    return Foreign(damage, shortened(f"{identifier:03X}#{data.hex().upper()}"))
 
 
 def shortened(text: str | bytes, length: int = 60) -> str:

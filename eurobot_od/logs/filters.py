@@ -20,8 +20,6 @@ from eurobot_od.pdo.protocol import Protocol
 Wanted: TypeAlias = Callable[[Meaning], bool]
 """Tells whether a frame with this meaning is wanted."""
 
-SERVICE_NAMES = ("NMT", "EMCY", "SDO", "Heartbeat")
-
 OPERATORS: Mapping[str, Callable[[Any, Any], bool]] = {
     "=": operator.eq,
     "!=": operator.ne,
@@ -40,8 +38,10 @@ def by_name(names: Iterable[str], protocol: Protocol) -> Wanted:
 
     Raises UnknownName.
     """
+    from eurobot_od.logs import services  # here: few filters are by name
+
     known = {
-        plain_name(name): name for name in (*protocol.names(), *SERVICE_NAMES, *protocol.catalogue.groups, CANOPEN)
+        plain_name(name): name for name in (*protocol.names(), *services.NAMES, *protocol.catalogue.groups, CANOPEN)
     }
     wanted = {known_name(name, known, "message") for name in names}
     return lambda meaning: meaning.name in wanted or meaning.group in wanted

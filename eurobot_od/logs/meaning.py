@@ -7,10 +7,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import cached_property, lru_cache, partial
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from eurobot_od.errors import FrameLengthError
-from eurobot_od.frame import Frame
+from eurobot_od.frame import Frame, RemoteFrame
 from eurobot_od.logs.entries import REMEMBERED, Damage, Foreign, Raw
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.pdos import OnRefused, fatal
@@ -22,10 +23,15 @@ from eurobot_od.pdo.message import Message, flagged_fields
 from eurobot_od.pdo.protocol import Protocol
 
 if TYPE_CHECKING:
+    from eurobot_od.device.emergency import ErrorWords
     from eurobot_od.logs.services import CanopenService
+    from eurobot_od.logs.unmapped import Unmapped
 
 CANOPEN = "CANopen"
 """The group of the services, as messages have theirs in the catalogue."""
+
+REQUEST = "remote frame: asks for it"
+"""What a remote frame says."""
 
 
 class Defect(NamedTuple):
@@ -35,10 +41,28 @@ class Defect(NamedTuple):
     text: str
 
 
+class Transfer(NamedTuple):
+    """An SDO transfer that has ended: the object, what happened to it, how, and how much it was in how many seconds.
+
+    `aborted` is the abort code, None if it was not; `lost` counts the segments that the log does not have. Without the
+    end in the log it is not `whole`.
+    """
+
+    object: str
+    is_upload: bool
+    how: str
+    size: int
+    seconds: float
+    aborted: int | None = None
+    lost: int = 0
+    is_whole: bool = True
+
+
 class Meaning(NamedTuple):
     """What a frame means: message or service `name`, its `group`, the `nodes` that send or receive it, and in words.
 
-    `message` is None for a service and for what could not be decoded. `name` is empty if nothing is known.
+    `message` is None for a service and for what could not be decoded. `name` is empty if nothing is known. `transfer`
+    is the SDO transfer that this frame ends, as far as `following` knows it.
     """
 
     raw: Raw
@@ -48,34 +72,61 @@ class Meaning(NamedTuple):
     message: Message | None
     text: str
     defects: tuple[Defect, ...] = ()
+    transfer: Transfer | None = None
 
 
 def with_defects(meaning: Meaning) -> str:
     """Write a damaged frame as far as it could be read, and after `!` what is wrong with it."""
     wrong = "; ".join(f"{damage.value}: {text}" for damage, text in meaning.defects)
-    return f"{meaning.text}  ! {wrong}" if meaning.message is not None else f"! {wrong}"
+    # A frame before which others are missing says all the same what it says.
+    is_read = meaning.message is not None or all(each.damage is Damage.INCOMPLETE for each in meaning.defects)
+    return f"{meaning.text}  ! {wrong}" if is_read else f"! {wrong}"
 
 
 class Decoder:
-    """Decodes frames by the EDS files of the nodes on the bus and the catalogue of their messages."""
+    """Decodes frames by the EDS files of the nodes on the bus and the catalogue of their messages.
+
+    `errors` are words for emergency error codes of single nodes, by node-ID; 0 stands for all nodes.
+    """
 
     def __init__(
-        self, dictionaries: Iterable[Dictionary], catalogue: Catalogue = NOTHING, refused: OnRefused = fatal
+        self,
+        dictionaries: Iterable[Dictionary],
+        catalogue: Catalogue = NOTHING,
+        refused: OnRefused = fatal,
+        errors: Mapping[int, Mapping[int, str]] = MappingProxyType({}),
     ) -> None:
         self.dictionaries = tuple(dictionaries)
-        self.protocol = Protocol.of_devices(self.dictionaries, catalogue, refused)
+        self.protocol = Protocol.of_devices(self.dictionaries, catalogue, refused, listening=True)
+        self._own_errors = errors
         self._bindings = {each.cob_id: each for each in self.protocol.bindings}
         self._readers: dict[int | Damage, Callable[[Any], Meaning]] = {}
 
     @cached_property
-    def _services(self) -> Mapping[int, CanopenService]:
+    def services(self) -> Mapping[int, CanopenService]:
         """The services by identifier; made late, as many logs have none."""
         from eurobot_od.logs.services import services
 
-        return services(self.dictionaries, self.protocol.catalogue.errors)
+        return services(self.dictionaries, self.errors)
+
+    @cached_property
+    def errors(self) -> ErrorWords:
+        """The words for the devices' emergency error codes."""
+        from eurobot_od.device.emergency import ErrorWords
+
+        return ErrorWords.of_devices(self.dictionaries, self.protocol.catalogue.errors, self._own_errors)
+
+    @cached_property
+    def _unmapped(self) -> Unmapped:
+        """What PDOs there are besides the messages; asked only for what is neither a message nor a service."""
+        from eurobot_od.logs.unmapped import Unmapped
+
+        return Unmapped.of(self.dictionaries)
 
     def __call__(self, raw: Raw) -> Meaning:
         """Return the meaning of a frame."""
+        if raw.__class__ is RemoteFrame:
+            return self._request(raw)
         read = self._readers.get(raw[0])  # by COB-ID; a Damage is never found
         if read:
             return read(raw)
@@ -87,16 +138,44 @@ class Decoder:
         return read(raw)
 
     def _service(self, frame: Frame) -> Meaning:
-        found = self._services.get(frame.cob_id)
+        found = self.services.get(frame.cob_id)
         if found is None:
-            return Meaning(frame, "", "", (), None, str(frame), (Defect(Damage.UNKNOWN_IDENTIFIER, str(frame)),))
-        nodes = (found.node,) if found.node else tuple(each.name for each in self.dictionaries)
-        if len(frame.data) != found.length:
-            text = f"{len(frame.data)} bytes of data, expected {found.length}"
+            return self._pdo(frame)
+        nodes = self._nodes(found)
+        if found.lengths and len(frame.data) not in found.lengths:
+            text = f"{len(frame.data)} bytes of data, expected {found.expected}"
             defect = Defect(Damage.WRONG_LENGTH, f"{found.name} {frame}: {text}")
             return Meaning(frame, found.name, CANOPEN, nodes, None, text, (defect,))
         text = ", ".join(filter(None, (found.node, found.text(frame.data))))
         return Meaning(frame, found.name, CANOPEN, nodes, None, text)
+
+    def _nodes(self, service: CanopenService) -> tuple[str, ...]:
+        return (service.node,) if service.node else tuple(each.name for each in self.dictionaries)
+
+    def _pdo(self, frame: Frame) -> Meaning:
+        """Return the meaning of a frame that is neither a message nor a service, as far as there is one."""
+        found = self._unmapped.get(frame.cob_id)
+        damage, why = self._unmapped.defect(frame.cob_id)
+        defects = (Defect(damage, f"{frame}{why}"),) if damage else ()
+        if found is None or not found.name:
+            return Meaning(frame, "", "", (), None, str(frame), defects)
+        text = REQUEST if frame.is_remote else found.text(frame.data)
+        return Meaning(frame, found.name, "", found.nodes, None, text, defects)
+
+    def _request(self, frame: RemoteFrame) -> Meaning:
+        """Return the meaning of a remote frame: it asks for the frame of its identifier."""
+        if binding := self._bindings.get(frame.cob_id):
+            nodes = (*binding.senders, *binding.receivers)
+            return Meaning(frame, binding.name, binding.group, nodes, None, REQUEST)
+        found = self.services.get(frame.cob_id)
+        if found is None:
+            return self._pdo(frame)
+        # Only of error control a remote frame has a meaning of its own (CiA 301, 7.2.8.2.2.1).
+        from eurobot_od.logs.services import GUARDING, HEARTBEAT
+
+        name = GUARDING if found.name == HEARTBEAT else found.name
+        text = ", ".join(filter(None, (found.node, REQUEST)))
+        return Meaning(frame, name, CANOPEN, self._nodes(found), None, text)
 
 
 def _reader(binding: Binding) -> Callable[[Frame], Meaning]:
@@ -115,7 +194,7 @@ def _reader(binding: Binding) -> Callable[[Frame], Meaning]:
         # Asked of every message, and hardly ever true: so a look at the types in C, and not at each field.
         if len(data) > length or OutOfRange in map(type, message):
             defects = tuple(_defects(frame, message, binding))
-        return new(Meaning, (frame, name, group, nodes, message, write(message), defects))
+        return new(Meaning, (frame, name, group, nodes, message, write(message), defects, None))
 
     return read
 

@@ -12,7 +12,7 @@ from struct import Struct
 from struct import error as StructError  # noqa: N812 (a class with a small name)
 from typing import BinaryIO, NamedTuple, TypeAlias
 
-from eurobot_od.logs.entries import LARGEST, Damage, Entries, Foreign, Raw, frame_or_foreign, read_each, seconds
+from eurobot_od.logs.entries import LARGEST, Damage, Entries, Foreign, Raw, foreign, frame, read_each, seconds
 
 SOCKETCAN = 227
 """The link type; its packets are an identifier with flags, length, FD flags, two bytes, and the data."""
@@ -81,16 +81,15 @@ def _entries(packets: Callable[[], Packets]) -> Entries:
 def _entry(packet: Packet) -> tuple[float, str, Raw]:
     identifier, length, fd_flags = PACKET.unpack_from(packet.data)
     data = packet.data[PACKET.size : PACKET.size + length]
-    flags = {
-        Damage.ERROR_FRAME: identifier & ERROR,
-        Damage.FD: fd_flags & FD or len(packet.data) > CLASSIC,
-        Damage.REMOTE: identifier & REMOTE,
-        Damage.EXTENDED: identifier & EXTENDED,
-    }
+    flags = {Damage.ERROR_FRAME: identifier & ERROR, Damage.FD: fd_flags & FD or len(packet.data) > CLASSIC}
     damage = next((each for each, is_set in flags.items() if is_set), None)
-    if damage is None and len(data) != length:
+    if damage is not None:
+        return seconds(packet.time), packet.channel, foreign(damage, identifier & IDENTIFIER, data)
+    remote = length if identifier & REMOTE else None
+    if remote is None and len(data) != length:
         raise ValueError(f"{identifier:03X}#{data.hex().upper()} with length {length}")
-    return seconds(packet.time), packet.channel, frame_or_foreign(damage, identifier & IDENTIFIER, data)
+    made = frame(identifier & IDENTIFIER, b"" if identifier & REMOTE else data, identifier & EXTENDED, remote)
+    return seconds(packet.time), packet.channel, made
 
 
 def _taken(file: BinaryIO, size: int, largest: int) -> bytes:

@@ -121,7 +121,16 @@ class Lines:
         """Write a frame, unless writing has failed."""
         from can import Message
 
-        message = Message(timestamp=time, arbitration_id=frame.cob_id, data=frame.data, is_extended_id=False)
+        from eurobot_od.frame import EXTENDED, HIGHEST_EXTENDED
+
+        message = Message(
+            timestamp=time,
+            arbitration_id=frame.cob_id & HIGHEST_EXTENDED,
+            is_extended_id=frame.cob_id >= EXTENDED,
+            is_remote_frame=frame.is_remote,
+            dlc=len(frame.data),
+            data=None if frame.is_remote else frame.data,
+        )
         with self._lock:
             if self.failure is None and not self._over.is_set():
                 self._try(lambda: self._writer(message))

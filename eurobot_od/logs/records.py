@@ -12,7 +12,7 @@ from collections.abc import Iterable, Sequence
 from functools import lru_cache
 from typing import Any
 
-from eurobot_od.frame import Frame
+from eurobot_od.frame import Frame, identifier_text
 from eurobot_od.logs.meaning import Meaning
 from eurobot_od.logs.output import Output, WriteLine
 from eurobot_od.pdo.message import plain
@@ -43,8 +43,9 @@ def _identification(meaning: Meaning) -> dict[str, Any]:
     """Return identifier, data, message or service, group and nodes, as far as they are known."""
     frame = meaning.raw if isinstance(meaning.raw, Frame) else None
     known = {
-        "id": frame and f"0x{frame.cob_id:03X}",
-        "data": frame and frame.data.hex().upper(),
+        "id": frame and f"0x{identifier_text(frame.cob_id)}",
+        "data": frame.data.hex().upper() if frame and not frame.is_remote else None,
+        "remote": True if frame and frame.is_remote else None,
         "message": meaning.name or None,
         "protocol": meaning.group or None,
         "nodes": list(meaning.nodes) or None,
@@ -59,6 +60,7 @@ def _json(data: Any) -> str:
 
 
 FRAME = ("id", "data", "message", "protocol")
+"""What of a frame is in a column of CSV; of a remote frame the text says that it is one."""
 
 
 class CsvOutput(Output):

@@ -1,32 +1,67 @@
-"""The CANopen services besides the messages: NMT, EMCY, SDO, boot-up and heartbeat (CiA 301, 7.2 and 7.3.3).
+"""The CANopen services besides the messages, by identifier (CiA 301, 7.3.3; CiA 302-2, 304, 305).
+
+What they say is in `network_words` and `sdo_words`, what their frames say together in `transfers`.
 
 Rule of this file: one frame at a time. What a frame means is said without the frames before it, so that a log may
-start anywhere; the middle of a segmented or block transfer is therefore only named.
+start anywhere.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import partial
-from types import MappingProxyType
-from typing import NamedTuple, TypeAlias
+from typing import NamedTuple
 
-from eurobot_od.device.emergency import error_words
-from eurobot_od.device.nmt import ALL_NODES, COMMAND_NAMES, STATE_NAMES
-from eurobot_od.od import values
+from eurobot_od.device.emergency import ErrorWords
+from eurobot_od.logs import network_words as words
+from eurobot_od.logs.sdo_words import ANSWERS, REQUESTS, frame_words
+from eurobot_od.od import lss, values
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.od.objects import data_type
-from eurobot_od.od.standard import EMCY, SDO_ANSWERS, SDO_REQUESTS
-from eurobot_od.sdo.wire import EXPEDITED, LAST, ClientCommand, Initiate, ServerCommand, code_and_reason, part_in
+from eurobot_od.od.standard import (
+    EMCY,
+    SDO_CLIENTS,
+    SDO_SERVERS,
+    SRDO_DATA,
+    SRDO_DIRECTION,
+    SRDO_INVERTED,
+    SRDOS,
+    SYNC,
+    TIME,
+)
+
+NMT, GFC, FLYING_MASTER, SYNC_NAME, TIME_NAME = "NMT", "GFC", "Flying master", "SYNC", "TIME"
+EMCY_NAME, SRDO, SDO, HEARTBEAT, GUARDING, LSS = "EMCY", "SRDO", "SDO", "Heartbeat", "Node guarding", "LSS"
+
+NAMES = (NMT, GFC, FLYING_MASTER, SYNC_NAME, TIME_NAME, EMCY_NAME, SRDO, SDO, HEARTBEAT, GUARDING, LSS)
+"""The names of all services."""
+
+NO_WORDS = ErrorWords({}, {}, {})
+"""No words but those of CiA 301."""
+
+ANY_LENGTH: tuple[int, ...] = ()
+
+
+class SdoEnd(NamedTuple):
+    """Which end of an SDO channel sends under an identifier; the `channel` is called by that of its requests."""
+
+    channel: int
+    is_answer: bool
+    dictionary: Dictionary | None
 
 
 class CanopenService(NamedTuple):
-    """What an identifier is for: the service's name, its node, the frame's length, and how it is read."""
+    """What an identifier is for: the service's name, its node, the frame's `lengths` (none: any), and its words."""
 
     name: str
     node: str
-    length: int
+    lengths: tuple[int, ...]
     text: Callable[[bytes], str]
+    end: SdoEnd | None = None
+
+    @property
+    def expected(self) -> str:
+        """The lengths in words."""
+        return " or ".join(map(str, self.lengths))
 
 
 class KnownNode(NamedTuple):
@@ -36,121 +71,101 @@ class KnownNode(NamedTuple):
     dictionary: Dictionary | None = None
 
 
-def services(
-    dictionaries: Iterable[Dictionary], errors: Mapping[int, str] = MappingProxyType({})
-) -> dict[int, CanopenService]:
+Services = dict[int, CanopenService]
+
+
+def services(dictionaries: Iterable[Dictionary], errors: ErrorWords = NO_WORDS) -> Services:
     """Return the services by identifier: the predefined ones of all node-IDs, then what the EDS files say.
 
-    `errors` are words for the error codes that are the devices' own.
+    `errors` are the words for the devices' emergency error codes.
     """
     known = {each.node_id: KnownNode(each.name, each) for each in dictionaries}
-    found = {values.NMT_COB_ID: CanopenService("NMT", "", 2, partial(nmt_text, {n: k.name for n, k in known.items()}))}
+    found = _broadcast({node_id: node.name for node_id, node in known.items()})
+    emcy = {}
     for node_id in values.NODE_IDS:
         node = known.get(node_id, KnownNode(f"node {node_id}"))
-        bases = values.EMCY_BASE, values.SDO_REQUEST_BASE, values.SDO_RESPONSE_BASE
-        found |= {base + node_id: service for base, service in zip(bases, _of_node(node, errors))}
-        found[values.ERROR_CONTROL_BASE + node_id] = CanopenService("Heartbeat", node.name, 1, heartbeat_text)
-    for node in known.values():  # after the predefined ones: what a node's file says is what it does
-        for address, service in zip((EMCY, SDO_REQUESTS, SDO_ANSWERS), _of_node(node, errors)):
-            cob_id = node.dictionary.number(address) if node.dictionary else None
-            if cob_id is not None and not cob_id & values.NOT_VALID:
-                found[cob_id] = service
+        emcy[node_id] = CanopenService(EMCY_NAME, node.name, (8,), partial(words.emcy, errors.of(node_id)))
+        found[values.EMCY_BASE + node_id] = emcy[node_id]
+        found |= _sdo(node, values.SDO_REQUEST_BASE + node_id, values.SDO_RESPONSE_BASE + node_id)
+        found[values.ERROR_CONTROL_BASE + node_id] = CanopenService(HEARTBEAT, node.name, (1,), words.heartbeat)
+    for node_id, node in known.items():  # after the predefined ones: what a node's file says is what it does
+        assert node.dictionary is not None
+        found |= _moved(node.dictionary, found, emcy[node_id]) | _safety(node.dictionary)
+    for dictionary in (each.dictionary for each in known.values()):
+        for server, request, answer in _sdo_channels(dictionary) if dictionary else ():
+            found |= _sdo(known.get(server, KnownNode(f"node {server}")), request, answer)
     return found
 
 
-def _of_node(node: KnownNode, errors: Mapping[int, str]) -> Iterator[CanopenService]:
-    """Yield EMCY, SDO requests and SDO answers."""
-    yield CanopenService("EMCY", node.name, 8, partial(emcy_text, errors))
-    for commands in (REQUESTS, ANSWERS):
-        yield CanopenService("SDO", node.name, 8, partial(sdo_text, commands, node.dictionary))
+def _broadcast(names: Mapping[int, str]) -> Services:
+    """Return the services that are no node's own."""
+    plainly = {
+        0x072: "negotiation of a new master",
+        0x073: "who is the active master?",
+        0x074: "a device that can be master is there",
+        0x075: "who can be master?",
+        0x076: "negotiation of a new master is forced",
+    }
+    return {
+        values.NMT_COB_ID: CanopenService(NMT, "", (2,), partial(words.nmt, names)),
+        0x001: CanopenService(GFC, "", (0,), words.said_plainly("all devices into their safe state")),
+        0x071: CanopenService(FLYING_MASTER, "", (2,), partial(words.active_master, names)),
+        **{
+            cob_id: CanopenService(FLYING_MASTER, "", ANY_LENGTH, words.said_plainly(what))
+            for cob_id, what in plainly.items()
+        },
+        values.SYNC_COB_ID: CanopenService(SYNC_NAME, "", (0, 1), words.sync),
+        values.TIME_COB_ID: CanopenService(TIME_NAME, "", (6,), words.time),
+        lss.REQUESTS: CanopenService(LSS, "", (lss.LENGTH,), words.lss_request),
+        lss.ANSWERS: CanopenService(LSS, "", (lss.LENGTH,), words.lss_answer),
+    }
 
 
-# NMT, heartbeat, EMCY
+def _sdo(node: KnownNode, request: int, answer: int) -> Services:
+    return {
+        cob_id: CanopenService(
+            SDO,
+            node.name,
+            (8,),
+            partial(frame_words, commands, node.dictionary),
+            SdoEnd(request, commands is ANSWERS, node.dictionary),
+        )
+        for cob_id, commands in ((request, REQUESTS), (answer, ANSWERS))
+    }
 
 
-def nmt_text(names: Mapping[int, str], data: bytes) -> str:
-    """Say which NMT command goes to which node (CiA 301, 7.2.8.3.1)."""
-    command, node_id = data
-    name = COMMAND_NAMES.get(command, f"command {command}")
-    return f"{name}, {'all nodes' if node_id == ALL_NODES else names.get(node_id, f'node {node_id}')}"
+def _moved(dictionary: Dictionary, predefined: Services, emcy: CanopenService) -> Services:
+    """Return what a file says is under another identifier than the predefined one."""
+    entries = {
+        SYNC: predefined[values.SYNC_COB_ID],
+        TIME: predefined[values.TIME_COB_ID],
+        EMCY: emcy,
+    }
+    found = {address: dictionary.number(address) for address in entries}
+    # The highest bit says "not valid" of EMCY only: of TIME it is "consumed", and of SYNC it means nothing.
+    return {
+        values.identifier(entry): entries[address]
+        for address, entry in found.items()
+        if entry is not None and not (address == EMCY and entry & values.NOT_VALID)
+    }
 
 
-def heartbeat_text(data: bytes) -> str:
-    """Say a node's state; a boot-up message is a heartbeat of state 0 (CiA 301, 7.2.8.3.2.2, 7.2.8.3.3)."""
-    return STATE_NAMES.get(data[0], f"state {data[0]}")
+def _safety(dictionary: Dictionary) -> Services:
+    """Return the safety-relevant data objects of a device: its data, and the same with all bits inverted (CiA 304)."""
+    found = {}
+    for index in (each for each in SRDOS if each in dictionary.members):
+        if dictionary.number((index, SRDO_DIRECTION)):  # 0: it is not valid
+            for sub, text in ((SRDO_DATA, words.plain), (SRDO_INVERTED, words.inverted)):
+                if entry := dictionary.number((index, sub)):
+                    found[values.identifier(entry)] = CanopenService(SRDO, dictionary.name, ANY_LENGTH, text)
+    return found
 
 
-def emcy_text(errors: Mapping[int, str], data: bytes) -> str:
-    """Say error code, error register and the manufacturer's bytes (CiA 301, 7.2.7.3.1)."""
-    code, register, info = int.from_bytes(data[:2], "little"), data[2], data[3:].hex(" ")
-    return f"0x{code:04X} {error_words(code, errors)}, register 0x{register:02X}, {info}"
-
-
-# SDO (CiA 301, 7.2.4.3)
-
-SdoText: TypeAlias = Callable[["Dictionary | None", bytes], str]
-Commands: TypeAlias = Mapping[int, SdoText]
-
-
-def sdo_text(commands: Commands, dictionary: Dictionary | None, data: bytes) -> str:
-    """Say what an SDO frame asks or answers; `commands` are those of its direction."""
-    text = commands.get(data[0] >> 5)
-    return text(dictionary, data) if text else f"command {data[0] >> 5}"
-
-
-def _object(dictionary: Dictionary | None, address: values.Address) -> str:
-    index, subindex = address
-    where = f"0x{index:04X}:{subindex:02X}"
-    variable = dictionary.variable(address) if dictionary else None
-    return where if variable is None else f"{where} {variable.qualname.replace('.', ', ')}"
-
-
-def _segment(_: Dictionary | None, data: bytes) -> str:
-    return f"segment of {len(part_in(data))} bytes" + ", the last" * (data[0] & LAST)
-
-
-def _abort(dictionary: Dictionary | None, data: bytes) -> str:
-    _, address, _ = abort = Initiate.of(data)
-    return f"abort {_object(dictionary, address)}: {code_and_reason(abort.number)}"
-
-
-def _of_object(what: str, value: bool = False) -> SdoText:
-    def text(dictionary: Dictionary | None, data: bytes) -> str:
-        initiate = Initiate.of(data)
-        said = f"{what} {_object(dictionary, initiate.address)}"
-        if not value:
-            return said
-        if not initiate.command & EXPEDITED:
-            return said if initiate.size is None else f"{said}, {initiate.size} bytes"
-        octets, variable = initiate.rest[: initiate.size], dictionary.variable(initiate.address) if dictionary else None
-        try:
-            return f"{said} = {str(data_type(variable).read(octets)) if variable else octets.hex(' ')}"
-        except ValueError:  # a length that the type does not have
-            return f"{said} = {octets.hex(' ')}"
-
-    return text
-
-
-def _plainly(what: str) -> SdoText:
-    return lambda _dictionary, _data: what
-
-
-REQUESTS: Commands = {
-    ClientCommand.DOWNLOAD_SEGMENT: _segment,
-    ClientCommand.DOWNLOAD: _of_object("write", value=True),
-    ClientCommand.UPLOAD: _of_object("read"),
-    ClientCommand.UPLOAD_SEGMENT: _plainly("next segment"),
-    ClientCommand.ABORT: _abort,
-    ClientCommand.BLOCK_UPLOAD: _plainly("block upload"),
-    ClientCommand.BLOCK_DOWNLOAD: _plainly("block download"),
-}
-
-ANSWERS: Commands = {
-    ServerCommand.UPLOAD_SEGMENT: _segment,
-    ServerCommand.DOWNLOAD_SEGMENT: _plainly("segment taken"),
-    ServerCommand.UPLOAD: _of_object("value of", value=True),
-    ServerCommand.DOWNLOAD: _of_object("written"),
-    ServerCommand.ABORT: _abort,
-    ServerCommand.BLOCK_DOWNLOAD: _plainly("block download"),
-    ServerCommand.BLOCK_UPLOAD: _plainly("block upload"),
-}
+def _sdo_channels(dictionary: Dictionary) -> Iterator[tuple[int, int, int]]:
+    """Yield node-ID of the server, identifiers of requests and answers, of each channel that a file describes."""
+    records = [index for index in (*SDO_SERVERS, *SDO_CLIENTS) if index in dictionary.members]
+    for index in records:
+        request, answer, other = (dictionary.number((index, sub)) for sub in (1, 2, 3))
+        server = dictionary.node_id if index in SDO_SERVERS else other
+        if request and answer and server and not (request | answer) & values.NOT_VALID:
+            yield server, values.identifier(request), values.identifier(answer)

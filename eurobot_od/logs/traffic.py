@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+from collections import Counter
+from collections.abc import Iterator
+
 from eurobot_od.frame import Frame
 from eurobot_od.load.message_set import MessageSet
 from eurobot_od.load.seen import SeenTraffic, table
-from eurobot_od.logs.meaning import Meaning
+from eurobot_od.logs.meaning import Meaning, Transfer
 from eurobot_od.logs.output import Output, WriteLine
+from eurobot_od.sdo.wire import code_and_reason
+from eurobot_od.support.amounts import amount
+from eurobot_od.support.durations import text
 from eurobot_od.support.escaping import one_line
 
 
@@ -25,13 +31,53 @@ class TrafficOutput(Output):
     def writer(self, log: str) -> WriteLine:
         self._heading = [one_line(f"{log}:")] if self._several else []
         self._seen = seen = SeenTraffic(self._bit_rate, self._promised)
+        self._transfers = transfers = TransferCounts()
 
         def take(_line: int, time: float, _channel: str, meaning: Meaning) -> str:
             assert isinstance(meaning.raw, Frame)  # see `row`
             seen.take(time, meaning.raw, meaning.name or "?", meaning.nodes[0] if meaning.nodes else "")
+            if meaning.transfer:
+                transfers.add(meaning.transfer)
             return ""
 
         return take
 
     def footer(self) -> str:
-        return "".join(f"{line}\n" for line in (*self._heading, *table(self._seen)))
+        return "".join(f"{line}\n" for line in (*self._heading, *table(self._seen), *self._transfers.report()))
+
+
+class TransferCounts:
+    """Counts SDO transfers: which way, how, how they ended, how much and how long."""
+
+    def __init__(self) -> None:
+        self._ways: Counter[str] = Counter()
+        self._hows: Counter[str] = Counter()
+        self._aborts: Counter[int] = Counter()
+        self._cut = self._bytes = 0
+        self._longest: Transfer | None = None
+
+    def add(self, transfer: Transfer) -> None:
+        """Count a transfer that has ended."""
+        self._ways["read" if transfer.is_upload else "write"] += 1
+        self._bytes += transfer.size
+        if not transfer.is_whole:
+            self._cut += 1
+        elif transfer.aborted is not None:
+            self._aborts[transfer.aborted] += 1
+        else:
+            self._hows[transfer.how] += 1
+            if self._longest is None or transfer.seconds > self._longest.seconds:
+                self._longest = transfer
+
+    def report(self) -> Iterator[str]:
+        """Yield the lines of a report; none if there was no transfer."""
+        if not self._ways:
+            return
+        ways = ", ".join(amount(number, way) for way, number in sorted(self._ways.items()))
+        hows = ", ".join(f"{number} {how}" for how, number in sorted(self._hows.items()))
+        ends = [f"{sum(self._aborts.values())} aborted", f"{self._cut} without an end", f"{self._bytes} bytes"]
+        yield f"SDO transfers: {ways}; {', '.join(filter(None, (hows, *ends)))}"
+        for code, number in self._aborts.most_common():
+            yield f"  {number} x abort {code_and_reason(code)}"
+        if self._longest:
+            yield one_line(f"  longest: {self._longest.object}, {text(round(self._longest.seconds, 6))}")

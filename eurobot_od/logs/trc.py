@@ -17,12 +17,14 @@ FRAMES: dict[str, Damage | None] = {
     **dict.fromkeys(("DT", "Rx", "Tx")),
     **dict.fromkeys(("FD", "FB", "FE", "BI"), Damage.FD),
     **dict.fromkeys(("ER", "Error"), Damage.ERROR_FRAME),
-    "RR": Damage.REMOTE,
+    "RR": None,
 }
 EVENTS = ("ST", "EC", "EV", "Warng")
 """Types of entries that are frames, and what kind of; and those that are not."""
 
-REMOTE_DATA = "RTR"
+REMOTE, REMOTE_DATA = "RR", "RTR"
+"""A remote frame, by its type in some versions, and in others by what stands in place of its data."""
+
 EXTENDED_DIGITS = 5
 """Identifiers with this many digits or more have 29 bits."""
 
@@ -66,14 +68,13 @@ class TrcFormat(LineFormat):
         words = rest.decode("ascii").split(None, self._data)  # the data, last and with blanks in it, in one piece
         channel = "1" if self._bus is None else words[self._bus]  # versions without that column record one bus
         identifier, data = words[self._identifier], " ".join(words[self._data :]).rstrip()
-        damage = None if self._type is None else FRAMES[words[self._type]]
-        if data == REMOTE_DATA:
-            damage = Damage.REMOTE
-        if damage is None and len(identifier) >= EXTENDED_DIGITS:
-            damage = Damage.EXTENDED
+        kind = None if self._type is None else words[self._type]
+        damage = None if kind is None else FRAMES[kind]
         if damage is not None:
             return time, channel, Foreign(damage, shortened(rest))
-        octets = bytes.fromhex(data)
-        if int(words[self._length]) != len(octets):
+        is_remote, length = kind == REMOTE or data == REMOTE_DATA, int(words[self._length])
+        octets = b"" if is_remote else bytes.fromhex(data)
+        if not is_remote and length != len(octets):
             raise ValueError(rest)
-        return time, channel, frame(int(identifier, 16), octets)
+        extended = len(identifier) >= EXTENDED_DIGITS
+        return time, channel, frame(int(identifier, 16), octets, extended, length if is_remote else None)

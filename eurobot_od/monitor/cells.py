@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
+from eurobot_od.frame import identifier_text
 from eurobot_od.logs.meaning import with_defects
 from eurobot_od.monitor.traffic import MonitorRow, NodeHealth
 from eurobot_od.support.escaping import one_line
@@ -33,7 +34,7 @@ def fitting(lines: Sequence[Sequence[str]], width: int) -> list[int]:
 
 def cells(row: MonitorRow, now: float) -> tuple[str, ...]:
     """Write a row, one text for each heading."""
-    identifier = "" if row.identifier is None else f"{row.identifier:03X}"
+    identifier = "" if row.identifier is None else identifier_text(row.identifier)
     period = row.period
     every = f"{period.mean * 1000:.1f} ± {period.jitter * 1000:.1f}" if period else ""
     age = f"{max(now - row.last, 0.0):.1f}"  # the clocks of driver and computer do not run alike

@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
-from functools import lru_cache
 from itertools import pairwise
 from statistics import fmean, pstdev
 from typing import Any, NamedTuple
@@ -19,8 +18,10 @@ from eurobot_od.device.nmt import STATE_NAMES, NmtState
 from eurobot_od.frame import Frame
 from eurobot_od.load.message_set import MessageSet
 from eurobot_od.load.seen import NOTHING, SeenTraffic
-from eurobot_od.logs.entries import REMEMBERED, Damage, Raw
-from eurobot_od.logs.meaning import Decoder, Meaning
+from eurobot_od.logs.entries import Damage, Raw
+from eurobot_od.logs.following import Following
+from eurobot_od.logs.meaning import REQUEST, Decoder, Meaning
+from eurobot_od.logs.services import EMCY_NAME, GUARDING, HEARTBEAT
 from eurobot_od.logs.statistics import DamageCounts
 from eurobot_od.od.standard import HEARTBEAT_TIME
 
@@ -95,12 +96,11 @@ class Traffic:
         self.now = 0.0
         self._bits = 0
         self._marks: deque[tuple[float, int, int]] = deque()
-        # Most frames on a bus are requests and confirms without data: their meaning is kept.
-        self._explain: Callable[[Raw], Meaning] = lru_cache(REMEMBERED)(decoder)
+        self._following = Following(decoder)
 
     def take(self, time: float, raw: Raw) -> Meaning:
         """Take in a frame and return what it means."""
-        meaning = self._explain(raw)
+        meaning = self._following(time, "", raw)
         self.now = time
         self.frames += 1
         row = self.rows.get(raw[0])  # by COB-ID or Damage: both kinds of entry have it first
@@ -114,15 +114,18 @@ class Traffic:
         if meaning.defects:
             row.wrong += 1
             self.damage.add("frame", self.frames, meaning.defects)
-        if meaning.name in ("Heartbeat", "EMCY") and not meaning.defects:
-            health = self.nodes.setdefault(meaning.nodes[0], NodeHealth())  # also one that no file describes
-            text = meaning.text.partition(", ")[2]  # the words of a service begin with the node's name
-            if meaning.name == "EMCY":  # 0x0000 is "error reset or no error" (CiA 301, Table 26)
-                health.emergency = "" if text.startswith("0x0000") else text
-            else:
-                health.state = text
-                (health.pulse.boot if text == STATE_NAMES[NmtState.INITIALISING] else health.pulse.beat)(time)
+        if meaning.name in (HEARTBEAT, GUARDING, EMCY_NAME) and not meaning.defects:
+            self._note_health(time, meaning)
         return meaning
+
+    def _note_health(self, time: float, meaning: Meaning) -> None:
+        health = self.nodes.setdefault(meaning.nodes[0], NodeHealth())  # also one that no file describes
+        text = meaning.text.partition(", ")[2]  # the words of a service begin with the node's name
+        if meaning.name == EMCY_NAME:  # 0x0000 is "error reset or no error" (CiA 301, Table 26)
+            health.emergency = "" if text.startswith("0x0000") else text
+        elif text != REQUEST:
+            health.state = text.partition(",")[0]  # before the toggle bit of an answer to a guarding master
+            (health.pulse.boot if health.state == STATE_NAMES[NmtState.INITIALISING] else health.pulse.beat)(time)
 
     def clear(self) -> None:
         """Forget what was counted."""

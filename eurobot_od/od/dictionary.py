@@ -213,9 +213,11 @@ class Dictionary:
         """All PDOs with their default communication and mapping parameters; see `read_pdos`."""
         return self.read_pdos(self.default)
 
-    def read_pdos(self, value: Callable[[Address], Value], refused: OnRefused = fatal) -> tuple[Pdo, ...]:
+    def read_pdos(
+        self, value: Callable[[Address], Value], refused: OnRefused = fatal, listening: bool = False
+    ) -> tuple[Pdo, ...]:
         """Read RPDOs, then TPDOs, from the parameter values that `value` gives; see `PdoReader`."""
-        return self._reader(value).pdos(refused)
+        return self._reader(value).pdos(refused, listening)
 
     def mapped(self, mapping_index: int, entry: int) -> Mapped:
         """Return what a mapping entry stands for; raises MappingError."""

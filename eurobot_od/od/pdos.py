@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from enum import IntEnum
 from typing import TYPE_CHECKING, NamedTuple, NoReturn, TypeAlias
 
 from eurobot_od.errors import MappingError
@@ -67,11 +68,18 @@ class Mapped(NamedTuple):
         return od.address_of(self.variable)
 
 
+class Multiplex(IntEnum):
+    """How a multiplexed PDO names its object: the value of sub-index 0 of its mapping (CiA 301, 7.5.2.36)."""
+
+    SOURCE = 0xFE
+    DESTINATION = 0xFF
+
+
 class Pdo(NamedTuple):
     """A PDO of a device: communication record `index`, its ParameterName, COB-ID and mapping.
 
     `inhibit_time` is in 100 us, `event_timer` in ms: the longest time between two TPDOs, or the deadline of an RPDO; 0
-    for none (CiA 301, Tables 66 and 70).
+    for none (CiA 301, Tables 66 and 70). A `multiplex`ed PDO maps nothing: each frame names its object.
     """
 
     direction: PdoDirection
@@ -83,6 +91,7 @@ class Pdo(NamedTuple):
     mapping: tuple[Mapped, ...]
     inhibit_time: int = 0
     event_timer: int = 0
+    multiplex: Multiplex | None = None
 
     @property
     def is_synchronous(self) -> bool:
@@ -161,16 +170,20 @@ class PdoReader:
     def __init__(self, file: Path, objects: ObjectDictionary, node_id: int, value: Callable[[Address], Value]) -> None:
         self._file, self._objects, self._node_id, self._value = file, objects, node_id, value
 
-    def pdos(self, refused: OnRefused = fatal) -> tuple[Pdo, ...]:
+    def pdos(self, refused: OnRefused = fatal, listening: bool = False) -> tuple[Pdo, ...]:
         """Return RPDOs, then TPDOs.
 
-        `refused` gets the MappingError, with file and index, of each that does not hold; by default it is raised.
+        `refused` gets the MappingError, with file and index, of each that does not hold; by default it is raised. Those
+        that multiplex, or have 29-bit identifiers, are only for who is `listening`, and hold for nobody else.
         """
         pdos = []
         for direction, records in values.COMMUNICATION_RECORDS.items():
             for index in sorted(each for each in self._objects.indices if each in records):
                 try:
-                    pdos.append(self._pdo(direction, index))
+                    pdo = self._pdo(direction, index)
+                    if not listening:
+                        self._refuse_unusual(pdo)
+                    pdos.append(pdo)
                 except MappingError as error:
                     refused(error)
         return tuple(pdos)
@@ -180,22 +193,34 @@ class PdoReader:
         inhibit_time, event_timer = (
             self._setting((index, sub), 0) for sub in (values.INHIBIT_TIME, values.EVENT_TIMER)
         )
-        if entry & values.EXTENDED:  # cut to 11 bits it would be another message's identifier
-            raise MappingError(self._file, index, f"COB-ID 0x{entry:08X} asks for a 29-bit identifier")
+        count = self._parameter((record, 0))
+        multiplex = Multiplex(count) if count in set(Multiplex) else None
+        if multiplex is None and count > values.MAX_BITS:
+            what = f"{direction.name}: sub 0 says that it maps {count} objects; a PDO has {values.MAX_BITS} bits"
+            raise MappingError(self._file, record, what)
         return Pdo(
             direction=direction,
             index=index,
             name=self._objects.indices[index].name,
-            cob_id=entry & values.BASE_IDENTIFIER,
-            valid=values.base_identifier(entry) is not None,
+            cob_id=values.identifier(entry),
+            valid=not entry & values.NOT_VALID and values.identifier(entry) != values.NMT_COB_ID,
             transmission_type=self._setting((index, values.TRANSMISSION_TYPE), values.EVENT_DRIVEN),
             mapping=tuple(
-                self.mapped(record, self._parameter((record, sub)))
-                for sub in range(1, self._parameter((record, 0)) + 1)
+                self.mapped(record, self._parameter((record, sub))) for sub in range(1, (0 if multiplex else count) + 1)
             ),
             inhibit_time=inhibit_time,
             event_timer=event_timer,
+            multiplex=multiplex,
         )
+
+    def _refuse_unusual(self, pdo: Pdo) -> None:
+        """Raise MappingError for a PDO that only a listener understands."""
+        if pdo.cob_id & values.EXTENDED:  # cut to 11 bits it would be another message's identifier
+            what = f"COB-ID 0x{pdo.cob_id:08X} asks for a 29-bit identifier"
+            raise MappingError(self._file, pdo.index, what)
+        if pdo.multiplex is not None:
+            kind = f"{pdo.multiplex.name.lower()} address mode"
+            raise MappingError(self._file, pdo.mapping_index, f"{pdo.title} is a multiplexed PDO ({kind})")
 
     def _cob_id(self, direction: PdoDirection, index: int) -> int:
         """Return a COB-ID entry; the first four PDOs have one also where the file leaves it out (CiA 301, 7.3.3)."""

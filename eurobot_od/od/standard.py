@@ -6,7 +6,7 @@ checks a file compares it with the table, and who reads one that leaves a type o
 
 from __future__ import annotations
 
-from collections.abc import Container, Mapping
+from collections.abc import Callable, Container, Mapping
 from typing import NamedTuple
 
 from eurobot_od.od import values
@@ -93,8 +93,17 @@ SDO_REQUESTS: Address = (0x1200, 1)
 SDO_ANSWERS: Address = (0x1200, 2)
 """COB-IDs of the SDO server that every device has."""
 
+SDO_SERVERS = range(0x1200, 0x1280)
+"""Records of the device's SDO servers: COB-IDs of requests and answers."""
+
 SDO_CLIENTS = range(0x1280, 0x1300)
 """Records of the SDO servers of others that the device uses: COB-IDs of requests and answers, and the node-ID."""
+
+SRDOS = range(0x1301, 0x1341)
+"""Records of safety-relevant data objects (CiA 304)."""
+
+SRDO_DIRECTION, SRDO_DATA, SRDO_INVERTED = 1, 5, 6
+"""Sub-indices of such a record: 0 for one that is not valid; the COB-IDs of its two frames."""
 
 PROGRAM_DATA, PROGRAM_CONTROL, PROGRAM_IDENTIFICATION, FLASH_STATUS = 0x1F50, 0x1F51, 0x1F56, 0x1F57
 """Program download (CiA 302-3): a program is a sub-index of each."""
@@ -140,6 +149,14 @@ KNOWN = (
     ),
     *(Known(indices, DATA_SUBS, UNSIGNED32) for indices in values.MAPPING_RECORDS.values()),
 )
+
+
+def device_profile(number: Callable[[Address], int | None]) -> int:
+    """Return the number of a device's profile, such as 402 of a drive; 0 for none (CiA 301, 7.5.2.1).
+
+    `number` gives the number that an object of the device has, None if it has none.
+    """
+    return (number(DEVICE_TYPE) or 0) & 0xFFFF
 
 
 def known_type(index: int, sub: int) -> DataType | None:

@@ -11,7 +11,8 @@ from enum import Enum
 from functools import lru_cache
 from typing import NamedTuple, TypeAlias, cast
 
-from eurobot_od.frame import HIGHEST_IDENTIFIER
+from eurobot_od.frame import EXTENDED as EXTENDED
+from eurobot_od.frame import HIGHEST_EXTENDED, HIGHEST_IDENTIFIER
 
 Address: TypeAlias = tuple[int, int]
 """Index and sub-index of an object."""
@@ -301,8 +302,8 @@ SLICE = re.compile(r"(?P<name>.+) [(\[](?P<high>\d{1,3}):(?P<low>\d{1,3})[)\]]$"
 
 # COB-IDs
 
-NOT_VALID, NO_RTR, EXTENDED = 1 << 31, 1 << 30, 1 << 29
-"""Bits of a COB-ID entry: the service is off, no remote frames, a 29-bit identifier (CiA 301, Tables 67 and 71)."""
+NOT_VALID, NO_RTR = 1 << 31, 1 << 30
+"""Bits of a COB-ID entry: the service is off, no remote frames (CiA 301, Tables 67 and 71); EXTENDED is the third."""
 
 BASE_IDENTIFIER = HIGHEST_IDENTIFIER
 """Bits of a COB-ID entry that hold an 11-bit identifier."""
@@ -312,6 +313,11 @@ def base_identifier(entry: Value) -> int | None:
     """Return the 11-bit identifier of a COB-ID entry; None if the service is off, or has none but NMT's 0."""
     usable = isinstance(entry, int) and not entry & (NOT_VALID | EXTENDED)
     return (cast(int, entry) & BASE_IDENTIFIER or None) if usable else None
+
+
+def identifier(entry: int) -> int:
+    """Return the identifier of a COB-ID entry, valid or not; EXTENDED stays, if it has 29 bits."""
+    return entry & (EXTENDED | HIGHEST_EXTENDED if entry & EXTENDED else BASE_IDENTIFIER)
 
 
 NMT_COB_ID, SYNC_COB_ID, TIME_COB_ID = 0x000, 0x080, 0x100
@@ -337,7 +343,11 @@ class IdentifierRange(NamedTuple):
 
     def whose(self, identifier: int) -> str:
         """Say whose an identifier of the range is: SYNC, or EMCY of node 64."""
-        return f"{self.owner} of node {identifier - self.low + 1}" if self.is_per_node else self.owner
+        return f"{self.owner} of node {self.node_id(identifier)}" if self.is_per_node else self.owner
+
+    def node_id(self, identifier: int) -> int | None:
+        """Return the node whose an identifier of the range is, None if the range is nobody's own."""
+        return identifier - self.low + 1 if self.is_per_node else None
 
 
 def _per_node(base: int, owner: str) -> IdentifierRange:

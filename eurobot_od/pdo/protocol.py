@@ -61,7 +61,9 @@ class Protocol:
         self.catalogue = catalogue
         self._bindings: dict[str, Binding] = {}
         self._by_cob_id: dict[int, Binding] = {}
-        valid = [(dictionary, pdo) for dictionary, pdos in sources for pdo in pdos if pdo.valid]
+        valid = [
+            (dictionary, pdo) for dictionary, pdos in sources for pdo in pdos if pdo.valid and pdo.multiplex is None
+        ]
         # senders first: a message has its sender's name and fields
         for dictionary, pdo in sorted(valid, key=lambda each: each[1].direction is PdoDirection.RPDO):
             try:
@@ -92,9 +94,19 @@ class Protocol:
         return cls.of_devices(dictionaries, cls.CATALOGUE)
 
     @classmethod
-    def of_devices(cls, dictionaries: Iterable[Dictionary], catalogue: Catalogue, refused: OnRefused = fatal) -> Self:
-        """Return the messages of devices as their files map them; `refused` also gets what a file's mapping lacks."""
-        return cls(((each, each.read_pdos(each.default, refused)) for each in dictionaries), catalogue, refused)
+    def of_devices(
+        cls,
+        dictionaries: Iterable[Dictionary],
+        catalogue: Catalogue,
+        refused: OnRefused = fatal,
+        listening: bool = False,
+    ) -> Self:
+        """Return the messages of devices as their files map them; `refused` also gets what a file's mapping lacks.
+
+        Who is `listening` gets those with 29-bit identifiers, too.
+        """
+        sources = ((each, each.read_pdos(each.default, refused, listening)) for each in dictionaries)
+        return cls(sources, catalogue, refused)
 
     def _bind(self, dictionary: Dictionary, pdo: Pdo) -> None:
         name, entry = self._identify(dictionary, pdo)

@@ -44,7 +44,7 @@ USUAL = (
 """A line with a classic base data frame as candump and python-can write it."""
 
 ENTRY: Mapping[str, pl.DataType] = {"line": pl.UInt64(), "t": pl.Float64(), "channel": pl.Categorical()}
-FRAMES = pl.Schema({**ENTRY, "cob_id": pl.UInt16(), "data": pl.Binary()})
+FRAMES = pl.Schema({**ENTRY, "cob_id": pl.UInt32(), "data": pl.Binary(), "remote": pl.Boolean()})
 FOREIGN = pl.Schema({**ENTRY, "kind": pl.String(), "text": pl.String()})
 
 
@@ -105,7 +105,7 @@ def _batch(entries: Iterable[LogEntry]) -> Batch:
     foreign: list[tuple[Any, ...]] = []
     for line, time, channel, raw in entries:
         if isinstance(raw, Frame):
-            frames.append((line, time, channel, raw.cob_id, raw.data))
+            frames.append((line, time, channel, raw.cob_id, raw.data, raw.is_remote))
         else:
             foreign.append((line, time, channel, raw.damage.value, raw.text))
     return Batch(
@@ -186,8 +186,9 @@ def _of_lines(content: bytes, before: int, time: float) -> Batch:
         "line",
         pl.col("t").cast(pl.Float64),
         pl.col("channel").cast(pl.Categorical),
-        pl.col("cob_id").str.to_integer(base=16, dtype=pl.UInt16),
+        pl.col("cob_id").str.to_integer(base=16, dtype=pl.UInt32),
         pl.col("hex").str.decode("hex").alias("data"),
+        pl.lit(value=False).alias("remote"),
     )
     if len(usual) == len(found) or not content:  # no content is one line without text
         return Batch(frames, pl.DataFrame(schema=FOREIGN), len(content))

@@ -5,20 +5,19 @@ Rule of this file: a defect has the kind and the words that `logs.meaning.Decode
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Container, Iterator, Mapping
 from typing import NamedTuple
 
 import polars as pl
 
-from eurobot_od.frame import HIGHEST_IDENTIFIER
+from eurobot_od.frame import identifier_text
 from eurobot_od.logs.entries import Damage
 from eurobot_od.logs.services import CanopenService
+from eurobot_od.logs.unmapped import Unmapped
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.season.columns import LENGTH, flagged, readable
 
 PLACE = ("line", "t", "channel")
-
-HEX_DIGITS = {number: f"{number:03X}" for number in range(HIGHEST_IDENTIFIER + 1)}
 
 
 class Check(NamedTuple):
@@ -62,27 +61,38 @@ def _checks(binding: Binding) -> Iterator[Check]:
             yield Check(Damage.OUT_OF_RANGE, readable(binding) & raw.is_not_null(), text)
 
 
-def of_others(frames: pl.DataFrame, services: Mapping[int, CanopenService]) -> Iterator[pl.DataFrame]:
-    """Yield the defects of frames that are no message's: services of another length, and unknown identifiers."""
-    known = pl.DataFrame(
-        [(cob_id, each.name, each.length) for cob_id, each in services.items()],
-        {"cob_id": pl.UInt16, "service": pl.String, "wanted": pl.Int64},
-        orient="row",
-    )
-    joined = frames.join(known, on="cob_id", how="left", maintain_order="left")
-    yield _defects(joined.filter(pl.col("service").is_null()), Damage.UNKNOWN_IDENTIFIER, FRAME)
-    got, wanted = (pl.col(name).cast(pl.String) for name in (LENGTH, "wanted"))
-    words = pl.col("service"), pl.lit(" "), FRAME, pl.lit(": "), got, pl.lit(" bytes of data, expected "), wanted
-    wrong = joined.filter(pl.col("service").is_not_null() & (pl.col(LENGTH) != pl.col("wanted")))
-    yield _defects(wrong, Damage.WRONG_LENGTH, pl.concat_str(*words))
+def of_others(
+    frames: pl.DataFrame, services: Mapping[int, CanopenService], messages: Container[int], others: Unmapped
+) -> Iterator[pl.DataFrame]:
+    """Yield the defects of frames that are no message's: services of another length, and identifiers of none."""
+    for (cob_id,), some in frames.partition_by("cob_id", as_dict=True, maintain_order=True).items():
+        number = int(cob_id)
+        if number in services:
+            yield _of_service(some, number, services[number])
+        else:
+            remote = pl.col("remote") if number in messages else pl.lit(value=False)
+            yield _of_unmapped(some.filter(~remote), number, others)
 
 
-FRAME = pl.concat_str(
-    pl.col("cob_id").replace_strict(list(HEX_DIGITS), list(HEX_DIGITS.values()), return_dtype=pl.String),
-    pl.lit("#"),
-    pl.col("data").bin.encode("hex").str.to_uppercase(),
-)
-"""A frame as people write it: `008#D27423592C01C3A5`."""
+def _of_service(frames: pl.DataFrame, cob_id: int, service: CanopenService) -> pl.DataFrame:
+    is_wrong = ~pl.col("remote") & ~pl.col(LENGTH).is_in(service.lengths) if service.lengths else pl.lit(value=False)
+    end = pl.lit(f" bytes of data, expected {service.expected}")
+    words = pl.lit(f"{service.name} "), _frame(cob_id), pl.lit(": "), pl.col(LENGTH).cast(pl.String), end
+    return _defects(frames.filter(is_wrong), Damage.WRONG_LENGTH, pl.concat_str(*words))
+
+
+def _of_unmapped(frames: pl.DataFrame, cob_id: int, others: Unmapped) -> pl.DataFrame:
+    damage, why = others.defect(cob_id)
+    if damage is None:
+        return _defects(frames.clear(), Damage.UNKNOWN_IDENTIFIER, pl.lit(""))
+    return _defects(frames, damage, pl.concat_str(_frame(cob_id), pl.lit(why)))
+
+
+def _frame(cob_id: int) -> pl.Expr:
+    """Write a frame as people do: `008#D27423592C01C3A5`, or `705#R1` for a remote one."""
+    length = pl.when(pl.col(LENGTH) == 0).then(pl.lit("")).otherwise(pl.col(LENGTH).cast(pl.String))
+    remote, data = pl.concat_str(pl.lit("R"), length), pl.col("data").bin.encode("hex").str.to_uppercase()
+    return pl.concat_str(pl.lit(f"{identifier_text(cob_id)}#"), pl.when("remote").then(remote).otherwise(data))
 
 
 def _defects(frames: pl.DataFrame, damage: Damage, text: pl.Expr) -> pl.DataFrame:

@@ -103,7 +103,7 @@ class Season:
                 eds = pl.read_parquet(tables.file_of(self.folder, tables.RUNS, file.stem), columns=["eds"]).item()
                 rows.append((table, eds, *(said.get(key, "") for key in KNOWN)))
         made = pl.DataFrame(rows, ["table", "eds", *KNOWN], orient="row")
-        number = pl.col("cob_id").str.strip_prefix("0x").str.to_integer(base=16, dtype=pl.UInt16)
+        number = pl.col("cob_id").str.strip_prefix("0x").str.to_integer(base=16, dtype=pl.UInt32)
         return made.with_columns(number).sort("cob_id", "eds")
 
     def sql(

@@ -30,6 +30,8 @@ SAID = {
     "line": "line of the log, or number of the entry where there are no lines",
     "t": "time by the log's clock",
     "channel": "channel as the log names it",
+    "cob_id": "identifier; one of 29 bits has bit 29 set, as in a COB-ID",
+    "remote": "whether it is a remote frame, whose data is zeros of the length that it asks for",
 }
 UNITS = {"t": "s"}
 
@@ -51,7 +53,12 @@ SCHEMAS: Mapping[str, pa.Schema] = {
         ]
     ),
     FRAMES: pa.schema(
-        [*PLACE, pa.field("cob_id", pa.uint16(), nullable=False), pa.field("data", OCTETS, nullable=False)]
+        [
+            *PLACE,
+            pa.field("cob_id", pa.uint32(), nullable=False),
+            pa.field("data", OCTETS, nullable=False),
+            pa.field("remote", pa.bool_(), nullable=False),
+        ]
     ),
     DAMAGE: pa.schema([*PLACE, ("kind", WORD), ("text", TEXT)]),
 }

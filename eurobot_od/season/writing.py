@@ -17,6 +17,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from eurobot_od.logs.services import services
+from eurobot_od.logs.unmapped import Unmapped
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.catalogue import Catalogue
@@ -25,7 +26,7 @@ from eurobot_od.season import defects, tables
 from eurobot_od.season.batches import FOREIGN, Batch
 from eurobot_od.season.columns import FROM_DATA, LENGTH, WORD, message_columns, readable
 
-VERSION = b"1"
+VERSION = b"2"
 """To be raised when the same log would give other tables, so that it is archived again."""
 
 
@@ -51,7 +52,7 @@ class NetworkDecoding:
 
     def __init__(self, network: DecodedNetwork) -> None:
         # A PDO that does not hold is left out: the one who loaded the devices has reported it.
-        protocol = Protocol.of_devices(network.dictionaries, network.catalogue, lambda _: None)
+        protocol = Protocol.of_devices(network.dictionaries, network.catalogue, lambda _: None, listening=True)
         names, answers = tables.table_names(protocol.names()), dict(network.answers)
         self.eds = network.hash
         self.network = " ".join(f"{each.node_id}={each.name}" for each in network.dictionaries)
@@ -59,9 +60,14 @@ class NetworkDecoding:
             each.cob_id: MessageDecoding(each, names[each.name], answers.get(each.name, ""))
             for each in protocol.bindings
         }
-        found = services(network.dictionaries, protocol.catalogue.errors)
+        found = services(network.dictionaries)  # of EMCY only its place is needed
         # An identifier of the predefined set that a message has is the message's.
         self.services = {cob_id: each for cob_id, each in found.items() if cob_id not in self.messages}
+        self.others = Unmapped.of(network.dictionaries)
+
+    def defects_of_others(self, frames: pl.DataFrame) -> Iterator[pl.DataFrame]:
+        """Yield what is wrong with frames that are no message's."""
+        return defects.of_others(frames, self.services, self.messages, self.others)
 
 
 EMPTY = pl.DataFrame(schema={WORD: pl.UInt64, LENGTH: pl.UInt32})
@@ -206,13 +212,17 @@ class RunTables:
     def _of_messages(self, frames: pl.DataFrame) -> Iterator[pl.DataFrame]:
         """Write the messages; yield what is wrong with them and with all other frames."""
         others = []
+        remote = frames["remote"]
+        if remote.any():  # of an identifier that a message or a service has, a remote frame says that it is asked for
+            others.append(frames.filter(remote))
+            frames = frames.filter(~remote)
         for (cob_id,), some in frames.partition_by("cob_id", as_dict=True).items():
             if int(cob_id) in self._messages:
                 yield from self._messages[int(cob_id)].take(some)
             else:
                 others.append(some)
         if others:
-            yield from defects.of_others(pl.concat(others), self._decoding.services)
+            yield from self._decoding.defects_of_others(pl.concat(others))
 
     def _write_damage(self, wrong: Iterable[pl.DataFrame]) -> None:
         parts = [each.select(FOREIGN.names()).cast(FOREIGN) for each in wrong if len(each)]

@@ -1,4 +1,4 @@
-"""A frame as bits on the wire, stuff bits included (ISO 11898-1, classic base frames), and read back from them.
+"""A frame as bits on the wire, stuff bits included (ISO 11898-1, classic frames), and base frames read back from them.
 
 Rule of this file: exact, not estimated: the bits are written out, protected by the CRC and stuffed. A bit is a level:
 0 is dominant, 1 recessive.
@@ -9,7 +9,7 @@ from __future__ import annotations
 from functools import lru_cache
 from typing import NamedTuple
 
-from eurobot_od.frame import Frame
+from eurobot_od.frame import EXTENDED, HIGHEST_EXTENDED, Frame
 
 DOMINANT, RECESSIVE = 0, 1
 
@@ -24,7 +24,7 @@ END_OF_FRAME = 7
 INTERMISSION = 3
 
 ARBITRATION_BITS = 1 + 11 + 1
-"""Start of frame, identifier and RTR: here a recessive bit may be overwritten without an error."""
+"""Start of frame, identifier and RTR of a base frame: here a recessive bit may be overwritten without an error."""
 
 RUN = {run: (min(run, 0) - 1, max(run, 0) + 1) for run in range(-STUFF_AFTER, STUFF_AFTER + 1)}
 """How long a run of equal bits is after a dominant and after a recessive bit: zeros count down, ones up."""
@@ -49,8 +49,9 @@ class Wire(NamedTuple):
 @lru_cache(maxsize=KNOWN)
 def on_wire(frame: Frame) -> Wire:
     """Write out the bits of a frame."""
-    # After the identifier: RTR 0 for a data frame, IDE 0 for 11 bits, and a reserved bit.
-    head = f"0{frame.cob_id:011b}000{len(frame.data):04b}" + "".join(f"{byte:08b}" for byte in frame.data)
+    head = _identifier_bits(frame) + f"{len(frame.data):04b}"
+    if not frame.is_remote:  # a remote frame has the length of the answer, and no data
+        head += "".join(f"{byte:08b}" for byte in frame.data)
     bits: list[int] = []
     stuffed: list[int] = []
     run = arbitration = 0
@@ -67,6 +68,15 @@ def on_wire(frame: Frame) -> Wire:
         if number == ARBITRATION_BITS:
             arbitration = len(bits)
     return Wire(tuple(bits), frozenset(stuffed), arbitration, len(bits) + ACKNOWLEDGE_BITS + END_OF_FRAME)
+
+
+def _identifier_bits(frame: Frame) -> str:
+    """Return the bits from the start of frame to the length."""
+    remote = int(frame.is_remote)
+    if not frame.cob_id & EXTENDED:  # after the identifier RTR, IDE 0 for 11 bits, and a reserved bit
+        return f"0{frame.cob_id:011b}{remote}00"
+    bits = f"{frame.cob_id & HIGHEST_EXTENDED:029b}"  # between its parts SRR and IDE, both 1; two reserved bits behind
+    return f"0{bits[:11]}11{bits[11:]}{remote}00"
 
 
 def frame_bits(frame: Frame) -> int:

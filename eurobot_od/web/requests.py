@@ -18,7 +18,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from eurobot_od.client.configure import read_object
 from eurobot_od.client.history import history
 from eurobot_od.client.master import Master, RemoteNode
-from eurobot_od.device.emergency import error_words
 from eurobot_od.device.nmt import ALL_NODES, COMMAND_NAMES, NmtCommand
 from eurobot_od.errors import EurobotError, LocalError, RemoteError, UnknownName
 from eurobot_od.frame import Frame
@@ -150,8 +149,9 @@ class Requests:
 
     def history(self, said: Arguments) -> list[str]:
         """Read the errors that a node remembers, newest first."""
-        errors = self.session.decoder.protocol.catalogue.errors
-        return [f"0x{each.code:04X} {error_words(each.code, errors)}" for each in history(self._node(said)).entries]
+        node = self._node(said)
+        words = self.session.decoder.errors.of(node.node_id)
+        return [f"0x{each.code:04X} {words(each.code)}" for each in history(node).entries]
 
     def watch(self, said: Arguments) -> str:
         """Read an object for a while from now on, for plots; returns its key in snapshots."""

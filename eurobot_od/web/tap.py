@@ -44,7 +44,7 @@ class Tap(can.BusABC):
 
     def give(self, frame: Frame) -> None:
         """Pass a frame to the master if it listens to it."""
-        if frame.cob_id not in WANTED:
+        if frame.cob_id not in WANTED or frame.is_remote:
             return
         message = can.Message(arbitration_id=frame.cob_id, data=frame.data, is_extended_id=False)
         with suppress(Full):  # only this thread puts something in

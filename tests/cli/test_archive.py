@@ -17,7 +17,7 @@ from tests.cli.console import run
 @pytest.fixture
 def log(tmp_path: Path) -> str:
     file = tmp_path / "some.log"
-    file.write_text("(1.000000) can0 010#\n(2.000000) can0 7E5#00\n")
+    file.write_text("(1.000000) can0 010#\n(2.000000) can0 7E6#00\n")
     return str(file)
 
 

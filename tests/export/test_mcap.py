@@ -30,7 +30,7 @@ ENTRIES: list[LogEntry] = [
     (3, 1.7, "can0", ENCODE(messages.NaviPositionResponse(None, None, None, Source.INTERNAL))),
     (4, 1.8, "can0", ENCODE(messages.GotoStateResponse(GotoFault.BLOCKED))),
     (5, 1.9, "can0", Frame(0x702, b"\5")),
-    (6, 2.0, "can0", Frame(0x7E5, b"12")),
+    (6, 2.0, "can0", Frame(0x7E6, b"12")),
     (7, 2.1, "", Foreign(Damage.UNREADABLE, "x")),
 ]
 
@@ -72,7 +72,7 @@ def test_places_are_poses_in_metres(found: dict[str, list[tuple[float, dict[str,
 
 def test_damage_is_kept(found: dict[str, list[tuple[float, dict[str, Any]]]]) -> None:
     assert [content["text"] for _, content in found["/damage"]] == [
-        "! unknown identifier: 7E5#3132",
+        "! unknown identifier: 7E6#3132",
         "! unreadable: x",
     ]
 

@@ -6,7 +6,7 @@ import io
 
 import pytest
 
-from eurobot_od.frame import Frame
+from eurobot_od.frame import EXTENDED, Frame, RemoteFrame
 from eurobot_od.logs import formats
 from eurobot_od.logs.entries import Damage, Foreign, Raw
 
@@ -23,11 +23,11 @@ def test_frames_of_all_directions_are_read(direction: str) -> None:
 @pytest.mark.parametrize(
     ("line", "channel", "foreign"),
     [
-        (" 2.5 3 18FF0001x Rx d 1 AA", "2", Foreign(Damage.EXTENDED, "18FF0001x Rx d 1 AA")),
-        (" 2.5 3 18FF0001X Rx d 1 AA", "2", Foreign(Damage.EXTENDED, "18FF0001X Rx d 1 AA")),
-        (" 2.5 1 1C0 Rx r 8", "0", Foreign(Damage.REMOTE, "1C0 Rx r 8")),
-        (" 2.5 1 1C0 Tx R", "0", Foreign(Damage.REMOTE, "1C0 Tx R")),
-        (" 2.5 1 18FF0001x Rx r", "0", Foreign(Damage.REMOTE, "18FF0001x Rx r")),
+        (" 2.5 3 18FF0001x Rx d 1 AA", "2", Frame(EXTENDED | 0x18FF0001, b"\xaa")),
+        (" 2.5 3 18FF0001X Rx d 1 AA", "2", Frame(EXTENDED | 0x18FF0001, b"\xaa")),
+        (" 2.5 1 1C0 Rx r 8", "0", RemoteFrame(0x1C0, bytes(8))),
+        (" 2.5 1 1C0 Tx R", "0", RemoteFrame(0x1C0)),
+        (" 2.5 1 18FF0001x Rx r", "0", RemoteFrame(EXTENDED | 0x18FF0001)),
         (" 2.5 2 ErrorFrame", "1", Foreign(Damage.ERROR_FRAME, "ErrorFrame")),
         (" 2.5 CANFD 2 Rx 1C0 1 0 8 8 00", "1", Foreign(Damage.FD, "2 Rx 1C0 1 0 8 8 00")),
         (" 2.5 canfd 2 Rx 1C0 1 0 8 8 00", "1", Foreign(Damage.FD, "2 Rx 1C0 1 0 8 8 00")),

@@ -9,7 +9,7 @@ from pathlib import Path
 import can
 import pytest
 
-from eurobot_od.frame import Frame
+from eurobot_od.frame import EXTENDED, Frame, RemoteFrame
 from eurobot_od.logs import formats
 from eurobot_od.logs.binary import CREATE, read_messages, write_table
 from eurobot_od.logs.entries import Damage, Foreign, Raw
@@ -35,9 +35,9 @@ def table(folder: Path, *rows: tuple[object, ...]) -> Path:
     [
         (GOOD, Frame(0x014, b"\x01\x02")),
         ((1.5, 0x014, 0, 0, 0, 0, None), Frame(0x014, b"")),
-        ((1.5, 0x014, 1, 0, 0, 1, b"\xaa"), Foreign(Damage.EXTENDED, "00000014#AA")),
-        ((1.5, 0x014, 0, 1, 0, 8, b""), Foreign(Damage.REMOTE, "014#")),  # of 8 bytes, and has none
-        ((1.5, 0x014, 1, 1, 0, 0, b""), Foreign(Damage.REMOTE, "00000014#")),
+        ((1.5, 0x014, 1, 0, 0, 1, b"\xaa"), Frame(EXTENDED | 0x014, b"\xaa")),
+        ((1.5, 0x014, 0, 1, 0, 8, b""), RemoteFrame(0x014, bytes(8))),
+        ((1.5, 0x014, 1, 1, 0, 0, b""), RemoteFrame(EXTENDED | 0x014)),
         ((1.5, 0x014, 1, 1, 1, 0, b""), Foreign(Damage.ERROR_FRAME, "00000014#")),
         ((1.5, 0x014, 0, 0, 0, 8, bytes(8)), Frame(0x014, bytes(8))),
         ((1.5, 0x014, 0, 0, 0, 9, bytes(9)), Foreign(Damage.FD, "014#" + "00" * 9)),
@@ -87,8 +87,8 @@ def test_what_is_written_is_read_again(tmp_path: Path) -> None:
     assert [time for _, time, *_ in found] == [1.5, 2.5, 3.5, 4.5]
     assert [raw.damage if isinstance(raw, Foreign) else raw for *_, raw in found] == [
         Frame(0x014, b"\x01\x02"),
-        Damage.EXTENDED,
-        Damage.REMOTE,
+        Frame(EXTENDED | 0x014, b"\x03"),
+        RemoteFrame(0x014),
         Damage.ERROR_FRAME,
     ]
 

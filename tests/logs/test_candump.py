@@ -6,7 +6,7 @@ import io
 
 import pytest
 
-from eurobot_od.frame import Frame
+from eurobot_od.frame import EXTENDED, Frame, RemoteFrame
 from eurobot_od.logs import formats
 from eurobot_od.logs.entries import Damage, Foreign, Raw
 
@@ -30,14 +30,17 @@ VALID = [
     ("(0000000001.250000)  can1   014#aBcDeF", 1.25, "can1", Frame(0x014, b"\xab\xcd\xef")),
     # highest identifier
     ("(1.0) can0 7FF#00", 1.0, "can0", Frame(0x7FF, b"\0")),
+    # remote frames, of a length that is said or not; a DLC above 8 is 8 bytes
+    ("(1.0) can0 008#R", 1.0, "can0", RemoteFrame(0x008)),
+    ("(1.0) can0 705#R1", 1.0, "can0", RemoteFrame(0x705, b"\0")),
+    ("(1.0) can0 008#RF", 1.0, "can0", RemoteFrame(0x008, bytes(8))),
+    # 29-bit identifiers, also small ones
+    ("(1.0) can0 18FF0001#AABB", 1.0, "can0", Frame(EXTENDED | 0x18FF0001, b"\xaa\xbb")),
+    ("(1.0) can0 00000008#", 1.0, "can0", Frame(EXTENDED | 0x008)),
+    ("(1.0) can0 18FF0001#R2", 1.0, "can0", RemoteFrame(EXTENDED | 0x18FF0001, bytes(2))),
 ]
 
 FOREIGN = [
-    ("18FF0001#AABB", Damage.EXTENDED),
-    ("00000008#", Damage.EXTENDED),
-    ("008#R", Damage.REMOTE),
-    ("008#R8", Damage.REMOTE),
-    ("18FF0001#R", Damage.REMOTE),
     ("20000080#0000000000000000", Damage.ERROR_FRAME),
     ("20000004#", Damage.ERROR_FRAME),
     ("008##1AABBCC", Damage.FD),

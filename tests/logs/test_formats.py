@@ -17,7 +17,7 @@ import can
 import pytest
 
 from eurobot_od.errors import LocalError, UnknownName
-from eurobot_od.frame import Frame
+from eurobot_od.frame import EXTENDED, Frame, RemoteFrame
 from eurobot_od.logs import formats
 from eurobot_od.logs.entries import Damage, Foreign, Raw
 
@@ -30,8 +30,6 @@ SENT = [
 FRAMES = [Frame(each.arbitration_id, bytes(each.data)) for each in SENT]
 
 FOREIGN = [
-    (can.Message(timestamp=3.0, arbitration_id=0x18FF0001, data=b"\xaa", is_extended_id=True), Damage.EXTENDED),
-    (can.Message(timestamp=3.0, arbitration_id=0x008, is_remote_frame=True, is_extended_id=False), Damage.REMOTE),
     (can.Message(timestamp=3.0, is_error_frame=True), Damage.ERROR_FRAME),
     (can.Message(timestamp=3.0, arbitration_id=0x008, is_fd=True, data=bytes(12), is_extended_id=False), Damage.FD),
 ]
@@ -40,9 +38,11 @@ NOT_WRITTEN = {
     ("db", Damage.FD),
     ("trc", Damage.ERROR_FRAME),
     ("trc", Damage.FD),
-    ("trc", Damage.REMOTE),
 }
 """What python-can's writers leave out or write as something else."""
+
+EXTENDED_FRAME = can.Message(timestamp=3.0, arbitration_id=0x18FF0001, data=b"\xaa", is_extended_id=True)
+REMOTE_FRAME = can.Message(timestamp=3.0, arbitration_id=0x008, is_remote_frame=True, is_extended_id=False, dlc=2)
 
 WRITTEN = ("log", "asc", "csv", "trc", "blf", "db")
 
@@ -98,6 +98,17 @@ def test_entries_have_lines_or_numbers(tmp_path: Path, form: str) -> None:
     found = read(write(tmp_path, form, SENT))
     lines = [line for line, *_ in found]
     assert lines == list(range(lines[0], lines[0] + len(SENT)))
+
+
+@pytest.mark.parametrize("form", WRITTEN)
+def test_frames_with_29_bit_identifiers(tmp_path: Path, form: str) -> None:
+    assert raws(write(tmp_path, form, [*SENT, EXTENDED_FRAME]))[-1] == Frame(EXTENDED | 0x18FF0001, b"\xaa")
+
+
+@pytest.mark.parametrize("form", [each for each in WRITTEN if each != "trc"])  # python-can writes none there
+def test_remote_frames(tmp_path: Path, form: str) -> None:
+    found = raws(write(tmp_path, form, [*SENT, REMOTE_FRAME]))[-1]
+    assert found == RemoteFrame(0x008, bytes(0 if form == "log" else 2))  # its candump log has no length
 
 
 @pytest.mark.parametrize(("message", "damage"), FOREIGN, ids=lambda each: getattr(each, "name", ""))
@@ -279,9 +290,9 @@ def test_unknown_suffix() -> None:
 
 def test_mf4(tmp_path: Path) -> None:
     pytest.importorskip("asammdf", reason="the extra mf4 is not installed")
-    found = read(write(tmp_path, "mf4", [*SENT, FOREIGN[0][0]]))
+    found = read(write(tmp_path, "mf4", [*SENT, EXTENDED_FRAME]))
     assert [raw for *_, raw in found[:-1]] == FRAMES
-    assert found[-1][3] == Foreign(Damage.EXTENDED, "18FF0001#AA")
+    assert found[-1][3] == Frame(EXTENDED | 0x18FF0001, b"\xaa")
 
 
 def test_mf4_without_its_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

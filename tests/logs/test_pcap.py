@@ -8,7 +8,7 @@ from base64 import b64decode
 
 import pytest
 
-from eurobot_od.frame import Frame
+from eurobot_od.frame import EXTENDED, Frame, RemoteFrame
 from eurobot_od.logs import formats
 from eurobot_od.logs.entries import Damage, Foreign, LogEntry, Raw
 
@@ -23,8 +23,8 @@ CAPTURED = b64decode(
 IN_IT: list[Raw] = [
     Frame(0x008, bytes.fromhex("D27423592C0D9702")),
     Frame(0x00C),
-    Foreign(Damage.EXTENDED, "18FF0001#AA"),
-    Foreign(Damage.REMOTE, "008#"),
+    Frame(EXTENDED | 0x18FF0001, b"\xaa"),
+    RemoteFrame(0x008),
     Foreign(Damage.FD, "008#AABBCCDDEEFF001122330000"),
     Foreign(Damage.ERROR_FRAME, "080#0000000000000000"),
 ]

@@ -15,7 +15,7 @@ OUTLINES = dialects.load_all()
 GOTO, STATE = (Frame(PROTOCOL.cob_id(name)) for name in ("Goto XY", "Goto State Response"))
 SHARED = Frame(PROTOCOL.cob_id("Start Configuration Confirm"))  # of drive and navigation
 HEARTBEAT, EMCY, ANSWER = Frame(0x702), Frame(0x082), Frame(0x582)  # of the drive, node-ID 2
-NMT, REQUEST, NOTHING = Frame(0x000), Frame(0x602), Frame(0x7E5)  # of nobody that is known
+NMT, REQUEST, NOTHING = Frame(0x000), Frame(0x602), Frame(0x7E6)  # of nobody that is known
 ALL = (GOTO, STATE, SHARED, HEARTBEAT, EMCY, ANSWER, NMT, REQUEST, NOTHING)
 
 

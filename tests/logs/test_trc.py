@@ -6,7 +6,7 @@ import io
 
 import pytest
 
-from eurobot_od.frame import Frame
+from eurobot_od.frame import EXTENDED, Frame, RemoteFrame
 from eurobot_od.logs import formats
 from eurobot_od.logs.entries import Damage, Foreign, Raw
 
@@ -23,15 +23,15 @@ def read(text: str) -> list[tuple[int, float, str, Raw]]:
     [
         ("7 103.250 DT 2 0014 Rx - 2 01 02", Frame(0x014, b"\x01\x02")),
         ("7 103.250 DT 2 0014 Tx - 0", Frame(0x014, b"")),
-        ("7 103.250 RR 2 0014 Rx - 0", Foreign(Damage.REMOTE, "RR 2 0014 Rx - 0")),
+        ("7 103.250 RR 2 0014 Rx - 0", RemoteFrame(0x014)),
         ("7 103.250 FD 2 0014 Rx - 1 01", Foreign(Damage.FD, "FD 2 0014 Rx - 1 01")),
         ("7 103.250 FB 2 0014 Rx - 1 01", Foreign(Damage.FD, "FB 2 0014 Rx - 1 01")),
         ("7 103.250 FE 2 0014 Rx - 1 01", Foreign(Damage.FD, "FE 2 0014 Rx - 1 01")),
         ("7 103.250 BI 2 0014 Rx - 1 01", Foreign(Damage.FD, "BI 2 0014 Rx - 1 01")),
         ("7 103.250 ER 2 0014 Rx - 1 01", Foreign(Damage.ERROR_FRAME, "ER 2 0014 Rx - 1 01")),
-        ("7 103.250 DT 2 00014 Rx - 1 01", Foreign(Damage.EXTENDED, "DT 2 00014 Rx - 1 01")),
-        ("7 103.250 DT 2 00000014 Rx - 1 01", Foreign(Damage.EXTENDED, "DT 2 00000014 Rx - 1 01")),
-        ("7 103.250 DT 2 0014 Rx - 2 RTR", Foreign(Damage.REMOTE, "DT 2 0014 Rx - 2 RTR")),
+        ("7 103.250 DT 2 00014 Rx - 1 01", Frame(EXTENDED | 0x014, b"\1")),
+        ("7 103.250 DT 2 00000014 Rx - 1 01", Frame(EXTENDED | 0x014, b"\1")),
+        ("7 103.250 DT 2 0014 Rx - 2 RTR", RemoteFrame(0x014, bytes(2))),
     ],
 )
 def test_an_entry_is_a_frame_or_says_what_it_is(line: str, raw: Raw) -> None:

@@ -9,8 +9,8 @@ import can
 import pytest
 
 from eurobot_od.errors import BusError
-from eurobot_od.frame import Frame
-from eurobot_od.logs.entries import Damage, Foreign
+from eurobot_od.frame import EXTENDED, Frame, RemoteFrame
+from eurobot_od.logs.entries import Foreign
 from eurobot_od.monitor.sources import BusSource, LogSource, Timed
 
 
@@ -74,7 +74,7 @@ def test_a_bus_is_read_whatever_is_on_it() -> None:
         sender.send(can.Message(arbitration_id=0x18FF0001, is_extended_id=True, data=b"\1"))
         found: list[Timed] = []
         receive(source, found, 2)
-        assert [raw for _, raw in found] == [Frame(0x00C), Foreign(Damage.EXTENDED, "18FF0001#01")]
+        assert [raw for _, raw in found] == [Frame(0x00C), Frame(EXTENDED | 0x18FF0001, b"\1")]
         source.close()
 
 
@@ -85,7 +85,7 @@ def test_times_are_the_drivers_until_the_bus_fails() -> None:
     found: list[Timed] = []
     with pytest.raises(BusError, match="the bus driver failed: pulled out"):
         receive(source, found, 3)
-    assert found == [(5.0, Frame(0x00C)), (5.5, Foreign(Damage.REMOTE, "00C#"))]
+    assert found == [(5.0, Frame(0x00C)), (5.5, RemoteFrame(0x00C))]
     assert source.now == 5.5
     source.close()
 

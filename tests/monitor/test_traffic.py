@@ -162,7 +162,7 @@ def test_plain_table(busy: Traffic) -> None:
     assert heading.split() == " ".join(HEADINGS).split()
     assert goto.split()[:4] == ["008", "Goto", "XY", "1"]
     assert "550.0 ± 450.0" in request
-    assert unknown.endswith("! unknown identifier: 123#")
+    assert "! unknown identifier: 123#: in no file; its identifier is reserved" in unknown
     assert beat.split() == ["702", "Heartbeat", "drive", "1", "0.0", "drive,", "operational"]
 
 

@@ -21,7 +21,7 @@ from eurobot_od.season.writing import DecodedNetwork
 from tests.season.seasons import table, write_log
 
 NETWORK = DecodedNetwork(dialects.load_all(dialects.DEFAULT), CATALOGUE, (("Goto Confirm", "Goto XY"),))
-FRAMES = [(0.5, Frame(0x008, bytes(8))), (0.6, Frame(0x7E5, b"12345678")), (0.7, Frame(0x00C))]
+FRAMES = [(0.5, Frame(0x008, bytes(8))), (0.6, Frame(0x7E6, b"12345678")), (0.7, Frame(0x00C))]
 
 
 @pytest.fixture
@@ -50,7 +50,7 @@ def test_a_log_becomes_a_row_of_runs_and_its_frames(log: Path, tmp_path: Path) -
         (number, time, "can0", *frame) for number, (time, frame) in enumerate(FRAMES, 1)
     ]
     assert table(tmp_path / "season", "damage").select("line", "kind", "text").rows() == [
-        (2, "unknown identifier", "7E5#3132333435363738")
+        (2, "unknown identifier", "7E6#3132333435363738")
     ]
 
 

@@ -11,7 +11,7 @@ import pytest
 
 pytest.importorskip("polars", reason="the extra `season` is not installed")
 
-from eurobot_od.frame import Frame
+from eurobot_od.frame import Frame, RemoteFrame
 from eurobot_od.logs import formats
 from eurobot_od.logs.entries import Foreign, LogEntry
 from eurobot_od.season import batches as module
@@ -54,8 +54,8 @@ def entries(file: Path) -> list[LogEntry]:
 def _entries(file: Path) -> Iterator[LogEntry]:
     with file.open("rb") as opened:
         for frames, foreign, _ in batches(opened):
-            for line, time, channel, cob_id, data in frames.rows():
-                yield line, time, channel, Frame(cob_id, data)
+            for line, time, channel, cob_id, data, remote in frames.rows():
+                yield line, time, channel, (RemoteFrame if remote else Frame)(cob_id, data)
             for line, time, channel, kind, text in foreign.rows():
                 yield line, time, channel, Foreign(kind, text)
 

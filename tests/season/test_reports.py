@@ -50,7 +50,7 @@ FIRST: list[Timed] = [
     sent(2.7, NaviPositionResponse(1000, 1010, 0, Source.INTERNAL)),
     sent(2.8, messages.GotoStateResponse(0)),
     sent(2.9, KalmanPositionResponse(2000, 2000, 0, Source.INTERNAL)),
-    (3.0, Frame(0x7E5, b"12")),
+    (3.0, Frame(0x7E6, b"12")),
 ]
 SECOND: list[Timed] = [
     sent(0.0, messages.EmergencyStop(Obstacle.ENEMY)),
@@ -116,7 +116,7 @@ def test_load_counts_bits_without_and_with_all_stuff_bits(season: Season) -> Non
 
 def test_damage_says_where_it_is_first(season: Season) -> None:
     columns = ("log", "kind", "number", "first_line", "first")
-    assert rows(season, "damage", *columns) == [("first", "unknown identifier", 1, 13, "7E5#3132")]
+    assert rows(season, "damage", *columns) == [("first", "unknown identifier", 1, 13, "7E6#3132")]
 
 
 @pytest.mark.parametrize("name", reports(ROBOT))

@@ -33,7 +33,7 @@ def row(data: dict[str, Any], name: str) -> dict[str, Any]:
 
 
 def test_times_count_from_the_first_entry_whatever_it_is() -> None:
-    data = data_of((100.0, Foreign(Damage.REMOTE, "702#R")), (100.5, HERE), (101.25, HERE))
+    data = data_of((100.0, Foreign(Damage.FD, "702##1AA")), (100.5, HERE), (101.25, HERE))
     assert row(data, "Kalman Position Response")["times"] == [0.5, 1.25]
     assert data["end"] == 1.25
 
@@ -56,7 +56,7 @@ def test_a_frame_that_cannot_be_read_is_text_among_values(frames: tuple[Frame, F
 
 
 def test_what_is_no_frame_has_a_row_by_what_it_is() -> None:
-    found = row(data_of((0.0, Foreign(Damage.REMOTE, "702#R"))), "remote frame")
+    found = row(data_of((0.0, Foreign(Damage.FD, "702##1AA"))), "FD frame")
     assert (found["id"], found["times"], found["bits"]) == (None, [0.0], 0)
 
 

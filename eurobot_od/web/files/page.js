@@ -117,7 +117,7 @@ class Source {
     for (const each of this.rows.values()) if (plain(each.name) === wanted) return each;
     return null;
   }
-  sorted() { return [...this.rows.values()].sort((a, b) => (a.id ?? 1e9) - (b.id ?? 1e9)); }
+  sorted() { return [...this.rows.values()].sort((a, b) => (a.id ?? 2e9) - (b.id ?? 2e9)); }
   sortedEvents() { return [...this.events.values()].sort((a, b) => a.time - b.time); }
   load(time) {                              // of a log: the share of the bus in the second before
     let bits = 0;
@@ -323,7 +323,7 @@ class MessageLine {
     this.defects = h("span", {class: "defects"});
     this.cells = {count: cell("count"), period: cell("period"), jitter: cell("jitter"), age: cell("age"), wrong: cell("bad")};
     this.element = h("tr", {},
-      cell("id", row.id === null ? "" : row.id.toString(16).toUpperCase().padStart(3, "0")),
+      cell("id", identifier(row.id)),
       h("th", {scope: "row", class: groupColour(row.source, row.group), title: [row.group, ...row.nodes].join(", ")}, row.name),
       ...Object.values(this.cells), cell("values", ...this.chips, this.text, this.defects));
     this.words = plain([row.name, row.group, ...row.nodes].join(" "));
@@ -569,6 +569,9 @@ function nodeNow(source, node, time) {      // state, age, and whether it is los
   return now ? {state: now.text.split(", ").at(-1), age: now.age, lost: now.period ? now.age > 2 * now.period + 0.05 : false}
     : {state: "", age: null, lost: false};
 }
+// Bit 29 stands for a 29-bit identifier, which is written with eight digits.
+const EXTENDED = 2 ** 29;
+const identifier = id => id === null ? "" : (id % EXTENDED).toString(16).toUpperCase().padStart(id < EXTENDED ? 3 : 8, "0");
 const hex = (value, digits) => value === null ? "–" : `0x${value.toString(16).toUpperCase().padStart(digits, "0")}`;
 
 class NodeCard {

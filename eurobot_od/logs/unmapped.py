@@ -1,0 +1,117 @@
+"""PDOs besides the messages: what is multiplexed, switched off in its file, or only fits the predefined identifiers.
+
+Rule of this file: what no file says is a guess, and is called one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from typing import TYPE_CHECKING, NamedTuple
+
+from eurobot_od.device.nmt import ALL_NODES
+from eurobot_od.frame import EXTENDED
+from eurobot_od.logs.entries import Damage
+from eurobot_od.logs.network_words import plain
+from eurobot_od.logs.sdo_words import object_words, value_words
+from eurobot_od.od import values
+from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.pdos import Pdo
+from eurobot_od.od.values import PdoDirection
+
+if TYPE_CHECKING:
+    from typing_extensions import Self
+
+
+DEFAULT_PDOS = tuple(each for each in values.PREDEFINED if each.is_per_node)
+"""Whose an identifier is if nobody has moved it (CiA 301, 7.3.3)."""
+
+
+class OtherPdo(NamedTuple):
+    """What a frame is: a name, the nodes, its words; `damage` and `why` if that is wrong or not certain."""
+
+    name: str
+    nodes: tuple[str, ...]
+    text: Callable[[bytes], str]
+    damage: Damage | None = None
+    why: str = ""
+
+
+class Unmapped:
+    """The PDOs by identifier that are no messages, and guesses for identifiers of the predefined connection set."""
+
+    def __init__(self, known: Mapping[int, OtherPdo], nodes: Mapping[int, str]) -> None:
+        self._known, self._nodes = known, nodes
+
+    @classmethod
+    def of(cls, dictionaries: Iterable[Dictionary]) -> Self:
+        """Return those of some devices."""
+        devices = {each.node_id: each for each in dictionaries}
+        pdos = [
+            (each, pdo)
+            for each in devices.values()
+            for pdo in each.read_pdos(each.default, lambda _: None, listening=True)
+            if pdo.cob_id
+        ]
+        known = {pdo.cob_id: _switched_off(device, pdo) for device, pdo in pdos if not pdo.valid}
+        # Senders last, as they know what they send.
+        for device, pdo in sorted(pdos, key=lambda each: each[1].direction is PdoDirection.TPDO):
+            if pdo.valid and pdo.multiplex is not None:
+                known[pdo.cob_id] = _multiplexed(devices, device, pdo)
+        return cls(known, {node_id: each.name for node_id, each in devices.items()})
+
+    def get(self, cob_id: int) -> OtherPdo | None:
+        """Return what an identifier is for, None if nothing fits."""
+        return self._known.get(cob_id) or self._guess(cob_id)
+
+    def defect(self, cob_id: int) -> tuple[Damage | None, str]:
+        """Return what is wrong with the frames of an identifier, None for nothing, and why."""
+        if found := self.get(cob_id):
+            return found.damage, found.why
+        return (Damage.EXTENDED if cob_id & EXTENDED else Damage.UNKNOWN_IDENTIFIER), ""
+
+    def _guess(self, cob_id: int) -> OtherPdo | None:
+        if found := values.owner(cob_id, DEFAULT_PDOS):
+            node_id = found.node_id(cob_id)
+            node = self._nodes.get(node_id or 0, f"node {node_id}")
+            why = f": in no file; a guess by its identifier: {found.owner} of {node}"
+            return OtherPdo(found.owner, (node,), plain, Damage.UNKNOWN_IDENTIFIER, why)
+        if found := values.owner(cob_id, values.RESERVED):
+            why = f": in no file; its identifier is reserved for {found.owner}"
+            return OtherPdo("", (), plain, Damage.UNKNOWN_IDENTIFIER, why)
+        return None
+
+
+def _switched_off(device: Dictionary, pdo: Pdo) -> OtherPdo:
+    why = f": {pdo.title} of {device.name}, off in its {device.file.suffix.lstrip('.').upper() or 'file'}"
+    return OtherPdo(pdo.title, (device.name,), plain, Damage.SWITCHED_OFF, why)
+
+
+def _multiplexed(devices: Mapping[int, Dictionary], device: Dictionary, pdo: Pdo) -> OtherPdo:
+    def text(data: bytes) -> str:
+        return _mpdo_words(devices, data)
+
+    return OtherPdo(f"{device.name}.{pdo.title.replace(' ', '')}", (device.name,), text)
+
+
+DESTINATION = 1 << 7
+"""Bit of an MPDO's first byte: the node after it is who is meant, and not who sends (CiA 301, 7.2.2.6.2)."""
+
+
+def _mpdo_words(devices: Mapping[int, Dictionary], data: bytes) -> str:
+    """Say which object of which node has which value (CiA 301, 7.2.2.6)."""
+    if len(data) != values.MAX_BITS // 8:
+        return f"{len(data)} bytes of data, expected {values.MAX_BITS // 8}"
+    node_id, address, octets = data[0] & ~DESTINATION, (data[1] | data[2] << 8, data[3]), data[4:]
+    device = devices.get(node_id)
+    node = device.name if device else f"node {node_id}"
+    receiver = "all nodes" if node_id == ALL_NODES else node
+    whose = f"to {receiver}" if data[0] & DESTINATION else f"of {node}"
+    size = _size(device, address)
+    return f"{object_words(device, address)} {whose} = {value_words(device, address, octets[:size])}"
+
+
+def _size(device: Dictionary | None, address: values.Address) -> int:
+    """Return how many of the four bytes an object takes; all, if that is not known."""
+    variable = device.variable(address) if device else None
+    size = values.DATA_TYPES[variable.data_type].size if variable and variable.data_type in values.DATA_TYPES else 0
+    return size if 0 < size <= 4 else 4
