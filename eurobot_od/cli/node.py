@@ -79,7 +79,20 @@ def run(arguments: argparse.Namespace) -> ExitStatus | None:
     node.device.time_of_day.set(datetime.now(), live.clock())  # until a TIME message sets it
     with _bus_failure_first(live), live:
         print(one_line(f"{node.name} (node-ID {node.device.node_id}) on {live.name}; Ctrl-C ends it"), flush=True)
+        if moved := moved_server(node):
+            print(moved, flush=True)
         return _stay(live, scene, arguments.duration)
+
+
+def moved_server(node: Node) -> str:
+    """Say where a node's SDO server is, if its file has moved it from where every tool looks for it; else nothing."""
+    from eurobot_od.od.values import SDO_REQUEST_BASE, SDO_RESPONSE_BASE
+
+    device = node.device
+    at, usual = (device.sdo_requests, device.sdo_answers), (SDO_REQUEST_BASE, SDO_RESPONSE_BASE)
+    if at == tuple(base + device.node_id for base in usual):
+        return ""
+    return f"its SDO server is at 0x{at[0]:03X}, answers at 0x{at[1]:03X}, as its file says (0x1200)"
 
 
 def _stay(live: Live, scene: Scene | None, duration: float | None) -> ExitStatus | None:

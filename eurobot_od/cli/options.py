@@ -282,13 +282,17 @@ class Devices(NamedTuple):
 
 
 def complain_of_repairs(dictionaries: Iterable[Dictionary]) -> None:
-    """Say in one line for each file what had to be repaired to read it."""
+    """Say in a line for each file what had to be repaired to read it, and what is left out."""
     # By file: two nodes may share one, and it was repaired once.
-    for file, changes in {each.file: each.changes for each in dictionaries}.items():
-        if changes:
-            what = f"line {changes[0].line}: {changes[0].what}"
-            more = f", and {len(changes) - 1} more (`lint --fix` lists them)" if len(changes) > 1 else ""
-            complain(f"{file}: repaired to be read: {what}{more}")
+    for file, each in {each.file: each for each in dictionaries}.items():
+        repaired = [f"line {line}: {what}" for line, what, _ in each.changes]
+        for done, found, lister in (
+            ("repaired to be read", repaired, "lint --fix"),
+            ("left out", [str(refusal) for refusal in each.left_out], "lint"),
+        ):
+            more = f", and {len(found) - 1} more (`{lister}` lists them)" if len(found) > 1 else ""
+            if found:
+                complain(f"{file}: {done}: {found[0]}{more}")
 
 
 def decoder_of(dictionaries: Iterable[Dictionary], robot: Plugin) -> Decoder:

@@ -23,7 +23,7 @@ from eurobot_od.errors import DictionaryError
 from eurobot_od.od import keys, values
 from eurobot_od.od.completion import completed, looks_odd, misspelled, usual_name
 from eurobot_od.od.description import SIMPLE, DescribedDevice, DescribedObject, DescribedVariable, ObjectCode
-from eurobot_od.od.document import HIDING, Document, Entry, Odd, Section, read
+from eurobot_od.od.document import STRAY, Document, Entry, Odd, Section, read
 from eurobot_od.od.standard import MANDATORY, known_type
 from eurobot_od.od.values import NODE_ID, REMEMBERED_NUMBERS, DataType, Number, is_standard_number, parse_number
 
@@ -46,11 +46,15 @@ class Change(NamedTuple):
 
 
 class Refusal(NamedTuple):
-    """Why an object cannot be used: its index, the line it is about, and the reason."""
+    """Why an object, or one sub-index of it (None: the whole), cannot be used: the line it is about, and the reason."""
 
     index: int  # type: ignore[assignment]  # CANopen's term; nobody searches the tuple
+    sub: int | None
     line: int
     what: str
+
+    def __str__(self) -> str:
+        return f"line {self.line}: 0x{self.index:04X}: {self.what}"
 
 
 class Dropped(NamedTuple):
@@ -75,11 +79,20 @@ class Normal(NamedTuple):
     refusals: list[Refusal]
     dropped: list[Dropped]
 
+    @property
+    def usable(self) -> str:
+        """The text without the sections that `refusals` are about."""
+        if not self.refusals:
+            return self.text
+        subs = ("(?:sub[0-9A-F]+)?" if each.sub is None else f"sub{each.sub:X}" for each in self.refusals)
+        names = (f"{each.index:04X}{sub}" for each, sub in zip(self.refusals, subs))
+        return re.sub(rf"(?ms)^\[(?:{'|'.join(names)})\]$.*?(?=^\[|\Z)", "", self.text)
+
 
 def normal(data: bytes, file: object = "") -> Normal:
     """Return the normal form of an EDS or DCF; raises DictionaryError for what is no EDS, or hides objects."""
     document = read(data)
-    hiding = next((each for each in document.oddities if each.kind in HIDING), None)
+    hiding = document.hiding
     if hiding:
         what = f"{hiding.kind.value} ({hiding.text})" if hiding.text else hiding.kind.value
         raise DictionaryError(str(file), None, f"not a readable EDS: line {hiding.line}: {what}")
@@ -178,6 +191,10 @@ def _plain_real(text: str, type_: DataType) -> str | None:
 ODDITIES = {
     Odd.WIDE: "UTF-16 written as UTF-8",
     Odd.BYTE_ORDER_MARK: "byte order mark taken off",
+    Odd.END_MARK: "Ctrl-Z or NUL at the end taken off",
+    Odd.NOT_AN_ENTRY: "{}: no entry, made a comment",
+    Odd.NO_SECTION: "entry {} before the first section made a comment",
+    Odd.NO_KEY: "entry without a key made a comment",
     Odd.LINE_ENDS: "line ends made alike",
     Odd.COMMENT_AFTER_VALUE: "comment put on a line of its own",
     Odd.HASH: "comment with ; instead of #",
@@ -224,7 +241,7 @@ def _dead_lines(document: Document) -> tuple[dict[int, str], dict[int, list[str]
     dead: dict[int, str] = {}
     beside: dict[int, list[str]] = {}
     for each in document.oddities:
-        if each.kind is Odd.TWO_ENTRIES:
+        if each.kind in (Odd.TWO_ENTRIES, *STRAY):
             dead[each.line] = f";{lines[each.line - 1].strip()}"
         elif each.kind is Odd.TWO_SECTIONS:
             end = next((header for header in document.headers if header > each.line), len(lines) + 1)
@@ -295,7 +312,7 @@ class _Writer:
             self._known(keys.COMMISSIONING)
         left = (line for comments in self._comments for each in comments.values() for line in each)
         text = "\n".join([*self._out, *left, ""])
-        return Normal(text, device.document.text_encoding, sorted(self._changes), self._refusals, self._dropped)
+        return Normal(text, device.document.text_encoding, sorted({*self._changes}), self._refusals, self._dropped)
 
     # Lines
 
@@ -430,14 +447,14 @@ class _Writer:
         section = each.section
         if section is None:
             self._refusals.append(
-                Refusal(each.index, each.place.line, f"[{each.place.name}] has no object [{each.index:04X}]")
+                Refusal(each.index, None, each.place.line, f"[{each.place.name}] has no object [{each.index:04X}]")
             )
             for part in (*(sub.section for sub in each.subs.values()), *each.lists.values()):
                 self._as_comment(part, f"there is no [{each.index:04X}]")
         elif each.code is None or each.code in NO_VALUE:
             if each.code is None:
                 what = f"ObjectType {section.text('objecttype')!r} is not one of CiA 301"
-                self._refusals.append(Refusal(each.index, section.at("objecttype").line, what))
+                self._refusals.append(Refusal(each.index, None, section.at("objecttype").line, what))
             self._head(f"{each.index:04X}", section)
             for entry in section.entries.values():
                 self._line(entry, f"{keys.SPELLED_OBJECT_KEYS.get(entry.key.lower(), entry.key)}={entry.value}")
@@ -502,7 +519,7 @@ class _Writer:
             )
             self._out.append(f"DataType=0x{type_.code:04X}")
         if not each.access:
-            self._refusals.append(Refusal(each.index, section.line, f"sub {each.sub} has no AccessType"))
+            self._refusals.append(Refusal(each.index, sub, section.line, f"sub {each.sub} has no AccessType"))
         if whole.code is ObjectCode.DOMAIN:
             self._dropped.append(Dropped(each.index, sub, "object_code", ObjectCode.DOMAIN))
         for key, entry in section.entries.items():
@@ -512,9 +529,6 @@ class _Writer:
         """Write what an entry says of an object, or of a variable if there is a type."""
         text, spelled = entry.value, keys.SPELLED_OBJECT_KEYS.get(key)
         if type_ is not None and key in VALUES:
-            if NODE_ID in text.upper() and type_ not in TEXTS and parse_number(text) is None:
-                what = f"sub {sub or 0}: {text!r} is not a number with $NODEID"
-                self._refusals.append(Refusal(index, entry.line, what))
             if key in ENTRIES:
                 limited = type_ if type_.is_integer or type_ in values.REALS else values.UNSIGNED64
                 plain = plain_value(text, limited) if text else None
@@ -531,7 +545,8 @@ class _Writer:
         elif type_ is not None and key == "datatype" and text:
             number = parse_number(text)
             if number is None:
-                self._refusals.append(Refusal(index, entry.line, f"sub {sub or 0}: DataType {text!r} is not a number"))
+                what = f"sub {sub or 0}: DataType {text!r} is not a number"
+                self._refusals.append(Refusal(index, sub, entry.line, what))
             known = number == Number(type_.code)
             self._number(entry, "DataType", plain_number(text) if known else f"0x{type_.code:04X}")
         elif key in NUMBERS:

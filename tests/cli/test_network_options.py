@@ -101,3 +101,17 @@ WRONG = [
 @pytest.mark.parametrize(("words", "line"), WRONG, ids=lambda value: str(value)[:40])
 def test_what_is_wrong_is_said_in_one_line(capsys: pytest.CaptureFixture[str], words: list[str], line: str) -> None:
     assert run(capsys, "show", *words) == (ExitStatus.WRONG_INPUT, "", f"eurobot-od: {line}\n")
+
+
+def test_what_is_left_out_of_a_file_is_said_in_one_line(capsys: pytest.CaptureFixture[str], folder: Path) -> None:
+    flawed = "[2100]\nParameterName=Flawed\nDataType=5\n\n[2200sub1]\nParameterName=Lost\n"
+    (folder / "motor.eds").write_text(f"{MOTOR}see the manual\n{flawed}")
+    said = run(capsys, "show", *BOTH)
+    line = MOTOR.count("\n") + 1
+    assert said.status == ExitStatus.FINE
+    assert [each for each in said.err.splitlines() if "motor.eds" in each][:2] == [
+        "eurobot-od: motor.eds: repaired to be read: line 1: lists of objects added, and 1 more "
+        "(`lint --fix` lists them)",
+        f"eurobot-od: motor.eds: left out: line {line + 1}: 0x2100: sub 0 has no AccessType, and 1 more "
+        "(`lint` lists them)",
+    ]

@@ -13,6 +13,8 @@ from pathlib import Path
 import pytest
 
 from eurobot_od import cli
+from eurobot_od.device.simulated import SimulatedDevice
+from eurobot_od.frame import Frame
 from eurobot_od.live import Live, open_bus
 from eurobot_od.robot import dialects
 from eurobot_od.robot.model import robot_file
@@ -23,6 +25,7 @@ from tests.cli.console import run
 from tests.cli.processes import PATIENCE, killed_if_it_hangs, line, node, serve_bus
 from tests.client.peers import new_channel
 from tests.device import io_module
+from tests.eds_text import DEVICE_TYPE, record, variable
 
 FACTS = robot_file.read()
 
@@ -251,6 +254,23 @@ def test_a_device_from_its_file_has_the_values_that_it_is_given(
             assert run(capsys, "read", "7", name, "--eds", f"7={eds}", *bus).out.rstrip().endswith(said)
         device.send_signal(signal.SIGTERM)
         assert device.wait(PATIENCE) == 130
+
+
+def test_a_device_whose_file_moves_its_sdo_server_is_served_there(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    usual, moved = ("$NODEID+0x600", "$NODEID+0x580"), ("0x650", "$NODEID+0x5D0")
+    more = [f"ParameterValue={each}\n" for each in moved]
+    server = (variable(f"1200sub{sub}", f"COB-ID {sub}", "UNSIGNED32", usual[sub - 1], more[sub - 1]) for sub in (1, 2))
+    head = record(0x1200, "SDO server", (0, "UNSIGNED8", "2"))
+    (tmp_path / "moved.eds").write_text(DEVICE_TYPE + head + "".join(server))
+    device = SimulatedDevice.load(tmp_path / "moved.eds", 5)
+    device.start(0.0)
+    (answer,) = device.receive(Frame(0x650, bytes.fromhex("4000100000000000")), 0.0)
+    assert (answer.cob_id, answer.data[:4].hex()) == (0x5D5, "43001000")
+    assert device.receive(Frame(0x605, bytes.fromhex("4000100000000000")), 0.0) == []
+    said = run(capsys, "node", "--eds", f"5={tmp_path / 'moved.eds'}", "--duration", "1 ms", "-i", "virtual")
+    assert said.out.endswith("\nits SDO server is at 0x650, answers at 0x5D5, as its file says (0x1200)\n")
 
 
 @pytest.mark.usefixtures("eds")

@@ -114,6 +114,8 @@ DEFECTS = (
     Defect("E112", "a vendor name of 245 characters", "DeviceInfo", "VendorName=Example", "VendorName=" + "v" * 245),
     Defect("I113", "a comment after a value", "2007", "DefaultValue=-5", "DefaultValue=-5 ; minus five"),
     Defect("W114", "a comment with #", "2008", "PDOMapping=0", "PDOMapping=0\n# old style", at="# old style"),
+    Defect("W122", "Ctrl-Z at the end", "2008", "PDOMapping=0\n", "PDOMapping=0\n\x1a",
+           at=f"line {CLEAN.count(chr(10)) + 1}"),
     Defect("W115", "an indented line", "2008", "PDOMapping=0", "  PDOMapping=0", at="  PDOMapping=0"),
     Defect("W116", "an unknown section", "2008", "[2008]", "[Notes]\nText=x\n\n[2008]", at="Notes"),
     Defect("E117", "0x before an index", "2008", "[2008]", "[0x2008]", at="0x2008"),
