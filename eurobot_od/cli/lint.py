@@ -75,7 +75,8 @@ def run(arguments: Namespace) -> ExitStatus:
     if arguments.json:
         _print_json(wanted, identifiers)
     elif number and arguments.format:
-        FORMATS[arguments.format](wanted)
+        # GitHub shows ten annotations of a step, and refuses a SARIF log of more than 25 000 results.
+        FORMATS[arguments.format](wanted if arguments.verbose else summed_up(wanted))
     elif number:
         _print_lines(wanted, number, identifiers, arguments.verbose, bool(arguments.verbose or arguments.select))
     for each in unreadable:
@@ -145,7 +146,7 @@ def read_network(files: Sequence[str]) -> LintedNetwork:
         NetworkMember(each.name or device.name.rpartition(".")[0], each.file, device, each.node_id)
         for each, device in devices
     ]
-    return LintedNetwork(nodes_of(members), described.shared, described.order, described.bit_rate)
+    return LintedNetwork(nodes_of(members), described.shared, described.order, described.bit_rate, described.master)
 
 
 def explanation(code: str) -> str:
@@ -194,7 +195,7 @@ def _print_annotations(findings: Sequence[Finding]) -> None:
     from eurobot_od.support.annotations import Level, annotation
 
     levels = {Severity.ERROR: Level.ERROR, Severity.WARNING: Level.WARNING, Severity.INFO: Level.NOTICE}
-    for each in summed_up(findings):  # GitHub shows ten annotations of a step, and passes over the others
+    for each in findings:
         print(annotation(levels[each.severity], each.file, each.line, each.column, each.code, [each.message]))
 
 

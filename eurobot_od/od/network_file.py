@@ -44,7 +44,8 @@ class TrafficEntry(NamedTuple):
 class NetworkFile(NamedTuple):
     """What a network file says: its nodes, shared messages, messages by urgency, kbit/s, what is sent how often.
 
-    `robot` is what `plugin.find` finds, a folder relative to the file; such a file need not name nodes.
+    `robot` is what `plugin.find` finds, a folder relative to the file; such a file need not name nodes. `master` is the
+    node that leads the network, or any other name for a master without a file, such as a PC.
     """
 
     nodes: Sequence[NodeFile] = ()
@@ -53,6 +54,7 @@ class NetworkFile(NamedTuple):
     bit_rate: int | None = None
     traffic: Mapping[str, TrafficEntry] = MappingProxyType({})
     robot: str = ""
+    master: str = ""
 
 
 NODE_KEY = re.compile(r"node(\d{1,3})(?:present|name|dcfname)")

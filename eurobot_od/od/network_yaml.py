@@ -9,6 +9,7 @@ a node may be called `off`, and what YAML 1.1 makes of it does not count.
     shared: [Start Configuration Confirm]     # messages that several nodes may send
     order: [Emergency Shutdown, Emergency Stop]   # the most urgent first
     bit_rate: 500                             # kbit/s
+    master: PC                                # who leads: a node's name, or any other for a master without a file
     traffic:                                  # how often what is sent, for `load`: a duration, or a setting in ms
       Goto XY: {every: Goto handshake.Confirm wait, deadline: 50 ms, reason: sent again until it is confirmed}
       Goto Confirm: {answers: Goto XY, jitter: 1 ms}
@@ -66,6 +67,7 @@ NETWORK = record(
     {
         "nodes": _nodes,
         "robot": scalar,
+        "master": scalar,
         "shared": listing(scalar),
         "order": listing(scalar),
         "bit_rate": number_of(range(1, 1001)),
