@@ -47,6 +47,11 @@ def read_network(path: str | Path) -> NetworkFile:
     return read(read_bytes(path).decode("utf-8", "replace"), str(path))
 
 
+def is_network(path: str | Path) -> bool:
+    """Whether a path names a network, by what it is or its suffix."""
+    return Path(path).is_dir() or Path(path).suffix.lower() in READERS
+
+
 def _read_yaml(text: str, file: str) -> NetworkFile:
     from eurobot_od.od.network_yaml import read_network_file  # most commands start without YAML
 
