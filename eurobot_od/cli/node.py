@@ -154,7 +154,7 @@ def _dictionary(devices: shared.Devices, name: str | None, node_id: int | None) 
     if name is not None and name not in named:
         raise UnknownName("node", name, named)
     file = files[0] if name is None else named[name]
-    dictionary = Dictionary.load(file.file, file.node_id if node_id is None else node_id, file.name)
+    dictionary = Dictionary.load(*(file if node_id is None else file._replace(node_id=node_id)))
     shared.complain_of_repairs([dictionary])
     return dictionary
 

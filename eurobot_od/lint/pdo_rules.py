@@ -310,14 +310,18 @@ def _objects(device: LintedDevice) -> Iterator[tuple[LintedPdo, MappingEntry, De
 @RULES.rule("E636", "CiA 301, PDO mapping")
 def missing_object(device: LintedDevice) -> Violations:
     """A mapped object is there."""
+    # What a module brings is there as soon as it is connected, which an EDS does not say.
+    later = device.modules.brought if not device.modules.connected else ()
     for pdo, each in device.mapped:
-        if not _is_dummy(each) and device.variable(each.index, each.sub) is None:
+        if _is_dummy(each) or each.index in later:
+            continue
+        if device.connected.variable(each.index, each.sub) is None:
             yield each.by.place, f"{pdo.name} maps {each.where}, {_missing(device, each)}"
 
 
 def _missing(device: LintedDevice, each: MappingEntry) -> str:
     """Say what is missing of a mapped object: the whole, or the sub-index."""
-    whole = device.objects.get(each.index)
+    whole = device.connected.objects.get(each.index)
     if whole is None:
         return f"but there is no object 0x{each.index:04X}"
     subs = [variable.sub for variable in whole.variables()]

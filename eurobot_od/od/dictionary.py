@@ -10,7 +10,7 @@ can be used is refused.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cached_property
 from io import StringIO
 from pathlib import Path
@@ -21,6 +21,7 @@ from eurobot_od.od import objects as od
 from eurobot_od.od import values
 from eurobot_od.od.description import DescribedDevice
 from eurobot_od.od.document import parse, read_bytes
+from eurobot_od.od.modules import Module, Modules
 from eurobot_od.od.normal import Change, Normal, Refusal, normal
 from eurobot_od.od.pdos import Mapped, OnRefused, Part, Pdo, PdoReader, fatal, part_of
 from eurobot_od.od.standard import IDENTITY
@@ -53,18 +54,28 @@ class Dictionary:
         self._present: Mapping[Address, Value] = {}
 
     @classmethod
-    def load(cls, file: str | Path, node_id: int | None = None, name: str = "") -> Self:
-        """Read an EDS or DCF for a node-ID.
+    def load(
+        cls, file: str | Path, node_id: int | None = None, name: str = "", modules: Sequence[str] | None = None
+    ) -> Self:
+        """Read an EDS or DCF for a node-ID, `modules` being those of a modular device, by numbers or names.
 
-        Without one it is the NodeID of a DCF's commissioning, or else the value of the object that holds the device's
-        own node-ID. Raises DictionaryError if there is none, or if the file cannot be read as an EDS.
+        Without a node-ID it is the NodeID of a DCF's commissioning, or else the value of the object that holds the
+        device's own node-ID; without modules, those that the file says are connected. Raises DictionaryError if there
+        is no node-ID or no such module, or if the file cannot be read as an EDS.
         """
-        return cls.read(read_bytes(file), Path(file), node_id, name)
+        return cls.read(read_bytes(file), Path(file), node_id, name, modules)
 
     @classmethod
-    def read(cls, data: bytes, file: Path, node_id: int | None = None, name: str = "") -> Self:
+    def read(
+        cls,
+        data: bytes,
+        file: Path,
+        node_id: int | None = None,
+        name: str = "",
+        modules: Sequence[str] | None = None,
+    ) -> Self:
         """Read the bytes of an EDS or DCF; `file` is what errors call it. Raises as `load`."""
-        return cls(file, data, normal(data, file), node_id, name)
+        return cls(file, data, normal(data, file, modules), node_id, name)
 
     def renumbered(self, node_id: int) -> Self:
         """Return the same file's dictionary for another node-ID; raises DictionaryError."""
@@ -74,6 +85,12 @@ class Dictionary:
     def changes(self) -> list[Change]:
         """What the file does not write as CiA 306 asks for, and was read as it is meant."""
         return [each for each in self._normal.changes if not each.standard]
+
+    @property
+    def idle_modules(self) -> tuple[Module, ...]:
+        """The modules that a modular device supports, if none is connected: their objects are not there."""
+        modules = Modules(self.device.document)
+        return () if self._normal.has_modules else tuple(modules.supported.values())
 
     @property
     def left_out(self) -> list[Refusal]:

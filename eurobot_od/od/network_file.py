@@ -21,11 +21,12 @@ from eurobot_od.od.values import Number, parse_number
 
 
 class NodeFile(NamedTuple):
-    """A node: its EDS or DCF, its node-ID if that is said, and its name if it is not the file's."""
+    """A node: its EDS or DCF, its node-ID if that is said, its name if it is not the file's, its modules if said."""
 
     file: str
     node_id: int | None = None
     name: str = ""
+    modules: Sequence[str] | None = None
 
 
 class TrafficEntry(NamedTuple):

@@ -16,6 +16,7 @@ and the commissioning last, so that a DCF that was cut off has none.
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -24,6 +25,7 @@ from eurobot_od.od import keys, values
 from eurobot_od.od.completion import completed, looks_odd, misspelled, usual_name
 from eurobot_od.od.description import SIMPLE, DescribedDevice, DescribedObject, DescribedVariable, ObjectCode
 from eurobot_od.od.document import STRAY, Document, Entry, Odd, Section, read
+from eurobot_od.od.modules import CONNECTED, with_modules
 from eurobot_od.od.standard import MANDATORY, known_type
 from eurobot_od.od.values import NODE_ID, REMEMBERED_NUMBERS, DataType, Number, is_standard_number, parse_number
 
@@ -54,7 +56,11 @@ class Refusal(NamedTuple):
     what: str
 
     def __str__(self) -> str:
-        return f"line {self.line}: 0x{self.index:04X}: {self.what}"
+        return f"line {self.line}: {f'0x{self.index:04X}: ' if self.index else ''}{self.what}"
+
+
+NO_OBJECT = 0
+"""In the place of an index: what cannot be used is no object, such as a module."""
 
 
 class Dropped(NamedTuple):
@@ -70,7 +76,8 @@ class Normal(NamedTuple):
     """A file in its normal form.
 
     `text` is that form, `encoding` the one of the file. `changes` is where the form differs from the file,
-    `refusals` what cannot be used of it, `dropped` what canopen does not read.
+    `refusals` what cannot be used of it, `dropped` what canopen does not read; `has_modules` says whether connected
+    modules have brought objects.
     """
 
     text: str
@@ -78,6 +85,7 @@ class Normal(NamedTuple):
     changes: list[Change]
     refusals: list[Refusal]
     dropped: list[Dropped]
+    has_modules: bool = False
 
     @property
     def usable(self) -> str:
@@ -89,14 +97,21 @@ class Normal(NamedTuple):
         return re.sub(rf"(?ms)^\[(?:{'|'.join(names)})\]$.*?(?=^\[|\Z)", "", self.text)
 
 
-def normal(data: bytes, file: object = "") -> Normal:
-    """Return the normal form of an EDS or DCF; raises DictionaryError for what is no EDS, or hides objects."""
+def normal(data: bytes, file: object = "", modules: Sequence[str] | None = None) -> Normal:
+    """Return the normal form of an EDS or DCF; raises DictionaryError for what is no EDS, or hides objects.
+
+    `modules` are numbers or names of a modular device's modules, in their positions (CiA 306-1, 8); None for those that
+    the file says are connected. Raises DictionaryError also for one that the file does not have.
+    """
     document = read(data)
     hiding = document.hiding
     if hiding:
         what = f"{hiding.kind.value} ({hiding.text})" if hiding.text else hiding.kind.value
         raise DictionaryError(str(file), None, f"not a readable EDS: line {hiding.line}: {what}")
-    return _Writer(document).write()
+    writer = _Writer(document, modules)
+    for misfit in writer.misfits if modules is not None else ():
+        raise DictionaryError(str(file), None, misfit.what)
+    return writer.write()
 
 
 def in_normal_form(data: bytes, file: object = "") -> tuple[bytes, list[Change]]:
@@ -284,8 +299,11 @@ LOOKS_LIKE_AN_OBJECT = re.compile(r"[0-9A-Fa-f]{4}([S|s]ub[0-9A-Fa-f]+)?$|[0-9A-
 class _Writer:
     """Writes one file; comments go along with the entry or the header that they stand above."""
 
-    def __init__(self, document: Document) -> None:
-        self._device = DescribedDevice(completed(document))
+    def __init__(self, document: Document, modules: Sequence[str] | None = None) -> None:
+        described = completed(document)
+        whole, self.misfits = with_modules(described, modules)
+        self._has_modules = whole is not described
+        self._device = DescribedDevice(whole)
         self._comments = _comments(document)
         self._changes = [
             Change(each.line, ODDITIES[each.kind].format(each.text))
@@ -293,7 +311,7 @@ class _Writer:
             if each.kind in ODDITIES
         ]
         self._changes += (Change(*each) for each in misspelled(document))
-        self._refusals: list[Refusal] = []
+        self._refusals = [Refusal(NO_OBJECT, None, *each) for each in self.misfits]
         self._dropped: list[Dropped] = []
         self._out: list[str] = []
 
@@ -312,7 +330,8 @@ class _Writer:
             self._known(keys.COMMISSIONING)
         left = (line for comments in self._comments for each in comments.values() for line in each)
         text = "\n".join([*self._out, *left, ""])
-        return Normal(text, device.document.text_encoding, sorted({*self._changes}), self._refusals, self._dropped)
+        return Normal(text, device.document.text_encoding, sorted({*self._changes}), self._refusals, self._dropped,
+                      self._has_modules)  # fmt: skip
 
     # Lines
 
@@ -414,6 +433,9 @@ class _Writer:
         usual = usual_name(name) if looks_odd(name.lower()) else None
         if name.lower() in keys.SECTION_NAMES or (usual and self._device.document.sections[usual].line == section.line):
             return
+        if name.lower() == CONNECTED and self._has_modules:
+            self._as_comment(section, "the objects of the modules are written out")
+            return
         if usual or LOOKS_LIKE_AN_OBJECT.match(name):
             self._as_comment(section, f"[{usual}] is there" if usual else "no name of an object")
             return
@@ -436,7 +458,8 @@ class _Writer:
             if section and {key.lower(): _plain_index(text) for key, text in rows} != {
                 key: _plain_index(entry.value) for key, entry in section.entries.items()
             }:
-                self._changes.append(Change(section.line, f"[{name}] written anew: the objects that are there"))
+                what = f"[{name}] written anew: the objects that are there"
+                self._changes.append(Change(section.line, what, standard=self._has_modules))
             self._out += (f"{key}={text}" for key, text in rows)
         if not any(sections.values()):
             self._changes.append(Change(1, "lists of objects added"))

@@ -56,6 +56,8 @@ def _configured(text: str) -> str:
     return text + COMMISSIONING
 
 
+COUPLER = (Path(__file__).parents[1] / "od" / "samples" / "coupler.eds").read_text("ascii")
+
 BASES = {
     "eds": ("clean.eds", CLEAN),
     "compact": ("clean.eds", _with_object(CLEAN, "2009", COMPACT)),
@@ -64,10 +66,17 @@ BASES = {
         "clean.eds",
         re.sub(r"(\[1[6A]\d\dsub[^[]*AccessType=)rw", r"\g<1>ro", CLEAN).replace("Granularity=8", "Granularity=0"),
     ),
+    "coupler": ("coupler.eds", COUPLER),
+    "connected": (
+        "coupler.dcf",
+        COUPLER.replace("FileName=coupler.eds", "FileName=coupler.dcf\nLastEDS=coupler.eds")
+        + COMMISSIONING
+        + "\n[ConnectedModules]\nNrOfEntries=2\n1=1\n2=1\n",
+    ),
     "guarded": ("clean.eds", re.sub(r"(\[100D\][^[]*DefaultValue=)0", r"\g<1>3", CLEAN)),
 }
 """The clean files into which defects are seeded: an EDS, one with a compact array (0x2009), a DCF, one with fixed
-mappings, and one with a life time factor.
+mappings, a bus coupler, one with modules, and one with a life time factor.
 """
 
 WHOLE = "*"
@@ -406,6 +415,29 @@ DEFECTS = (
            at="2000/UploadFile", base="dcf"),
     Defect("E713", "a concise DCF that ends early", "1F22sub1", "DefaultValue=", "DefaultValue=01000000 1710 00",
            base="dcf"),
+    # Modules
+    Defect("E461", "a wrong number of modules", "SupportedModules", "NrOfEntries=4", "NrOfEntries=3", base="coupler"),
+    Defect("E461", "modules without [SupportedModules]", "SupportedModules", WHOLE, "", at="M1ModuleInfo",
+           base="coupler"),
+    Defect("W462", "a module without an order code", "M1ModuleInfo", "OrderCode=DI8\n", "", at="M1ModuleInfo",
+           base="coupler"),
+    Defect("E463", "a fixed object without a section", "M3FixedObjects", "2=0x2300", "2=0x2301", base="coupler"),
+    Defect("E463", "an extension without a section", "M1SubExtends", "1=0x6000", "1=0x6100", base="coupler"),
+    Defect("E464", "Count in words", "M1SubExt6000", "Count=1", "Count=one", base="coupler"),
+    Defect("E464", "Count of no bits", "M2SubExt6000", "Count=0;4", "Count=0;", base="coupler"),
+    Defect("E464", "ObjExtend 255", "M4SubExt3000", "ObjExtend=2", "ObjExtend=255", base="coupler"),
+    Defect("E465", "a module that is not supported", "ConnectedModules", "2=1", "2=9", base="connected"),
+    Defect("W466", "modules without a module list", "1027", WHOLE, "", at="SupportedModules", base="coupler"),
+    Defect("E467", "an object both fixed and extended", "M3FixedObjects", "2=0x2300", "2=0x6401",
+           base="coupler"),
+    Defect("E467", "a module's object is the device's, too", "M3FixedObjects", "2=0x2300", "2=0x1017", base="coupler"),
+    Defect("E468", "an extension without a type", "M1SubExt6000", "DataType=0x0005\n", "", at="M1SubExt6000",
+           base="coupler"),
+    Defect("E469", "an extension without access", "M1SubExt6000", "AccessType=ro\n", "", at="M1SubExt6000",
+           base="coupler"),
+    Defect("E636", "a mapped object that no connected module brings", "1A00sub2", "DefaultValue=0x60000208",
+           "DefaultValue=0x60000308",
+           base="connected"),
     Defect("W118", "an unknown key of the commissioning", "DeviceComissioning", "NodeID=5", "NodeID=5\nColour=red",
            at="DeviceComissioning/Colour", base="dcf"),
 )  # fmt: skip
