@@ -17,6 +17,7 @@ from eurobot_od.lint.findings import Finding, Rule, Severity, chosen, count, sum
 from eurobot_od.lint.model import load
 from eurobot_od.lint.rules import FILE_RULES, lint
 from eurobot_od.od.document import read_bytes
+from eurobot_od.od.formats import is_xml
 from eurobot_od.support.escaping import one_line
 
 if TYPE_CHECKING:
@@ -125,6 +126,8 @@ def _fix(files: Sequence[str], output: str | None) -> ExitStatus:
         raise LocalError("-o is for one file")
     for file in files:
         before = read_bytes(file)
+        if output is None and is_xml(before):
+            raise LocalError(f"{file} is a device description in XML; -o FILE.eds writes the EDS that says the same")
         data, changes = in_normal_form(before, file)  # refuses a file before any of it is written
         for line, what, _ in changes:
             print(one_line(f"{file}:{line}: {what}"))

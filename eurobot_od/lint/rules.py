@@ -19,6 +19,10 @@ FILE_RULES: tuple[Rule, ...] = (
 """The rules for one file, by code."""
 
 
+NOT_OF_XML = frozenset(["E120", "E201", "E202", "W203", "W207", "W208", "W209", "W213", "W232", "E234", "E235", "W709"])
+"""Codes about keys that an EDS must have, and a device description in XML says elsewhere or not at all."""
+
+
 def lint(data: bytes, file: str) -> list[Finding]:
     """Check the bytes of an EDS or DCF; `file` is its path, which findings name. Findings are in the file's order."""
     return lint_device(load(data, file), file)
@@ -27,6 +31,9 @@ def lint(data: bytes, file: str) -> list[Finding]:
 def lint_device(device: LintedDevice, file: str) -> list[Finding]:
     """Check a device that has been read."""
     found = {
-        Finding(file, at.line, at.column, rule.code, text) for rule in FILE_RULES for at, text in rule.check(device)
+        Finding(file, at.line, at.column, rule.code, text)
+        for rule in FILE_RULES
+        if not device.document.is_xml or rule.code not in NOT_OF_XML
+        for at, text in rule.check(device)
     }
     return sorted(found, key=lambda each: each[1:])

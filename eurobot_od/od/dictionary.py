@@ -43,7 +43,9 @@ class Dictionary:
     """
 
     def __init__(self, file: Path, content: bytes, normal: Normal, node_id: int | None = None, name: str = "") -> None:
-        self.file, self.content, self.name = file, content, name or file.stem
+        # The EDS that says the same: what a device keeps of itself in 0x1021, and what a DCF is made of.
+        self.content = normal.text.encode() if normal.is_xml else content
+        self.file, self.name = file, name or file.stem
         self._normal = normal
         self.node_id = self._checked_node_id(self._said_node_id() if node_id is None else node_id)
         self.objects = _imported(file, normal, self.node_id)

@@ -43,9 +43,10 @@ class Odd(Enum):
     COMMENT_AFTER_VALUE = "a comment after a value"
     HASH = "a comment with #"
     INDENTED = "an indented line"
+    XML = "no XML of a device description"
 
 
-HIDING = (Odd.BINARY, Odd.HEADER)
+HIDING = (Odd.BINARY, Odd.HEADER, Odd.XML)
 """Oddities after which nobody knows what the file was to say: it is not an EDS at all, or entries have no section."""
 
 STRAY = (Odd.NOT_AN_ENTRY, Odd.NO_SECTION, Odd.NO_KEY)
@@ -95,7 +96,8 @@ class Document(NamedTuple):
     """A file as read: its sections by lower-case name (of a section given twice the first), and what was odd.
 
     `lines` is the whole text and `headers` the line numbers of all section headers, so that the text can be written
-    again with single lines changed; `encoding` is the one in which that gives the same bytes.
+    again with single lines changed; `encoding` is the one in which that gives the same bytes. A document of an XML file
+    (`is_xml`) has no lines that could be changed.
     """
 
     sections: dict[str, Section]
@@ -103,6 +105,7 @@ class Document(NamedTuple):
     lines: Sequence[str] = ()
     headers: Sequence[int] = ()
     encoding: str = "utf-8"
+    is_xml: bool = False
 
     @property
     def text_encoding(self) -> str:

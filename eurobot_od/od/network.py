@@ -18,7 +18,7 @@ from eurobot_od.od.document import read_bytes
 from eurobot_od.od.network_file import NetworkFile, NodeFile, read_nodelist
 from eurobot_od.od.values import NODE_IDS, parse_number
 
-SUFFIXES = (".eds", ".dcf")
+SUFFIXES = (".xdd", ".eds", ".xdc", ".dcf")
 """Files of devices in a folder; of two with one name the later counts: a DCF is the EDS as it is configured."""
 
 

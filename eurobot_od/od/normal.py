@@ -24,7 +24,8 @@ from eurobot_od.errors import DictionaryError
 from eurobot_od.od import keys, values
 from eurobot_od.od.completion import completed, looks_odd, misspelled, usual_name
 from eurobot_od.od.description import SIMPLE, DescribedDevice, DescribedObject, DescribedVariable, ObjectCode
-from eurobot_od.od.document import STRAY, Document, Entry, Odd, Section, read
+from eurobot_od.od.document import STRAY, Document, Entry, Odd, Section
+from eurobot_od.od.formats import read
 from eurobot_od.od.modules import CONNECTED, with_modules
 from eurobot_od.od.standard import MANDATORY, known_type
 from eurobot_od.od.values import NODE_ID, REMEMBERED_NUMBERS, DataType, Number, is_standard_number, parse_number
@@ -77,7 +78,7 @@ class Normal(NamedTuple):
 
     `text` is that form, `encoding` the one of the file. `changes` is where the form differs from the file,
     `refusals` what cannot be used of it, `dropped` what canopen does not read; `has_modules` says whether connected
-    modules have brought objects.
+    modules have brought objects, `is_xml` whether the file is one in XML.
     """
 
     text: str
@@ -86,6 +87,7 @@ class Normal(NamedTuple):
     refusals: list[Refusal]
     dropped: list[Dropped]
     has_modules: bool = False
+    is_xml: bool = False
 
     @property
     def usable(self) -> str:
@@ -331,7 +333,7 @@ class _Writer:
         left = (line for comments in self._comments for each in comments.values() for line in each)
         text = "\n".join([*self._out, *left, ""])
         return Normal(text, device.document.text_encoding, sorted({*self._changes}), self._refusals, self._dropped,
-                      self._has_modules)  # fmt: skip
+                      self._has_modules, device.document.is_xml)  # fmt: skip
 
     # Lines
 

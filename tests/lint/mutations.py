@@ -12,6 +12,9 @@ import re
 from pathlib import Path
 from typing import NamedTuple
 
+from eurobot_od.export.xdd import load as load_any
+from eurobot_od.export.xdd import xdd_text
+
 CLEAN = (Path(__file__).parent / "samples" / "clean.eds").read_text("ascii")
 COMPACT = """
 [2009]
@@ -56,6 +59,8 @@ def _configured(text: str) -> str:
     return text + COMMISSIONING
 
 
+XML = xdd_text(load_any(Path(__file__).parent / "samples" / "clean.eds")).replace("made.xdd", "clean.xdd")
+XML_END = next(number for number, line in enumerate(XML.splitlines(), start=1) if "</ApplicationLayers>" in line)
 COUPLER = (Path(__file__).parents[1] / "od" / "samples" / "coupler.eds").read_text("ascii")
 
 BASES = {
@@ -73,10 +78,11 @@ BASES = {
         + COMMISSIONING
         + "\n[ConnectedModules]\nNrOfEntries=2\n1=1\n2=1\n",
     ),
+    "xdd": ("clean.xdd", XML),
     "guarded": ("clean.eds", re.sub(r"(\[100D\][^[]*DefaultValue=)0", r"\g<1>3", CLEAN)),
 }
 """The clean files into which defects are seeded: an EDS, one with a compact array (0x2009), a DCF, one with fixed
-mappings, a bus coupler, one with modules, and one with a life time factor.
+mappings, an XDD, a bus coupler, one with modules, and one with a life time factor.
 """
 
 WHOLE = "*"
@@ -123,6 +129,7 @@ DEFECTS = (
     Defect("E112", "a vendor name of 245 characters", "DeviceInfo", "VendorName=Example", "VendorName=" + "v" * 245),
     Defect("I113", "a comment after a value", "2007", "DefaultValue=-5", "DefaultValue=-5 ; minus five"),
     Defect("W114", "a comment with #", "2008", "PDOMapping=0", "PDOMapping=0\n# old style", at="# old style"),
+    Defect("E123", "a tag that is not closed", "", "</dummyUsage>", "", base="xdd", at=f"line {XML_END}"),
     Defect("W122", "Ctrl-Z at the end", "2008", "PDOMapping=0\n", "PDOMapping=0\n\x1a",
            at=f"line {CLEAN.count(chr(10)) + 1}"),
     Defect("W115", "an indented line", "2008", "PDOMapping=0", "  PDOMapping=0", at="  PDOMapping=0"),
