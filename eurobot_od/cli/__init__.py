@@ -56,6 +56,7 @@ COMMANDS = {
     "lss": "find CANopen devices by LSS, and set node-ID and bit rate",
     "program": "download a program into a CANopen node, verify and start it",
     "emcy": "print the errors that a CANopen node remembers, or clear them",
+    "boot": "start a network as CiA 302-2 says: identity, configuration, heartbeat, start",
     "nmt": "start, stop or reset a CANopen node",
     "watch": "print when CANopen nodes boot, are lost and come back",
     "sync": "send SYNC messages at a fixed period",
@@ -68,7 +69,7 @@ COMMANDS = {
 TABLES = {
     **dict.fromkeys(("read", "write", "dump", "export-dcf", "emcy"), "objects"),
     **dict.fromkeys(("configure", "store", "restore", "program"), "parameters"),
-    **dict.fromkeys(("scan", "nmt", "watch", "sync", "time"), "bus"),
+    **dict.fromkeys(("scan", "boot", "nmt", "watch", "sync", "time"), "bus"),
 }
 """The module of a command that is a row of a table; any other command has a module of its own."""
 

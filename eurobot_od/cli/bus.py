@@ -13,14 +13,17 @@ from typing import TYPE_CHECKING, Any
 from eurobot_od.cli import ExitStatus, options
 from eurobot_od.cli.remote import MASTER, TARGET, Target
 from eurobot_od.cli.table import BUS, JSON, RECONNECT, CommandRow, Parameter, option
-from eurobot_od.device.nmt import ALL_NODES, COMMAND_NAMES, STATE_NAMES, NmtCommand
+from eurobot_od.device.nmt import ALL_NODES, COMMAND_NAMES, STATE_NAMES, NmtCommand, NmtState
 from eurobot_od.device.nmt import TARGET as TARGET_STATES
 from eurobot_od.errors import LocalError
+from eurobot_od.od import network
 from eurobot_od.od.values import BASE_IDENTIFIER, NMT_COB_ID, SYNC_COB_ID, TIME_COB_ID, parse_number
 from eurobot_od.support import durations
+from eurobot_od.support.escaping import one_line
 from eurobot_od.support.tables import columns
 
 if TYPE_CHECKING:
+    from eurobot_od.cli.options import Devices
     from eurobot_od.client.master import Master
     from eurobot_od.client.scan import Found
     from eurobot_od.client.watch import NodeEvent
@@ -57,6 +60,42 @@ def found_rows(found: Sequence[Found]) -> Iterator[tuple[str, ...]]:
         state = "-" if each.state is None else STATE_NAMES[each.state]
         numbers = (f"0x{number:08X}" for number in each.identity) if each.identity else ("-",) * 4
         yield f"{each.node_id:>4}", each.name or "-", state, *numbers
+
+
+# Boot
+
+
+def boot(master: Master, path: str, devices: Devices) -> ExitStatus:
+    """Start a network as CiA 302-2 says: each slave reset, checked, configured and heard, then all started.
+
+    The slaves are those of the network file, in its order; a DCF is loaded, unless 0x1020 says that the slave has it.
+    Exit status 1 if a slave does not boot: then none is started.
+    """
+    from eurobot_od.client.boot import boot_slave, start_slave
+    from eurobot_od.client.description import described
+    from eurobot_od.od.dictionary import Dictionary
+
+    named = network.read_network(path)
+    loaded = {each.node_id: each for each in devices._replace(network=path).load_and_complain()}
+    # `load` sorts by node-ID; the standard starts slaves in the network's own order
+    order = [Dictionary.load(*each).node_id for each in named.nodes]
+    slaves = [loaded[each] for each in order if loaded[each].name != named.master]
+    with master:
+        booted = []
+        for each in slaves:
+            slave = boot_slave(master.node(each.node_id), described(each), datetime.now())
+            words = "; ".join([*slave.done, *([str(slave.failed)] if slave.failed else [])])
+            print(one_line(f"node {slave.node_id} {slave.name}: {words}"), flush=True)
+            booted.append(slave)
+        missing = [each.name for each in booted if each.failed]
+        if missing:
+            print(one_line(f"not started: {', '.join(missing)} did not boot"))
+            return ExitStatus.FOUND
+        states = {each.name: start_slave(master.node(each.node_id), slave, each) for each, slave in zip(slaves, booted)}
+    for name, state in states.items():
+        print(one_line(f"{name}: {'started; it says no state' if state is None else STATE_NAMES[state]}"))
+    is_fine = all(state in (None, NmtState.OPERATIONAL) for state in states.values())
+    return ExitStatus.FINE if is_fine else ExitStatus.FOUND
 
 
 # NMT
@@ -233,6 +272,12 @@ COMMANDS = {
         option("--json", dest="as_json", action="store_true", help="print one JSON object per line"),
         BUS,
         RECONNECT,
+    ),
+    "boot": CommandRow(
+        boot,
+        option("path", metavar="NETWORK", help="network file, or a folder of EDS and DCF files"),
+        MASTER,
+        Parameter("devices", lambda _: None, options.Devices.of),
     ),
     "sync": CommandRow(
         sync,

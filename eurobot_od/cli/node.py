@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Describe the command line."""
-    parser.add_argument("node", nargs="?", help="which of the devices (default: the only one)")
+    parser.add_argument("node", nargs="?", help="which of the devices (default: all of them, in one process)")
     parser.add_argument("--node-id", type=int, metavar="N", help="node-ID 1..127 (default: the file's)")
     parser.add_argument("--store", metavar="FILE", help="DCF in which the device stores its parameters")
     parser.add_argument("--duration", type=durations.seconds, metavar="TIME", help="end after this time, such as 10 s")
@@ -65,6 +65,10 @@ def run(arguments: argparse.Namespace) -> ExitStatus | None:
     from eurobot_od.device.station import OnError
     from eurobot_od.live import Live
 
+    everybody = _all(arguments) if arguments.node is None else []
+    if everybody:
+        _run_all(arguments, everybody)
+        return None
     node, scene = _make(arguments)
     live = Live.node(
         shared.open_bus(arguments),
@@ -82,6 +86,46 @@ def run(arguments: argparse.Namespace) -> ExitStatus | None:
         if moved := moved_server(node):
             print(moved, flush=True)
         return _stay(live, scene, arguments.duration)
+
+
+FOR_ONE = ("node_id", "store", "fault", "set", "values", "verbose")
+"""Options that are about one device."""
+
+
+def _all(arguments: argparse.Namespace) -> list[Node]:
+    """Make all the devices of the files that are named, if they are several; raises LocalError, DictionaryError."""
+    devices = shared.Devices.of(arguments)
+    if len(devices.files()) < 2:
+        return []
+    loaded, robot = devices.load_and_complain(), devices.robot
+    given = [f"--{each.replace('_', '-')}" for each in FOR_ONE if getattr(arguments, each)]
+    names = ", ".join(each.name for each in loaded)
+    if given:
+        raise LocalError(f"{given[0]} is for one device: which node? Name one of {names}")
+    for each in loaded:
+        if robot.role_of(each):
+            raise LocalError(f"{each.name} is one of the robot's nodes, which run alone: name one of {names}")
+    return [robot.kind("")(each) for each in loaded]
+
+
+def _run_all(arguments: argparse.Namespace, nodes: list[Node]) -> None:
+    """Run several devices on one bus until the time is over, or an interrupt; raises BusError."""
+    from eurobot_od.device.group import NodeGroup
+    from eurobot_od.live.group import LiveGroup
+
+    for node in nodes:
+        node.alarm = partial(_alarm, node)
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    with LiveGroup(shared.open_bus(arguments), NodeGroup(nodes)) as live:
+        for node in nodes:
+            node.device.time_of_day.set(datetime.now(), live.clock())
+        names = ", ".join(f"{node.name} ({node.device.node_id})" for node in nodes)
+        print(one_line(f"{len(nodes)} devices on {live.name}: {names}; Ctrl-C ends them"), flush=True)
+        live.run(inf if arguments.duration is None else live.clock() + arguments.duration)
+
+
+def _alarm(node: Node, what: str) -> None:
+    print(one_line(f"{node.name}: {what}"), flush=True)
 
 
 def moved_server(node: Node) -> str:

@@ -67,10 +67,11 @@ class Description(NamedTuple):
 
 def from_file(file: str | Path, node_id: int | None = None, modules: Sequence[str] | None = None) -> Description:
     """Read an EDS or DCF for a node-ID, without one for the one it names; raises as `Dictionary.load`."""
-    return _described(Dictionary.load(file, node_id, modules=modules))
+    return described(Dictionary.load(file, node_id, modules=modules))
 
 
-def _described(dictionary: Dictionary) -> Description:
+def described(dictionary: Dictionary) -> Description:
+    """Return the description of a device whose file is loaded."""
     return Description(dictionary, dictionary.content.decode("latin-1"))
 
 
@@ -88,7 +89,7 @@ async def uploaded(node: RemoteNode) -> Description | None:
         return None
     if not content:
         return None
-    return _described(Dictionary.read(content, Path(f"EDS of node {node.node_id}"), node.node_id))
+    return described(Dictionary.read(content, Path(f"EDS of node {node.node_id}"), node.node_id))
 
 
 @Procedure

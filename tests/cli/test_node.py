@@ -281,7 +281,43 @@ def test_a_device_of_a_network_is_named(capsys: pytest.CaptureFixture[str], tmp_
         capsys, "node", "gate", "--network", str(file), "--duration", "1 ms", "--fault", "babbling", "-i", "virtual"
     )
     assert (said.status, said.out.partition(" on ")[0]) == (0, "gate (node-ID 6)")
-    assert run(capsys, "node", "--network", str(file)).complaint == "eurobot-od: which node? Name one of io, gate"
+
+
+WITH_BOTH = [
+    (["--node-id", "7"], "eurobot-od: --node-id is for one device: which node? Name one of io, gate"),
+    (["--set", "0x2100=1"], "eurobot-od: --set is for one device: which node? Name one of io, gate"),
+    (["--fault", "babbling"], "eurobot-od: --fault is for one device: which node? Name one of io, gate"),
+]
+
+
+@pytest.mark.usefixtures("eds")
+@pytest.mark.parametrize(("words", "complaint"), WITH_BOTH)
+def test_what_is_for_one_device_needs_its_name(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, words: list[str], complaint: str
+) -> None:
+    file = tmp_path / "network.yaml"
+    file.write_text("nodes: {io: {file: module.eds, node_id: 5}, gate: {file: module.eds, node_id: 6}}")
+    assert run(capsys, "node", "--network", str(file), *words).complaint == complaint
+
+
+@pytest.mark.usefixtures("eds")
+def test_all_devices_of_a_network_run_in_one_process_and_are_booted(
+    capsys: pytest.CaptureFixture[str], shared_bus: str, tmp_path: Path
+) -> None:
+    file, bus = tmp_path / "network.yaml", ("-i", "remote", "-c", shared_bus)
+    file.write_text("nodes: {io: {file: module.eds, node_id: 5}, gate: {file: module.eds, node_id: 6}}\nmaster: PC\n")
+    with node("--network", str(file), *bus) as devices:
+        assert "io (5), gate (6)" in line(devices, "2 devices on ")
+        said = run(capsys, "boot", str(file), *bus)
+        assert said.status == 0
+        assert [each.partition(":")[0] for each in said.out.splitlines()] == ["node 5 io", "node 6 gate", "io", "gate"]
+        file.write_text("nodes: {lost: {file: module.eds, node_id: 9}, gate: {file: module.eds, node_id: 6}}")
+        said = run(capsys, "boot", str(file), *bus)
+        assert said.status == 1
+        assert said.out.splitlines()[0].startswith("node 9 lost: error B: ")
+        assert said.out.splitlines()[-1] == "not started: lost did not boot"
+        devices.send_signal(signal.SIGTERM)
+        assert devices.wait(PATIENCE) == 130
 
 
 def test_a_node_of_the_robot_is_one_wherever_its_file_is(capsys: pytest.CaptureFixture[str]) -> None:
