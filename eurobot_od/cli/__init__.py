@@ -49,6 +49,7 @@ COMMANDS = {
     "read": "read objects of a CANopen node, by number or name",
     "write": "write one object of a CANopen node",
     "dump": "print all objects of a CANopen node",
+    "pdo": "list the PDOs that a CANopen node has now, or map objects into one",
     "configure": "configure a CANopen node from a DCF",
     "export-dcf": "write the DCF of a live CANopen node",
     "store": "have a CANopen node store its parameters",
@@ -67,7 +68,7 @@ COMMANDS = {
 
 
 TABLES = {
-    **dict.fromkeys(("read", "write", "dump", "export-dcf", "emcy"), "objects"),
+    **dict.fromkeys(("read", "write", "dump", "pdo", "export-dcf", "emcy"), "objects"),
     **dict.fromkeys(("configure", "store", "restore", "program"), "parameters"),
     **dict.fromkeys(("scan", "boot", "nmt", "watch", "sync", "time"), "bus"),
 }

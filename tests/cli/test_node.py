@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import json
 import signal
 import sys
 import time
@@ -345,3 +346,24 @@ def test_a_device_that_cannot_run_says_why_in_one_line(
 ) -> None:
     said = run(capsys, "node", "--eds", f"5={eds}", *words)
     assert (said.status, said.complaint.partition(complaint)[:2]) == (2, ("eurobot-od: ", complaint))
+
+
+# pdo
+
+
+def test_the_pdos_of_a_device_are_listed_and_mapped(capsys: pytest.CaptureFixture[str], shared_bus: str) -> None:
+    bus, motor = ("-i", "remote", "-c", shared_bus), f"5={Path(__file__).parents[2] / 'docs' / 'motor.eds'}"
+    with node("--eds", motor, *bus) as device:
+        line(device, "(node-ID 5)")
+        said = run(capsys, "pdo", "5", "--eds", motor, *bus)
+        assert [each.split()[:4] for each in said.out.splitlines()] == [
+            ["RPDO", "1", "0x205", "on"],
+            ["TPDO", "1", "0x185", "on"],
+        ]
+        said = run(capsys, "pdo", "5", "map", "tpdo1", "Motor.Current", "0x2000:1", "--eds", motor, *bus)
+        assert said.out.endswith("every 100 ms  Motor.Current 16, Motor.Speed 16\n")
+        said = run(capsys, "pdo", "5", "--json", "--eds", motor, *bus)
+        assert [each["name"] for each in json.loads(said.out)[1]["mapping"]] == ["Motor.Current", "Motor.Speed"]
+        said = run(capsys, "pdo", "5", "map", "TPDO9", "Motor.Speed", "--eds", motor, *bus)
+        assert said.complaint.endswith("Write `map TPDO1 OBJECT...`; known: RPDO1, TPDO1")
+        device.send_signal(signal.SIGTERM)

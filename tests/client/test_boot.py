@@ -34,8 +34,8 @@ COMMISSIONED = "[DeviceComissioning]\nNodeID=5\nBaudrate=500\n"
 @contextmanager
 def slave(text: str = TEXT) -> Iterator[RemoteNode]:
     with SimulatedNetwork() as network:
-        device = network.simulate(Dictionary.read(text.encode(), Path("a.eds"), 5))
-        yield network[device.dictionary.node_id]._node
+        network.simulate(Dictionary.read(text.encode(), Path("a.eds"), 5))
+        yield network[5]._node
 
 
 def booted(text: str, wanted: str) -> BootedSlave:
