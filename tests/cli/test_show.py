@@ -138,8 +138,14 @@ def test_objects_of_several_devices_stand_under_their_names(capsys: pytest.Captu
     (own, _) = json.loads(run(capsys, "show", "--objects", "0x2000:1", "--json", "--eds", MOTOR, "--eds",
                               MOTOR.replace("5=", "6=")).out).values()  # fmt: skip
     assert own[0] | {"value": 0} == {
-        "index": 0x2000, "subindex": 1, "name": "Motor.Speed", "type": "INTEGER16", "access": "ro",
-        "pdo_mapping": True, "value": 0, "limits": [-3000, 3000],
+        "index": 0x2000,
+        "subindex": 1,
+        "name": "Motor.Speed",
+        "type": "INTEGER16",
+        "access": "ro",
+        "pdo_mapping": True,
+        "value": 0,
+        "limits": [-3000, 3000],
     }
 
 
