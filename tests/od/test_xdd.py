@@ -39,9 +39,11 @@ XDD = xdd_text(load_any(CLEAN))
 def test_an_eds_made_an_xdd_and_an_eds_again_is_the_same_device(file: Path) -> None:
     made = xdd_text(load_any(file)).encode()
     back, changes = in_normal_form(made, "made.xdd")
-    device = load(file.read_bytes(), file.name)
-    assert compare(device, load(made, file.name), with_names=True) == []
-    assert compare(device, load(back, file.name), with_names=True) == []
+    device, unusable = load(file.read_bytes(), file.name), load_any(file).left_out
+    for other in (made, back):
+        found = compare(device, load(other, file.name), with_names=True)
+        # what cannot be used as the file has it, such as a variable without a type, need not stay so
+        assert [each for each in found if each.where not in {(one.index, one.sub) for one in unusable}] == []
     assert [each for each in changes if not each.standard] == []
 
 
