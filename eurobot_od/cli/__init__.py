@@ -49,6 +49,7 @@ COMMANDS = {
     "read": "read objects of a CANopen node, by number or name",
     "write": "write one object of a CANopen node",
     "dump": "print all objects of a CANopen node",
+    "pdo": "list the PDOs that a CANopen node has now, or map objects into one",
     "configure": "configure a CANopen node from a DCF",
     "export-dcf": "write the DCF of a live CANopen node",
     "store": "have a CANopen node store its parameters",
@@ -56,6 +57,7 @@ COMMANDS = {
     "lss": "find CANopen devices by LSS, and set node-ID and bit rate",
     "program": "download a program into a CANopen node, verify and start it",
     "emcy": "print the errors that a CANopen node remembers, or clear them",
+    "boot": "start a network as CiA 302-2 says: identity, configuration, heartbeat, start",
     "nmt": "start, stop or reset a CANopen node",
     "watch": "print when CANopen nodes boot, are lost and come back",
     "sync": "send SYNC messages at a fixed period",
@@ -66,9 +68,9 @@ COMMANDS = {
 
 
 TABLES = {
-    **dict.fromkeys(("read", "write", "dump", "export-dcf", "emcy"), "objects"),
+    **dict.fromkeys(("read", "write", "dump", "pdo", "export-dcf", "emcy"), "objects"),
     **dict.fromkeys(("configure", "store", "restore", "program"), "parameters"),
-    **dict.fromkeys(("scan", "nmt", "watch", "sync", "time"), "bus"),
+    **dict.fromkeys(("scan", "boot", "nmt", "watch", "sync", "time"), "bus"),
 }
 """The module of a command that is a row of a table; any other command has a module of its own."""
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from datetime import datetime, timezone
 from itertools import islice
@@ -12,15 +12,18 @@ from typing import TYPE_CHECKING, Any
 
 from eurobot_od.cli import ExitStatus, options
 from eurobot_od.cli.remote import MASTER, TARGET, Target
-from eurobot_od.cli.table import BUS, JSON, RECONNECT, CommandRow, Parameter, option
-from eurobot_od.device.nmt import ALL_NODES, COMMAND_NAMES, STATE_NAMES, NmtCommand
+from eurobot_od.cli.table import BUS, DEVICES, JSON, RECONNECT, CommandRow, Parameter, option
+from eurobot_od.device.nmt import ALL_NODES, COMMAND_NAMES, STATE_NAMES, NmtCommand, NmtState
 from eurobot_od.device.nmt import TARGET as TARGET_STATES
-from eurobot_od.errors import LocalError
+from eurobot_od.errors import LocalError, UnknownName
+from eurobot_od.od import network
 from eurobot_od.od.values import BASE_IDENTIFIER, NMT_COB_ID, SYNC_COB_ID, TIME_COB_ID, parse_number
 from eurobot_od.support import durations
+from eurobot_od.support.escaping import one_line
 from eurobot_od.support.tables import columns
 
 if TYPE_CHECKING:
+    from eurobot_od.cli.options import Devices
     from eurobot_od.client.master import Master
     from eurobot_od.client.scan import Found
     from eurobot_od.client.watch import NodeEvent
@@ -57,6 +60,42 @@ def found_rows(found: Sequence[Found]) -> Iterator[tuple[str, ...]]:
         state = "-" if each.state is None else STATE_NAMES[each.state]
         numbers = (f"0x{number:08X}" for number in each.identity) if each.identity else ("-",) * 4
         yield f"{each.node_id:>4}", each.name or "-", state, *numbers
+
+
+# Boot
+
+
+def boot(master: Master, path: str, devices: Devices) -> ExitStatus:
+    """Start a network as CiA 302-2 says: each slave reset, checked, configured and heard, then all started.
+
+    The slaves are those of the network file, in its order; a DCF is loaded, unless 0x1020 says that the slave has it.
+    Exit status 1 if a slave does not boot: then none is started.
+    """
+    from eurobot_od.client.boot import boot_slave, start_slave
+    from eurobot_od.client.description import described
+    from eurobot_od.od.dictionary import Dictionary
+
+    named = network.read_network(path)
+    loaded = {each.node_id: each for each in devices._replace(network=path).load_and_complain()}
+    # `load` sorts by node-ID; the standard starts slaves in the network's own order
+    order = [Dictionary.load(*each).node_id for each in named.nodes]
+    slaves = [loaded[each] for each in order if loaded[each].name != named.master]
+    with master:
+        booted = []
+        for each in slaves:
+            slave = boot_slave(master.node(each.node_id), described(each), datetime.now())
+            words = "; ".join([*slave.done, *([str(slave.failed)] if slave.failed else [])])
+            print(one_line(f"node {slave.node_id} {slave.name}: {words}"), flush=True)
+            booted.append(slave)
+        missing = [each.name for each in booted if each.failed]
+        if missing:
+            print(one_line(f"not started: {', '.join(missing)} did not boot"))
+            return ExitStatus.FOUND
+        states = {each.name: start_slave(master.node(each.node_id), slave, each) for each, slave in zip(slaves, booted)}
+    for name, state in states.items():
+        print(one_line(f"{name}: {'started; it says no state' if state is None else STATE_NAMES[state]}"))
+    is_fine = all(state in (None, NmtState.OPERATIONAL) for state in states.values())
+    return ExitStatus.FINE if is_fine else ExitStatus.FOUND
 
 
 # NMT
@@ -100,48 +139,75 @@ def nmt(target: Target, command: str) -> ExitStatus:
 
 
 def watch(
-    nodes: Sequence[int],
+    nodes: Sequence[str],
     within: float,
     guard: float | None,
     span: float,
     as_json: bool,
+    devices: Devices,
     open_bus: Opener,
     reopen: Opener | None,
 ) -> ExitStatus:
     """Watch CANopen nodes by heartbeat or node guarding: a line when one boots, is lost or comes back.
 
-    Without node-IDs every node that is heard is watched. Exit status 1 if a node is lost at the end.
+    Without nodes all of --network or --eds have to be there; without these, too, every node that is heard is watched.
+    Exit status 1 if a node is lost at the end.
     """
     from eurobot_od.client.master import Master
     from eurobot_od.client.watch import NodeWatch, watch_nodes
 
-    nodes = [*map(options.check_node_id, nodes)]
-    if guard is not None and not (nodes and guard):
+    named = {each.name: each.node_id for each in devices.load()} if _needs_names(nodes, devices) else {}
+    titles = {node_id: name for name, node_id in named.items()}
+    expected = [_node_id(each, named) for each in nodes] or ([*titles] if devices.eds or devices.network else [])
+    if guard is not None and not (expected and guard):
         raise LocalError("--guard polls the nodes that are named: name them, and a time longer than 0")
     with Master(open_bus()) as master:
         started = master.clock()
         write = event_as_json if as_json else event_as_line
+
+        def told(event: NodeEvent) -> None:
+            print(one_line(write(event._replace(time=event.time - started), titles.get(event.node_id, ""))), flush=True)
+
         watched = NodeWatch(
-            lambda event: print(write(event._replace(time=event.time - started)), flush=True),
-            expected=nodes,
+            told,
+            expected=expected,
             patience=within,
-            guarded=dict.fromkeys(nodes, guard) if guard else {},
+            guarded=dict.fromkeys(expected, guard) if guard else {},
         )
         with suppress(KeyboardInterrupt):  # the usual way to end it
             watch_nodes(master, watched, started + span, options.guard(reopen, master))
     return ExitStatus.FOUND if any(node.lost for node in watched.nodes.values()) else ExitStatus.FINE
 
 
-def event_as_line(event: NodeEvent) -> str:
+def _needs_names(nodes: Sequence[str], devices: Devices) -> bool:
+    """Whether the devices' files have to be read: they are named, or a node is."""
+    return bool(devices.files()) or not all(each.isdecimal() for each in nodes)
+
+
+def _node_id(text: str, named: Mapping[str, int]) -> int:
+    """Return the node-ID that a person names; raises LocalError, UnknownName."""
+    if text in named:
+        return named[text]
+    if not text.isdecimal() or len(text) > MOST_DIGITS:
+        raise UnknownName("node", text, named)
+    return options.check_node_id(int(text))
+
+
+MOST_DIGITS = 9
+"""More than any node-ID has; of thousands `int` raises in words of its own."""
+
+
+def event_as_line(event: NodeEvent, name: str = "") -> str:
     """Write what happened to a node."""
     state = "" if event.state in (None, 0) else f" ({STATE_NAMES[event.state]})"
-    return f"{event.time:9.3f}  node {event.node_id} {event.change.value}{state}"
+    return f"{event.time:9.3f}  {f'node {event.node_id} {name}'.rstrip()} {event.change.value}{state}"
 
 
-def event_as_json(event: NodeEvent) -> str:
-    """Write what happened to a node as a JSON object."""
+def event_as_json(event: NodeEvent, name: str = "") -> str:
+    """Write what happened to a node as a JSON object, with its name if it has one."""
     state = None if event.state is None else STATE_NAMES[event.state]
-    return json.dumps(event._asdict() | {"change": event.change.name.lower(), "state": state})
+    named = {"name": name} if name else {}
+    return json.dumps(event._asdict() | {"change": event.change.name.lower(), "state": state} | named)
 
 
 # What a master sends again and again
@@ -213,7 +279,7 @@ COMMANDS = {
     "nmt": CommandRow(nmt, TARGET, option("command", choices=NMT_COMMANDS, help="the command; NODE may be `all`")),
     "watch": CommandRow(
         watch,
-        option("nodes", nargs="*", type=int, metavar="NODE-ID", help="nodes that must be there"),
+        option("nodes", nargs="*", metavar="NODE", help="nodes that must be there: node-IDs, or devices' names"),
         option(
             "--within",
             type=durations.seconds,
@@ -231,8 +297,15 @@ COMMANDS = {
             help="how long to watch (default: until Ctrl-C)",
         ),
         option("--json", dest="as_json", action="store_true", help="print one JSON object per line"),
+        DEVICES,
         BUS,
         RECONNECT,
+    ),
+    "boot": CommandRow(
+        boot,
+        option("path", metavar="NETWORK", help="network file, or a folder of EDS and DCF files"),
+        MASTER,
+        Parameter("devices", lambda _: None, options.Devices.of),
     ),
     "sync": CommandRow(
         sync,

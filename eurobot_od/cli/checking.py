@@ -136,12 +136,12 @@ class Checks(NamedTuple):
         """Return all that the results of a seed depend on: the options, and the content of the files."""
         from eurobot_od.support.files import digest_of
 
-        eds, named_network, dialect, robot_name, _ = self.devices
+        eds, named_network, dialect, robot_name, _, modules = self.devices
         named = [Path(each.file) for each in self.devices.files()]
         dialects = self.devices.robot.dialects
         folders = {dialects.folder(each.dialect or dialect) for each in suites if each.dialect or not named}
         found = [file for folder in sorted(folders) for file in sorted(folder.glob("*.eds"))]
-        options = {"robot": robot_name, "dialect": dialect, "eds": eds, "network": named_network}
+        options = {"robot": robot_name, "dialect": dialect, "eds": eds, "network": named_network, "module": modules}
         own = ("fault", "tag", "step", "conformance", "reversible", "destructive", "restore", "keep_going")
         # Beside the options the files' content: an edited suite must not be continued with results of the old one.
         given = {name: str(value) for name, value in (options | {each: getattr(self, each) for each in own}).items()}

@@ -8,11 +8,13 @@ from pathlib import Path
 
 from eurobot_od.cli import logs
 from eurobot_od.cli import output as files
-from eurobot_od.cli.options import Devices
+from eurobot_od.cli.options import Devices, left_out
 from eurobot_od.cli.output import OUTPUT
 from eurobot_od.cli.remote import print_readings
 from eurobot_od.cli.table import DECODED, DEVICES, CommandRow, option
-from eurobot_od.errors import DictionaryError, LocalError
+from eurobot_od.errors import DictionaryError, LocalError, MappingError
+from eurobot_od.od import network
+from eurobot_od.od.network_file import NodeFile
 from eurobot_od.support import extras
 from eurobot_od.support.amounts import amount
 from eurobot_od.support.files import check_writable, write_whole
@@ -80,26 +82,49 @@ def xdd(file: str, output: Path | None) -> None:
 def cdcf(file: str, output: Path | None, eds: str | None, node_id: int | None) -> None:
     """Write the concise DCF of a DCF, or show what a concise DCF writes, or turn it into a DCF again.
 
-    The suffix of the file says which way. The writes are in the order of CiA 301's PDO procedure (7.5.2.36): a PDO is
-    off while it is mapped.
+    The suffix of the file says which way; of a network the DCF files of all nodes are written, into a folder. The
+    writes are in the order of CiA 301's PDO procedure (7.5.2.36): a PDO is off while it is mapped.
     """
     # By the suffix: four bytes of a count are no mark by which bytes could be recognised.
-    if Path(file).suffix.lower() in (".dcf", ".eds"):
-        write_concise(file, output)
+    if network.is_network(file):
+        nodes = network.read_network(file).nodes
+        if node_id is not None:
+            raise LocalError("--node-id is for one file; a network says the node-IDs itself")
+        if output is not None:
+            output.mkdir(exist_ok=True)
+        for each in nodes:
+            name = each.name or Path(each.file).stem
+            if output is None:
+                print(f"{name}:")
+            write_concise(each, output / f"{name}.cdcf" if output else None)
+    elif Path(file).suffix.lower() in network.SUFFIXES:
+        node = network.node_file(file)
+        write_concise(node if node_id is None else node._replace(node_id=node_id), output)
     else:
         read_concise(file, output, eds, node_id)
 
 
-def write_concise(file: str, output: Path | None) -> None:
-    """Write or print the concise DCF of a DCF; raises DictionaryError, LocalError."""
-    from eurobot_od.client.configure import all_writes, check_file
+def write_concise(node: NodeFile, output: Path | None) -> None:
+    """Write or print the concise DCF of a DCF, without PDOs that do not hold; raises DictionaryError, LocalError."""
+    from eurobot_od.client.configure import all_writes, check_file, check_whole
     from eurobot_od.client.description import from_file
+    from eurobot_od.client.pdo_order import pdo_of
     from eurobot_od.client.reading import decoded
     from eurobot_od.od.concise import pack
 
-    description = from_file(file)
-    check_file(description, description.dictionary.node_id)
-    writes = all_writes(description)
+    description, refused = from_file(node.file, node.node_id, node.modules), list[MappingError]()
+    with left_out() as complained:
+
+        def leave_out(error: MappingError) -> None:
+            refused.append(error)
+            complained(error)
+
+        if node.node_id is None:
+            check_file(description, description.dictionary.node_id, leave_out)
+        else:  # who names a node-ID takes the file for that node, whichever it was made for
+            check_whole(description, leave_out)
+    bad = {pdo_of((error.index or 0, 0)) for error in refused}
+    writes = [each for each in all_writes(description) if pdo_of(each.address) not in bad - {None}]
     if output is None:
         print_readings(decoded(writes, description.dictionary), as_json=False)
     else:
@@ -118,7 +143,8 @@ def read_concise(file: str, output: Path | None, eds: str | None, node_id: int |
         writes = unpack(Path(file).read_bytes())
     except Truncated as error:
         raise DictionaryError(file, None, f"not a concise DCF: {error}") from error
-    description = from_file(eds, node_id) if eds else None
+    named = network.node_file(eds) if eds else None
+    description = from_file(named.file, named.node_id if node_id is None else node_id) if named else None
     if output is None:
         print_readings(decoded(writes, description.dictionary if description else None), as_json=False)
     elif description is None:
@@ -148,10 +174,10 @@ FORMS = {
     "xdd": CommandRow(xdd, option("file", metavar="FILE", help="an EDS or DCF"), OUTPUT),
     "cdcf": CommandRow(
         cdcf,
-        option("file", metavar="FILE", help="a DCF to turn into a concise DCF, or a concise DCF"),
-        option("-o", "--output", type=Path, metavar="FILE", help="default: print the writes"),
-        option("--eds", metavar="FILE", help="EDS of the device that a concise DCF is for"),
-        option("--node-id", type=int, metavar="N", help="node-ID of the new DCF (default: the EDS's)"),
+        option("file", metavar="FILE", help="[NODE-ID=]DCF to turn into a concise DCF, a network, or a concise DCF"),
+        option("-o", "--output", type=Path, metavar="FILE", help="default: print the writes; of a network a folder"),
+        option("--eds", metavar="[NODE-ID=]FILE", help="EDS of the device that a concise DCF is for"),
+        option("--node-id", type=int, metavar="N", help="node-ID (default: the file's)"),
     ),
 }
 

@@ -17,6 +17,7 @@ from eurobot_od.lint.findings import Finding, Rule, Severity, chosen, count, sum
 from eurobot_od.lint.model import load
 from eurobot_od.lint.rules import FILE_RULES, lint
 from eurobot_od.od.document import read_bytes
+from eurobot_od.od.formats import is_xml
 from eurobot_od.support.escaping import one_line
 
 if TYPE_CHECKING:
@@ -75,7 +76,8 @@ def run(arguments: Namespace) -> ExitStatus:
     if arguments.json:
         _print_json(wanted, identifiers)
     elif number and arguments.format:
-        FORMATS[arguments.format](wanted)
+        # GitHub shows ten annotations of a step, and refuses a SARIF log of more than 25 000 results.
+        FORMATS[arguments.format](wanted if arguments.verbose else summed_up(wanted))
     elif number:
         _print_lines(wanted, number, identifiers, arguments.verbose, bool(arguments.verbose or arguments.select))
     for each in unreadable:
@@ -124,6 +126,8 @@ def _fix(files: Sequence[str], output: str | None) -> ExitStatus:
         raise LocalError("-o is for one file")
     for file in files:
         before = read_bytes(file)
+        if output is None and is_xml(before):
+            raise LocalError(f"{file} is a device description in XML; -o FILE.eds writes the EDS that says the same")
         data, changes = in_normal_form(before, file)  # refuses a file before any of it is written
         for line, what, _ in changes:
             print(one_line(f"{file}:{line}: {what}"))
@@ -145,7 +149,7 @@ def read_network(files: Sequence[str]) -> LintedNetwork:
         NetworkMember(each.name or device.name.rpartition(".")[0], each.file, device, each.node_id)
         for each, device in devices
     ]
-    return LintedNetwork(nodes_of(members), described.shared, described.order, described.bit_rate)
+    return LintedNetwork(nodes_of(members), described.shared, described.order, described.bit_rate, described.master)
 
 
 def explanation(code: str) -> str:
@@ -194,7 +198,7 @@ def _print_annotations(findings: Sequence[Finding]) -> None:
     from eurobot_od.support.annotations import Level, annotation
 
     levels = {Severity.ERROR: Level.ERROR, Severity.WARNING: Level.WARNING, Severity.INFO: Level.NOTICE}
-    for each in summed_up(findings):  # GitHub shows ten annotations of a step, and passes over the others
+    for each in findings:
         print(annotation(levels[each.severity], each.file, each.line, each.column, each.code, [each.message]))
 
 

@@ -34,6 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="NETWORK",
         help="network file or folder of EDS files (default: the robot's network)",
     )
+    parser.add_argument("--network", metavar="PATH", help="the same, as for other commands")
     parser.add_argument("-b", "--bitrate", type=options.bit_rate, help="bit/s (default: the file's, or 500000)")
     parser.add_argument(
         "--errors", type=_errors, metavar="N/TIME", help="at most N bit errors in any TIME, such as 1/10ms"
@@ -73,7 +74,9 @@ def run(arguments: argparse.Namespace) -> ExitStatus:
     from eurobot_od.load.report import as_data, load_report, table, too_slow
     from eurobot_od.load.sweep import sentences
 
-    messages = _read(arguments.path, arguments.dialect, options.robot(arguments))
+    if arguments.path and arguments.network:
+        raise LocalError("one network: name it by NETWORK or by --network")
+    messages = _read(arguments.path or arguments.network, arguments.dialect, options.robot(arguments))
     if arguments.mailboxes is not None:
         nodes = {each.node for each in messages.messages}
         messages = messages._replace(mailboxes=dict.fromkeys(nodes, arguments.mailboxes) if arguments.mailboxes else {})

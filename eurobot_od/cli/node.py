@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Describe the command line."""
-    parser.add_argument("node", nargs="?", help="which of the devices (default: the only one)")
+    parser.add_argument("node", nargs="?", help="which of the devices (default: all of them, in one process)")
     parser.add_argument("--node-id", type=int, metavar="N", help="node-ID 1..127 (default: the file's)")
     parser.add_argument("--store", metavar="FILE", help="DCF in which the device stores its parameters")
     parser.add_argument("--duration", type=durations.seconds, metavar="TIME", help="end after this time, such as 10 s")
@@ -65,6 +65,10 @@ def run(arguments: argparse.Namespace) -> ExitStatus | None:
     from eurobot_od.device.station import OnError
     from eurobot_od.live import Live
 
+    everybody = _all(arguments) if arguments.node is None else []
+    if everybody:
+        _run_all(arguments, everybody)
+        return None
     node, scene = _make(arguments)
     live = Live.node(
         shared.open_bus(arguments),
@@ -79,7 +83,60 @@ def run(arguments: argparse.Namespace) -> ExitStatus | None:
     node.device.time_of_day.set(datetime.now(), live.clock())  # until a TIME message sets it
     with _bus_failure_first(live), live:
         print(one_line(f"{node.name} (node-ID {node.device.node_id}) on {live.name}; Ctrl-C ends it"), flush=True)
+        if moved := moved_server(node):
+            print(moved, flush=True)
         return _stay(live, scene, arguments.duration)
+
+
+FOR_ONE = ("node_id", "store", "fault", "set", "values", "verbose")
+"""Options that are about one device."""
+
+
+def _all(arguments: argparse.Namespace) -> list[Node]:
+    """Make all the devices of the files that are named, if they are several; raises LocalError, DictionaryError."""
+    devices = shared.Devices.of(arguments)
+    if len(devices.files()) < 2:
+        return []
+    loaded, robot = devices.load_and_complain(), devices.robot
+    given = [f"--{each.replace('_', '-')}" for each in FOR_ONE if getattr(arguments, each)]
+    names = ", ".join(each.name for each in loaded)
+    if given:
+        raise LocalError(f"{given[0]} is for one device: which node? Name one of {names}")
+    for each in loaded:
+        if robot.role_of(each):
+            raise LocalError(f"{each.name} is one of the robot's nodes, which run alone: name one of {names}")
+    return [robot.kind("")(each) for each in loaded]
+
+
+def _run_all(arguments: argparse.Namespace, nodes: list[Node]) -> None:
+    """Run several devices on one bus until the time is over, or an interrupt; raises BusError."""
+    from eurobot_od.device.group import NodeGroup
+    from eurobot_od.live.group import LiveGroup
+
+    for node in nodes:
+        node.alarm = partial(_alarm, node)
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    with LiveGroup(shared.open_bus(arguments), NodeGroup(nodes)) as live:
+        for node in nodes:
+            node.device.time_of_day.set(datetime.now(), live.clock())
+        names = ", ".join(f"{node.name} ({node.device.node_id})" for node in nodes)
+        print(one_line(f"{len(nodes)} devices on {live.name}: {names}; Ctrl-C ends them"), flush=True)
+        live.run(inf if arguments.duration is None else live.clock() + arguments.duration)
+
+
+def _alarm(node: Node, what: str) -> None:
+    print(one_line(f"{node.name}: {what}"), flush=True)
+
+
+def moved_server(node: Node) -> str:
+    """Say where a node's SDO server is, if its file has moved it from where every tool looks for it; else nothing."""
+    from eurobot_od.od.values import SDO_REQUEST_BASE, SDO_RESPONSE_BASE
+
+    device = node.device
+    at, usual = (device.sdo_requests, device.sdo_answers), (SDO_REQUEST_BASE, SDO_RESPONSE_BASE)
+    if at == tuple(base + device.node_id for base in usual):
+        return ""
+    return f"its SDO server is at 0x{at[0]:03X}, answers at 0x{at[1]:03X}, as its file says (0x1200)"
 
 
 def _stay(live: Live, scene: Scene | None, duration: float | None) -> ExitStatus | None:
@@ -141,7 +198,7 @@ def _dictionary(devices: shared.Devices, name: str | None, node_id: int | None) 
     if name is not None and name not in named:
         raise UnknownName("node", name, named)
     file = files[0] if name is None else named[name]
-    dictionary = Dictionary.load(file.file, file.node_id if node_id is None else node_id, file.name)
+    dictionary = Dictionary.load(*(file if node_id is None else file._replace(node_id=node_id)))
     shared.complain_of_repairs([dictionary])
     return dictionary
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from eurobot_od.cli import ExitStatus, complain, options
 from eurobot_od.cli import output as files
+from eurobot_od.cli.options import left_out
 from eurobot_od.cli.remote import TARGET, Target, add_node, print_readings
 from eurobot_od.cli.table import JSON, CommandRow, option
 from eurobot_od.errors import LocalError
@@ -25,6 +26,8 @@ if TYPE_CHECKING:
 
     from eurobot_od.client.history import History
     from eurobot_od.client.master import RemoteNode
+    from eurobot_od.od.dictionary import Dictionary
+    from eurobot_od.od.pdos import Pdo
 
 
 def read(target: Target, objects: Sequence[str], as_json: bool, file: Path | None) -> ExitStatus:
@@ -115,6 +118,59 @@ def export_dcf(target: Target, output: Path | None) -> ExitStatus:
     return ExitStatus.FOUND if left_out else ExitStatus.FINE
 
 
+def pdo(target: Target, action: str | None, name: str | None, objects: Sequence[str], as_json: bool) -> None:
+    """List the PDOs that a CANopen node has now: identifier, on or off, type and mapping; or map objects into one.
+
+    `map TPDO2 Motion.Speed ...` switches the PDO off, maps the objects in their order, switches it on if it was, and
+    reads back (CiA 301, 7.5.2.36 and 7.5.2.38).
+    """
+    from eurobot_od.client.pdo_mapping import map_objects
+
+    with target.opened() as node:
+        dictionary = target.needed_description(node).dictionary
+        found = _present_pdos(node, dictionary)
+        if action:
+            known = {each.title.replace(" ", ""): each for each in found}
+            chosen = known.get((name or "").upper().replace(" ", ""))
+            if chosen is None or not objects:
+                raise LocalError(
+                    f"map into which PDO, and what? Write `map TPDO1 OBJECT...`; known: {', '.join(known)}"
+                )
+            map_objects(node, dictionary, chosen, [find_one(each, dictionary.objects) for each in objects])
+            found = [each for each in _present_pdos(node, dictionary) if each.index == chosen.index]
+    if as_json:
+        print(json.dumps([pdo_as_data(each) for each in found], indent=2))
+    else:
+        print(*columns(map(pdo_row, found)), sep="\n")
+
+
+def _present_pdos(node: RemoteNode, dictionary: Dictionary) -> list[Pdo]:
+    """Return a node's PDOs as they are set now; complains of those whose mapping does not hold."""
+    from eurobot_od.client.pdo_parameters import pdo_parameters
+
+    present = dictionary.configured(pdo_parameters(node, dictionary))
+    with left_out() as refused:
+        return list(present.read_pdos(present.default, refused))
+
+
+def pdo_row(each: Pdo) -> tuple[str, ...]:
+    """Return the line of one PDO."""
+    mapped = ", ".join(f"{one.variable.qualname} {one.bits}" for one in each.mapping)
+    state = "on" if each.valid else "off"
+    timing = f"type {each.transmission_type}" + (f", every {each.event_timer} ms" if each.event_timer else "")
+    return each.title, f"0x{each.cob_id:03X}", state, timing, mapped or "(nothing mapped)"
+
+
+def pdo_as_data(each: Pdo) -> dict[str, Any]:
+    """Return one PDO as plain data."""
+    mapping = [
+        {"index": one.address[0], "subindex": one.address[1], "name": one.variable.qualname, "bits": one.bits}
+        for one in each.mapping
+    ]
+    settings = {"type": each.transmission_type, "inhibit_time": each.inhibit_time, "event_timer": each.event_timer}
+    return {"pdo": each.title, "cob_id": each.cob_id, "valid": each.valid, **settings, "mapping": mapping}
+
+
 def emcy(target: Target, clear: bool, as_json: bool) -> ExitStatus:
     """Print the errors that a CANopen node remembers, newest first, or clear them (0x1001, 0x1003).
 
@@ -175,6 +231,14 @@ COMMANDS = {
         option("--file", type=Path, help="write the bytes of this file, by block transfer"),
     ),
     "dump": CommandRow(dump, TARGET, JSON),
+    "pdo": CommandRow(
+        pdo,
+        TARGET,
+        option("action", nargs="?", choices=("map",), help="map other objects into a PDO (default: list all PDOs)"),
+        option("name", nargs="?", metavar="PDO", help="such as TPDO2"),
+        option("objects", nargs="*", metavar="OBJECT", help="what to map, in its order: names or INDEX:SUB"),
+        JSON,
+    ),
     "export-dcf": CommandRow(export_dcf, TARGET, files.OUTPUT),
     "emcy": CommandRow(emcy, WITH_EMCY, option("--clear", action="store_true", help="empty the error history"), JSON),
 }

@@ -189,6 +189,13 @@ def add_network(parser: argparse.ArgumentParser) -> None:
         metavar="PATH",
         help="network file (YAML, or nodelist.cpj of CiA 306-3), or a folder of EDS files",
     )
+    group.add_argument(
+        "--module",
+        action="append",
+        default=[],
+        metavar="[NODE=]MODULES",
+        help="modules that are plugged into a device, in their order: numbers or names, such as 1,1,3; repeatable",
+    )
     add_dialect(group)
 
 
@@ -218,12 +225,13 @@ class Devices(NamedTuple):
     dialect: str | None = None
     robot_name: str | None = None
     emcy: Sequence[str] = ()
+    modules: Sequence[str] = ()
 
     @classmethod
     def of(cls, arguments: argparse.Namespace) -> Devices:
         """Take them from a command line."""
         emcy = vars(arguments).get("emcy", ())  # of commands that say error codes
-        return cls(arguments.eds, arguments.network, arguments.dialect, arguments.robot, emcy)
+        return cls(arguments.eds, arguments.network, arguments.dialect, arguments.robot, emcy, arguments.module)
 
     @property
     def robot(self) -> Plugin:
@@ -239,7 +247,7 @@ class Devices(NamedTuple):
         # What is named on the command line replaces the folder's own network; the two are never mixed.
         if not self.dialect and not files and path is None and os.path.isfile(network.DEFAULT):  # noqa: PTH113
             path = network.DEFAULT
-        return [*files, *network.read_network(path).nodes] if path else files
+        return with_modules([*files, *network.read_network(path).nodes] if path else files, self.modules)
 
     def load(self) -> tuple[Dictionary, ...]:
         """Load the files that are named, or else the dialect's; raises LocalError, DictionaryError, UnknownName."""
@@ -311,14 +319,39 @@ class Devices(NamedTuple):
             return NOTHING
 
 
+def with_modules(files: list[NodeFile], texts: Iterable[str]) -> list[NodeFile]:
+    """Return files with the modules that `--module` plugs into their devices; raises LocalError."""
+    plugged: dict[int, list[str]] = {}
+    for text in texts:
+        node, _, listed = text.rpartition("=")
+        fitting = [
+            n for n, each in enumerate(files) if node in ("", str(each.node_id), each.name, Path(each.file).stem)
+        ]
+        if len(fitting) != 1:
+            known = ", ".join(f"{each.node_id or each.name or Path(each.file).stem}=" for each in files)
+            raise LocalError(
+                f"--module {text}: say into which device: {known or 'none is named by --eds or --network'}"
+            )
+        plugged.setdefault(fitting[0], []).extend(each.strip() for each in listed.split(","))
+    return [each._replace(modules=plugged[n]) if n in plugged else each for n, each in enumerate(files)]
+
+
 def complain_of_repairs(dictionaries: Iterable[Dictionary]) -> None:
-    """Say in one line for each file what had to be repaired to read it."""
+    """Say in a line for each file what had to be repaired to read it, and what is left out."""
     # By file: two nodes may share one, and it was repaired once.
-    for file, changes in {each.file: each.changes for each in dictionaries}.items():
-        if changes:
-            what = f"line {changes[0].line}: {changes[0].what}"
-            more = f", and {len(changes) - 1} more (`lint --fix` lists them)" if len(changes) > 1 else ""
-            complain(f"{file}: repaired to be read: {what}{more}")
+    for file, each in {each.file: each for each in dictionaries}.items():
+        repaired = [f"line {line}: {what}" for line, what, _ in each.changes]
+        for done, found, lister in (
+            ("repaired to be read", repaired, "lint --fix"),
+            ("left out", [str(refusal) for refusal in each.left_out], "lint"),
+        ):
+            more = f", and {len(found) - 1} more (`{lister}` lists them)" if len(found) > 1 else ""
+            if found:
+                complain(f"{file}: {done}: {found[0]}{more}")
+        if each.idle_modules:
+            complain(
+                f"{file}: none of its modules is connected; --module takes {', '.join(map(str, each.idle_modules))}"
+            )
 
 
 def decoder_of(

@@ -15,7 +15,6 @@ from eurobot_od.cli import options
 from eurobot_od.cli.options import Devices
 from eurobot_od.cli.table import Parameter
 from eurobot_od.errors import LocalError, UnknownName
-from eurobot_od.od import network
 from eurobot_od.od.objects import address_of, data_type, is_described, written
 from eurobot_od.od.values import label
 from eurobot_od.support import durations
@@ -113,15 +112,16 @@ class Target(NamedTuple):
     def named_description(self, node: RemoteNode) -> Description | None:
         """Return the EDS that the user has named for the node; None if there is none."""
         from eurobot_od.client.description import from_file
+        from eurobot_od.od.dictionary import Dictionary
 
-        files = [network.node_file(text) for text in self.devices.eds]
-        mine = next((each.file for each in files if each.node_id in (None, node.node_id)), None)
-        # Only then the network, whose files have to be loaded to know whose they are.
-        if mine is None and self.devices.files():
-            mine = next((str(each.file) for each in self.devices.load() if each.node_id == node.node_id), None)
+        files = self.devices.files()
+        named = files[: len(self.devices.eds)]
+        mine = next((each for each in named if each.node_id in (None, node.node_id)), None)
+        if mine is None:  # only then the network, whose files have to be loaded to know whose they are
+            mine = next((each for each in files if Dictionary.load(*each).node_id == node.node_id), None)
         if mine is None:
             return None
-        described = from_file(mine, node.node_id)
+        described = from_file(mine.file, node.node_id, mine.modules)
         options.complain_of_repairs([described.dictionary])
         return described
 

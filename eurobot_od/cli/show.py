@@ -1,4 +1,4 @@
-"""Show the messages as the EDS files map them, or one message's bits as a picture.
+"""Show the messages as the EDS files map them, one message's bits as a picture, or the objects of the devices.
 
 What is printed comes from the loaded EDS files and the message types, from nothing else.
 """
@@ -9,26 +9,45 @@ import argparse
 import json
 import textwrap
 from collections.abc import Iterable, Iterator, Mapping
+from math import isfinite
 from string import ascii_letters
 from typing import TYPE_CHECKING, Any
 
 from eurobot_od.cli import options as shared
+from eurobot_od.errors import LocalError, UnknownName
+from eurobot_od.od import objects as od
+from eurobot_od.od.values import label
 from eurobot_od.support.escaping import one_line
+from eurobot_od.support.tables import columns
 
 if TYPE_CHECKING:
+    from canopen.objectdictionary import ODVariable
+
+    from eurobot_od.od.dictionary import Dictionary
     from eurobot_od.pdo.binding import Binding
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Describe the command line."""
     parser.add_argument("message", nargs="?", help="name of a message, such as 'Goto XY' (default: all)")
+    parser.add_argument(
+        "--objects",
+        nargs="?",
+        const="",
+        metavar="NAME",
+        help="list the devices' objects, or those of a name or index, such as Motor or 0x1018",
+    )
     parser.add_argument("--json", action="store_true", help="print as JSON")
     shared.add_network(parser)
 
 
 def run(arguments: argparse.Namespace) -> None:
     """Print the table of all messages, or one message."""
-    protocol = shared.Devices.of(arguments).protocol()
+    devices = shared.Devices.of(arguments)
+    if arguments.objects is not None:
+        _show_objects(devices.load_and_complain(), arguments.objects, arguments.json)
+        return
+    protocol = devices.protocol()
     chosen = [protocol.binding(arguments.message)] if arguments.message else protocol.bindings
     if arguments.json:
         print(json.dumps([as_data(each) for each in chosen], indent=2))
@@ -36,6 +55,72 @@ def run(arguments: argparse.Namespace) -> None:
         print("\n".join(map(one_line, picture(chosen[0]))))
     else:
         print("\n".join(map(one_line, table(chosen))))
+
+
+# Objects
+
+
+def _show_objects(dictionaries: Iterable[Dictionary], name: str, as_json: bool) -> None:
+    """Print the objects of devices, those of a name if it is not empty; raises UnknownName if no device has it."""
+    chosen = {each.name: _chosen(each, name) for each in dictionaries}
+    if not any(chosen.values()):
+        raise UnknownName("object", name)
+    if as_json:
+        print(json.dumps({device: list(map(object_as_data, found)) for device, found in chosen.items()}, indent=2))
+        return
+    for device, found in chosen.items():
+        if not found:
+            continue
+        if len(chosen) > 1:
+            print(one_line(f"{device}:"))
+        print(*map(one_line, columns([OBJECT_HEAD, *map(object_row, found)])), sep="\n")
+
+
+def _chosen(dictionary: Dictionary, name: str) -> list[ODVariable]:
+    if not name:
+        return list(od.all_objects(dictionary.objects))
+    try:
+        return [each for each in od.find(name, dictionary.objects) if od.is_described(each)]
+    except LocalError:  # another of the devices may have it
+        return []
+
+
+OBJECT_HEAD = ("object", "name", "type", "access", "PDO", "value", "allowed")
+
+
+def object_row(thing: ODVariable) -> tuple[str, ...]:
+    """Return the line of one object: its value is the ParameterValue, or else the default."""
+    value, range_ = od.default_of(thing), od.limits(thing)
+    allowed = f"{range_.low}..{range_.high}" if range_ and (thing.min, thing.max) != (None, None) else ""
+    mappable = "yes" if thing.pdo_mappable else ""
+    shown = "" if value is None else od.written(thing, value)
+    return (
+        label(od.address_of(thing)),
+        thing.qualname,
+        od.data_type(thing).name,
+        thing.access_type,
+        mappable,
+        shown,
+        allowed,
+    )
+
+
+def object_as_data(thing: ODVariable) -> dict[str, Any]:
+    """Return one object as plain data; bytes are hexadecimal digits."""
+    value, range_ = od.default_of(thing), od.limits(thing)
+    return {
+        "index": thing.index,
+        "subindex": thing.subindex,
+        "name": thing.qualname,
+        "type": od.data_type(thing).name,
+        "access": thing.access_type,
+        "pdo_mapping": thing.pdo_mappable,
+        "value": value.hex() if isinstance(value, bytes) else value,
+        "limits": [each if isfinite(each) else None for each in range_] if range_ else None,
+    }
+
+
+# Messages
 
 
 def as_data(binding: Binding) -> dict[str, Any]:

@@ -24,6 +24,7 @@ from eurobot_od.od.concise import Write
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.keys import COMMISSIONING
 from eurobot_od.od.objects import address_of, all_objects, at, data_type, encode, is_described, label, shown, value_text
+from eurobot_od.od.pdos import OnRefused, fatal
 from eurobot_od.od.standard import (
     ALL_PARAMETERS,
     ERROR_FIELD,
@@ -183,12 +184,18 @@ def is_parameter(thing: ODVariable) -> bool:
     return is_described(thing) and thing.writable and thing.index not in NOT_CONFIGURATION
 
 
-def check_file(description: Description, node_id: int) -> None:
-    """Raise DictionaryError unless a DCF is whole, is for this node-ID, and has mappings that hold."""
+def check_whole(description: Description, refused: OnRefused = fatal) -> None:
+    """Raise DictionaryError unless a DCF is whole; `refused` gets the PDOs whose mappings do not hold."""
     dictionary = description.dictionary
     absent = dcf.missing(description.text)
     if absent:
         raise DictionaryError(dictionary.file, None, f"incomplete: no section [{absent[0]}]")
+    dictionary.read_pdos(dictionary.default, refused)
+
+
+def check_file(description: Description, node_id: int, refused: OnRefused = fatal) -> None:
+    """Raise DictionaryError unless a DCF is whole and for this node-ID; `refused` gets PDOs that do not hold."""
+    dictionary = description.dictionary
     intended = dictionary.commissioned_node_id
     # CiA 306 puts the node-ID of a DCF into [DeviceComissioning]; without it the COB-IDs that depend on it are
     # nobody's.
@@ -196,7 +203,7 @@ def check_file(description: Description, node_id: int) -> None:
         raise DictionaryError(dictionary.file, None, f"incomplete: no NodeID in [{COMMISSIONING}]")
     if intended != node_id:
         raise DictionaryError(dictionary.file, None, f"is for node {intended}, not for node {node_id}")
-    dictionary.read_pdos(dictionary.default)
+    check_whole(description, refused)
 
 
 # The difference

@@ -5,7 +5,7 @@ Rule of this file: an EDS is only taken for a node whose identity it has; a file
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -65,12 +65,13 @@ class Description(NamedTuple):
     text: str
 
 
-def from_file(file: str | Path, node_id: int | None = None) -> Description:
-    """Read an EDS or DCF for a node-ID, without one for the one it names. Raises DictionaryError."""
-    return _described(Dictionary.load(file, node_id))
+def from_file(file: str | Path, node_id: int | None = None, modules: Sequence[str] | None = None) -> Description:
+    """Read an EDS or DCF for a node-ID, without one for the one it names; raises as `Dictionary.load`."""
+    return described(Dictionary.load(file, node_id, modules=modules))
 
 
-def _described(dictionary: Dictionary) -> Description:
+def described(dictionary: Dictionary) -> Description:
+    """Return the description of a device whose file is loaded."""
     return Description(dictionary, dictionary.content.decode("latin-1"))
 
 
@@ -88,7 +89,7 @@ async def uploaded(node: RemoteNode) -> Description | None:
         return None
     if not content:
         return None
-    return _described(Dictionary.read(content, Path(f"EDS of node {node.node_id}"), node.node_id))
+    return described(Dictionary.read(content, Path(f"EDS of node {node.node_id}"), node.node_id))
 
 
 @Procedure

@@ -120,10 +120,18 @@ def _named(messages: Iterable[DescribedMessage], nodes: dict[str, str]) -> Itera
 
 
 def _comments(entries: Iterable[DbcMessage]) -> Iterator[str]:
+    """Give what names of the file cannot say: how messages and objects are really called, what is allowed."""
     for each in entries:
-        yield f"CM_ BO_ {_id(each)} {_quoted(each.message.text)};"
+        text = ": ".join(filter(None, (each.message.name, each.message.text)))
+        yield from _comment(f"BO_ {_id(each)}", text)
         for name, field in each.signals:
-            yield f"CM_ SG_ {_id(each)} {name} {_quoted(field.allowed)};"
+            said = "; ".join(filter(None, (", ".join(field.objects), field.allowed)))
+            yield from _comment(f"SG_ {_id(each)} {name}", said)
+
+
+def _comment(of: str, text: str) -> Iterator[str]:
+    if text:
+        yield f"CM_ {of} {_quoted(text)};"
 
 
 def _id(entry: DbcMessage) -> int:

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from eurobot_od.errors import LocalError
-from eurobot_od.od.values import Limits
+from eurobot_od.od.values import Limits, label
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.kinds import Real
 from eurobot_od.pdo.protocol import Protocol
@@ -43,6 +43,7 @@ class Chunk(NamedTuple):
 class DescribedField(NamedTuple):
     """A field: `width` in bits, its `limits` as its numeral counts, what is `allowed`, and its `named` raw values.
 
+    `objects` are the mapped objects that make it up, by address and their own names.
     `places` are the frame bits (8 times the byte plus the bit in it) of its bits 0, 1, 2, ... `default` is the raw
     value that a shorter frame means, None if no frame leaves the field out. `unknown` is the raw value that means
     "unknown" together with those of the message's other fields that have one, None if there is none.
@@ -58,6 +59,7 @@ class DescribedField(NamedTuple):
     places: Sequence[int]
     default: int | None = None
     unknown: int | None = None
+    objects: Sequence[str] = ()
 
     @property
     def chunks(self) -> list[Chunk]:
@@ -123,6 +125,9 @@ def described(protocol: Protocol) -> list[DescribedMessage]:
 
 
 def _fields(binding: Binding) -> Iterator[DescribedField]:
+    objects: dict[str | None, list[str]] = {}
+    for slot, mapped in zip(binding.layout.slots, binding.pdo.mapping):
+        objects.setdefault(slot.field, []).append(label(mapped.address, mapped.variable.qualname))
     for name in binding.layout.fields:
         kind, limits = binding.kinds[name], binding.limits[name]
         yield DescribedField(
@@ -136,6 +141,7 @@ def _fields(binding: Binding) -> Iterator[DescribedField]:
             places=binding.layout.places(name),
             default=binding.raw(name, binding.defaults[name]) if name in binding.optional else None,
             unknown=kind.unknown_as_a_whole,
+            objects=objects[name],
         )
 
 

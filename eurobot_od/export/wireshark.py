@@ -18,6 +18,9 @@ READER = Path(__file__).with_name("wireshark.lua")
 WORDS = "can canopen length"
 """Names of other protocols, which no network or message may have in a display filter."""
 
+SHORTEST = 2
+"""Letters that Wireshark wants in a protocol's filter name at least (tshark 4.0 ends with "Dissector bug")."""
+
 FIELD_TYPES = {Numeral.UNSIGNED: {bits: f"uint{bits}" for bits in (8, 16, 24, 32, 64)}}
 FIELD_TYPES[Numeral.SIGNED] = {bits: f"int{bits}" for bits in (8, 16, 24, 32, 64)}
 FIELD_TYPES[Numeral.REAL] = {32: "float", 64: "double"}
@@ -39,7 +42,8 @@ def text_of(messages: Iterable[DescribedMessage], name: str) -> str:
 
 def filter_name(name: str) -> str:
     """Return the prefix of the display filters of a network with that name."""
-    return Identifiers(WORDS).new(name).lower()
+    short = Identifiers(WORDS).new(name).lower()
+    return short if len(short) >= SHORTEST else f"{short}_bus"
 
 
 def _table(messages: list[DescribedMessage], short: str) -> Iterator[str]:

@@ -208,8 +208,11 @@ class _Writer:
 
     def _value(self, variable: DescribedVariable, key: str) -> str | None:
         """Write an entry: a whole number in the form of CiA 306, anything else unchanged."""
-        text = variable.section.text(key)
+        entry = variable.section.entries.get(key)
+        if entry is None:
+            return None
+        text = entry.value  # which may be empty: a text of no letters is a value
         number = variable.number(key) if variable.type and variable.type.is_integer else None
         if number is None or number.relative:
-            return text or None
+            return text
         return f"0x{number.value:X}" if number.value >= 0 else str(number.value)

@@ -54,6 +54,9 @@ ODDITIES = (
      "key {}, is there again; only the first counts here"),
     ("E111", "An entry has a key.", Odd.NO_KEY, "an entry without a key"),
     ("E112", "A key and its value have together less than 255 characters.", Odd.TOO_LONG, "{}; 254 is the most"),
+    ("E123", "A device description in XML is well-formed, without a document type.", Odd.XML, "no XML: {}"),
+    ("W122", "A file ends with its last line.", Odd.END_MARK,
+     "Ctrl-Z or NUL at the end, which most tools take for an entry"),
     ("W114", "A comment starts with a semicolon.", Odd.HASH, "a comment with #, which only some tools skip"),
 )  # fmt: skip
 """Code, demand, what the reader stumbled over, and the sentence about it."""

@@ -13,7 +13,9 @@ from typing import NamedTuple
 
 from eurobot_od.od import values
 from eurobot_od.od.description import DescribedDevice, DescribedObject, DescribedVariable
-from eurobot_od.od.document import Document, Entry, Section, read
+from eurobot_od.od.document import Document, Entry, Section
+from eurobot_od.od.formats import read
+from eurobot_od.od.modules import Modules, with_modules
 from eurobot_od.od.values import DataType, Number, PdoDirection, parse_number
 
 TOP = Entry("", "", 1, 1)
@@ -159,7 +161,18 @@ class LintedDevice(DescribedDevice):
     @cached_property
     def is_dcf(self) -> bool:
         """Whether it is a device configuration file."""
-        return self.commissioning is not None or self.name.lower().endswith(".dcf")
+        return self.commissioning is not None or self.name.lower().endswith((".dcf", ".xdc"))
+
+    @cached_property
+    def modules(self) -> Modules:
+        """The modules that may be plugged into it."""
+        return Modules(self.document)
+
+    @cached_property
+    def connected(self) -> DescribedDevice:
+        """The device with the objects of the modules that it says are connected."""
+        whole, _ = with_modules(self.document)
+        return self if whole is self.document else DescribedDevice(whole)
 
     @cached_property
     def variables(self) -> list[DescribedVariable]:

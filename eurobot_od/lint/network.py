@@ -116,8 +116,15 @@ class LintedNetwork:
         shared: Iterable[str] = (),
         order: Sequence[str] = (),
         bit_rate: int | None = None,
+        master: str = "",
     ) -> None:
         self.nodes, self.shared, self.order, self.bit_rate = tuple(nodes), frozenset(shared), tuple(order), bit_rate
+        self.master = master
+
+    @property
+    def has_foreign_master(self) -> bool:
+        """Whether the network's master is none of its nodes, such as a PC: it has no file that says what it sends."""
+        return bool(self.master) and self.master not in {each.name for each in self.nodes}
 
     @cached_property
     def node_ids(self) -> dict[int, NetworkNode]:
@@ -245,20 +252,23 @@ def declared_producers(network: LintedNetwork) -> Conflicts:
             yield first.spot, f"0x{identifier:03X} {first.pdo.title}: sent by {names}, declared by {how}"
 
 
+MASTER_HINT = "; if a PC does, say so: `master: PC` in the network file"
+
+
 @RULES.rule("W803", "CiA 301, PDO")
 def without_producer(network: LintedNetwork) -> Conflicts:
-    """What is received is sent."""
-    for identifier, ports in network.consumers.items():
+    """What is received is sent, if no master without a file (`master:` of the network file) does it."""
+    for identifier, ports in network.consumers.items() if not network.has_foreign_master else ():
         for each in ports if identifier not in network.producers else ():
-            yield each.spot, f"{each.name} waits for 0x{identifier:03X}, which nobody sends"
+            yield each.spot, f"{each.name} waits for 0x{identifier:03X}, which no node sends{MASTER_HINT}"
 
 
 @RULES.rule("W804", "CiA 301, PDO")
 def without_consumer(network: LintedNetwork) -> Conflicts:
-    """What is sent is received."""
-    for identifier, ports in network.producers.items():
+    """What is sent is received, if no master without a file (`master:` of the network file) does it."""
+    for identifier, ports in network.producers.items() if not network.has_foreign_master else ():
         for each in ports if identifier not in network.consumers else ():
-            yield each.spot, f"{each.name} sends 0x{identifier:03X}, which nobody receives"
+            yield each.spot, f"{each.name} sends 0x{identifier:03X}, which no node receives{MASTER_HINT}"
 
 
 @RULES.rule("I805", "CiA 301, object 0x1400 sub 1, bit 31")

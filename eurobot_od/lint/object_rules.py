@@ -123,7 +123,8 @@ def sub_keys_on_variable(device: LintedDevice) -> Violations:
         code = (whole or DescribedObject(0, section, {}, {})).code  # a sub-index counts as an object of its own
         # `SubNumber=0` says the same as none at all.
         if code in SIMPLE and entry.value and parse_number(entry.value) != Number(0):
-            yield entry, f"{entry.key} does not belong to [{section.name}], which has no sub-indices"
+            kind = "a VAR or DOMAIN; with sub-indices it is an ARRAY or a RECORD" if whole else "a sub-index"
+            yield entry, f"{entry.key} does not belong to [{section.name}], {kind}"
 
 
 @RULES.rule("E409", "CiA 306, object description")

@@ -9,7 +9,7 @@ from eurobot_od.lint.file_rules import Check, dummies
 from eurobot_od.lint.findings import Rule, Rules, Violations
 from eurobot_od.lint.model import MULTIPLEXED, LintedDevice, LintedPdo, MappingEntry
 from eurobot_od.od import values
-from eurobot_od.od.description import DescribedVariable
+from eurobot_od.od.description import SIMPLE, DescribedVariable
 from eurobot_od.od.document import Entry, Section
 from eurobot_od.od.values import IdentifierRange, PdoDirection, owner
 
@@ -310,9 +310,24 @@ def _objects(device: LintedDevice) -> Iterator[tuple[LintedPdo, MappingEntry, De
 @RULES.rule("E636", "CiA 301, PDO mapping")
 def missing_object(device: LintedDevice) -> Violations:
     """A mapped object is there."""
+    # What a module brings is there as soon as it is connected, which an EDS does not say.
+    later = device.modules.brought if not device.modules.connected else ()
     for pdo, each in device.mapped:
-        if not _is_dummy(each) and device.variable(each.index, each.sub) is None:
-            yield each.by.place, f"{pdo.name} maps {each.where}, which is missing"
+        if _is_dummy(each) or each.index in later:
+            continue
+        if device.connected.variable(each.index, each.sub) is None:
+            yield each.by.place, f"{pdo.name} maps {each.where}, {_missing(device, each)}"
+
+
+def _missing(device: LintedDevice, each: MappingEntry) -> str:
+    """Say what is missing of a mapped object: the whole, or the sub-index."""
+    whole = device.connected.objects.get(each.index)
+    if whole is None:
+        return f"but there is no object 0x{each.index:04X}"
+    subs = [variable.sub for variable in whole.variables()]
+    if whole.code in SIMPLE:
+        return "but that has no sub-indices: it is mapped as sub 0"
+    return f"but that is no sub-index of it; the highest is {max(subs, default=0)}"
 
 
 def _is_dummy(each: MappingEntry) -> bool:

@@ -5,12 +5,22 @@ A new rule is a function or a row in the file of its part, and a row with its ow
 
 from __future__ import annotations
 
-from eurobot_od.lint import dcf_rules, file_rules, object_rules, pdo_rules
+from eurobot_od.lint import dcf_rules, file_rules, module_rules, object_rules, pdo_rules
 from eurobot_od.lint.findings import Finding, Rule
 from eurobot_od.lint.model import LintedDevice, load
 
-FILE_RULES: tuple[Rule, ...] = (*file_rules.RULES, *object_rules.RULES, *pdo_rules.RULES, *dcf_rules.RULES)
+FILE_RULES: tuple[Rule, ...] = (
+    *file_rules.RULES,
+    *object_rules.RULES,
+    *module_rules.RULES,
+    *pdo_rules.RULES,
+    *dcf_rules.RULES,
+)
 """The rules for one file, by code."""
+
+
+NOT_OF_XML = frozenset(["E120", "E201", "E202", "W203", "W207", "W208", "W209", "W213", "W232", "E234", "E235", "W709"])
+"""Codes about keys that an EDS must have, and a device description in XML says elsewhere or not at all."""
 
 
 def lint(data: bytes, file: str) -> list[Finding]:
@@ -21,6 +31,9 @@ def lint(data: bytes, file: str) -> list[Finding]:
 def lint_device(device: LintedDevice, file: str) -> list[Finding]:
     """Check a device that has been read."""
     found = {
-        Finding(file, at.line, at.column, rule.code, text) for rule in FILE_RULES for at, text in rule.check(device)
+        Finding(file, at.line, at.column, rule.code, text)
+        for rule in FILE_RULES
+        if not device.document.is_xml or rule.code not in NOT_OF_XML
+        for at, text in rule.check(device)
     }
     return sorted(found, key=lambda each: each[1:])

@@ -196,10 +196,11 @@ def missing(text: str) -> list[str]:
 
 
 def _listed(document: Document, name: str) -> Iterator[str]:
-    """Give the names of the sections that a list of objects announces; the list itself where it is not there."""
+    """Give the names of the sections that a list of objects announces; the list itself where a file must have it."""
     section = document.sections.get(name.lower())
     if section is None:
-        yield name
+        if name == OBJECT_LISTS[0]:  # a device need not have any other objects (CiA 306-1, 4.6.1)
+            yield name
         return
     for key, entry in section.entries.items():
         if key.isdecimal():

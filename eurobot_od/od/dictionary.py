@@ -4,12 +4,13 @@ canopen's own reader refuses or misreads much that is common practice; of the no
 few attributes, which are set here. Beside canopen's `objects` stands the `device` that the text of the normal form
 describes, for those who write files.
 
-Rule of this file: what would be read wrongly by guessing is refused, with file and index.
+Rule of this file: what would be read wrongly by guessing is left out, and `left_out` says so; a file of which nothing
+can be used is refused.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cached_property
 from io import StringIO
 from pathlib import Path
@@ -20,7 +21,8 @@ from eurobot_od.od import objects as od
 from eurobot_od.od import values
 from eurobot_od.od.description import DescribedDevice
 from eurobot_od.od.document import parse, read_bytes
-from eurobot_od.od.normal import Change, Normal, normal
+from eurobot_od.od.modules import Module, Modules
+from eurobot_od.od.normal import Change, Normal, Refusal, normal
 from eurobot_od.od.pdos import Mapped, OnRefused, Part, Pdo, PdoReader, fatal, part_of
 from eurobot_od.od.standard import IDENTITY
 from eurobot_od.od.values import Address, Number, Value
@@ -41,29 +43,41 @@ class Dictionary:
     """
 
     def __init__(self, file: Path, content: bytes, normal: Normal, node_id: int | None = None, name: str = "") -> None:
-        self.file, self.content, self.name = file, content, name or file.stem
+        # The EDS that says the same: what a device keeps of itself in 0x1021, and what a DCF is made of.
+        self.content = normal.text.encode() if normal.is_xml else content
+        self.file, self.name = file, name or file.stem
         self._normal = normal
-        for index, line, what in normal.refusals:
-            raise DictionaryError(file, index, f"line {line}: {what}")
         self.node_id = self._checked_node_id(self._said_node_id() if node_id is None else node_id)
         self.objects = _imported(file, normal, self.node_id)
         if not self.members:
+            for each in normal.refusals:
+                raise DictionaryError(file, None, str(each))
             raise DictionaryError(file, None, "not an EDS: it describes no object")
         self._present: Mapping[Address, Value] = {}
 
     @classmethod
-    def load(cls, file: str | Path, node_id: int | None = None, name: str = "") -> Self:
-        """Read an EDS or DCF for a node-ID.
+    def load(
+        cls, file: str | Path, node_id: int | None = None, name: str = "", modules: Sequence[str] | None = None
+    ) -> Self:
+        """Read an EDS or DCF for a node-ID, `modules` being those of a modular device, by numbers or names.
 
-        Without one it is the NodeID of a DCF's commissioning, or else the value of the object that holds the device's
-        own node-ID. Raises DictionaryError if there is none, or if the file cannot be read as an EDS.
+        Without a node-ID it is the NodeID of a DCF's commissioning, or else the value of the object that holds the
+        device's own node-ID; without modules, those that the file says are connected. Raises DictionaryError if there
+        is no node-ID or no such module, or if the file cannot be read as an EDS.
         """
-        return cls.read(read_bytes(file), Path(file), node_id, name)
+        return cls.read(read_bytes(file), Path(file), node_id, name, modules)
 
     @classmethod
-    def read(cls, data: bytes, file: Path, node_id: int | None = None, name: str = "") -> Self:
+    def read(
+        cls,
+        data: bytes,
+        file: Path,
+        node_id: int | None = None,
+        name: str = "",
+        modules: Sequence[str] | None = None,
+    ) -> Self:
         """Read the bytes of an EDS or DCF; `file` is what errors call it. Raises as `load`."""
-        return cls(file, data, normal(data, file), node_id, name)
+        return cls(file, data, normal(data, file, modules), node_id, name)
 
     def renumbered(self, node_id: int) -> Self:
         """Return the same file's dictionary for another node-ID; raises DictionaryError."""
@@ -73,6 +87,17 @@ class Dictionary:
     def changes(self) -> list[Change]:
         """What the file does not write as CiA 306 asks for, and was read as it is meant."""
         return [each for each in self._normal.changes if not each.standard]
+
+    @property
+    def idle_modules(self) -> tuple[Module, ...]:
+        """The modules that a modular device supports, if none is connected: their objects are not there."""
+        modules = Modules(self.device.document)
+        return () if self._normal.has_modules else tuple(modules.supported.values())
+
+    @property
+    def left_out(self) -> list[Refusal]:
+        """The objects, or sub-indices, that cannot be used as the file has them: the dictionary is without them."""
+        return self._normal.refusals
 
     @property
     def encoding(self) -> str:
@@ -241,12 +266,13 @@ def _imported(file: Path, normal: Normal, node_id: int) -> ObjectDictionary:
 
     logging.getLogger("canopen").addHandler(logging.NullHandler())  # an error is reported once: by what is raised
     try:
-        objects: ObjectDictionary = eds.import_eds(StringIO(normal.text), node_id)  # type: ignore[no-untyped-call]
+        objects: ObjectDictionary = eds.import_eds(StringIO(normal.usable), node_id)  # type: ignore[no-untyped-call]
     except (ValueError, KeyError, configparser.Error, ObjectDictionaryError) as error:
         raise DictionaryError(file, None, f"canopen cannot read it: {error}") from error
     objects.node_id = node_id
     for index, sub, attribute, value in normal.dropped:
-        entry = objects.indices[index]
-        target = entry if sub is None else od.members_of(entry)[sub]
-        setattr(target, attribute, value.at(node_id) if isinstance(value, Number) else value)
+        entry = objects.indices.get(index)
+        target = od.members_of(entry).get(sub) if entry is not None and sub is not None else entry
+        if target is not None:  # it is one of the refusals
+            setattr(target, attribute, value.at(node_id) if isinstance(value, Number) else value)
     return objects

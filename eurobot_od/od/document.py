@@ -1,7 +1,7 @@
 """Reads the text of an EDS or DCF into sections and entries that know their line and column, whatever the bytes.
 
 Rule of this file: reading never raises, and passes nothing over in silence. What does not belong in an EDS becomes an
-`Oddity`; lint turns each into a finding, and `normal` refuses a file with those that may hide an object.
+`Oddity`; lint turns each into a finding, and `normal` refuses a file with those that may hide objects.
 """
 
 from __future__ import annotations
@@ -28,6 +28,7 @@ class Odd(Enum):
     """What the reader stumbles over."""
 
     BINARY = "a NUL byte"
+    END_MARK = "an end mark"
     WIDE = "UTF-16 text"
     BYTE_ORDER_MARK = "a byte order mark"
     LINE_ENDS = "different line ends"
@@ -42,10 +43,17 @@ class Odd(Enum):
     COMMENT_AFTER_VALUE = "a comment after a value"
     HASH = "a comment with #"
     INDENTED = "an indented line"
+    XML = "no XML of a device description"
 
 
-HIDING = (Odd.BINARY, Odd.NOT_AN_ENTRY, Odd.HEADER, Odd.NO_SECTION, Odd.NO_KEY)
-"""Oddities after which nobody knows what the file was to say: it is cut off, or not an EDS at all."""
+HIDING = (Odd.BINARY, Odd.HEADER, Odd.XML)
+"""Oddities after which nobody knows what the file was to say: it is not an EDS at all, or entries have no section."""
+
+STRAY = (Odd.NOT_AN_ENTRY, Odd.NO_SECTION, Odd.NO_KEY)
+"""Lines that say nothing of an object; but where one is the end of the file, the file is cut off."""
+
+END_MARKS = "\0\x1a"
+"""What old editors and programs put at the end of a text: Ctrl-Z, and NUL up to a full block."""
 
 
 class Oddity(NamedTuple):
@@ -88,7 +96,8 @@ class Document(NamedTuple):
     """A file as read: its sections by lower-case name (of a section given twice the first), and what was odd.
 
     `lines` is the whole text and `headers` the line numbers of all section headers, so that the text can be written
-    again with single lines changed; `encoding` is the one in which that gives the same bytes.
+    again with single lines changed; `encoding` is the one in which that gives the same bytes. A document of an XML file
+    (`is_xml`) has no lines that could be changed.
     """
 
     sections: dict[str, Section]
@@ -96,6 +105,7 @@ class Document(NamedTuple):
     lines: Sequence[str] = ()
     headers: Sequence[int] = ()
     encoding: str = "utf-8"
+    is_xml: bool = False
 
     @property
     def text_encoding(self) -> str:
@@ -106,6 +116,13 @@ class Document(NamedTuple):
         """Return the value of a key in a section (both in lower case), the empty text if either is missing."""
         found = self.sections.get(section)
         return found.text(key) if found else ""
+
+    @property
+    def hiding(self) -> Oddity | None:
+        """The first oddity after which nobody knows what the file was to say; None without one."""
+        end = len(self.lines)  # the last line has no line end: it is empty, or the file stops in the middle of it
+        odd = (each for each in self.oddities if each.kind in HIDING or (each.kind in STRAY and each.line == end))
+        return next(odd, None)
 
 
 def read_bytes(file: str | Path) -> bytes:
@@ -167,6 +184,9 @@ class _Reader:
 
     def _split(self, text: str) -> list[str]:
         """Split at LF, CRLF and CR; str.splitlines would split at form feeds and others, too."""
+        if text.rstrip("\r\n")[-1:] in tuple(END_MARKS):
+            text = text.rstrip(f"\r\n{END_MARKS}") + ("\r\n" if "\r\n" in text else "\n")
+            self._note(Odd.END_MARK, text.count("\n") + 1, 1)
         if "\0" in text:  # said once: a binary file would have thousands of lines to complain of
             before = text[: text.index("\0")]
             self._note(Odd.BINARY, before.count("\n") + 1, len(before) - before.rfind("\n"))
@@ -217,7 +237,7 @@ class _Reader:
                 Odd.TOO_LONG, number, column, f"{key[:40]} and its value have {len(key) + len(value)} characters"
             )
         entry = Entry(key, value, number, column)
-        first = self._entries.setdefault(key.lower(), entry)
+        first = self._entries.setdefault(key.lower(), entry) if key else entry
         if first is not entry or not key or self._entries is self._before:
             self._doubt(entry, first, indent)
 

@@ -18,7 +18,7 @@ from eurobot_od.od.document import read_bytes
 from eurobot_od.od.network_file import NetworkFile, NodeFile, read_nodelist
 from eurobot_od.od.values import NODE_IDS, parse_number
 
-SUFFIXES = (".eds", ".dcf")
+SUFFIXES = (".xdd", ".eds", ".xdc", ".dcf")
 """Files of devices in a folder; of two with one name the later counts: a DCF is the EDS as it is configured."""
 
 
@@ -45,6 +45,11 @@ def read_network(path: str | Path) -> NetworkFile:
     if read is None:
         raise DictionaryError(path, None, f"not a network: neither a folder nor one of {', '.join(READERS)}")
     return read(read_bytes(path).decode("utf-8", "replace"), str(path))
+
+
+def is_network(path: str | Path) -> bool:
+    """Whether a path names a network, by what it is or its suffix."""
+    return Path(path).is_dir() or Path(path).suffix.lower() in READERS
 
 
 def _read_yaml(text: str, file: str) -> NetworkFile:

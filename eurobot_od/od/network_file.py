@@ -21,11 +21,12 @@ from eurobot_od.od.values import Number, parse_number
 
 
 class NodeFile(NamedTuple):
-    """A node: its EDS or DCF, its node-ID if that is said, and its name if it is not the file's."""
+    """A node: its EDS or DCF, its node-ID if that is said, its name if it is not the file's, its modules if said."""
 
     file: str
     node_id: int | None = None
     name: str = ""
+    modules: Sequence[str] | None = None
 
 
 class TrafficEntry(NamedTuple):
@@ -44,7 +45,8 @@ class TrafficEntry(NamedTuple):
 class NetworkFile(NamedTuple):
     """What a network file says: its nodes, shared messages, messages by urgency, kbit/s, what is sent how often.
 
-    `robot` is what `plugin.find` finds, a folder relative to the file; such a file need not name nodes.
+    `robot` is what `plugin.find` finds, a folder relative to the file; such a file need not name nodes. `master` is the
+    node that leads the network, or any other name for a master without a file, such as a PC.
     """
 
     nodes: Sequence[NodeFile] = ()
@@ -53,6 +55,7 @@ class NetworkFile(NamedTuple):
     bit_rate: int | None = None
     traffic: Mapping[str, TrafficEntry] = MappingProxyType({})
     robot: str = ""
+    master: str = ""
 
 
 NODE_KEY = re.compile(r"node(\d{1,3})(?:present|name|dcfname)")

@@ -6,9 +6,11 @@ a node may be called `off`, and what YAML 1.1 makes of it does not count.
     nodes:
       core: {file: core.eds, node_id: 1}      # files are relative to this file; node_id where the file does not say it
       drive: {file: drive.dcf}
+      coupler: {file: coupler.eds, node_id: 5, modules: [1, 1, DI8]}   # of a modular device, by number or name
     shared: [Start Configuration Confirm]     # messages that several nodes may send
     order: [Emergency Shutdown, Emergency Stop]   # the most urgent first
     bit_rate: 500                             # kbit/s
+    master: PC                                # who leads: a node's name, or any other for a master without a file
     traffic:                                  # how often what is sent, for `load`: a duration, or a setting in ms
       Goto XY: {every: Goto handshake.Confirm wait, deadline: 50 ms, reason: sent again until it is confirmed}
       Goto Confirm: {answers: Goto XY, jitter: 1 ms}
@@ -50,7 +52,7 @@ def number_of(numbers: range) -> NodeReader[int]:
     return read
 
 
-NODE = record(NodeFile, {"file": scalar}, {"node_id": number_of(NODE_IDS)})
+NODE = record(NodeFile, {"file": scalar}, {"node_id": number_of(NODE_IDS), "modules": listing(scalar)})
 
 
 def _nodes(node: yaml.Node, problems: Problems) -> list[NodeFile]:
@@ -66,6 +68,7 @@ NETWORK = record(
     {
         "nodes": _nodes,
         "robot": scalar,
+        "master": scalar,
         "shared": listing(scalar),
         "order": listing(scalar),
         "bit_rate": number_of(range(1, 1001)),

@@ -16,6 +16,7 @@ and the commissioning last, so that a DCF that was cut off has none.
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -23,7 +24,9 @@ from eurobot_od.errors import DictionaryError
 from eurobot_od.od import keys, values
 from eurobot_od.od.completion import completed, looks_odd, misspelled, usual_name
 from eurobot_od.od.description import SIMPLE, DescribedDevice, DescribedObject, DescribedVariable, ObjectCode
-from eurobot_od.od.document import HIDING, Document, Entry, Odd, Section, read
+from eurobot_od.od.document import STRAY, Document, Entry, Odd, Section
+from eurobot_od.od.formats import read
+from eurobot_od.od.modules import CONNECTED, with_modules
 from eurobot_od.od.standard import MANDATORY, known_type
 from eurobot_od.od.values import NODE_ID, REMEMBERED_NUMBERS, DataType, Number, is_standard_number, parse_number
 
@@ -46,11 +49,19 @@ class Change(NamedTuple):
 
 
 class Refusal(NamedTuple):
-    """Why an object cannot be used: its index, the line it is about, and the reason."""
+    """Why an object, or one sub-index of it (None: the whole), cannot be used: the line it is about, and the reason."""
 
     index: int  # type: ignore[assignment]  # CANopen's term; nobody searches the tuple
+    sub: int | None
     line: int
     what: str
+
+    def __str__(self) -> str:
+        return f"line {self.line}: {f'0x{self.index:04X}: ' if self.index else ''}{self.what}"
+
+
+NO_OBJECT = 0
+"""In the place of an index: what cannot be used is no object, such as a module."""
 
 
 class Dropped(NamedTuple):
@@ -66,7 +77,8 @@ class Normal(NamedTuple):
     """A file in its normal form.
 
     `text` is that form, `encoding` the one of the file. `changes` is where the form differs from the file,
-    `refusals` what cannot be used of it, `dropped` what canopen does not read.
+    `refusals` what cannot be used of it, `dropped` what canopen does not read; `has_modules` says whether connected
+    modules have brought objects, `is_xml` whether the file is one in XML.
     """
 
     text: str
@@ -74,16 +86,34 @@ class Normal(NamedTuple):
     changes: list[Change]
     refusals: list[Refusal]
     dropped: list[Dropped]
+    has_modules: bool = False
+    is_xml: bool = False
+
+    @property
+    def usable(self) -> str:
+        """The text without the sections that `refusals` are about."""
+        if not self.refusals:
+            return self.text
+        subs = ("(?:sub[0-9A-F]+)?" if each.sub is None else f"sub{each.sub:X}" for each in self.refusals)
+        names = (f"{each.index:04X}{sub}" for each, sub in zip(self.refusals, subs))
+        return re.sub(rf"(?ms)^\[(?:{'|'.join(names)})\]$.*?(?=^\[|\Z)", "", self.text)
 
 
-def normal(data: bytes, file: object = "") -> Normal:
-    """Return the normal form of an EDS or DCF; raises DictionaryError for what is no EDS, or hides objects."""
+def normal(data: bytes, file: object = "", modules: Sequence[str] | None = None) -> Normal:
+    """Return the normal form of an EDS or DCF; raises DictionaryError for what is no EDS, or hides objects.
+
+    `modules` are numbers or names of a modular device's modules, in their positions (CiA 306-1, 8); None for those that
+    the file says are connected. Raises DictionaryError also for one that the file does not have.
+    """
     document = read(data)
-    hiding = next((each for each in document.oddities if each.kind in HIDING), None)
+    hiding = document.hiding
     if hiding:
         what = f"{hiding.kind.value} ({hiding.text})" if hiding.text else hiding.kind.value
         raise DictionaryError(str(file), None, f"not a readable EDS: line {hiding.line}: {what}")
-    return _Writer(document).write()
+    writer = _Writer(document, modules)
+    for misfit in writer.misfits if modules is not None else ():
+        raise DictionaryError(str(file), None, misfit.what)
+    return writer.write()
 
 
 def in_normal_form(data: bytes, file: object = "") -> tuple[bytes, list[Change]]:
@@ -178,6 +208,10 @@ def _plain_real(text: str, type_: DataType) -> str | None:
 ODDITIES = {
     Odd.WIDE: "UTF-16 written as UTF-8",
     Odd.BYTE_ORDER_MARK: "byte order mark taken off",
+    Odd.END_MARK: "Ctrl-Z or NUL at the end taken off",
+    Odd.NOT_AN_ENTRY: "{}: no entry, made a comment",
+    Odd.NO_SECTION: "entry {} before the first section made a comment",
+    Odd.NO_KEY: "entry without a key made a comment",
     Odd.LINE_ENDS: "line ends made alike",
     Odd.COMMENT_AFTER_VALUE: "comment put on a line of its own",
     Odd.HASH: "comment with ; instead of #",
@@ -224,7 +258,7 @@ def _dead_lines(document: Document) -> tuple[dict[int, str], dict[int, list[str]
     dead: dict[int, str] = {}
     beside: dict[int, list[str]] = {}
     for each in document.oddities:
-        if each.kind is Odd.TWO_ENTRIES:
+        if each.kind in (Odd.TWO_ENTRIES, *STRAY):
             dead[each.line] = f";{lines[each.line - 1].strip()}"
         elif each.kind is Odd.TWO_SECTIONS:
             end = next((header for header in document.headers if header > each.line), len(lines) + 1)
@@ -267,8 +301,11 @@ LOOKS_LIKE_AN_OBJECT = re.compile(r"[0-9A-Fa-f]{4}([S|s]ub[0-9A-Fa-f]+)?$|[0-9A-
 class _Writer:
     """Writes one file; comments go along with the entry or the header that they stand above."""
 
-    def __init__(self, document: Document) -> None:
-        self._device = DescribedDevice(completed(document))
+    def __init__(self, document: Document, modules: Sequence[str] | None = None) -> None:
+        described = completed(document)
+        whole, self.misfits = with_modules(described, modules)
+        self._has_modules = whole is not described
+        self._device = DescribedDevice(whole)
         self._comments = _comments(document)
         self._changes = [
             Change(each.line, ODDITIES[each.kind].format(each.text))
@@ -276,7 +313,7 @@ class _Writer:
             if each.kind in ODDITIES
         ]
         self._changes += (Change(*each) for each in misspelled(document))
-        self._refusals: list[Refusal] = []
+        self._refusals = [Refusal(NO_OBJECT, None, *each) for each in self.misfits]
         self._dropped: list[Dropped] = []
         self._out: list[str] = []
 
@@ -295,7 +332,8 @@ class _Writer:
             self._known(keys.COMMISSIONING)
         left = (line for comments in self._comments for each in comments.values() for line in each)
         text = "\n".join([*self._out, *left, ""])
-        return Normal(text, device.document.text_encoding, sorted(self._changes), self._refusals, self._dropped)
+        return Normal(text, device.document.text_encoding, sorted({*self._changes}), self._refusals, self._dropped,
+                      self._has_modules, device.document.is_xml)  # fmt: skip
 
     # Lines
 
@@ -397,6 +435,9 @@ class _Writer:
         usual = usual_name(name) if looks_odd(name.lower()) else None
         if name.lower() in keys.SECTION_NAMES or (usual and self._device.document.sections[usual].line == section.line):
             return
+        if name.lower() == CONNECTED and self._has_modules:
+            self._as_comment(section, "the objects of the modules are written out")
+            return
         if usual or LOOKS_LIKE_AN_OBJECT.match(name):
             self._as_comment(section, f"[{usual}] is there" if usual else "no name of an object")
             return
@@ -419,7 +460,8 @@ class _Writer:
             if section and {key.lower(): _plain_index(text) for key, text in rows} != {
                 key: _plain_index(entry.value) for key, entry in section.entries.items()
             }:
-                self._changes.append(Change(section.line, f"[{name}] written anew: the objects that are there"))
+                what = f"[{name}] written anew: the objects that are there"
+                self._changes.append(Change(section.line, what, standard=self._has_modules))
             self._out += (f"{key}={text}" for key, text in rows)
         if not any(sections.values()):
             self._changes.append(Change(1, "lists of objects added"))
@@ -430,14 +472,14 @@ class _Writer:
         section = each.section
         if section is None:
             self._refusals.append(
-                Refusal(each.index, each.place.line, f"[{each.place.name}] has no object [{each.index:04X}]")
+                Refusal(each.index, None, each.place.line, f"[{each.place.name}] has no object [{each.index:04X}]")
             )
             for part in (*(sub.section for sub in each.subs.values()), *each.lists.values()):
                 self._as_comment(part, f"there is no [{each.index:04X}]")
         elif each.code is None or each.code in NO_VALUE:
             if each.code is None:
                 what = f"ObjectType {section.text('objecttype')!r} is not one of CiA 301"
-                self._refusals.append(Refusal(each.index, section.at("objecttype").line, what))
+                self._refusals.append(Refusal(each.index, None, section.at("objecttype").line, what))
             self._head(f"{each.index:04X}", section)
             for entry in section.entries.values():
                 self._line(entry, f"{keys.SPELLED_OBJECT_KEYS.get(entry.key.lower(), entry.key)}={entry.value}")
@@ -502,7 +544,7 @@ class _Writer:
             )
             self._out.append(f"DataType=0x{type_.code:04X}")
         if not each.access:
-            self._refusals.append(Refusal(each.index, section.line, f"sub {each.sub} has no AccessType"))
+            self._refusals.append(Refusal(each.index, sub, section.line, f"sub {each.sub} has no AccessType"))
         if whole.code is ObjectCode.DOMAIN:
             self._dropped.append(Dropped(each.index, sub, "object_code", ObjectCode.DOMAIN))
         for key, entry in section.entries.items():
@@ -512,9 +554,6 @@ class _Writer:
         """Write what an entry says of an object, or of a variable if there is a type."""
         text, spelled = entry.value, keys.SPELLED_OBJECT_KEYS.get(key)
         if type_ is not None and key in VALUES:
-            if NODE_ID in text.upper() and type_ not in TEXTS and parse_number(text) is None:
-                what = f"sub {sub or 0}: {text!r} is not a number with $NODEID"
-                self._refusals.append(Refusal(index, entry.line, what))
             if key in ENTRIES:
                 limited = type_ if type_.is_integer or type_ in values.REALS else values.UNSIGNED64
                 plain = plain_value(text, limited) if text else None
@@ -531,7 +570,8 @@ class _Writer:
         elif type_ is not None and key == "datatype" and text:
             number = parse_number(text)
             if number is None:
-                self._refusals.append(Refusal(index, entry.line, f"sub {sub or 0}: DataType {text!r} is not a number"))
+                what = f"sub {sub or 0}: DataType {text!r} is not a number"
+                self._refusals.append(Refusal(index, sub, entry.line, what))
             known = number == Number(type_.code)
             self._number(entry, "DataType", plain_number(text) if known else f"0x{type_.code:04X}")
         elif key in NUMBERS:

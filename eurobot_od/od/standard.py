@@ -86,6 +86,9 @@ STORED_EDS: Address = (0x1021, 0)
 STORE_FORMAT: Address = (0x1022, 0)
 """How that is compressed; 0: not at all."""
 
+MODULE_LIST = 0x1027
+"""The modules that are connected to a modular device, by their numbers."""
+
 COMMUNICATION_ERROR: Address = (0x1029, 1)
 """The state that the device enters if its communication fails."""
 

@@ -79,7 +79,7 @@ MISTAKES = [
     (["docs", "--format", "pdf"], 2, "invalid choice"),
     (["xdd"], 2, "required: FILE"),
     (["xdd", "none.eds"], 2, "none.eds: No such file or directory"),
-    (["xdd", __file__], 2, "not a readable EDS: line 1"),
+    (["xdd", __file__], 2, "not an EDS: it describes no object"),
     (["nonsense"], 2, "invalid choice"),
 ]
 

@@ -39,7 +39,7 @@ CALLS = [
     (["lint", "--explain", "I802"], 0, "I802 (info)"),
     (["lint", "--explain", "E999"], 2, ""),
     (["lint", "--network", *OWN], 0, "0x008  Goto XY"),
-    (["lint", "--network", OWN[0]], 0, "W803 core RPDO 1 waits for 0x00C, which nobody sends"),
+    (["lint", "--network", OWN[0]], 0, "W803 core RPDO 1 waits for 0x00C, which no node sends"),
     (["lint", "--network", OWN[0], "--strict"], 1, "W804"),
     (["lint", "--network", "-v", str(ROOT / "eds/network.yaml")], 0, "declared by the network file"),
     (["lint", "--network", "none.yaml"], 2, ""),
@@ -92,7 +92,7 @@ def test_a_file_is_written_as_it_is_meant(
     assert capsys.readouterr().out == ""
 
 
-WRONG_FIXES = [(["none.eds"], 2), ([CLEAN, OLD, "-o", "x.eds"], 2), ([str(SAMPLES / "broken_by_hand.eds")], 2)]
+WRONG_FIXES = [(["none.eds"], 2), ([CLEAN, OLD, "-o", "x.eds"], 2), ([str(SAMPLES)], 2)]
 
 
 @pytest.mark.parametrize(("words", "status"), WRONG_FIXES)
@@ -182,3 +182,11 @@ def test_a_check_imports_nothing_heavy() -> None:
         "eurobot_od.od.dictionary",
     }
     assert heavy & set(done.stderr.split()) == set()
+
+
+def test_a_log_for_code_scanning_says_each_cause_once(capsys: pytest.CaptureFixture[str]) -> None:
+    def results(*more: str) -> list[str]:
+        main(["lint", *OWN, "--format", "sarif", *more])
+        return [each["ruleId"] for each in json.loads(capsys.readouterr().out)["runs"][0]["results"]]
+
+    assert len(results()) < len(results("-v")) == 139

@@ -379,7 +379,7 @@ def test_what_cannot_be_played_is_one_line(
 BROKEN: list[tuple[Any, str]] = [
     (lambda core: core.write_bytes(b""), "not an EDS: it describes no object"),
     (lambda core: core.write_bytes(bytes(range(256))), "not a readable EDS"),
-    (lambda core: core.write_text("no EDS\n"), "not a readable EDS"),
+    (lambda core: core.write_text("no EDS\n"), "not an EDS"),
     (lambda core: core.write_text(core.read_text()[:3000]), ""),  # cut off
 ]
 

@@ -101,3 +101,51 @@ WRONG = [
 @pytest.mark.parametrize(("words", "line"), WRONG, ids=lambda value: str(value)[:40])
 def test_what_is_wrong_is_said_in_one_line(capsys: pytest.CaptureFixture[str], words: list[str], line: str) -> None:
     assert run(capsys, "show", *words) == (ExitStatus.WRONG_INPUT, "", f"eurobot-od: {line}\n")
+
+
+def test_what_is_left_out_of_a_file_is_said_in_one_line(capsys: pytest.CaptureFixture[str], folder: Path) -> None:
+    flawed = "[2100]\nParameterName=Flawed\nDataType=5\n\n[2200sub1]\nParameterName=Lost\n"
+    (folder / "motor.eds").write_text(f"{MOTOR}see the manual\n{flawed}")
+    said = run(capsys, "show", *BOTH)
+    line = MOTOR.count("\n") + 1
+    assert said.status == ExitStatus.FINE
+    assert [each for each in said.err.splitlines() if "motor.eds" in each][:2] == [
+        "eurobot-od: motor.eds: repaired to be read: line 1: lists of objects added, and 1 more "
+        "(`lint --fix` lists them)",
+        f"eurobot-od: motor.eds: left out: line {line + 1}: 0x2100: sub 0 has no AccessType, and 1 more "
+        "(`lint` lists them)",
+    ]
+
+
+COUPLER = Path(__file__).parents[1] / "od" / "samples" / "coupler.eds"
+MODULES = [
+    ["--eds", f"5={COUPLER}", "--module", "1,1"],
+    ["--eds", f"5={COUPLER}", "--module", "DI8", "--module", "5=1"],
+    ["--eds", f"5={COUPLER}", "--eds", "6=motor.eds", "--module", "coupler=1,1"],
+    ["--network", "modules.yaml"],
+]
+
+
+@pytest.mark.parametrize("words", MODULES, ids=lambda words: " ".join(words)[-30:])
+def test_modules_are_plugged_in_by_the_command_line_or_the_network_file(
+    capsys: pytest.CaptureFixture[str], folder: Path, words: list[str]
+) -> None:
+    nodes = f"nodes: {{coupler: {{file: {COUPLER}, node_id: 5, modules: [1, DI8]}}}}\n"
+    (folder / "modules.yaml").write_text(nodes)
+    said = run(capsys, "show", *words)
+    assert said.status == ExitStatus.FINE
+    assert "inputs_1 8, inputs_2 8" in said.out
+    assert "coupler.eds" not in said.err
+
+
+def test_modules_without_a_device_are_wrong_usage(capsys: pytest.CaptureFixture[str]) -> None:
+    said = run(capsys, "show", *BOTH, "--module", "1")
+    assert (said.status, said.complaint) == (
+        ExitStatus.WRONG_INPUT,
+        "eurobot-od: --module 1: say into which device: 5=, 1=",
+    )
+
+
+def test_a_coupler_without_modules_says_how_to_plug_them_in(capsys: pytest.CaptureFixture[str]) -> None:
+    said = run(capsys, "show", "--eds", f"5={COUPLER}")
+    assert "none of its modules is connected; --module takes 1 (8 inputs), 2 (4 inputs)," in said.err

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import json
 import signal
 import sys
 import time
@@ -13,6 +14,8 @@ from pathlib import Path
 import pytest
 
 from eurobot_od import cli
+from eurobot_od.device.simulated import SimulatedDevice
+from eurobot_od.frame import Frame
 from eurobot_od.live import Live, open_bus
 from eurobot_od.robot import dialects
 from eurobot_od.robot.model import robot_file
@@ -23,6 +26,7 @@ from tests.cli.console import run
 from tests.cli.processes import PATIENCE, killed_if_it_hangs, line, node, serve_bus
 from tests.client.peers import new_channel
 from tests.device import io_module
+from tests.eds_text import DEVICE_TYPE, record, variable
 
 FACTS = robot_file.read()
 
@@ -253,6 +257,23 @@ def test_a_device_from_its_file_has_the_values_that_it_is_given(
         assert device.wait(PATIENCE) == 130
 
 
+def test_a_device_whose_file_moves_its_sdo_server_is_served_there(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    usual, moved = ("$NODEID+0x600", "$NODEID+0x580"), ("0x650", "$NODEID+0x5D0")
+    more = [f"ParameterValue={each}\n" for each in moved]
+    server = (variable(f"1200sub{sub}", f"COB-ID {sub}", "UNSIGNED32", usual[sub - 1], more[sub - 1]) for sub in (1, 2))
+    head = record(0x1200, "SDO server", (0, "UNSIGNED8", "2"))
+    (tmp_path / "moved.eds").write_text(DEVICE_TYPE + head + "".join(server))
+    device = SimulatedDevice.load(tmp_path / "moved.eds", 5)
+    device.start(0.0)
+    (answer,) = device.receive(Frame(0x650, bytes.fromhex("4000100000000000")), 0.0)
+    assert (answer.cob_id, answer.data[:4].hex()) == (0x5D5, "43001000")
+    assert device.receive(Frame(0x605, bytes.fromhex("4000100000000000")), 0.0) == []
+    said = run(capsys, "node", "--eds", f"5={tmp_path / 'moved.eds'}", "--duration", "1 ms", "-i", "virtual")
+    assert said.out.endswith("\nits SDO server is at 0x650, answers at 0x5D5, as its file says (0x1200)\n")
+
+
 @pytest.mark.usefixtures("eds")
 def test_a_device_of_a_network_is_named(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     file = tmp_path / "network.yaml"
@@ -261,7 +282,43 @@ def test_a_device_of_a_network_is_named(capsys: pytest.CaptureFixture[str], tmp_
         capsys, "node", "gate", "--network", str(file), "--duration", "1 ms", "--fault", "babbling", "-i", "virtual"
     )
     assert (said.status, said.out.partition(" on ")[0]) == (0, "gate (node-ID 6)")
-    assert run(capsys, "node", "--network", str(file)).complaint == "eurobot-od: which node? Name one of io, gate"
+
+
+WITH_BOTH = [
+    (["--node-id", "7"], "eurobot-od: --node-id is for one device: which node? Name one of io, gate"),
+    (["--set", "0x2100=1"], "eurobot-od: --set is for one device: which node? Name one of io, gate"),
+    (["--fault", "babbling"], "eurobot-od: --fault is for one device: which node? Name one of io, gate"),
+]
+
+
+@pytest.mark.usefixtures("eds")
+@pytest.mark.parametrize(("words", "complaint"), WITH_BOTH)
+def test_what_is_for_one_device_needs_its_name(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, words: list[str], complaint: str
+) -> None:
+    file = tmp_path / "network.yaml"
+    file.write_text("nodes: {io: {file: module.eds, node_id: 5}, gate: {file: module.eds, node_id: 6}}")
+    assert run(capsys, "node", "--network", str(file), *words).complaint == complaint
+
+
+@pytest.mark.usefixtures("eds")
+def test_all_devices_of_a_network_run_in_one_process_and_are_booted(
+    capsys: pytest.CaptureFixture[str], shared_bus: str, tmp_path: Path
+) -> None:
+    file, bus = tmp_path / "network.yaml", ("-i", "remote", "-c", shared_bus)
+    file.write_text("nodes: {io: {file: module.eds, node_id: 5}, gate: {file: module.eds, node_id: 6}}\nmaster: PC\n")
+    with node("--network", str(file), *bus) as devices:
+        assert "io (5), gate (6)" in line(devices, "2 devices on ")
+        said = run(capsys, "boot", str(file), *bus)
+        assert said.status == 0
+        assert [each.partition(":")[0] for each in said.out.splitlines()] == ["node 5 io", "node 6 gate", "io", "gate"]
+        file.write_text("nodes: {lost: {file: module.eds, node_id: 9}, gate: {file: module.eds, node_id: 6}}")
+        said = run(capsys, "boot", str(file), *bus)
+        assert said.status == 1
+        assert said.out.splitlines()[0].startswith("node 9 lost: error B: ")
+        assert said.out.splitlines()[-1] == "not started: lost did not boot"
+        devices.send_signal(signal.SIGTERM)
+        assert devices.wait(PATIENCE) == 130
 
 
 def test_a_node_of_the_robot_is_one_wherever_its_file_is(capsys: pytest.CaptureFixture[str]) -> None:
@@ -289,3 +346,24 @@ def test_a_device_that_cannot_run_says_why_in_one_line(
 ) -> None:
     said = run(capsys, "node", "--eds", f"5={eds}", *words)
     assert (said.status, said.complaint.partition(complaint)[:2]) == (2, ("eurobot-od: ", complaint))
+
+
+# pdo
+
+
+def test_the_pdos_of_a_device_are_listed_and_mapped(capsys: pytest.CaptureFixture[str], shared_bus: str) -> None:
+    bus, motor = ("-i", "remote", "-c", shared_bus), f"5={Path(__file__).parents[2] / 'docs' / 'motor.eds'}"
+    with node("--eds", motor, *bus) as device:
+        line(device, "(node-ID 5)")
+        said = run(capsys, "pdo", "5", "--eds", motor, *bus)
+        assert [each.split()[:4] for each in said.out.splitlines()] == [
+            ["RPDO", "1", "0x205", "on"],
+            ["TPDO", "1", "0x185", "on"],
+        ]
+        said = run(capsys, "pdo", "5", "map", "tpdo1", "Motor.Current", "0x2000:1", "--eds", motor, *bus)
+        assert said.out.endswith("every 100 ms  Motor.Current 16, Motor.Speed 16\n")
+        said = run(capsys, "pdo", "5", "--json", "--eds", motor, *bus)
+        assert [each["name"] for each in json.loads(said.out)[1]["mapping"]] == ["Motor.Current", "Motor.Speed"]
+        said = run(capsys, "pdo", "5", "map", "TPDO9", "Motor.Speed", "--eds", motor, *bus)
+        assert said.complaint.endswith("Write `map TPDO1 OBJECT...`; known: RPDO1, TPDO1")
+        device.send_signal(signal.SIGTERM)

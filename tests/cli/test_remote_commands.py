@@ -21,7 +21,7 @@ from eurobot_od.od.document import parse
 from eurobot_od.od.normal import in_normal_form
 from tests.cli.console import Terminal
 from tests.client.peers import DRIVE, new_channel, robot, stock_drive
-from tests.eds_text import DEVICE_TYPE, variable
+from tests.eds_text import DEVICE_TYPE, pdo, variable
 
 HEARTBEAT = "0x1017:0  Producer heartbeat time"
 NAMED = "0x1017:0: Producer heartbeat time"
@@ -403,3 +403,47 @@ def test_a_dcf_needs_an_eds_to_be_made_of(capsys: pytest.CaptureFixture[str], tm
     concise.write_bytes(b"\0\0\0\0")
     assert main(["export", "cdcf", str(concise), "-o", str(tmp_path / "drive.dcf")]) == 2
     assert "name the EDS by --eds" in capsys.readouterr().err
+
+
+PDOS = pdo(0x1400, "0x20000010", cob_id="$NODEID+0x200") + pdo(0x1401, "0x2F000008", cob_id="$NODEID+0x300")
+LIST = "[MandatoryObjects]\nSupportedObjects=1\n1=0x1000\n"
+CONFIGURED = (LIST + DEVICE_TYPE + variable("2000", "Speed", "INTEGER16") + PDOS).replace(
+    "DefaultValue=$NODEID", "ParameterValue=$NODEID"
+)
+
+
+@pytest.fixture
+def configured(tmp_path: Path) -> Path:
+    """A DCF without lists of other objects, whose second PDO maps what is not there."""
+    (tmp_path / "motor.dcf").write_text(f"{CONFIGURED}[DeviceComissioning]\nNodeID=7\n")
+    return tmp_path / "motor.dcf"
+
+
+FOR_WHOM = [(["{}"], 0x207), (["{}", "--node-id", "9"], 0x209), (["5={}"], 0x205)]
+
+
+@pytest.mark.parametrize(("words", "identifier"), FOR_WHOM)
+def test_a_concise_dcf_is_made_for_the_node_that_is_said(
+    capsys: pytest.CaptureFixture[str], configured: Path, words: list[str], identifier: int
+) -> None:
+    assert main(["export", "cdcf", *(each.format(configured) for each in words)]) == 0
+    said = capsys.readouterr()
+    rows = [each.split() for each in said.out.splitlines()]
+    # off, and on again; nothing of the PDO that maps what is not there
+    assert [(row[0], int(row[-1], 0)) for row in rows] == [("0x1400:1", identifier | 1 << 31), ("0x1400:1", identifier)]
+    assert said.err == f"eurobot-od: PDO left out: {configured}: 0x1601: maps 0x2F00 sub 0, which is missing\n"
+
+
+def test_the_concise_dcfs_of_a_network_are_written_into_a_folder(
+    capsys: pytest.CaptureFixture[str], configured: Path
+) -> None:
+    network = configured.with_name("network.yaml")
+    network.write_text("nodes:\n  left: {file: motor.dcf, node_id: 5}\n  right: {file: motor.dcf, node_id: 6}\n")
+    folder = configured.with_name("made")
+    assert main(["export", "cdcf", str(network), "-o", str(folder)]) == 0
+    assert sorted(each.name for each in folder.iterdir()) == ["left.cdcf", "right.cdcf"]
+    assert capsys.readouterr().out.splitlines()[1].endswith("right.cdcf: 2 writes for node 6")
+    assert main(["export", "cdcf", str(network)]) == 0
+    assert [each for each in capsys.readouterr().out.splitlines() if each.endswith(":")] == ["left:", "right:"]
+    assert main(["export", "cdcf", str(network), "--node-id", "5"]) == 2
+    assert "--node-id is for one file" in capsys.readouterr().err

@@ -109,3 +109,46 @@ def test_the_dialect_may_come_from_the_environment(
 def test_what_is_not_there_is_named(capsys: pytest.CaptureFixture[str], words: list[str], complaint: str) -> None:
     said = run(capsys, *words)
     assert (said.status, said.out, said.err) == (2, "", f"eurobot-od: {complaint}\n")
+
+
+# Objects
+
+MOTOR = f"5={Path(__file__).parents[2] / 'docs' / 'motor.eds'}"
+SHOWN_OBJECTS = [
+    (["--objects"], "0x1017:0  Producer heartbeat time"),
+    (
+        ["--objects", "Motor"],
+        "0x2000:1  Motor.Speed                        INTEGER16   ro      yes  0      -3000..3000",
+    ),
+    (["--objects", "motor.speed"], "0x2000:1  Motor.Speed"),
+    (["--objects", "0x1014"], "0x00000085"),
+]
+
+
+@pytest.mark.parametrize(("words", "part"), SHOWN_OBJECTS)
+def test_the_objects_of_a_device_are_listed(words: list[str], part: str, capsys: pytest.CaptureFixture[str]) -> None:
+    said = run(capsys, "show", *words, "--eds", MOTOR)
+    assert part in said.out
+    assert said.out.startswith("object")
+
+
+def test_objects_of_several_devices_stand_under_their_names(capsys: pytest.CaptureFixture[str]) -> None:
+    said = run(capsys, "show", "--objects", "Position actual value", "--eds", MOTOR, "--eds", MOTOR.replace("5=", "6="))
+    assert [each for each in said.out.splitlines() if each.endswith(":")] == ["motor_5:", "motor_6:"]
+    (own, _) = json.loads(run(capsys, "show", "--objects", "0x2000:1", "--json", "--eds", MOTOR, "--eds",
+                              MOTOR.replace("5=", "6=")).out).values()  # fmt: skip
+    assert own[0] | {"value": 0} == {
+        "index": 0x2000,
+        "subindex": 1,
+        "name": "Motor.Speed",
+        "type": "INTEGER16",
+        "access": "ro",
+        "pdo_mapping": True,
+        "value": 0,
+        "limits": [-3000, 3000],
+    }
+
+
+def test_an_object_that_no_device_has_is_told(capsys: pytest.CaptureFixture[str]) -> None:
+    said = run(capsys, "show", "--objects", "Nonsense", "--eds", MOTOR)
+    assert (said.status, said.complaint) == (2, "eurobot-od: unknown object 'Nonsense'")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from itertools import islice
+from pathlib import Path
 
 import pytest
 
@@ -16,6 +17,7 @@ from tests.cli.console import run
 from tests.client.test_reconnecting import Unplugged
 from tests.client.test_watch import Beating, beats
 from tests.client.wired import WiredBus
+from tests.eds_text import DEVICE_TYPE
 
 
 @pytest.fixture
@@ -49,6 +51,23 @@ def test_watch_in_json(capsys: pytest.CaptureFixture[str]) -> None:
 def test_a_node_that_has_to_be_there(capsys: pytest.CaptureFixture[str]) -> None:
     said = run(capsys, "watch", "7", "--for", "2 s", "--within", "1 s")
     assert (said.status, said.out.splitlines()[-1].split(maxsplit=1)[1]) == (1, "node 7 is lost")
+
+
+@pytest.mark.usefixtures("bus")
+def test_nodes_are_called_by_the_names_of_their_network(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    (tmp_path / "a.eds").write_text(DEVICE_TYPE)
+    (tmp_path / "net.yaml").write_text(
+        "nodes: {left: {file: a.eds, node_id: 5}, right: {file: a.eds, node_id: 7}}", encoding="ascii"
+    )
+    words = ["--network", str(tmp_path / "net.yaml"), "--for", "2 s", "--within", "1 s"]
+    said = run(capsys, "watch", *words)
+    assert (said.status, [line.split(maxsplit=1)[1] for line in said.out.splitlines()]) == (
+        1,
+        ["node 5 left has booted", "node 7 right is lost"],
+    )
+    said = run(capsys, "watch", "right", "--json", *words)
+    assert json.loads(said.out.splitlines()[-1])["name"] == "right"
+    assert run(capsys, "watch", "middle", *words).complaint == "eurobot-od: unknown node 'middle'; known: left, right"
 
 
 def test_sync(capsys: pytest.CaptureFixture[str], bus: WiredBus) -> None:

@@ -302,3 +302,16 @@ def test_a_field_in_pieces_is_refused() -> None:
     binding.layout = Layout([Slot("time", 12, 12), Slot("time", 0, 12)])
     with pytest.raises(MappingError, match="Goto State Response: time is not contiguous"):
         dbc_text(spoilt)
+
+
+def test_a_comment_keeps_the_names_and_indices_of_the_file() -> None:
+    text = dbc_text(protocol(dialects.DEFAULT))
+    assert 'CM_ SG_ 8 x "0x2000:1 Goto XY.X position; 0..3000 mm";' in text
+    assert re.search(r'^CM_ BO_ 8 "Goto XY: .+";$', text, re.MULTILINE)
+    slices = "0x3000:1 Goto XY slices.X position (11:4), 0x3000:3 Goto XY slices.X position (3:0); 0..3000 mm"
+    assert f'CM_ SG_ 8 x "{slices}";' in dbc_text(protocol("firmware2014"))
+
+
+def test_a_message_of_which_nothing_is_known_has_no_empty_comment() -> None:
+    made = made_up.protocol(list(made_up.ANY_NUMBERS.items()))
+    assert '""' not in "".join(each for each in dbc_text(made).splitlines() if each.startswith("CM_"))

@@ -75,3 +75,17 @@ def test_tshark_takes_any_names(messages: list[DescribedMessage], name: str, tmp
     done = subprocess.run(command, capture_output=True, text=True, check=True)
     assert [each for each in done.stderr.splitlines() if not each.startswith("Running as")] == []
     assert len(done.stdout.splitlines()) == 1
+
+
+@needs_tshark
+@pytest.mark.parametrize("name", ["a", "7", "\u00fc", "can"])
+def test_tshark_takes_a_dissector_of_any_name(name: str, tmp_path: Path) -> None:
+    script = tmp_path / "bus.lua"
+    script.write_text(wireshark.lua_text(EurobotProtocol.load(dialects.DEFAULT), name))
+    log = tmp_path / "frames.log"
+    log.write_text("(1.0) can0 004#\n")
+    done = subprocess.run(
+        ["tshark", "-X", f"lua_script:{script}", "-r", str(log)], capture_output=True, text=True, check=False
+    )
+    assert (done.returncode, "bug" in done.stderr) == (0, False)
+    assert "Stop Drive" in done.stdout

@@ -12,6 +12,9 @@ import re
 from pathlib import Path
 from typing import NamedTuple
 
+from eurobot_od.export.xdd import load as load_any
+from eurobot_od.export.xdd import xdd_text
+
 CLEAN = (Path(__file__).parent / "samples" / "clean.eds").read_text("ascii")
 COMPACT = """
 [2009]
@@ -56,6 +59,10 @@ def _configured(text: str) -> str:
     return text + COMMISSIONING
 
 
+XML = xdd_text(load_any(Path(__file__).parent / "samples" / "clean.eds")).replace("made.xdd", "clean.xdd")
+XML_END = next(number for number, line in enumerate(XML.splitlines(), start=1) if "</ApplicationLayers>" in line)
+COUPLER = (Path(__file__).parents[1] / "od" / "samples" / "coupler.eds").read_text("ascii")
+
 BASES = {
     "eds": ("clean.eds", CLEAN),
     "compact": ("clean.eds", _with_object(CLEAN, "2009", COMPACT)),
@@ -64,10 +71,18 @@ BASES = {
         "clean.eds",
         re.sub(r"(\[1[6A]\d\dsub[^[]*AccessType=)rw", r"\g<1>ro", CLEAN).replace("Granularity=8", "Granularity=0"),
     ),
+    "coupler": ("coupler.eds", COUPLER),
+    "connected": (
+        "coupler.dcf",
+        COUPLER.replace("FileName=coupler.eds", "FileName=coupler.dcf\nLastEDS=coupler.eds")
+        + COMMISSIONING
+        + "\n[ConnectedModules]\nNrOfEntries=2\n1=1\n2=1\n",
+    ),
+    "xdd": ("clean.xdd", XML),
     "guarded": ("clean.eds", re.sub(r"(\[100D\][^[]*DefaultValue=)0", r"\g<1>3", CLEAN)),
 }
 """The clean files into which defects are seeded: an EDS, one with a compact array (0x2009), a DCF, one with fixed
-mappings, and one with a life time factor.
+mappings, an XDD, a bus coupler, one with modules, and one with a life time factor.
 """
 
 WHOLE = "*"
@@ -114,6 +129,9 @@ DEFECTS = (
     Defect("E112", "a vendor name of 245 characters", "DeviceInfo", "VendorName=Example", "VendorName=" + "v" * 245),
     Defect("I113", "a comment after a value", "2007", "DefaultValue=-5", "DefaultValue=-5 ; minus five"),
     Defect("W114", "a comment with #", "2008", "PDOMapping=0", "PDOMapping=0\n# old style", at="# old style"),
+    Defect("E123", "a tag that is not closed", "", "</dummyUsage>", "", base="xdd", at=f"line {XML_END}"),
+    Defect("W122", "Ctrl-Z at the end", "2008", "PDOMapping=0\n", "PDOMapping=0\n\x1a",
+           at=f"line {CLEAN.count(chr(10)) + 1}"),
     Defect("W115", "an indented line", "2008", "PDOMapping=0", "  PDOMapping=0", at="  PDOMapping=0"),
     Defect("W116", "an unknown section", "2008", "[2008]", "[Notes]\nText=x\n\n[2008]", at="Notes"),
     Defect("E117", "0x before an index", "2008", "[2008]", "[0x2008]", at="0x2008"),
@@ -404,6 +422,29 @@ DEFECTS = (
            at="2000/UploadFile", base="dcf"),
     Defect("E713", "a concise DCF that ends early", "1F22sub1", "DefaultValue=", "DefaultValue=01000000 1710 00",
            base="dcf"),
+    # Modules
+    Defect("E461", "a wrong number of modules", "SupportedModules", "NrOfEntries=4", "NrOfEntries=3", base="coupler"),
+    Defect("E461", "modules without [SupportedModules]", "SupportedModules", WHOLE, "", at="M1ModuleInfo",
+           base="coupler"),
+    Defect("W462", "a module without an order code", "M1ModuleInfo", "OrderCode=DI8\n", "", at="M1ModuleInfo",
+           base="coupler"),
+    Defect("E463", "a fixed object without a section", "M3FixedObjects", "2=0x2300", "2=0x2301", base="coupler"),
+    Defect("E463", "an extension without a section", "M1SubExtends", "1=0x6000", "1=0x6100", base="coupler"),
+    Defect("E464", "Count in words", "M1SubExt6000", "Count=1", "Count=one", base="coupler"),
+    Defect("E464", "Count of no bits", "M2SubExt6000", "Count=0;4", "Count=0;", base="coupler"),
+    Defect("E464", "ObjExtend 255", "M4SubExt3000", "ObjExtend=2", "ObjExtend=255", base="coupler"),
+    Defect("E465", "a module that is not supported", "ConnectedModules", "2=1", "2=9", base="connected"),
+    Defect("W466", "modules without a module list", "1027", WHOLE, "", at="SupportedModules", base="coupler"),
+    Defect("E467", "an object both fixed and extended", "M3FixedObjects", "2=0x2300", "2=0x6401",
+           base="coupler"),
+    Defect("E467", "a module's object is the device's, too", "M3FixedObjects", "2=0x2300", "2=0x1017", base="coupler"),
+    Defect("E468", "an extension without a type", "M1SubExt6000", "DataType=0x0005\n", "", at="M1SubExt6000",
+           base="coupler"),
+    Defect("E469", "an extension without access", "M1SubExt6000", "AccessType=ro\n", "", at="M1SubExt6000",
+           base="coupler"),
+    Defect("E636", "a mapped object that no connected module brings", "1A00sub2", "DefaultValue=0x60000208",
+           "DefaultValue=0x60000308",
+           base="connected"),
     Defect("W118", "an unknown key of the commissioning", "DeviceComissioning", "NodeID=5", "NodeID=5\nColour=red",
            at="DeviceComissioning/Colour", base="dcf"),
 )  # fmt: skip

@@ -235,3 +235,16 @@ def test_a_malformed_network_file_is_told_by_line(write: Callable[[str], str], t
 def test_every_network_rule_is_shown() -> None:
     shown = {code for code, *_ in CONFLICTS} | {"I802", "W813", "W814", "E821", "E822", "E823"}
     assert {each.code for each in RULES} == shown
+
+
+@pytest.mark.parametrize(
+    ("master", "codes"),
+    [("", {"W803", "W804"}), ("core", {"W803", "W804"}), ("PC", set())],
+    ids=["none is named", "it is a node", "it has no file"],
+)
+def test_a_master_without_a_file_may_send_and_receive_anything(tmp_path: Path, master: str, codes: set[str]) -> None:
+    line = f"master: {master}\n" if master else ""
+    core = ROOT / "eds" / "canopen" / "core.eds"
+    (tmp_path / "network.yaml").write_text(f"nodes: {{core: {{file: {core}}}}}\n{line}")
+    found = lint_network(read_network([str(tmp_path / "network.yaml")]))
+    assert {each.code for each in found} & {"W803", "W804"} == codes

@@ -8,7 +8,7 @@ import pytest
 
 from eurobot_od.lint.findings import Severity
 from eurobot_od.lint.rules import FILE_RULES, lint
-from tests.lint.mutations import BASES, DEFECTS, Defect, broken_file, expected_line
+from tests.lint.mutations import BASES, DEFECTS, Defect, broken_file, expected_line, mutated
 
 ROOT = Path(__file__).resolve().parents[2]
 OWN_FILES = sorted((ROOT / "eds").glob("*/*.eds"))
@@ -60,3 +60,22 @@ def test_what_is_right_in_another_way_is_not_flagged(section: str, old: str, new
     head, found, tail = text.partition(f"[{section}]")
     assert old in tail
     assert code not in {each.code for each in lint((head + found + tail.replace(old, new, 1)).encode(), name)}
+
+
+# The words about what is missing: section, old and new text, and the message.
+WORDS = [
+    ("2008", "PDOMapping=0", "SubNumber=2", "SubNumber does not belong to [2008], a VAR or DOMAIN; with"),
+    ("2002sub1", "AccessType=", "SubNumber=2\nAccessType=", "SubNumber does not belong to [2002sub1], a sub-index"),
+    ("1600sub1", "DefaultValue=0x2001", "DefaultValue=0x2F01",
+     "RPDO 1 maps 0x2F01 sub 1, but there is no object 0x2F01"),
+    ("1600sub1", "DefaultValue=0x200101", "DefaultValue=0x200109",
+     "RPDO 1 maps 0x2001 sub 9, but that is no sub-index of it; the highest is "),
+    ("1600sub1", "DefaultValue=0x200101", "DefaultValue=0x200701",
+     "RPDO 1 maps 0x2007 sub 1, but that has no sub-indices: it is mapped as sub 0"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("section", "old", "new", "words"), WORDS)
+def test_what_is_missing_is_named(section: str, old: str, new: str, words: str) -> None:
+    text = mutated(Defect("", "", section, old, new))
+    assert any(each.message.startswith(words) for each in lint(text.encode(), "clean.eds"))

@@ -154,6 +154,14 @@ NrOfEntries=1
 NrOfEntries=1
 2=9
 """
+COMPACT_HEARTBEATS = """\
+[1016]
+ParameterName=Consumer heartbeat time
+ObjectType=8
+AccessType=rw
+DefaultValue=7
+CompactSubObj=2
+"""
 COMPACT_RECORD = """\
 [2002]
 ParameterName=Gain
@@ -185,6 +193,12 @@ VARIATIONS = [
     Variation("0x in a section's name", "[2000sub1]", "[0x2000sub1]"),
     Variation("a leading zero in a section's name", "[2000sub1]", "[2000sub01]"),
     Variation("a blank in a section's name", "[2000sub1]", "[2000 sub1]"),
+    # Lines that are none of an EDS
+    Variation("a stray line of text", FIRST, f"see the manual\n{FIRST}"),
+    Variation("a line of text before the first section", "[FileInfo]", "Made by hand\n[FileInfo]"),
+    Variation("an entry before the first section", "[FileInfo]", "Tool=x\n[FileInfo]"),
+    Variation("an entry without a key", FIRST, f"=9\n{FIRST}"),
+    Variation("a stray line of text at the end", "DefaultValue=arm\n", "DefaultValue=arm\nthat is all\n"),
     # What is missing
     Variation("no [FileInfo]", *without("FileInfo"), needs_repair=False),
     Variation("no [DeviceInfo]", *without("DeviceInfo"), needs_repair=False),
@@ -228,10 +242,16 @@ VARIATIONS = [
     Variation("$NODEID with a suffix", COB_ID, "DefaultValue=$NODEID+0x80UL"),
     Variation("$NODEID alone", COB_ID, "DefaultValue=$NODEID", {(0x1014, 0): 5}, needs_repair=False),
     Variation("$NODEID with all bits", COB_ID, "DefaultValue=0x80000080+$NODEID", {(0x1014, 0): 0x80000085}),
+    Variation("$NODEID with a word", COB_ID, "DefaultValue=$NODEID+high", {(0x1014, 0): None}),
+    Variation("$NODEID less a number", COB_ID, "DefaultValue=$NODEID-0x80", {(0x1014, 0): None}),
     # Types
     Variation("INTEGER64", SECOND, typed(0x15, "-0x7FFFFFFFFFFFFFFF"), {ADDRESS_2: -(2**63) + 1}, needs_repair=False),
     Variation("UNSIGNED64", SECOND, typed(0x1B, "0xFFFFFFFFFFFFFFFF"), {ADDRESS_2: 2**64 - 1}, needs_repair=False),
     Variation("REAL32 as its bits", SECOND, typed(0x08, "0x3FC00000"), {ADDRESS_2: 1.5}, needs_repair=False),
+    Variation("REAL32 with C's suffix", SECOND, typed(0x08, "0.0f"), {ADDRESS_2: 0.0}),
+    Variation("REAL32 with a comma", SECOND, typed(0x08, "1,5"), {ADDRESS_2: 1.5}),
+    Variation("REAL64 with a comma in its limit", SECOND, f"HighLimit=2,5\n{typed(0x11, '1')}", {ADDRESS_2: 1.0}),
+    Variation("a DOMAIN in hexadecimal", SECOND, typed(0x0F, "0x0000"), {ADDRESS_2: b"\0\0"}, needs_repair=False),
     Variation("a DOMAIN by its type", SECOND, typed(0x0F, "0102"), {ADDRESS_2: b"\1\2"}, needs_repair=False),
     Variation("a DOMAIN without a type", "ObjectType=0x7\nDataType=0x0009", "ObjectType=0x2", {LABEL: None}),
     # Kinds
@@ -242,6 +262,10 @@ VARIATIONS = [
               {(0x2002, 0): 2, (0x2002, 1): 1, (0x2002, 2): 9}),
     Variation("a compact record", "[2001]", f"{COMPACT_RECORD}\n[2001]",
               {(0x2002, 0): 2, (0x2002, 1): 10, (0x2002, 2): None}),
+    Variation("a compact array without a type", "[2001]", COMPACT_ARRAY.replace("DataType=4\n", "") + "\n[2001]",
+              {(0x2002, 0): 2, (0x2002, 1): None, (0x2002, 2): None}),
+    Variation("a compact array of the standard without a type", "[2001]", f"{COMPACT_HEARTBEATS}\n[2001]",
+              {(0x1016, 0): 2, (0x1016, 1): 7, (0x1016, 2): 7}),
 ]  # fmt: skip
 
 
@@ -310,6 +334,8 @@ KEPT = [
     ("a default that is none", FIRST, "DefaultValue=slow", "\n;DefaultValue=slow\n"),
     ("a key of the maker", FIRST, f"{FIRST}\nMaker=x", "\nMaker=x\n"),
     ("a section of the maker", "[2001]", "[Maker]\nKey=1\n\n[2001]", "\n[Maker]\nKey=1\n"),
+    ("a stray line of text", FIRST, f"{FIRST}\nsee the manual", "\n;see the manual\n"),
+    ("a $NODEID that is none", COB_ID, "DefaultValue=$NODEID+high", "\n;DefaultValue=$NODEID+high\n"),
     ("sub-indices of a variable", "[2001]", f"{VAR_SUB}\n[2001]", "\n;[1014sub0]\n;ParameterName=Odd\n"),
 ]
 
@@ -323,11 +349,17 @@ def test_nothing_is_lost(old: str, new: str, kept: str) -> None:
 
 # Bytes
 
+END_MARK = "Ctrl-Z or NUL at the end taken off"
 BYTES = [
     ("a byte order mark", b"\xef\xbb\xbf" + BASE.encode(), "byte order mark taken off"),
     ("UTF-16", BASE.encode("utf-16"), "UTF-16 written as UTF-8"),
     ("Latin-1 in a name", BASE.replace("Label", "L\xe4bel").encode("latin-1"), "Latin-1 written as UTF-8"),
     ("mixed line ends", BASE.replace("\n", "\r\n", 9).encode(), "line ends made alike"),
+    ("Ctrl-Z at the end", BASE.encode() + b"\x1a", END_MARK),
+    ("Ctrl-Z and empty lines at the end", BASE.encode() + b"\x1a\n\n", END_MARK),
+    ("Ctrl-Z after line ends of DOS", BASE.replace("\n", "\r\n").encode() + b"\x1a", END_MARK),
+    ("NULs up to a full block", BASE.encode() + bytes(7), END_MARK),
+    ("NULs after a line without an end", BASE.encode().rstrip() + bytes(7), END_MARK),
 ]
 
 
@@ -360,8 +392,48 @@ def test_what_is_cut_off_has_no_normal_form() -> None:
 def test_a_missing_value_is_not_guessed() -> None:
     text = BASE.replace("AccessType=rw\nDefaultValue=-5", "DefaultValue=-5")
     assert in_normal_form(text.encode(), "a.eds") == (text.encode(), [])
-    with pytest.raises(DictionaryError, match="0x2000: line 62: sub 1 has no AccessType"):
-        defaults(text.encode())
+
+
+# What cannot be used: how it comes about, what is left out, and the words about it
+
+LEFT_OUT: list[tuple[str, str, str, list[Address], list[str]]] = [
+    ("a sub-index without access", f"AccessType=rw\n{FIRST}", FIRST, [ADDRESS_1],
+     ["line 62: 0x2000: sub 1 has no AccessType"]),
+    ("all sub-indices without access", "AccessType=rw\n", "", [ADDRESS_1, ADDRESS_2, LABEL],
+     ["line 62: 0x2000: sub 1 has no AccessType", "line 68: 0x2000: sub 2 has no AccessType",
+      "line 74: 0x2001: sub 0 has no AccessType"]),
+    ("a compact array without type and access", "[2001]",
+     "[2002]\nParameterName=Gain\nObjectType=8\nDefaultValue=1\nCompactSubObj=2\n[2001]", [],
+     ["line 76: 0x2002: sub 1 has no AccessType", "line 76: 0x2002: sub 2 has no AccessType"]),
+    ("a type in words", "DataType=0x0009", "DataType=text", [LABEL],
+     ["line 79: 0x2001: sub 0: DataType 'text' is not a number"]),
+    ("an unknown kind of object", "ObjectType=0x8", "ObjectType=0x1", [(0x2000, 0), ADDRESS_1, ADDRESS_2],
+     ["line 52: 0x2000: ObjectType '0x1' is not one of CiA 301"]),
+    ("sub-indices without their object", "[2000]", "[2003]", [(0x2000, 0), ADDRESS_1, ADDRESS_2],
+     ["line 55: 0x2000: [2000sub0] has no object [2000]"]),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "addresses", "words"), [row[1:] for row in LEFT_OUT], ids=[row[0] for row in LEFT_OUT]
+)
+def test_what_cannot_be_used_is_left_out_with_its_line(
+    old: str, new: str, addresses: list[Address], words: list[str]
+) -> None:
+    data = BASE.replace(old, new).encode()
+    found = {address: value for address, value in defaults(data).items() if address[0] not in (0x2002, 0x2003)}
+    assert found == {address: value for address, value in DEFAULTS.items() if address not in addresses}
+    assert [str(each) for each in load(data).left_out] == words
+
+
+def test_flags_of_what_is_left_out_are_left_out_as_well() -> None:
+    text = BASE.replace(f"AccessType=rw\n{FIRST}", f"ObjFlags=1\nDenotation=x\n{FIRST}")
+    assert ADDRESS_1 not in defaults(text.encode())
+
+
+def test_a_file_of_which_nothing_can_be_used_is_refused() -> None:
+    with pytest.raises(DictionaryError, match=r"^a\.eds: line 1: 0x2000: sub 0 has no AccessType$"):
+        load(b"[2000]\nParameterName=Lone\nDataType=5\n")
 
 
 def test_all_at_once() -> None:

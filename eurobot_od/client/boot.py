@@ -1,0 +1,153 @@
+"""Starts a network as an NMT master does (CiA 302-2): slaves are reset, checked, configured, heard, then started.
+
+Theory of operation. A slave boots in the standard's order: reset communication and its boot-up message; device type
+(0x1000) and identity (0x1018) as its file has them; its configuration, which 0x1020 says to be the DCF's or which is
+loaded; its heartbeat, if it has one. Only when every slave is there are they started, in the order of the network.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from datetime import datetime
+from enum import Enum
+from typing import NamedTuple
+
+from eurobot_od.client.configure import configure
+from eurobot_od.client.description import Description, Identity
+from eurobot_od.client.master import RemoteNode
+from eurobot_od.client.procedure import Procedure
+from eurobot_od.device.nmt import NmtCommand, NmtState
+from eurobot_od.errors import BusError, EurobotError, NoAnswer, NodeRefused, RemoteError
+from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.standard import DEVICE_TYPE, GUARD_TIME, HEARTBEAT_TIME, IDENTITY, VERIFY_CONFIGURATION
+from eurobot_od.od.values import ERROR_CONTROL_BASE
+from eurobot_od.support.amounts import amount
+
+MARGIN = 0.2
+"""Seconds that a heartbeat may be late on a busy machine."""
+
+
+class BootError(Enum):
+    """Why a slave did not boot, by the letters of CiA 302-2."""
+
+    NO_ANSWER = "B"
+    DEVICE_TYPE = "C"
+    VENDOR = "D"
+    CONFIGURATION = "J"
+    NO_HEARTBEAT = "K"
+    PRODUCT = "M"
+    REVISION = "N"
+    SERIAL = "O"
+
+
+IDENTITY_ERRORS = (BootError.VENDOR, BootError.PRODUCT, BootError.REVISION, BootError.SERIAL)
+"""By the sub-index of 0x1018, from 1 on."""
+
+
+class BootFailed(Exception):
+    """A slave did not boot; the text says why, in words."""
+
+    def __init__(self, error: BootError, what: str) -> None:
+        super().__init__(what)
+        self.error = error
+
+    def __str__(self) -> str:
+        return f"error {self.error.value}: {self.args[0]}"
+
+
+class BootedSlave(NamedTuple):
+    """A slave that has booted or not: what was done, in words, and `failed` if it is not there as it should be.
+
+    `heartbeat` is its period in ms, 0 for none.
+    """
+
+    name: str
+    node_id: int
+    done: Sequence[str]
+    failed: BootFailed | None = None
+    heartbeat: int = 0
+
+
+@Procedure
+async def boot_slave(node: RemoteNode, description: Description, now: datetime) -> BootedSlave:
+    """Boot one slave up to its start; `now` is what is written to verify its configuration. Raises BusError."""
+    dictionary, done = description.dictionary, list[str]()
+    failed, heartbeat = None, 0
+    try:
+        try:
+            await node.reset.steps(NmtCommand.RESET_COMMUNICATION)
+        except NoAnswer as error:
+            raise BootFailed(BootError.NO_ANSWER, str(error)) from error
+        done.append("reset")
+        done.append(await _identified(node, description))
+        done.append(await _configured(node, description, now))
+        heartbeat = await _heard(node)
+        done.append(f"heartbeat every {heartbeat} ms" if heartbeat else "no heartbeat")
+    except BootFailed as error:
+        failed = error
+    return BootedSlave(dictionary.name, node.node_id, tuple(done), failed, heartbeat)
+
+
+async def _identified(node: RemoteNode, description: Description) -> str:
+    """Compare device type and identity with the file's, as far as it gives them."""
+    dictionary = description.dictionary
+    wanted = dictionary.number(DEVICE_TYPE)
+    found = await _number(node, DEVICE_TYPE, BootError.NO_ANSWER)
+    if wanted and found != wanted:
+        raise BootFailed(BootError.DEVICE_TYPE, f"device type 0x{found or 0:08X}, its file has 0x{wanted:08X}")
+    for sub, (error, wanted) in enumerate(zip(IDENTITY_ERRORS, dictionary.identity), start=1):
+        found = await _number(node, (IDENTITY, sub), error) if wanted else wanted
+        if found != wanted:
+            name = Identity._fields[sub - 1]
+            raise BootFailed(error, f"{name} 0x{found or 0:08X}, its file has 0x{wanted:08X}")
+    return "identity as in its file"
+
+
+async def _configured(node: RemoteNode, description: Description, now: datetime) -> str:
+    """Load the configuration of a DCF, unless the slave says that it has it already."""
+    dictionary = description.dictionary
+    if dictionary.commissioned_node_id is None:
+        return "an EDS: its own configuration"
+    stamps = [dictionary.default(each) for each in VERIFY_CONFIGURATION]
+    if all(stamps) and stamps == [await _number(node, each, BootError.CONFIGURATION) for each in VERIFY_CONFIGURATION]:
+        return "configured already (0x1020)"
+    try:
+        result = await configure.steps(node, description, now)
+    except BusError:
+        raise
+    except EurobotError as error:
+        raise BootFailed(BootError.CONFIGURATION, str(error)) from error
+    return f"configured: {amount(result.changed, 'object')} changed" if result.changed else "configured already"
+
+
+async def _heard(node: RemoteNode) -> int:
+    """Wait for the heartbeat that the slave is set to, and return its period in ms, 0 for none."""
+    period = await _number(node, HEARTBEAT_TIME, BootError.NO_HEARTBEAT)
+    if period and await node.state.steps(2 * period / 1000 + MARGIN) is None:
+        raise BootFailed(BootError.NO_HEARTBEAT, f"no heartbeat in twice its {period} ms")
+    return period or 0
+
+
+async def _number(node: RemoteNode, address: tuple[int, int], error: BootError) -> int | None:
+    """Read a number; None if the slave does not have the object."""
+    try:
+        return int.from_bytes(await node.upload.steps(address), "little")
+    except NodeRefused:
+        return None
+    except RemoteError as failure:
+        raise BootFailed(error, str(failure)) from failure
+
+
+@Procedure
+async def start_slave(node: RemoteNode, slave: BootedSlave, dictionary: Dictionary) -> NmtState | None:
+    """Start a slave, and return the state in its next heartbeat, or in its answer to node guarding if it has that.
+
+    None for a slave with neither, or none that came.
+    """
+    node.command(NmtCommand.START)
+    if not slave.heartbeat and GUARD_TIME[0] not in dictionary.members:
+        return None
+    if not slave.heartbeat:
+        node.master.request(ERROR_CONTROL_BASE + node.node_id)
+    await node.wait_for.steps(NmtState.OPERATIONAL, 2 * slave.heartbeat / 1000 + MARGIN)
+    return node.last_state

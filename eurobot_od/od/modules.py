@@ -1,0 +1,290 @@
+"""Modules of a modular device (CiA 306-1, chapter 8): which a file supports, and the objects that connected ones bring.
+
+A bus coupler's EDS describes itself and the modules that may be plugged into it. `[M1FixedObjects]` lists the objects
+that a device has once as soon as module 1 is there, described by `[M1Fixed6423]`; `[M1SubExtends]` the arrays to which
+each module 1 adds sub-indices, described by `[M1SubExt6000]`. `Count=2` there means two sub-indices of a module;
+`Count=0;4` means 4 bits, of which as many modules as fit share a sub-index. A DCF says in `[ConnectedModules]` what is
+plugged in, by position.
+
+Rule of this file: the file itself is never changed; an object that the file has already is left as it is.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from functools import cached_property
+from typing import NamedTuple
+
+from eurobot_od.od import values
+from eurobot_od.od.description import DescribedDevice
+from eurobot_od.od.document import Document, Entry, Section
+from eurobot_od.od.values import parse_number
+
+CONNECTED = "connectedmodules"
+SUPPORTED = "supportedmodules"
+MODULE_SECTION = re.compile(
+    r"m(?P<module>\d{1,5})(?P<part>moduleinfo|comments|fixedobjects|subextends|fixed|subext)(?P<rest>.*)"
+)
+"""Names of modules' sections, in lower case."""
+
+EXTENSION_KEYS = ("count", "objextend")
+"""Keys of a [MxSubExt....] beside those of an object."""
+
+COUNT = re.compile(r"(?:0\s*;\s*(?P<bits>[1-9]\d*)|(?P<subs>0[xX][0-9A-Fa-f]+|\d+))")
+"""Count: sub-indices of each module, or bits of it after `0;`."""
+
+
+class Module(NamedTuple):
+    """A module that a file describes: its number, and what it is called."""
+
+    number: int
+    name: str
+    order_code: str
+
+    def __str__(self) -> str:
+        return f"{self.number} ({self.name})" if self.name else str(self.number)
+
+
+class Extension(NamedTuple):
+    """What a module adds to an array: `subs` sub-indices, or `bits` of a shared one, as `section` describes them.
+
+    `last` is the highest sub-index, after which the next object goes on; 0 for none.
+    """
+
+    section: Section
+    subs: int
+    bits: int
+    last: int
+
+
+class Misfit(NamedTuple):
+    """Why a connected module cannot be there as the file says it: the line, and the words."""
+
+    line: int
+    what: str
+
+
+class Modules:
+    """The modules that a document describes, by number."""
+
+    def __init__(self, document: Document) -> None:
+        self.document = document
+
+    @cached_property
+    def supported(self) -> dict[int, Module]:
+        """The modules with a [MxModuleInfo], by number."""
+        matches = ((MODULE_SECTION.fullmatch(name), section) for name, section in self.document.sections.items())
+        infos = [(int(m["module"]), s) for m, s in matches if m and m["part"] == "moduleinfo" and not m["rest"]]
+        return {number: Module(number, info.text("productname"), info.text("ordercode")) for number, info in infos}
+
+    @cached_property
+    def connected(self) -> list[Entry]:
+        """The entries of [ConnectedModules] in their positions."""
+        section = self.document.sections.get(CONNECTED)
+        numbered = [(int(key), entry) for key, entry in section.entries.items() if key.isdecimal()] if section else []
+        return [entry for _, entry in sorted(numbered, key=lambda each: each[0])]
+
+    def find(self, text: str) -> Module | None:
+        """Return the module with a number, or else with a name or an order code; None without."""
+        number = parse_number(text)
+        if number is not None and number.value in self.supported:
+            return self.supported[number.value]
+        same = (
+            each for each in self.supported.values() if text.lower() in (each.name.lower(), each.order_code.lower())
+        )
+        return next(same, None) if text else None
+
+    def listed(self, module: int, part: str) -> list[Entry]:
+        """Return the entries of a module's list: `fixedobjects` or `subextends`."""
+        section = self.document.sections.get(f"m{module}{part}")
+        return [entry for key, entry in section.entries.items() if key.isdecimal()] if section else []
+
+    def indices(self, module: int, part: str) -> list[int]:
+        """Return the indices in a module's list."""
+        numbers = (parse_number(entry.value) for entry in self.listed(module, part))
+        return [number.value for number in numbers if number and 0 <= number.value <= 0xFFFF]
+
+    @cached_property
+    def brought(self) -> frozenset[int]:
+        """The indices of the objects that any module brings or extends; of those that overflow the first."""
+        parts = ("fixedobjects", "subextends")
+        return frozenset(each for number in self.supported for part in parts for each in self.indices(number, part))
+
+    def extension(self, module: int, index: int) -> Extension | None:
+        """Return what a module adds to the array at an index; None if no section describes it, or no Count fits."""
+        section = self.document.sections.get(f"m{module}subext{index:04x}") or self.document.sections.get(
+            f"m{module}subext{index:x}"
+        )
+        if section is None:
+            return None
+        count = COUNT.fullmatch(section.text("count") or "1")
+        subs = parse_number(count["subs"]) if count and count["subs"] else None
+        if count is None or (count["subs"] and subs is None):
+            return None
+        last = parse_number(section.text("objextend"))
+        return Extension(section, subs.value if subs else 0, int(count["bits"] or 0), last.value if last else 0)
+
+
+def with_modules(document: Document, texts: Sequence[str] | None = None) -> tuple[Document, list[Misfit]]:
+    """Return a document with the objects of the connected modules, and what could not be connected.
+
+    `texts` are numbers or names of the modules in their positions; None for those of [ConnectedModules].
+    """
+    modules = Modules(document)
+    if texts is None and not modules.connected:
+        return document, []
+    line = document.sections[CONNECTED].line if CONNECTED in document.sections else 1
+    wanted = modules.connected if texts is None else [Entry("--module", each, line, 1) for each in texts]
+    built = _Built(modules, texts is None)
+    for entry in wanted:
+        module = modules.find(entry.value)
+        if module is not None:
+            built.connect(module)
+        elif entry.value not in ("0", ""):  # an empty slot
+            known = ", ".join(map(str, modules.supported.values())) or "none"
+            built.misfits.append(Misfit(entry.line, f"module {entry.value[:40]} is not supported; supported: {known}"))
+    if not built.numbers:
+        return document, built.misfits
+    return document._replace(sections={**document.sections, **built.sections()}), built.misfits
+
+
+class _Array:
+    """An array that modules extend: its sub-indices from the modules, and the bits that are free in the last one."""
+
+    def __init__(self, first_free: int, head: Section | None) -> None:
+        self.first, self.next, self.free, self.head = first_free, first_free, 0, head
+        self.subs: dict[int, Section] = {}
+
+    def add(self, section: Section) -> None:
+        self.subs[self.next] = section
+        self.next += 1
+
+
+class _Built:
+    """The sections that connected modules add to a document."""
+
+    def __init__(self, modules: Modules, from_file: bool) -> None:
+        self._modules, self._there, self._from_file = modules, modules.document.sections, from_file
+        self._fixed: dict[str, Section] = {}
+        self._arrays: dict[int, _Array] = {}
+        self.numbers: list[int] = []
+        self.misfits: list[Misfit] = []
+
+    def connect(self, module: Module) -> None:
+        """Add the objects of one more module."""
+        self.numbers.append(module.number)
+        for index in self._modules.indices(module.number, "fixedobjects"):
+            self._fix(module.number, index)
+        for entry in self._modules.listed(module.number, "subextends"):
+            number = parse_number(entry.value)
+            extension = self._modules.extension(module.number, number.value) if number else None
+            if extension is None or number is None:
+                what = f"module {module}: no [M{module.number}SubExt...] with a Count describes {entry.value[:40]}"
+                self.misfits.append(Misfit(entry.line, what))
+            else:
+                self._extend(module, number.value, extension)
+
+    def _fix(self, module: int, index: int) -> None:
+        """Add an object that is there once, whatever the number of modules."""
+        head = f"m{module}fixed{index:04x}"
+        for name, section in self._there.items():
+            if name == head or name.startswith(f"{head}sub"):
+                own = f"{index:04X}{name[len(head) :]}"
+                if own.lower() not in self._there:
+                    self._fixed.setdefault(own.lower(), section._replace(name=own))
+
+    def _extend(self, module: Module, index: int, extension: Extension) -> None:
+        if extension.bits:
+            array = self._array_with_room(index, extension)
+            if array and array.free >= extension.bits:
+                array.free -= extension.bits
+                return
+            type_ = values.DATA_TYPES.get((parse_number(extension.section.text("datatype")) or values.Number(0)).value)
+            self._add(module, index, extension, (type_.bits if type_ else 8) - extension.bits)
+        for _ in range(min(extension.subs, values.MOST_SUBS)):
+            self._add(module, index, extension, 0)
+
+    def _add(self, module: Module, index: int, extension: Extension, free: int) -> None:
+        """Add one sub-index to the array at an index, or to the next object if it is full."""
+        array = self._array_with_room(index, extension)
+        if array is None:
+            what = f"module {module}: 0x{index:04X} has no room for a further sub-index"
+            self.misfits.append(Misfit(extension.section.line, what))
+        else:
+            array.add(extension.section)
+            array.free = free
+
+    def _array_with_room(self, index: int, extension: Extension) -> _Array | None:
+        """Return the array that takes the next sub-index: that at the index, or the one after it (ObjExtend)."""
+        last = extension.last or values.MOST_SUBS
+        while index <= 0xFFFF:
+            array = self._arrays.setdefault(index, self._array(index, extension))
+            if array.next <= last or 0 < extension.bits <= array.free:
+                return array
+            if not extension.last:
+                return None
+            index += 1
+        return None
+
+    def _array(self, index: int, extension: Extension) -> _Array:
+        whole = DescribedDevice(self._modules.document).objects.get(index)
+        subs = [each.sub for each in whole.variables()] if whole else []
+        return _Array(max(subs, default=0) + 1, whole.section if whole else None)
+
+    def sections(self) -> dict[str, Section]:
+        """Return all sections that are new, or have other values than in the file."""
+        arrays = [(index, array) for index, array in self._arrays.items() if array.subs and not self._is_there(array)]
+        made = (each for index, array in arrays for each in self._array_sections(index, array))
+        return {**self._fixed, **{each.name.lower(): each for each in (*made, *self._module_list())}}
+
+    def _module_list(self) -> Iterator[Section]:
+        """Give 0x1027 its values, as far as the file describes it: the modules' numbers (CiA 301)."""
+        zero = self._there.get("1027sub0")
+        if zero is not None:
+            yield _with(zero, DefaultValue=str(len(self.numbers)))
+        for position, number in enumerate(self.numbers, start=1):
+            section = self._there.get(f"1027sub{position:x}")
+            if section is not None:
+                yield _with(section, DefaultValue=str(number))
+
+    def _is_there(self, array: _Array) -> bool:
+        """Whether a file has written out what its modules add, as a DCF has that gives those sub-indices values."""
+        return self._from_file and array.first > len(array.subs)
+
+    def _array_sections(self, index: int, array: _Array) -> Iterator[Section]:
+        first = next(iter(array.subs.values()))
+        highest, title = array.next - 1, first.text("parametername")
+        if array.head is None:
+            yield _section(first, f"{index:04X}", ParameterName=title, ObjectType="0x8", SubNumber=str(highest + 1))
+        elif not array.head.text("compactsubobj"):
+            yield _with(array.head, SubNumber=str(len(array.subs) + array.first))
+        zero = self._there.get(f"{index:04x}sub0")
+        if zero is None:
+            kind = {"ParameterName": "Highest sub-index supported", "DataType": "0x0005", "AccessType": "ro"}
+            yield _section(first, f"{index:04X}sub0", **kind, DefaultValue=str(highest), PDOMapping="0")
+        else:
+            yield _with(zero, DefaultValue=str(highest))
+        for sub, section in array.subs.items():
+            entries = {key: each for key, each in section.entries.items() if key not in EXTENSION_KEYS}
+            # CiA 306 has one name for all of them, by which none could be found.
+            yield _with(
+                section._replace(name=f"{index:04X}sub{sub:X}", entries=entries), ParameterName=f"{title} {sub}"
+            )
+
+
+def _section(at: Section, name: str, **entries: str) -> Section:
+    """Return a section that stands where the file describes what it is made of."""
+    return _with(Section(name, at.line, at.column, {}), **entries)
+
+
+def _with(section: Section, **entries: str) -> Section:
+    """Return a section with other values."""
+    old = section.entries
+    said = {
+        key.lower(): old[key.lower()]._replace(value=value)
+        if key.lower() in old
+        else Entry(key, value, section.line, section.column)
+        for key, value in entries.items()
+    }
+    return section._replace(entries={**old, **said})
