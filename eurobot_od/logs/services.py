@@ -17,6 +17,7 @@ from eurobot_od.od import values
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.objects import data_type
 from eurobot_od.od.standard import EMCY, SDO_ANSWERS, SDO_REQUESTS
+from eurobot_od.profiles.words import with_words, words
 from eurobot_od.sdo.wire import EXPEDITED, LAST, ClientCommand, Initiate, ServerCommand, code_and_reason, part_in
 
 
@@ -124,7 +125,10 @@ def _of_object(what: str, value: bool = False) -> SdoText:
             return said if initiate.size is None else f"{said}, {initiate.size} bytes"
         octets, variable = initiate.rest[: initiate.size], dictionary.variable(initiate.address) if dictionary else None
         try:
-            return f"{said} = {str(data_type(variable).read(octets)) if variable else octets.hex(' ')}"
+            if variable is None:
+                return f"{said} = {octets.hex(' ')}"
+            meant = data_type(variable).read(octets)
+            return f"{said} = {with_words(str(meant), words(variable, meant))}"
         except ValueError:  # a length that the type does not have
             return f"{said} = {octets.hex(' ')}"
 
