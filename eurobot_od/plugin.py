@@ -157,14 +157,14 @@ class Plugin(NamedTuple):
                 raise LocalError(f"{python_file.place_of(kind)}: {kind.__name__} {wrong[0]} in {dictionary.file}")
         return dictionary.name if known else ""
 
-    def kind(self, role: str, faults: Iterable[str] = ()) -> type[Node]:
-        """Return the class of a node, `` for any device; it has those of the faults that such a node can have.
+    def kind(self, role: str, faults: Iterable[str] = (), device: type[Node] | None = None) -> type[Node]:
+        """Return the class of a node, `device` (SimulatedDevice) if it has no role; it has the faults that it can have.
 
         Raises UnknownName for a fault.
         """
         from eurobot_od.device.simulated import SimulatedDevice
 
-        kind: type[Node] = self.nodes[role]() if role else SimulatedDevice
+        kind: type[Node] = self.nodes[role]() if role else device or SimulatedDevice
         for owner, fault in map(self.find_fault, faults):
             # A fault of another node's is passed over: `check --fault` gives all nodes the same ones.
             kind = fault.given_to(kind) if issubclass(kind, owner) else kind
@@ -174,11 +174,13 @@ class Plugin(NamedTuple):
 
     def all_faults(self) -> Faults:
         """Return the faults of the robot's nodes, and those that any device can have."""
+        from eurobot_od.device.drive import SimulatedDrive
         from eurobot_od.device.node import Node
-        from eurobot_od.faults import conformance, device
+        from eurobot_od.faults import conformance, device, drive
 
         own = dict(self.faults())
-        return {**own, Node: {**device.FAULTS, **own.get(Node, {}), **conformance.FAULTS}}
+        every = {**device.FAULTS, **own.get(Node, {}), **conformance.FAULTS}
+        return {**own, Node: every, SimulatedDrive: drive.FAULTS}
 
     def fault_names(self) -> list[str]:
         """Return the names of all faults."""
@@ -198,7 +200,8 @@ class Plugin(NamedTuple):
         owner, fault = self.find_fault(name)
         if not issubclass(kind, owner):
             node = "other devices" if issubclass(kind, SimulatedDevice) else f"the {kind.__name__.lower()}"
-            raise LocalError(f"the fault {name} is one of the {owner.__name__.lower()}, not of {node}")
+            whose = owner.__name__.removeprefix("Simulated").lower()
+            raise LocalError(f"the fault {name} is one of the {whose}, not of {node}")
         return fault.given_to(kind)
 
     # Checks

@@ -267,6 +267,10 @@ class Device:
         """
         return self.objects.number(self.dictionary.address(name))
 
+    def settle(self) -> None:
+        """Bring into the objects what PDOs have brought."""
+        self._process.settle()
+
     # Objects that do more than keep a value
 
     def _followed(self, write: OnWrite) -> OnWrite:

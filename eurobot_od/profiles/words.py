@@ -23,6 +23,10 @@ Says: TypeAlias = Callable[["ObjectDictionary", int], str]
 """Gives the words for a value of an object of a dictionary."""
 
 
+READABLE = 2
+"""So many meanings of a bit are named side by side; with more of them the bit's number says as much."""
+
+
 class Meaning(NamedTuple):
     """How an object's values are said; `codes` has a word for each if it is a list of them."""
 
@@ -57,13 +61,13 @@ def _modes(objects: ObjectDictionary) -> tuple[Mode, ...]:
 
 
 def _by_mode(bits: Mapping[Mode, Mapping[int, str]], objects: ObjectDictionary) -> Mapping[int, str]:
-    """Return what the bits mean whose meaning depends on the mode: the names in all modes that the drive has."""
+    """Return what the bits mean whose meaning depends on the mode: the names in the modes that the drive has."""
     # The frame does not say in which mode the drive is, and another frame's word for it may be out of date.
     names: dict[int, dict[str, None]] = {}
     for mode in _modes(objects):
         for bit, name in bits.get(mode, {}).items():
             names.setdefault(bit, {})[name] = None
-    return {bit: " or ".join(each) for bit, each in names.items()}
+    return {bit: " or ".join(each) if len(each) <= READABLE else f"bit {bit}" for bit, each in names.items()}
 
 
 def _statusword(objects: ObjectDictionary, value: int) -> str:
