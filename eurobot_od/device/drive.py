@@ -6,7 +6,7 @@ other value does.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from functools import partial
 from typing import Any, ClassVar
 
@@ -18,9 +18,10 @@ from eurobot_od.errors import Cause, Refused
 from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.standard import SYNC_PERIOD
-from eurobot_od.od.values import Address
+from eurobot_od.od.values import Address, Value
 from eurobot_od.profiles import cia402
 from eurobot_od.profiles.axis import Axis
+from eurobot_od.profiles.modes import MODES
 from eurobot_od.profiles.motion import STEP, Plant
 from eurobot_od.profiles.values import AxisValues
 
@@ -87,7 +88,16 @@ class SimulatedDrive(SimulatedDevice):
             (cia402.MODE + offset, 0): partial(self._check_mode, number)
             for number, offset in enumerate(self._offsets(dictionary))
         }
-        return application._replace(told={**told, **application.told})
+        given = {**dict(self._simulated_modes(dictionary)), **application.given}
+        return application._replace(told={**told, **application.told}, given=given)
+
+    def _simulated_modes(self, dictionary: Dictionary) -> Iterator[tuple[Address, Value]]:
+        """Give 0x6502 of each axis with the modes that are simulated: nobody is to be promised others."""
+        for offset in self._offsets(dictionary):
+            address = cia402.SUPPORTED_MODES + offset, 0
+            said = dictionary.default(address) if dictionary.variable(address) else None
+            if isinstance(said, int):
+                yield address, said & sum(1 << mode - 1 for mode in MODES if mode)
 
     def _check_mode(self, number: int, mode: int) -> None:
         if self._axes and not self._axes[number].takes(mode):

@@ -189,7 +189,7 @@ class Axis:
         self.values.put(cia402.ERROR_CODE, code)
         self._report(code)
         ramp = self._ramp(cia402.FAULT_OPTION)
-        if self.state not in POWERED or ramp is Ramp.FREE:
+        if self.state not in POWERED or ramp is Ramp.FREE or self.stands:
             self._enter(State.FAULT)
         else:
             self._enter(State.FAULT_REACTION)
@@ -240,8 +240,10 @@ class Axis:
             self.demand.position = self.motor.position
             return
         self._lead()
-        self.motor.follow(self.demand, self._mode.controls_position)
-        if self._mode.controls_position:
+        # What is wrong may be the position: a fault is stopped by the velocity alone.
+        controls_position = self._mode.controls_position and self.state is not State.FAULT_REACTION
+        self.motor.follow(self.demand, controls_position)
+        if controls_position:
             self._supervise()
         else:
             self.demand.position = self.motor.position
@@ -319,7 +321,7 @@ class Axis:
             cia402.VELOCITY_SENSOR: round(motor.velocity / velocity),
             cia402.VELOCITY: round(motor.velocity / velocity),
             cia402.FOLLOWING_ERROR: round(demand.position - motor.position) if powered else 0,
-            cia402.DIGITAL_INPUTS: int(motor.switches),
+            cia402.DIGITAL_INPUTS: motor.switches,
             TORQUE: torque,
             CURRENT: torque,
         }

@@ -6,14 +6,14 @@ Rule of this file: a method is data. The axis moves in the direction of each ste
 from __future__ import annotations
 
 from collections.abc import Mapping
-from enum import Enum, IntFlag
+from enum import Enum, IntEnum
 from typing import NamedTuple
 
 POSITIVE, NEGATIVE = 1, -1
 
 
-class Switch(IntFlag):
-    """The switches, as 0x60FD has them."""
+class Switch(IntEnum):
+    """The switches, by their bits in 0x60FD."""
 
     NEGATIVE_LIMIT = 1 << 0
     POSITIVE_LIMIT = 1 << 1

@@ -104,13 +104,13 @@ class Plant(NamedTuple):
     acceleration: float = 2000.0
     friction: float = 50.0
 
-    def switches(self, turns: float) -> Switch:
-        """Return the switches that are active at a place."""
+    def switches(self, turns: float) -> int:
+        """Return the bits of the switches that are active at a place."""
         place = turns % ROUND if self.travel is None else turns
-        active = Switch.HOME if self.home[0] <= place <= self.home[1] else Switch(0)
+        active = Switch.HOME if self.home[0] <= place <= self.home[1] else 0
         if self.travel is not None:
-            active |= Switch.NEGATIVE_LIMIT if turns <= self.travel[0] else Switch(0)
-            active |= Switch.POSITIVE_LIMIT if turns >= self.travel[1] else Switch(0)
+            active |= Switch.NEGATIVE_LIMIT if turns <= self.travel[0] else 0
+            active |= Switch.POSITIVE_LIMIT if turns >= self.travel[1] else 0
         return active
 
 
@@ -152,8 +152,8 @@ class Motor:
         self.position += self.velocity * STEP
 
     @property
-    def switches(self) -> Switch:
-        """The switches that are active now."""
+    def switches(self) -> int:
+        """The bits of the switches that are active now."""
         return self.plant.switches((self.position - self.origin) / self.turn)
 
     @property

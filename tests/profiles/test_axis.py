@@ -106,9 +106,9 @@ def test_a_fault_is_reset_by_a_rising_edge_alone() -> None:
     bench.command(0x80)
     bench.axis.fault(0x2310)
     bench.command(0x80)
-    assert bench.state is State.FAULT
+    assert says(bench, "fault")
     bench.command(0x00, 0x80)
-    assert bench.state is State.DISABLED
+    assert says(bench, "disabled")
     assert bench.faults == [0x2310, None]
     assert bench[0x603F] == 0
 
