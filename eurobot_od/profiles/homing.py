@@ -66,8 +66,10 @@ class HomeEdge(NamedTuple):
     def steps(self) -> tuple[Seek, ...]:
         """What is sought."""
         found = Seek(self.initial, Switch.HOME, True, Speed.SWITCH, turns=True)
+        # A fast axis has gone through the switch before it stands; any other one is still inside.
+        back = Seek(-self.initial, Switch.HOME, True, turns=True)
         left = Seek(self.edge, Switch.HOME, False)
-        return (found, left, Seek(-self.edge, Switch.HOME)) if self.inside else (found, left)
+        return (found, back, left, Seek(-self.edge, Switch.HOME)) if self.inside else (found, back, left)
 
     @property
     def words(self) -> str:

@@ -314,7 +314,9 @@ class Homing(ModeOfOperation):
 
     def _look(self, seek: Seek, direction: int) -> None:
         motor = self.axis.motor
-        if self._found(seek):
+        if self.axis.demand.velocity * direction <= 0:  # it turns round: what it passes meanwhile is not what is sought
+            self._index = motor.index
+        elif self._found(seek):
             self._home = motor.position
             self._go_on()
         elif motor.switches & LIMITS[direction]:

@@ -262,6 +262,14 @@ def test_home_is_the_same_place_from_everywhere(method: int, start: float) -> No
     assert homing(method, start).axis.motor.origin == pytest.approx(-HOMES[method] * TURN, abs=2)
 
 
+def test_an_axis_that_is_too_fast_for_the_switch_comes_back() -> None:
+    slow_to_brake = {(0x6098, 0): 24, (0x6099, 1): 10_000, (0x609A, 0): 20_000}
+    bench = Bench(slow_to_brake, plant=ENDS).enable(6)
+    bench.command(0x1F)
+    bench.rest()
+    assert bench.axis.motor.origin == pytest.approx(-2 * TURN, abs=2)
+
+
 def test_the_home_offset_is_from_home_to_zero() -> None:
     bench = Bench({(0x6098, 0): 37, (0x607C, 0): 250}).enable(6)
     bench.command(0x1F)
