@@ -76,7 +76,7 @@ def _travel(text: str) -> tuple[float, float]:
     except ValueError:
         ends = 0.0, 0.0
     if not -FARTHEST <= ends[0] < ends[1] <= FARTHEST:
-        raise argparse.ArgumentTypeError(f"{text!r}: LOW..HIGH in turns, such as -10..10, within {FARTHEST}")
+        raise argparse.ArgumentTypeError(f"{text!r}: LOW..HIGH in turns, such as --travel=-10..10, within {FARTHEST}")
     return ends
 
 

@@ -32,6 +32,9 @@ ENABLE_WAIT = 2.0
 MOTION_WAIT = 60.0
 """Seconds that a motion may take where nothing else is said."""
 
+FAULTY = (State.FAULT, State.FAULT_REACTION)
+"""The states of a drive that has a fault."""
+
 NEXT: Mapping[State, Command] = {
     State.DISABLED: Command.SHUTDOWN,
     State.READY: Command.SWITCH_ON,
@@ -107,21 +110,28 @@ class DriveAtNode:
         state = cia402.state_of(word)
         shown = (cia402.MODE_DISPLAY, cia402.POSITION, cia402.VELOCITY)
         mode, position, velocity = [await self._read(each) for each in shown]
-        code = await self._read(cia402.ERROR_CODE) if state in (State.FAULT, State.FAULT_REACTION) else 0
+        code = await self._read(cia402.ERROR_CODE) if state in FAULTY else 0
         return DriveStatus(state, word, mode, position, velocity, code)
 
-    async def _until(self, what: str, within: float, done: Callable[[int], bool]) -> int:
-        """Wait for a statusword that is `done`, and return it; raises DriveError at the end of its time, or a fault."""
+    async def _poll(self, within: float, done: Callable[[int], bool]) -> tuple[int, bool]:
+        """Wait for a statusword that is `done`; return the last one, and whether it is."""
         clock = self._node.master.clock
         end = clock() + within
         while not done(word := await self._read(cia402.STATUSWORD)):
-            if cia402.state_of(word) in (State.FAULT, State.FAULT_REACTION):
-                raise await self._fault(what)
             if clock() >= end:
-                state = cia402.state_of(word)
-                said = f"it is in {state.words}" if state else "it is in no state"
-                raise DriveError(f"{self._name}: {what}: not within {within:g} s; {said} (statusword 0x{word:04X})")
+                return word, False
             await self._node.master.pump.steps(POLL)
+        return word, True
+
+    async def _until(self, what: str, within: float, done: Callable[[int], bool]) -> int:
+        """Wait for a statusword that is `done`, and return it; raises DriveError at the end of its time, or a fault."""
+        word, ended = await self._poll(within, lambda word: done(word) or cia402.state_of(word) in FAULTY)
+        state = cia402.state_of(word)
+        if not ended:
+            said = f"it is in {state.words}" if state else "it is in no state"
+            raise DriveError(f"{self._name}: {what}: not within {within:g} s; {said} (statusword 0x{word:04X})")
+        if state in FAULTY:
+            raise await self._fault(what)
         return word
 
     async def _fault(self, what: str) -> DriveError:
@@ -141,7 +151,7 @@ class DriveAtNode:
             await self._until("enable", within, partial(_has_left, state))
 
     async def _disable(self, within: float) -> None:
-        if await self._state() in (State.FAULT, State.FAULT_REACTION):
+        if await self._state() in FAULTY:
             return
         await self._command(Command.DISABLE_VOLTAGE)
         await self._until("disable", within, lambda word: cia402.state_of(word) is State.DISABLED)
@@ -154,18 +164,14 @@ class DriveAtNode:
             await self._command(Command.ENABLE, cia402.HALT)
 
     async def _fault_reset(self, within: float) -> None:
-        if await self._state() not in (State.FAULT, State.FAULT_REACTION):
+        if await self._state() not in FAULTY:
             return
+        await self._poll(within, lambda word: cia402.state_of(word) is not State.FAULT_REACTION)
         await self._command(Command.DISABLE_VOLTAGE)  # the reset is a rising edge
         await self._command(Command.FAULT_RESET)
-        clock = self._node.master.clock
-        end = clock() + within
-        while (state := await self._state()) in (State.FAULT, State.FAULT_REACTION):
-            if clock() >= end:
-                raise await self._fault("fault reset")
-            await self._node.master.pump.steps(POLL)
-        if state is not State.DISABLED:
-            raise DriveError(f"{self._name}: fault reset: it is in {state.words if state else 'no state'}")
+        _, is_reset = await self._poll(within, lambda word: cia402.state_of(word) not in FAULTY)
+        if not is_reset:
+            raise await self._fault("fault reset")
         await self._command(Command.DISABLE_VOLTAGE)
 
     # Motion
