@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from eurobot_od.device.drive import SimulatedDrive
+from eurobot_od.device.module import SimulatedModule
 from eurobot_od.device.simulated import SimulatedDevice
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.profiles import cia402
+from eurobot_od.profiles import cia401, cia402
 from eurobot_od.profiles.words import profile_of
 
-KINDS: Mapping[int, type[SimulatedDevice]] = {cia402.PROFILE: SimulatedDrive}
+KINDS: Mapping[int, type[SimulatedDevice]] = {cia401.PROFILE: SimulatedModule, cia402.PROFILE: SimulatedDrive}
 """The classes by the low word of 0x1000."""
 
 
