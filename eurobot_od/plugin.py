@@ -231,23 +231,34 @@ class Plugin(NamedTuple):
         seed: int,
         clock: Callable[[], float],
         faults: Iterable[str] = (),
+        profile: int = 0,
     ) -> list[NodeUnderTest]:
-        """Make simulated nodes that have these dictionaries, the robot's in their surroundings; raises UnknownName."""
+        """Make simulated nodes that have these dictionaries, the robot's in their surroundings; raises UnknownName.
+
+        Those that have no role behave as a device `profile` says.
+        """
         from eurobot_od.check.simulated import NodeUnderTest
+        from eurobot_od.device.kinds import simulated_kind
 
         roles = {name: self.role_of(each) for name, each in dictionaries.items()}
-        nodes = {name: self.kind(role, faults)(dictionaries[name]) for name, role in roles.items()}
+        kinds = {name: simulated_kind(each, profile) for name, each in dictionaries.items()}
+        nodes = {name: self.kind(role, faults, kinds[name])(dictionaries[name]) for name, role in roles.items()}
         ours = [nodes[name] for name, role in roles.items() if role]
         programs = self.partners(ours, seed, clock) if ours else {}
         return [NodeUnderTest(node, programs.get(node.name)) for node in nodes.values()]
 
-    def simulate(self, suite: Suite, options: RunOptions, faults: Iterable[str] = (), seed: int = 1) -> SuiteResult:
-        """Run a suite against simulated nodes, those that can have some faults having them; raises UnknownName."""
+    def simulate(
+        self, suite: Suite, options: RunOptions, faults: Iterable[str] = (), seed: int = 1, profile: int = 0
+    ) -> SuiteResult:
+        """Run a suite against simulated nodes, those that can have some faults having them; raises UnknownName.
+
+        With a `profile` devices that are none of the robot's behave as it says.
+        """
         from functools import partial
 
         from eurobot_od.check.simulated import run_simulated
 
-        return run_simulated(suite, options, partial(self.under_test, faults=faults), seed)
+        return run_simulated(suite, options, partial(self.under_test, faults=faults, profile=profile), seed)
 
 
 NO_ROBOT = Plugin()

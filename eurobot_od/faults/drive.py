@@ -13,6 +13,7 @@ from eurobot_od.faults.hooks import Mixin
 from eurobot_od.profiles import cia402
 from eurobot_od.profiles.axis import Axis
 from eurobot_od.profiles.cia402 import Command, State, Transition
+from eurobot_od.profiles.modes import Homing
 from eurobot_od.profiles.motion import STEP
 
 OVERCURRENT, ENCODER = 0x2310, 0x7305
@@ -65,12 +66,11 @@ class NeverEnablesAxis(Axis):
 
 
 class HomingStuckAxis(Axis):
-    """Its home and limit switches never say anything, and its encoder has no index pulse."""
+    """It starts homing and never gets on with it."""
 
-    def __init__(self, *arguments: object) -> None:
-        super().__init__(*arguments)  # type: ignore[arg-type]
-        nowhere = (float("inf"), float("inf"))
-        self.motor.plant = self.motor.plant._replace(travel=(-nowhere[0], nowhere[0]), home=nowhere)
+    def _lead(self) -> None:
+        if not isinstance(self._mode, Homing):
+            super()._lead()
 
 
 class QuickStopIgnoredAxis(Axis):
@@ -112,20 +112,28 @@ def _with(axis: type[Axis]) -> Mixin:
     return WithAxis
 
 
-def _caught(step: str) -> Caught:
-    return Caught("profile-402", step)
+SUITE = "profile-402"
+"""What `check --profile 402` makes."""
 
+HOMING = Caught(SUITE, "11.1 Homing: present position is home")
+MOVE = Caught(SUITE, "10.1 Profile position: there and back")
+TABLE = "8.1 States: {} [reversible]"
+ENABLE = "8.1 States with torque: Enable operation in Ready to switch on: Operation enabled"
 
 FAULTS = {
-    "following-error": _caught("profile position").fault("its motor is blocked", _with(BlockedAxis)),
-    "overcurrent": _caught("states").fault("its current is soon too high", _with(OvercurrentAxis)),
-    "encoder-lost": _caught("profile position").fault("loses its encoder as it turns", _with(EncoderLostAxis)),
-    "never-enables": _caught("states").fault("stays in Switched on", _with(NeverEnablesAxis)),
-    "homing-stuck": _caught("homing").fault("never finds a switch or an index pulse", _with(HomingStuckAxis)),
-    "quick-stop-ignored": _caught("quick stop").fault("does not hear the quick stop", _with(QuickStopIgnoredAxis)),
-    "fault-reset-ignored": _caught("fault").fault("cannot leave Fault", _with(ResetIgnoredAxis)),
-    "target-never-reached": _caught("profile position").fault(
-        "says of no target that it is reached", _with(NeverReachedAxis)
+    "following-error": MOVE.fault("its motor is blocked", _with(BlockedAxis)),
+    "overcurrent": HOMING.fault("its current is too high soon after it is enabled", _with(OvercurrentAxis)),
+    "encoder-lost": MOVE.fault("loses its encoder as it turns", _with(EncoderLostAxis)),
+    "never-enables": Caught(SUITE, ENABLE).fault("stays in Switched on", _with(NeverEnablesAxis)),
+    "homing-stuck": HOMING.fault("starts homing and never gets on with it", _with(HomingStuckAxis)),
+    "quick-stop-ignored": Caught(SUITE, TABLE.format("Quick stop in Ready to switch on: Switch on disabled")).fault(
+        "does not hear the quick stop", _with(QuickStopIgnoredAxis)
     ),
-    "enables-at-once": _caught("states").fault("enables from Switch on disabled", _with(HastyAxis)),
+    "fault-reset-ignored": Caught(SUITE, "8.4 Connection: a lost heartbeat, and its reset").fault(
+        "cannot leave Fault", _with(ResetIgnoredAxis)
+    ),
+    "target-never-reached": HOMING.fault("never says that a target is reached", _with(NeverReachedAxis)),
+    "enables-at-once": Caught(SUITE, TABLE.format("Enable operation in Switch on disabled: stays")).fault(
+        "enables from Switch on disabled", _with(HastyAxis)
+    ),
 }
