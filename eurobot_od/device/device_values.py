@@ -19,10 +19,10 @@ class DeviceValues:
             self._known[address] = self._node.dictionary.variable(address) is not None
         return self._known[address]
 
-    def get(self, address: Address) -> int:
-        """Return its value, 0 if it is no number."""
+    def get(self, address: Address) -> int | None:
+        """Return its value, None if it has none, or one that is no number."""
         value = self._node.device.objects.kept(address)
-        return value if isinstance(value, int) else 0
+        return value if isinstance(value, int) else None
 
     def put(self, address: Address, value: int) -> None:
         """Keep a value."""

@@ -74,7 +74,8 @@ class Axis:
 
     def velocity(self, index: int, sub: int = 0, default: float = inf) -> float:
         """Return a velocity in position units/s; `default` if the axis does not have the object."""
-        return self.values.get(index, sub) * self.units.velocity if self.values.has(index, sub) else default
+        value = self.values.find(index, sub)
+        return default if value is None else value * self.units.velocity
 
     def acceleration(self, index: int) -> float:
         """Return an acceleration in position units/s²; what the motor has torque for, if the object says none."""

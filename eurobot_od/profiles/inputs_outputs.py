@@ -22,8 +22,9 @@ DEFAULT_TRIGGER = 0b111
 """What causes the TPDO of an analogue input without 0x6421: both limits, and delta."""
 
 
-def _get(values: Values, index: int, sub: int, default: int) -> int:
-    return values.get((index, sub)) if values.has((index, sub)) else default
+def _get(values: Values, index: int, sub: int, default: int = 0) -> int:
+    value = values.get((index, sub)) if values.has((index, sub)) else None
+    return default if value is None else value
 
 
 def _blocks(values: Values, index: int) -> Iterator[int]:
@@ -53,7 +54,7 @@ class Outputs:
 
     def _of_digital(self, kind: DigitalOutputs, sub: int) -> int:
         values, every = self._values, (1 << kind.bits) - 1
-        value = values.get((kind.value, sub))
+        value = _get(values, kind.value, sub)
         if self.failed:
             # Bit by bit: a 1 in the error mode has the output take its error value (CiA 401-1, object 0x6206).
             mode = _get(values, kind.error_mode, sub, every)
@@ -65,7 +66,7 @@ class Outputs:
     def _of_analogue(self, kind: AnalogueOutputs, sub: int) -> int:
         values = self._values
         fails = self.failed and _get(values, kind.error_mode, sub, 1) == 1
-        return _get(values, kind.error_value, sub, 0) if fails else values.get((kind.value, sub))
+        return _get(values, kind.error_value, sub, 0) if fails else _get(values, kind.value, sub)
 
 
 # Inputs

@@ -13,8 +13,8 @@ class Values(Protocol):
     def has(self, address: Address) -> bool:
         """Tell whether the file has an object."""
 
-    def get(self, address: Address) -> int:
-        """Return its value, 0 if it is no number."""
+    def get(self, address: Address) -> int | None:
+        """Return its value, None if it has none, or one that is no number."""
 
     def put(self, address: Address, value: int) -> None:
         """Keep a value."""
@@ -33,10 +33,15 @@ class AxisValues(NamedTuple):
         """Tell whether the axis has an object."""
         return self.values.has((index + self.offset, sub))
 
-    def get(self, index: int, sub: int = 0, default: int = 0) -> int:
-        """Return an object's value; `default` if the axis does not have it."""
+    def find(self, index: int, sub: int = 0) -> int | None:
+        """Return an object's value; None if the axis does not have it, or if it has no value."""
         address = index + self.offset, sub
-        return self.values.get(address) if self.values.has(address) else default
+        return self.values.get(address) if self.values.has(address) else None
+
+    def get(self, index: int, sub: int = 0, default: int = 0) -> int:
+        """Return an object's value; `default` if the axis does not have it, or if it has no value."""
+        value = self.find(index, sub)
+        return default if value is None else value
 
     def put(self, index: int, value: int) -> None:
         """Give an object a value, if the axis has it."""

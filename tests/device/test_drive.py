@@ -51,6 +51,15 @@ def test_the_device_type_says_what_is_simulated() -> None:
     assert simulated_kind(nothing, 402) is SimulatedDrive
 
 
+def test_an_object_without_a_value_is_as_if_it_were_not_there() -> None:
+    text = EDS.read_text(encoding="utf-8")
+    for default in ("DefaultValue=2000\n", "DefaultValue=12000\n"):  # following error window, maximum speeds
+        text = text.replace(default, "")
+    with simulated(SimulatedDrive(Dictionary.read(text.encode(), EDS, 5))) as network:
+        network[5].drive402.move_to(5000, velocity=700)
+        assert network[5]["Position actual value"].value == pytest.approx(5000, abs=50)
+
+
 def test_a_drive_without_a_controlword_is_any_device() -> None:
     with simulated(SimulatedDrive.load(DOCS / "motor.eds", 1)) as network:
         assert network.devices[1].value("Temperature") == 20.0

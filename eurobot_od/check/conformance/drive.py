@@ -281,7 +281,9 @@ def _position(drive: Drive) -> Iterator[Data]:
     if why or motion is None:
         yield skip(name, why)
         return
-    near = max(abs(motion.way) // 50, drive.subject.number((cia402.POSITION_WINDOW, 0)), 1)
+    window = drive.subject.number((cia402.POSITION_WINDOW, 0)) & 0xFFFFFFFF
+    # A window of all bits is switched off (CiA 402-2, clause 12.3.4), and one as wide as the way would see nothing.
+    near = max(motion.way // 50, window if window < motion.way else 0, 1)
     yield group(
         name,
         read("where it is", (cia402.POSITION, 0), save="start"),
