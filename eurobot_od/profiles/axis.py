@@ -117,15 +117,14 @@ class Axis:
         return mode in MODES and (mode == Mode.NONE or bool(said >> mode - 1 & 1))
 
     def _obey(self, word: int, rising: int) -> None:
-        # Again, as "Enable operation" in READY means two arrows (CiA 402-2, table of commands).
-        for _ in range(2):
-            command = cia402.command_of(word)
-            if command is Command.FAULT_RESET and not rising & cia402.FAULT_RESET:
-                return
+        command = cia402.command_of(word)
+        if command is Command.FAULT_RESET and not rising & cia402.FAULT_RESET:
+            return
+        # "Enable operation" means two arrows in READY (CiA 402-2, table of commands), any other command one.
+        for _ in range(2 if command is Command.ENABLE else 1):
             arrow = self.arrow(command)
-            if arrow is None:
-                return
-            self.take(arrow)
+            if arrow is not None:
+                self.take(arrow)
 
     def arrow(self, command: Command | None) -> Transition | None:
         """Return the arrow that a command means now; None for one that means nothing in this state."""
