@@ -229,6 +229,10 @@ class ConfigurationError(RemoteError):
         super().__init__(text)
 
 
+class DriveError(RemoteError):
+    """A drive (CiA 402) has a fault, or did not do in its time what it was commanded; the text says its state."""
+
+
 class ProgramError(RemoteError):
     """A program that could not be downloaded into a node; the text says in which state the node is."""
 

@@ -157,14 +157,14 @@ class Plugin(NamedTuple):
                 raise LocalError(f"{python_file.place_of(kind)}: {kind.__name__} {wrong[0]} in {dictionary.file}")
         return dictionary.name if known else ""
 
-    def kind(self, role: str, faults: Iterable[str] = ()) -> type[Node]:
-        """Return the class of a node, `` for any device; it has those of the faults that such a node can have.
+    def kind(self, role: str, faults: Iterable[str] = (), device: type[Node] | None = None) -> type[Node]:
+        """Return the class of a node, `device` (SimulatedDevice) if it has no role; it has the faults that it can have.
 
         Raises UnknownName for a fault.
         """
         from eurobot_od.device.simulated import SimulatedDevice
 
-        kind: type[Node] = self.nodes[role]() if role else SimulatedDevice
+        kind: type[Node] = self.nodes[role]() if role else device or SimulatedDevice
         for owner, fault in map(self.find_fault, faults):
             # A fault of another node's is passed over: `check --fault` gives all nodes the same ones.
             kind = fault.given_to(kind) if issubclass(kind, owner) else kind
@@ -174,11 +174,13 @@ class Plugin(NamedTuple):
 
     def all_faults(self) -> Faults:
         """Return the faults of the robot's nodes, and those that any device can have."""
+        from eurobot_od.device.drive import SimulatedDrive
         from eurobot_od.device.node import Node
-        from eurobot_od.faults import conformance, device
+        from eurobot_od.faults import conformance, device, drive
 
         own = dict(self.faults())
-        return {**own, Node: {**device.FAULTS, **own.get(Node, {}), **conformance.FAULTS}}
+        every = {**device.FAULTS, **own.get(Node, {}), **conformance.FAULTS}
+        return {**own, Node: every, SimulatedDrive: drive.FAULTS}
 
     def fault_names(self) -> list[str]:
         """Return the names of all faults."""
@@ -198,7 +200,8 @@ class Plugin(NamedTuple):
         owner, fault = self.find_fault(name)
         if not issubclass(kind, owner):
             node = "other devices" if issubclass(kind, SimulatedDevice) else f"the {kind.__name__.lower()}"
-            raise LocalError(f"the fault {name} is one of the {owner.__name__.lower()}, not of {node}")
+            whose = owner.__name__.removeprefix("Simulated").lower()
+            raise LocalError(f"the fault {name} is one of the {whose}, not of {node}")
         return fault.given_to(kind)
 
     # Checks
@@ -228,23 +231,34 @@ class Plugin(NamedTuple):
         seed: int,
         clock: Callable[[], float],
         faults: Iterable[str] = (),
+        profile: int = 0,
     ) -> list[NodeUnderTest]:
-        """Make simulated nodes that have these dictionaries, the robot's in their surroundings; raises UnknownName."""
+        """Make simulated nodes that have these dictionaries, the robot's in their surroundings; raises UnknownName.
+
+        Those that have no role behave as a device `profile` says.
+        """
         from eurobot_od.check.simulated import NodeUnderTest
+        from eurobot_od.device.kinds import simulated_kind
 
         roles = {name: self.role_of(each) for name, each in dictionaries.items()}
-        nodes = {name: self.kind(role, faults)(dictionaries[name]) for name, role in roles.items()}
+        kinds = {name: simulated_kind(each, profile) for name, each in dictionaries.items()}
+        nodes = {name: self.kind(role, faults, kinds[name])(dictionaries[name]) for name, role in roles.items()}
         ours = [nodes[name] for name, role in roles.items() if role]
         programs = self.partners(ours, seed, clock) if ours else {}
         return [NodeUnderTest(node, programs.get(node.name)) for node in nodes.values()]
 
-    def simulate(self, suite: Suite, options: RunOptions, faults: Iterable[str] = (), seed: int = 1) -> SuiteResult:
-        """Run a suite against simulated nodes, those that can have some faults having them; raises UnknownName."""
+    def simulate(
+        self, suite: Suite, options: RunOptions, faults: Iterable[str] = (), seed: int = 1, profile: int = 0
+    ) -> SuiteResult:
+        """Run a suite against simulated nodes, those that can have some faults having them; raises UnknownName.
+
+        With a `profile` devices that are none of the robot's behave as it says.
+        """
         from functools import partial
 
         from eurobot_od.check.simulated import run_simulated
 
-        return run_simulated(suite, options, partial(self.under_test, faults=faults), seed)
+        return run_simulated(suite, options, partial(self.under_test, faults=faults, profile=profile), seed)
 
 
 NO_ROBOT = Plugin()

@@ -27,6 +27,7 @@ from canopen.sdo.client import SdoClient
 from interop_rows.bench import PATIENCE, live, open_bus
 
 from eurobot_od import cli
+from eurobot_od.device.drive import SimulatedDrive
 from eurobot_od.device.simulated import SimulatedDevice
 from eurobot_od.live import Live
 from tests.processes import free_port, process
@@ -185,12 +186,14 @@ class Shell:
 
 @pytest.fixture(scope="module")
 def bus() -> Iterator[None]:
-    """The robot and a motor on a bus can0, which anything of this process can reach."""
+    """The robot and a motor on a bus can0, a drive on can1; anything of this process can reach them."""
     with ExitStack() as stack:
         for role in ("core", "drive", "navigation"):
             stack.enter_context(live(role, open_bus("can0")))
         motor = SimulatedDevice.load(ROOT / "docs" / "motor.eds", node_id=5, given={"Motor.Speed": 1200})
         stack.enter_context(Live.node(open_bus("can0"), motor))
+        servo = SimulatedDrive.load(ROOT / "docs" / "servo.eds", node_id=5)
+        stack.enter_context(Live.node(open_bus("can1"), servo))
         yield
 
 

@@ -24,6 +24,7 @@ LAYERS = (
     {"errors", "frame"},
     {"support"},
     {"od"},
+    {"profiles"},
     {"pdo"},
     {"sdo"},
     {"device", "gatekeeper"},

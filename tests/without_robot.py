@@ -56,6 +56,7 @@ COMMANDS = (
     ("lss", "find", *BUS),
     ("program", "5", "motor.log", *MOTOR, *BUS),
     ("emcy", "5", *BUS),
+    ("drive", "5", "status", *BUS),
     ("nmt", "5", "start", *BUS),
     ("watch", "5", "--for", "700 ms", *BUS),
     ("sync", "--count", "1", *BUS),

@@ -30,7 +30,8 @@ from eurobot_od.support.yaml_places import NodeReader, Problems, ReadError, Text
 T = TypeVar("T")
 
 RAW = re.compile(r"(?P<id>[0-7]?[0-9A-Fa-f]{1,2})#(?:(?P<remote>R[0-8]?)|(?P<data>(?:[0-9A-Fa-f]{2}){0,8}))")
-RAW_PATTERN = re.compile(r"(?P<id>[0-7]?[0-9A-Fa-f]{1,2})#(?P<data>(?:[0-9A-Fa-f?]{2}){0,8})")
+_DIGIT = r"(?:[0-9A-Fa-f?]|\[[0-9A-Fa-f]{1,16}\])"
+RAW_PATTERN = re.compile(rf"(?P<id>[0-7]?[0-9A-Fa-f]{{1,2}})#(?P<data>(?:{_DIGIT}{{2}}){{0,8}})")
 NO_ANSWER = "nothing"
 """What ends the answers to a message."""
 
@@ -166,7 +167,9 @@ def _named(node: yaml.Node, problems: Problems) -> tuple[Text, yaml.Node | None]
 
 
 def _read_raw_pattern(node: yaml.Node, problems: Problems) -> Pattern:
-    match = _match(RAW_PATTERN, node, problems, "a frame such as 008#D274?? with ? for any digit")
+    match = _match(
+        RAW_PATTERN, node, problems, "a frame such as 008#D274?? with ? for any digit, [23] for one of these"
+    )
     return FramePattern(int(match["id"], 16), match["data"].upper())
 
 

@@ -111,7 +111,7 @@ class MessagePattern(NamedTuple):
 
 
 class FramePattern(NamedTuple):
-    """A frame with these hexadecimal digits as its data, `?` for any digit."""
+    """A frame with these hexadecimal digits as its data, `?` for any digit, `[23]` for one of several."""
 
     cob_id: int
     digits: str

@@ -56,6 +56,7 @@ COMMANDS = {
     "restore": "have a CANopen node restore the defaults of its parameters",
     "lss": "find CANopen devices by LSS, and set node-ID and bit rate",
     "program": "download a program into a CANopen node, verify and start it",
+    "drive": "enable, home and move a drive of CiA 402",
     "emcy": "print the errors that a CANopen node remembers, or clear them",
     "boot": "start a network as CiA 302-2 says: identity, configuration, heartbeat, start",
     "nmt": "start, stop or reset a CANopen node",

@@ -17,6 +17,7 @@ from eurobot_od.od.values import MOST_SUBS
 from eurobot_od.support.files import check_writable
 
 if TYPE_CHECKING:
+    from eurobot_od.check.conformance.drive import Motion
     from eurobot_od.check.results import SuiteResult
     from eurobot_od.cli.checking import Checks
 
@@ -44,8 +45,21 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="run the steps whose names contain this, and those before them",
     )
     parser.add_argument("--conformance", action="store_true", help="make the suites from the EDS files, by CiA 301")
+    parser.add_argument(
+        "--profile", type=int, choices=(402,), help="make the suites from the EDS files, by a device profile"
+    )
+    parser.add_argument(
+        "--motion",
+        type=_motion,
+        metavar="WAY@VELOCITY",
+        help="profile: also move the motor, so far and so fast at most, in the drive's units",
+    )
     tier = parser.add_mutually_exclusive_group()
-    tier.add_argument("--reversible", action="store_true", help="conformance: also reset, write PDOs and own values")
+    tier.add_argument(
+        "--reversible",
+        action="store_true",
+        help="conformance: also reset, write PDOs and own values; profile: also command the state machine",
+    )
     tier.add_argument("--destructive", action="store_true", help="conformance: also write other values, and store")
     parser.add_argument(
         "--restore",
@@ -58,7 +72,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--report", type=Path, metavar="FILE", help="conformance: write a page for the maker, as .html, .md or .json"
     )
-    parser.add_argument("-o", "--output", type=Path, metavar="FILE", help="conformance: write the suites, and exit")
+    parser.add_argument(
+        "-o", "--output", type=Path, metavar="FILE", help="conformance, profile: write the suites, and exit"
+    )
     parser.add_argument("--keep-going", action="store_true", help="go on with the next step after a failed one")
     parser.add_argument(
         "--repeat",
@@ -79,6 +95,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     campaign.add_campaign(parser, "--simulate --repeat")
     shared.add_network(parser)
     shared.add_bus(parser)
+
+
+def _motion(text: str) -> Motion:
+    """Read how far and how fast a motor may be moved; raises ArgumentTypeError."""
+    from eurobot_od.check.conformance.drive import Motion
+
+    way, _, velocity = text.partition("@")
+    limits = Motion(*(int(each) if each.isdecimal() and len(each) < 10 else 0 for each in (way, velocity)))
+    if not (limits.way and limits.velocity):
+        raise argparse.ArgumentTypeError(f"{text!r}: a way and a velocity above 0, such as 2000@100")
+    return limits
 
 
 def run(arguments: argparse.Namespace) -> ExitStatus:
@@ -102,7 +129,8 @@ def run(arguments: argparse.Namespace) -> ExitStatus:
             print(json.dumps(reader.schema(), indent=1))
             return ExitStatus.FINE
         if arguments.output is not None:
-            output.write(arguments.output, "".join(checks.conformance_texts().values()))
+            texts = checks.conformance_texts() if checks.conformance else checks.profile_texts()
+            output.write(arguments.output, "".join(texts.values()))
             return ExitStatus.FINE
         try:
             suites = checks.suites(reader)
@@ -137,6 +165,10 @@ def _refuse_what_does_not_go_together(arguments: argparse.Namespace) -> None:
         raise LocalError(f"--conformance makes its suites from the EDS files: leave out {arguments.files[0]}")
     if not arguments.simulate:
         campaign.refuse(arguments, "--simulate --repeat")
+    if arguments.profile and (arguments.conformance or arguments.files):
+        raise LocalError("--profile makes its suites from the EDS files: leave out --conformance, and files")
+    if arguments.motion and not arguments.profile:
+        raise LocalError("--motion needs --profile")
     if arguments.restore and not arguments.destructive:
         raise LocalError("--restore needs --destructive")
     if arguments.report is not None:
@@ -144,7 +176,8 @@ def _refuse_what_does_not_go_together(arguments: argparse.Namespace) -> None:
 
         check_form(arguments.report)
     for option in ("reversible", "destructive", "output", "report", "ctt"):
-        if getattr(arguments, option) and not arguments.conformance:
+        profiled = arguments.profile and option in ("reversible", "output")
+        if getattr(arguments, option) and not (arguments.conformance or profiled):
             raise LocalError(f"--{option} needs --conformance")
 
 

@@ -22,6 +22,7 @@ from eurobot_od.support.terminal import in_colour
 if TYPE_CHECKING:
     from eurobot_od.campaign.executors import Workers
     from eurobot_od.campaign.results import Results
+    from eurobot_od.check.conformance.drive import Motion
     from eurobot_od.check.conformance.page import DeviceRun
     from eurobot_od.check.conformance.subject import Tier
     from eurobot_od.check.suite import Suite
@@ -46,6 +47,8 @@ class Checks(NamedTuple):
     destructive: bool
     restore: Sequence[int]
     keep_going: bool
+    profile: int | None = None
+    motion: Motion | None = None
 
     def reader(self, refused: OnRefused = lambda _: None) -> SuiteReader:
         """Return the reader of suites for the devices; `refused` gets each PDO that is left out."""
@@ -79,6 +82,18 @@ class Checks(NamedTuple):
 
         return {_file_of(each): suite.text(each, self.tier, self.restore) for each in self.devices.load()}
 
+    def profile_texts(self) -> dict[Path, str]:
+        """Make the suites of each device by its profile, by what reports call their file; raises LocalError."""
+        from eurobot_od.check.conformance import drive
+
+        reversible = self.reversible or self.destructive
+        return {_file_of(each): drive.text(each, reversible, self.motion) for each in self.devices.load()}
+
+    @property
+    def is_generated(self) -> bool:
+        """Whether the suites are made from the EDS files."""
+        return self.conformance or self.profile is not None
+
     def conformance_reports(self, results: Sequence[SuiteResult], made: str) -> list[DeviceRun]:
         """Return what there is to say of each device; `made` says by what and when."""
         from eurobot_od.check.conformance.page import DeviceRun
@@ -92,6 +107,8 @@ class Checks(NamedTuple):
         """Read the suites that are asked for; raises SuiteError, LocalError."""
         if self.conformance:
             read = reader.read_texts(self.conformance_texts())
+        elif self.profile is not None:
+            read = reader.read_texts(self.profile_texts())
         else:
             robot = self.devices.robot
             read = reader.read_files([robot.suite(name) for name in self.files] or [*robot.shipped_suites().values()])
@@ -117,10 +134,10 @@ class Checks(NamedTuple):
         if skipped := self.skips(suite):
             return SuiteResult(suite.file, suite.name, self.how(seed), skipped=skipped)
         # A conformance suite is to find all that is wrong with a device; its steps do not build on each other.
-        keeps_going = self.keep_going or self.conformance
-        options = RunOptions(keeps_going, partial(is_chosen, self.step), self.conformance, interrupt, show)
+        keeps_going, is_chosen_here = self.keep_going or self.is_generated, partial(is_chosen, self.step)
+        options = RunOptions(keeps_going, is_chosen_here, self.is_generated, interrupt, show)
         if self.simulate:
-            return self.devices.robot.simulate(suite, options, self.fault, seed)
+            return self.devices.robot.simulate(suite, options, self.fault, seed, self.profile or 0)
         from eurobot_od.check.live import run_live
 
         return run_live(suite, options, self.open_bus)
@@ -142,7 +159,8 @@ class Checks(NamedTuple):
         folders = {dialects.folder(each.dialect or dialect) for each in suites if each.dialect or not named}
         found = [file for folder in sorted(folders) for file in sorted(folder.glob("*.eds"))]
         options = {"robot": robot_name, "dialect": dialect, "eds": eds, "network": named_network, "module": modules}
-        own = ("fault", "tag", "step", "conformance", "reversible", "destructive", "restore", "keep_going")
+        tiers = ("conformance", "reversible", "destructive", "restore", "profile", "motion")
+        own = ("fault", "tag", "step", *tiers, "keep_going")
         # Beside the options the files' content: an edited suite must not be continued with results of the old one.
         given = {name: str(value) for name, value in (options | {each: getattr(self, each) for each in own}).items()}
         return {"campaign": "checks", **given, "files": digest_of([*(each.file for each in suites), *named, *found])}
@@ -223,7 +241,7 @@ def results_of(
             yield result
             if result.error:  # the bus is gone, for all suites that follow
                 return
-            if checks.conformance and result.ended:
+            if checks.is_generated and result.ended:
                 gone.add(suite.nodes)
 
 

@@ -14,6 +14,10 @@ if TYPE_CHECKING:
     from eurobot_od.faults.fault import Fault
 
 
+OWNERS = {"Node": "any node", "SimulatedDrive": "any drive of CiA 402"}
+"""What the workbench's own kinds of nodes are called; a robot's have the names of their classes."""
+
+
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Describe the command line."""
     parser.add_argument("node", nargs="?", help="only the faults of this node of the robot")
@@ -30,7 +34,7 @@ def run(arguments: argparse.Namespace) -> None:
     chosen: dict[str, dict[str, Fault]] = {}
     for owner, rows in robot.all_faults().items():
         if kind is None or issubclass(kind, owner):
-            chosen.setdefault("any node" if owner.__name__ == "Node" else owner.__name__.lower(), {}).update(rows)
+            chosen.setdefault(OWNERS.get(owner.__name__, owner.__name__.lower()), {}).update(rows)
     print(json.dumps(as_data(chosen), indent=2) if arguments.json else as_text(chosen))
 
 

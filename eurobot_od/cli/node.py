@@ -45,6 +45,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="OBJECT=VALUE",
         help="value instead of the file's, such as 0x2000:1=5 or Motor.Speed=5; for a robot's node: a fact; repeatable",
     )
+    device.add_argument(
+        "--profile",
+        choices=("402", "401", "none"),
+        help="behave as a drive (CiA 402) or an I/O module (CiA 401), or as neither (default: as 0x1000 says)",
+    )
+    device.add_argument(
+        "--travel", type=_travel, metavar="LOW..HIGH", help="turns of a drive's motor from its start to limit switches"
+    )
     device.add_argument("--values", type=Path, metavar="FILE", help="YAML with the waveforms that the device measures")
     robot = plugin.find(getattr(parser, "robot", None))
     if robot.stage is not None:
@@ -58,6 +66,22 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default="restart",
         help="what happens to a node that fails, after it was stopped (default: restart)",
     )
+
+
+def _travel(text: str) -> tuple[float, float]:
+    """Read the places of two limit switches; raises ArgumentTypeError."""
+    low, _, high = text.partition("..")
+    try:
+        ends = float(low), float(high)
+    except ValueError:
+        ends = 0.0, 0.0
+    if not -FARTHEST <= ends[0] < ends[1] <= FARTHEST:
+        raise argparse.ArgumentTypeError(f"{text!r}: LOW..HIGH in turns, such as --travel=-10..10, within {FARTHEST}")
+    return ends
+
+
+FARTHEST = 1_000_000
+"""Turns that a drive may travel."""
 
 
 def run(arguments: argparse.Namespace) -> ExitStatus | None:
@@ -173,14 +197,29 @@ def _make(arguments: argparse.Namespace) -> tuple[Node, Scene | None]:
     if stage:
         stage.check_arguments(arguments, role)
     # The fault goes in front of the class that the node would have without it.
-    kind = robot.kind(role)
+    kind = robot.kind(role, device=_simulated(dictionary, arguments))
     kind = robot.faulty(kind, arguments.fault) if arguments.fault else kind
     if role:
         values = stage.values(kind, dictionary, arguments) if stage else {}
     else:
         values = _values(dictionary, arguments.set, arguments.values)
+        if arguments.travel:
+            values = {**values, "travel": arguments.travel}
     node = kind(dictionary, store=FileStore(arguments.store, dictionary) if arguments.store else None, **values)
     return node, stage.set_up(node, arguments) if stage and role else None
+
+
+def _simulated(dictionary: Dictionary, arguments: argparse.Namespace) -> type[Node]:
+    """Return the class of a device that is none of the robot's; raises LocalError for options that it has not."""
+    from eurobot_od.device.drive import SimulatedDrive
+    from eurobot_od.device.kinds import simulated_kind
+
+    said = {None: None, "none": 0}
+    profile = said[arguments.profile] if arguments.profile in said else int(arguments.profile)
+    kind = simulated_kind(dictionary, profile)
+    if arguments.travel and not issubclass(kind, SimulatedDrive):
+        raise LocalError("--travel is for drives (CiA 402)")
+    return kind
 
 
 def _dictionary(devices: shared.Devices, name: str | None, node_id: int | None) -> Dictionary:

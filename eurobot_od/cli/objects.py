@@ -14,7 +14,8 @@ from eurobot_od.cli.options import left_out
 from eurobot_od.cli.remote import TARGET, Target, add_node, print_readings
 from eurobot_od.cli.table import JSON, CommandRow, option
 from eurobot_od.errors import LocalError
-from eurobot_od.od.objects import address_of, encode, find, find_one, is_described, label, parse, shown, written
+from eurobot_od.od.objects import address_of, encode, find, find_one, is_described, label, parse, shown
+from eurobot_od.profiles.words import written
 from eurobot_od.support.amounts import amount
 from eurobot_od.support.escaping import one_line
 from eurobot_od.support.files import write_whole

@@ -15,8 +15,9 @@ from eurobot_od.cli import options
 from eurobot_od.cli.options import Devices
 from eurobot_od.cli.table import Parameter
 from eurobot_od.errors import LocalError, UnknownName
-from eurobot_od.od.objects import address_of, data_type, is_described, written
+from eurobot_od.od.objects import address_of, data_type, is_described
 from eurobot_od.od.values import label
+from eurobot_od.profiles.words import words, written
 from eurobot_od.support import durations
 from eurobot_od.support.tables import columns
 
@@ -159,5 +160,7 @@ def as_data(reading: ObjectReading) -> dict[str, Any]:
     thing, value, refusal = reading
     type_name = data_type(thing).name if is_described(thing) else ""
     data = {"index": thing.index, "subindex": thing.subindex, "name": thing.qualname, "type": type_name}
-    result = {"refused": refusal} if refusal else {"value": value.hex() if isinstance(value, bytes) else value}
-    return {**data, **result}
+    if refusal:
+        return {**data, "refused": refusal}
+    said = {"words": said} if (said := words(thing, value)) else {}
+    return {**data, "value": value.hex() if isinstance(value, bytes) else value, **said}

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from eurobot_od.client import configure, program
 from eurobot_od.client.configure import ChangePlan, Configured
 from eurobot_od.client.description import Identity, from_file, read_identity
+from eurobot_od.client.drive402 import AsyncDrive402, Drive402
 from eurobot_od.client.emergencies import AsyncEmergencyStream, EmergencyStream, HeardEmergencies
 from eurobot_od.client.master import Master
 from eurobot_od.client.pdo_order import pdo_of
@@ -180,6 +181,15 @@ class RemoteDevice(DeviceAtNode):
         things = all_objects(self.dictionary.objects) if self.dictionary else ()
         return (RemoteObject(self._node, [each], self._wrote) for each in things)
 
+    @property
+    def drive402(self) -> Drive402:
+        """The drive of CiA 402 that it is: enabled, homed, moved."""
+        return self.axis402(1)
+
+    def axis402(self, axis: int) -> Drive402:
+        """Return one axis of a drive of several, by its number from 1 on; raises LocalError."""
+        return Drive402(self._node, self.dictionary, axis)
+
     def identity(self) -> Identity:
         """Read the identity object 0x1018; 0 for a number that the node does not have."""
         return read_identity(self._node)
@@ -241,6 +251,15 @@ class AsyncRemoteDevice(DeviceAtNode):
         """Give every object of the file."""
         things = all_objects(self.dictionary.objects) if self.dictionary else ()
         return (AsyncRemoteObject(self._node, [each], self._wrote) for each in things)
+
+    @property
+    def drive402(self) -> AsyncDrive402:
+        """The drive of CiA 402 that it is: enabled, homed, moved."""
+        return self.axis402(1)
+
+    def axis402(self, axis: int) -> AsyncDrive402:
+        """Return one axis of a drive of several, by its number from 1 on; raises LocalError."""
+        return AsyncDrive402(self._node, self.dictionary, axis)
 
     async def identity(self) -> Identity:
         """Read the identity object 0x1018; 0 for a number that the node does not have."""

@@ -34,6 +34,7 @@ from eurobot_od.od.objects import (
     written,
 )
 from eurobot_od.od.values import Address, Value
+from eurobot_od.profiles.words import with_words, words
 from eurobot_od.support.progress import Progress, unwatched
 
 if TYPE_CHECKING:
@@ -144,7 +145,7 @@ class ObjectAtNode:
         if isinstance(raw, int) and raw in self.words:
             return self.words[raw]
         value = self._meant(raw)
-        return f"{written(self.od, value)} {self.unit}".rstrip()
+        return with_words(f"{written(self.od, value)} {self.unit}".rstrip(), words(self.od, raw))
 
     async def _read(self) -> bytes:
         return await read_object.steps(self._node, self.od)

@@ -267,6 +267,10 @@ class Device:
         """
         return self.objects.number(self.dictionary.address(name))
 
+    def settle(self) -> None:
+        """Bring into the objects what PDOs have brought."""
+        self._process.settle()
+
     # Objects that do more than keep a value
 
     def _followed(self, write: OnWrite) -> OnWrite:
@@ -600,8 +604,10 @@ class Device:
             self.plan.at(self._pacing.next)
         return frames
 
-    def changed(self, now: float) -> list[Frame]:
+    def changed(self, now: float, may_go: Callable[[Binding], bool] | None = None) -> list[Frame]:
         """Return the event-driven TPDOs to send because their values are others than when this was asked last.
+
+        One that may not go is passed over, and this change of it is over.
 
         For a device whose application sends nothing by itself: each counts as changed when it becomes OPERATIONAL. What
         goes with the next SYNC waits for it (transmission type 0), and what is inhibited is held back.
@@ -609,6 +615,8 @@ class Device:
         self._process.settle()
         frames: list[Frame] = []
         for binding, frame in self._changes.since(self._pdos.sent.values()) if self.operational else ():
+            if may_go is not None and not may_go(binding):
+                continue
             if binding in self._synchronous:
                 self._synchronous.ask(binding)
             elif self._pdos.is_event_driven(binding):

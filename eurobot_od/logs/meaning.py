@@ -216,8 +216,9 @@ def _fields_writer(binding: Binding) -> Callable[[Any], str]:
     parts = []
     for n, (field, kind) in enumerate(binding.kinds.items()):
         if field in binding.limits:
+            is_plain = kind.numbers(binding.limits[field]) and not kind.says_more
             number = f"f'{{name{n}}}{{v{n}}}{{unit{n}}}' if type(v{n}) is int else "
-            parts.append(f"{{{number if kind.numbers(binding.limits[field]) else ''}text{n}(v{n})}}")
+            parts.append(f"{{{number if is_plain else ''}text{n}(v{n})}}")
             text = lru_cache(REMEMBERED)(partial(lambda field, kind, value: f"{field}={kind.text(value)}", field, kind))
             names |= {f"name{n}": f"{field}=", f"unit{n}": f" {kind.unit}".rstrip(), f"text{n}": text}
     source = f"""

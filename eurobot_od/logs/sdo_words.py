@@ -11,6 +11,7 @@ from typing import TypeAlias
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.objects import data_type
 from eurobot_od.od.values import Address
+from eurobot_od.profiles.words import with_words, words
 from eurobot_od.sdo.wire import (
     ANSWER_SUB_COMMAND,
     BLOCK_SIZE_GIVEN,
@@ -46,11 +47,13 @@ def object_words(dictionary: Dictionary | None, address: Address) -> str:
 def value_words(dictionary: Dictionary | None, address: Address, octets: bytes) -> str:
     """Write a value by its object's type; as bytes if that is not known, or has another length."""
     variable = dictionary.variable(address) if dictionary else None
+    if variable is None:
+        return octets.hex(" ")
     try:
-        value = data_type(variable).read(octets) if variable else octets
+        value = data_type(variable).read(octets)
     except ValueError:  # a length that the type does not have
-        value = octets
-    return value.hex(" ") if isinstance(value, bytes) else str(value)
+        return octets.hex(" ")
+    return with_words(value.hex(" ") if isinstance(value, bytes) else str(value), words(variable, value))
 
 
 def _segment(_: Dictionary | None, data: bytes) -> str:

@@ -42,8 +42,11 @@ class Binding:
             (slot.field, mapped) for slot, mapped in zip(self.layout.slots, pdo.mapping) if slot.field is not None
         ]
         if entry is None:  # nothing is known of the fields but the types of the mapped objects
-            types = {field: each.type for field, each in mapped}
-            made = {field: kind_of(types[field], self.layout.widths[field]) for field in self.layout.fields}
+            entries = dict(mapped)
+            made = {
+                field: kind_of(entries[field].type, self.layout.widths[field], entries[field].variable)
+                for field in self.layout.fields
+            }
             entry = CatalogueEntry(made_type(name, made))
         self.type, self.group, self.always = entry
         self.kinds = kinds(self.type)

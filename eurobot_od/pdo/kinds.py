@@ -9,11 +9,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from enum import Enum, IntEnum
+from functools import partial
 from math import isfinite
-from typing import Any, ClassVar, NamedTuple
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 from eurobot_od.od import values
 from eurobot_od.od.values import DataType, Limits, typed_number
+from eurobot_od.profiles.words import meaning_of, with_words, words
+
+if TYPE_CHECKING:
+    from canopen.objectdictionary import ODVariable
+
+NO_WORDS: Mapping[int, str] = MappingProxyType({})
 
 
 class OutOfRange(int):
@@ -62,6 +70,9 @@ class Kind:
 
     keyed_form: KeyedForm | None = None
     """How people may write the value in YAML as a mapping; `parse` then takes `key:word,key:word`, or `none`."""
+
+    says_more: ClassVar = False
+    """Whether `text` writes more of a plain number than the number and its unit."""
 
     column_form: ClassVar = ColumnForm.NUMBER
     """What the values are in a column: the raw values in `numbers`, all raw BITS, or what the form says."""
@@ -156,6 +167,22 @@ class Choice(Kind):
 
 
 # What is known of an object by its data type alone
+
+
+class Worded(Kind):
+    """A number that a device profile has words for: those of `says`, and of `codes` if it is a list of them."""
+
+    says_more = True
+
+    def __init__(self, says: Callable[[int], str], codes: Mapping[int, str] = NO_WORDS) -> None:
+        super().__init__()
+        self._says, self._codes = says, codes
+
+    def text(self, value: Any) -> str:
+        return with_words(super().text(value), self._says(int(value)))
+
+    def named_values(self) -> Mapping[int, str]:
+        return self._codes
 
 
 class Boolean(Kind):
@@ -294,11 +321,15 @@ _OF_TYPE: Mapping[DataType, Callable[[int], Kind]] = {
 }
 
 
-def kind_of(type_: DataType, bits: int) -> Kind:
-    """Return the kind of a field of a data type that has `bits` bits.
+def kind_of(type_: DataType, bits: int, variable: ODVariable | None = None) -> Kind:
+    """Return the kind of a field of a data type that has `bits` bits, those of a `variable` if it is known.
 
-    Integers, and what is mapped in part only (16 bits of a REAL32, 12 bits of a text), are numbers.
+    Integers, and what is mapped in part only (16 bits of a REAL32, 12 bits of a text), are numbers; they have the words
+    of the device's profile if the whole variable is mapped.
     """
+    meaning = None if variable is None or bits != type_.bits else meaning_of(variable)
+    if meaning and variable is not None:
+        return Worded(partial(words, variable), meaning.codes)
     whole = type_ is values.BOOLEAN or (bits == type_.bits if type_.bits else bits % 8 == 0)
     make = _OF_TYPE.get(type_)
     return make(bits) if make and whole else Kind()

@@ -26,6 +26,7 @@ from eurobot_od.od.standard import REVISION
 from eurobot_od.od.values import DOMAIN, NMT_COB_ID, NODE_IDS, Value, label
 from eurobot_od.pdo.message import Message
 from eurobot_od.pdo.written import parse
+from eurobot_od.profiles.words import with_words, words
 from eurobot_od.web import polled
 from eurobot_od.web.polled import PolledObject
 from eurobot_od.web.session import Session
@@ -145,7 +146,8 @@ class Requests:
         """Read an object of a node."""
         node, thing = self._object(said)
         data = read_object(node, thing)
-        return {"value": _plain(objects.decode(thing, data)), "text": objects.shown(thing, data)}
+        value = objects.decode(thing, data)
+        return {"value": _plain(value), "text": with_words(objects.shown(thing, data), words(thing, value))}
 
     def history(self, said: Arguments) -> list[str]:
         """Read the errors that a node remembers, newest first."""

@@ -1,0 +1,381 @@
+"""Suites for drives by CiA 402: objects, the state machine as a table, quick stop, a lost heartbeat, moves.
+
+Rule of this file: nothing gives the motor torque but what needs `--motion`, and nothing there is faster or goes
+farther than it says. Where the motor stands at the end is where it stood, or where its last step says.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from enum import Enum
+from typing import NamedTuple
+
+from eurobot_od.check.conformance.naming import StepName
+from eurobot_od.check.conformance.subject import Subject, awake, group, read, skip, title, write
+from eurobot_od.check.conformance.writing import Data, documents, hexadecimal
+from eurobot_od.check.format import VERSION
+from eurobot_od.device.nmt import NmtState
+from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.standard import CONSUMED_HEARTBEATS
+from eurobot_od.od.values import ERROR_CONTROL_BASE, Address
+from eurobot_od.profiles import cia402
+from eurobot_od.profiles.cia402 import ARROWS, POWERED, Command, Mode, State
+from eurobot_od.sdo.wire import ClientCommand, initiate
+
+TAG = "profile"
+
+SOON, MOVED = "2 s", "30 s"
+"""How long an arrow of the state machine, and a move, may take."""
+
+WATCHED = 200
+"""Milliseconds of the heartbeat that is lost."""
+
+STAYS, LEAVES = 6, 2
+"""Quick stop option codes: with the first the drive stays in Quick stop active."""
+
+
+class Motion(NamedTuple):
+    """How far a motor may be moved, and how fast, in the drive's units."""
+
+    way: int
+    velocity: int
+
+
+class Needs(Enum):
+    """What a step costs: its word is that of its option."""
+
+    READING = "reading"
+    REVERSIBLE = "reversible"
+    MOTION = "motion"
+
+
+class Drive(NamedTuple):
+    """A drive under test, and what may be done with it; `motion` None: the motor gets no torque."""
+
+    subject: Subject
+    reversible: bool
+    motion: Motion | None
+
+    def may(self, needs: Needs) -> bool:
+        """Tell whether a step may be done."""
+        allowed = {Needs.READING: True, Needs.REVERSIBLE: self.reversible, Needs.MOTION: self.motion is not None}
+        return allowed[needs]
+
+    def has(self, index: int) -> bool:
+        """Tell whether the file has an object."""
+        return self.subject.find((index, 0)) is not None
+
+    def settable(self, index: int, value: int, sub: int = 0) -> bool:
+        """Tell whether an object can have a value, and its own again."""
+        return self.subject.may_be((index, sub), value)
+
+    @property
+    def modes(self) -> tuple[Mode, ...]:
+        """The modes of operation that the file says it has."""
+        return cia402.supported(self.subject.number((cia402.SUPPORTED_MODES, 0)))
+
+
+# Steps
+
+
+def _digits(mask: int, bits: int) -> str:
+    """Return the pattern of a byte that has these bits."""
+    halves = ((mask >> 4, bits >> 4), (mask & 15, bits & 15))
+    return "".join(_digit([n for n in range(16) if n & m == b]) for m, b in halves)
+
+
+def _digit(allowed: list[int]) -> str:
+    written = "".join(f"{each:X}" for each in allowed)
+    return "?" if len(allowed) == 16 else written if len(allowed) == 1 else f"[{written}]"
+
+
+def _until(drive: Drive, name: str, mask: int, bits: int, within: str = SOON) -> Data:
+    """Ask for the statusword until it has these bits."""
+    subject = drive.subject
+    ask = subject.request(initiate(ClientCommand.UPLOAD << 5, (cia402.STATUSWORD, 0)))
+    head = f"4B{cia402.STATUSWORD & 0xFF:02X}{cia402.STATUSWORD >> 8:02X}00"
+    word = _digits(mask & 0xFF, bits & 0xFF) + _digits(mask >> 8, bits >> 8)
+    poll = {**ask, "every": "20 ms"}
+    return {"name": name, "poll": poll, "until": subject.answer(f"{head}{word}????"), "within": within}
+
+
+def _state(drive: Drive, state: State) -> Data:
+    return _until(drive, f"it is in {state.words}", state.mask, state.bits)
+
+
+def _command(word: int, name: str) -> Data:
+    return write(f"{name} ({hexadecimal(word)})", (cia402.CONTROLWORD, 0), value=word)
+
+
+def _commanded(command: Command) -> Data:
+    return _command(command.bits, command.words)
+
+
+WAYS: dict[State, tuple[Command, ...]] = {
+    State.DISABLED: (),
+    State.READY: (Command.SHUTDOWN,),
+    State.SWITCHED_ON: (Command.SHUTDOWN, Command.SWITCH_ON),
+    State.ENABLED: (Command.SHUTDOWN, Command.SWITCH_ON, Command.ENABLE),
+    State.QUICK_STOP: (Command.SHUTDOWN, Command.SWITCH_ON, Command.ENABLE, Command.QUICK_STOP),
+}
+"""The commands that bring a drive from Switch on disabled into each state."""
+
+
+def _into(drive: Drive, state: State) -> Iterator[Data]:
+    """Bring the drive into a state, each arrow seen."""
+    yield _commanded(Command.DISABLE_VOLTAGE)
+    yield _state(drive, State.DISABLED)
+    present = State.DISABLED
+    for command in WAYS[state]:
+        present = ARROWS[present, command].after
+        yield _commanded(command)
+        yield _state(drive, present)
+
+
+def _off(drive: Drive) -> Iterator[Data]:
+    yield _commanded(Command.DISABLE_VOLTAGE)
+    yield _state(drive, State.DISABLED)
+
+
+# Objects
+
+
+def _objects(drive: Drive) -> Iterator[Data]:
+    for index in (cia402.CONTROLWORD, cia402.STATUSWORD):  # mandatory: a drive without them is red
+        variable = drive.subject.find((index, 0))
+        yield read(title(variable) if variable else hexadecimal(index), (index, 0))
+    for index in (cia402.MODE_DISPLAY, cia402.SUPPORTED_MODES, cia402.ERROR_CODE):
+        variable = drive.subject.find((index, 0))
+        if variable is not None and variable.readable:
+            yield read(title(variable), (index, 0))
+        else:
+            yield skip(hexadecimal(index), f"the file has no {hexadecimal(index)} that can be read")
+
+
+# State machine
+
+
+def _cell(drive: Drive, before: State, command: Command, after: State) -> Data:
+    reset = [_command(0, "no command")] * (command is Command.FAULT_RESET)  # it is a rising edge
+    name = f"{command.words} in {before.words}: {'stays' if before is after else after.words}"
+    steps = (*_into(drive, before), *reset, _commanded(command), _state(drive, after), *_off(drive))
+    return group(name, *steps)
+
+
+def _after(before: State, command: Command) -> State:
+    """Return the state that a command leads to; Enable operation in Ready to switch on takes two arrows."""
+    if (before, command) == (State.READY, Command.ENABLE):
+        return State.ENABLED
+    arrow = ARROWS.get((before, command))
+    return arrow.after if arrow else before
+
+
+def _table(powered: bool) -> Callable[[Drive], Iterator[Data]]:
+    """Return the rows of the state machine: each command in each state, those with torque or those without."""
+
+    def steps(drive: Drive) -> Iterator[Data]:
+        for before in (State.DISABLED, State.READY, State.SWITCHED_ON, State.ENABLED):
+            for command in Command:
+                # In states with torque "no command", which precedes a fault reset, is Disable voltage.
+                after = _after(before, command)
+                edge = command is Command.FAULT_RESET and before is not State.DISABLED
+                if not edge and powered is bool({before, after} & {*POWERED}) and after is not State.QUICK_STOP:
+                    yield _cell(drive, before, command, after)
+
+    return steps
+
+
+# With torque
+
+
+def _quick_stop(drive: Drive) -> Iterator[Data]:
+    option = cia402.QUICK_STOP_OPTION
+    if not drive.settable(option, STAYS):
+        steps = (*_into(drive, State.ENABLED), _commanded(Command.QUICK_STOP))
+        ended = _until(drive, "it stops", State.DISABLED.mask & 0x08, 0)
+        yield group("from Operation enabled", *steps, ended, *_off(drive))
+        return
+    own = drive.subject.number((option, 0))
+    stays = write(f"option code {STAYS}: it stays", (option, 0), value=STAYS)
+    leaves = write(f"option code {LEAVES}: it leaves", (option, 0), value=LEAVES)
+    back = write("option code as before", (option, 0), value=own)
+    for command, after in ((Command.ENABLE, State.ENABLED), (Command.DISABLE_VOLTAGE, State.DISABLED)):
+        steps = (stays, *_into(drive, State.QUICK_STOP), _commanded(command), _state(drive, after))
+        yield group(f"{command.words} in Quick stop active: {after.words}", *steps, *_off(drive), back)
+    steps = (leaves, *_into(drive, State.ENABLED), _commanded(Command.QUICK_STOP), _state(drive, State.DISABLED))
+    yield group("ends in Switch on disabled", *steps, back)
+
+
+def _lost_heartbeat(drive: Drive) -> Iterator[Data]:
+    """Lose a heartbeat that the drive watches: it has a fault, which a rising edge resets."""
+    name, address, subject = "a lost heartbeat, and its reset", (CONSUMED_HEARTBEATS, 1), drive.subject
+    another = subject.another
+    entry = another << 16 | WATCHED
+    if not subject.may_be(address, entry) or not drive.settable(cia402.ABORT_CONNECTION, 1):
+        yield skip(name, "the file has no 0x1016:1 and 0x6007 that can be written")
+        return
+    beat = f"{ERROR_CONTROL_BASE + another:03X}#{NmtState.OPERATIONAL:02X}"
+    own = subject.number((cia402.ABORT_CONNECTION, 0))
+    yield group(
+        name,
+        write("abort connection: a fault", (cia402.ABORT_CONNECTION, 0), value=1),
+        *_into(drive, State.ENABLED),
+        write(f"watch node {another}", address, value=entry),
+        {"name": "its heartbeat, and no second one", "send": {"raw": beat}},
+        _state(drive, State.FAULT),
+        _command(Command.ENABLE.bits, "Enable operation"),
+        _state(drive, State.FAULT),
+        write("watch nobody", address, value=0),
+        _command(0, "no command"),
+        _commanded(Command.FAULT_RESET),
+        _state(drive, State.DISABLED),
+        write("abort connection as before", (cia402.ABORT_CONNECTION, 0), value=own),
+    )
+
+
+def _mode(drive: Drive, mode: Mode) -> Iterator[Data]:
+    """Choose a mode of operation, and enable."""
+    yield write(f"mode {cia402.MODE_WORDS[mode]}", (cia402.MODE, 0), value=int(mode))
+    yield read("it is the mode", (cia402.MODE_DISPLAY, 0), expect=int(mode))
+    yield from _into(drive, State.ENABLED)
+
+
+def _without(drive: Drive, mode: Mode, *objects: Address) -> str:
+    """Say why a mode cannot be tried; nothing if it can."""
+    lacks = [hexadecimal(index) for index, sub in objects if drive.subject.find((index, sub)) is None]
+    reasons = {
+        f"the file has no mode {cia402.MODE_WORDS[mode]} (0x6502)": mode not in drive.modes,
+        f"the file has no {', '.join(lacks)}": bool(lacks),
+    }
+    return next((reason for reason, holds in reasons.items() if holds), "")
+
+
+HERE = 37
+"""The homing method that does not move."""
+
+
+def _homing(drive: Drive) -> Iterator[Data]:
+    name = "present position is home"
+    why = _without(drive, Mode.HOMING, (cia402.MODE, 0), (cia402.HOMING_METHOD, 0), (cia402.POSITION, 0))
+    if why:
+        yield skip(name, why)
+        return
+    done = cia402.BIT_12 | cia402.TARGET_REACHED
+    start = _command(Command.ENABLE.bits | cia402.HOMING_START, "start homing")
+    yield group(
+        name,
+        write(f"method {HERE}", (cia402.HOMING_METHOD, 0), value=HERE),
+        *_mode(drive, Mode.HOMING),
+        _until(drive, "not started", 0x3400, cia402.TARGET_REACHED),
+        start,
+        _until(drive, "homing attained", done | cia402.BIT_13, done, MOVED),
+        *_off(drive),
+    )
+
+
+def _position(drive: Drive) -> Iterator[Data]:
+    """Move by the way that is allowed, and back."""
+    name, motion = "there and back", drive.motion
+    objects = ((cia402.MODE, 0), (cia402.TARGET_POSITION, 0), (cia402.PROFILE_VELOCITY, 0), (cia402.POSITION, 0))
+    why = _without(drive, Mode.PROFILE_POSITION, *objects)
+    if why or motion is None:
+        yield skip(name, why)
+        return
+    window = drive.subject.number((cia402.POSITION_WINDOW, 0)) & 0xFFFFFFFF
+    # A window of all bits is switched off (CiA 402-2, clause 12.3.4), and one as wide as the way would see nothing.
+    near = max(motion.way // 50, window if window < motion.way else 0, 1)
+    yield group(
+        name,
+        read("where it is", (cia402.POSITION, 0), save="start"),
+        write(f"velocity {motion.velocity}", (cia402.PROFILE_VELOCITY, 0), value=motion.velocity),
+        *_mode(drive, Mode.PROFILE_POSITION),
+        *_moved(drive, motion.way),
+        *_moved(drive, -motion.way),
+        read("it is back", (cia402.POSITION, 0), expect=f"{{start}} +- {near}"),
+        *_off(drive),
+    )
+
+
+def _moved(drive: Drive, way: int) -> Iterator[Data]:
+    enable, reached = Command.ENABLE.bits, cia402.TARGET_REACHED | cia402.BIT_12
+    bits = enable | cia402.NEW_SET_POINT | cia402.AT_ONCE | cia402.RELATIVE
+    yield write(f"by {way}", (cia402.TARGET_POSITION, 0), value=way)
+    yield _command(bits, "new set-point, relative")
+    yield _until(drive, "set-point acknowledged", cia402.BIT_12, cia402.BIT_12)
+    yield _command(enable, "no new set-point")
+    yield _until(
+        drive, "target reached", reached | State.ENABLED.mask, cia402.TARGET_REACHED | State.ENABLED.bits, MOVED
+    )
+
+
+def _velocity(drive: Drive) -> Iterator[Data]:
+    name, motion = "up, and quick stop", drive.motion
+    why = _without(drive, Mode.PROFILE_VELOCITY, (cia402.MODE, 0), (cia402.TARGET_VELOCITY, 0), (cia402.VELOCITY, 0))
+    if why or motion is None:
+        yield skip(name, why)
+        return
+    near = max(motion.velocity // 20, 1)
+    reached = _until(drive, "target reached", cia402.TARGET_REACHED, cia402.TARGET_REACHED, MOVED)
+    yield group(
+        name,
+        write("velocity 0", (cia402.TARGET_VELOCITY, 0), value=0),
+        *_mode(drive, Mode.PROFILE_VELOCITY),
+        write(f"velocity {motion.velocity}", (cia402.TARGET_VELOCITY, 0), value=motion.velocity),
+        reached,
+        read("it turns", (cia402.VELOCITY, 0), expect=f"{motion.velocity} +- {near}"),
+        _commanded(Command.QUICK_STOP),
+        {"name": "it stops", "wait": "1 s"},
+        read("it stands", (cia402.VELOCITY, 0), expect=f"0 +- {near}"),
+        write("velocity 0", (cia402.TARGET_VELOCITY, 0), value=0),
+        *_off(drive),
+    )
+
+
+# The suite
+
+
+class Clause(NamedTuple):
+    """A clause of CiA 402-2, its topic, its steps, and what they need."""
+
+    number: str
+    topic: str
+    steps: Callable[[Drive], Iterator[Data]]
+    needs: Needs
+
+    def named(self, drive: Drive) -> Iterator[Data]:
+        """Give the steps with their names."""
+        allowed = drive.may(self.needs)
+        for step in self.steps(drive) if allowed else [skip("not done", f"only with --{self.needs.value}")]:
+            yield {**step, "name": str(StepName(self.number, self.topic, step["name"], self.needs.value))}
+
+
+CLAUSES = (
+    Clause("6.2", "Objects", _objects, Needs.READING),
+    Clause("8.1", "States", _table(powered=False), Needs.REVERSIBLE),
+    Clause("8.1", "States with torque", _table(powered=True), Needs.MOTION),
+    Clause("8.4", "Quick stop", _quick_stop, Needs.MOTION),
+    Clause("8.4", "Connection", _lost_heartbeat, Needs.MOTION),
+    Clause("11.1", "Homing", _homing, Needs.MOTION),
+    Clause("10.1", "Profile position", _position, Needs.MOTION),
+    Clause("14.1", "Profile velocity", _velocity, Needs.MOTION),
+)
+
+
+def text(dictionary: Dictionary, reversible: bool = False, motion: Motion | None = None) -> str:
+    """Return the suite of a drive; `reversible` writes its controlword, `motion` gives it torque within its limits."""
+    subject = Subject(dictionary)
+    drive = Drive(subject, reversible or motion is not None, motion)
+    reset = [_command(0, "no command"), _commanded(Command.FAULT_RESET), _command(0, "no command")]
+    suite: Data = {
+        "spec": VERSION,
+        "name": "CiA 402, drive",
+        "node": dictionary.name,
+        "tags": [TAG, "cia402"],
+        "setup": [
+            {**awake(subject), "name": "7.2.4.3.5 SDO: the device answers [reading]"},
+            *([group("8.1 States: any fault is reset [reversible]", *reset)] * drive.reversible),
+        ],
+        "steps": [step for clause in CLAUSES for step in clause.named(drive)],
+    }
+    off = {**_commanded(Command.DISABLE_VOLTAGE), "name": "8.1 States: no torque [reversible]"}
+    return documents([{**suite, "teardown": [off]} if drive.reversible else suite])

@@ -1,0 +1,367 @@
+"""A drive of CiA 402 from the master's side: enabled, homed and moved over SDO.
+
+Theory of operation. What is done is written once, in `DriveAtNode`, as steps that blocking programs finish and event
+loops await. Every wait asks the drive again and again; one that is interrupted, by Ctrl-C or a cancelled task, halts
+the drive first: nobody is there any more to see where it goes. Positions, velocities and accelerations are in the
+drive's own units.
+"""
+
+from __future__ import annotations
+
+from collections.abc import AsyncIterator, Callable, Mapping
+from contextlib import asynccontextmanager
+from functools import partial
+from typing import NamedTuple
+
+from eurobot_od.client.master import RemoteNode
+from eurobot_od.client.procedure import finished
+from eurobot_od.errors import DriveError, LocalError
+from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.objects import data_type
+from eurobot_od.od.values import DATA_TYPES, UNSIGNED16, UNSIGNED32, DataType
+from eurobot_od.profiles import cia402
+from eurobot_od.profiles.cia402 import Command, Mode, State
+from eurobot_od.profiles.homing import METHODS
+
+POLL = 0.01
+"""Seconds between two questions to a drive that is waited for."""
+
+ENABLE_WAIT = 2.0
+"""Seconds that a drive has for one arrow of its state machine: some switch a brake or charge a capacitor first."""
+
+MOTION_WAIT = 60.0
+"""Seconds that a motion may take where nothing else is said."""
+
+FAULTY = (State.FAULT, State.FAULT_REACTION)
+"""The states of a drive that has a fault."""
+
+NEXT: Mapping[State, Command] = {
+    State.DISABLED: Command.SHUTDOWN,
+    State.READY: Command.SWITCH_ON,
+    State.SWITCHED_ON: Command.ENABLE,
+    State.QUICK_STOP: Command.DISABLE_VOLTAGE,
+}
+"""What brings a drive from each state nearer to Operation enabled; from the others it goes on by itself, or not."""
+
+INTEGER8, INTEGER32 = DATA_TYPES[0x02], DATA_TYPES[0x04]
+
+TYPES: Mapping[int, DataType] = {
+    cia402.ERROR_CODE: UNSIGNED16,
+    cia402.CONTROLWORD: UNSIGNED16,
+    cia402.STATUSWORD: UNSIGNED16,
+    cia402.MODE: INTEGER8,
+    cia402.MODE_DISPLAY: INTEGER8,
+    cia402.HOMING_METHOD: INTEGER8,
+    cia402.POSITION: INTEGER32,
+    cia402.VELOCITY: INTEGER32,
+    cia402.TARGET_POSITION: INTEGER32,
+    cia402.TARGET_VELOCITY: INTEGER32,
+    cia402.PROFILE_VELOCITY: UNSIGNED32,
+}
+"""The data types that CiA 402 gives the objects, for a drive without a file."""
+
+
+class DriveStatus(NamedTuple):
+    """What a drive says of itself; `state` is None for a statusword that is no state's."""
+
+    state: State | None
+    statusword: int
+    mode: int
+    position: int
+    velocity: int
+    error_code: int
+
+
+class DriveAtNode:
+    """One axis of a drive; `axis` counts from 1."""
+
+    def __init__(self, node: RemoteNode, dictionary: Dictionary | None, axis: int = 1) -> None:
+        if not 1 <= axis <= cia402.MOST_AXES:
+            raise LocalError(f"axis {axis} is not in 1..{cia402.MOST_AXES}")
+        self._node, self._dictionary = node, dictionary
+        self._offset = (axis - 1) * cia402.AXIS_STEP
+        self._name = f"the drive of node {node.node_id}" if axis == 1 else f"axis {axis} of node {node.node_id}"
+
+    # Objects
+
+    def _type(self, index: int) -> DataType:
+        variable = self._dictionary.variable((index + self._offset, 0)) if self._dictionary else None
+        return TYPES[index] if variable is None else data_type(variable)
+
+    async def _read(self, index: int) -> int:
+        data = await self._node.upload.steps((index + self._offset, 0))
+        value = self._type(index).read(data[: self._type(index).size])
+        assert isinstance(value, int)
+        return value
+
+    async def _write(self, index: int, value: int) -> None:
+        type_ = self._type(index)
+        if not type_.low <= value <= type_.high:
+            raise LocalError(f"{value} is none of 0x{index + self._offset:04X}: {type_.low}..{type_.high}")
+        await self._node.download.steps((index + self._offset, 0), type_.write(value))
+
+    # State
+
+    async def _state(self) -> State | None:
+        return cia402.state_of(await self._read(cia402.STATUSWORD))
+
+    async def _status(self) -> DriveStatus:
+        word = await self._read(cia402.STATUSWORD)
+        state = cia402.state_of(word)
+        shown = (cia402.MODE_DISPLAY, cia402.POSITION, cia402.VELOCITY)
+        mode, position, velocity = [await self._read(each) for each in shown]
+        code = await self._read(cia402.ERROR_CODE) if state in FAULTY else 0
+        return DriveStatus(state, word, mode, position, velocity, code)
+
+    async def _poll(self, within: float, done: Callable[[int], bool]) -> tuple[int, bool]:
+        """Wait for a statusword that is `done`; return the last one, and whether it is."""
+        clock = self._node.master.clock
+        end = clock() + within
+        while not done(word := await self._read(cia402.STATUSWORD)):
+            if clock() >= end:
+                return word, False
+            await self._node.master.pump.steps(POLL)
+        return word, True
+
+    async def _until(self, what: str, within: float, done: Callable[[int], bool]) -> int:
+        """Wait for a statusword that is `done`, and return it; raises DriveError at the end of its time, or a fault."""
+        word, ended = await self._poll(within, lambda word: done(word) or cia402.state_of(word) in FAULTY)
+        state = cia402.state_of(word)
+        if not ended:
+            said = f"it is in {state.words}" if state else "it is in no state"
+            raise DriveError(f"{self._name}: {what}: not within {within:g} s; {said} (statusword 0x{word:04X})")
+        if state in FAULTY:
+            raise await self._fault(what)
+        return word
+
+    async def _fault(self, what: str) -> DriveError:
+        code = await self._read(cia402.ERROR_CODE)
+        return DriveError(f"{self._name}: {what}: it has a fault, error code 0x{code:04X}")
+
+    async def _command(self, command: Command, bits: int = 0) -> None:
+        await self._write(cia402.CONTROLWORD, command.bits | bits)
+
+    async def _enable(self, within: float) -> None:
+        while (state := await self._state()) is not State.ENABLED:
+            if state is State.FAULT:
+                raise await self._fault("enable")
+            command = NEXT.get(state) if state else None
+            if command is not None:
+                await self._command(command)
+            await self._until("enable", within, partial(_has_left, state))
+
+    async def _disable(self, within: float) -> None:
+        if await self._state() in FAULTY:
+            return
+        await self._command(Command.DISABLE_VOLTAGE)
+        await self._until("disable", within, lambda word: cia402.state_of(word) is State.DISABLED)
+
+    async def _quick_stop(self) -> None:
+        await self._command(Command.QUICK_STOP)
+
+    async def _halt(self) -> None:
+        if await self._state() is State.ENABLED:
+            await self._command(Command.ENABLE, cia402.HALT)
+
+    async def _fault_reset(self, within: float) -> None:
+        if await self._state() not in FAULTY:
+            return
+        await self._poll(within, lambda word: cia402.state_of(word) is not State.FAULT_REACTION)
+        await self._command(Command.DISABLE_VOLTAGE)  # the reset is a rising edge
+        await self._command(Command.FAULT_RESET)
+        _, is_reset = await self._poll(within, lambda word: cia402.state_of(word) not in FAULTY)
+        if not is_reset:
+            raise await self._fault("fault reset")
+        await self._command(Command.DISABLE_VOLTAGE)
+
+    # Motion
+
+    @asynccontextmanager
+    async def _watched(self) -> AsyncIterator[None]:
+        """Halt the drive if whoever waits for its motion gives up, for whatever reason."""
+        try:
+            yield
+        except BaseException:
+            await self._halt()
+            raise
+
+    async def _enter(self, mode: Mode, within: float = ENABLE_WAIT) -> None:
+        """Choose a mode of operation and enable, without any command of the mode before."""
+        if await self._read(cia402.MODE_DISPLAY) != mode:
+            await self._write(cia402.MODE, mode)
+            clock = self._node.master.clock
+            end = clock() + within
+            while (shown := await self._read(cia402.MODE_DISPLAY)) != mode:
+                if clock() >= end:
+                    words = cia402.MODE_WORDS
+                    is_, wanted = words.get(shown, f"mode {shown}"), words[mode]
+                    raise DriveError(f"{self._name}: {wanted}: it stays in {is_}")
+                await self._node.master.pump.steps(POLL)
+        await self._enable(within)
+        await self._command(Command.ENABLE)
+
+    async def _home(self, method: int | None, within: float) -> None:
+        if method is not None and method > 0 and method not in METHODS:
+            raise LocalError(f"{method} is no homing method of CiA 402")
+        if method is not None:
+            await self._write(cia402.HOMING_METHOD, method)
+        async with self._watched():
+            await self._enter(Mode.HOMING)
+            await self._command(Command.ENABLE, cia402.HOMING_START)
+            done = cia402.BIT_12 | cia402.TARGET_REACHED
+            word = await self._until("home", within, lambda word: word & done == done or bool(word & cia402.BIT_13))
+        if word & cia402.BIT_13:
+            raise DriveError(f"{self._name}: home: homing error (statusword 0x{word:04X})")
+        await self._command(Command.ENABLE)
+
+    async def _move(self, position: int, velocity: int | None, relative: bool, within: float) -> None:
+        async with self._watched():
+            await self._enter(Mode.PROFILE_POSITION)
+            if velocity is not None:
+                await self._write(cia402.PROFILE_VELOCITY, velocity)
+            await self._write(cia402.TARGET_POSITION, position)
+            bits = cia402.NEW_SET_POINT | cia402.AT_ONCE | cia402.RELATIVE * relative
+            await self._command(Command.ENABLE, bits)
+            await self._until("move", within, lambda word: bool(word & cia402.BIT_12))
+            await self._command(Command.ENABLE)
+            await self._until("move", within, _is_there)
+
+    async def _turn(self, velocity: int) -> None:
+        async with self._watched():
+            await self._write(cia402.TARGET_VELOCITY, velocity)
+            await self._enter(Mode.PROFILE_VELOCITY)
+
+
+def _has_left(state: State | None, word: int) -> bool:
+    return cia402.state_of(word) is not state
+
+
+def _is_there(word: int) -> bool:
+    """Whether a move is at its end: the target is reached, and it is that of the last set-point."""
+    return bool(word & cia402.TARGET_REACHED) and not word & cia402.BIT_12
+
+
+class Drive402(DriveAtNode):
+    """A drive on a `Network`: `device.drive402`.
+
+        drive = network[5].drive402
+        drive.enable()
+        drive.home(method=35)
+        drive.move_to(20_000, velocity=500)
+
+    Positions and velocities are in the drive's units. Whatever waits raises DriveError if the drive has a fault, or
+    does not do it in its time, and NodeRefused, NoAnswer or BusError; a motion that is given up, as by Ctrl-C, is
+    halted. `within` is in seconds.
+    """
+
+    @property
+    def state(self) -> State | None:
+        """The state of the drive; None for a statusword that is no state's."""
+        return finished(self._state())
+
+    @property
+    def status(self) -> DriveStatus:
+        """What the drive says of itself."""
+        return finished(self._status())
+
+    @property
+    def position(self) -> int:
+        """Where it is (0x6064)."""
+        return finished(self._read(cia402.POSITION))
+
+    @property
+    def velocity(self) -> int:
+        """How fast it turns (0x606C); set, it is enabled and turns at that velocity, in profile velocity mode."""
+        return finished(self._read(cia402.VELOCITY))
+
+    @velocity.setter
+    def velocity(self, velocity: int) -> None:
+        finished(self._turn(velocity))
+
+    def enable(self, within: float = ENABLE_WAIT) -> None:
+        """Bring it to Operation enabled; each state on the way has `within` seconds."""
+        finished(self._enable(within))
+
+    def disable(self, within: float = ENABLE_WAIT) -> None:
+        """Take its torque away."""
+        finished(self._disable(within))
+
+    def quick_stop(self) -> None:
+        """Stop it as its quick stop option code says."""
+        finished(self._quick_stop())
+
+    def halt(self) -> None:
+        """Stop it and keep its torque, as its halt option code says."""
+        finished(self._halt())
+
+    def fault_reset(self, within: float = ENABLE_WAIT) -> None:
+        """Reset its fault, if there is one."""
+        finished(self._fault_reset(within))
+
+    def home(self, method: int | None = None, within: float = MOTION_WAIT) -> None:
+        """Enable and home it, by a method of CiA 402, or a negative one of the maker's (default: what it is set to)."""
+        finished(self._home(method, within))
+
+    def move_to(
+        self, position: int, velocity: int | None = None, *, relative: bool = False, within: float = MOTION_WAIT
+    ) -> None:
+        """Enable it, move it to a position, or by a way if it is `relative`, and wait until it is there."""
+        finished(self._move(position, velocity, relative, within))
+
+
+class AsyncDrive402(DriveAtNode):
+    """A drive on an `AsyncNetwork`: what Drive402 has, awaited; `await drive.turn(500)` sets its velocity."""
+
+    @property
+    async def state(self) -> State | None:
+        """The state of the drive; None for a statusword that is no state's."""
+        return await self._state()
+
+    @property
+    async def status(self) -> DriveStatus:
+        """What the drive says of itself."""
+        return await self._status()
+
+    @property
+    async def position(self) -> int:
+        """Where it is (0x6064)."""
+        return await self._read(cia402.POSITION)
+
+    @property
+    async def velocity(self) -> int:
+        """How fast it turns (0x606C)."""
+        return await self._read(cia402.VELOCITY)
+
+    async def turn(self, velocity: int) -> None:
+        """Enable it, and have it turn at a velocity, in profile velocity mode."""
+        await self._turn(velocity)
+
+    async def enable(self, within: float = ENABLE_WAIT) -> None:
+        """Bring it to Operation enabled; each state on the way has `within` seconds."""
+        await self._enable(within)
+
+    async def disable(self, within: float = ENABLE_WAIT) -> None:
+        """Take its torque away."""
+        await self._disable(within)
+
+    async def quick_stop(self) -> None:
+        """Stop it as its quick stop option code says."""
+        await self._quick_stop()
+
+    async def halt(self) -> None:
+        """Stop it and keep its torque, as its halt option code says."""
+        await self._halt()
+
+    async def fault_reset(self, within: float = ENABLE_WAIT) -> None:
+        """Reset its fault, if there is one."""
+        await self._fault_reset(within)
+
+    async def home(self, method: int | None = None, within: float = MOTION_WAIT) -> None:
+        """Enable and home it, as Drive402.home does."""
+        await self._home(method, within)
+
+    async def move_to(
+        self, position: int, velocity: int | None = None, *, relative: bool = False, within: float = MOTION_WAIT
+    ) -> None:
+        """Enable and move it, as Drive402.move_to does; cancelled, it is halted."""
+        await self._move(position, velocity, relative, within)

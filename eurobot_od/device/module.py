@@ -1,0 +1,101 @@
+"""A simulated I/O module: a device from its file whose inputs and outputs behave as CiA 401 says.
+
+Rule of this file: it only connects. What an input or output does stands in `profiles.inputs_outputs`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+from eurobot_od.device.bound import Application
+from eurobot_od.device.device_values import DeviceValues
+from eurobot_od.device.nmt import NmtState
+from eurobot_od.device.simulated import SimulatedDevice
+from eurobot_od.frame import Frame
+from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.values import Address, Value
+from eurobot_od.pdo.binding import Binding
+from eurobot_od.profiles.inputs_outputs import Inputs, Outputs
+
+
+class SimulatedModule(SimulatedDevice):
+    """An I/O module of CiA 401, made from its EDS or DCF.
+
+    Waveforms are what is on the terminals of its inputs, `outputs` what is on those of its outputs: by polarity and
+    filter, and with the error values if a heartbeat is lost, the bus is lost or the module is stopped. A TPDO with
+    inputs goes on a change if one of the inputs may cause it (interrupt masks, limits and deltas).
+    """
+
+    def __init__(self, dictionary: Dictionary, **options: Any) -> None:
+        self._values = DeviceValues(self)
+        self._inputs: Inputs | None = None
+        self._begun = False
+        super().__init__(dictionary, **options)
+
+    @property
+    def outputs(self) -> dict[Address, int]:
+        """What is on the terminals of its outputs, by the objects that command them."""
+        return dict(self._outputs.terminals)
+
+    def _application(self, dictionary: Dictionary) -> Application:
+        application = super()._application(dictionary)
+        wired = {address: partial(self._wired, address, read) for address, read in application.measured.items()}
+        return application._replace(measured=wired)
+
+    def _wired(self, address: Address, read: Callable[[], Value]) -> Value:
+        value = read()
+        inverted = self._inputs.polarity(address) if self._inputs else 0
+        return value ^ inverted if isinstance(value, int) and inverted else value
+
+    def reset(self) -> None:
+        """Begin anew: outputs as the file's defaults, no input has changed."""
+        self._inputs, self._outputs, self._begun = Inputs(self._values), Outputs(self._values), False
+        super().reset()
+
+    # What is sent
+
+    def _changed(self) -> list[Frame]:
+        self.device.settle()
+        operational = self.device.operational
+        if operational and not self._begun:
+            self._outputs.failed = False
+        self._outputs.refresh()
+        caused = self._caused()
+        # Each TPDO goes once when it may go for the first time, whatever causes it later (CiA 301, 7.2.2.4).
+        allowed = None if operational and not self._begun else partial(self._may_go, caused)
+        self._begun = operational
+        return self.outgoing(self.device.changed(self.now, allowed))
+
+    def _caused(self) -> set[Address]:
+        inputs = self._inputs
+        if inputs is None or not self.device.operational:
+            return set()
+        if not self._begun:
+            inputs.forget()
+        return inputs.caused({address: self.device.objects.raw(address) for address in inputs.addresses})
+
+    def _may_go(self, caused: set[Address], binding: Binding) -> bool:
+        mapped = {each.address for each in binding.pdo.mapping}
+        inputs = mapped & self._inputs.addresses if self._inputs else set()
+        return not inputs or bool(inputs & caused)
+
+    # Errors
+
+    def halted(self) -> None:
+        super().halted()
+        if self.device.state is NmtState.STOPPED:
+            self._fail()
+
+    def heartbeat_lost(self, node_id: int) -> None:
+        super().heartbeat_lost(node_id)
+        self._fail()
+
+    def cut_off(self) -> None:
+        super().cut_off()
+        self._fail()
+
+    def _fail(self) -> None:
+        self._outputs.failed = True
+        self._outputs.refresh()

@@ -1,0 +1,108 @@
+"""CiA 401 as tables: where the inputs and outputs of an I/O module are, and what its settings mean (CiA 401-1).
+
+Rule of this file: data, and the only copy in the package.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+PROFILE = 401
+"""Low word of 0x1000 of an I/O module."""
+
+
+class DigitalInputs(NamedTuple):
+    """Where digital inputs of one width are, with their settings: sub-index n is the n-th block everywhere.
+
+    `interrupt` are the objects that say whether a change, a rising and a falling edge cause a TPDO.
+    """
+
+    value: int
+    polarity: int
+    filter: int
+    change: int
+    rising: int
+    falling: int
+    bits: int
+
+
+class DigitalOutputs(NamedTuple):
+    """Where digital outputs of one width are, with their settings: sub-index n is the n-th block everywhere."""
+
+    value: int
+    polarity: int
+    filter: int
+    error_mode: int
+    error_value: int
+    bits: int
+
+
+class AnalogueOutputs(NamedTuple):
+    """Where analogue outputs of one width are, with their settings."""
+
+    value: int
+    error_mode: int
+    error_value: int
+
+
+class AnalogueInputs(NamedTuple):
+    """Where analogue inputs of one width are."""
+
+    value: int
+    bits: int
+
+
+INTERRUPT_ENABLE = 0x6005
+"""Whether digital inputs cause TPDOs at all."""
+
+DIGITAL_INPUTS = (
+    DigitalInputs(0x6000, 0x6002, 0x6003, 0x6006, 0x6007, 0x6008, 8),
+    DigitalInputs(0x6100, 0x6102, 0x6103, 0x6106, 0x6107, 0x6108, 16),
+    DigitalInputs(0x6120, 0x6122, 0x6123, 0x6126, 0x6127, 0x6128, 32),
+)
+
+DIGITAL_OUTPUTS = (
+    DigitalOutputs(0x6200, 0x6202, 0x6208, 0x6206, 0x6207, 8),
+    DigitalOutputs(0x6300, 0x6302, 0x6308, 0x6306, 0x6307, 16),
+    DigitalOutputs(0x6320, 0x6322, 0x6328, 0x6326, 0x6327, 32),
+)
+
+ANALOGUE_INPUTS = (AnalogueInputs(0x6400, 8), AnalogueInputs(0x6401, 16), AnalogueInputs(0x6402, 32))
+
+ANALOGUE_OUTPUTS = (
+    AnalogueOutputs(0x6410, 0x6443, 0x6444),
+    AnalogueOutputs(0x6411, 0x6443, 0x6444),
+    AnalogueOutputs(0x6412, 0x6443, 0x6444),
+)
+
+ANALOGUE_INTERRUPT_ENABLE = 0x6423
+"""Whether analogue inputs cause TPDOs at all; they do not without it being written (CiA 401-1)."""
+
+ANALOGUE_TRIGGER, ANALOGUE_UPPER, ANALOGUE_LOWER, ANALOGUE_DELTA = 0x6421, 0x6424, 0x6425, 0x6426
+"""What of an analogue input causes a TPDO, and its limits."""
+
+ERROR_MODE_WORDS: Mapping[int, str] = {0: "keeps its value", 1: "takes its error value"}
+"""What an analogue output does on an error."""
+
+TRIGGER_BITS: Mapping[int, str] = {
+    0: "upper limit exceeded",
+    1: "below the lower limit",
+    2: "changed by more than delta",
+    3: "reduced by more than delta",
+    4: "increased by more than delta",
+}
+
+SWITCHED_ON = "on"
+"""What a digital input or output is whose bit is set."""
+
+BIT_BLOCKS: Mapping[int, int] = {each.value: each.bits for each in (*DIGITAL_INPUTS, *DIGITAL_OUTPUTS)}
+"""Objects whose bits are inputs or outputs: how many are in a block."""
+
+FUNCTION_BITS: Mapping[int, str] = {
+    16: "digital inputs",
+    17: "digital outputs",
+    18: "analogue inputs",
+    19: "analogue outputs",
+}
+"""What bits of 0x1000 say of the module."""

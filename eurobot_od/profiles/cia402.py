@@ -1,0 +1,260 @@
+"""CiA 402 as tables: states, commands, transitions, modes of operation, bits of the words, option codes (CiA 402-2).
+
+Rule of this file: data, and the only copy in the package. Indices are those of the first axis of a device; each further
+axis has its objects `AXIS_STEP` higher (CiA 402-2, clause 6.2).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from enum import Enum, IntEnum
+from typing import NamedTuple
+
+PROFILE = 402
+"""Low word of 0x1000 of a drive."""
+
+FIRST_AXIS = range(0x6000, 0x6800)
+"""Where the objects of the first axis are."""
+
+AXIS_STEP, MOST_AXES = 0x800, 8
+"""From one axis to the next, and how many there may be."""
+
+# Objects
+
+ABORT_CONNECTION, ERROR_CODE = 0x6007, 0x603F
+CONTROLWORD, STATUSWORD = 0x6040, 0x6041
+QUICK_STOP_OPTION, SHUTDOWN_OPTION, DISABLE_OPTION, HALT_OPTION, FAULT_OPTION = range(0x605A, 0x605F)
+MODE, MODE_DISPLAY = 0x6060, 0x6061
+POSITION_DEMAND, POSITION_INTERNAL, POSITION = 0x6062, 0x6063, 0x6064
+FOLLOWING_WINDOW, FOLLOWING_TIME = 0x6065, 0x6066
+POSITION_WINDOW, POSITION_WINDOW_TIME = 0x6067, 0x6068
+VELOCITY_SENSOR, VELOCITY_DEMAND, VELOCITY = 0x6069, 0x606B, 0x606C
+VELOCITY_WINDOW, VELOCITY_WINDOW_TIME, VELOCITY_THRESHOLD = 0x606D, 0x606E, 0x606F
+TARGET_POSITION = 0x607A
+HOME_OFFSET, SOFTWARE_LIMIT = 0x607C, 0x607D
+MAX_PROFILE_VELOCITY, MAX_MOTOR_SPEED, PROFILE_VELOCITY, END_VELOCITY = 0x607F, 0x6080, 0x6081, 0x6082
+PROFILE_ACCELERATION, PROFILE_DECELERATION, QUICK_STOP_DECELERATION = 0x6083, 0x6084, 0x6085
+ENCODER_RESOLUTION, GEAR_RATIO = 0x608F, 0x6091
+HOMING_METHOD, HOMING_SPEEDS, HOMING_ACCELERATION = 0x6098, 0x6099, 0x609A
+SI_VELOCITY = 0x60A9
+POSITION_OFFSET, VELOCITY_OFFSET = 0x60B0, 0x60B1
+INTERPOLATION_TIME = 0x60C2
+MAX_ACCELERATION = 0x60C5
+FOLLOWING_ERROR, POSITION_DEMAND_INTERNAL = 0x60F4, 0x60FC
+DIGITAL_INPUTS, DIGITAL_OUTPUTS = 0x60FD, 0x60FE
+TARGET_VELOCITY = 0x60FF
+SUPPORTED_MODES = 0x6502
+
+# The state machine (CiA 402-2, clause 8)
+
+
+class State(Enum):
+    """A state of the drive: its name, and which bits of the statusword have which values in it."""
+
+    NOT_READY = "Not ready to switch on", 0x4F, 0x00
+    DISABLED = "Switch on disabled", 0x4F, 0x40
+    READY = "Ready to switch on", 0x6F, 0x21
+    SWITCHED_ON = "Switched on", 0x6F, 0x23
+    ENABLED = "Operation enabled", 0x6F, 0x27
+    QUICK_STOP = "Quick stop active", 0x6F, 0x07
+    FAULT_REACTION = "Fault reaction active", 0x4F, 0x0F
+    FAULT = "Fault", 0x4F, 0x08
+
+    def __init__(self, words: str, mask: int, bits: int) -> None:
+        self.words, self.mask, self.bits = words, mask, bits
+
+
+class Command(Enum):
+    """A command of the controlword: its name, and which bits have which values in it.
+
+    `FAULT_RESET` is a rising edge of its bit. `ENABLE` and `SWITCH_ON` are also what a drive that is enabled, or
+    not, is commanded by: `SWITCH_ON` disables operation then.
+    """
+
+    SHUTDOWN = "Shutdown", 0x87, 0x06
+    SWITCH_ON = "Switch on", 0x8F, 0x07
+    ENABLE = "Enable operation", 0x8F, 0x0F
+    DISABLE_VOLTAGE = "Disable voltage", 0x82, 0x00
+    QUICK_STOP = "Quick stop", 0x86, 0x02
+    FAULT_RESET = "Fault reset", 0x80, 0x80
+
+    def __init__(self, words: str, mask: int, bits: int) -> None:
+        self.words, self.mask, self.bits = words, mask, bits
+
+
+class Transition(NamedTuple):
+    """One arrow of the state machine: its number in CiA 402, and `command` None for what the drive does by itself."""
+
+    number: int
+    before: State
+    command: Command | None
+    after: State
+
+
+TRANSITIONS = (
+    Transition(1, State.NOT_READY, None, State.DISABLED),
+    Transition(2, State.DISABLED, Command.SHUTDOWN, State.READY),
+    Transition(3, State.READY, Command.SWITCH_ON, State.SWITCHED_ON),
+    Transition(4, State.SWITCHED_ON, Command.ENABLE, State.ENABLED),
+    Transition(5, State.ENABLED, Command.SWITCH_ON, State.SWITCHED_ON),
+    Transition(6, State.SWITCHED_ON, Command.SHUTDOWN, State.READY),
+    Transition(7, State.READY, Command.DISABLE_VOLTAGE, State.DISABLED),
+    Transition(7, State.READY, Command.QUICK_STOP, State.DISABLED),
+    Transition(8, State.ENABLED, Command.SHUTDOWN, State.READY),
+    Transition(9, State.ENABLED, Command.DISABLE_VOLTAGE, State.DISABLED),
+    Transition(10, State.SWITCHED_ON, Command.DISABLE_VOLTAGE, State.DISABLED),
+    Transition(10, State.SWITCHED_ON, Command.QUICK_STOP, State.DISABLED),
+    Transition(11, State.ENABLED, Command.QUICK_STOP, State.QUICK_STOP),
+    Transition(12, State.QUICK_STOP, Command.DISABLE_VOLTAGE, State.DISABLED),
+    Transition(14, State.FAULT_REACTION, None, State.FAULT),
+    Transition(15, State.FAULT, Command.FAULT_RESET, State.DISABLED),
+    Transition(16, State.QUICK_STOP, Command.ENABLE, State.ENABLED),
+)
+"""All arrows but 0, which is power-on, and 13, which a fault takes from any state to `FAULT_REACTION`.
+
+Transition 16 is there only if the quick stop option code lets the drive stay in `QUICK_STOP`; with the others the drive
+takes 12 by itself when it stands.
+"""
+
+ARROWS: Mapping[tuple[State, Command | None], Transition] = {(each.before, each.command): each for each in TRANSITIONS}
+"""The arrows by the state and what makes the drive take them."""
+
+POWERED = (State.ENABLED, State.QUICK_STOP, State.FAULT_REACTION)
+"""The states in which the motor has torque (CiA 402-2, clause 8.2)."""
+
+
+def state_of(statusword: int) -> State | None:
+    """Return the state that a statusword says; None for bits that are no state's."""
+    return next((each for each in State if statusword & each.mask == each.bits), None)
+
+
+def command_of(controlword: int) -> Command | None:
+    """Return the command that a controlword says; None for bits that are no command's."""
+    return next((each for each in reversed(Command) if controlword & each.mask == each.bits), None)
+
+
+# Modes of operation (CiA 402-2, clause 9)
+
+
+class Mode(IntEnum):
+    """A mode of operation."""
+
+    NONE = 0
+    PROFILE_POSITION = 1
+    VELOCITY = 2
+    PROFILE_VELOCITY = 3
+    PROFILE_TORQUE = 4
+    HOMING = 6
+    INTERPOLATED_POSITION = 7
+    CYCLIC_POSITION = 8
+    CYCLIC_VELOCITY = 9
+    CYCLIC_TORQUE = 10
+
+
+MODE_WORDS: Mapping[int, str] = {
+    Mode.NONE: "no mode",
+    Mode.PROFILE_POSITION: "profile position",
+    Mode.VELOCITY: "velocity",
+    Mode.PROFILE_VELOCITY: "profile velocity",
+    Mode.PROFILE_TORQUE: "profile torque",
+    Mode.HOMING: "homing",
+    Mode.INTERPOLATED_POSITION: "interpolated position",
+    Mode.CYCLIC_POSITION: "cyclic synchronous position",
+    Mode.CYCLIC_VELOCITY: "cyclic synchronous velocity",
+    Mode.CYCLIC_TORQUE: "cyclic synchronous torque",
+}
+
+
+def supported(modes: int) -> tuple[Mode, ...]:
+    """Return the modes of operation that 0x6502 has a bit for."""
+    return tuple(each for each in Mode if each and modes >> each - 1 & 1)
+
+
+# Bits of the two words. What is in MODE_... holds for a mode of operation alone.
+
+READY, SWITCHED_ON, ENABLED, FAULT, VOLTAGE, NO_QUICK_STOP, DISABLED, WARNING = (1 << bit for bit in range(8))
+REMOTE, TARGET_REACHED, INTERNAL_LIMIT = 1 << 9, 1 << 10, 1 << 11
+BIT_12, BIT_13 = 1 << 12, 1 << 13
+"""Bits of the statusword."""
+
+NEW_SET_POINT, AT_ONCE, RELATIVE, HALT, CHANGE_ON_SET_POINT = 1 << 4, 1 << 5, 1 << 6, 1 << 8, 1 << 9
+HOMING_START = 1 << 4
+FAULT_RESET = 1 << 7
+"""Bits of the controlword."""
+
+STATUS_BITS: Mapping[int, str] = {7: "warning", 10: "target reached", 11: "internal limit active"}
+"""What the bits of a statusword say besides the state; the state's own and 4, 5 and 9 are not worth a word."""
+
+MODE_STATUS_BITS: Mapping[Mode, Mapping[int, str]] = {
+    Mode.PROFILE_POSITION: {12: "set-point acknowledged", 13: "following error"},
+    Mode.PROFILE_VELOCITY: {12: "speed is 0", 13: "maximum slippage"},
+    Mode.HOMING: {12: "homing attained", 13: "homing error"},
+    Mode.INTERPOLATED_POSITION: {12: "interpolation active"},
+    Mode.CYCLIC_POSITION: {12: "follows the command", 13: "following error"},
+    Mode.CYCLIC_VELOCITY: {12: "follows the command"},
+    Mode.CYCLIC_TORQUE: {12: "follows the command"},
+}
+
+CONTROL_BITS: Mapping[int, str] = {8: "halt"}
+
+MODE_CONTROL_BITS: Mapping[Mode, Mapping[int, str]] = {
+    Mode.PROFILE_POSITION: {4: "new set-point", 5: "at once", 6: "relative", 9: "change on set-point"},
+    Mode.VELOCITY: {4: "ramp enabled", 5: "ramp unlocked", 6: "reference ramp"},
+    Mode.HOMING: {4: "start homing"},
+    Mode.INTERPOLATED_POSITION: {4: "interpolation"},
+}
+
+INPUT_BITS: Mapping[int, str] = {
+    0: "negative limit switch",
+    1: "positive limit switch",
+    2: "home switch",
+    3: "interlock",
+}
+OUTPUT_BITS: Mapping[int, str] = {0: "set brake"}
+MODE_BITS: Mapping[int, str] = {mode - 1: MODE_WORDS[mode] for mode in Mode if mode}
+POLARITY_BITS: Mapping[int, str] = {6: "velocity inverted", 7: "position inverted"}
+"""Bits of 0x60FD, 0x60FE:1, 0x6502 and 0x607E."""
+
+# Option codes
+
+
+class Ramp(Enum):
+    """How a drive comes to a stand, as an option code says."""
+
+    FREE = "drive function disabled"
+    SLOW_DOWN = "slow down ramp"
+    QUICK_STOP = "quick stop ramp"
+    CURRENT_LIMIT = "current limit"
+    VOLTAGE_LIMIT = "voltage limit"
+
+
+_RAMPS: Mapping[int, Ramp] = dict(enumerate(Ramp))
+
+OPTIONS: Mapping[int, Mapping[int, Ramp]] = {
+    QUICK_STOP_OPTION: {**_RAMPS, **{code + 4: _RAMPS[code] for code in range(1, 5)}},
+    SHUTDOWN_OPTION: {code: _RAMPS[code] for code in (0, 1)},
+    DISABLE_OPTION: {code: _RAMPS[code] for code in (0, 1)},
+    HALT_OPTION: {code: _RAMPS[code] for code in range(1, 5)},
+    FAULT_OPTION: _RAMPS,
+}
+"""The ramp of each option code that CiA 402 defines, by its object (CiA 402-2, clauses 8.4.5 to 8.4.9)."""
+
+DEFAULT_OPTION: Mapping[int, int] = {
+    QUICK_STOP_OPTION: 2,
+    SHUTDOWN_OPTION: 0,
+    DISABLE_OPTION: 1,
+    HALT_OPTION: 1,
+    FAULT_OPTION: 2,
+}
+"""The code of a device that does not have the object."""
+
+STAYING = range(5, 9)
+"""Quick stop option codes with which the drive stays in `QUICK_STOP`."""
+
+OPTION_WORDS: Mapping[int, Mapping[int, str]] = {
+    index: {
+        code: ramp.value + ", stays in Quick stop active" * (index == QUICK_STOP_OPTION and code in STAYING)
+        for code, ramp in codes.items()
+    }
+    for index, codes in OPTIONS.items()
+}

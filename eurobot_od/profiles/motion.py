@@ -1,0 +1,167 @@
+"""A motor with a load, the ramps that lead it, and the units it is commanded in.
+
+Rule of this file: positions are in position units of the device, velocities in those per second, whatever the device
+calls its velocity; only `Units` converts. Time goes in steps of `STEP`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import copysign, sqrt
+from typing import NamedTuple
+
+from eurobot_od.profiles import cia402
+from eurobot_od.profiles.homing import Switch
+from eurobot_od.profiles.values import AxisValues
+
+STEP = 0.001
+"""Seconds of a step."""
+
+TURN = 4096
+"""Position units of a turn where the file does not say it."""
+
+REVOLUTION, MINUTE = 0xB4, 0x47
+"""Numbers of the SI unit "revolution" and of "minute" in 0x60A9 (CiA 303-2)."""
+
+RPM = ("rpm", "rev/min", "1/min", "min-1")
+"""How files write it."""
+
+
+class Units(NamedTuple):
+    """Position units in a `turn` of the motor, and position units per second in one unit of `velocity`."""
+
+    turn: float
+    velocity: float
+
+    @classmethod
+    def of(cls, values: AxisValues) -> Units:
+        """Take them from the objects: resolution 0x608F, unit of velocity 0x60A9, or the unit that the file writes."""
+        turn = _ratio(values, cia402.ENCODER_RESOLUTION, TURN)
+        return cls(turn, _velocity_unit(values, turn))
+
+
+def _ratio(values: AxisValues, index: int, default: float) -> float:
+    counts, turns = (values.get(index, sub) for sub in (1, 2))
+    return counts / turns if counts > 0 and turns > 0 else default
+
+
+def _velocity_unit(values: AxisValues, turn: float) -> float:
+    unit = values.get(cia402.SI_VELOCITY)
+    if (unit >> 16 & 0xFF, unit >> 8 & 0xFF) == (REVOLUTION, MINUTE):
+        prefix = unit >> 24
+        return turn / 60 * 10.0 ** (prefix - 0x100 if prefix > 0x7F else prefix)  # 0xFD is milli
+    written = {values.unit(index).lower() for index in (cia402.TARGET_VELOCITY, cia402.PROFILE_VELOCITY)}
+    return turn / 60 if written & {*RPM} else 1.0
+
+
+# What leads the motor
+
+
+@dataclass
+class Demand:
+    """Where the motor is to be, and how fast."""
+
+    position: float = 0.0
+    velocity: float = 0.0
+
+    def to_velocity(self, wanted: float, acceleration: float, deceleration: float) -> None:
+        """Take a step that brings the velocity nearer to what is wanted; accelerations are those of a ramp, above 0."""
+        slower = abs(wanted) < abs(self.velocity) or wanted * self.velocity < 0
+        most = (deceleration if slower else acceleration) * STEP
+        self.velocity += min(max(wanted - self.velocity, -most), most)
+        self.position += self.velocity * STEP
+
+    def to_position(self, target: float, velocity: float, acceleration: float, deceleration: float) -> None:
+        """Take a step on a trapezoid whose top is `velocity`, and that ends at the target."""
+        way = target - self.position
+        # So fast that the ramp still ends at the target, in steps of finite length.
+        half = deceleration * STEP / 2
+        braking = sqrt(half * half + 2 * deceleration * abs(way)) - half
+        wanted = copysign(min(velocity, braking), way)
+        if abs(way) <= abs(wanted) * STEP + 1e-6 and abs(self.velocity) <= 2 * deceleration * STEP + abs(wanted):
+            self.position, self.velocity = target, 0.0
+        else:
+            self.to_velocity(wanted, acceleration, deceleration)
+
+
+# The motor
+
+
+ROUND = 10
+"""Turns of the motor in one of a round table."""
+
+
+class Plant(NamedTuple):
+    """The machine that the motor moves: what is where, in turns from where it is switched on.
+
+    `travel` are the ends, where the limit switches are; None for a round table, which has none and is back where it was
+    after `ROUND` turns. The home switch is active between the places of `home`. `acceleration` is what the motor has
+    torque for, in turns/s²; `friction` brakes it alone.
+    """
+
+    travel: tuple[float, float] | None = None
+    home: tuple[float, float] = (2.0, 3.0)
+    acceleration: float = 2000.0
+    friction: float = 50.0
+
+    def switches(self, turns: float) -> int:
+        """Return the bits of the switches that are active at a place."""
+        place = turns % ROUND if self.travel is None else turns
+        active = Switch.HOME if self.home[0] <= place <= self.home[1] else 0
+        if self.travel is not None:
+            active |= Switch.NEGATIVE_LIMIT if turns <= self.travel[0] else 0
+            active |= Switch.POSITIVE_LIMIT if turns >= self.travel[1] else 0
+        return active
+
+
+GAIN = 100.0
+"""Of the position controller: velocity for each position unit of following error, in 1/s."""
+
+
+@dataclass
+class Motor:
+    """The motor: `position` as the encoder says it, and the `velocity`; `torque` is the share of what it has, -1 to 1.
+
+    `origin` is the position 0 of the machine, which homing moves.
+    """
+
+    plant: Plant
+    turn: float
+    position: float = 0.0
+    velocity: float = 0.0
+    torque: float = 0.0
+    origin: float = 0.0
+
+    def follow(self, demand: Demand, controls_position: bool) -> None:
+        """Take a step after what leads it, as far as its torque goes."""
+        # The demand is a step ahead: the motor is to be there at the end of this one.
+        lag = demand.position - demand.velocity * STEP - self.position
+        wanted = demand.velocity + GAIN * lag * controls_position
+        self._turn(wanted, self.plant.acceleration * self.turn)
+
+    def coast(self) -> None:
+        """Take a step without torque."""
+        self._turn(0.0, self.plant.friction * self.turn)
+        self.torque = 0.0
+
+    def _turn(self, wanted: float, acceleration: float) -> None:
+        most = acceleration * STEP
+        change = min(max(wanted - self.velocity, -most), most)
+        self.torque = change / most
+        self.velocity += change
+        self.position += self.velocity * STEP
+
+    @property
+    def switches(self) -> int:
+        """The bits of the switches that are active now."""
+        return self.plant.switches((self.position - self.origin) / self.turn)
+
+    @property
+    def index(self) -> int:
+        """Which turn of the encoder it is: it changes at each index pulse."""
+        return int((self.position - self.origin) // self.turn)
+
+    def shift(self, by: float) -> None:
+        """Call the place where it stands another one."""
+        self.position += by
+        self.origin += by

@@ -1,0 +1,165 @@
+"""What the value of an object says by the device's profile: `Operation enabled, target reached` for 1591.
+
+Rule of this file: the one place that is asked wherever a value is printed. A value of which no profile says anything
+has no words, and is printed as it was without this file.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias
+
+from eurobot_od.od import objects as od
+from eurobot_od.od.standard import DEVICE_TYPE
+from eurobot_od.od.values import Address, Value
+from eurobot_od.profiles import cia401, cia402, homing
+from eurobot_od.profiles.cia402 import Mode
+
+if TYPE_CHECKING:
+    from canopen.objectdictionary import ObjectDictionary, ODVariable
+
+Says: TypeAlias = Callable[["ObjectDictionary", int], str]
+"""Gives the words for a value of an object of a dictionary."""
+
+
+READABLE = 2
+"""So many meanings of a bit are named side by side; with more of them the bit's number says as much."""
+
+
+class Meaning(NamedTuple):
+    """How an object's values are said; `codes` has a word for each if it is a list of them."""
+
+    says: Says
+    codes: Mapping[int, str] = MappingProxyType({})
+
+
+def _coded(codes: Mapping[int, str]) -> Meaning:
+    return Meaning(lambda _, value: codes.get(value, ""), codes)
+
+
+def _set_bits(names: Mapping[int, str], value: int) -> list[str]:
+    return [name for bit, name in sorted(names.items()) if value >> bit & 1]
+
+
+def _bits(names: Mapping[int, str], none: str = "none") -> Meaning:
+    return Meaning(lambda _, value: ", ".join(_set_bits(names, value)) or none)
+
+
+def _block(bits: int) -> Meaning:
+    numbers = {bit: str(bit + 1) for bit in range(bits)}
+    return Meaning(lambda _, value: f"{' '.join(_set_bits(numbers, value)) or 'none'} {cia401.SWITCHED_ON}")
+
+
+# The two words of a drive
+
+
+def _modes(objects: ObjectDictionary) -> tuple[Mode, ...]:
+    """Return the modes of operation that a file says the drive has; all of them if it does not say."""
+    default = _default(objects, (cia402.SUPPORTED_MODES, 0))
+    return cia402.supported(default) or tuple(Mode)
+
+
+def _by_mode(bits: Mapping[Mode, Mapping[int, str]], objects: ObjectDictionary) -> Mapping[int, str]:
+    """Return what the bits mean whose meaning depends on the mode: the names in the modes that the drive has."""
+    # The frame does not say in which mode the drive is, and another frame's word for it may be out of date.
+    names: dict[int, dict[str, None]] = {}
+    for mode in _modes(objects):
+        for bit, name in bits.get(mode, {}).items():
+            names.setdefault(bit, {})[name] = None
+    return {bit: " or ".join(each) if len(each) <= READABLE else f"bit {bit}" for bit, each in names.items()}
+
+
+def _statusword(objects: ObjectDictionary, value: int) -> str:
+    state = cia402.state_of(value)
+    names = {**cia402.STATUS_BITS, **_by_mode(cia402.MODE_STATUS_BITS, objects)}
+    return ", ".join([state.words if state else "no state", *_set_bits(names, value)])
+
+
+def _controlword(objects: ObjectDictionary, value: int) -> str:
+    command = cia402.command_of(value)
+    names = {**cia402.CONTROL_BITS, **_by_mode(cia402.MODE_CONTROL_BITS, objects)}
+    return ", ".join([command.words if command else "no command", *_set_bits(names, value)])
+
+
+# Profiles
+
+DRIVE: Mapping[Address, Meaning] = {
+    (cia402.CONTROLWORD, 0): Meaning(_controlword),
+    (cia402.STATUSWORD, 0): Meaning(_statusword),
+    (cia402.MODE, 0): _coded(cia402.MODE_WORDS),
+    (cia402.MODE_DISPLAY, 0): _coded(cia402.MODE_WORDS),
+    (cia402.HOMING_METHOD, 0): _coded(homing.METHOD_WORDS),
+    (cia402.DIGITAL_INPUTS, 0): _bits(cia402.INPUT_BITS),
+    (cia402.DIGITAL_OUTPUTS, 1): _bits(cia402.OUTPUT_BITS),
+    (cia402.SUPPORTED_MODES, 0): _bits(cia402.MODE_BITS),
+    (0x607E, 0): _bits(cia402.POLARITY_BITS, "not inverted"),
+    **{(index, 0): _coded(words) for index, words in cia402.OPTION_WORDS.items()},
+}
+
+_BLOCKS: Mapping[int, Meaning] = {index: _block(bits) for index, bits in cia401.BIT_BLOCKS.items()}
+_SETTINGS = {
+    **{each.error_mode: _coded(cia401.ERROR_MODE_WORDS) for each in cia401.ANALOGUE_OUTPUTS},
+    cia401.ANALOGUE_TRIGGER: _bits(cia401.TRIGGER_BITS),
+}
+
+
+def _of_drive(address: Address) -> Meaning | None:
+    index, sub = address
+    axis = index - cia402.FIRST_AXIS.start
+    if not 0 <= axis < cia402.MOST_AXES * cia402.AXIS_STEP:
+        return None
+    return DRIVE.get((cia402.FIRST_AXIS.start + axis % cia402.AXIS_STEP, sub))
+
+
+def _of_module(address: Address) -> Meaning | None:
+    index, sub = address
+    return {**_BLOCKS, **_SETTINGS}.get(index) if sub else None
+
+
+PROFILES: Mapping[int, Callable[[Address], Meaning | None]] = {
+    cia401.PROFILE: _of_module,
+    cia402.PROFILE: _of_drive,
+}
+"""What the objects of a device mean, by its profile."""
+
+
+def profile_of(objects: ObjectDictionary) -> int:
+    """Return the device profile that 0x1000 says (CiA 301, 7.5.2.1); 0: none."""
+    return _default(objects, DEVICE_TYPE) & 0xFFFF
+
+
+def _default(objects: ObjectDictionary, address: Address) -> int:
+    variable = od.variable_at(objects, address)
+    default = None if variable is None else od.default_of(variable)
+    return default if isinstance(default, int) else 0
+
+
+def _objects_of(variable: ODVariable) -> ObjectDictionary | None:
+    """Return the dictionary that a variable belongs to; None for one that no file describes."""
+    parent = getattr(variable, "parent", None)
+    parent = getattr(parent, "parent", parent)  # a member's parent is its record, and that one's the dictionary
+    return parent if hasattr(parent, "indices") else None
+
+
+def meaning_of(variable: ODVariable) -> Meaning | None:
+    """Return what a profile says of an object; None if it says nothing."""
+    objects = _objects_of(variable)
+    of_profile = PROFILES.get(profile_of(objects)) if objects is not None else None
+    return of_profile(od.address_of(variable)) if of_profile else None
+
+
+def words(variable: ODVariable, value: Value) -> str:
+    """Return what a value says by the device's profile; empty if that says nothing."""
+    meaning, objects = meaning_of(variable), _objects_of(variable)
+    return meaning.says(objects, value) if meaning and objects is not None and isinstance(value, int) else ""
+
+
+def with_words(text: str, said: str) -> str:
+    """Write a value and behind it what it says: `567 (Operation enabled)`."""
+    return f"{text} ({said})" if said else text
+
+
+def written(variable: ODVariable, value: Value) -> str:
+    """Write a value for a person as `od.objects.written` does, and what it says."""
+    return with_words(od.written(variable, value), words(variable, value))

@@ -1,0 +1,119 @@
+"""`drive`: what a drive is told to do from a command line, and `node` with a drive's options."""
+
+from __future__ import annotations
+
+import json
+import signal
+from collections.abc import Iterator
+
+import pytest
+
+from eurobot_od.cli import drive as command
+from eurobot_od.device.drive import SimulatedDrive
+from eurobot_od.faults.drive import FAULTS
+from eurobot_od.live import Live
+from tests.cli.console import Said, run
+from tests.cli.processes import PATIENCE, line, node, serve_bus
+from tests.cli.processes import command as process
+from tests.client.peers import new_channel, open_bus
+from tests.client.servo import EDS, SERVO
+
+
+@pytest.fixture
+def channel() -> Iterator[str]:
+    channel = new_channel()
+    with Live.node(open_bus(channel), SimulatedDrive(SERVO)):
+        yield channel
+
+
+def said(capsys: pytest.CaptureFixture[str], channel: str, *words: str) -> Said:
+    return run(capsys, "drive", "5", *words, "-i", "virtual", "-c", channel)
+
+
+def test_a_drive_is_enabled_homed_and_moved(capsys: pytest.CaptureFixture[str], channel: str) -> None:
+    assert said(capsys, channel, "status").out.startswith("node 5: Switch on disabled, profile position, position 0")
+    assert said(capsys, channel, "enable").out.startswith("node 5: Operation enabled")
+    assert "homing, position 0" in said(capsys, channel, "home", "--method", "35").out
+    moved = said(capsys, channel, "move", "2000", "--velocity", "500")
+    assert (moved.status, moved.err) == (0, "")
+    back = said(capsys, channel, "move", "-500", "--relative", "--eds", f"5={EDS}", "--json")
+    assert json.loads(back.out)["position"] == pytest.approx(1500, abs=50)
+    assert said(capsys, channel, "disable").out.startswith("node 5: Switch on disabled")
+
+
+def test_a_jog_ends_with_a_halt(capsys: pytest.CaptureFixture[str], channel: str) -> None:
+    out = said(capsys, channel, "jog", "100", "--for", "300 ms").out.splitlines()
+    assert "Operation enabled, profile velocity" in out[0]
+    assert json.loads(said(capsys, channel, "status", "--json").out)["velocity"] < 100
+
+
+def test_a_fault_is_said_and_reset(capsys: pytest.CaptureFixture[str]) -> None:
+    channel = new_channel()
+    with Live.node(open_bus(channel), FAULTS["encoder-lost"].given_to(SimulatedDrive)(SERVO)):
+        moved = said(capsys, channel, "move", "9000")
+        assert moved.status == 1
+        assert moved.err == "eurobot-od: the drive of node 5: move: it has a fault, error code 0x7305\n"
+        assert "error code 0x7305" in said(capsys, channel, "status").out
+        assert said(capsys, channel, "reset").out.startswith("node 5: Switch on disabled")
+
+
+WRONG = [
+    (["move"], "drive move needs a position"),
+    (["jog"], "drive jog needs a velocity"),
+    (["enable", "5"], "enable takes no value"),
+    (["home", "--velocity", "5"], "--velocity is for `drive move`"),
+    (["move", "5", "--method", "35"], "--method is for `drive home`"),
+    (["move", "5", "--for", "1 s"], "--for is for `drive jog`"),
+    (["home", "--method", "16"], "16 is no homing method of CiA 402"),
+    (["move", "99999999999"], "99999999999 is none of 0x607A: -2147483648..2147483647"),
+]
+
+
+@pytest.mark.parametrize(("words", "complaint"), WRONG)
+def test_what_does_not_go_together_is_refused(
+    capsys: pytest.CaptureFixture[str], channel: str, words: list[str], complaint: str
+) -> None:
+    wrong = said(capsys, channel, *words)
+    assert (wrong.status, wrong.err) == (2, f"eurobot-od: {complaint}\n")
+
+
+def test_every_action_is_one_that_the_command_line_takes(capsys: pytest.CaptureFixture[str]) -> None:
+    out = run(capsys, "drive", "--help").out
+    assert [each for each in command.ACTIONS if each not in out] == []
+
+
+# The device's side
+
+
+@pytest.mark.live
+def test_ctrl_c_stops_a_jog(capsys: pytest.CaptureFixture[str]) -> None:
+    with serve_bus("test-drive") as shared:
+        bus = ["-i", "remote", "-c", shared]
+        with node("--eds", f"5={EDS}", "--travel=-50..50", *bus) as device:
+            line(device, "servo (node-ID 5) on ")
+            with process("drive", "5", "jog", "100", *bus) as jog:
+                line(jog, "Operation enabled, profile velocity")
+                jog.send_signal(signal.SIGINT)
+                assert jog.wait(PATIENCE) == 130
+            data = json.loads(run(capsys, "drive", "5", "status", "--json", *bus).out)
+            while data["velocity"]:
+                data = json.loads(run(capsys, "drive", "5", "status", "--json", *bus).out)
+            assert data["state"] == "Operation enabled"
+
+
+NODE_WRONG = [
+    (["--travel", "5"], "argument --travel: '5': LOW..HIGH in turns"),
+    (["--travel", "5..-5"], "argument --travel: '5..-5': LOW..HIGH in turns"),
+    (["--travel", "nan..1"], "argument --travel: 'nan..1': LOW..HIGH in turns"),
+    (["--travel", "0..1", "--profile", "none"], "--travel is for drives (CiA 402)"),
+    (["--fault", "overcurrent", "--profile", "none"], "the fault overcurrent is one of the drive"),
+]
+
+
+@pytest.mark.parametrize(("words", "complaint"), NODE_WRONG)
+def test_what_a_device_cannot_have_is_refused(
+    capsys: pytest.CaptureFixture[str], words: list[str], complaint: str
+) -> None:
+    wrong = run(capsys, "node", "--eds", f"5={EDS}", "-i", "virtual", "-c", new_channel(), *words)
+    assert wrong.status == 2
+    assert complaint in wrong.err

@@ -1,0 +1,195 @@
+"""A drive from the master's side: enabled, homed, moved, stopped; and what it does when the drive does not."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from typing import Any
+
+import pytest
+
+from eurobot_od.client.network import AsyncNetwork, SimulatedNetwork, simulated
+from eurobot_od.device.drive import SimulatedDrive
+from eurobot_od.errors import DriveError, LocalError, NodeRefused
+from eurobot_od.faults.drive import FAULTS
+from eurobot_od.live import Live
+from eurobot_od.profiles.cia402 import State
+from tests.client.peers import new_channel, open_bus
+from tests.client.servo import SERVO
+
+
+@contextmanager
+def drive(fault: str | None = None, **options: Any) -> Iterator[SimulatedNetwork]:
+    kind = FAULTS[fault].given_to(SimulatedDrive) if fault else SimulatedDrive
+    with simulated(kind(SERVO, **options)) as network:
+        yield network
+
+
+def test_it_is_enabled_and_disabled() -> None:
+    with drive() as network:
+        axis = network[5].drive402
+        axis.enable()
+        assert axis.status.state is State.ENABLED
+        axis.enable()  # it is enabled
+        axis.disable()
+        assert axis.state is State.DISABLED
+
+
+def test_it_moves_and_is_there_when_the_call_returns() -> None:
+    with drive() as network:
+        axis = network[5].drive402
+        axis.move_to(20_000, velocity=500)
+        assert axis.position == pytest.approx(20_000, abs=50)
+        assert network[5]["Profile velocity"].value == 500
+        axis.move_to(-1000, relative=True)
+        assert axis.position == pytest.approx(19_000, abs=50)
+
+
+@pytest.mark.parametrize("method", [None, 35, 24, 18])
+def test_it_homes(method: int | None) -> None:
+    with drive(travel=(-5, 5)) as network:
+        network[5][0x6099, 1].value = 600
+        axis = network[5].drive402
+        axis.home(method)
+        assert abs(axis.position) < 200
+
+
+def test_it_turns_at_a_velocity_until_it_is_halted() -> None:
+    with drive() as network:
+        axis = network[5].drive402
+        axis.velocity = 60
+        network.sleep(1)
+        assert axis.velocity == 60
+        axis.halt()
+        network.sleep(1)
+        assert (axis.velocity, axis.state) == (0, State.ENABLED)
+        axis.velocity = -60
+        network.sleep(1)
+        axis.quick_stop()
+        network.sleep(1)
+        assert (axis.velocity, axis.state) == (0, State.DISABLED)
+
+
+def test_its_status_is_all_at_once() -> None:
+    with drive() as network:
+        assert network[5].drive402.status == (State.DISABLED, 0x0270, 1, 0, 0, 0)
+
+
+def test_a_fault_is_reset() -> None:
+    with drive() as network:
+        network.devices[5].axes[0].fault(0x2310)  # type: ignore[attr-defined]
+        axis = network[5].drive402
+        with pytest.raises(DriveError, match="enable: it has a fault, error code 0x2310"):
+            axis.enable()
+        axis.fault_reset()
+        axis.fault_reset()  # there is none any more
+        axis.enable()
+        assert axis.state is State.ENABLED
+
+
+# What goes wrong, with the fault that makes it, in the words of the error
+
+WRONG: dict[str, tuple[Callable[[Any], object], str]] = {
+    "never-enables": (lambda axis: axis.enable(), "enable: not within 2 s; it is in Switched on"),
+    "following-error": (lambda axis: axis.move_to(9000), "move: it has a fault, error code 0x8611"),
+    "encoder-lost": (lambda axis: axis.move_to(9000), "move: it has a fault, error code 0x7305"),
+    "overcurrent": (lambda axis: axis.move_to(90_000), "move: it has a fault, error code 0x2310"),
+    "target-never-reached": (lambda axis: axis.move_to(900, within=3), "move: not within 3 s"),
+    "homing-stuck": (lambda axis: axis.home(24, within=3), "home: not within 3 s; it is in Operation enabled"),
+}
+
+
+@pytest.mark.parametrize(("fault", "call", "text"), [(fault, *said) for fault, said in WRONG.items()])
+def test_what_a_drive_does_not_do_is_an_error(fault: str, call: Callable[[Any], object], text: str) -> None:
+    with drive(fault) as network, pytest.raises(DriveError, match=text):
+        call(network[5].drive402)
+
+
+def test_a_fault_that_stays_is_said() -> None:
+    with drive("fault-reset-ignored") as network:
+        network.devices[5].axes[0].fault(0x2310)  # type: ignore[attr-defined]
+        with pytest.raises(DriveError, match="fault reset: it has a fault, error code 0x2310"):
+            network[5].drive402.fault_reset()
+
+
+def test_a_switch_that_is_nowhere_is_a_homing_error() -> None:
+    with drive(travel=(-1, 1)) as network, pytest.raises(DriveError, match="home: homing error"):
+        network[5].drive402.home(24)
+
+
+def test_a_motion_that_is_given_up_is_halted() -> None:
+    with drive() as network:
+        axis = network[5].drive402
+        with suppress(DriveError):
+            axis.move_to(1_000_000, velocity=100, within=1)
+        network.sleep(1)
+        assert (axis.velocity, axis.state) == (0, State.ENABLED)
+
+
+def test_ctrl_c_halts_a_motion() -> None:
+    with drive() as network:
+        axis, clock = network[5].drive402, network.master.clock
+        interrupts = iter([KeyboardInterrupt])
+
+        def interrupting() -> float:
+            if clock() > begun + 1:  # as Ctrl-C does, once, wherever the program is
+                for interrupt in interrupts:
+                    raise interrupt
+            return clock()
+
+        begun = clock()
+        network.master.clock = interrupting
+        with pytest.raises(KeyboardInterrupt):
+            axis.move_to(1_000_000)
+        network.sleep(1)
+        assert axis.velocity == 0
+        assert 1000 < axis.position < 100_000
+
+
+@pytest.mark.parametrize("method", [15, 99])
+def test_what_is_no_homing_method_is_refused_here(method: int) -> None:
+    with drive() as network, pytest.raises(LocalError, match="no homing method"):
+        network[5].drive402.home(method)
+
+
+def test_a_mode_that_the_drive_does_not_have_is_refused() -> None:
+    with drive(given={(0x6502, 0): 1}) as network, pytest.raises(NodeRefused):
+        network[5].drive402.velocity = 5
+
+
+def test_an_axis_that_no_drive_has_is_refused_here() -> None:
+    with drive() as network, pytest.raises(LocalError, match=r"axis 9 is not in 1\.\.8"):
+        network[5].axis402(9)
+
+
+def test_without_a_file_the_types_are_those_of_the_standard() -> None:
+    with drive() as network:
+        axis = network.add(5).drive402
+        axis.move_to(-3000)
+        assert axis.position == pytest.approx(-3000, abs=50)
+
+
+def test_in_an_event_loop_it_is_awaited() -> None:
+    async def main(channel: str) -> None:
+        async with AsyncNetwork.open("virtual", channel, answer_wait=2.0) as network:
+            axis = network.add(5, SERVO).drive402
+            await axis.home(35)
+            await axis.move_to(2000)
+            assert await axis.position == pytest.approx(2000, abs=50)
+            await axis.turn(100)
+            assert (await axis.status).mode == 3
+            moving = asyncio.create_task(axis.move_to(10_000_000))
+            while await axis.velocity < 500:
+                pass
+            moving.cancel()
+            with suppress(asyncio.CancelledError):
+                await moving
+            while await axis.velocity != 0:
+                pass
+            await axis.disable()
+            assert await axis.state is State.DISABLED
+
+    channel = new_channel()
+    with Live.node(open_bus(channel), SimulatedDrive(SERVO)):
+        asyncio.run(asyncio.wait_for(main(channel), 30))
