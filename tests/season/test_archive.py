@@ -164,11 +164,6 @@ def test_what_the_second_is_making_is_left_alone_when_the_first_is_done_and_a_th
         assert not made.exists(), "nobody is at work on it any more"
 
 
-def test_nothing_is_left_in_the_folder_where_runs_are_made(log: Path, tmp_path: Path) -> None:
-    Archiver(tmp_path / "season", NETWORK)(log)
-    assert not list((tmp_path / "season" / BEGUN).iterdir())
-
-
 def test_frames_that_are_written_in_parts_are_there_once(
     log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
