@@ -126,3 +126,14 @@ def test_what_a_frame_says_counts_in_an_event_loop_although_the_next_one_says_ot
 
     with open_bus(new_channel()) as bus:
         assert asyncio.run(main(bus))
+
+
+def test_nobody_observes_after_an_error_and_no_thread_is_left_at_the_end() -> None:
+    before = set(threading.enumerate())
+    with open_bus(new_channel()) as bus:
+        master = ThreadedMaster(Hasty(bus))
+        with pytest.raises(ZeroDivisionError), master.observed(lambda *_: None):
+            raise ZeroDivisionError
+        assert not master.observers
+        master.close()
+    assert set(threading.enumerate()) == before

@@ -52,6 +52,20 @@ def test_what_was_read_is_new_also_to_a_browser_that_has_the_present_turn(reques
     assert list(json.loads(session.snapshot(turn))["objects"]) == [key]
 
 
+def test_an_object_that_no_page_wants_any_more_is_read_no_more(requests: Requests) -> None:
+    session = requests.session
+    key = requests.watch({"node": "drive", "object": "0x1017"})
+    session.polled[key].wanted_until = session.now
+
+    async def poll_once() -> None:
+        polling = asyncio.create_task(requests.poll())
+        await asyncio.sleep(0)
+        polling.cancel()
+
+    asyncio.run(poll_once())
+    assert not session.polled
+
+
 def test_when_all_places_are_taken_those_who_have_one_keep_it(
     requests: Requests, monkeypatch: pytest.MonkeyPatch
 ) -> None:
