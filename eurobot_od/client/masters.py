@@ -267,7 +267,7 @@ class LoopMaster(FedMaster):
         self._loop = asyncio.get_running_loop()
         super().__init__(feed, answer_wait, clock=self._loop.time)
         self._turns: defaultdict[int, asyncio.Lock] = defaultdict(asyncio.Lock)
-        self._waiting: dict[asyncio.Future[None], Callable[[], bool]] = {}
+        self._waiting: dict[asyncio.Future[bool], Callable[[], bool]] = {}
         self._arrived: deque[tuple[float, Frame]] = deque()
         self._is_called = False
         feed.start(self._seen, self._failed, lambda: self._loop.call_soon_threadsafe(self._back))
@@ -303,20 +303,22 @@ class LoopMaster(FedMaster):
 
     def _wake(self) -> None:
         for future, done in [*self._waiting.items()]:
-            if not future.done() and (self.failure is not None or done()):
-                future.set_result(None)
+            if not future.done() and ((is_done := done()) or self.failure is not None):
+                future.set_result(is_done)
 
     async def _taken_in(self, wait: float, done: Callable[[], bool]) -> bool:
         if not done():
-            future: asyncio.Future[None] = self._loop.create_future()
+            future: asyncio.Future[bool] = self._loop.create_future()
             with self._waits(future, done):
                 await asyncio.wait([future], timeout=None if wait == inf else max(wait, 0))
+            if future.done() and future.result():  # it was done, even if a later frame has undone it since
+                return True
         if self.failure is not None and not done():
             raise self.failure
         return done()
 
     @contextmanager
-    def _waits(self, future: asyncio.Future[None], done: Callable[[], bool]) -> Iterator[None]:
+    def _waits(self, future: asyncio.Future[bool], done: Callable[[], bool]) -> Iterator[None]:
         self._waiting[future] = done
         try:
             yield

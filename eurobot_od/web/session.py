@@ -110,10 +110,11 @@ class Session:
             del self._events[next(iter(self._events))]
 
     def close(self) -> None:
-        """Let the bus go, end a recording."""
-        self._recording.stop()
-        self._source.close()
-        self.tap.shutdown()
+        """Let the bus go, end a recording; raises OSError if that cannot be written to its end, BusError."""
+        with ExitStack() as leaving:  # one that fails keeps no other from its end
+            leaving.callback(self.tap.shutdown)
+            leaving.callback(self._source.close)
+            self._recording.stop()
 
     # What is shown
 

@@ -113,8 +113,10 @@ def test_a_refusal_is_in_words(command: int, error: tuple[int, int], steps: LssS
 
 
 def test_silence_is_no_answer() -> None:
-    with wired() as master, pytest.raises(NoAnswer, match=r"^no answer within 5000 ms after LSS store"):
-        perform(master, lss.store())
+    with wired() as master:
+        with pytest.raises(NoAnswer, match=r"^no answer within 5000 ms after LSS store"):
+            perform(master, lss.store())
+        assert not master.listeners, "nobody listens any more"
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from math import inf
+
 import can
 import pytest
 
@@ -203,6 +205,38 @@ def test_an_answer_counts_that_came_in_time_and_is_looked_at_late() -> None:
 
     bus = WiredBus(Answerer(answers))
     assert Master(bus, clock=lambda: bus.now + asleep).node(2).upload(HEARTBEAT_TIME) == b"\xe8\x03"
+
+
+class Slow:
+    """A node whose first answer comes after a second; the value of an object is how often it was read."""
+
+    def __init__(self) -> None:
+        self.next_wakeup = inf
+        self._reads = 0
+        self._late: list[Frame] = []
+
+    def receive(self, frame: Frame, now: float) -> list[Frame]:
+        if frame.data[0] != ClientCommand.UPLOAD << 5:
+            return []
+        self._reads += 1
+        answer = Frame(0x582, bytes.fromhex("4f171000") + bytes([self._reads, 0, 0, 0]))
+        if self._reads == 1:
+            self._late, self.next_wakeup = [answer], now + 1.0
+            return []
+        return [*self.tick(now), answer]  # what is late is on the bus before
+
+    def tick(self, now: float) -> list[Frame]:
+        late, self._late, self.next_wakeup = self._late, [], inf
+        return late
+
+
+def test_an_answer_that_comes_when_nobody_waits_any_more_is_none_to_the_next_request() -> None:
+    bus = WiredBus(Slow())
+    node = Master(bus, 0.5, clock=lambda: bus.now).node(2)
+    with pytest.raises(NoAnswer):
+        node.upload(HEARTBEAT_TIME)
+    bus.now += 1.0
+    assert node.upload(HEARTBEAT_TIME) == b"\2"
 
 
 def test_an_object_of_a_known_length_takes_no_longer_announcement() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import threading
 from collections.abc import Callable
 from functools import partial
@@ -9,7 +10,7 @@ from functools import partial
 import can
 import pytest
 
-from eurobot_od.client.masters import OwnFeed, PeriodicTask, SharedFeed, ThreadedMaster
+from eurobot_od.client.masters import LoopMaster, OwnFeed, PeriodicTask, SharedFeed, ThreadedMaster
 from eurobot_od.device.nmt import NmtCommand, NmtState
 from eurobot_od.errors import BusError
 from eurobot_od.frame import Frame
@@ -101,3 +102,38 @@ def test_a_boot_up_counts_that_a_heartbeat_has_followed_already(monkeypatch: pyt
         master.node(5).reset()
         assert master.states == {5: NmtState.OPERATIONAL}
         master.close()
+
+
+def test_somebody_elses_notifier_has_no_listener_of_ours_at_the_end() -> None:
+    with open_bus(new_channel()) as bus:
+        notifier = can.Notifier(bus, [], timeout=0.01)
+        master = ThreadedMaster(SharedFeed(bus, notifier))
+        assert len(notifier.listeners) == 1
+        master.close()
+        assert not notifier.listeners
+        assert not notifier.stopped
+        notifier.stop()
+
+
+def test_what_a_frame_says_counts_in_an_event_loop_although_the_next_one_says_otherwise() -> None:
+    async def main(bus: can.BusABC) -> bool:
+        feed = Hasty(bus)
+        master = LoopMaster(feed)
+        waiting = asyncio.ensure_future(master.pump.steps(0.2, lambda: master.states.get(5) is NmtState.INITIALISING))
+        await asyncio.sleep(0)
+        feed.send(Frame(0x000, bytes([NmtCommand.RESET_NODE, 5])))
+        return await waiting
+
+    with open_bus(new_channel()) as bus:
+        assert asyncio.run(main(bus))
+
+
+def test_nobody_observes_after_an_error_and_no_thread_is_left_at_the_end() -> None:
+    before = set(threading.enumerate())
+    with open_bus(new_channel()) as bus:
+        master = ThreadedMaster(Hasty(bus))
+        with pytest.raises(ZeroDivisionError), master.observed(lambda *_: None):
+            raise ZeroDivisionError
+        assert not master.observers
+        master.close()
+    assert set(threading.enumerate()) == before

@@ -590,6 +590,14 @@ def test_frames_that_wait_at_the_end_are_sent(driver: Driver) -> None:
     assert live.gatekeeper.statistics().transmit.completed == len(driver.tries) == 12
 
 
+def test_what_no_thread_has_sent_by_the_end_is_sent_by_whoever_ends_it(driver: Driver) -> None:
+    live = Live(driver, Gatekeeper(PROTOCOL))  # without its threads, as a keeper that has not had its turn
+    live.send(StopDrive())
+    assert driver.tries == []
+    live.stop()
+    assert [frame.cob_id for frame in driver.tries] == [PROTOCOL.cob_id(StopDrive)]
+
+
 # Listeners that do not behave
 
 

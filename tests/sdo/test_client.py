@@ -76,6 +76,8 @@ def test_reads_in_blocks_of_any_size(segments: int) -> None:
         {3, 4, 5},
         {1 + BLOCK_SEGMENTS + 3},  # within the second block
         {1 + 150},  # the last of all
+        {2, 2 + 2 * BLOCK_SEGMENTS},  # the first of both blocks: nothing of either comes, but not twice in a row
+        {2, 1 + BLOCK_SEGMENTS},  # the first and the last: the time-out comes with nothing in sequence
     ],
 )
 def test_segments_of_a_block_upload_that_are_lost_come_again(lost: set[int]) -> None:
@@ -327,6 +329,15 @@ def test_an_announced_size_is_bounded_by_the_object(read: Callable[..., Transfer
     assert talk(transfer, [answer])[1] == ["80081000 12000706"]
     with pytest.raises(OddAnswer, match="is not about an object of at most 1000 bytes"):
         transfer.result()
+
+
+@pytest.mark.parametrize(
+    ("read", "answer"), [(upload, "41081000 e8030000"), (block_upload, "c6081000 e8030000")], ids=["upload", "block"]
+)
+def test_an_object_may_be_as_long_as_its_bound(read: Callable[..., Transfer], answer: str) -> None:
+    transfer = read(TEXT, WAIT, room=Room(announced=1000))
+    talk(transfer, [answer])
+    assert not transfer.done
 
 
 # Time

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 import shutil
+from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
@@ -15,7 +17,8 @@ from eurobot_od.errors import UnknownName
 from eurobot_od.frame import Frame
 from eurobot_od.robot import dialects
 from eurobot_od.robot.model.messages import CATALOGUE
-from eurobot_od.season.archive import BEGUN, Archived, Archiver, archive
+from eurobot_od.season import writing
+from eurobot_od.season.archive import BEGUN, Archived, Archiver, _begun, archive
 from eurobot_od.season.tables import table_names
 from eurobot_od.season.writing import DecodedNetwork
 from tests.season.seasons import table, write_log
@@ -145,3 +148,25 @@ def test_the_row_of_a_log_is_in_place_last(log: Path, tmp_path: Path, monkeypatc
     Archiver(tmp_path / "season", NETWORK)(log)
     assert len(placed) > 3
     assert placed.index("runs") == len(placed) - 1
+
+
+@pytest.mark.skipif(os.name != "posix", reason="the locks are POSIX's")
+def test_what_the_second_is_making_is_left_alone_when_the_first_is_done_and_a_third_comes(tmp_path: Path) -> None:
+    with ExitStack() as first:
+        first.enter_context(_begun(tmp_path))
+        with _begun(tmp_path):
+            made = tmp_path / "run"
+            made.mkdir()
+            first.close()
+            with _begun(tmp_path):
+                assert made.is_dir()
+    with _begun(tmp_path):
+        assert not made.exists(), "nobody is at work on it any more"
+
+
+def test_frames_that_are_written_in_parts_are_there_once(
+    log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(writing, "MANY", 1)
+    Archiver(tmp_path / "season", NETWORK)(log)
+    assert table(tmp_path / "season", "goto_xy")["line"].to_list() == [1]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable
 from pathlib import Path
 
@@ -17,6 +18,7 @@ from eurobot_od.robot import dialects
 from eurobot_od.robot.model import messages
 from eurobot_od.robot.model.messages import CATALOGUE
 from eurobot_od.robot.protocol import EurobotProtocol
+from eurobot_od.season import season as season_module
 from eurobot_od.season.archive import Archiver
 from eurobot_od.season.season import Season, SqlError
 from eurobot_od.season.writing import DecodedNetwork
@@ -93,6 +95,27 @@ def test_who_asks_hears_how_far_it_is(season: Season) -> None:
     season.sql("SELECT count(*) FROM goto_xy", progress=told.append)
     assert told[-1] == 100
     assert set(told) <= set(range(101))
+
+
+def test_a_query_that_fails_leaves_no_thread_that_watches_it(season: Season) -> None:
+    before = set(threading.enumerate())
+    with pytest.raises(SqlError):
+        season.sql("SELECT nothing FROM goto_xy", progress=lambda _: None)
+    assert set(threading.enumerate()) == before
+
+
+def test_as_many_rows_as_are_allowed_are_given_and_one_more_is_an_error(
+    season: Season, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(season_module, "MOST_ROWS", 3)
+    assert len(season.sql("SELECT * FROM range(3)")) == 3
+    with pytest.raises(SqlError, match="more than 3 rows"):
+        season.sql("SELECT * FROM range(4)")
+
+
+def test_a_column_that_is_shown_as_text_keeps_its_name(season: Season) -> None:
+    found = season.sql("""SELECT INTERVAL 1 DAY AS "a ""quoted"" name", 1 AS plain""")
+    assert found.columns == ['a "quoted" name', "plain"]
 
 
 CONFINED = {

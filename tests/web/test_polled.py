@@ -1,11 +1,79 @@
-"""An object that is read again and again, as data."""
+"""An object that is read again and again: as data, when it is shown, and how many there are at once."""
 
 from __future__ import annotations
 
+import asyncio
+import json
+from collections.abc import Iterator
+from functools import partial
+from pathlib import Path
+
+import pytest
+
+from eurobot_od.errors import LocalError
+from eurobot_od.live import open_bus
 from eurobot_od.od.objects import find_one
+from eurobot_od.robot.protocol import decoder
+from eurobot_od.web import polled
 from eurobot_od.web.polled import PolledObject
+from eurobot_od.web.requests import Requests
+from eurobot_od.web.session import Session
+from tests.web.scene import LONG, channel
+
+
+@pytest.fixture
+def requests(tmp_path: Path) -> Iterator[Requests]:
+    """What a page asks on a bus without nodes."""
+    session = Session(partial(open_bus, "virtual", channel()), decoder(), 500_000)
+    found = Requests(session, tmp_path)
+    found.master.answer_wait = 0.01
+    yield found
+    session.close()
 
 
 def test_its_time_is_told_to_a_tenth_of_a_millisecond() -> None:
     polled = PolledObject(5, find_one("0x1017", None), time=1.23456, value=1000)
     assert polled.shown() == {"time": 1.2346, "value": 1000, "trouble": ""}
+
+
+def test_what_was_read_is_new_also_to_a_browser_that_has_the_present_turn(requests: Requests) -> None:
+    session = requests.session
+    key = requests.watch({"node": "drive", "object": "0x1017"})
+
+    async def read_once() -> None:
+        polling = asyncio.create_task(requests.poll())
+        while session.polled[key].turn < 0:
+            await asyncio.sleep(0)
+        polling.cancel()
+
+    session.poll()
+    turn = session.turn
+    asyncio.run(asyncio.wait_for(read_once(), LONG))
+    assert list(json.loads(session.snapshot(turn))["objects"]) == [key]
+
+
+def test_an_object_that_no_page_wants_any_more_is_read_no_more(requests: Requests) -> None:
+    session = requests.session
+    key = requests.watch({"node": "drive", "object": "0x1017"})
+    session.polled[key].wanted_until = session.now
+
+    async def poll_once() -> None:
+        polling = asyncio.create_task(requests.poll())
+        await asyncio.sleep(0)
+        polling.cancel()
+
+    asyncio.run(poll_once())
+    assert not session.polled
+
+
+def test_when_all_places_are_taken_those_who_have_one_keep_it(
+    requests: Requests, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(polled, "MOST", 1)
+    known = {"node": "drive", "object": "0x1017"}
+    key = requests.watch(known)
+    before = requests.session.polled[key].wanted_until
+    requests.watch(known)
+    assert requests.session.polled[key].wanted_until > before
+    with pytest.raises(LocalError, match="1 objects are read again and again already"):
+        requests.watch({"node": "drive", "object": "0x1018:1"})

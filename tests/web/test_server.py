@@ -23,6 +23,7 @@ from eurobot_od.live import Driver, Live, open_bus
 from eurobot_od.robot import dialects
 from eurobot_od.robot.model.values import TeamColour
 from eurobot_od.robot.nodes import ROLES, Core
+from eurobot_od.web import server
 from eurobot_od.web.access import AccessRules
 from eurobot_od.web.server import MOST_BROWSERS, MOST_OWED
 from tests.web.scene import LONG, Served, channel, live_page, robot
@@ -314,6 +315,18 @@ def test_a_browser_that_confirms_nothing_is_left_out_and_told(tmp_path: Path) ->
         *owed, woken = talk(served, sleep_and_wake)
         assert [each["skipped"] for each in owed] == [0] * len(owed)
         assert woken["skipped"] > 5
+
+
+def test_of_too_many_requests_at_once_the_last_are_dropped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    async def flood(opened: aiohttp.ClientWebSocketResponse) -> list[int]:
+        for number in (1, 2, 3):  # a node that is silent keeps the first of them waiting, and the others wait for it
+            await opened.send_str(json.dumps({"id": number, "do": "read", "node": "drive", "object": "0x1017"}))
+        answered = [(await answer(opened, "0"))["re"] for _ in range(2)]  # "0" asks nothing: it confirms no turn
+        return [*answered, (await answer(opened, '{"id": 4, "do": "objects", "node": "drive"}'))["re"]]
+
+    monkeypatch.setattr(server, "MOST_PENDING", 2)
+    with live_page(channel(), tmp_path) as served:
+        assert talk(served, flood) == [1, 2, 4]
 
 
 def test_twenty_browsers_see_every_frame_counted(tmp_path: Path) -> None:

@@ -142,6 +142,26 @@ def test_a_full_disk_ends_a_recording_and_nothing_else(
     assert "No space left on device" in found["recording"]["trouble"]
 
 
+def test_a_recording_that_cannot_be_ended_lets_the_bus_go_all_the_same(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    @contextmanager
+    def full(_: Path) -> Iterator[Callable[[float, Frame], None]]:
+        with Path("/dev/full").open("w") as disk:  # noticed only when what is buffered is written
+            yield lambda _time, frame: print(frame, file=disk)
+
+    name = channel()
+    bus = open_bus("virtual", name)
+    session = Session(lambda: bus, decoder(), 500_000)
+    monkeypatch.setattr(module, "recording", full)
+    session.record(tmp_path)
+    session.tap.send_frame(BEAT)
+    session.poll()
+    with pytest.raises(OSError, match="No space left on device"):
+        session.close()
+    assert bus._is_shutdown
+
+
 def test_a_bus_that_fails_is_reported_and_opened_again() -> None:
     name = channel()
     opened = [open_bus("virtual", name)]

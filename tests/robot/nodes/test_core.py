@@ -808,6 +808,20 @@ def test_any_other_message_is_sent_asked_for_and_told(bench: Bench) -> None:
     assert (bench.sent(GotoStateRequest), told) == ([GotoStateRequest()] * 2, [GotoStateResponse(5)])
 
 
+def test_a_function_that_wants_one_message_takes_it_from_no_other(bench: Bench) -> None:
+    told: list[str] = []
+
+    def once(_: Message) -> None:
+        told.append("once")
+        end()
+
+    end = bench.core.on(GotoStateResponse, once)
+    bench.core.on(GotoStateResponse, lambda _: told.append("always"))
+    for _ in range(2):
+        bench.say("drive", GotoStateResponse(5))
+    assert told == ["once", "always", "always"]
+
+
 def test_an_answer_that_does_not_come_in_time_is_an_error(bench: Bench) -> None:
     call = bench.core.ask(GotoStateRequest(), GotoStateResponse, timeout=0.2)
     bench.run(0.19)

@@ -300,6 +300,25 @@ class HeldWheels(Wheels):
         return super().advance(command._replace(speed=command.speed * 0.3), dt)
 
 
+class SlippingWheels(Wheels):
+    """Wheels that are held again and again, each time for less than it takes to call that blocked."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._steps = 0
+
+    def advance(self, command: Command, dt: float) -> Odometry:
+        self._steps += 1
+        moved = super().advance(command, dt)
+        return moved if self._steps % 8 == 0 else Odometry(0.0, 0.0)
+
+
+def test_wheels_that_slip_for_moments_are_not_blocked_however_often() -> None:
+    seat = Seat(wheels=SlippingWheels()).say(RED, GOTO).run(2.0)
+    assert seat.drive.moving
+    assert seat.drive.fault is None
+
+
 def test_a_robot_that_ran_into_something_knows_its_place_worse() -> None:
     free, held = (Seat(wheels=wheels).say(RED, GOTO).run(1.0) for wheels in (Wheels(), HeldWheels()))
     assert held.drive.estimate.spread > PUSHED > free.drive.estimate.spread
