@@ -17,7 +17,7 @@ from eurobot_od.od.values import MOST_SUBS
 from eurobot_od.support.files import check_writable
 
 if TYPE_CHECKING:
-    from eurobot_od.check.conformance.drive import Motion
+    from eurobot_od.check.conformance.drive import MotionBounds
     from eurobot_od.check.results import SuiteResult
     from eurobot_od.cli.checking import Checks
 
@@ -97,12 +97,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     shared.add_bus(parser)
 
 
-def _motion(text: str) -> Motion:
+def _motion(text: str) -> MotionBounds:
     """Read how far and how fast a motor may be moved; raises ArgumentTypeError."""
-    from eurobot_od.check.conformance.drive import Motion
+    from eurobot_od.check.conformance.drive import MotionBounds
 
     way, _, velocity = text.partition("@")
-    limits = Motion(*(int(each) if each.isdecimal() and len(each) < 10 else 0 for each in (way, velocity)))
+    limits = MotionBounds(*(int(each) if each.isdecimal() and len(each) < 10 else 0 for each in (way, velocity)))
     if not (limits.way and limits.velocity):
         raise argparse.ArgumentTypeError(f"{text!r}: a way and a velocity above 0, such as 2000@100")
     return limits

@@ -220,11 +220,12 @@ class DriveAtNode:
             if velocity is not None:
                 await self._write(cia402.PROFILE_VELOCITY, velocity)
             await self._write(cia402.TARGET_POSITION, position)
-            bits = cia402.NEW_SET_POINT | cia402.AT_ONCE | cia402.RELATIVE * relative
+            reached, bits = cia402.TARGET_REACHED, cia402.NEW_SET_POINT | cia402.AT_ONCE | cia402.RELATIVE * relative
             await self._command(Command.ENABLE, bits)
             await self._until("move", within, lambda word: bool(word & cia402.BIT_12))
             await self._command(Command.ENABLE)
-            await self._until("move", within, _is_there)
+            # While bit 12 is set, the target that is reached may be that of the set-point before.
+            await self._until("move", within, lambda word: word & (reached | cia402.BIT_12) == reached)
 
     async def _turn(self, velocity: int) -> None:
         async with self._watched():
@@ -234,11 +235,6 @@ class DriveAtNode:
 
 def _has_left(state: State | None, word: int) -> bool:
     return cia402.state_of(word) is not state
-
-
-def _is_there(word: int) -> bool:
-    """Whether a move is at its end: the target is reached, and it is that of the last set-point."""
-    return bool(word & cia402.TARGET_REACHED) and not word & cia402.BIT_12
 
 
 class Drive402(DriveAtNode):

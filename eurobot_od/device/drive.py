@@ -21,7 +21,7 @@ from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.standard import SYNC_PERIOD
 from eurobot_od.od.values import Address, Value
 from eurobot_od.profiles import cia402
-from eurobot_od.profiles.axis import Axis
+from eurobot_od.profiles.axis import DriveAxis
 from eurobot_od.profiles.modes import MODES
 from eurobot_od.profiles.motion import STEP, Plant
 from eurobot_od.profiles.values import AxisValues
@@ -38,15 +38,15 @@ class SimulatedDrive(SimulatedDevice):
     position and velocity, homing, cyclic synchronous position and velocity, following error and software limits.
     """
 
-    AXIS: ClassVar[type[Axis]] = Axis
+    AXIS: ClassVar[type[DriveAxis]] = DriveAxis
 
     def __init__(self, dictionary: Dictionary, *, travel: tuple[float, float] | None = None, **options: Any) -> None:
-        self._axes: tuple[Axis, ...] = ()
+        self._axes: tuple[DriveAxis, ...] = ()
         self._plant, self._beats = Plant(travel), False
         super().__init__(dictionary, **options)
 
     @property
-    def axes(self) -> tuple[Axis, ...]:
+    def axes(self) -> tuple[DriveAxis, ...]:
         """The axes, the first one at index 0x6000."""
         return self._axes
 
@@ -89,7 +89,7 @@ class SimulatedDrive(SimulatedDevice):
         super().reset()
 
     def _report(self, number: int, code: int | None) -> None:
-        what = Axis, number
+        what = DriveAxis, number
         if code is None:
             self.clear_error(what)
         else:

@@ -6,6 +6,7 @@ Rule of this file: what no file says is a guess, and is called one.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
+from functools import partial
 from typing import TYPE_CHECKING, NamedTuple
 
 from eurobot_od.device.nmt import ALL_NODES
@@ -56,7 +57,8 @@ class Unmapped:
         # Senders last, as they know what they send.
         for device, pdo in sorted(pdos, key=lambda each: each[1].direction is PdoDirection.TPDO):
             if pdo.valid and pdo.multiplex is not None:
-                known[pdo.cob_id] = _multiplexed(devices, device, pdo)
+                name = f"{device.name}.{pdo.title.replace(' ', '')}"
+                known[pdo.cob_id] = OtherPdo(name, (device.name,), partial(_mpdo_words, devices))
         return cls(known, {node_id: each.name for node_id, each in devices.items()})
 
     def get(self, cob_id: int) -> OtherPdo | None:
@@ -86,13 +88,6 @@ def _switched_off(device: Dictionary, pdo: Pdo) -> OtherPdo:
     return OtherPdo(pdo.title, (device.name,), plain, Damage.SWITCHED_OFF, why)
 
 
-def _multiplexed(devices: Mapping[int, Dictionary], device: Dictionary, pdo: Pdo) -> OtherPdo:
-    def text(data: bytes) -> str:
-        return _mpdo_words(devices, data)
-
-    return OtherPdo(f"{device.name}.{pdo.title.replace(' ', '')}", (device.name,), text)
-
-
 DESTINATION = 1 << 7
 """Bit of an MPDO's first byte: the node after it is who is meant, and not who sends (CiA 301, 7.2.2.6.2)."""
 
@@ -106,12 +101,8 @@ def _mpdo_words(devices: Mapping[int, Dictionary], data: bytes) -> str:
     node = device.name if device else f"node {node_id}"
     receiver = "all nodes" if node_id == ALL_NODES else node
     whose = f"to {receiver}" if data[0] & DESTINATION else f"of {node}"
-    size = _size(device, address)
-    return f"{object_words(device, address)} {whose} = {value_words(device, address, octets[:size])}"
-
-
-def _size(device: Dictionary | None, address: values.Address) -> int:
-    """Return how many of the four bytes an object takes; all, if that is not known."""
     variable = device.variable(address) if device else None
-    size = values.DATA_TYPES[variable.data_type].size if variable and variable.data_type in values.DATA_TYPES else 0
-    return size if 0 < size <= 4 else 4
+    type_ = values.DATA_TYPES.get(variable.data_type or 0) if variable else None
+    # A shorter object has the first of the four bytes; of a type without a size nobody knows how many.
+    size = type_.size if type_ and 0 < type_.size < 4 else 4
+    return f"{object_words(device, address)} {whose} = {value_words(device, address, octets[:size])}"

@@ -219,7 +219,11 @@ class _Built:
         """Return the array that takes the next sub-index: that at the index, or the one after it (ObjExtend)."""
         last = extension.last or values.MOST_SUBS
         while index <= 0xFFFF:
-            array = self._arrays.setdefault(index, self._array(index, extension))
+            if index not in self._arrays:
+                whole = DescribedDevice(self._modules.document).objects.get(index)
+                subs = [each.sub for each in whole.variables()] if whole else []
+                self._arrays[index] = _Array(max(subs, default=0) + 1, whole.section if whole else None)
+            array = self._arrays[index]
             if array.next <= last or 0 < extension.bits <= array.free:
                 return array
             if not extension.last:
@@ -227,14 +231,14 @@ class _Built:
             index += 1
         return None
 
-    def _array(self, index: int, extension: Extension) -> _Array:
-        whole = DescribedDevice(self._modules.document).objects.get(index)
-        subs = [each.sub for each in whole.variables()] if whole else []
-        return _Array(max(subs, default=0) + 1, whole.section if whole else None)
-
     def sections(self) -> dict[str, Section]:
         """Return all sections that are new, or have other values than in the file."""
-        arrays = [(index, array) for index, array in self._arrays.items() if array.subs and not self._is_there(array)]
+        # A DCF that gives those sub-indices values has written out what its modules add: they are there already.
+        arrays = [
+            (index, array)
+            for index, array in self._arrays.items()
+            if array.subs and not (self._from_file and array.first > len(array.subs))
+        ]
         made = (each for index, array in arrays for each in self._array_sections(index, array))
         return {**self._fixed, **{each.name.lower(): each for each in (*made, *self._module_list())}}
 
@@ -247,10 +251,6 @@ class _Built:
             section = self._there.get(f"1027sub{position:x}")
             if section is not None:
                 yield _with(section, DefaultValue=str(number))
-
-    def _is_there(self, array: _Array) -> bool:
-        """Whether a file has written out what its modules add, as a DCF has that gives those sub-indices values."""
-        return self._from_file and array.first > len(array.subs)
 
     def _array_sections(self, index: int, array: _Array) -> Iterator[Section]:
         first = next(iter(array.subs.values()))

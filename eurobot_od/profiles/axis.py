@@ -51,7 +51,7 @@ class Stop(NamedTuple):
     after: State | None
 
 
-class Axis:
+class DriveAxis:
     """An axis with its objects; `report` gets the error code of a fault, and None when it is reset.
 
     `plant` is what the motor moves. `sync_period` is the time between two SYNCs in seconds, as far as it is known.

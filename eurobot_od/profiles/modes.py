@@ -79,7 +79,7 @@ class ModeOfOperation:
         return self.axis.demand.velocity == 0
 
 
-class Window:
+class TargetWindow:
     """Tells whether something has been so for a time in seconds."""
 
     def __init__(self) -> None:
@@ -104,7 +104,7 @@ class ProfilePosition(ModeOfOperation):
         self._target: SetPoint | None = None
         self._next: SetPoint | None = None
         self._acknowledged = self._commanded = False
-        self._window = Window()
+        self._window = TargetWindow()
 
     def command(self, word: int, rising: int) -> None:
         self._commanded = bool(word & cia402.NEW_SET_POINT)
@@ -130,7 +130,7 @@ class ProfilePosition(ModeOfOperation):
         return SetPoint(min(max(target, low), high), velocity)
 
     def _begin_move(self, set_point: SetPoint) -> None:
-        self._target, self._window = set_point, Window()
+        self._target, self._window = set_point, TargetWindow()
 
     def _release(self) -> None:
         # A set-point is acknowledged until the bit is taken back and there is room for another one.
@@ -313,10 +313,11 @@ class Homing(ModeOfOperation):
         self._look(seek, direction)
 
     def _look(self, seek: Seek, direction: int) -> None:
-        motor = self.axis.motor
+        motor, switch = self.axis.motor, seek.switch
+        is_there = motor.index != self._index if switch is None else bool(motor.switches & switch) is seek.active
         if self.axis.demand.velocity * direction <= 0:  # it turns round: what it passes meanwhile is not what is sought
             self._index = motor.index
-        elif self._found(seek):
+        elif is_there:
             self._home = motor.position
             self._go_on()
         elif motor.switches & LIMITS[direction]:
@@ -328,12 +329,6 @@ class Homing(ModeOfOperation):
 
     def _fail(self) -> None:
         self._failed, self._runs, self._seek = True, False, None
-
-    def _found(self, seek: Seek) -> bool:
-        motor = self.axis.motor
-        if seek.switch is None:
-            return motor.index != self._index
-        return bool(motor.switches & seek.switch) is seek.active
 
     def _arrive(self) -> None:
         """Call the place that was found home: the position there is what the home offset says (clause 11.4.1)."""

@@ -36,13 +36,9 @@ class Units(NamedTuple):
     @classmethod
     def of(cls, values: AxisValues) -> Units:
         """Take them from the objects: resolution 0x608F, unit of velocity 0x60A9, or the unit that the file writes."""
-        turn = _ratio(values, cia402.ENCODER_RESOLUTION, TURN)
+        counts, turns = (values.get(cia402.ENCODER_RESOLUTION, sub) for sub in (1, 2))
+        turn = counts / turns if counts > 0 and turns > 0 else TURN
         return cls(turn, _velocity_unit(values, turn))
-
-
-def _ratio(values: AxisValues, index: int, default: float) -> float:
-    counts, turns = (values.get(index, sub) for sub in (1, 2))
-    return counts / turns if counts > 0 and turns > 0 else default
 
 
 def _velocity_unit(values: AxisValues, turn: float) -> float:
