@@ -145,6 +145,7 @@ class DriveAtNode:
         while (state := await self._state()) is not State.ENABLED:
             if state is State.FAULT:
                 raise await self._fault("enable")
+            # Nothing to command: the drive leaves this state by itself, or the wait below ends with an error.
             command = NEXT.get(state) if state else None
             if command is not None:
                 await self._command(command)
@@ -172,7 +173,7 @@ class DriveAtNode:
         _, is_reset = await self._poll(within, lambda word: cia402.state_of(word) not in FAULTY)
         if not is_reset:
             raise await self._fault("fault reset")
-        await self._command(Command.DISABLE_VOLTAGE)
+        await self._command(Command.DISABLE_VOLTAGE)  # takes the bit back: the next reset is an edge again
 
     # Motion
 
@@ -198,6 +199,7 @@ class DriveAtNode:
                     raise DriveError(f"{self._name}: {wanted}: it stays in {is_}")
                 await self._node.master.pump.steps(POLL)
         await self._enable(within)
+        # Bits 4 to 6 and 8 belong to the mode: a set-point or halt of the one before must not count in this one.
         await self._command(Command.ENABLE)
 
     async def _home(self, method: int | None, within: float) -> None:
@@ -220,6 +222,7 @@ class DriveAtNode:
             if velocity is not None:
                 await self._write(cia402.PROFILE_VELOCITY, velocity)
             await self._write(cia402.TARGET_POSITION, position)
+            # At once: a set-point that an interrupted program has left need not be reached first.
             reached, bits = cia402.TARGET_REACHED, cia402.NEW_SET_POINT | cia402.AT_ONCE | cia402.RELATIVE * relative
             await self._command(Command.ENABLE, bits)
             await self._until("move", within, lambda word: bool(word & cia402.BIT_12))

@@ -6,7 +6,6 @@ other value does.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
 from functools import partial
 from typing import Any, ClassVar
 
@@ -28,6 +27,9 @@ from eurobot_od.profiles.values import AxisValues
 
 BEAT = 0.005
 """Seconds between two looks at an axis that moves, for TPDOs that go on a change; a frame finds the values of now."""
+
+SIMULATED_MODES = sum(1 << mode - 1 for mode in MODES if mode)
+"""The bits in 0x6502 of the modes that are simulated: mode n has bit n - 1 (CiA 402-2, clause 9)."""
 
 
 class SimulatedDrive(SimulatedDevice):
@@ -57,20 +59,14 @@ class SimulatedDrive(SimulatedDevice):
 
     def _application(self, dictionary: Dictionary) -> Application:
         application = super()._application(dictionary)
-        told: Mapping[Address, OnTold] = {
-            (cia402.MODE + offset, 0): partial(self._check_mode, number)
-            for number, offset in enumerate(self._offsets(dictionary))
-        }
-        given = {**dict(self._simulated_modes(dictionary)), **application.given}
-        return application._replace(told={**told, **application.told}, given=given)
-
-    def _simulated_modes(self, dictionary: Dictionary) -> Iterator[tuple[Address, Value]]:
-        """Give 0x6502 of each axis with the modes that are simulated: nobody is to be promised others."""
-        for offset in self._offsets(dictionary):
-            address = cia402.SUPPORTED_MODES + offset, 0
-            said = dictionary.default(address) if dictionary.variable(address) else None
-            if isinstance(said, int):
-                yield address, said & sum(1 << mode - 1 for mode in MODES if mode)
+        told, given = dict[Address, OnTold](), dict[Address, Value]()
+        for number, offset in enumerate(self._offsets(dictionary)):
+            told[cia402.MODE + offset, 0] = partial(self._check_mode, number)
+            modes = cia402.SUPPORTED_MODES + offset, 0
+            said = dictionary.default(modes) if dictionary.variable(modes) else None
+            if isinstance(said, int):  # less what is not simulated: a master would choose it in vain
+                given[modes] = said & SIMULATED_MODES
+        return application._replace(told={**told, **application.told}, given={**given, **application.given})
 
     def _check_mode(self, number: int, mode: int) -> None:
         if self._axes and not self._axes[number].takes(mode):
@@ -103,6 +99,7 @@ class SimulatedDrive(SimulatedDevice):
 
     def _changed(self) -> list[Frame]:
         self.device.settle()
+        # 0x1006 is in microseconds (CiA 301, 7.5.2.6); 0 says that nobody sends SYNC.
         period = self.device.number(SYNC_PERIOD) / 1_000_000 if self.dictionary.variable(SYNC_PERIOD) else 0.0
         for axis in self._axes:
             axis.sync_period = period or STEP
@@ -119,6 +116,7 @@ class SimulatedDrive(SimulatedDevice):
 
     def halted(self) -> None:
         super().halted()
+        # In Pre-operational a master still reaches the drive by SDO; in Stopped nobody does.
         if self.device.state is NmtState.STOPPED:
             self._lose()
 

@@ -182,6 +182,7 @@ class Transfers:
         running = self._running.pop(key)
         what = "value of" if running.is_upload else "written"
         if running.announced is not None and running.size < running.announced and not running.lost:
+            # Rounded up: the last segment may have fewer bytes than the others.
             running.lost = -(-(running.announced - running.size) // SEGMENT_SIZE)
         lost = f"{amount(running.lost, 'segment')} of it not in the log" if running.lost else ""
         return Said(text=running.words(what, time), lost=lost, ended=running.ended(time))

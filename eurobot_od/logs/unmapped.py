@@ -16,7 +16,6 @@ from eurobot_od.logs.network_words import plain
 from eurobot_od.logs.sdo_words import object_words, value_words
 from eurobot_od.od import values
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.od.pdos import Pdo
 from eurobot_od.od.values import PdoDirection
 
 if TYPE_CHECKING:
@@ -53,7 +52,11 @@ class Unmapped:
             for pdo in each.read_pdos(each.default, lambda _: None, listening=True)
             if pdo.cob_id
         ]
-        known = {pdo.cob_id: _switched_off(device, pdo) for device, pdo in pdos if not pdo.valid}
+        known: dict[int, OtherPdo] = {}
+        for device, pdo in pdos:
+            if not pdo.valid:
+                why = f": {pdo.title} of {device.name}, off in its {device.file.suffix.lstrip('.').upper() or 'file'}"
+                known[pdo.cob_id] = OtherPdo(pdo.title, (device.name,), plain, Damage.SWITCHED_OFF, why)
         # Senders last, as they know what they send.
         for device, pdo in sorted(pdos, key=lambda each: each[1].direction is PdoDirection.TPDO):
             if pdo.valid and pdo.multiplex is not None:
@@ -62,16 +65,9 @@ class Unmapped:
         return cls(known, {node_id: each.name for node_id, each in devices.items()})
 
     def get(self, cob_id: int) -> OtherPdo | None:
-        """Return what an identifier is for, None if nothing fits."""
-        return self._known.get(cob_id) or self._guess(cob_id)
-
-    def defect(self, cob_id: int) -> tuple[Damage | None, str]:
-        """Return what is wrong with the frames of an identifier, None for nothing, and why."""
-        if found := self.get(cob_id):
-            return found.damage, found.why
-        return (Damage.EXTENDED if cob_id & EXTENDED else Damage.UNKNOWN_IDENTIFIER), ""
-
-    def _guess(self, cob_id: int) -> OtherPdo | None:
+        """Return what an identifier is for, by the files or else a guess; None if nothing fits."""
+        if cob_id in self._known:
+            return self._known[cob_id]
         if found := values.owner(cob_id, DEFAULT_PDOS):
             node_id = found.node_id(cob_id)
             node = self._nodes.get(node_id or 0, f"node {node_id}")
@@ -82,10 +78,11 @@ class Unmapped:
             return OtherPdo("", (), plain, Damage.UNKNOWN_IDENTIFIER, why)
         return None
 
-
-def _switched_off(device: Dictionary, pdo: Pdo) -> OtherPdo:
-    why = f": {pdo.title} of {device.name}, off in its {device.file.suffix.lstrip('.').upper() or 'file'}"
-    return OtherPdo(pdo.title, (device.name,), plain, Damage.SWITCHED_OFF, why)
+    def defect(self, cob_id: int) -> tuple[Damage | None, str]:
+        """Return what is wrong with the frames of an identifier, None for nothing, and why."""
+        if found := self.get(cob_id):
+            return found.damage, found.why
+        return (Damage.EXTENDED if cob_id & EXTENDED else Damage.UNKNOWN_IDENTIFIER), ""
 
 
 DESTINATION = 1 << 7

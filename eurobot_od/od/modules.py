@@ -87,6 +87,7 @@ class Modules:
 
     def find(self, text: str) -> Module | None:
         """Return the module with a number, or else with a name or an order code; None without."""
+        # The number first: [ConnectedModules] has nothing else, and a module may be called by digits.
         number = parse_number(text)
         if number is not None and number.value in self.supported:
             return self.supported[number.value]
@@ -197,11 +198,13 @@ class _Built:
     def _extend(self, module: Module, index: int, extension: Extension) -> None:
         if extension.bits:
             array = self._array_with_room(index, extension)
+            # A module shares the sub-index of the one before as long as there are bits left (Count=0;bits).
             if array and array.free >= extension.bits:
                 array.free -= extension.bits
                 return
             type_ = values.DATA_TYPES.get((parse_number(extension.section.text("datatype")) or values.Number(0)).value)
             self._add(module, index, extension, (type_.bits if type_ else 8) - extension.bits)
+        # No array takes more; a Count of billions must not keep a reader busy.
         for _ in range(min(extension.subs, values.MOST_SUBS)):
             self._add(module, index, extension, 0)
 

@@ -13,7 +13,7 @@ from typing import NamedTuple
 from eurobot_od.od.values import Address
 from eurobot_od.profiles import cia401
 from eurobot_od.profiles.cia401 import DigitalInputs, DigitalOutputs
-from eurobot_od.profiles.values import ObjectValues
+from eurobot_od.profiles.values import ProfileValues
 
 BLOCKS = range(1, 255)
 """Sub-indices of the blocks of inputs and outputs."""
@@ -22,12 +22,12 @@ DEFAULT_TRIGGER = 0b111
 """What causes the TPDO of an analogue input without 0x6421: both limits, and delta."""
 
 
-def _get(values: ObjectValues, index: int, sub: int, default: int = 0) -> int:
+def _get(values: ProfileValues, index: int, sub: int, default: int = 0) -> int:
     value = values.get((index, sub)) if values.has((index, sub)) else None
     return default if value is None else value
 
 
-def _blocks(values: ObjectValues, index: int) -> Iterator[int]:
+def _blocks(values: ProfileValues, index: int) -> Iterator[int]:
     return (sub for sub in BLOCKS if values.has((index, sub)))
 
 
@@ -37,7 +37,7 @@ def _blocks(values: ObjectValues, index: int) -> Iterator[int]:
 class Outputs:
     """The terminals of a module's outputs; `failed` tells whether they have their error values."""
 
-    def __init__(self, values: ObjectValues) -> None:
+    def __init__(self, values: ProfileValues) -> None:
         self._values = values
         self._digital = [(kind, sub) for kind in cia401.DIGITAL_OUTPUTS for sub in _blocks(values, kind.value)]
         self._analogue = [(kind, sub) for kind in cia401.ANALOGUE_OUTPUTS for sub in _blocks(values, kind.value)]
@@ -88,7 +88,7 @@ TRIGGER = Trigger()
 class Inputs:
     """What of a module's inputs causes TPDOs."""
 
-    def __init__(self, values: ObjectValues) -> None:
+    def __init__(self, values: ProfileValues) -> None:
         self._values = values
         self._digital = {
             (kind.value, sub): kind for kind in cia401.DIGITAL_INPUTS for sub in _blocks(values, kind.value)
@@ -130,7 +130,7 @@ class Inputs:
     def _by_edge(self, kind: DigitalInputs, sub: int, last: int, value: int) -> bool:
         """Compare with the masks of change, rising and falling edge (CiA 401-1, objects 0x6005 to 0x6008)."""
         values, every = self._values, (1 << kind.bits) - 1
-        if not _get(values, cia401.INTERRUPT_ENABLE, 0, 1):
+        if not _get(values, cia401.INTERRUPT_ENABLE, 0, 1):  # on, unless it is switched off
             return False
         change = _get(values, kind.change, sub, every)
         rising, falling = (_get(values, each, sub, 0) for each in (kind.rising, kind.falling))
@@ -139,7 +139,7 @@ class Inputs:
     def _by_level(self, sub: int, last: int, value: int) -> bool:
         """Compare with the limits and deltas of an analogue input (CiA 401-1, objects 0x6421 to 0x6428)."""
         values = self._values
-        if not _get(values, cia401.ANALOGUE_INTERRUPT_ENABLE, 0, 0):
+        if not _get(values, cia401.ANALOGUE_INTERRUPT_ENABLE, 0, 0):  # off, unless it is switched on
             return False
         by = _get(values, TRIGGER.by, sub, DEFAULT_TRIGGER)
         upper, lower, delta, falling, rising = (_get(values, each, sub, 0) for each in TRIGGER[1:])

@@ -122,6 +122,7 @@ class ProfilePosition(ModeOfOperation):
         target: float = axis.values.get(cia402.TARGET_POSITION)
         if relative:
             last = self._next or self._target
+            # To the set-point before, not to where the axis is: so a row of them does not add up what it was off.
             target += last.target if last else axis.demand.position
         low, high = software_limits(axis.values)
         axis.limited = not low <= target <= high
@@ -148,6 +149,7 @@ class ProfilePosition(ModeOfOperation):
             return
         ramps = (axis.acceleration(each) for each in (cia402.PROFILE_ACCELERATION, cia402.PROFILE_DECELERATION))
         axis.demand.to_position(*self._target, *ramps)
+        # Without a window it is there within one unit: the motor's place is no whole number.
         window = axis.values.get(cia402.POSITION_WINDOW, default=0) or 1
         self._window.look(self._arrived and abs(self._target.target - axis.motor.position) <= window)
         if self._next is not None and self._arrived:
@@ -223,6 +225,7 @@ class CyclicPosition(ModeOfOperation):
             wanted = target + axis.values.get(cia402.POSITION_OFFSET)
             self._target = min(max(wanted, low), high)
             axis.limited = wanted != self._target
+            # On a straight line, so that the target is reached when the next one comes.
             self._left = max(interpolation_time(axis), STEP)
             self._rate = (self._target - axis.demand.position) / self._left
 
@@ -253,6 +256,7 @@ class CyclicVelocity(ModeOfOperation):
     @property
     def _wanted(self) -> float:
         axis = self.axis
+        # The offset is added to each target; a drive need not have it (CiA 402-2, clause 16).
         wanted = sum(axis.velocity(each, default=0.0) for each in (cia402.TARGET_VELOCITY, cia402.VELOCITY_OFFSET))
         fastest = axis.velocity(cia402.MAX_MOTOR_SPEED)
         return within_limits(axis, min(max(wanted, -fastest), fastest))
@@ -291,6 +295,7 @@ class Homing(ModeOfOperation):
             self._failed, self._runs = method is None, method is not None
             self._steps = iter(method.steps if method else ())
             self._go_on()
+        # The bit taken back interrupts it (CiA 402-2, clause 11).
         elif self._runs and not word & cia402.HOMING_START:
             self._runs, self._seek = False, None
 

@@ -123,6 +123,7 @@ def _until(drive: TestedDrive, name: str, mask: int, bits: int, within: str = SO
     """Ask for the statusword until it has these bits."""
     subject = drive.subject
     ask = subject.request(initiate(ClientCommand.UPLOAD << 5, (cia402.STATUSWORD, 0)))
+    # 4B is an expedited answer of 2 bytes (CiA 301, 7.2.4.3); the other two bytes may be anything.
     head = f"4B{cia402.STATUSWORD & 0xFF:02X}{cia402.STATUSWORD >> 8:02X}00"
     word = _digits(mask & 0xFF, bits & 0xFF) + _digits(mask >> 8, bits >> 8)
     poll = {**ask, "every": "20 ms"}
@@ -229,6 +230,7 @@ def _quick_stop(drive: TestedDrive) -> Iterator[Data]:
     option = cia402.QUICK_STOP_OPTION
     if not drive.settable(option, STAYS):
         steps = (*_into(drive, State.ENABLED), _commanded(Command.QUICK_STOP))
+        # Where its option code leads is the maker's matter; all that can be asked is that it is no fault.
         ended = _until(drive, "it stops", State.DISABLED.mask & 0x08, 0)
         yield group("from Operation enabled", *steps, ended, *_off(drive))
         return
@@ -261,6 +263,7 @@ def _lost_heartbeat(drive: TestedDrive) -> Iterator[Data]:
         write(f"watch node {another}", address, value=entry),
         {"name": "its heartbeat, and no second one", "send": {"raw": beat}},
         _state(drive, State.FAULT),
+        # No command leaves a fault but the reset, and that only with a rising edge (CiA 402-2, transition 15).
         _command(Command.ENABLE.bits, "Enable operation"),
         _state(drive, State.FAULT),
         write("watch nobody", address, value=0),
@@ -305,6 +308,7 @@ def _homing(drive: TestedDrive) -> Iterator[Data]:
         name,
         write(f"method {HERE}", (cia402.HOMING_METHOD, 0), value=HERE),
         *_mode(drive, Mode.HOMING),
+        # Bits 13, 12 and 10: no error, not attained, target reached (CiA 402-2, clause 11).
         _until(drive, "not started", 0x3400, cia402.TARGET_REACHED),
         start,
         _until(drive, "homing attained", done | cia402.BIT_13, done, MOVED),
