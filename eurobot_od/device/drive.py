@@ -10,10 +10,8 @@ from functools import partial
 from typing import Any, ClassVar
 
 from eurobot_od.device.bound import Application
-from eurobot_od.device.device_values import DeviceValues
-from eurobot_od.device.nmt import NmtState
+from eurobot_od.device.device_values import DeviceValues, ProfileDevice
 from eurobot_od.device.objects import OnTold
-from eurobot_od.device.simulated import SimulatedDevice
 from eurobot_od.errors import Cause, Refused
 from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
@@ -32,7 +30,7 @@ SIMULATED_MODES = sum(1 << mode - 1 for mode in MODES if mode)
 """The bits in 0x6502 of the modes that are simulated: mode n has bit n - 1 (CiA 402-2, clause 9)."""
 
 
-class SimulatedDrive(SimulatedDevice):
+class SimulatedDrive(ProfileDevice):
     """A drive of CiA 402, made from its EDS or DCF: it is enabled, homes and moves as its objects say.
 
     `travel` are the places of the limit switches in turns of the motor from where it is switched on; without it there
@@ -114,20 +112,7 @@ class SimulatedDrive(SimulatedDevice):
 
     # Connection
 
-    def halted(self) -> None:
-        super().halted()
-        # In Pre-operational a master still reaches the drive by SDO; in Stopped nobody does.
-        if self.device.state is NmtState.STOPPED:
-            self._lose()
-
-    def heartbeat_lost(self, node_id: int) -> None:
-        super().heartbeat_lost(node_id)
-        self._lose()
-
-    def cut_off(self) -> None:
-        super().cut_off()
-        self._lose()
-
-    def _lose(self) -> None:
+    def _connection_lost(self) -> None:
+        """Do what each axis' abort connection option code says (CiA 402-2, clause 8.4.4)."""
         for axis in self._axes:
             axis.connection_lost()

@@ -42,13 +42,8 @@ def _set_bits(names: Mapping[int, str], value: int) -> list[str]:
     return [name for bit, name in sorted(names.items()) if value >> bit & 1]
 
 
-def _bits(names: Mapping[int, str], none: str = "none") -> ValueMeaning:
-    return ValueMeaning(lambda _, value: ", ".join(_set_bits(names, value)) or none)
-
-
-def _block(bits: int) -> ValueMeaning:
-    numbers = {bit: str(bit + 1) for bit in range(bits)}
-    return ValueMeaning(lambda _, value: f"{' '.join(_set_bits(numbers, value)) or 'none'} {cia401.SWITCHED_ON}")
+def _bits(names: Mapping[int, str], none: str = "none", between: str = ", ", after: str = "") -> ValueMeaning:
+    return ValueMeaning(lambda _, value: (between.join(_set_bits(names, value)) or none) + after)
 
 
 # The two words of a drive
@@ -96,7 +91,11 @@ DRIVE: Mapping[Address, ValueMeaning] = {
 }
 
 MODULE: Mapping[int, ValueMeaning] = {
-    **{index: _block(bits) for index, bits in cia401.BIT_BLOCKS.items()},
+    # Inputs and outputs count from 1, bits from 0.
+    **{
+        index: _bits({bit: str(bit + 1) for bit in range(bits)}, between=" ", after=f" {cia401.SWITCHED_ON}")
+        for index, bits in cia401.BIT_BLOCKS.items()
+    },
     **{each.error_mode: _coded(cia401.ERROR_MODE_WORDS) for each in cia401.ANALOGUE_OUTPUTS},
     cia401.ANALOGUE_TRIGGER: _bits(cia401.TRIGGER_BITS),
 }
