@@ -18,7 +18,7 @@ from environment import ROOT
 from interop_rows import conformance as stock
 
 from eurobot_od.check.conformance import page, suite
-from eurobot_od.check.conformance.page import Report
+from eurobot_od.check.conformance.page import DeviceRun
 from eurobot_od.check.conformance.subject import Tier
 from eurobot_od.check.reader import SuiteReader
 from eurobot_od.check.results import SuiteResult
@@ -48,25 +48,25 @@ def simulated(dictionary: Dictionary) -> list[SuiteResult]:
     return [run_simulated(each, RunOptions(keep_going=True), nodes) for each in suites]
 
 
-def of_file(file: Path) -> Report:
+def of_file(file: Path) -> DeviceRun:
     """Return what there is to say of a simulated device."""
     dictionary = Dictionary.load(file, NODE_ID)
-    return Report(dictionary, Tier.DESTRUCTIVE, simulated(dictionary))
+    return DeviceRun(dictionary, Tier.DESTRUCTIVE, simulated(dictionary))
 
 
-def of_node(name: str) -> Report:
+def of_node(name: str) -> DeviceRun:
     """Return what there is to say of one of the robot's nodes, run as its file says."""
     dictionary = dialects.load(name)
-    return Report(dictionary, Tier.DESTRUCTIVE, simulated(dictionary))
+    return DeviceRun(dictionary, Tier.DESTRUCTIVE, simulated(dictionary))
 
 
-def of_stock_canopen() -> Report:
+def of_stock_canopen() -> DeviceRun:
     """Return what there is to say of stock canopen's node with the file of a clean device."""
     dictionary = Dictionary.load(stock.FILE, NODE_ID, "stock canopen")
-    return Report(dictionary, Tier.DESTRUCTIVE, list(stock.results(stock.FILE)))
+    return DeviceRun(dictionary, Tier.DESTRUCTIVE, list(stock.results(stock.FILE)))
 
 
-REPORTS: Mapping[str, Callable[[], Report]] = {
+REPORTS: Mapping[str, Callable[[], DeviceRun]] = {
     "stock-canopen": of_stock_canopen,
     **{name: partial(of_node, name) for name in ("core", "drive", "navigation")},
     **{file.stem: partial(of_file, file) for file in sorted(MAKERS.glob("*.eds"))},
