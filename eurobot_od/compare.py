@@ -149,11 +149,18 @@ class _Comparison:
         return max(steps, key=agreeing)
 
     def _explained(self, ones: Sequence[_Seen], others: Sequence[_Seen]) -> Iterator[Difference]:
-        if ones and others:
-            yield from self._of_pair(ones[0], others[0])
+        if not (ones and others):
+            yield from (self._alone(DifferenceKind.MISSING, seen) for seen in ones)
+            yield from (self._alone(DifferenceKind.EXTRA, seen) for seen in others)
             return
-        yield from (self._alone(DifferenceKind.MISSING, seen) for seen in ones)
-        yield from (self._alone(DifferenceKind.EXTRA, seen) for seen in others)
+        one, other = ones[0], others[0]
+        late = other.time - one.time
+        name = self._name(one.raw)
+        if not self._is_in_time(one, other):
+            kind = DifferenceKind.LATE if late > 0 else DifferenceKind.EARLY
+            yield Difference(one.time, kind, name, f"by {abs(late) * 1000:.3f} ms")
+        if changes := self._changes(one.raw, other.raw):
+            yield Difference(one.time, DifferenceKind.CHANGED, name, ", ".join(changes))
 
     def _agree(self, one: _Seen, other: _Seen) -> bool:
         return self._is_in_time(one, other) and not self._changes(one.raw, other.raw)
@@ -170,19 +177,6 @@ class _Comparison:
         """Return what a frame is called: its message, its identifier, or what is wrong with it."""
         identifier = f"0x{identifier_text(raw.cob_id)}" if isinstance(raw, Frame) else raw.damage.value
         return self._decode(raw).name or identifier
-
-    def _of_pair(self, one: _Seen, other: _Seen) -> Iterator[Difference]:
-        late = other.time - one.time
-        name = self._name(one.raw)
-        if not self._is_in_time(one, other):
-            yield Difference(
-                one.time,
-                DifferenceKind.LATE if late > 0 else DifferenceKind.EARLY,
-                name,
-                f"by {abs(late) * 1000:.3f} ms",
-            )
-        if changes := self._changes(one.raw, other.raw):
-            yield Difference(one.time, DifferenceKind.CHANGED, name, ", ".join(changes))
 
     # Values
 

@@ -45,8 +45,8 @@ __all__ = [
 LONGEST_NAME = 100
 """So many characters of a name are compared with others: it takes a time that grows with their square."""
 
-MOST_NAMES = 40
-"""So many known names are listed where none is like the one that is not known."""
+MOST_NAMES = 50
+"""Most known names that are listed where none is like the unknown one: all commands are, but not 200 faults."""
 
 
 class EurobotError(Exception):

@@ -89,7 +89,12 @@ class Format:
             "send": ActionRow(frames.sent, suite.Send, "send a message or a raw frame"),
             "answer": ActionRow(frames.answers, suite.Answer, "from now on answer messages, as a node would"),
             "expect": ActionRow(frames.patterns, suite.Expect, "wait for a frame, or several", within),
-            "never": ActionRow(frames.pattern, _never, "check that no such frame comes", span),
+            "never": ActionRow(
+                frames.pattern,
+                lambda pattern, **keys: suite.Never(pattern, keys["for"]),  # a word of Python's: no name of a parameter
+                "check that no such frame comes",
+                span,
+            ),
             "poll": ActionRow(polled, lambda parts, **keys: suite.Poll(*parts, **keys), "send again and again", until),
             "period": ActionRow(self._period(every), _same, "measure how often a frame comes"),
             "sdo": ActionRow(services.sdo, lambda sdo, **keys: sdo._replace(**keys), "read or write an object", within),
@@ -195,10 +200,6 @@ class Format:
 
 def _same(action: suite.Action) -> suite.Action:
     return action
-
-
-def _never(pattern: Pattern, **keys: float) -> suite.Action:
-    return suite.Never(pattern, keys["for"])  # a word of Python's, so it cannot be a parameter
 
 
 def _expect_one(pattern: Pattern, within: float | None = None) -> suite.Action:

@@ -16,7 +16,7 @@ from eurobot_od import live as runtime
 from eurobot_od.check.results import SuiteResult
 from eurobot_od.check.runner import Runner, RunOptions
 from eurobot_od.check.suite import Suite
-from eurobot_od.check.trace import Seen, Trace
+from eurobot_od.check.trace import SeenFrame, Trace
 from eurobot_od.errors import BusError
 from eurobot_od.frame import Frame
 
@@ -70,7 +70,7 @@ class LiveBench:
 
     def seen(self, now: float, frame: Frame) -> None:
         """Take in a frame."""
-        self._loop.call_soon_threadsafe(self.trace.add, Seen(now, frame))
+        self._loop.call_soon_threadsafe(self.trace.add, SeenFrame(now, frame))
 
     def failed(self, failure: BusError) -> None:
         """Take in that the bus has failed."""

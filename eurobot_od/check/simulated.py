@@ -16,7 +16,7 @@ from typing import Any, NamedTuple, TypeAlias
 from eurobot_od.check.results import SuiteResult
 from eurobot_od.check.runner import Runner, RunOptions
 from eurobot_od.check.suite import Suite
-from eurobot_od.check.trace import Seen, Trace
+from eurobot_od.check.trace import SeenFrame, Trace
 from eurobot_od.device.nmt import NmtState, error_control
 from eurobot_od.device.node import Node
 from eurobot_od.errors import RemoteError
@@ -84,7 +84,7 @@ class SimulatedBench:
                 running.call_soon_threadsafe(own[1].set_result, now)
                 self._sending.remove(own)
             else:
-                running.call_soon_threadsafe(self.trace.add, Seen(now, frame))
+                running.call_soon_threadsafe(self.trace.add, SeenFrame(now, frame))
 
         self._network.observers.append(seen)
         await asyncio.sleep(POWER_UP)

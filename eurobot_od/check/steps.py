@@ -19,7 +19,7 @@ from eurobot_od.check import suite
 from eurobot_od.check.bench import Bench
 from eurobot_od.check.patterns import Mismatch, Pattern, Sent, is_final
 from eurobot_od.check.results import Reason
-from eurobot_od.check.trace import Seen
+from eurobot_od.check.trace import SeenFrame
 from eurobot_od.check.values import ValueProblem
 from eurobot_od.device.emergency import HISTORY, REGISTER_BITS, error_words
 from eurobot_od.errors import BusError, NoAnswer
@@ -103,7 +103,7 @@ class Doer:
         self._mark = self._edge = len(self._trace)
 
     async def _put(self, frame: Frame) -> None:
-        self._trace.add(Seen(await self._bench.send(frame), frame, own=True))
+        self._trace.add(SeenFrame(await self._bench.send(frame), frame, own=True))
 
     @_do.register
     async def _send(self, action: suite.Send) -> None:
@@ -153,7 +153,7 @@ class Doer:
     def _deadline(self, within: float | None) -> float:
         return self._trace.now + self._longest(within)
 
-    async def _next(self, patterns: Sequence[Pattern], start: int, deadline: float) -> tuple[int, Seen] | None:
+    async def _next(self, patterns: Sequence[Pattern], start: int, deadline: float) -> tuple[int, SeenFrame] | None:
         """Return the next frame, with its number, that no step has used yet and that one of the patterns may be."""
         cob_ids = frozenset(pattern.cob_id for pattern in patterns)
         number = await self._trace.first(cob_ids, start, deadline)
@@ -193,15 +193,15 @@ class Doer:
             else:
                 other = seen
 
-    def _mismatches(self, pattern: Pattern, seen: Seen) -> list[Mismatch]:
+    def _mismatches(self, pattern: Pattern, seen: SeenFrame) -> list[Mismatch]:
         if pattern.cob_id != seen.frame.cob_id:
             return [Mismatch("message", str(pattern), self._meaning(seen))]
         return pattern.mismatches(seen.frame, self._variables)
 
-    def _meaning(self, seen: Seen) -> str:
+    def _meaning(self, seen: SeenFrame) -> str:
         return self.words(seen.frame) or str(seen.frame)
 
-    def _with_last(self, what: str, pattern: Pattern, last: Seen | None, off: Sequence[Mismatch] = ()) -> Failed:
+    def _with_last(self, what: str, pattern: Pattern, last: SeenFrame | None, off: Sequence[Mismatch] = ()) -> Failed:
         """Say that what was wanted did not come, and what came last instead."""
         wanted = pattern.text(self._variables)
         if last is None:

@@ -14,7 +14,7 @@ from eurobot_od.errors import BusError
 from eurobot_od.frame import Frame
 
 
-class Seen(NamedTuple):
+class SeenFrame(NamedTuple):
     """A frame, its time in seconds by the loop's clock, and whether the tester sent it."""
 
     time: float
@@ -26,7 +26,7 @@ class Trace:
     """The frames of a run; made inside the event loop."""
 
     def __init__(self) -> None:
-        self.frames: list[Seen] = []
+        self.frames: list[SeenFrame] = []
         self._loop = asyncio.get_running_loop()
         self.heard: Callable[[Frame], object] = lambda _: None
         """Called with each frame of the others as it comes."""
@@ -41,7 +41,7 @@ class Trace:
         """The time in seconds."""
         return self._loop.time()
 
-    def add(self, seen: Seen) -> None:
+    def add(self, seen: SeenFrame) -> None:
         """Take in a frame."""
         self.frames.append(seen)
         self._wake()

@@ -156,7 +156,9 @@ def watch(
     from eurobot_od.client.master import Master
     from eurobot_od.client.watch import NodeWatch, watch_nodes
 
-    named = {each.name: each.node_id for each in devices.load()} if _needs_names(nodes, devices) else {}
+    # The devices' files are read only if they are named, or a node is: most watch by number.
+    is_named = bool(devices.files()) or not all(each.isdecimal() for each in nodes)
+    named = {each.name: each.node_id for each in devices.load()} if is_named else {}
     titles = {node_id: name for name, node_id in named.items()}
     expected = [_node_id(each, named) for each in nodes] or ([*titles] if devices.eds or devices.network else [])
     if guard is not None and not (expected and guard):
@@ -177,11 +179,6 @@ def watch(
         with suppress(KeyboardInterrupt):  # the usual way to end it
             watch_nodes(master, watched, started + span, options.guard(reopen, master))
     return ExitStatus.FOUND if any(node.lost for node in watched.nodes.values()) else ExitStatus.FINE
-
-
-def _needs_names(nodes: Sequence[str], devices: Devices) -> bool:
-    """Whether the devices' files have to be read: they are named, or a node is."""
-    return bool(devices.files()) or not all(each.isdecimal() for each in nodes)
 
 
 def _node_id(text: str, named: Mapping[str, int]) -> int:

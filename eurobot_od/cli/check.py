@@ -17,7 +17,7 @@ from eurobot_od.od.values import MOST_SUBS
 from eurobot_od.support.files import check_writable
 
 if TYPE_CHECKING:
-    from eurobot_od.check.conformance.drive import Motion
+    from eurobot_od.check.conformance.drive import MotionBounds
     from eurobot_od.check.results import SuiteResult
     from eurobot_od.cli.checking import Checks
 
@@ -44,6 +44,31 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="TEXT",
         help="run the steps whose names contain this, and those before them",
     )
+    _add_generated(parser)
+    parser.add_argument("--keep-going", action="store_true", help="go on with the next step after a failed one")
+    parser.add_argument(
+        "--repeat",
+        type=shared.whole(1, what="a number of times"),
+        default=1,
+        metavar="N",
+        help="run everything N times, seed by seed",
+    )
+    parser.add_argument("--seed", type=int, default=1, help="seed of everything random in the simulation (default: 1)")
+    parser.add_argument("--junit", type=Path, metavar="FILE", help="write a JUnit XML report")
+    form = parser.add_mutually_exclusive_group()
+    form.add_argument("--tap", action="store_true", help="print as TAP")
+    form.add_argument("--json", action="store_true", help="print as JSON")
+    form.add_argument("--ctt", action="store_true", help="conformance: print by the numbers of CiA's test tool")
+    form.add_argument("--format", choices=("github",), help="also print annotations for GitHub Actions")
+    form.add_argument("-v", "--verbose", action="store_true", help="print every step, green and skipped ones too")
+    form.add_argument("-q", "--quiet", action="store_true", help="print only the red steps and the last line")
+    campaign.add_campaign(parser, "--simulate --repeat")
+    shared.add_network(parser)
+    shared.add_bus(parser)
+
+
+def _add_generated(parser: argparse.ArgumentParser) -> None:
+    """Describe the options of suites that are made from the EDS files."""
     parser.add_argument("--conformance", action="store_true", help="make the suites from the EDS files, by CiA 301")
     parser.add_argument(
         "--profile", type=int, choices=(402,), help="make the suites from the EDS files, by a device profile"
@@ -75,34 +100,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "-o", "--output", type=Path, metavar="FILE", help="conformance, profile: write the suites, and exit"
     )
-    parser.add_argument("--keep-going", action="store_true", help="go on with the next step after a failed one")
-    parser.add_argument(
-        "--repeat",
-        type=shared.whole(1, what="a number of times"),
-        default=1,
-        metavar="N",
-        help="run everything N times, seed by seed",
-    )
-    parser.add_argument("--seed", type=int, default=1, help="seed of everything random in the simulation (default: 1)")
-    parser.add_argument("--junit", type=Path, metavar="FILE", help="write a JUnit XML report")
-    form = parser.add_mutually_exclusive_group()
-    form.add_argument("--tap", action="store_true", help="print as TAP")
-    form.add_argument("--json", action="store_true", help="print as JSON")
-    form.add_argument("--ctt", action="store_true", help="conformance: print by the numbers of CiA's test tool")
-    form.add_argument("--format", choices=("github",), help="also print annotations for GitHub Actions")
-    form.add_argument("-v", "--verbose", action="store_true", help="print every step, green and skipped ones too")
-    form.add_argument("-q", "--quiet", action="store_true", help="print only the red steps and the last line")
-    campaign.add_campaign(parser, "--simulate --repeat")
-    shared.add_network(parser)
-    shared.add_bus(parser)
 
 
-def _motion(text: str) -> Motion:
+def _motion(text: str) -> MotionBounds:
     """Read how far and how fast a motor may be moved; raises ArgumentTypeError."""
-    from eurobot_od.check.conformance.drive import Motion
+    from eurobot_od.check.conformance.drive import MotionBounds
 
     way, _, velocity = text.partition("@")
-    limits = Motion(*(int(each) if each.isdecimal() and len(each) < 10 else 0 for each in (way, velocity)))
+    limits = MotionBounds(*(int(each) if each.isdecimal() and len(each) < 10 else 0 for each in (way, velocity)))
     if not (limits.way and limits.velocity):
         raise argparse.ArgumentTypeError(f"{text!r}: a way and a velocity above 0, such as 2000@100")
     return limits

@@ -22,7 +22,7 @@ from eurobot_od.support.terminal import in_colour
 if TYPE_CHECKING:
     from eurobot_od.campaign.executors import Workers
     from eurobot_od.campaign.results import Results
-    from eurobot_od.check.conformance.drive import Motion
+    from eurobot_od.check.conformance.drive import MotionBounds
     from eurobot_od.check.conformance.page import DeviceRun
     from eurobot_od.check.conformance.subject import Tier
     from eurobot_od.check.suite import Suite
@@ -48,7 +48,7 @@ class Checks(NamedTuple):
     restore: Sequence[int]
     keep_going: bool
     profile: int | None = None
-    motion: Motion | None = None
+    motion: MotionBounds | None = None
 
     def reader(self, refused: OnRefused = lambda _: None) -> SuiteReader:
         """Return the reader of suites for the devices; `refused` gets each PDO that is left out."""

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import argparse
 import json
 import time
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-from eurobot_od.cli import ExitStatus, remote
 from eurobot_od.cli import options as shared
-from eurobot_od.cli.remote import Target
+from eurobot_od.cli.remote import TARGET, Target
+from eurobot_od.cli.table import JSON, CommandRow, option
 from eurobot_od.errors import LocalError
 from eurobot_od.support import durations
 from eurobot_od.support.escaping import one_line
@@ -22,35 +21,42 @@ LOOK = 0.5
 """Seconds from one line of `jog` to the next."""
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Describe the command line."""
-    remote.add_node(parser)
-    parser.add_argument("action", choices=tuple(ACTIONS), help="what the drive is to do; Ctrl-C stops a motion")
-    parser.add_argument("value", nargs="?", type=int, help="move: the position; jog: the velocity; in drive units")
-    parser.add_argument("--velocity", type=int, metavar="V", help="move: profile velocity (default: as it is set)")
-    parser.add_argument("--relative", action="store_true", help="move: by a way instead of to a position")
-    parser.add_argument("--method", type=int, metavar="N", help="home: homing method (default: as it is set)")
-    parser.add_argument("--axis", type=shared.whole(1, 8, what="an axis"), default=1, metavar="N", help="axis (1)")
-    parser.add_argument(
-        "--within", type=durations.seconds, default=60.0, metavar="TIME", help="longest wait for a motion (60 s)"
-    )
-    parser.add_argument("--for", dest="span", type=durations.seconds, metavar="TIME", help="jog: halt after this time")
-    parser.add_argument("--json", action="store_true", help="print as JSON")
+class MotionRequest(NamedTuple):
+    """What a drive is asked for, in its own units; `value` is a position or a velocity, times are in seconds."""
+
+    value: int
+    velocity: int | None
+    relative: bool
+    method: int | None
+    within: float
+    span: float | None
 
 
-def run(arguments: argparse.Namespace) -> ExitStatus | None:
-    """Do what is to be done, and print how the drive is then. Raises DriveError, NodeRefused, NoAnswer, BusError."""
+def drive(
+    target: Target,
+    action: str,
+    value: int | None,
+    velocity: int | None,
+    relative: bool,
+    method: int | None,
+    axis: int,
+    within: float,
+    span: float | None,
+    as_json: bool,
+) -> None:
+    """Enable, home and move a drive of CiA 402 over SDO, and print how it is then.
+
+    Raises DriveError, NodeRefused, NoAnswer, BusError.
+    """
     from eurobot_od.client.drive402 import Drive402
 
-    _check(arguments)
-    target = Target.of(arguments)
+    _check(action, value, {"velocity": velocity, "relative": relative, "method": method, "span": span})
     with target.opened() as node:
         described = target.named_description(node)
-        drive = Drive402(node, described.dictionary if described else None, arguments.axis)
-        ACTIONS[arguments.action](drive, arguments)
-        status = drive.status
-    print(json.dumps(as_data(status)) if arguments.json else one_line(f"node {node.node_id}: {as_text(status)}"))
-    return None
+        found = Drive402(node, described.dictionary if described else None, axis)
+        ACTIONS[action](found, MotionRequest(value or 0, velocity, relative, method, within, span))
+        status = found.status
+    print(json.dumps(as_data(status)) if as_json else one_line(f"node {node.node_id}: {as_text(status)}"))
 
 
 MOVING = {"move": "a position", "jog": "a velocity"}
@@ -60,21 +66,21 @@ OPTIONS = {"velocity": "move", "relative": "move", "method": "home", "span": "jo
 """The options that one action alone has."""
 
 
-def _check(arguments: argparse.Namespace) -> None:
-    action = arguments.action
-    if (arguments.value is None) is (action in MOVING):
+def _check(action: str, value: int | None, given: Mapping[str, object]) -> None:
+    """Raise LocalError for a value that is missing or too much, and for an option of another action."""
+    if (value is None) is (action in MOVING):
         raise LocalError(f"drive {action} needs {MOVING[action]}" if action in MOVING else f"{action} takes no value")
-    for option, owner in OPTIONS.items():
-        given = getattr(arguments, option)
-        if given is not None and given is not False and action != owner:
-            raise LocalError(f"--{'for' if option == 'span' else option} is for `drive {owner}`")
+    for name, owner in OPTIONS.items():
+        # A velocity or method of 0 has been given, too: not so what is None, or a switch that is off.
+        if given[name] is not None and given[name] is not False and action != owner:
+            raise LocalError(f"--{'for' if name == 'span' else name} is for `drive {owner}`")
 
 
-def _jog(drive: Drive402, arguments: argparse.Namespace) -> None:
+def _jog(drive: Drive402, asked: MotionRequest) -> None:
     """Turn until Ctrl-C, or the end of its time, and halt; print where it is meanwhile."""
-    end = None if arguments.span is None else time.monotonic() + arguments.span
+    end = None if asked.span is None else time.monotonic() + asked.span
     try:
-        drive.velocity = arguments.value
+        drive.velocity = asked.value
         while end is None or time.monotonic() < end:
             print(one_line(as_text(drive.status)), flush=True)
             time.sleep(LOOK if end is None else max(0.0, min(LOOK, end - time.monotonic())))
@@ -82,21 +88,37 @@ def _jog(drive: Drive402, arguments: argparse.Namespace) -> None:
         drive.halt()
 
 
-def _move(drive: Drive402, arguments: argparse.Namespace) -> None:
-    drive.move_to(arguments.value, arguments.velocity, relative=arguments.relative, within=arguments.within)
-
-
-ACTIONS: Mapping[str, Callable[[Drive402, argparse.Namespace], object]] = {
+ACTIONS: Mapping[str, Callable[[Drive402, MotionRequest], object]] = {
     "status": lambda *_: None,
     "enable": lambda drive, _: drive.enable(),
     "disable": lambda drive, _: drive.disable(),
-    "home": lambda drive, arguments: drive.home(arguments.method, arguments.within),
-    "move": _move,
+    "home": lambda drive, asked: drive.home(asked.method, asked.within),
+    "move": lambda drive, asked: drive.move_to(
+        asked.value, asked.velocity, relative=asked.relative, within=asked.within
+    ),
     "jog": _jog,
     "stop": lambda drive, _: drive.quick_stop(),
     "reset": lambda drive, _: drive.fault_reset(),
 }
 """What a drive can be told to do."""
+
+COMMANDS = {
+    "drive": CommandRow(
+        drive,
+        TARGET,
+        option("action", choices=tuple(ACTIONS), help="what the drive is to do; Ctrl-C stops a motion"),
+        option("value", nargs="?", type=int, help="move: the position; jog: the velocity; in drive units"),
+        option("--velocity", type=int, metavar="V", help="move: profile velocity (default: as it is set)"),
+        option("--relative", action="store_true", help="move: by a way instead of to a position"),
+        option("--method", type=int, metavar="N", help="home: homing method (default: as it is set)"),
+        option("--axis", type=shared.whole(1, 8, what="an axis"), default=1, metavar="N", help="axis (1)"),
+        option(
+            "--within", type=durations.seconds, default=60.0, metavar="TIME", help="longest wait for a motion (60 s)"
+        ),
+        option("--for", dest="span", type=durations.seconds, metavar="TIME", help="jog: halt after this time"),
+        JSON,
+    )
+}
 
 
 def as_data(status: DriveStatus) -> dict[str, Any]:

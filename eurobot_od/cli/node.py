@@ -21,6 +21,8 @@ from eurobot_od.support import bounded, durations
 from eurobot_od.support.escaping import one_line
 
 if TYPE_CHECKING:
+    import can
+
     from eurobot_od.device.node import Node
     from eurobot_od.frame import Frame
     from eurobot_od.live import Live
@@ -91,7 +93,7 @@ def run(arguments: argparse.Namespace) -> ExitStatus | None:
 
     everybody = _all(arguments) if arguments.node is None else []
     if everybody:
-        _run_all(arguments, everybody)
+        _run_all(shared.open_bus(arguments), everybody, arguments.duration)
         return None
     node, scene = _make(arguments)
     live = Live.node(
@@ -132,7 +134,7 @@ def _all(arguments: argparse.Namespace) -> list[Node]:
     return [robot.kind("")(each) for each in loaded]
 
 
-def _run_all(arguments: argparse.Namespace, nodes: list[Node]) -> None:
+def _run_all(bus: can.BusABC, nodes: list[Node], duration: float | None) -> None:
     """Run several devices on one bus until the time is over, or an interrupt; raises BusError."""
     from eurobot_od.device.group import NodeGroup
     from eurobot_od.live.group import LiveGroup
@@ -140,12 +142,12 @@ def _run_all(arguments: argparse.Namespace, nodes: list[Node]) -> None:
     for node in nodes:
         node.alarm = partial(_alarm, node)
     signal.signal(signal.SIGTERM, signal.default_int_handler)
-    with LiveGroup(shared.open_bus(arguments), NodeGroup(nodes)) as live:
+    with LiveGroup(bus, NodeGroup(nodes)) as live:
         for node in nodes:
             node.device.time_of_day.set(datetime.now(), live.clock())
         names = ", ".join(f"{node.name} ({node.device.node_id})" for node in nodes)
         print(one_line(f"{len(nodes)} devices on {live.name}: {names}; Ctrl-C ends them"), flush=True)
-        live.run(inf if arguments.duration is None else live.clock() + arguments.duration)
+        live.run(inf if duration is None else live.clock() + duration)
 
 
 def _alarm(node: Node, what: str) -> None:
@@ -197,7 +199,7 @@ def _make(arguments: argparse.Namespace) -> tuple[Node, Scene | None]:
     if stage:
         stage.check_arguments(arguments, role)
     # The fault goes in front of the class that the node would have without it.
-    kind = robot.kind(role, device=_simulated(dictionary, arguments))
+    kind = robot.kind(role, device=_simulated(dictionary, arguments.profile, bool(arguments.travel)))
     kind = robot.faulty(kind, arguments.fault) if arguments.fault else kind
     if role:
         values = stage.values(kind, dictionary, arguments) if stage else {}
@@ -209,15 +211,14 @@ def _make(arguments: argparse.Namespace) -> tuple[Node, Scene | None]:
     return node, stage.set_up(node, arguments) if stage and role else None
 
 
-def _simulated(dictionary: Dictionary, arguments: argparse.Namespace) -> type[Node]:
+def _simulated(dictionary: Dictionary, profile: str | None, travels: bool) -> type[Node]:
     """Return the class of a device that is none of the robot's; raises LocalError for options that it has not."""
     from eurobot_od.device.drive import SimulatedDrive
     from eurobot_od.device.kinds import simulated_kind
 
-    said = {None: None, "none": 0}
-    profile = said[arguments.profile] if arguments.profile in said else int(arguments.profile)
-    kind = simulated_kind(dictionary, profile)
-    if arguments.travel and not issubclass(kind, SimulatedDrive):
+    number = None if profile is None else 0 if profile == "none" else int(profile)
+    kind = simulated_kind(dictionary, number)
+    if travels and not issubclass(kind, SimulatedDrive):
         raise LocalError("--travel is for drives (CiA 402)")
     return kind
 

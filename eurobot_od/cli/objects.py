@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import argparse
 import json
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from eurobot_od.cli import ExitStatus, complain, options
+from eurobot_od.cli import ExitStatus, complain
 from eurobot_od.cli import output as files
 from eurobot_od.cli.options import left_out
-from eurobot_od.cli.remote import TARGET, Target, add_node, print_readings
-from eurobot_od.cli.table import JSON, CommandRow, option
+from eurobot_od.cli.remote import TARGET, Target, print_readings
+from eurobot_od.cli.table import JSON, CommandRow, option, with_emcy
 from eurobot_od.errors import LocalError
 from eurobot_od.od.objects import address_of, encode, find, find_one, is_described, label, parse, shown
 from eurobot_od.profiles.words import written
@@ -207,13 +206,6 @@ def errors_as_text(found: History, node_id: int, words: Callable[[int], str]) ->
     return [head, *(columns(rows) if rows else ["no error remembered"])]
 
 
-def _add_with_emcy(parser: argparse.ArgumentParser) -> None:
-    add_node(parser)
-    options.add_emcy(parser)
-
-
-WITH_EMCY = TARGET._replace(add=_add_with_emcy)
-
 COMMANDS = {
     "read": CommandRow(
         read,
@@ -241,5 +233,7 @@ COMMANDS = {
         JSON,
     ),
     "export-dcf": CommandRow(export_dcf, TARGET, files.OUTPUT),
-    "emcy": CommandRow(emcy, WITH_EMCY, option("--clear", action="store_true", help="empty the error history"), JSON),
+    "emcy": CommandRow(
+        emcy, with_emcy(TARGET), option("--clear", action="store_true", help="empty the error history"), JSON
+    ),
 }

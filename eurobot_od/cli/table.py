@@ -32,12 +32,17 @@ JSON = option("--json", dest="as_json", action="store_true", help="print as JSON
 DEVICES = Parameter("devices", options.add_network, options.Devices.of)
 
 
-def _add_decoded(parser: argparse.ArgumentParser) -> None:
-    options.add_network(parser)
-    options.add_emcy(parser)
+def with_emcy(parameter: Parameter) -> Parameter:
+    """Return a parameter that adds --emcy as well, the file with the words of error codes."""
+
+    def add(parser: argparse.ArgumentParser) -> None:
+        parameter.add(parser)
+        options.add_emcy(parser)
+
+    return parameter._replace(add=add)
 
 
-DECODED = Parameter("devices", _add_decoded, options.Devices.of)
+DECODED = with_emcy(DEVICES)
 """Devices whose frames are decoded."""
 
 BUS = Parameter("open_bus", options.add_bus, options.opener)

@@ -109,6 +109,7 @@ async def _configured(node: RemoteNode, description: Description, now: datetime)
     if dictionary.commissioned_node_id is None:
         return "an EDS: its own configuration"
     stamps = [dictionary.default(each) for each in VERIFY_CONFIGURATION]
+    # A date or time of 0 says that no configuration is stored (CiA 301, 7.5.2.23).
     if all(stamps) and stamps == [await _number(node, each, BootError.CONFIGURATION) for each in VERIFY_CONFIGURATION]:
         return "configured already (0x1020)"
     try:
@@ -148,6 +149,7 @@ async def start_slave(node: RemoteNode, slave: BootedSlave, dictionary: Dictiona
     if not slave.heartbeat and GUARD_TIME[0] not in dictionary.members:
         return None
     if not slave.heartbeat:
+        # Without a heartbeat its state comes only when it is asked for (CiA 301, 7.2.8.3.2.1).
         node.master.request(ERROR_CONTROL_BASE + node.node_id)
     await node.wait_for.steps(NmtState.OPERATIONAL, 2 * slave.heartbeat / 1000 + MARGIN)
     return node.last_state

@@ -145,6 +145,7 @@ class DriveAtNode:
         while (state := await self._state()) is not State.ENABLED:
             if state is State.FAULT:
                 raise await self._fault("enable")
+            # Nothing to command: the drive leaves this state by itself, or the wait below ends with an error.
             command = NEXT.get(state) if state else None
             if command is not None:
                 await self._command(command)
@@ -172,7 +173,7 @@ class DriveAtNode:
         _, is_reset = await self._poll(within, lambda word: cia402.state_of(word) not in FAULTY)
         if not is_reset:
             raise await self._fault("fault reset")
-        await self._command(Command.DISABLE_VOLTAGE)
+        await self._command(Command.DISABLE_VOLTAGE)  # takes the bit back: the next reset is an edge again
 
     # Motion
 
@@ -198,6 +199,7 @@ class DriveAtNode:
                     raise DriveError(f"{self._name}: {wanted}: it stays in {is_}")
                 await self._node.master.pump.steps(POLL)
         await self._enable(within)
+        # Bits 4 to 6 and 8 belong to the mode: a set-point or halt of the one before must not count in this one.
         await self._command(Command.ENABLE)
 
     async def _home(self, method: int | None, within: float) -> None:
@@ -220,11 +222,13 @@ class DriveAtNode:
             if velocity is not None:
                 await self._write(cia402.PROFILE_VELOCITY, velocity)
             await self._write(cia402.TARGET_POSITION, position)
-            bits = cia402.NEW_SET_POINT | cia402.AT_ONCE | cia402.RELATIVE * relative
+            # At once: a set-point that an interrupted program has left need not be reached first.
+            reached, bits = cia402.TARGET_REACHED, cia402.NEW_SET_POINT | cia402.AT_ONCE | cia402.RELATIVE * relative
             await self._command(Command.ENABLE, bits)
             await self._until("move", within, lambda word: bool(word & cia402.BIT_12))
             await self._command(Command.ENABLE)
-            await self._until("move", within, _is_there)
+            # While bit 12 is set, the target that is reached may be that of the set-point before.
+            await self._until("move", within, lambda word: word & (reached | cia402.BIT_12) == reached)
 
     async def _turn(self, velocity: int) -> None:
         async with self._watched():
@@ -234,11 +238,6 @@ class DriveAtNode:
 
 def _has_left(state: State | None, word: int) -> bool:
     return cia402.state_of(word) is not state
-
-
-def _is_there(word: int) -> bool:
-    """Whether a move is at its end: the target is reached, and it is that of the last set-point."""
-    return bool(word & cia402.TARGET_REACHED) and not word & cia402.BIT_12
 
 
 class Drive402(DriveAtNode):

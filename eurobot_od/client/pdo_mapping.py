@@ -48,6 +48,7 @@ async def map_objects(node: RemoteNode, dictionary: Dictionary, pdo: Pdo, things
     cob_id: Address = (pdo.index, COB_ID)
     wanted = {(pdo.mapping_index, 0): bytes([len(entries)])}
     wanted |= {(pdo.mapping_index, sub): entry.to_bytes(4, "little") for sub, entry in enumerate(entries, start=1)}
+    # As the node has it now, valid or not: that is what it gets back at the end.
     wanted[cob_id] = await node.upload.steps(cob_id)
     for address, data in in_order(wanted, {}):
         await node.download.steps(address, data, _name(dictionary, address))

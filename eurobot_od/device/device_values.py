@@ -1,7 +1,8 @@
-"""The objects of a simulated device as its profile sees them."""
+"""A simulated device with a profile: its objects as the profile sees them, and when nobody commands it any more."""
 
 from __future__ import annotations
 
+from eurobot_od.device.nmt import NmtState
 from eurobot_od.device.simulated import SimulatedDevice
 from eurobot_od.od.values import Address
 
@@ -32,3 +33,24 @@ class DeviceValues:
         """Return the unit that the file gives it; empty without one."""
         variable = self._node.dictionary.variable(address)
         return "" if variable is None else str(variable.unit)
+
+
+class ProfileDevice(SimulatedDevice):
+    """A device whose profile says what it does when nobody can command it any more."""
+
+    def _connection_lost(self) -> None:
+        """Do what the profile says of a lost heartbeat, a lost bus, and the state Stopped."""
+
+    def halted(self) -> None:
+        super().halted()
+        # In Pre-operational a master still reaches it by SDO; in Stopped nobody does.
+        if self.device.state is NmtState.STOPPED:
+            self._connection_lost()
+
+    def heartbeat_lost(self, node_id: int) -> None:
+        super().heartbeat_lost(node_id)
+        self._connection_lost()
+
+    def cut_off(self) -> None:
+        super().cut_off()
+        self._connection_lost()

@@ -6,22 +6,19 @@ other value does.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
 from functools import partial
 from typing import Any, ClassVar
 
 from eurobot_od.device.bound import Application
-from eurobot_od.device.device_values import DeviceValues
-from eurobot_od.device.nmt import NmtState
+from eurobot_od.device.device_values import DeviceValues, ProfileDevice
 from eurobot_od.device.objects import OnTold
-from eurobot_od.device.simulated import SimulatedDevice
 from eurobot_od.errors import Cause, Refused
 from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.standard import SYNC_PERIOD
 from eurobot_od.od.values import Address, Value
 from eurobot_od.profiles import cia402
-from eurobot_od.profiles.axis import Axis
+from eurobot_od.profiles.axis import DriveAxis
 from eurobot_od.profiles.modes import MODES
 from eurobot_od.profiles.motion import STEP, Plant
 from eurobot_od.profiles.values import AxisValues
@@ -29,8 +26,11 @@ from eurobot_od.profiles.values import AxisValues
 BEAT = 0.005
 """Seconds between two looks at an axis that moves, for TPDOs that go on a change; a frame finds the values of now."""
 
+SIMULATED_MODES = sum(1 << mode - 1 for mode in MODES if mode)
+"""The bits in 0x6502 of the modes that are simulated: mode n has bit n - 1 (CiA 402-2, clause 9)."""
 
-class SimulatedDrive(SimulatedDevice):
+
+class SimulatedDrive(ProfileDevice):
     """A drive of CiA 402, made from its EDS or DCF: it is enabled, homes and moves as its objects say.
 
     `travel` are the places of the limit switches in turns of the motor from where it is switched on; without it there
@@ -38,15 +38,15 @@ class SimulatedDrive(SimulatedDevice):
     position and velocity, homing, cyclic synchronous position and velocity, following error and software limits.
     """
 
-    AXIS: ClassVar[type[Axis]] = Axis
+    AXIS: ClassVar[type[DriveAxis]] = DriveAxis
 
     def __init__(self, dictionary: Dictionary, *, travel: tuple[float, float] | None = None, **options: Any) -> None:
-        self._axes: tuple[Axis, ...] = ()
+        self._axes: tuple[DriveAxis, ...] = ()
         self._plant, self._beats = Plant(travel), False
         super().__init__(dictionary, **options)
 
     @property
-    def axes(self) -> tuple[Axis, ...]:
+    def axes(self) -> tuple[DriveAxis, ...]:
         """The axes, the first one at index 0x6000."""
         return self._axes
 
@@ -57,20 +57,14 @@ class SimulatedDrive(SimulatedDevice):
 
     def _application(self, dictionary: Dictionary) -> Application:
         application = super()._application(dictionary)
-        told: Mapping[Address, OnTold] = {
-            (cia402.MODE + offset, 0): partial(self._check_mode, number)
-            for number, offset in enumerate(self._offsets(dictionary))
-        }
-        given = {**dict(self._simulated_modes(dictionary)), **application.given}
-        return application._replace(told={**told, **application.told}, given=given)
-
-    def _simulated_modes(self, dictionary: Dictionary) -> Iterator[tuple[Address, Value]]:
-        """Give 0x6502 of each axis with the modes that are simulated: nobody is to be promised others."""
-        for offset in self._offsets(dictionary):
-            address = cia402.SUPPORTED_MODES + offset, 0
-            said = dictionary.default(address) if dictionary.variable(address) else None
-            if isinstance(said, int):
-                yield address, said & sum(1 << mode - 1 for mode in MODES if mode)
+        told, given = dict[Address, OnTold](), dict[Address, Value]()
+        for number, offset in enumerate(self._offsets(dictionary)):
+            told[cia402.MODE + offset, 0] = partial(self._check_mode, number)
+            modes = cia402.SUPPORTED_MODES + offset, 0
+            said = dictionary.default(modes) if dictionary.variable(modes) else None
+            if isinstance(said, int):  # less what is not simulated: a master would choose it in vain
+                given[modes] = said & SIMULATED_MODES
+        return application._replace(told={**told, **application.told}, given={**given, **application.given})
 
     def _check_mode(self, number: int, mode: int) -> None:
         if self._axes and not self._axes[number].takes(mode):
@@ -89,7 +83,7 @@ class SimulatedDrive(SimulatedDevice):
         super().reset()
 
     def _report(self, number: int, code: int | None) -> None:
-        what = Axis, number
+        what = DriveAxis, number
         if code is None:
             self.clear_error(what)
         else:
@@ -103,6 +97,7 @@ class SimulatedDrive(SimulatedDevice):
 
     def _changed(self) -> list[Frame]:
         self.device.settle()
+        # 0x1006 is in microseconds (CiA 301, 7.5.2.6); 0 says that nobody sends SYNC.
         period = self.device.number(SYNC_PERIOD) / 1_000_000 if self.dictionary.variable(SYNC_PERIOD) else 0.0
         for axis in self._axes:
             axis.sync_period = period or STEP
@@ -117,19 +112,7 @@ class SimulatedDrive(SimulatedDevice):
 
     # Connection
 
-    def halted(self) -> None:
-        super().halted()
-        if self.device.state is NmtState.STOPPED:
-            self._lose()
-
-    def heartbeat_lost(self, node_id: int) -> None:
-        super().heartbeat_lost(node_id)
-        self._lose()
-
-    def cut_off(self) -> None:
-        super().cut_off()
-        self._lose()
-
-    def _lose(self) -> None:
+    def _connection_lost(self) -> None:
+        """Do what each axis' abort connection option code says (CiA 402-2, clause 8.4.4)."""
         for axis in self._axes:
             axis.connection_lost()

@@ -10,9 +10,7 @@ from functools import partial
 from typing import Any
 
 from eurobot_od.device.bound import Application
-from eurobot_od.device.device_values import DeviceValues
-from eurobot_od.device.nmt import NmtState
-from eurobot_od.device.simulated import SimulatedDevice
+from eurobot_od.device.device_values import DeviceValues, ProfileDevice
 from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.values import Address, Value
@@ -20,7 +18,7 @@ from eurobot_od.pdo.binding import Binding
 from eurobot_od.profiles.inputs_outputs import Inputs, Outputs
 
 
-class SimulatedModule(SimulatedDevice):
+class SimulatedModule(ProfileDevice):
     """An I/O module of CiA 401, made from its EDS or DCF.
 
     Waveforms are what is on the terminals of its inputs, `outputs` what is on those of its outputs: by polarity and
@@ -83,19 +81,7 @@ class SimulatedModule(SimulatedDevice):
 
     # Errors
 
-    def halted(self) -> None:
-        super().halted()
-        if self.device.state is NmtState.STOPPED:
-            self._fail()
-
-    def heartbeat_lost(self, node_id: int) -> None:
-        super().heartbeat_lost(node_id)
-        self._fail()
-
-    def cut_off(self) -> None:
-        super().cut_off()
-        self._fail()
-
-    def _fail(self) -> None:
+    def _connection_lost(self) -> None:
+        """Give the outputs their error values, as the error modes say (CiA 401-1, objects 0x6206 and 0x6443)."""
         self._outputs.failed = True
         self._outputs.refresh()

@@ -11,7 +11,7 @@ from eurobot_od.device.drive import SimulatedDrive
 from eurobot_od.faults.fault import Caught
 from eurobot_od.faults.hooks import Mixin
 from eurobot_od.profiles import cia402
-from eurobot_od.profiles.axis import Axis
+from eurobot_od.profiles.axis import DriveAxis
 from eurobot_od.profiles.cia402 import Command, State, Transition
 from eurobot_od.profiles.modes import Homing
 from eurobot_od.profiles.motion import STEP
@@ -23,7 +23,7 @@ HOLDS = 0.2
 """Seconds with torque after which the over-current comes."""
 
 
-class BlockedAxis(Axis):
+class BlockedAxis(DriveAxis):
     """Its motor does not turn."""
 
     def _step(self) -> None:
@@ -32,7 +32,7 @@ class BlockedAxis(Axis):
         self.motor.position, self.motor.velocity = place, 0.0
 
 
-class OvercurrentAxis(Axis):
+class OvercurrentAxis(DriveAxis):
     """Its current is too high for the power stage."""
 
     powered_for = 0.0
@@ -48,7 +48,7 @@ class OvercurrentAxis(Axis):
             self.fault(OVERCURRENT)
 
 
-class EncoderLostAxis(Axis):
+class EncoderLostAxis(DriveAxis):
     """Its encoder is lost as soon as it has turned a little."""
 
     def _step(self) -> None:
@@ -57,7 +57,7 @@ class EncoderLostAxis(Axis):
             self.fault(ENCODER)
 
 
-class NeverEnablesAxis(Axis):
+class NeverEnablesAxis(DriveAxis):
     """It stays in Switched on."""
 
     def take(self, arrow: Transition) -> None:
@@ -65,7 +65,7 @@ class NeverEnablesAxis(Axis):
             super().take(arrow)
 
 
-class HomingStuckAxis(Axis):
+class HomingStuckAxis(DriveAxis):
     """It starts homing and never gets on with it."""
 
     def _lead(self) -> None:
@@ -73,14 +73,14 @@ class HomingStuckAxis(Axis):
             super()._lead()
 
 
-class QuickStopIgnoredAxis(Axis):
+class QuickStopIgnoredAxis(DriveAxis):
     """It does not hear the quick stop."""
 
     def arrow(self, command: Command | None) -> Transition | None:
         return None if command is Command.QUICK_STOP else super().arrow(command)
 
 
-class ResetIgnoredAxis(Axis):
+class ResetIgnoredAxis(DriveAxis):
     """It cannot leave Fault."""
 
     def take(self, arrow: Transition) -> None:
@@ -88,7 +88,7 @@ class ResetIgnoredAxis(Axis):
             super().take(arrow)
 
 
-class NeverReachedAxis(Axis):
+class NeverReachedAxis(DriveAxis):
     """It does not say that it has reached its target."""
 
     @property
@@ -96,7 +96,7 @@ class NeverReachedAxis(Axis):
         return super().statusword & ~cia402.TARGET_REACHED
 
 
-class HastyAxis(Axis):
+class HastyAxis(DriveAxis):
     """It enables without being commanded to switch on first."""
 
     def arrow(self, command: Command | None) -> Transition | None:
@@ -105,9 +105,9 @@ class HastyAxis(Axis):
         return super().arrow(command)
 
 
-def _with(axis: type[Axis]) -> Mixin:
+def _with(axis: type[DriveAxis]) -> Mixin:
     class WithAxis(SimulatedDrive):
-        AXIS: ClassVar[type[Axis]] = axis
+        AXIS: ClassVar[type[DriveAxis]] = axis
 
     return WithAxis
 

@@ -60,6 +60,7 @@ def undescribed_module_object(device: LintedDevice) -> Violations:
 def extension_count(device: LintedDevice) -> Violations:
     """Count is a number of sub-indices, or `0;` and the bits of one; ObjExtend is a sub-index."""
     for section in _extensions(device):
+        # COUNT takes a 0 as any number, but nothing is added by it.
         if not COUNT.fullmatch(section.text("count")) or section.text("count") == "0":
             yield section.at("count"), f"Count of [{section.name}] is neither a number of sub-indices nor 0;bits"
         last = section.text("objextend")
@@ -71,6 +72,7 @@ def extension_count(device: LintedDevice) -> Violations:
 def _extensions(device: LintedDevice) -> list[Section]:
     """Return the sections that describe what modules add to arrays."""
     modules = device.modules
+    # [M1SubExt6000] describes what [M1SubExtends] lists; both begin alike.
     heads = tuple(f"m{number}subext" for number in modules.supported)
     return [
         s for name, s in device.document.sections.items() if name.startswith(heads) and not name.endswith("extends")

@@ -61,7 +61,7 @@ class LiveGroup:
     def _send(self, frames: list[Frame]) -> None:
         for frame in frames:
             tried = self.clock()
-            while not self._driver.send(frame):
+            while not self._driver.send(frame):  # its queue is full until the bus has taken a frame
                 if self.clock() - tried > TAKEN_WITHIN:
                     raise self._driver.stuck(TAKEN_WITHIN)
             self.sent += 1

@@ -15,7 +15,7 @@ from eurobot_od.logs import network_words
 from eurobot_od.logs.entries import REMEMBERED, Damage, Raw
 from eurobot_od.logs.meaning import CANOPEN, Decoder, Defect, Meaning
 from eurobot_od.logs.services import GUARDING, HEARTBEAT, SDO
-from eurobot_od.logs.transfers import Said, Transfers
+from eurobot_od.logs.transfers import Transfers
 
 FOLLOWED = (SDO, HEARTBEAT, GUARDING)
 """The services whose frames are understood by the ones before."""
@@ -44,7 +44,11 @@ class Follower:
         if end is None or frame.is_remote:
             return meaning
         said = self._transfers.take(time, channel, end, frame.data)
-        return _with(meaning, said) if any(said) else meaning
+        if not any(said):
+            return meaning
+        text = f"{meaning.nodes[0]}, {said.text}" if said.text else meaning.text
+        defects = (Defect(Damage.INCOMPLETE, f"{meaning.raw}: {said.lost}"),) if said.lost else ()
+        return meaning._replace(text=f"{text}{said.more}", defects=defects, transfer=said.ended)
 
     def _guarded(self, channel: str, frame: Frame, meaning: Meaning) -> Meaning:
         """Name what a node answers to a remote frame: only by its toggle bit would it be told from a heartbeat."""
@@ -56,12 +60,6 @@ class Follower:
             text = f"{meaning.nodes[0]}, {network_words.guarding(frame.data)}"
             return meaning._replace(name=GUARDING, text=text)
         return meaning
-
-
-def _with(meaning: Meaning, said: Said) -> Meaning:
-    text = f"{meaning.nodes[0]}, {said.text}" if said.text else meaning.text
-    defects = (Defect(Damage.INCOMPLETE, f"{meaning.raw}: {said.lost}"),) if said.lost else ()
-    return meaning._replace(text=f"{text}{said.more}", defects=defects, transfer=said.ended)
 
 
 class Following:

@@ -41,7 +41,7 @@ class Defect(NamedTuple):
     text: str
 
 
-class Transfer(NamedTuple):
+class SdoTransfer(NamedTuple):
     """An SDO transfer that has ended: the object, what happened to it, how, and how much it was in how many seconds.
 
     `aborted` is the abort code, None if it was not; `lost` counts the segments that the log does not have. Without the
@@ -72,7 +72,7 @@ class Meaning(NamedTuple):
     message: Message | None
     text: str
     defects: tuple[Defect, ...] = ()
-    transfer: Transfer | None = None
+    transfer: SdoTransfer | None = None
 
 
 def with_defects(meaning: Meaning) -> str:

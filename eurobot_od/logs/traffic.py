@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from eurobot_od.frame import Frame
 from eurobot_od.load.message_set import MessageSet
 from eurobot_od.load.seen import SeenTraffic, table
-from eurobot_od.logs.meaning import Meaning, Transfer
+from eurobot_od.logs.meaning import Meaning, SdoTransfer
 from eurobot_od.logs.output import Output, WriteLine
 from eurobot_od.sdo.wire import code_and_reason
 from eurobot_od.support.amounts import amount
@@ -54,9 +54,9 @@ class TransferCounts:
         self._hows: Counter[str] = Counter()
         self._aborts: Counter[int] = Counter()
         self._cut = self._bytes = 0
-        self._longest: Transfer | None = None
+        self._longest: SdoTransfer | None = None
 
-    def add(self, transfer: Transfer) -> None:
+    def add(self, transfer: SdoTransfer) -> None:
         """Count a transfer that has ended."""
         self._ways["read" if transfer.is_upload else "write"] += 1
         self._bytes += transfer.size

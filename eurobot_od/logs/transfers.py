@@ -17,7 +17,7 @@ from enum import Enum
 from typing import NamedTuple, TypeAlias
 
 from eurobot_od.logs.entries import shortened
-from eurobot_od.logs.meaning import Transfer
+from eurobot_od.logs.meaning import SdoTransfer
 from eurobot_od.logs.sdo_words import object_words, value_words
 from eurobot_od.logs.services import SdoEnd
 from eurobot_od.od.values import Address
@@ -70,7 +70,7 @@ class Said(NamedTuple):
     text: str = ""
     more: str = ""
     lost: str = ""
-    ended: Transfer | None = None
+    ended: SdoTransfer | None = None
 
 
 NOTHING = Said()
@@ -122,10 +122,12 @@ class Running:
         """The object with its name."""
         return object_words(self.end.dictionary, self.address)
 
-    def ended(self, time: float, aborted: int | None = None, is_whole: bool = True) -> Transfer:
+    def ended(self, time: float, aborted: int | None = None, is_whole: bool = True) -> SdoTransfer:
         """Return what the transfer was, for the count of all."""
         seconds = time - self.began
-        return Transfer(self.object, self.is_upload, self.how.value, self.size, seconds, aborted, self.lost, is_whole)
+        return SdoTransfer(
+            self.object, self.is_upload, self.how.value, self.size, seconds, aborted, self.lost, is_whole
+        )
 
 
 def _took(running: Running, time: float) -> str:
@@ -149,7 +151,9 @@ class Transfers:
             return self._aborted(key, end, time, data)
         if running and running.in_block and end.is_answer is running.is_upload and not self._is_end(running, data):
             return _block_segment(running, data)
-        step = (OF_ANSWERS if end.is_answer else OF_REQUESTS).get(_sub_command(end.is_answer, data[0]))
+        steps, masks = (OF_ANSWERS, ANSWER_SUB_COMMAND) if end.is_answer else (OF_REQUESTS, REQUEST_SUB_COMMAND)
+        specifier = data[0] >> 5
+        step = steps.get((specifier, data[0] & masks.get(specifier, 0)))
         return step(self, key, end, time, data) if step else NOTHING
 
     @staticmethod
@@ -178,6 +182,7 @@ class Transfers:
         running = self._running.pop(key)
         what = "value of" if running.is_upload else "written"
         if running.announced is not None and running.size < running.announced and not running.lost:
+            # Rounded up: the last segment may have fewer bytes than the others.
             running.lost = -(-(running.announced - running.size) // SEGMENT_SIZE)
         lost = f"{amount(running.lost, 'segment')} of it not in the log" if running.lost else ""
         return Said(text=running.words(what, time), lost=lost, ended=running.ended(time))
@@ -208,16 +213,13 @@ class Transfers:
     def _upload(self, key: tuple[str, int], end: SdoEnd, time: float, data: bytes) -> Said:
         return self._begin(key, Running(end, Initiate.of(data).address, is_upload=True, began=time))
 
-    def _block_download(self, key: tuple[str, int], end: SdoEnd, time: float, data: bytes) -> Said:
+    def _block(self, key: tuple[str, int], end: SdoEnd, time: float, data: bytes) -> Said:
         initiate = Initiate.of(data)
-        size = initiate.number if initiate.command & BLOCK_SIZE_GIVEN else None
+        is_upload = initiate.command >> 5 == ClientCommand.BLOCK_UPLOAD
+        # A client that reads knows no size: the server says it in its answer (CiA 301, 7.2.4.3.12).
+        size = initiate.number if initiate.command & BLOCK_SIZE_GIVEN and not is_upload else None
         has_crc = bool(initiate.command & BLOCK_CRC)
-        return self._begin(key, Running(end, initiate.address, False, time, How.BLOCKS, size, has_crc=has_crc))
-
-    def _block_upload(self, key: tuple[str, int], end: SdoEnd, time: float, data: bytes) -> Said:
-        initiate = Initiate.of(data)
-        has_crc = bool(initiate.command & BLOCK_CRC)
-        return self._begin(key, Running(end, initiate.address, True, time, How.BLOCKS, has_crc=has_crc))
+        return self._begin(key, Running(end, initiate.address, is_upload, time, How.BLOCKS, size, has_crc=has_crc))
 
     def _start(self, key: tuple[str, int], _end: SdoEnd, _time: float, _data: bytes) -> Said:
         if running := self._running.get(key):
@@ -339,20 +341,13 @@ def _block_segment(running: Running, data: bytes) -> Said:
 # What each frame does
 
 
-def _sub_command(is_answer: bool, command: int) -> tuple[int, int]:
-    """Return the specifier of a command byte, and the sub-command of a block's."""
-    specifier = command >> 5
-    masks = ANSWER_SUB_COMMAND if is_answer else REQUEST_SUB_COMMAND
-    return specifier, command & masks.get(specifier, 0)
-
-
 OF_REQUESTS: Mapping[tuple[int, int], Step] = {
     (ClientCommand.DOWNLOAD, 0): Transfers._download,
     (ClientCommand.UPLOAD, 0): Transfers._upload,
     (ClientCommand.DOWNLOAD_SEGMENT, 0): Transfers._segment,
-    (ClientCommand.BLOCK_DOWNLOAD, Block.INITIATE): Transfers._block_download,
+    (ClientCommand.BLOCK_DOWNLOAD, Block.INITIATE): Transfers._block,
     (ClientCommand.BLOCK_DOWNLOAD, Block.END): Transfers._blocks_end,
-    (ClientCommand.BLOCK_UPLOAD, Block.INITIATE): Transfers._block_upload,
+    (ClientCommand.BLOCK_UPLOAD, Block.INITIATE): Transfers._block,
     (ClientCommand.BLOCK_UPLOAD, Block.START): Transfers._start,
     (ClientCommand.BLOCK_UPLOAD, Block.ACKNOWLEDGE): Transfers._acknowledged,
     (ClientCommand.BLOCK_UPLOAD, Block.END): Transfers._blocks_end_taken,

@@ -6,6 +6,7 @@ Rule of this file: what no file says is a guess, and is called one.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
+from functools import partial
 from typing import TYPE_CHECKING, NamedTuple
 
 from eurobot_od.device.nmt import ALL_NODES
@@ -15,7 +16,6 @@ from eurobot_od.logs.network_words import plain
 from eurobot_od.logs.sdo_words import object_words, value_words
 from eurobot_od.od import values
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.od.pdos import Pdo
 from eurobot_od.od.values import PdoDirection
 
 if TYPE_CHECKING:
@@ -52,24 +52,22 @@ class Unmapped:
             for pdo in each.read_pdos(each.default, lambda _: None, listening=True)
             if pdo.cob_id
         ]
-        known = {pdo.cob_id: _switched_off(device, pdo) for device, pdo in pdos if not pdo.valid}
+        known: dict[int, OtherPdo] = {}
+        for device, pdo in pdos:
+            if not pdo.valid:
+                why = f": {pdo.title} of {device.name}, off in its {device.file.suffix.lstrip('.').upper() or 'file'}"
+                known[pdo.cob_id] = OtherPdo(pdo.title, (device.name,), plain, Damage.SWITCHED_OFF, why)
         # Senders last, as they know what they send.
         for device, pdo in sorted(pdos, key=lambda each: each[1].direction is PdoDirection.TPDO):
             if pdo.valid and pdo.multiplex is not None:
-                known[pdo.cob_id] = _multiplexed(devices, device, pdo)
+                name = f"{device.name}.{pdo.title.replace(' ', '')}"
+                known[pdo.cob_id] = OtherPdo(name, (device.name,), partial(_mpdo_words, devices))
         return cls(known, {node_id: each.name for node_id, each in devices.items()})
 
     def get(self, cob_id: int) -> OtherPdo | None:
-        """Return what an identifier is for, None if nothing fits."""
-        return self._known.get(cob_id) or self._guess(cob_id)
-
-    def defect(self, cob_id: int) -> tuple[Damage | None, str]:
-        """Return what is wrong with the frames of an identifier, None for nothing, and why."""
-        if found := self.get(cob_id):
-            return found.damage, found.why
-        return (Damage.EXTENDED if cob_id & EXTENDED else Damage.UNKNOWN_IDENTIFIER), ""
-
-    def _guess(self, cob_id: int) -> OtherPdo | None:
+        """Return what an identifier is for, by the files or else a guess; None if nothing fits."""
+        if cob_id in self._known:
+            return self._known[cob_id]
         if found := values.owner(cob_id, DEFAULT_PDOS):
             node_id = found.node_id(cob_id)
             node = self._nodes.get(node_id or 0, f"node {node_id}")
@@ -80,17 +78,11 @@ class Unmapped:
             return OtherPdo("", (), plain, Damage.UNKNOWN_IDENTIFIER, why)
         return None
 
-
-def _switched_off(device: Dictionary, pdo: Pdo) -> OtherPdo:
-    why = f": {pdo.title} of {device.name}, off in its {device.file.suffix.lstrip('.').upper() or 'file'}"
-    return OtherPdo(pdo.title, (device.name,), plain, Damage.SWITCHED_OFF, why)
-
-
-def _multiplexed(devices: Mapping[int, Dictionary], device: Dictionary, pdo: Pdo) -> OtherPdo:
-    def text(data: bytes) -> str:
-        return _mpdo_words(devices, data)
-
-    return OtherPdo(f"{device.name}.{pdo.title.replace(' ', '')}", (device.name,), text)
+    def defect(self, cob_id: int) -> tuple[Damage | None, str]:
+        """Return what is wrong with the frames of an identifier, None for nothing, and why."""
+        if found := self.get(cob_id):
+            return found.damage, found.why
+        return (Damage.EXTENDED if cob_id & EXTENDED else Damage.UNKNOWN_IDENTIFIER), ""
 
 
 DESTINATION = 1 << 7
@@ -106,12 +98,8 @@ def _mpdo_words(devices: Mapping[int, Dictionary], data: bytes) -> str:
     node = device.name if device else f"node {node_id}"
     receiver = "all nodes" if node_id == ALL_NODES else node
     whose = f"to {receiver}" if data[0] & DESTINATION else f"of {node}"
-    size = _size(device, address)
-    return f"{object_words(device, address)} {whose} = {value_words(device, address, octets[:size])}"
-
-
-def _size(device: Dictionary | None, address: values.Address) -> int:
-    """Return how many of the four bytes an object takes; all, if that is not known."""
     variable = device.variable(address) if device else None
-    size = values.DATA_TYPES[variable.data_type].size if variable and variable.data_type in values.DATA_TYPES else 0
-    return size if 0 < size <= 4 else 4
+    type_ = values.DATA_TYPES.get(variable.data_type or 0) if variable else None
+    # A shorter object has the first of the four bytes; of a type without a size nobody knows how many.
+    size = type_.size if type_ and 0 < type_.size < 4 else 4
+    return f"{object_words(device, address)} {whose} = {value_words(device, address, octets[:size])}"

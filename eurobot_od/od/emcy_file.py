@@ -6,7 +6,6 @@ Rule of this file: what a file says wrong is one line, with the place.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
 from pathlib import Path
 
 from eurobot_od.errors import DictionaryError
@@ -33,7 +32,9 @@ def read_error_words(file: str | Path) -> dict[int, str]:
     except ReadError as error:
         place, what = problems[0]
         raise DictionaryError(file, None, f"line {place.line}: {what}") from error
-    return dict(_narrowest_last(ranges))
+    # The narrowest comes last, and so replaces what wider entries say of its codes.
+    widest_first = sorted(ranges, key=lambda each: len(each[0]), reverse=True)
+    return {code: text for codes, text in widest_first for code in codes}
 
 
 def _codes(key: str) -> range:
@@ -46,9 +47,3 @@ def _codes(key: str) -> range:
     if "X" in first and (len(first) < 4 or found["last"]):
         return range(0)
     return range(low, (int(found["last"], 16) if found["last"] else high) + 1)
-
-
-def _narrowest_last(ranges: list[tuple[range, str]]) -> Iterator[tuple[int, str]]:
-    for codes, text in sorted(ranges, key=lambda each: len(each[0]), reverse=True):
-        for code in codes:
-            yield code, text

@@ -87,6 +87,7 @@ class Modules:
 
     def find(self, text: str) -> Module | None:
         """Return the module with a number, or else with a name or an order code; None without."""
+        # The number first: [ConnectedModules] has nothing else, and a module may be called by digits.
         number = parse_number(text)
         if number is not None and number.value in self.supported:
             return self.supported[number.value]
@@ -197,11 +198,13 @@ class _Built:
     def _extend(self, module: Module, index: int, extension: Extension) -> None:
         if extension.bits:
             array = self._array_with_room(index, extension)
+            # A module shares the sub-index of the one before as long as there are bits left (Count=0;bits).
             if array and array.free >= extension.bits:
                 array.free -= extension.bits
                 return
             type_ = values.DATA_TYPES.get((parse_number(extension.section.text("datatype")) or values.Number(0)).value)
             self._add(module, index, extension, (type_.bits if type_ else 8) - extension.bits)
+        # No array takes more; a Count of billions must not keep a reader busy.
         for _ in range(min(extension.subs, values.MOST_SUBS)):
             self._add(module, index, extension, 0)
 
@@ -219,7 +222,11 @@ class _Built:
         """Return the array that takes the next sub-index: that at the index, or the one after it (ObjExtend)."""
         last = extension.last or values.MOST_SUBS
         while index <= 0xFFFF:
-            array = self._arrays.setdefault(index, self._array(index, extension))
+            if index not in self._arrays:
+                whole = DescribedDevice(self._modules.document).objects.get(index)
+                subs = [each.sub for each in whole.variables()] if whole else []
+                self._arrays[index] = _Array(max(subs, default=0) + 1, whole.section if whole else None)
+            array = self._arrays[index]
             if array.next <= last or 0 < extension.bits <= array.free:
                 return array
             if not extension.last:
@@ -227,14 +234,14 @@ class _Built:
             index += 1
         return None
 
-    def _array(self, index: int, extension: Extension) -> _Array:
-        whole = DescribedDevice(self._modules.document).objects.get(index)
-        subs = [each.sub for each in whole.variables()] if whole else []
-        return _Array(max(subs, default=0) + 1, whole.section if whole else None)
-
     def sections(self) -> dict[str, Section]:
         """Return all sections that are new, or have other values than in the file."""
-        arrays = [(index, array) for index, array in self._arrays.items() if array.subs and not self._is_there(array)]
+        # A DCF that gives those sub-indices values has written out what its modules add: they are there already.
+        arrays = [
+            (index, array)
+            for index, array in self._arrays.items()
+            if array.subs and not (self._from_file and array.first > len(array.subs))
+        ]
         made = (each for index, array in arrays for each in self._array_sections(index, array))
         return {**self._fixed, **{each.name.lower(): each for each in (*made, *self._module_list())}}
 
@@ -247,10 +254,6 @@ class _Built:
             section = self._there.get(f"1027sub{position:x}")
             if section is not None:
                 yield _with(section, DefaultValue=str(number))
-
-    def _is_there(self, array: _Array) -> bool:
-        """Whether a file has written out what its modules add, as a DCF has that gives those sub-indices values."""
-        return self._from_file and array.first > len(array.subs)
 
     def _array_sections(self, index: int, array: _Array) -> Iterator[Section]:
         first = next(iter(array.subs.values()))

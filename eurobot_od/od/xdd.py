@@ -80,7 +80,7 @@ def parse(data: bytes) -> XmlElement:
         if len(stack) > MOST_DEPTH:
             raise _Refused(f"more than {MOST_DEPTH} elements in each other", parser.CurrentLineNumber)
         named = {key.rpartition(":")[2]: value for key, value in attributes.items()}
-        place = parser.CurrentLineNumber, parser.CurrentColumnNumber + 1
+        place = parser.CurrentLineNumber, parser.CurrentColumnNumber + 1  # expat counts columns from 0
         each = XmlElement(tag.rpartition(":")[2], named, *place, [], [])
         stack[-1].children.append(each)
         stack.append(each)
@@ -218,6 +218,7 @@ def _file_info(root: XmlElement) -> Section:
     for name, key in TIMES.items():
         hour, _, rest = body.attributes.get(name, "").partition(":")
         if hour.isdecimal() and len(hour) <= 2 and rest:
+            # 17:05 is 05:05PM in an EDS, and 00:05 is 12:05AM (CiA 306-1).
             said[key] = f"{(int(hour) + 11) % 12 + 1:02}:{rest[:2]}{'AM' if int(hour) < 12 else 'PM'}"
     return _section("FileInfo", body, {**said, "EDSVersion": "4.0"})
 
@@ -241,7 +242,7 @@ def _lists(at: XmlElement, objects: Iterable[XmlElement]) -> Iterator[Section]:
     for each in objects:
         index = _digits(each, "index") or 0
         kind = 0 if index in MANDATORY else 2 if index in values.MANUFACTURER else 1
-        if index >= values.FIRST:
+        if index >= values.FIRST:  # below are the data types, which no list of CiA 306 has
             indices[keys.OBJECT_LISTS[kind]].append(index)
     for name, found in indices.items():
         rows = {str(number): f"0x{index:04X}" for number, index in enumerate(found, start=1)}
@@ -255,6 +256,7 @@ def _object(each: XmlElement, parameters: Mapping[str, XmlElement]) -> Iterator[
         yield _section(name, each, _entries(each, parameters))
         return
     head = {key: text for key, text in _entries(each, parameters).items() if key in ("ParameterName", "ObjectType")}
+    # SubNumber does not count sub-index 0xFF, the structure (CiA 306-1).
     yield _section(name, each, {**head, "SubNumber": str(sum(_sub(sub) != values.STRUCTURE for sub in subs))})
     for sub in subs:
         yield _section(f"{name}sub{_sub(sub):X}", sub, _entries(sub, parameters))
@@ -283,6 +285,7 @@ def _entries(each: XmlElement, parameters: Mapping[str, XmlElement]) -> dict[str
     entries |= {key: said[name] for name, key in VALUES.items() if name in said}
     if "objFlags" in said:
         entries["ObjFlags"] = f"0x{said['objFlags']}"
+    # XML writes true and false; an EDS has no such words.
     if parse_number(entries.get("DataType", "")) == values.Number(values.BOOLEAN.code):
         entries = {key: BOOLEANS.get(text, text) for key, text in entries.items()}
     return entries

@@ -51,7 +51,7 @@ class Stop(NamedTuple):
     after: State | None
 
 
-class Axis:
+class DriveAxis:
     """An axis with its objects; `report` gets the error code of a fault, and None when it is reset.
 
     `plant` is what the motor moves. `sync_period` is the time between two SYNCs in seconds, as far as it is known.
@@ -199,8 +199,9 @@ class Axis:
     def connection_lost(self) -> None:
         """Do what the abort connection option code says (CiA 402-2, clause 8.4.4): a heartbeat or the bus is lost."""
         reaction = _signed(self.values.get(cia402.ABORT_CONNECTION, default=1))
+        # 0 does nothing; what CiA 402 does not define does nothing either, as nobody knows what it would be.
         if reaction == 1:
-            self.fault(0x8130)
+            self.fault(0x8130)  # life guard or heartbeat error (CiA 301, Table 26)
         elif reaction in (2, 3):
             arrow = self.arrow(Command.DISABLE_VOLTAGE if reaction == 2 else Command.QUICK_STOP)
             if arrow is not None:
@@ -236,6 +237,7 @@ class Axis:
 
     def _step(self) -> None:
         if self.state not in POWERED:
+            # Nothing leads it: the demand goes along, so that it does not jump back when there is torque again.
             self.motor.coast()
             self.demand.position = self.motor.position
             return
@@ -299,6 +301,7 @@ class Axis:
         """State, voltage, remote, and what the mode says."""
         word = self.state.bits | cia402.VOLTAGE | cia402.REMOTE
         if self.state not in (State.QUICK_STOP, State.FAULT, State.FAULT_REACTION):
+            # Bit 5 is 0 while a quick stop is active; in a fault it may be anything (CiA 402-2, table of states).
             word |= cia402.NO_QUICK_STOP
         if self.state is State.ENABLED:
             word |= self._mode.halt_bits if self._is_halted else self._mode.bits

@@ -130,7 +130,7 @@ def state_of(statusword: int) -> State | None:
 
 def command_of(controlword: int) -> Command | None:
     """Return the command that a controlword says; None for bits that are no command's."""
-    return next((each for each in reversed(Command) if controlword & each.mask == each.bits), None)
+    return next((each for each in Command if controlword & each.mask == each.bits), None)
 
 
 # Modes of operation (CiA 402-2, clause 9)

@@ -109,16 +109,15 @@ _WITHOUT_INDEX: Mapping[int, Method] = {
 }
 
 
-def _and_index(method: Method) -> Method:
-    """Return the method that goes on, as it came to the switch's edge, to the next index pulse."""
-    return Method(f"{method.words}, and index pulse", (*method.steps, Seek(method.steps[-1].direction, None)))
-
-
 INDEX_OFFSET = 16
 """Methods 1 to 14 are 17 to 30 with the index pulse after them."""
 
 METHODS: Mapping[int, Method] = {
-    **{number - INDEX_OFFSET: _and_index(method) for number, method in _WITHOUT_INDEX.items()},
+    # The axis goes on to the next index pulse in the direction in which it came to the switch's edge.
+    **{
+        number - INDEX_OFFSET: Method(f"{words}, and index pulse", (*steps, Seek(steps[-1].direction, None)))
+        for number, (words, steps) in _WITHOUT_INDEX.items()
+    },
     **_WITHOUT_INDEX,
     33: Method("next index pulse in negative direction", (Seek(NEGATIVE, None),)),
     34: Method("next index pulse in positive direction", (Seek(POSITIVE, None),)),

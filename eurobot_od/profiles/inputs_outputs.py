@@ -12,8 +12,8 @@ from typing import NamedTuple
 
 from eurobot_od.od.values import Address
 from eurobot_od.profiles import cia401
-from eurobot_od.profiles.cia401 import AnalogueOutputs, DigitalInputs, DigitalOutputs
-from eurobot_od.profiles.values import Values
+from eurobot_od.profiles.cia401 import DigitalInputs, DigitalOutputs
+from eurobot_od.profiles.values import ProfileValues
 
 BLOCKS = range(1, 255)
 """Sub-indices of the blocks of inputs and outputs."""
@@ -22,12 +22,12 @@ DEFAULT_TRIGGER = 0b111
 """What causes the TPDO of an analogue input without 0x6421: both limits, and delta."""
 
 
-def _get(values: Values, index: int, sub: int, default: int = 0) -> int:
+def _get(values: ProfileValues, index: int, sub: int, default: int = 0) -> int:
     value = values.get((index, sub)) if values.has((index, sub)) else None
     return default if value is None else value
 
 
-def _blocks(values: Values, index: int) -> Iterator[int]:
+def _blocks(values: ProfileValues, index: int) -> Iterator[int]:
     return (sub for sub in BLOCKS if values.has((index, sub)))
 
 
@@ -37,7 +37,7 @@ def _blocks(values: Values, index: int) -> Iterator[int]:
 class Outputs:
     """The terminals of a module's outputs; `failed` tells whether they have their error values."""
 
-    def __init__(self, values: Values) -> None:
+    def __init__(self, values: ProfileValues) -> None:
         self._values = values
         self._digital = [(kind, sub) for kind in cia401.DIGITAL_OUTPUTS for sub in _blocks(values, kind.value)]
         self._analogue = [(kind, sub) for kind in cia401.ANALOGUE_OUTPUTS for sub in _blocks(values, kind.value)]
@@ -50,7 +50,10 @@ class Outputs:
         for digital, sub in self._digital:
             self.terminals[digital.value, sub] = self._of_digital(digital, sub)
         for analogue, sub in self._analogue:
-            self.terminals[analogue.value, sub] = self._of_analogue(analogue, sub)
+            # Error mode 0 keeps the value; without the object it is 1 (CiA 401-1, object 0x6443).
+            fails = self.failed and _get(self._values, analogue.error_mode, sub, 1) == 1
+            index = analogue.error_value if fails else analogue.value
+            self.terminals[analogue.value, sub] = _get(self._values, index, sub)
 
     def _of_digital(self, kind: DigitalOutputs, sub: int) -> int:
         values, every = self._values, (1 << kind.bits) - 1
@@ -59,14 +62,10 @@ class Outputs:
             # Bit by bit: a 1 in the error mode has the output take its error value (CiA 401-1, object 0x6206).
             mode = _get(values, kind.error_mode, sub, every)
             value = value & ~mode | _get(values, kind.error_value, sub, 0) & mode
+        # Polarity comes last, so an error value is inverted as well; a 0 in the filter holds what is on the terminal.
         terminal = (value ^ _get(values, kind.polarity, sub, 0)) & every
         passes = _get(values, kind.filter, sub, every)
         return terminal & passes | self.terminals.get((kind.value, sub), 0) & ~passes
-
-    def _of_analogue(self, kind: AnalogueOutputs, sub: int) -> int:
-        values = self._values
-        fails = self.failed and _get(values, kind.error_mode, sub, 1) == 1
-        return _get(values, kind.error_value, sub, 0) if fails else _get(values, kind.value, sub)
 
 
 # Inputs
@@ -89,7 +88,7 @@ TRIGGER = Trigger()
 class Inputs:
     """What of a module's inputs causes TPDOs."""
 
-    def __init__(self, values: Values) -> None:
+    def __init__(self, values: ProfileValues) -> None:
         self._values = values
         self._digital = {
             (kind.value, sub): kind for kind in cia401.DIGITAL_INPUTS for sub in _blocks(values, kind.value)
@@ -117,11 +116,9 @@ class Inputs:
         """Return the inputs that cause a TPDO since this was asked last; `present` are their values."""
         causes = {address for address, value in present.items() if self._causes(address, value)}
         # An analogue input is compared with what was sent last, a digital one with what it was last.
-        self._seen |= {a: value for a, value in present.items() if a in self._digital or a in causes | self._new(a)}
+        taken = {*self._digital, *causes, *(present.keys() - self._seen.keys())}
+        self._seen |= {address: value for address, value in present.items() if address in taken}
         return causes
-
-    def _new(self, address: Address) -> set[Address]:
-        return set() if address in self._seen else {address}
 
     def _causes(self, address: Address, value: int) -> bool:
         last = self._seen.get(address)
@@ -133,7 +130,7 @@ class Inputs:
     def _by_edge(self, kind: DigitalInputs, sub: int, last: int, value: int) -> bool:
         """Compare with the masks of change, rising and falling edge (CiA 401-1, objects 0x6005 to 0x6008)."""
         values, every = self._values, (1 << kind.bits) - 1
-        if not _get(values, cia401.INTERRUPT_ENABLE, 0, 1):
+        if not _get(values, cia401.INTERRUPT_ENABLE, 0, 1):  # on, unless it is switched off
             return False
         change = _get(values, kind.change, sub, every)
         rising, falling = (_get(values, each, sub, 0) for each in (kind.rising, kind.falling))
@@ -142,7 +139,7 @@ class Inputs:
     def _by_level(self, sub: int, last: int, value: int) -> bool:
         """Compare with the limits and deltas of an analogue input (CiA 401-1, objects 0x6421 to 0x6428)."""
         values = self._values
-        if not _get(values, cia401.ANALOGUE_INTERRUPT_ENABLE, 0, 0):
+        if not _get(values, cia401.ANALOGUE_INTERRUPT_ENABLE, 0, 0):  # off, unless it is switched on
             return False
         by = _get(values, TRIGGER.by, sub, DEFAULT_TRIGGER)
         upper, lower, delta, falling, rising = (_get(values, each, sub, 0) for each in TRIGGER[1:])

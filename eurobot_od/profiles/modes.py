@@ -79,7 +79,7 @@ class ModeOfOperation:
         return self.axis.demand.velocity == 0
 
 
-class Window:
+class TargetWindow:
     """Tells whether something has been so for a time in seconds."""
 
     def __init__(self) -> None:
@@ -104,7 +104,7 @@ class ProfilePosition(ModeOfOperation):
         self._target: SetPoint | None = None
         self._next: SetPoint | None = None
         self._acknowledged = self._commanded = False
-        self._window = Window()
+        self._window = TargetWindow()
 
     def command(self, word: int, rising: int) -> None:
         self._commanded = bool(word & cia402.NEW_SET_POINT)
@@ -122,6 +122,7 @@ class ProfilePosition(ModeOfOperation):
         target: float = axis.values.get(cia402.TARGET_POSITION)
         if relative:
             last = self._next or self._target
+            # To the set-point before, not to where the axis is: so a row of them does not add up what it was off.
             target += last.target if last else axis.demand.position
         low, high = software_limits(axis.values)
         axis.limited = not low <= target <= high
@@ -130,7 +131,7 @@ class ProfilePosition(ModeOfOperation):
         return SetPoint(min(max(target, low), high), velocity)
 
     def _begin_move(self, set_point: SetPoint) -> None:
-        self._target, self._window = set_point, Window()
+        self._target, self._window = set_point, TargetWindow()
 
     def _release(self) -> None:
         # A set-point is acknowledged until the bit is taken back and there is room for another one.
@@ -148,6 +149,7 @@ class ProfilePosition(ModeOfOperation):
             return
         ramps = (axis.acceleration(each) for each in (cia402.PROFILE_ACCELERATION, cia402.PROFILE_DECELERATION))
         axis.demand.to_position(*self._target, *ramps)
+        # Without a window it is there within one unit: the motor's place is no whole number.
         window = axis.values.get(cia402.POSITION_WINDOW, default=0) or 1
         self._window.look(self._arrived and abs(self._target.target - axis.motor.position) <= window)
         if self._next is not None and self._arrived:
@@ -223,6 +225,7 @@ class CyclicPosition(ModeOfOperation):
             wanted = target + axis.values.get(cia402.POSITION_OFFSET)
             self._target = min(max(wanted, low), high)
             axis.limited = wanted != self._target
+            # On a straight line, so that the target is reached when the next one comes.
             self._left = max(interpolation_time(axis), STEP)
             self._rate = (self._target - axis.demand.position) / self._left
 
@@ -253,6 +256,7 @@ class CyclicVelocity(ModeOfOperation):
     @property
     def _wanted(self) -> float:
         axis = self.axis
+        # The offset is added to each target; a drive need not have it (CiA 402-2, clause 16).
         wanted = sum(axis.velocity(each, default=0.0) for each in (cia402.TARGET_VELOCITY, cia402.VELOCITY_OFFSET))
         fastest = axis.velocity(cia402.MAX_MOTOR_SPEED)
         return within_limits(axis, min(max(wanted, -fastest), fastest))
@@ -291,6 +295,7 @@ class Homing(ModeOfOperation):
             self._failed, self._runs = method is None, method is not None
             self._steps = iter(method.steps if method else ())
             self._go_on()
+        # The bit taken back interrupts it (CiA 402-2, clause 11).
         elif self._runs and not word & cia402.HOMING_START:
             self._runs, self._seek = False, None
 
@@ -313,10 +318,11 @@ class Homing(ModeOfOperation):
         self._look(seek, direction)
 
     def _look(self, seek: Seek, direction: int) -> None:
-        motor = self.axis.motor
+        motor, switch = self.axis.motor, seek.switch
+        is_there = motor.index != self._index if switch is None else bool(motor.switches & switch) is seek.active
         if self.axis.demand.velocity * direction <= 0:  # it turns round: what it passes meanwhile is not what is sought
             self._index = motor.index
-        elif self._found(seek):
+        elif is_there:
             self._home = motor.position
             self._go_on()
         elif motor.switches & LIMITS[direction]:
@@ -328,12 +334,6 @@ class Homing(ModeOfOperation):
 
     def _fail(self) -> None:
         self._failed, self._runs, self._seek = True, False, None
-
-    def _found(self, seek: Seek) -> bool:
-        motor = self.axis.motor
-        if seek.switch is None:
-            return motor.index != self._index
-        return bool(motor.switches & seek.switch) is seek.active
 
     def _arrive(self) -> None:
         """Call the place that was found home: the position there is what the home offset says (clause 11.4.1)."""

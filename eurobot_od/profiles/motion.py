@@ -36,22 +36,14 @@ class Units(NamedTuple):
     @classmethod
     def of(cls, values: AxisValues) -> Units:
         """Take them from the objects: resolution 0x608F, unit of velocity 0x60A9, or the unit that the file writes."""
-        turn = _ratio(values, cia402.ENCODER_RESOLUTION, TURN)
-        return cls(turn, _velocity_unit(values, turn))
-
-
-def _ratio(values: AxisValues, index: int, default: float) -> float:
-    counts, turns = (values.get(index, sub) for sub in (1, 2))
-    return counts / turns if counts > 0 and turns > 0 else default
-
-
-def _velocity_unit(values: AxisValues, turn: float) -> float:
-    unit = values.get(cia402.SI_VELOCITY)
-    if (unit >> 16 & 0xFF, unit >> 8 & 0xFF) == (REVOLUTION, MINUTE):
-        prefix = unit >> 24
-        return turn / 60 * 10.0 ** (prefix - 0x100 if prefix > 0x7F else prefix)  # 0xFD is milli
-    written = {values.unit(index).lower() for index in (cia402.TARGET_VELOCITY, cia402.PROFILE_VELOCITY)}
-    return turn / 60 if written & {*RPM} else 1.0
+        counts, turns = (values.get(cia402.ENCODER_RESOLUTION, sub) for sub in (1, 2))
+        turn = counts / turns if counts > 0 and turns > 0 else TURN
+        unit = values.get(cia402.SI_VELOCITY)
+        if (unit >> 16 & 0xFF, unit >> 8 & 0xFF) == (REVOLUTION, MINUTE):
+            prefix = unit >> 24
+            return cls(turn, turn / 60 * 10.0 ** (prefix - 0x100 if prefix > 0x7F else prefix))  # 0xFD is milli
+        written = {values.unit(index).lower() for index in (cia402.TARGET_VELOCITY, cia402.PROFILE_VELOCITY)}
+        return cls(turn, turn / 60 if written & {*RPM} else 1.0)
 
 
 # What leads the motor

@@ -7,7 +7,7 @@ from typing import NamedTuple, Protocol
 from eurobot_od.od.values import Address
 
 
-class Values(Protocol):
+class ProfileValues(Protocol):
     """The values of a running device."""
 
     def has(self, address: Address) -> bool:
@@ -26,7 +26,7 @@ class Values(Protocol):
 class AxisValues(NamedTuple):
     """The objects of one axis; `offset` is added to the indices of the first one."""
 
-    values: Values
+    values: ProfileValues
     offset: int = 0
 
     def has(self, index: int, sub: int = 0) -> bool:

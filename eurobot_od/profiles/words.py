@@ -14,7 +14,7 @@ from eurobot_od.od import objects as od
 from eurobot_od.od.standard import DEVICE_TYPE
 from eurobot_od.od.values import Address, Value
 from eurobot_od.profiles import cia401, cia402, homing
-from eurobot_od.profiles.cia402 import Mode
+from eurobot_od.profiles.cia402 import Command, Mode, State
 
 if TYPE_CHECKING:
     from canopen.objectdictionary import ObjectDictionary, ODVariable
@@ -27,66 +27,59 @@ READABLE = 2
 """So many meanings of a bit are named side by side; with more of them the bit's number says as much."""
 
 
-class Meaning(NamedTuple):
+class ValueMeaning(NamedTuple):
     """How an object's values are said; `codes` has a word for each if it is a list of them."""
 
     says: Says
     codes: Mapping[int, str] = MappingProxyType({})
 
 
-def _coded(codes: Mapping[int, str]) -> Meaning:
-    return Meaning(lambda _, value: codes.get(value, ""), codes)
+def _coded(codes: Mapping[int, str]) -> ValueMeaning:
+    return ValueMeaning(lambda _, value: codes.get(value, ""), codes)
 
 
 def _set_bits(names: Mapping[int, str], value: int) -> list[str]:
     return [name for bit, name in sorted(names.items()) if value >> bit & 1]
 
 
-def _bits(names: Mapping[int, str], none: str = "none") -> Meaning:
-    return Meaning(lambda _, value: ", ".join(_set_bits(names, value)) or none)
-
-
-def _block(bits: int) -> Meaning:
-    numbers = {bit: str(bit + 1) for bit in range(bits)}
-    return Meaning(lambda _, value: f"{' '.join(_set_bits(numbers, value)) or 'none'} {cia401.SWITCHED_ON}")
+def _bits(names: Mapping[int, str], none: str = "none", between: str = ", ", after: str = "") -> ValueMeaning:
+    return ValueMeaning(lambda _, value: (between.join(_set_bits(names, value)) or none) + after)
 
 
 # The two words of a drive
-
-
-def _modes(objects: ObjectDictionary) -> tuple[Mode, ...]:
-    """Return the modes of operation that a file says the drive has; all of them if it does not say."""
-    default = _default(objects, (cia402.SUPPORTED_MODES, 0))
-    return cia402.supported(default) or tuple(Mode)
 
 
 def _by_mode(bits: Mapping[Mode, Mapping[int, str]], objects: ObjectDictionary) -> Mapping[int, str]:
     """Return what the bits mean whose meaning depends on the mode: the names in the modes that the drive has."""
     # The frame does not say in which mode the drive is, and another frame's word for it may be out of date.
     names: dict[int, dict[str, None]] = {}
-    for mode in _modes(objects):
+    # A drive that does not say in 0x6502 which modes it has may have any.
+    for mode in cia402.supported(_default(objects, (cia402.SUPPORTED_MODES, 0))) or Mode:
         for bit, name in bits.get(mode, {}).items():
             names.setdefault(bit, {})[name] = None
     return {bit: " or ".join(each) if len(each) <= READABLE else f"bit {bit}" for bit, each in names.items()}
 
 
-def _statusword(objects: ObjectDictionary, value: int) -> str:
-    state = cia402.state_of(value)
-    names = {**cia402.STATUS_BITS, **_by_mode(cia402.MODE_STATUS_BITS, objects)}
-    return ", ".join([state.words if state else "no state", *_set_bits(names, value)])
+def _word(
+    find: Callable[[int], State | Command | None],
+    none: str,
+    bits: Mapping[int, str],
+    mode_bits: Mapping[Mode, Mapping[int, str]],
+) -> ValueMeaning:
+    """Return the meaning of a word: the state or command that it says, and the names of its other bits."""
 
+    def says(objects: ObjectDictionary, value: int) -> str:
+        found = find(value)
+        return ", ".join([found.words if found else none, *_set_bits({**bits, **_by_mode(mode_bits, objects)}, value)])
 
-def _controlword(objects: ObjectDictionary, value: int) -> str:
-    command = cia402.command_of(value)
-    names = {**cia402.CONTROL_BITS, **_by_mode(cia402.MODE_CONTROL_BITS, objects)}
-    return ", ".join([command.words if command else "no command", *_set_bits(names, value)])
+    return ValueMeaning(says)
 
 
 # Profiles
 
-DRIVE: Mapping[Address, Meaning] = {
-    (cia402.CONTROLWORD, 0): Meaning(_controlword),
-    (cia402.STATUSWORD, 0): Meaning(_statusword),
+DRIVE: Mapping[Address, ValueMeaning] = {
+    (cia402.CONTROLWORD, 0): _word(cia402.command_of, "no command", cia402.CONTROL_BITS, cia402.MODE_CONTROL_BITS),
+    (cia402.STATUSWORD, 0): _word(cia402.state_of, "no state", cia402.STATUS_BITS, cia402.MODE_STATUS_BITS),
     (cia402.MODE, 0): _coded(cia402.MODE_WORDS),
     (cia402.MODE_DISPLAY, 0): _coded(cia402.MODE_WORDS),
     (cia402.HOMING_METHOD, 0): _coded(homing.METHOD_WORDS),
@@ -97,28 +90,29 @@ DRIVE: Mapping[Address, Meaning] = {
     **{(index, 0): _coded(words) for index, words in cia402.OPTION_WORDS.items()},
 }
 
-_BLOCKS: Mapping[int, Meaning] = {index: _block(bits) for index, bits in cia401.BIT_BLOCKS.items()}
-_SETTINGS = {
+MODULE: Mapping[int, ValueMeaning] = {
+    # Inputs and outputs count from 1, bits from 0.
+    **{
+        index: _bits({bit: str(bit + 1) for bit in range(bits)}, between=" ", after=f" {cia401.SWITCHED_ON}")
+        for index, bits in cia401.BIT_BLOCKS.items()
+    },
     **{each.error_mode: _coded(cia401.ERROR_MODE_WORDS) for each in cia401.ANALOGUE_OUTPUTS},
     cia401.ANALOGUE_TRIGGER: _bits(cia401.TRIGGER_BITS),
 }
 
 
-def _of_drive(address: Address) -> Meaning | None:
+def _of_drive(address: Address) -> ValueMeaning | None:
     index, sub = address
+    # Each axis has the first one's objects, 0x800 higher (CiA 402-2, clause 6.2).
     axis = index - cia402.FIRST_AXIS.start
     if not 0 <= axis < cia402.MOST_AXES * cia402.AXIS_STEP:
         return None
     return DRIVE.get((cia402.FIRST_AXIS.start + axis % cia402.AXIS_STEP, sub))
 
 
-def _of_module(address: Address) -> Meaning | None:
-    index, sub = address
-    return {**_BLOCKS, **_SETTINGS}.get(index) if sub else None
-
-
-PROFILES: Mapping[int, Callable[[Address], Meaning | None]] = {
-    cia401.PROFILE: _of_module,
+PROFILES: Mapping[int, Callable[[Address], ValueMeaning | None]] = {
+    # Sub-index 0 is the number of blocks (CiA 401-1), and means nothing but itself.
+    cia401.PROFILE: lambda address: MODULE.get(address[0]) if address[1] else None,
     cia402.PROFILE: _of_drive,
 }
 """What the objects of a device mean, by its profile."""
@@ -142,7 +136,7 @@ def _objects_of(variable: ODVariable) -> ObjectDictionary | None:
     return parent if hasattr(parent, "indices") else None
 
 
-def meaning_of(variable: ODVariable) -> Meaning | None:
+def meaning_of(variable: ODVariable) -> ValueMeaning | None:
     """Return what a profile says of an object; None if it says nothing."""
     objects = _objects_of(variable)
     of_profile = PROFILES.get(profile_of(objects)) if objects is not None else None

@@ -41,7 +41,7 @@ MISTAKES = {
     "a fault with a slip": (
         "check|drive|--simulate|--fault|stop-ignord",
         2,
-        "unknown fault 'stop-ignord'; did you mean stop-ignored or nmt-stop-ignored or reset-ignored?",
+        "unknown fault 'stop-ignord'; did you mean stop-ignored or nmt-stop-ignored or quick-stop-ignored?",
     ),
     "a suite with a slip": ("check|drve|--simulate", 2, "unknown suite 'drve'; did you mean drive?"),
     "an interface with a slip": (

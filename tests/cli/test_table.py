@@ -6,11 +6,11 @@ from inspect import Parameter, signature
 
 import pytest
 
-from eurobot_od.cli import TABLES, bus, find, objects, parameters
+from eurobot_od.cli import TABLES, bus, drive, find, objects, parameters
 from eurobot_od.cli.export import FORMS
 from eurobot_od.cli.table import CommandRow
 
-ROWS = {**bus.COMMANDS, **objects.COMMANDS, **parameters.COMMANDS, **FORMS, "lss": find("lss")}
+ROWS = {**bus.COMMANDS, **objects.COMMANDS, **parameters.COMMANDS, **FORMS, **drive.COMMANDS, "lss": find("lss")}
 
 
 @pytest.mark.parametrize("name", ROWS)

@@ -7,7 +7,7 @@ from functools import cache
 import pytest
 
 from eurobot_od.check.conformance import drive
-from eurobot_od.check.conformance.drive import Motion
+from eurobot_od.check.conformance.drive import MotionBounds
 from eurobot_od.check.reader import SuiteReader
 from eurobot_od.check.results import Status, StepResult
 from eurobot_od.check.runner import RunOptions
@@ -21,7 +21,7 @@ from eurobot_od.od.dictionary import Dictionary
 from tests.check.conformance.devices import of_kind
 from tests.client.servo import EDS, SERVO
 
-LIMITS = Motion(2000, 100)
+LIMITS = MotionBounds(2000, 100)
 
 
 def suites_of(text: str, dictionary: Dictionary = SERVO) -> list[Suite]:
@@ -30,7 +30,7 @@ def suites_of(text: str, dictionary: Dictionary = SERVO) -> list[Suite]:
 
 
 @cache
-def suite(reversible: bool = True, motion: Motion | None = LIMITS) -> Suite:
+def suite(reversible: bool = True, motion: MotionBounds | None = LIMITS) -> Suite:
     (found,) = suites_of(drive.text(SERVO, reversible, motion))
     return found
 

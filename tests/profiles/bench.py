@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from eurobot_od.od.values import Address
-from eurobot_od.profiles.axis import Axis
+from eurobot_od.profiles.axis import DriveAxis
 from eurobot_od.profiles.cia402 import State, state_of
 from eurobot_od.profiles.motion import Plant
 from eurobot_od.profiles.values import AxisValues
@@ -75,7 +75,7 @@ class Bench:
         objects: Mapping[Address, int] | None = None,
         *,
         plant: Plant = ROUND_TABLE,
-        kind: type[Axis] = Axis,
+        kind: type[DriveAxis] = DriveAxis,
         without: tuple[int, ...] = (),
     ) -> None:
         values = {a: value for a, value in {**OBJECTS, **(objects or {})}.items() if a[0] not in without}

@@ -6,9 +6,9 @@ farther than it says. Where the motor stands at the end is where it stood, or wh
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from enum import Enum
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 from eurobot_od.check.conformance.naming import StepName
 from eurobot_od.check.conformance.subject import Subject, awake, group, read, skip, title, write
@@ -34,7 +34,7 @@ STAYS, LEAVES = 6, 2
 """Quick stop option codes: with the first the drive stays in Quick stop active."""
 
 
-class Motion(NamedTuple):
+class MotionBounds(NamedTuple):
     """How far a motor may be moved, and how fast, in the drive's units."""
 
     way: int
@@ -49,12 +49,12 @@ class Needs(Enum):
     MOTION = "motion"
 
 
-class Drive(NamedTuple):
+class TestedDrive(NamedTuple):
     """A drive under test, and what may be done with it; `motion` None: the motor gets no torque."""
 
     subject: Subject
     reversible: bool
-    motion: Motion | None
+    motion: MotionBounds | None
 
     def may(self, needs: Needs) -> bool:
         """Tell whether a step may be done."""
@@ -75,31 +75,62 @@ class Drive(NamedTuple):
         return cia402.supported(self.subject.number((cia402.SUPPORTED_MODES, 0)))
 
 
+StepsOf: TypeAlias = Callable[[TestedDrive], Iterator[Data]]
+
+
+class DriveClause(NamedTuple):
+    """A clause of CiA 402-2, its topic, its steps, and what they need."""
+
+    number: str
+    topic: str
+    steps: StepsOf
+    needs: Needs
+
+    def named(self, drive: TestedDrive) -> Iterator[Data]:
+        """Give the steps with their names."""
+        allowed = drive.may(self.needs)
+        for step in self.steps(drive) if allowed else [skip("not done", f"only with --{self.needs.value}")]:
+            yield {**step, "name": str(StepName(self.number, self.topic, step["name"], self.needs.value))}
+
+
+CLAUSES: list[DriveClause] = []
+"""The suite, in the order of this file: what gives no torque comes first."""
+
+
+def _clause(number: str, topic: str, needs: Needs) -> Callable[[StepsOf], StepsOf]:
+    """Enter a function as a clause."""
+
+    def enter(steps: StepsOf) -> StepsOf:
+        CLAUSES.append(DriveClause(number, topic, steps, needs))
+        return steps
+
+    return enter
+
+
 # Steps
 
 
 def _digits(mask: int, bits: int) -> str:
     """Return the pattern of a byte that has these bits."""
-    halves = ((mask >> 4, bits >> 4), (mask & 15, bits & 15))
-    return "".join(_digit([n for n in range(16) if n & m == b]) for m, b in halves)
+    digits = ""
+    for m, b in ((mask >> 4, bits >> 4), (mask & 15, bits & 15)):
+        allowed = "".join(f"{n:X}" for n in range(16) if n & m == b)
+        digits += "?" if len(allowed) == 16 else allowed if len(allowed) == 1 else f"[{allowed}]"
+    return digits
 
 
-def _digit(allowed: list[int]) -> str:
-    written = "".join(f"{each:X}" for each in allowed)
-    return "?" if len(allowed) == 16 else written if len(allowed) == 1 else f"[{written}]"
-
-
-def _until(drive: Drive, name: str, mask: int, bits: int, within: str = SOON) -> Data:
+def _until(drive: TestedDrive, name: str, mask: int, bits: int, within: str = SOON) -> Data:
     """Ask for the statusword until it has these bits."""
     subject = drive.subject
     ask = subject.request(initiate(ClientCommand.UPLOAD << 5, (cia402.STATUSWORD, 0)))
+    # 4B is an expedited answer of 2 bytes (CiA 301, 7.2.4.3); the other two bytes may be anything.
     head = f"4B{cia402.STATUSWORD & 0xFF:02X}{cia402.STATUSWORD >> 8:02X}00"
     word = _digits(mask & 0xFF, bits & 0xFF) + _digits(mask >> 8, bits >> 8)
     poll = {**ask, "every": "20 ms"}
     return {"name": name, "poll": poll, "until": subject.answer(f"{head}{word}????"), "within": within}
 
 
-def _state(drive: Drive, state: State) -> Data:
+def _state(drive: TestedDrive, state: State) -> Data:
     return _until(drive, f"it is in {state.words}", state.mask, state.bits)
 
 
@@ -121,7 +152,7 @@ WAYS: dict[State, tuple[Command, ...]] = {
 """The commands that bring a drive from Switch on disabled into each state."""
 
 
-def _into(drive: Drive, state: State) -> Iterator[Data]:
+def _into(drive: TestedDrive, state: State) -> Iterator[Data]:
     """Bring the drive into a state, each arrow seen."""
     yield _commanded(Command.DISABLE_VOLTAGE)
     yield _state(drive, State.DISABLED)
@@ -132,7 +163,7 @@ def _into(drive: Drive, state: State) -> Iterator[Data]:
         yield _state(drive, present)
 
 
-def _off(drive: Drive) -> Iterator[Data]:
+def _off(drive: TestedDrive) -> Iterator[Data]:
     yield _commanded(Command.DISABLE_VOLTAGE)
     yield _state(drive, State.DISABLED)
 
@@ -140,7 +171,8 @@ def _off(drive: Drive) -> Iterator[Data]:
 # Objects
 
 
-def _objects(drive: Drive) -> Iterator[Data]:
+@_clause("6.2", "Objects", Needs.READING)
+def _objects(drive: TestedDrive) -> Iterator[Data]:
     for index in (cia402.CONTROLWORD, cia402.STATUSWORD):  # mandatory: a drive without them is red
         variable = drive.subject.find((index, 0))
         yield read(title(variable) if variable else hexadecimal(index), (index, 0))
@@ -155,43 +187,50 @@ def _objects(drive: Drive) -> Iterator[Data]:
 # State machine
 
 
-def _cell(drive: Drive, before: State, command: Command, after: State) -> Data:
+def _cell(drive: TestedDrive, before: State, command: Command, after: State) -> Data:
     reset = [_command(0, "no command")] * (command is Command.FAULT_RESET)  # it is a rising edge
     name = f"{command.words} in {before.words}: {'stays' if before is after else after.words}"
     steps = (*_into(drive, before), *reset, _commanded(command), _state(drive, after), *_off(drive))
     return group(name, *steps)
 
 
-def _after(before: State, command: Command) -> State:
-    """Return the state that a command leads to; Enable operation in Ready to switch on takes two arrows."""
-    if (before, command) == (State.READY, Command.ENABLE):
-        return State.ENABLED
-    arrow = ARROWS.get((before, command))
-    return arrow.after if arrow else before
+LEADS_TO: Mapping[tuple[State, Command | None], State] = {
+    **{pair: arrow.after for pair, arrow in ARROWS.items()},
+    (State.READY, Command.ENABLE): State.ENABLED,  # two arrows with one command (CiA 402-2, table of commands)
+}
+"""The state after a command, by the state before; a command that is not here leaves the state as it is."""
 
 
-def _table(powered: bool) -> Callable[[Drive], Iterator[Data]]:
-    """Return the rows of the state machine: each command in each state, those with torque or those without."""
+def _table(drive: TestedDrive, powered: bool) -> Iterator[Data]:
+    """Give the rows of the state machine: each command in each state, those with torque or those without."""
+    for before in (State.DISABLED, State.READY, State.SWITCHED_ON, State.ENABLED):
+        for command in Command:
+            after = LEADS_TO.get((before, command), before)
+            # In states with torque "no command", which precedes a fault reset, is Disable voltage.
+            edge = command is Command.FAULT_RESET and before is not State.DISABLED
+            if not edge and powered is bool({before, after} & {*POWERED}) and after is not State.QUICK_STOP:
+                yield _cell(drive, before, command, after)
 
-    def steps(drive: Drive) -> Iterator[Data]:
-        for before in (State.DISABLED, State.READY, State.SWITCHED_ON, State.ENABLED):
-            for command in Command:
-                # In states with torque "no command", which precedes a fault reset, is Disable voltage.
-                after = _after(before, command)
-                edge = command is Command.FAULT_RESET and before is not State.DISABLED
-                if not edge and powered is bool({before, after} & {*POWERED}) and after is not State.QUICK_STOP:
-                    yield _cell(drive, before, command, after)
 
-    return steps
+@_clause("8.1", "States", Needs.REVERSIBLE)
+def _states(drive: TestedDrive) -> Iterator[Data]:
+    return _table(drive, powered=False)
+
+
+@_clause("8.1", "States with torque", Needs.MOTION)
+def _states_with_torque(drive: TestedDrive) -> Iterator[Data]:
+    return _table(drive, powered=True)
 
 
 # With torque
 
 
-def _quick_stop(drive: Drive) -> Iterator[Data]:
+@_clause("8.4", "Quick stop", Needs.MOTION)
+def _quick_stop(drive: TestedDrive) -> Iterator[Data]:
     option = cia402.QUICK_STOP_OPTION
     if not drive.settable(option, STAYS):
         steps = (*_into(drive, State.ENABLED), _commanded(Command.QUICK_STOP))
+        # Where its option code leads is the maker's matter; all that can be asked is that it is no fault.
         ended = _until(drive, "it stops", State.DISABLED.mask & 0x08, 0)
         yield group("from Operation enabled", *steps, ended, *_off(drive))
         return
@@ -206,7 +245,8 @@ def _quick_stop(drive: Drive) -> Iterator[Data]:
     yield group("ends in Switch on disabled", *steps, back)
 
 
-def _lost_heartbeat(drive: Drive) -> Iterator[Data]:
+@_clause("8.4", "Connection", Needs.MOTION)
+def _lost_heartbeat(drive: TestedDrive) -> Iterator[Data]:
     """Lose a heartbeat that the drive watches: it has a fault, which a rising edge resets."""
     name, address, subject = "a lost heartbeat, and its reset", (CONSUMED_HEARTBEATS, 1), drive.subject
     another = subject.another
@@ -223,6 +263,7 @@ def _lost_heartbeat(drive: Drive) -> Iterator[Data]:
         write(f"watch node {another}", address, value=entry),
         {"name": "its heartbeat, and no second one", "send": {"raw": beat}},
         _state(drive, State.FAULT),
+        # No command leaves a fault but the reset, and that only with a rising edge (CiA 402-2, transition 15).
         _command(Command.ENABLE.bits, "Enable operation"),
         _state(drive, State.FAULT),
         write("watch nobody", address, value=0),
@@ -233,14 +274,14 @@ def _lost_heartbeat(drive: Drive) -> Iterator[Data]:
     )
 
 
-def _mode(drive: Drive, mode: Mode) -> Iterator[Data]:
+def _mode(drive: TestedDrive, mode: Mode) -> Iterator[Data]:
     """Choose a mode of operation, and enable."""
     yield write(f"mode {cia402.MODE_WORDS[mode]}", (cia402.MODE, 0), value=int(mode))
     yield read("it is the mode", (cia402.MODE_DISPLAY, 0), expect=int(mode))
     yield from _into(drive, State.ENABLED)
 
 
-def _without(drive: Drive, mode: Mode, *objects: Address) -> str:
+def _without(drive: TestedDrive, mode: Mode, *objects: Address) -> str:
     """Say why a mode cannot be tried; nothing if it can."""
     lacks = [hexadecimal(index) for index, sub in objects if drive.subject.find((index, sub)) is None]
     reasons = {
@@ -254,7 +295,8 @@ HERE = 37
 """The homing method that does not move."""
 
 
-def _homing(drive: Drive) -> Iterator[Data]:
+@_clause("11.1", "Homing", Needs.MOTION)
+def _homing(drive: TestedDrive) -> Iterator[Data]:
     name = "present position is home"
     why = _without(drive, Mode.HOMING, (cia402.MODE, 0), (cia402.HOMING_METHOD, 0), (cia402.POSITION, 0))
     if why:
@@ -266,6 +308,7 @@ def _homing(drive: Drive) -> Iterator[Data]:
         name,
         write(f"method {HERE}", (cia402.HOMING_METHOD, 0), value=HERE),
         *_mode(drive, Mode.HOMING),
+        # Bits 13, 12 and 10: no error, not attained, target reached (CiA 402-2, clause 11).
         _until(drive, "not started", 0x3400, cia402.TARGET_REACHED),
         start,
         _until(drive, "homing attained", done | cia402.BIT_13, done, MOVED),
@@ -273,7 +316,8 @@ def _homing(drive: Drive) -> Iterator[Data]:
     )
 
 
-def _position(drive: Drive) -> Iterator[Data]:
+@_clause("10.1", "Profile position", Needs.MOTION)
+def _position(drive: TestedDrive) -> Iterator[Data]:
     """Move by the way that is allowed, and back."""
     name, motion = "there and back", drive.motion
     objects = ((cia402.MODE, 0), (cia402.TARGET_POSITION, 0), (cia402.PROFILE_VELOCITY, 0), (cia402.POSITION, 0))
@@ -296,7 +340,7 @@ def _position(drive: Drive) -> Iterator[Data]:
     )
 
 
-def _moved(drive: Drive, way: int) -> Iterator[Data]:
+def _moved(drive: TestedDrive, way: int) -> Iterator[Data]:
     enable, reached = Command.ENABLE.bits, cia402.TARGET_REACHED | cia402.BIT_12
     bits = enable | cia402.NEW_SET_POINT | cia402.AT_ONCE | cia402.RELATIVE
     yield write(f"by {way}", (cia402.TARGET_POSITION, 0), value=way)
@@ -308,7 +352,8 @@ def _moved(drive: Drive, way: int) -> Iterator[Data]:
     )
 
 
-def _velocity(drive: Drive) -> Iterator[Data]:
+@_clause("14.1", "Profile velocity", Needs.MOTION)
+def _velocity(drive: TestedDrive) -> Iterator[Data]:
     name, motion = "up, and quick stop", drive.motion
     why = _without(drive, Mode.PROFILE_VELOCITY, (cia402.MODE, 0), (cia402.TARGET_VELOCITY, 0), (cia402.VELOCITY, 0))
     if why or motion is None:
@@ -334,37 +379,10 @@ def _velocity(drive: Drive) -> Iterator[Data]:
 # The suite
 
 
-class Clause(NamedTuple):
-    """A clause of CiA 402-2, its topic, its steps, and what they need."""
-
-    number: str
-    topic: str
-    steps: Callable[[Drive], Iterator[Data]]
-    needs: Needs
-
-    def named(self, drive: Drive) -> Iterator[Data]:
-        """Give the steps with their names."""
-        allowed = drive.may(self.needs)
-        for step in self.steps(drive) if allowed else [skip("not done", f"only with --{self.needs.value}")]:
-            yield {**step, "name": str(StepName(self.number, self.topic, step["name"], self.needs.value))}
-
-
-CLAUSES = (
-    Clause("6.2", "Objects", _objects, Needs.READING),
-    Clause("8.1", "States", _table(powered=False), Needs.REVERSIBLE),
-    Clause("8.1", "States with torque", _table(powered=True), Needs.MOTION),
-    Clause("8.4", "Quick stop", _quick_stop, Needs.MOTION),
-    Clause("8.4", "Connection", _lost_heartbeat, Needs.MOTION),
-    Clause("11.1", "Homing", _homing, Needs.MOTION),
-    Clause("10.1", "Profile position", _position, Needs.MOTION),
-    Clause("14.1", "Profile velocity", _velocity, Needs.MOTION),
-)
-
-
-def text(dictionary: Dictionary, reversible: bool = False, motion: Motion | None = None) -> str:
+def text(dictionary: Dictionary, reversible: bool = False, motion: MotionBounds | None = None) -> str:
     """Return the suite of a drive; `reversible` writes its controlword, `motion` gives it torque within its limits."""
     subject = Subject(dictionary)
-    drive = Drive(subject, reversible or motion is not None, motion)
+    drive = TestedDrive(subject, reversible or motion is not None, motion)
     reset = [_command(0, "no command"), _commanded(Command.FAULT_RESET), _command(0, "no command")]
     suite: Data = {
         "spec": VERSION,

@@ -107,7 +107,9 @@ def blocks(run: DeviceRun) -> Iterator[DocBlock]:
     yield Paragraph(f"{amount(passed, 'step')} green, {red}.")
     yield DocTable(("", ""), run.facts, words=("",))
     yield DocHeading(2, "Score by chapter")
-    yield DocTable(("Chapter", "Green", "Red", "Skipped"), list(map(_score, run.results)), ("Green", "Red", "Skipped"))
+    statuses = (Status.PASSED, Status.FAILED, Status.SKIPPED)
+    scores = [(r.name.removeprefix("CiA 301, "), *(str(r.count(each)) for each in statuses)) for r in run.results]
+    yield DocTable(("Chapter", "Green", "Red", "Skipped"), scores, ("Green", "Red", "Skipped"))
     yield DocHeading(2, "What is red")
     yield from _all_red(run)
     yield DocHeading(2, "By the numbers of CiA's test tool")
@@ -117,11 +119,6 @@ def blocks(run: DeviceRun) -> Iterator[DocBlock]:
     yield DocTable(("Test", "It asks", "", "Why"), rows, words=("Test", ""))
     yield DocHeading(2, "What was skipped")
     yield DocTable(("Why", "Steps"), [(why, str(count)) for why, count in run.skipped.items()], ("Steps",))
-
-
-def _score(result: SuiteResult) -> tuple[str, ...]:
-    statuses = (Status.PASSED, Status.FAILED, Status.SKIPPED)
-    return result.name.removeprefix("CiA 301, "), *(str(result.count(each)) for each in statuses)
 
 
 def _all_red(run: DeviceRun) -> Iterator[DocBlock]:

@@ -197,7 +197,9 @@ def _at_most(subject: Subject, pdo: Pdo, cob_id: ODVariable) -> Data:
     """Map more bits than a PDO has; entry by entry that may be, together it is refused."""
     record, name = pdo.mapping_index, f"{pdo.title} takes {MAX_BITS} bits at most"
     # The widest, so that few entries are needed: many devices have only four or eight of them.
-    wide = _widest(subject, pdo)
+    may = [each for each in subject.objects if each.pdo_mappable and each.access_type in MAPPABLE[pdo.direction]]
+    numbers = [each for each in may if data_type(each).is_integer and 8 <= data_type(each).bits <= MAX_BITS]
+    wide = max(numbers, key=lambda each: data_type(each).bits, default=None)
     if wide is None or MAX_BITS // data_type(wide).bits >= _room(subject, pdo):
         return skip(name, "the file has too few entries in it to map more")
     count = MAX_BITS // data_type(wide).bits + 1
@@ -270,13 +272,6 @@ def _may_be_tried(subject: Subject, pdo: Pdo, entry: int) -> bool:
 
 def _entry(each: ODVariable) -> str:
     return hexadecimal(each.index << 16 | each.subindex << 8 | data_type(each).bits, 8)
-
-
-def _widest(subject: Subject, pdo: Pdo) -> ODVariable | None:
-    """Return the widest number that may be mapped there."""
-    may = [each for each in subject.objects if each.pdo_mappable and each.access_type in MAPPABLE[pdo.direction]]
-    numbers = [each for each in may if data_type(each).is_integer and 8 <= data_type(each).bits <= MAX_BITS]
-    return max(numbers, key=lambda each: data_type(each).bits, default=None)
 
 
 TPDO_MAPPING = "3.22 to 3.26, 3.30 to 3.32"
