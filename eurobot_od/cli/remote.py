@@ -122,7 +122,7 @@ class Target(NamedTuple):
             mine = next((each for each in files if Dictionary.load(*each).node_id == node.node_id), None)
         if mine is None:
             return None
-        described = from_file(mine.file, node.node_id, mine.modules)
+        described = from_file(mine.file, node.node_id, mine.modules, mine.patch)
         options.complain_of_repairs([described.dictionary])
         return described
 
