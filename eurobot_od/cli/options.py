@@ -308,6 +308,7 @@ class Devices(NamedTuple):
         asked = []
         with Master(open_bus()) as master:
             for dictionary in self.load_and_complain():
+                master.follow(dictionary)
                 try:
                     asked.append(dictionary.configured(pdo_parameters(master.node(dictionary.node_id), dictionary)))
                 except RemoteError as error:  # one node that is off must not keep the others from being decoded
