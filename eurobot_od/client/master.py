@@ -150,13 +150,14 @@ class Master:
     def follow(self, device: Dictionary) -> None:
         """Talk to a device where its file says that its SDO server is (0x1200), its ParameterValue first.
 
-        Default COB-IDs of another node are not followed, nor those without a node-ID: many files were made for one
-        node, and no server may be moved there (CiA 301, 7.3.5). To follow them would be to write to another node.
+        Both COB-IDs of another node's server, or both without a node-ID, are not followed: many files have been written
+        for one node, and whoever followed them would write to that one.
         """
-        default = SdoServer(SDO_REQUEST_BASE + device.node_id, SDO_RESPONSE_BASE + device.node_id)
         said = SdoServer(device.cob_id(SDO_REQUESTS, SDO_REQUEST_BASE), device.cob_id(SDO_ANSWERS, SDO_RESPONSE_BASE))
-        is_restricted = any(each in range(SDO_RESPONSE_BASE, SDO_REQUEST_BASE + 0x80) for each in said)
-        self._sdo_servers[device.node_id] = default if is_restricted else said
+        node_id = said.requests - SDO_REQUEST_BASE
+        is_anothers = node_id in range(NODE_IDS[-1] + 1) and said.answers == SDO_RESPONSE_BASE + node_id
+        if not is_anothers:
+            self._sdo_servers[device.node_id] = said
 
     def turn(self, node_id: int) -> AbstractAsyncContextManager[object]:
         """Return what is held during a transfer: a node's SDO server does one at a time (CiA 301, 7.2.4.1)."""
