@@ -8,6 +8,7 @@ from contextlib import suppress
 from datetime import datetime, timezone
 from itertools import islice
 from math import inf
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from eurobot_od.cli import ExitStatus, options
@@ -30,20 +31,34 @@ if TYPE_CHECKING:
     from eurobot_od.live.connection import Opener
 
 
-def scan(master: Master, listen: float, as_json: bool) -> ExitStatus:
+def scan(master: Master, devices: Devices, listen: float, as_json: bool) -> ExitStatus:
     """List the CANopen nodes of a bus: which answer, in which state, what they are.
 
-    Exit status 1 if there is none.
+    With --network or --eds also what they are called there, and which of them are missing. Exit status 1 if one is
+    missing, or if there is no node at all.
     """
     from eurobot_od.client import scan
 
+    known = devices.load_and_complain() if devices.eds or devices.network else ()
     with master:
+        for each in known:
+            master.follow(each)  # a device that answers elsewhere is there, too
         found = scan.scan(master, listen=listen)
+    names = {each.node_id: each.name for each in known}
+    missing = [node_id for node_id in names if node_id not in {each.node_id for each in found}]
     if as_json:
-        print(json.dumps([found_as_data(each) for each in found], indent=2))
+        rows = [found_as_data(each) for each in (*found, *(scan.Found(each, None, None, "") for each in missing))]
+        print(json.dumps([{**row, **_in_network(row["node_id"], names, missing)} for row in rows], indent=2))
     else:
-        print(*(columns(found_rows(found)) if found else ["no node answers"]), sep="\n")
-    return ExitStatus.FINE if found else ExitStatus.FOUND
+        print(*(columns(found_rows(found, names)) if found else ["no node answers"]), sep="\n")
+    if missing and not as_json:
+        print(one_line(f"missing: {', '.join(f'{names[each]} ({each})' for each in missing)}"))
+    return ExitStatus.FINE if found and not missing else ExitStatus.FOUND
+
+
+def _in_network(node_id: int, names: Mapping[int, str], missing: Sequence[int]) -> dict[str, Any]:
+    """Return what a network says of a node: its name there, None for a stranger; nothing without a network."""
+    return {"network_name": names.get(node_id), "missing": node_id in missing} if names else {}
 
 
 def found_as_data(found: Found) -> dict[str, Any]:
@@ -53,13 +68,17 @@ def found_as_data(found: Found) -> dict[str, Any]:
     return {"node_id": found.node_id, "name": found.name, "state": state, "identity": identity}
 
 
-def found_rows(found: Sequence[Found]) -> Iterator[tuple[str, ...]]:
-    """Yield the table of the nodes."""
-    yield "node", "name", "state", "vendor", "product", "revision", "serial"
+def found_rows(found: Sequence[Found], names: Mapping[int, str] = MappingProxyType({})) -> Iterator[tuple[str, ...]]:
+    """Yield the table of the nodes, with a column for the `names` that a network has for them, if there are any."""
+
+    def name(text: str) -> tuple[str, ...]:
+        return (text,) if names else ()
+
+    yield "node", *name("in network"), "name", "state", "vendor", "product", "revision", "serial"
     for each in found:
         state = "-" if each.state is None else STATE_NAMES[each.state]
         numbers = (f"0x{number:08X}" for number in each.identity) if each.identity else ("-",) * 4
-        yield f"{each.node_id:>4}", each.name or "-", state, *numbers
+        yield f"{each.node_id:>4}", *name(names.get(each.node_id, "-")), each.name or "-", state, *numbers
 
 
 # Boot
@@ -272,6 +291,7 @@ COMMANDS = {
         ),
         JSON,
         MASTER,
+        Parameter("devices", lambda _: None, options.Devices.of),
     ),
     "nmt": CommandRow(nmt, TARGET, option("command", choices=NMT_COMMANDS, help="the command; NODE may be `all`")),
     "watch": CommandRow(

@@ -153,12 +153,13 @@ class Checks(NamedTuple):
         """Return all that the results of a seed depend on: the options, and the content of the files."""
         from eurobot_od.support.files import digest_of
 
-        eds, named_network, dialect, robot_name, _, modules = self.devices
-        named = [Path(each.file) for each in self.devices.files()]
+        eds, named_network, dialect, robot_name, _, modules, patches = self.devices
+        named = [Path(file) for each in self.devices.files() for file in (each.file, *each.patch)]
         dialects = self.devices.robot.dialects
         folders = {dialects.folder(each.dialect or dialect) for each in suites if each.dialect or not named}
         found = [file for folder in sorted(folders) for file in sorted(folder.glob("*.eds"))]
         options = {"robot": robot_name, "dialect": dialect, "eds": eds, "network": named_network, "module": modules}
+        options["patch"] = patches
         tiers = ("conformance", "reversible", "destructive", "restore", "profile", "motion")
         own = ("fault", "tag", "step", *tiers, "keep_going")
         # Beside the options the files' content: an edited suite must not be continued with results of the old one.

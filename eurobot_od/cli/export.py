@@ -112,7 +112,7 @@ def write_concise(node: NodeFile, output: Path | None) -> None:
     from eurobot_od.client.reading import decoded
     from eurobot_od.od.concise import pack
 
-    description, refused = from_file(node.file, node.node_id, node.modules), list[MappingError]()
+    description, refused = from_file(node.file, node.node_id, node.modules, node.patch), list[MappingError]()
     with left_out() as complained:
 
         def leave_out(error: MappingError) -> None:

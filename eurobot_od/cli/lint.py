@@ -144,7 +144,7 @@ def read_network(files: Sequence[str]) -> LintedNetwork:
 
     is_network = len(files) == 1 and not files[0].lower().endswith(SUFFIXES)
     described = read_network(files[0]) if is_network else NetworkFile([NodeFile(each) for each in files])
-    devices = [(each, load(read_bytes(each.file), each.file)) for each in described.nodes]
+    devices = [(each, load(read_bytes(each.file), each.file, each.patch)) for each in described.nodes]
     members = [
         NetworkMember(each.name or device.name.rpartition(".")[0], each.file, device, each.node_id)
         for each, device in devices

@@ -196,6 +196,13 @@ def add_network(parser: argparse.ArgumentParser) -> None:
         metavar="[NODE=]MODULES",
         help="modules that are plugged into a device, in their order: numbers or names, such as 1,1,3; repeatable",
     )
+    group.add_argument(
+        "--patch",
+        action="append",
+        default=[],
+        metavar="[NODE=]FILE",
+        help="what is laid over a device's file: objects in YAML, or a DCF's values; repeatable",
+    )
     add_dialect(group)
 
 
@@ -226,12 +233,14 @@ class Devices(NamedTuple):
     robot_name: str | None = None
     emcy: Sequence[str] = ()
     modules: Sequence[str] = ()
+    patches: Sequence[str] = ()
 
     @classmethod
     def of(cls, arguments: argparse.Namespace) -> Devices:
         """Take them from a command line."""
         emcy = vars(arguments).get("emcy", ())  # of commands that say error codes
-        return cls(arguments.eds, arguments.network, arguments.dialect, arguments.robot, emcy, arguments.module)
+        over = arguments.module, arguments.patch
+        return cls(arguments.eds, arguments.network, arguments.dialect, arguments.robot, emcy, *over)
 
     @property
     def robot(self) -> Plugin:
@@ -247,7 +256,8 @@ class Devices(NamedTuple):
         # What is named on the command line replaces the folder's own network; the two are never mixed.
         if not self.dialect and not files and path is None and os.path.isfile(network.DEFAULT):  # noqa: PTH113
             path = network.DEFAULT
-        return with_modules([*files, *network.read_network(path).nodes] if path else files, self.modules)
+        named = [*files, *network.read_network(path).nodes] if path else files
+        return with_patches(with_modules(named, self.modules), self.patches)
 
     def load(self) -> tuple[Dictionary, ...]:
         """Load the files that are named, or else the dialect's; raises LocalError, DictionaryError, UnknownName."""
@@ -282,10 +292,11 @@ class Devices(NamedTuple):
         return found
 
     def errors(self) -> ErrorWords:
-        """Return the words for these devices' emergency error codes; raises as `load`."""
+        """Return the words for these devices' emergency error codes, CiA 301's if there are none; raises as `load`."""
         from eurobot_od.device.emergency import ErrorWords
 
-        return ErrorWords.of_devices(self.load(), self.robot.catalogue().errors, self.own_errors())
+        known = self.load() if self.files() or self.robot.dialects.names() else ()
+        return ErrorWords.of_devices(known, self.robot.catalogue().errors, self.own_errors())
 
     def asking_decoder(self, open_bus: Opener) -> Decoder:
         """Return a decoder for the PDOs as the devices on the bus are set now; complains of those that do not answer.
@@ -298,6 +309,7 @@ class Devices(NamedTuple):
         asked = []
         with Master(open_bus()) as master:
             for dictionary in self.load_and_complain():
+                master.follow(dictionary)
                 try:
                     asked.append(dictionary.configured(pdo_parameters(master.node(dictionary.node_id), dictionary)))
                 except RemoteError as error:  # one node that is off must not keep the others from being decoded
@@ -324,16 +336,33 @@ def with_modules(files: list[NodeFile], texts: Iterable[str]) -> list[NodeFile]:
     plugged: dict[int, list[str]] = {}
     for text in texts:
         node, _, listed = text.rpartition("=")
-        fitting = [
-            n for n, each in enumerate(files) if node in ("", str(each.node_id), each.name, Path(each.file).stem)
-        ]
-        if len(fitting) != 1:
-            known = ", ".join(f"{each.node_id or each.name or Path(each.file).stem}=" for each in files)
-            raise LocalError(
-                f"--module {text}: say into which device: {known or 'none is named by --eds or --network'}"
-            )
-        plugged.setdefault(fitting[0], []).extend(each.strip() for each in listed.split(","))
+        device = _the_device(files, node, f"--module {text}: say into which device")
+        plugged.setdefault(device, []).extend(each.strip() for each in listed.split(","))
     return [each._replace(modules=plugged[n]) if n in plugged else each for n, each in enumerate(files)]
+
+
+def with_patches(files: list[NodeFile], texts: Iterable[str]) -> list[NodeFile]:
+    """Return files with those that `--patch` lays over them, after a network file's own; raises LocalError."""
+    over: dict[int, list[str]] = {}
+    for text in texts:
+        node, equals, file = text.partition("=")
+        if not equals or not _fitting(files, node):  # a path may have an equals sign, too
+            node, file = "", text
+        over.setdefault(_the_device(files, node, f"--patch {text}: say of which device"), []).append(file)
+    return [each._replace(patch=[*each.patch, *over.get(n, ())]) for n, each in enumerate(files)]
+
+
+def _the_device(files: Sequence[NodeFile], node: str, question: str) -> int:
+    """Return which of the files is the one device that is meant by node-ID, name or stem; raises LocalError."""
+    fitting = _fitting(files, node)
+    if len(fitting) != 1:
+        known = ", ".join(f"{each.node_id or each.name or Path(each.file).stem}=" for each in files)
+        raise LocalError(f"{question}: {known or 'none is named by --eds or --network'}")
+    return fitting[0]
+
+
+def _fitting(files: Sequence[NodeFile], node: str) -> list[int]:
+    return [n for n, each in enumerate(files) if node in ("", str(each.node_id), each.name, Path(each.file).stem)]
 
 
 def complain_of_repairs(dictionaries: Iterable[Dictionary]) -> None:

@@ -38,6 +38,7 @@ def configure(
     description = from_file(file)  # never the network's: a configuration is for the one device that its DCF names
     check_file(description, target.node_id)  # the file is judged before a bus is opened
     with target.opened() as node:
+        node.master.follow(description.dictionary)
         plan = difference(node, description, [*map(Chapter, only or CHAPTERS)])
         print(summary(plan, node.node_id))
         if dry_run or not plan.changes:
@@ -68,6 +69,7 @@ def store(target: Target) -> None:
     from eurobot_od.client import configure
 
     with target.opened() as node:
+        target.named_description(node)  # its file may say another SDO server
         configure.store(node)
     print(f"node {node.node_id} has stored all parameters")
 
@@ -77,6 +79,7 @@ def restore(target: Target, reset: bool) -> None:
     from eurobot_od.client import configure
 
     with target.opened() as node:
+        target.named_description(node)
         configure.restore(node)
         if reset:
             node.reset()

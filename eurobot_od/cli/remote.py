@@ -111,7 +111,10 @@ class Target(NamedTuple):
         return description.fitting(node, known) or description.uploaded(node)
 
     def named_description(self, node: RemoteNode) -> Description | None:
-        """Return the EDS that the user has named for the node; None if there is none."""
+        """Return the EDS that the user has named for the node; None if there is none.
+
+        From then on the node is spoken to where its file says that its SDO server is.
+        """
         from eurobot_od.client.description import from_file
         from eurobot_od.od.dictionary import Dictionary
 
@@ -122,8 +125,9 @@ class Target(NamedTuple):
             mine = next((each for each in files if Dictionary.load(*each).node_id == node.node_id), None)
         if mine is None:
             return None
-        described = from_file(mine.file, node.node_id, mine.modules)
+        described = from_file(mine.file, node.node_id, mine.modules, mine.patch)
         options.complain_of_repairs([described.dictionary])
+        node.master.follow(described.dictionary)
         return described
 
     def needed_description(self, node: RemoteNode) -> Description:

@@ -73,6 +73,7 @@ async def boot_slave(node: RemoteNode, description: Description, now: datetime) 
     """Boot one slave up to its start; `now` is what is written to verify its configuration. Raises BusError."""
     dictionary, done = description.dictionary, list[str]()
     failed, heartbeat = None, 0
+    node.master.follow(dictionary)
     try:
         try:
             await node.reset.steps(NmtCommand.RESET_COMMUNICATION)

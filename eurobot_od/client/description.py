@@ -65,9 +65,11 @@ class Description(NamedTuple):
     text: str
 
 
-def from_file(file: str | Path, node_id: int | None = None, modules: Sequence[str] | None = None) -> Description:
+def from_file(
+    file: str | Path, node_id: int | None = None, modules: Sequence[str] | None = None, patch: Sequence[str] = ()
+) -> Description:
     """Read an EDS or DCF for a node-ID, without one for the one it names; raises as `Dictionary.load`."""
-    return described(Dictionary.load(file, node_id, modules=modules))
+    return described(Dictionary.load(file, node_id, modules=modules, patch=patch))
 
 
 def described(dictionary: Dictionary) -> Description:

@@ -38,6 +38,8 @@ class DeviceAtNode:
         self.node_id, self.dictionary = node_id, dictionary
         self.name = name or (dictionary.name if dictionary else f"node {node_id}")
         self._node = master.node(node_id)
+        if dictionary is not None:
+            master.follow(dictionary)
         base = EMCY_BASE + node_id
         self._emcy_id = dictionary.cob_id(EMCY_COB_ID, EMCY_BASE) if dictionary else base
         self._pdos: MappedPdos[Any]

@@ -16,7 +16,7 @@ from eurobot_od.client.procedure import Procedure
 from eurobot_od.device.nmt import NmtState
 from eurobot_od.errors import RemoteError
 from eurobot_od.od.standard import DEVICE_TYPE
-from eurobot_od.od.values import NODE_IDS, SDO_REQUEST_BASE, SDO_RESPONSE_BASE
+from eurobot_od.od.values import NODE_IDS
 from eurobot_od.sdo.wire import LENGTH, ClientCommand, Initiate, ServerCommand, initiate
 
 PACE = 0.005
@@ -55,8 +55,9 @@ async def scan(
 
     # All are asked before the first has to have answered: one after the other, silent node-IDs would take a minute.
     for node_id in wanted:
-        master.listeners[SDO_RESPONSE_BASE + node_id] = partial(received, node_id)
-        master.send(SDO_REQUEST_BASE + node_id, initiate(ClientCommand.UPLOAD << 5, DEVICE_TYPE))
+        server = master.sdo_server(node_id)
+        master.listeners[server.answers] = partial(received, node_id)
+        master.send(server.requests, initiate(ClientCommand.UPLOAD << 5, DEVICE_TYPE))
         await master.pump.steps(pace)
     await master.pump.steps(max(listen - pace * len(wanted), master.answer_wait))
     return [await _found(master, node_id) for node_id in sorted(answered | set(master.states)) if node_id in wanted]

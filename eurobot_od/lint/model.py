@@ -7,7 +7,7 @@ that needs it stays silent, as another rule reports it.
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from functools import cached_property
 from typing import NamedTuple
 
@@ -136,10 +136,19 @@ class LintedPdo(NamedTuple):
         return sum(each.bits for each in self.mapped())
 
 
-def load(data: bytes, file: str) -> LintedDevice:
-    """Read the bytes of an EDS or DCF as a device; nothing raises."""
+def load(data: bytes, file: str, patches: Iterable[str] = ()) -> LintedDevice:
+    """Read the bytes of an EDS or DCF as a device, with patches over it.
+
+    Nothing raises but patches that do not fit: they raise DictionaryError.
+    """
+    document = read(data)
+    if patches:
+        from eurobot_od.od.patches import patched, read_patch, with_settings
+
+        over = [read_patch(each) for each in patches]
+        document = patched(with_settings(document, over), over)
     # By hand, as `lint` starts without pathlib; of Windows' paths as well.
-    return LintedDevice(read(data), file.replace("\\", "/").rpartition("/")[2])
+    return LintedDevice(document, file.replace("\\", "/").rpartition("/")[2])
 
 
 class LintedDevice(DescribedDevice):

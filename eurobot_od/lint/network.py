@@ -46,7 +46,7 @@ class NetworkNode(NamedTuple):
 
     def spot(self, at: Located = TOP) -> Spot:
         """Return a place of its file."""
-        return Spot(self.file, at.line, at.column)
+        return Spot(self.file, at.line or TOP.line, at.column)  # what a patch adds has no line in the file
 
 
 class Spot(NamedTuple):

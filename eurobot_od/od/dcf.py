@@ -13,7 +13,7 @@ from typing import NamedTuple, TypeAlias
 from eurobot_od.errors import DictionaryError, FieldError, UnknownName
 from eurobot_od.od.description import DescribedDevice, DescribedVariable
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.od.document import Document, Odd, parse, read_bytes
+from eurobot_od.od.document import Document, is_text, parse, read_bytes
 from eurobot_od.od.keys import COMMISSIONING, OBJECT_LISTS
 from eurobot_od.od.objects import data_type, value_text
 from eurobot_od.od.values import (
@@ -100,17 +100,6 @@ def content(dcf: Dictionary, address: Address) -> bytes | None:
     if not isinstance(value, str):
         return None if value is None else type_.write(value)
     return value.encode(dcf.encoding if type_ == VISIBLE_STRING else UNICODE_BYTES)
-
-
-def is_text(text: str, encoding: str = "ascii") -> bool:
-    """Whether a line of a file in this encoding can hold a text so that every reader finds the same."""
-    # Asked of the reader itself: blanks at an end, ` ;`, `#` and lines that are too long all come out here.
-    line = parse(f"[x]\nParameterValue={text}") if text.isprintable() else Document({})
-    kinds = {each.kind for each in line.oddities} - {Odd.NOT_ASCII}
-    try:
-        return not kinds and line.text("x", "parametervalue") == text and text.encode(encoding).decode(encoding) == text
-    except UnicodeEncodeError:
-        return False
 
 
 def _value(eds: Dictionary, address: Address, data: bytes) -> Value:

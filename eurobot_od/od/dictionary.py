@@ -23,6 +23,7 @@ from eurobot_od.od.description import DescribedDevice
 from eurobot_od.od.document import parse, read_bytes
 from eurobot_od.od.modules import Module, Modules
 from eurobot_od.od.normal import Change, Normal, Refusal, normal
+from eurobot_od.od.patches import Patch, read_patch
 from eurobot_od.od.pdos import Mapped, OnRefused, Part, Pdo, PdoReader, fatal, part_of
 from eurobot_od.od.standard import IDENTITY
 from eurobot_od.od.values import Address, Number, Value
@@ -44,7 +45,8 @@ class Dictionary:
 
     def __init__(self, file: Path, content: bytes, normal: Normal, node_id: int | None = None, name: str = "") -> None:
         # The EDS that says the same: what a device keeps of itself in 0x1021, and what a DCF is made of.
-        self.content = normal.text.encode() if normal.is_xml else content
+        is_other = normal.is_xml or normal.is_patched
+        self.content = normal.text.encode(normal.encoding) if is_other else content
         self.file, self.name = file, name or file.stem
         self._normal = normal
         self.node_id = self._checked_node_id(self._said_node_id() if node_id is None else node_id)
@@ -57,15 +59,22 @@ class Dictionary:
 
     @classmethod
     def load(
-        cls, file: str | Path, node_id: int | None = None, name: str = "", modules: Sequence[str] | None = None
+        cls,
+        file: str | Path,
+        node_id: int | None = None,
+        name: str = "",
+        modules: Sequence[str] | None = None,
+        patch: Sequence[str | Path] = (),
     ) -> Self:
         """Read an EDS or DCF for a node-ID, `modules` being those of a modular device, by numbers or names.
 
+        `patch` are files that say something in its place, laid over it in their order (see `patches`).
+
         Without a node-ID it is the NodeID of a DCF's commissioning, or else the value of the object that holds the
         device's own node-ID; without modules, those that the file says are connected. Raises DictionaryError if there
-        is no node-ID or no such module, or if the file cannot be read as an EDS.
+        is no node-ID or no such module, if a patch does not fit, or if the file cannot be read as an EDS.
         """
-        return cls.read(read_bytes(file), Path(file), node_id, name, modules)
+        return cls.read(read_bytes(file), Path(file), node_id, name, modules, [read_patch(each) for each in patch])
 
     @classmethod
     def read(
@@ -75,9 +84,10 @@ class Dictionary:
         node_id: int | None = None,
         name: str = "",
         modules: Sequence[str] | None = None,
+        patches: Sequence[Patch] = (),
     ) -> Self:
         """Read the bytes of an EDS or DCF; `file` is what errors call it. Raises as `load`."""
-        return cls(file, data, normal(data, file, modules), node_id, name)
+        return cls(file, data, normal(data, file, modules, patches), node_id, name)
 
     def renumbered(self, node_id: int) -> Self:
         """Return the same file's dictionary for another node-ID; raises DictionaryError."""

@@ -154,6 +154,17 @@ def parse(text: str) -> Document:
     return _Reader([]).read(text, "utf-8")
 
 
+def is_text(text: str, encoding: str = "ascii") -> bool:
+    """Whether a line of a file in this encoding can hold a text so that every reader finds the same."""
+    # Asked of the reader itself: blanks at an end, ` ;`, `#` and lines that are too long all come out here.
+    line = parse(f"[x]\nParameterValue={text}") if text.isprintable() else Document({})
+    kinds = {each.kind for each in line.oddities} - {Odd.NOT_ASCII}
+    try:
+        return not kinds and line.text("x", "parametervalue") == text and text.encode(encoding).decode(encoding) == text
+    except UnicodeEncodeError:
+        return False
+
+
 class _Reader:
     """Walks over the lines of one file; the usual line takes the short way, any other `_other`."""
 

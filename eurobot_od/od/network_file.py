@@ -21,12 +21,16 @@ from eurobot_od.od.values import Number, parse_number
 
 
 class NodeFile(NamedTuple):
-    """A node: its EDS or DCF, its node-ID if that is said, its name if it is not the file's, its modules if said."""
+    """A node: its EDS or DCF, its node-ID if that is said, its name if it is not the file's, its modules if said.
+
+    `patch` are the files that are laid over its own.
+    """
 
     file: str
     node_id: int | None = None
     name: str = ""
     modules: Sequence[str] | None = None
+    patch: Sequence[str] = ()
 
 
 class TrafficEntry(NamedTuple):

@@ -7,6 +7,7 @@ a node may be called `off`, and what YAML 1.1 makes of it does not count.
       core: {file: core.eds, node_id: 1}      # files are relative to this file; node_id where the file does not say it
       drive: {file: drive.dcf}
       coupler: {file: coupler.eds, node_id: 5, modules: [1, 1, DI8]}   # of a modular device, by number or name
+      pump: {file: pump.eds, node_id: 6, patch: [pump.yaml]}           # what is laid over the file
     shared: [Start Configuration Confirm]     # messages that several nodes may send
     order: [Emergency Shutdown, Emergency Stop]   # the most urgent first
     bit_rate: 500                             # kbit/s
@@ -52,7 +53,15 @@ def number_of(numbers: range) -> NodeReader[int]:
     return read
 
 
-NODE = record(NodeFile, {"file": scalar}, {"node_id": number_of(NODE_IDS), "modules": listing(scalar)})
+def _one_or_more(node: yaml.Node, problems: Problems) -> tuple[str, ...]:
+    return listing(scalar)(node, problems) if isinstance(node, yaml.SequenceNode) else (scalar(node, problems),)
+
+
+NODE = record(
+    NodeFile,
+    {"file": scalar},
+    {"node_id": number_of(NODE_IDS), "modules": listing(scalar), "patch": _one_or_more},
+)
 
 
 def _nodes(node: yaml.Node, problems: Problems) -> list[NodeFile]:
@@ -88,4 +97,9 @@ def read_network_file(text: str, file: str) -> NetworkFile:
     if not network.nodes and not network.robot:
         raise DictionaryError(file, None, "line 1: it names no nodes")
     folder = PurePath(file).parent
-    return network._replace(nodes=[each._replace(file=str(folder / each.file)) for each in network.nodes])
+    return network._replace(
+        nodes=[
+            each._replace(file=str(folder / each.file), patch=tuple(str(folder / patch) for patch in each.patch))
+            for each in network.nodes
+        ]
+    )

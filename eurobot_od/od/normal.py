@@ -17,7 +17,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from functools import lru_cache
 from typing import NamedTuple
 
 from eurobot_od.errors import DictionaryError
@@ -27,14 +26,13 @@ from eurobot_od.od.description import SIMPLE, DescribedDevice, DescribedObject, 
 from eurobot_od.od.document import STRAY, Document, Entry, Odd, Section
 from eurobot_od.od.formats import read
 from eurobot_od.od.modules import CONNECTED, with_modules
+from eurobot_od.od.patches import Patch, patched, with_settings
+from eurobot_od.od.plain import BYTES, TEXTS, plain_number, plain_value
 from eurobot_od.od.standard import MANDATORY, known_type
-from eurobot_od.od.values import NODE_ID, REMEMBERED_NUMBERS, DataType, Number, is_standard_number, parse_number
+from eurobot_od.od.values import NODE_ID, DataType, Number, is_standard_number, parse_number
 
 NO_VALUE = (ObjectCode.NULL, ObjectCode.DEFTYPE)
 """Objects that hold nothing: a placeholder, and a type that is only named."""
-
-TEXTS = (values.VISIBLE_STRING, values.UNICODE_STRING)
-BYTES = (values.OCTET_STRING, values.DOMAIN)
 
 
 class Change(NamedTuple):
@@ -78,7 +76,7 @@ class Normal(NamedTuple):
 
     `text` is that form, `encoding` the one of the file. `changes` is where the form differs from the file,
     `refusals` what cannot be used of it, `dropped` what canopen does not read; `has_modules` says whether connected
-    modules have brought objects, `is_xml` whether the file is one in XML.
+    modules have brought objects, `is_xml` whether the file is one in XML, `is_patched` whether patches lie over it.
     """
 
     text: str
@@ -88,6 +86,7 @@ class Normal(NamedTuple):
     dropped: list[Dropped]
     has_modules: bool = False
     is_xml: bool = False
+    is_patched: bool = False
 
     @property
     def usable(self) -> str:
@@ -99,19 +98,23 @@ class Normal(NamedTuple):
         return re.sub(rf"(?ms)^\[(?:{'|'.join(names)})\]$.*?(?=^\[|\Z)", "", self.text)
 
 
-def normal(data: bytes, file: object = "", modules: Sequence[str] | None = None) -> Normal:
+def normal(
+    data: bytes, file: object = "", modules: Sequence[str] | None = None, patches: Sequence[Patch] = ()
+) -> Normal:
     """Return the normal form of an EDS or DCF; raises DictionaryError for what is no EDS, or hides objects.
 
     `modules` are numbers or names of a modular device's modules, in their positions (CiA 306-1, 8); None for those that
-    the file says are connected. Raises DictionaryError also for one that the file does not have.
+    the file says are connected. `patches` are laid over the file, modules' objects included.
+    Raises DictionaryError also for a module that the file does not have, and for a patch that does not fit.
     """
     document = read(data)
     hiding = document.hiding
     if hiding:
         what = f"{hiding.kind.value} ({hiding.text})" if hiding.text else hiding.kind.value
         raise DictionaryError(str(file), None, f"not a readable EDS: line {hiding.line}: {what}")
-    writer = _Writer(document, modules)
-    for misfit in writer.misfits if modules is not None else ():
+    writer = _Writer(document, modules, patches)
+    is_asked = modules is not None or any(CONNECTED in each.settings for each in patches)
+    for misfit in writer.misfits if is_asked else ():
         raise DictionaryError(str(file), None, misfit.what)
     return writer.write()
 
@@ -131,76 +134,6 @@ def in_normal_form(data: bytes, file: object = "") -> tuple[bytes, list[Change]]
 
 
 VALUE_BEYOND_ASCII = re.compile(r"^(?:Default|Parameter)Value=.*[^\x00-\x7F]", re.MULTILINE)
-
-
-# How values are written
-
-
-@lru_cache(maxsize=REMEMBERED_NUMBERS)
-def plain_number(text: str, type_: DataType | None = None) -> str | None:
-    """Write a number as every tool reads it, in its own words where they are; None for what is no number."""
-    number = parse_number(text)
-    if number is None:
-        return None
-    if number.relative:
-        return text if PLAIN_RELATIVE.fullmatch(text) else f"{NODE_ID}+0x{number.value:X}"
-    value = type_.meant(number.value) if type_ is not None else number.value
-    if PLAIN.fullmatch(text) and int(text, 0) == value:
-        return text
-    is_hexadecimal = value >= 0 and ("0X" in text.upper() or text.upper().endswith("H"))
-    return f"0x{value:X}" if is_hexadecimal else str(value)
-
-
-PLAIN = re.compile(r"-?(?:0[xX][0-9A-Fa-f]+|0|[1-9][0-9]*)")
-PLAIN_RELATIVE = re.compile(r"\$NODEID\+(?:0[xX][0-9A-Fa-f]+|0|[1-9][0-9]*)")
-
-
-@lru_cache(maxsize=REMEMBERED_NUMBERS)
-def plain_value(text: str, type_: DataType) -> str | None:
-    """Write a value of a data type as every tool reads it; None for what is none of the type."""
-    if type_ in TEXTS:
-        return text
-    if type_ in BYTES:
-        return _plain_bytes(text)
-    if type_.code in values.TIMES and parse_number(text) is None:
-        return _plain_time(text, type_)
-    return _plain_real(text, type_) if type_ in values.REALS else plain_number(text, type_)
-
-
-def _plain_time(text: str, type_: DataType) -> str | None:
-    """Write all the bits of a time as one number; canopen reads no other, and people write `2014-05-28 12:00`."""
-    try:
-        return f"0x{int.from_bytes(type_.write(text), 'little'):X}"
-    except (ValueError, OverflowError):
-        return None
-
-
-def _plain_bytes(text: str) -> str | None:
-    """Write bytes in hexadecimal digits; an editor may put 0x in front of them."""
-    for digits in (text, text[2:] if text[:2].lower() == "0x" else ""):
-        try:
-            bytes.fromhex(digits)
-        except ValueError:
-            continue
-        return digits if digits or not text else None
-    return None
-
-
-def _plain_real(text: str, type_: DataType) -> str | None:
-    """Write a REAL in decimal; editors also write its bits in hexadecimal, C's suffix, and a comma."""
-    try:
-        if text[:2].lower() == "0x":
-            bits = parse_number(text)
-            return None if bits is None else repr(type_.read(bits.value.to_bytes(type_.size, "big")[::-1]))
-        for each in (text, text.rstrip("fF").replace(",", ".", 1)):
-            try:
-                float(each)
-            except ValueError:
-                continue
-            return each
-    except OverflowError:  # more bits than the type has
-        pass
-    return None
 
 
 # What was looked over in reading
@@ -301,11 +234,12 @@ LOOKS_LIKE_AN_OBJECT = re.compile(r"[0-9A-Fa-f]{4}([S|s]ub[0-9A-Fa-f]+)?$|[0-9A-
 class _Writer:
     """Writes one file; comments go along with the entry or the header that they stand above."""
 
-    def __init__(self, document: Document, modules: Sequence[str] | None = None) -> None:
-        described = completed(document)
+    def __init__(self, document: Document, modules: Sequence[str] | None, patches: Sequence[Patch]) -> None:
+        described = with_settings(completed(document), patches)
         whole, self.misfits = with_modules(described, modules)
         self._has_modules = whole is not described
-        self._device = DescribedDevice(whole)
+        self._is_patched = bool(patches)
+        self._device = DescribedDevice(patched(whole, patches))
         self._comments = _comments(document)
         self._changes = [
             Change(each.line, ODDITIES[each.kind].format(each.text))
@@ -333,7 +267,7 @@ class _Writer:
         left = (line for comments in self._comments for each in comments.values() for line in each)
         text = "\n".join([*self._out, *left, ""])
         return Normal(text, device.document.text_encoding, sorted({*self._changes}), self._refusals, self._dropped,
-                      self._has_modules, device.document.is_xml)  # fmt: skip
+                      self._has_modules, device.document.is_xml, self._is_patched)  # fmt: skip
 
     # Lines
 
@@ -461,7 +395,7 @@ class _Writer:
                 key: _plain_index(entry.value) for key, entry in section.entries.items()
             }:
                 what = f"[{name}] written anew: the objects that are there"
-                self._changes.append(Change(section.line, what, standard=self._has_modules))
+                self._changes.append(Change(section.line, what, standard=self._has_modules or self._is_patched))
             self._out += (f"{key}={text}" for key, text in rows)
         if not any(sections.values()):
             self._changes.append(Change(1, "lists of objects added"))

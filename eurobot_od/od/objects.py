@@ -194,20 +194,34 @@ def find(text: str, objects: ObjectDictionary | None) -> list[ODVariable]:
     Names are ParameterNames in any letter case, `Motion.Speed` or `Motion`; an index that the dictionary does not
     have is sub-index 0 of it. Raises UnknownName for a name that no object has, LocalError for one of several.
     """
-    number = NUMBER.fullmatch(text.strip())
+    number = numbered(text)
     if number is None:
         return _named(text, objects)
-    index, sub = int(number["any"] or number["four"], 16), number["sub"]
+    index, sub = number
     # Without a sub-index all members are meant; what the file does not know is asked for as sub-index 0, a VAR's place.
     if sub is None and objects is not None and index in objects.indices:
         return members(objects, index)
+    return [at((index, sub or 0), objects)]
+
+
+def numbered(text: str) -> tuple[int, int | None] | None:
+    """Return the index that a text names by its number, and the sub-index (None: without); None for a name.
+
+    Raises LocalError for a sub-index that cannot be.
+    """
+    number = NUMBER.fullmatch(text.strip())
+    if number is None:
+        return None
+    index, sub = int(number["any"] or number["four"], 16), number["sub"]
+    if sub is None:
+        return index, None
     try:
-        subindex = 0 if sub is None else int(sub, 0 if ":" in text else 16)
+        subindex = int(sub, 0 if ":" in text else 16)
     except ValueError:  # `08`: Python takes a leading zero neither for octal nor for decimal
         subindex = -1
     if subindex not in range(0x100):
         raise LocalError(f"{text!r}: sub-index {sub} is not in 0..255")
-    return [at((index, subindex), objects)]
+    return index, subindex
 
 
 def find_one(text: str, objects: ObjectDictionary | None) -> ODVariable:

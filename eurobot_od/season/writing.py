@@ -43,7 +43,7 @@ class DecodedNetwork(NamedTuple):
         digest = hashlib.blake2b(VERSION, digest_size=16)
         # With what is not in the file: the node-ID, on which identifiers depend, and the name, which the tables have.
         for each in self.dictionaries:
-            digest.update(f"{each.node_id} {each.name}\n".encode() + Path(each.file).read_bytes())
+            digest.update(f"{each.node_id} {each.name}\n".encode() + each.content)
         return digest.hexdigest()
 
 

@@ -16,6 +16,7 @@ from eurobot_od.robot import dialects
 from eurobot_od.robot.model.messages import GotoXY, KalmanPositionResponse
 from eurobot_od.robot.model.values import Barriers, Passage, Source
 from eurobot_od.robot.protocol import EurobotProtocol
+from tests.eds_text import DEVICE_TYPE, pdo, variable
 
 PROTOCOL = EurobotProtocol.load(dialects.DEFAULT)
 GOTO = PROTOCOL.encode(GotoXY(1200, 900, 90, 80, Barriers.of({2: Passage.FORCED})))
@@ -270,3 +271,24 @@ def test_statistics_know_what_a_network_file_promises(tmp_path: Path, capsys: py
     assert said[0] == said[1]
     assert "9.91" in said[0]  # the bound of Goto Confirm
     assert "9.91" not in said[2]  # a folder says nothing of how often what is sent
+
+
+def test_each_pdo_that_is_left_out_is_named_with_its_reason(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    file, log = tmp_path / "servo.eds", tmp_path / "run.log"
+    file.write_text(
+        DEVICE_TYPE
+        + variable("2000", "Speed", "INTEGER16")
+        + pdo(0x1800, "0x20000010")
+        + pdo(0x1801, "0x2F000010", cob_id="0x285")
+        + pdo(0x1802, "0x2F000010", cob_id="0x385")
+        + pdo(0x1804, "0x20000010")
+        + pdo(0x1805, "0x20000010")
+    )
+    log.write_text("(1.0) can0 185#0100\n")
+    assert cli.main(["decode", "--eds", f"5={file}", str(log)]) == 0
+    out, err = capsys.readouterr()
+    assert "speed=1" in out
+    assert [line for line in err.splitlines() if "PDO left out" in line] == [
+        f"eurobot-od: PDO left out: {file}: 0x1A01, 0x1A02: maps 0x2F00 sub 0, which is missing",
+        f"eurobot-od: PDO left out: {file}: 0x1804, 0x1805: sub 1 is missing or has no number as its value",
+    ]

@@ -103,6 +103,42 @@ def test_what_is_wrong_is_said_in_one_line(capsys: pytest.CaptureFixture[str], w
     assert run(capsys, "show", *words) == (ExitStatus.WRONG_INPUT, "", f"eurobot-od: {line}\n")
 
 
+# Ways to lay a patch over a device's file, and the speed that it then has by default.
+PATCHED = [
+    (["--eds", "5=motor.eds", "--patch", "fast.yaml"], "300"),
+    ([*BOTH, "--patch", "5=fast.yaml"], "300"),
+    ([*BOTH, "--patch", "motor=fast.yaml"], "300"),
+    ([*BOTH, "--patch", "motor=fast.yaml", "--patch", "5=own.dcf"], "7"),
+    (["--network", "patched.yaml"], "300"),
+    (["--network", "patched.yaml", "--patch", "motor=own.dcf"], "7"),
+    (["--eds", "motor.eds", "--patch", "own.dcf"], "7"),  # it says which node that is
+    (["--eds", "5=motor.eds", "--patch", "a=b.yaml"], "300"),
+]
+
+
+@pytest.mark.parametrize(("words", "speed"), PATCHED, ids=lambda value: " ".join(value))
+def test_a_patch_lies_over_a_devices_file(
+    capsys: pytest.CaptureFixture[str], folder: Path, words: list[str], speed: str
+) -> None:
+    for name in ("fast.yaml", "a=b.yaml"):
+        (folder / name).write_text("Speed: {DefaultValue: 300}\n")
+    configured = MOTOR.replace("PDOMapping=1\n", "PDOMapping=1\nParameterValue=7\n", 1)
+    (folder / "own.dcf").write_text(f"{configured}[DeviceComissioning]\nNodeID=5\n")
+    (folder / "patched.yaml").write_text(NETWORK.replace("node_id: 5", "node_id: 5, patch: fast.yaml"))
+    said = run(capsys, "show", "--objects", "Speed", *words).out
+    assert [line.split()[-1] for line in said.splitlines() if "Speed" in line] == [speed]
+
+
+def test_a_patch_is_for_one_device_and_a_wrong_line_of_it_is_named(
+    capsys: pytest.CaptureFixture[str], folder: Path
+) -> None:
+    (folder / "my.yaml").write_text("0x2000:\n  DefaultValue: 99999\n")
+    question = "eurobot-od: --patch my.yaml: say of which device: 5=, 1=\n"
+    assert run(capsys, "show", *BOTH, "--patch", "my.yaml") == (ExitStatus.WRONG_INPUT, "", question)
+    wrong = "eurobot-od: my.yaml: line 2: DefaultValue '99999': expected INTEGER16, -32768..32767\n"
+    assert run(capsys, "show", *BOTH, "--patch", "5=my.yaml") == (ExitStatus.WRONG_INPUT, "", wrong)
+
+
 def test_what_is_left_out_of_a_file_is_said_in_one_line(capsys: pytest.CaptureFixture[str], folder: Path) -> None:
     flawed = "[2100]\nParameterName=Flawed\nDataType=5\n\n[2200sub1]\nParameterName=Lost\n"
     (folder / "motor.eds").write_text(f"{MOTOR}see the manual\n{flawed}")

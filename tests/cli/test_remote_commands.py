@@ -13,6 +13,7 @@ import pytest
 from eurobot_od.cli import main
 from eurobot_od.device.emergency import ErrorCode
 from eurobot_od.device.node import Node
+from eurobot_od.device.simulated import SimulatedDevice
 from eurobot_od.live import Live
 from eurobot_od.od import dcf
 from eurobot_od.od.description import DescribedDevice
@@ -21,7 +22,7 @@ from eurobot_od.od.document import parse
 from eurobot_od.od.normal import in_normal_form
 from tests.cli.console import Terminal
 from tests.client.peers import DRIVE, new_channel, robot, stock_drive
-from tests.eds_text import DEVICE_TYPE, pdo, variable
+from tests.eds_text import DEVICE_TYPE, pdo, record, variable
 
 HEARTBEAT = "0x1017:0  Producer heartbeat time"
 NAMED = "0x1017:0: Producer heartbeat time"
@@ -97,6 +98,42 @@ def test_scan_as_json(run: Run, drive: str) -> None:
             "identity": {"vendor": 0, "product": 2, "revision": 0x30000, "serial": 1},
         }
     ]
+
+
+NETWORK = """nodes:
+  wheels: {file: drive.eds, node_id: 2}
+  eyes: {file: drive.eds, node_id: 7}
+"""
+
+
+@pytest.fixture
+def network(tmp_path: Path) -> str:
+    """A network file whose node 7 is not there."""
+    (tmp_path / "drive.eds").write_bytes(DRIVE.read_bytes())
+    (tmp_path / "network.yaml").write_text(NETWORK)
+    return str(tmp_path / "network.yaml")
+
+
+def test_scan_of_a_network_names_its_nodes_and_says_which_are_missing(run: Run, network: str) -> None:
+    with robot("core", "drive") as channel:
+        status, out, err = run(channel, "scan", "--listen", "10 ms", "--network", network)
+    head, core, drive, missing = out.splitlines()
+    assert (status, err) == (1, "")
+    assert head.split()[:4] == ["node", "in", "network", "name"]
+    assert core.split()[:5] == ["1", "-", "Eurobot", "2014", "core"]
+    assert drive.split()[:5] == ["2", "wheels", "Eurobot", "2014", "drive"]
+    assert missing == "missing: eyes (7)"
+
+
+def test_scan_of_a_network_as_json(run: Run, drive: str, network: str) -> None:
+    status, out, _ = run(drive, "scan", "--json", "--listen", "10 ms", "--network", network)
+    rows = [(each["node_id"], each["network_name"], each["missing"], each["name"]) for each in json.loads(out)]
+    assert (status, rows) == (1, [(2, "wheels", False, "Eurobot 2014 drive"), (7, "eyes", True, "")])
+
+
+def test_scan_of_a_network_that_is_complete_is_fine(run: Run, drive: str) -> None:
+    status, out, _ = run(drive, "scan", "--listen", "10 ms", "--eds", f"2={DRIVE}")
+    assert (status, "missing" in out) == (0, False)
 
 
 def test_scan_of_an_empty_bus(run: Run) -> None:
@@ -244,6 +281,41 @@ def test_files_go_in_and_out(run: Run, tmp_path: Path) -> None:
 )
 def test_a_file_is_for_one_object(run: Run, drive: str, words: list[str], said: str) -> None:
     assert run(drive, *words)[1:] == ("", f"eurobot-od: {said}\n")
+
+
+# A device whose file moves its SDO server
+
+MOVED = (
+    DEVICE_TYPE
+    + record(0x1010, "Store", (0, "UNSIGNED8", "1"), (1, "UNSIGNED32", "1"))
+    + record(0x1200, "SDO server", (0, "UNSIGNED8", "2"), (1, "UNSIGNED32", "0x650"), (2, "UNSIGNED32", "0x5D5"))
+    + variable("2000", "Speed", "UNSIGNED16", "7")
+).replace("PDOMapping=1", "PDOMapping=0")  # a parameter, which a DCF has; what is mapped comes and goes
+
+
+@pytest.fixture
+def moved(tmp_path: Path) -> Iterator[tuple[str, str]]:
+    """A device with its SDO server elsewhere; gives its channel and its file."""
+    file, channel = tmp_path / "moved.eds", new_channel()
+    file.write_text(MOVED)
+    with can.Bus(channel, interface="virtual") as bus, Live.node(bus, SimulatedDevice.load(file, 5)):
+        yield channel, str(file)
+
+
+def test_commands_talk_to_a_moved_sdo_server_where_the_file_says(
+    run: Run, moved: tuple[str, str], tmp_path: Path
+) -> None:
+    channel, file = moved
+    own = tmp_path / "own.dcf"
+    assert run(channel, "read", "5", "0x2000")[0] == 1  # without the file nobody knows where it is
+    assert run(channel, "write", "5", "Speed", "9", "--eds", file)[0] == 0
+    assert run(channel, "read", "5", "Speed", "--eds", f"5={file}")[1].split()[-1] == "9"
+    assert run(channel, "export-dcf", "5", "-o", str(own), "--eds", file)[0] == 0
+    own.write_text(own.read_text().replace("ParameterValue=9", "ParameterValue=11"))
+    assert run(channel, "configure", "5", str(own), "--no-store", "--no-reset")[0] == 0
+    assert run(channel, "read", "5", "Speed", "--eds", f"5={file}")[1].split()[-1] == "11"
+    status, out, _ = run(channel, "scan", "--listen", "10 ms", "--eds", f"5={file}")
+    assert (status, out.splitlines()[1].split()[:2]) == (0, ["5", "moved"])
 
 
 # export-dcf, configure, store, restore

@@ -33,6 +33,7 @@ from eurobot_od.errors import (
     RemoteError,
     UnknownName,
 )
+from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.objects import Range
 from eurobot_od.od.values import UNSIGNED32
 from eurobot_od.pdo.protocol import Protocol
@@ -40,6 +41,7 @@ from tests.client.lss_slave import WAITING, LssSlave
 from tests.client.peers import new_channel, open_bus
 from tests.client.servo import DCF, DOCS, EDS, SERVO, live_servos, servo
 from tests.client.wired import wired
+from tests.eds_text import DEVICE_TYPE, record, variable
 
 VELOCITY = "Velocity actual value"
 
@@ -60,6 +62,45 @@ WRITTEN = [
     ("1200 rpm", 1200),  # with the unit that the file gives
     ("0x4B0", 1200),
 ]
+
+
+# COB-IDs of requests and answers in the file of node 5: DefaultValue and ParameterValue of either; where it is then.
+SERVERS = [
+    (("0x650", ""), ("0x5D5", ""), (0x650, 0x5D5)),
+    (("0x605", "0x641"), ("0x585", "0x5C1"), (0x605, 0x585)),  # both those of node 65
+    (("$NODEID+0x600", "0x6A0"), ("$NODEID+0x580", "0x6A1"), (0x6A0, 0x6A1)),
+    (("$NODEID+0x600", ""), ("$NODEID+0x580", "0x5D5"), (0x605, 0x5D5)),
+    (("0x601", ""), ("0x581", ""), (0x605, 0x585)),  # written for node 1
+    (("0x600", ""), ("0x580", ""), (0x605, 0x585)),  # the node-ID is forgotten
+    (("0x80000650", ""), ("0x800005D5", ""), (0x605, 0x585)),  # off: the default one is always there
+    (("", ""), ("", ""), (0x605, 0x585)),
+]
+
+
+@pytest.mark.parametrize(("requests", "answers", "server"), SERVERS)
+def test_the_master_asks_where_a_file_says_that_the_sdo_server_is(
+    requests: tuple[str, str], answers: tuple[str, str], server: tuple[int, int]
+) -> None:
+    members = (
+        variable(f"1200sub{sub}", f"COB-ID {sub}", "UNSIGNED32", default, f"ParameterValue={own}\n" if own else "")
+        for sub, (default, own) in enumerate((requests, answers), start=1)
+    )
+    text = DEVICE_TYPE + record(0x1200, "SDO server", (0, "UNSIGNED8", "2")) + "".join(members)
+    with SimulatedNetwork() as network:
+        network.add(5, Dictionary.read(text.encode(), Path("moved.eds"), 5))
+        assert network.master.sdo_server(5) == server
+        assert network.master.sdo_server(6) == (0x606, 0x586)
+
+
+def test_objects_of_a_device_with_a_moved_sdo_server_are_read_and_written() -> None:
+    said = [variable(f"1200sub{sub}", "COB-ID", "UNSIGNED32", cob_id) for sub, cob_id in ((1, "0x650"), (2, "0x5D5"))]
+    head = record(0x1200, "SDO server", (0, "UNSIGNED8", "2")) + "".join(said)
+    text = DEVICE_TYPE + head + variable("2000", "Speed", "UNSIGNED16", "7")
+    device = SimulatedDevice(Dictionary.read(text.encode(), Path("moved.eds"), 5))
+    with SimulatedNetwork() as network:
+        moved = network.simulate(device)
+        moved["Speed"].value = 9
+        assert (moved["Speed"].value, device.value("Speed")) == (9, 9)
 
 
 @pytest.mark.parametrize(("value", "raw"), WRITTEN)

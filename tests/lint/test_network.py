@@ -248,3 +248,21 @@ def test_a_master_without_a_file_may_send_and_receive_anything(tmp_path: Path, m
     (tmp_path / "network.yaml").write_text(f"nodes: {{core: {{file: {core}}}}}\n{line}")
     found = lint_network(read_network([str(tmp_path / "network.yaml")]))
     assert {each.code for each in found} & {"W803", "W804"} == codes
+
+
+def test_a_node_is_checked_with_the_patches_over_its_file(tmp_path: Path) -> None:
+    for name, text in our_texts().items():
+        (tmp_path / f"{name}.eds").write_text(text)
+    (tmp_path / "own.yaml").write_text(
+        "0x1800:1: {DefaultValue: 0x7E5}\n0x2FFF: {ParameterName: x, DataType: BOOLEAN, AccessType: ro}"
+    )
+    files = {name: {"file": f"{name}.eds"} for name in our_texts()}
+    plain, over = tmp_path / "plain.yaml", tmp_path / "over.yaml"
+    plain.write_text(yaml.safe_dump({"nodes": files}))
+    over.write_text(yaml.safe_dump({"nodes": files | {"core": {"file": "core.eds", "patch": "own.yaml"}}}))
+    before, after = (lint_network(read_network([str(each)])) for each in (plain, over))
+    assert [each for each in after if "0x7E5" in each.message and each.file.endswith("core.eds")]
+    assert not [each for each in before if "0x7E5" in each.message]
+    (tmp_path / "own.yaml").write_text("0x1800:9: {DefaultValue: 1}")
+    with pytest.raises(DictionaryError, match=r"own.yaml: line 1: the file has no 0x1800:9"):
+        read_network([str(over)])

@@ -15,12 +15,16 @@ pytest.importorskip("pyarrow", reason="the extra `season` is not installed")
 from eurobot_od.campaign.executors import local
 from eurobot_od.errors import UnknownName
 from eurobot_od.frame import Frame
+from eurobot_od.logs import formats
+from eurobot_od.logs.meaning import Decoder
+from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.robot import dialects
 from eurobot_od.robot.model.messages import CATALOGUE
 from eurobot_od.season import writing
 from eurobot_od.season.archive import BEGUN, Archived, Archiver, _begun, archive
 from eurobot_od.season.tables import table_names
 from eurobot_od.season.writing import DecodedNetwork
+from tests.eds_text import DEVICE_TYPE, pdo, variable
 from tests.season.seasons import table, write_log
 
 NETWORK = DecodedNetwork(dialects.load_all(dialects.DEFAULT), CATALOGUE, (("Goto Confirm", "Goto XY"),))
@@ -88,6 +92,56 @@ def test_a_run_that_was_broken_off_is_done_again(log: Path, tmp_path: Path) -> N
     assert [each.known for each in archive([log], season, NETWORK)] == [False]
     assert len(table(season, "frames")) == len(FRAMES)
     assert list((season / BEGUN).iterdir()) == []
+
+
+# Remote frames and those with 29 bits, in the middle of others: of a message, of services, of nobody.
+ODD_FRAMES = (
+    "185#FEFF",
+    "185#R",  # of a message
+    "185#R2",
+    "705#R",  # node guarding asks so
+    "085#R8",
+    "605#R",
+    "7E6#R1",  # of nobody
+    "18FF0001#FEFF",  # a message with 29 bits
+    "18FF0001#FE",  # ... too short
+    "18FF0001#R",
+    "18FF0002#AABB",  # of nobody
+    "18FF0002#R4",
+    "00000185#FEFF",  # the number of a message with 11 bits
+    "00000705#05",
+    "285#0102",  # off in the file
+    "285#R",
+    "387#01",  # a guess
+    "387#R1",
+    "085#0102",  # an EMCY that is too short
+    "7E6#01",
+)
+SERVO = (
+    DEVICE_TYPE
+    + variable("2000", "Speed", "INTEGER16")
+    + pdo(0x1800, "0x20000010", cob_id="0x185")
+    + pdo(0x1801, "0x20000010", cob_id="0x80000285")
+    + pdo(0x1802, "0x20000010", cob_id="0x38FF0001")
+)
+
+
+def test_remote_frames_and_those_with_29_bits_have_the_decoders_words(tmp_path: Path) -> None:
+    file = tmp_path / "odd.log"
+    file.write_text("".join(f"({number}.5) can0 {each}\n" for number, each in enumerate(ODD_FRAMES)))
+    servo = Dictionary.read(SERVO.encode(), tmp_path / "servo.eds", 5)
+    Archiver(tmp_path / "season", DecodedNetwork((servo,), CATALOGUE))(file)
+    decoder = Decoder((servo,), CATALOGUE, lambda _: None)
+    with file.open("rb") as log:
+        said = [
+            (number, defect.damage.value, defect.text)
+            for number, _, _, raw in formats.read(log, "log")
+            for defect in decoder(raw).defects
+        ]
+    assert table(tmp_path / "season", "damage").select("line", "kind", "text").rows() == said
+    assert {kind for _, kind, _ in said} == {"wrong length", "switched off", "unknown identifier", "extended frame"}
+    remote = table(tmp_path / "season", "frames").filter(remote=True)["line"].to_list()
+    assert remote == [number for number, each in enumerate(ODD_FRAMES, 1) if "#R" in each]
 
 
 def test_several_at_once_come_to_the_same(tmp_path: Path) -> None:

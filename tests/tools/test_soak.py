@@ -32,7 +32,7 @@ LIVES = {
     "an arena of the allocator": (HAS._replace(memory=41_000), 0, False),
     "what a table takes": (HAS._replace(memory=42_000), 10_000, False),
     "less of everything": (Usage(1, 1, 1), 1000, False),
-    "2.5 kB a frame": (HAS._replace(memory=42_500), 1000, True),
+    "2.5 kB a frame": (HAS._replace(memory=52_500), 5000, True),
     "a thread": (HAS._replace(threads=5), 1000, True),
     "a descriptor": (HAS._replace(descriptors=6), 1000, True),
 }

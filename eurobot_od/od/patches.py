@@ -1,0 +1,372 @@
+"""Patches of a device's file: a few lines of YAML, or a DCF, that say something of objects in place of the file.
+
+    0x6065: {DefaultValue: 2000, HighLimit: 5000}       # an object by index, index:sub-index or name
+    Motion.Speed: {AccessType: rw, ParameterValue: 10}
+    0x2100: {LowLimit: }                                # nothing takes away what the file says
+    0x2200: {ParameterName: Fan, DataType: UNSIGNED16, AccessType: rw}      # a new object
+    0x2201: {ParameterName: Lamps, ObjectType: RECORD}                      # a new one with sub-indices
+    0x2201:1: {ParameterName: Left, DataType: BOOLEAN, AccessType: rw}
+
+Of a DCF count the values of its objects, its commissioning and its connected modules; what it describes is left to the
+file.
+
+Rule of this file: a patch that does not fit is refused with its line. Nobody would see that half of it has no effect.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from functools import cached_property
+from pathlib import Path
+from types import MappingProxyType
+from typing import NamedTuple
+
+from eurobot_od.errors import DictionaryError, LocalError, UnknownName
+from eurobot_od.od import formats, keys, values
+from eurobot_od.od.completion import completed
+from eurobot_od.od.description import COMPOSED, DescribedDevice, DescribedVariable, ObjectCode
+from eurobot_od.od.document import Document, Entry, Section, is_text, read_bytes
+from eurobot_od.od.modules import CONNECTED
+from eurobot_od.od.objects import numbered
+from eurobot_od.od.plain import plain_number, plain_value
+from eurobot_od.od.standard import known_type
+from eurobot_od.od.values import DATA_TYPES, DataType, label, parse_number
+
+CONFIGURATIONS = (".dcf", ".xdc")
+"""Suffixes of patches that are the configuration of a device; any other patch is YAML."""
+
+COMMISSIONINGS = {keys.COMMISSIONING.lower(), "devicecommissioning"}
+SETTINGS = (*COMMISSIONINGS, CONNECTED)
+"""Sections of a DCF that count as a whole."""
+
+VALUES = ("lowlimit", "highlimit", "defaultvalue", "parametervalue")
+FILES = ("uploadfile", "downloadfile")
+"""Keys of a value that is in a file beside the DCF."""
+
+NEEDED = ("ParameterName", "DataType", "AccessType")
+"""What a new variable has to say of itself."""
+
+
+class ObjectPatch(NamedTuple):
+    """What a patch says of the object or variable that `target` names, in a `line`: entries with their own lines."""
+
+    target: str
+    line: int
+    entries: Sequence[Entry]
+
+
+class Patch(NamedTuple):
+    """A patch `file` as it is read: what it says of `objects`, and `settings`, sections in place of the file's."""
+
+    file: str
+    objects: Sequence[ObjectPatch]
+    settings: Mapping[str, Section] = MappingProxyType({})
+
+    def wrong(self, line: int, what: str) -> DictionaryError:
+        """Return the error of a line."""
+        return DictionaryError(self.file, None, f"line {line}: {what}")
+
+
+def read_patch(file: str | Path) -> Patch:
+    """Read a patch; raises DictionaryError with the line of the first fault."""
+    data = read_bytes(file)
+    if Path(file).suffix.lower() in CONFIGURATIONS:
+        return _of_configuration(data, Path(file))
+    return _of_yaml(data.decode("utf-8", "replace"), str(file))
+
+
+def _of_yaml(text: str, file: str) -> Patch:
+    from eurobot_od.support.yaml_places import Problems, ReadError, mapping, read_yaml, scalar
+
+    problems: Problems = []
+    try:
+        said = read_yaml(text, mapping(mapping(scalar, key=scalar), key=scalar), problems)
+    except ReadError as error:
+        place, what = problems[0]
+        raise DictionaryError(file, None, f"line {place.line}: {what}") from error
+    return Patch(
+        file,
+        [
+            ObjectPatch(str(target), target.place.line, [Entry(str(k), str(v), *k.place) for k, v in entries.items()])
+            for target, entries in said.items()
+        ],
+    )
+
+
+def _of_configuration(data: bytes, file: Path) -> Patch:
+    document = completed(formats.read(data))
+    if document.hiding:
+        raise DictionaryError(file, None, f"line {document.hiding.line}: {document.hiding.kind.value}")
+    variables = (each for whole in DescribedDevice(document).objects.values() for each in whole.variables())
+    said = ((each, list(_configured(each, file))) for each in variables)
+    objects = [
+        ObjectPatch(label((each.index, each.sub)), each.section.line, entries) for each, entries in said if entries
+    ]
+    return Patch(str(file), objects, {name: document.sections[name] for name in SETTINGS if name in document.sections})
+
+
+def _configured(variable: DescribedVariable, file: Path) -> Iterator[Entry]:
+    """Give the entries of a DCF that are a variable's value; files are where they stand beside the DCF."""
+    for key in ("parametervalue", *FILES):
+        entry = variable.section.entries.get(key)
+        if entry and entry.value:
+            text = str(file.parent.absolute() / entry.value) if key in FILES else entry.value
+            # A compact object's value has the sub-index as its key.
+            yield entry._replace(key=keys.SPELLED_OBJECT_KEYS[key], value=text)
+
+
+# Keys: each reader returns how the file would write a text, or None if it cannot be
+
+
+def _object_type(text: str) -> str | None:
+    known = {each.name: each for each in (*COMPOSED[1:], ObjectCode.VAR, ObjectCode.DOMAIN)}
+    number = parse_number(text)
+    code = known.get(text.upper()) or next((each for each in known.values() if number == (each.value, False)), None)
+    return f"0x{code.value:X}" if code else None
+
+
+def _data_type(text: str) -> str | None:
+    number = parse_number(text)
+    named = {each.name: code for code, each in DATA_TYPES.items()}
+    code = named.get(text.upper()) if number is None else number.value
+    return f"0x{code:04X}" if code in DATA_TYPES else None
+
+
+class Key(NamedTuple):
+    """How a key's text is read, and what it may be."""
+
+    read: Callable[[str], str | None]
+    allowed: str
+
+
+KEYS: Mapping[str, Key] = {
+    "parametername": Key(lambda text: text or None, "a name"),
+    "denotation": Key(str, "a text"),
+    "objecttype": Key(_object_type, "VAR, DOMAIN, ARRAY or RECORD"),
+    "datatype": Key(_data_type, "a basic data type, such as UNSIGNED16 or 0x0006"),
+    "accesstype": Key(
+        lambda text: text.lower() if text.lower() in values.ACCESS_TYPES else None, ", ".join(values.ACCESS_TYPES)
+    ),
+    "pdomapping": Key(lambda text: text if text in ("0", "1") else None, "0 or 1"),
+    "objflags": Key(plain_number, "a number"),
+    **dict.fromkeys(FILES, Key(lambda text: text or None, "a file")),
+}
+"""The keys of which the text alone says whether it can be; those of `VALUES` go by the variable's type."""
+
+OF_A_RECORD = ("parametername", "objecttype", "objflags", "denotation")
+"""The keys of an object with sub-indices; the others are of its sub-indices."""
+
+
+def with_settings(document: Document, patches: Iterable[Patch]) -> Document:
+    """Return a document with the sections that patches put in place of its own."""
+    sections = dict(document.sections)
+    for each in patches:
+        if COMMISSIONINGS & each.settings.keys():  # spelled in either way, it is one section
+            sections = {name: section for name, section in sections.items() if name not in COMMISSIONINGS}
+        # Their lines are those of another file: a comment of this one must not go with them.
+        sections |= {name: _at(section, 0) for name, section in each.settings.items()}
+    return document._replace(sections=sections)
+
+
+def _at(section: Section, line: int) -> Section:
+    entries = {key: each._replace(line=line) for key, each in section.entries.items()}
+    return section._replace(line=line, entries=entries)
+
+
+def patched(document: Document, patches: Iterable[Patch]) -> Document:
+    """Return a document with what patches say of its objects, one after the other.
+
+    Raises DictionaryError with the patch's line for what does not fit.
+    """
+    for patch in patches:
+        document = _Patching(document, patch).document()
+    return document
+
+
+class _Patching:
+    """One patch over one document; new objects have line 0, where no comment of the file stands."""
+
+    def __init__(self, document: Document, patch: Patch) -> None:
+        self._base, self._patch = document, patch
+        self._objects = DescribedDevice(document).objects
+        self._sections = dict(document.sections)
+        self._grown: dict[int, int] = {}  # the highest sub-index before, by index
+
+    def document(self) -> Document:
+        """Return the document with the whole patch."""
+        for each in self._patch.objects:
+            self._apply(each)
+        for index, highest in self._grown.items():
+            self._count(index, highest)
+        return self._base._replace(sections=self._sections)
+
+    def _apply(self, each: ObjectPatch) -> None:
+        index, sub = self._address(each)
+        section = self._section(index, sub)
+        own: dict[str, Entry] = {}
+        for entry in each.entries:
+            if own.setdefault(entry.key.lower(), entry) is not entry:
+                raise self._patch.wrong(entry.line, f"key {entry.key!r} is given twice")
+        if section is None:
+            section = self._new(each, index, sub, own)
+        elif "objecttype" in own:
+            raise self._patch.wrong(
+                own["objecttype"].line, f"ObjectType: {each.target} is there; only a new one has it"
+            )
+        entries = dict(section.entries)
+        for key in FILES if "parametervalue" in own else ("parametervalue",) if "downloadfile" in own else ():
+            entries.pop(key, None)  # a value and a file at once would leave it to each tool which of them counts
+        is_record = sub is None and self._is_record(index, own)
+        # The type first: the values go by it, wherever it stands.
+        for key, entry in sorted(own.items(), key=lambda pair: pair[0] in VALUES):
+            if is_record and key not in OF_A_RECORD:
+                what = f"{entry.key}: {each.target} has sub-indices, which are named as 0x{index:04X}:1"
+                raise self._patch.wrong(entry.line, what)
+            text = self._text(entry, DescribedVariable(index, sub or 0, section._replace(entries=entries)))
+            spelled = keys.SPELLED_OBJECT_KEYS.get(key, entry.key)
+            line = entries[key].line if key in entries else section.line
+            entries[key] = Entry(spelled, text, line, section.column)
+            if not text:
+                del entries[key]
+        self._sections[_name(index, sub).lower()] = section._replace(name=_name(index, sub), entries=entries)
+
+    # Which object
+
+    def _address(self, each: ObjectPatch) -> tuple[int, int | None]:
+        """Return index and sub-index of what a patch is about, None for the whole object, and for a VAR."""
+        try:
+            found = numbered(each.target)
+        except LocalError as error:
+            raise self._patch.wrong(each.line, str(error)) from None
+        index, sub = found or self._named(each)
+        if index < values.FIRST:
+            raise self._patch.wrong(each.line, f"index {each.target} is not in 0x{values.FIRST:04X}..0xFFFF")
+        whole = self._objects.get(index)
+        is_own = sub == 0 and whole and 0 in whole.subs and whole.subs[0].section is whole.section
+        return index, None if is_own else sub
+
+    @cached_property
+    def _names(self) -> dict[str, list[tuple[int, int | None]]]:
+        """The addresses by ParameterName in lower case, of sub-indices after that of their object and a dot."""
+        found: dict[str, list[tuple[int, int | None]]] = {}
+        for index, whole in self._objects.items():
+            found.setdefault(whole.name.lower(), []).append((index, None))
+            for each in whole.variables():
+                if each.section is not whole.section or whole.compact:
+                    found.setdefault(f"{whole.name}.{each.name}".lower(), []).append((index, each.sub))
+        return found
+
+    def _named(self, each: ObjectPatch) -> tuple[int, int | None]:
+        found = self._names.get(each.target.lower(), [])
+        if not found:
+            raise self._patch.wrong(each.line, str(UnknownName("object", each.target, self._names)))
+        if len(found) > 1:
+            several = ", ".join(label((index, sub or 0)) for index, sub in found)
+            raise self._patch.wrong(each.line, f"{each.target!r} may be {several}; write which")
+        return found[0]
+
+    def _section(self, index: int, sub: int | None) -> Section | None:
+        """Return the section of an object or variable, also of one that CompactSubObj describes."""
+        section = self._sections.get(_name(index, sub).lower())
+        if section or sub is None or index not in self._objects:
+            return section
+        variable = self._objects[index].variable(sub)
+        return variable.section if variable else None
+
+    def _is_record(self, index: int, own: Mapping[str, Entry]) -> bool:
+        whole = self._objects.get(index)
+        if whole:
+            return not (0 in whole.subs and whole.subs[0].section is whole.section)
+        text = _object_type(own["objecttype"].value) if "objecttype" in own else None
+        number = parse_number(text) if text else None
+        return number is not None and number.value in {each.value for each in COMPOSED}
+
+    def _new(self, each: ObjectPatch, index: int, sub: int | None, own: Mapping[str, Entry]) -> Section:
+        """Return the empty section of what the file does not have."""
+        needed = NEEDED[:1] if sub is None and self._is_record(index, own) else NEEDED
+        missing = [key for key in needed if key.lower() not in own]
+        if missing:
+            what = f"the file has no {each.target}, and a new one needs {' and '.join(missing)}"
+            raise self._patch.wrong(each.line, what)
+        if sub is not None:
+            self._grow(each, index)
+        elif needed is not NEEDED:
+            self._grown[index] = 0
+        return Section(_name(index, sub), 0, 1, {})
+
+    def _grow(self, each: ObjectPatch, index: int) -> None:
+        """Remember the highest sub-index that an object had before it gets another one."""
+        whole = self._objects.get(index)
+        if whole is None and index not in self._grown:
+            what = f"there is no 0x{index:04X}: name it above, with `ObjectType: RECORD`"
+            raise self._patch.wrong(each.line, what)
+        if whole and not self._is_record(index, {}):
+            raise self._patch.wrong(each.line, f"0x{index:04X} is a variable: it has no sub-indices")
+        if whole:
+            self._grown.setdefault(index, _highest(each.sub for each in whole.variables()))
+
+    # What it says
+
+    def _text(self, entry: Entry, variable: DescribedVariable) -> str:
+        """Return what an entry says as every tool reads it; empty for what is taken away."""
+        name, text = entry.key, entry.value
+        key = name.lower()
+        if not is_text(text, self._base.text_encoding):
+            raise self._patch.wrong(entry.line, f"{name}: a line of an EDS cannot hold {text!r}")
+        if key in VALUES:
+            type_ = variable.type or known_type(variable.index, variable.sub)
+            plain = _value(text, type_) if type_ and text else text
+            allowed = _allowed(type_) if type_ else ""
+        elif key in KEYS:
+            plain, allowed = KEYS[key].read(text), KEYS[key].allowed
+        else:
+            known = (keys.SPELLED_OBJECT_KEYS[each] for each in (*KEYS, *VALUES))
+            raise self._patch.wrong(entry.line, str(UnknownName("key", name, known)))
+        if plain is None:
+            raise self._patch.wrong(entry.line, f"{name} {text!r}: expected {allowed}")
+        return plain
+
+    def _count(self, index: int, before: int) -> None:
+        """Have an object count the sub-indices that it has now."""
+        described = DescribedDevice(Document({k: v for k, v in self._sections.items() if k[:4] == f"{index:04x}"}))
+        whole = described.objects[index]
+        subs = [each.sub for each in whole.variables()]
+        if whole.section is None:
+            return
+        zero, highest = whole.variable(0), str(_highest(subs))
+        if zero is None:
+            said = {"ParameterName": "Highest sub-index supported", "DataType": "0x0005", "AccessType": "ro"}
+            self._set(Section(_name(index, 0), whole.section.line, 1, {}), DefaultValue=highest, **said)
+        elif zero.value == (before, False) and zero.value:
+            # Only where it was that before: a PDO's mapping record says there how many entries are mapped.
+            self._set(zero.section._replace(name=_name(index, 0)), DefaultValue=highest)
+        count = len({*subs, 0} - {values.STRUCTURE})
+        if not whole.compact:
+            self._set(whole.section, SubNumber=str(count))
+
+    def _set(self, section: Section, **entries: str) -> None:
+        said = {key.lower(): Entry(key, text, section.line, section.column) for key, text in entries.items()}
+        self._sections[section.name.strip().lower()] = section._replace(entries={**section.entries, **said})
+
+
+def _name(index: int, sub: int | None) -> str:
+    return f"{index:04X}" if sub is None else f"{index:04X}sub{sub:X}"
+
+
+def _highest(subs: Iterable[int]) -> int:
+    return max((each for each in subs if each != values.STRUCTURE), default=0)
+
+
+def _value(text: str, type_: DataType) -> str | None:
+    """Return a value or limit as every tool reads it; None if it is none of the type."""
+    plain = plain_value(text, type_)
+    number = parse_number(text) if type_.is_integer else None
+    if number is None or number.relative:
+        return plain
+    # Only hexadecimal digits are the bits of a negative number: a decimal 40000 in an INTEGER16 is too large.
+    value = type_.meant(number.value) if "0x" in text.lower() else number.value
+    return plain if type_.low <= value <= type_.high else None
+
+
+def _allowed(type_: DataType) -> str:
+    return f"{type_.name}, {type_.low}..{type_.high}" if type_.is_integer else type_.name
