@@ -19,7 +19,14 @@ from eurobot_od.client.procedure import Procedure
 from eurobot_od.device.nmt import NmtCommand, NmtState
 from eurobot_od.errors import BusError, EurobotError, NoAnswer, NodeRefused, RemoteError
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.od.standard import DEVICE_TYPE, GUARD_TIME, HEARTBEAT_TIME, IDENTITY, VERIFY_CONFIGURATION
+from eurobot_od.od.standard import (
+    DEVICE_TYPE,
+    GUARD_TIME,
+    HEARTBEAT_TIME,
+    IDENTITY,
+    LIFE_TIME_FACTOR,
+    VERIFY_CONFIGURATION,
+)
 from eurobot_od.od.values import ERROR_CONTROL_BASE
 from eurobot_od.support.amounts import amount
 
@@ -44,7 +51,7 @@ IDENTITY_ERRORS = (BootError.VENDOR, BootError.PRODUCT, BootError.REVISION, Boot
 """By the sub-index of 0x1018, from 1 on."""
 
 
-class BootFailed(Exception):
+class BootFailed(RemoteError):
     """A slave did not boot; the text says why, in words."""
 
     def __init__(self, error: BootError, what: str) -> None:
@@ -144,10 +151,13 @@ async def _number(node: RemoteNode, address: tuple[int, int], error: BootError) 
 async def start_slave(node: RemoteNode, slave: BootedSlave, dictionary: Dictionary) -> NmtState | None:
     """Start a slave, and return the state in its next heartbeat, or in its answer to node guarding if it has that.
 
-    None for a slave with neither, or none that came.
+    None for a slave with neither, or none that came, or that may not be guarded just once.
     """
     node.command(NmtCommand.START)
-    if not slave.heartbeat and GUARD_TIME[0] not in dictionary.members:
+    has_life_time = bool(dictionary.number(GUARD_TIME) and dictionary.number(LIFE_TIME_FACTOR))
+    # The first request begins life guarding: without a second one in its life time it would go back to PRE-OPERATIONAL
+    # (CiA 301, 7.2.8.3.2.1), and nobody is left here to send it.
+    if not slave.heartbeat and (GUARD_TIME[0] not in dictionary.members or has_life_time):
         return None
     if not slave.heartbeat:
         # Without a heartbeat its state comes only when it is asked for (CiA 301, 7.2.8.3.2.1).

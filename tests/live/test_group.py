@@ -59,6 +59,25 @@ def test_a_master_boots_devices_that_share_one_thread(text: str) -> None:
             assert start_slave(node, slave, dictionary) is NmtState.OPERATIONAL
 
 
+LIFE_GUARDED = (
+    DEVICE_TYPE
+    + variable("100C", "Guard time", "UNSIGNED16", "50")
+    + variable("100D", "Life time factor", "UNSIGNED8", "2")
+)
+
+
+def test_a_device_that_expects_to_be_guarded_on_is_not_guarded_once() -> None:
+    """Else it would go back to PRE-OPERATIONAL after its life time, 0.1 s."""
+    with running(LIFE_GUARDED) as (channel, [dictionary]), master_on(channel) as master:
+        node = master.node(dictionary.node_id)
+        slave = boot_slave(node, described(dictionary), datetime.now())
+        assert start_slave(node, slave, dictionary) is None
+        master.pump(0.5)
+        master.request(0x700 + node.node_id)
+        node.wait_for(NmtState.OPERATIONAL, 1.0)
+        assert node.last_state is NmtState.OPERATIONAL
+
+
 class Lost(can.BusABC):
     """A bus that is lost as soon as it is read."""
 
