@@ -28,7 +28,7 @@ from typing import NamedTuple
 
 from environment import ROOT, ensure
 
-ensure("yaml", "test")
+ensure("eurobot_od", "test")
 
 import yaml  # noqa: E402  # found from here on
 
@@ -71,12 +71,13 @@ def read() -> list[Change]:
     return [Change(**row) for row in yaml.safe_load(TABLE.read_text(encoding="utf-8"))]
 
 
-def pytest(folder: Path, tests: Iterable[str], longest: float | None = None) -> int:
-    """Run tests in a copy of the repository; return pytest's exit status. Raises TimeoutExpired."""
+def pytest(folder: Path, tests: Iterable[str], longest: float | None = None) -> subprocess.CompletedProcess[str]:
+    """Run tests in a copy of the repository; return how pytest ended. Raises TimeoutExpired."""
     environment = os.environ | {"PYTHONPATH": os.pathsep.join([str(folder), str(folder / "tools")])}
     command = [sys.executable, *PYTEST, *tests]
-    done = subprocess.run(command, cwd=folder, env=environment, timeout=longest, capture_output=True, check=False)
-    return done.returncode
+    return subprocess.run(
+        command, cwd=folder, env=environment, timeout=longest, capture_output=True, text=True, check=False
+    )
 
 
 def judge(change: Change, folder: Path, moment: int) -> Verdict:
@@ -87,7 +88,7 @@ def judge(change: Change, folder: Path, moment: int) -> Verdict:
     try:
         file.write_text(whole.replace(change.old, change.new), encoding="utf-8")
         os.utime(file, (moment, moment))
-        status = pytest(folder, [change.test], LONGEST)
+        status = pytest(folder, [change.test], LONGEST).returncode
     except subprocess.TimeoutExpired:
         return Verdict.NOTICED
     finally:
@@ -137,8 +138,9 @@ def main(words: list[str]) -> int:
     begun = time.monotonic()
     with TemporaryDirectory() as scratch:
         copies = [copy(Path(scratch, str(number))) for number in range(given.jobs)]
-        if pytest(copies[0], dict.fromkeys(each.test for each in changes)):
-            print("a test fails although nothing is broken", file=sys.stderr)
+        whole = pytest(copies[0], dict.fromkeys(each.test for each in changes))
+        if whole.returncode:
+            print(f"a test fails although nothing is broken:\n{whole.stdout}{whole.stderr}", file=sys.stderr)
             return 2
         count: Counter[Verdict] = Counter()
         for change, verdict in judged(changes, copies):

@@ -1,9 +1,9 @@
 """Runs the tests on other Pythons: the oldest with the lowest versions of all packages, and the newer ones.
 
 `python3 tools/pythons.py [VERSION...]`. The tools, and other people's programs, are asked by `tools/test.py` alone.
-What hardly depends on the Python (the browser, many processes) is asked on the oldest, with the oldest packages. A
-Python that this machine does not have is skipped, and that is said; it is looked for as `python3.12`, and in pyenv. The
-exit status is 1 if tests failed, 2 for an unknown version.
+What hardly depends on the Python (the browser, many processes, long simulations) is asked on the oldest, with the
+oldest packages. A Python that this machine does not have is skipped, and that is said; it is looked for as
+`python3.12`, and in pyenv. The exit status is 1 if tests failed, 2 for an unknown version.
 """
 
 from __future__ import annotations
@@ -21,7 +21,10 @@ from environment import ONCE_MORE, ROOT, call, ensure, is_current, wanted
 
 FINE, FAILED, WRONG_USAGE = 0, 1, 2
 
-LEFT_OUT = ("tests/interop", "tests/web", "tests/tools", "tests/test_packaging.py")
+LEFT_OUT = (
+    *("tests/interop", "tests/web", "tests/tools", "tests/test_packaging.py"),
+    *("tests/check/conformance", "tests/faults", "tests/properties"),  # minutes of our own simulation
+)
 MARKED = "not live and not socketcan"
 
 

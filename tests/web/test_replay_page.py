@@ -241,7 +241,7 @@ def test_no_name_on_the_field_is_smaller_than_11_pixels(page: Page, width: int) 
 def test_a_laptop_has_a_table_of_many_messages(page: Page, width: int, rows: int) -> None:
     page.size(width, 800)
     page.run("clock.seek(clock.end)")
-    assert page.run("getComputedStyle(document.querySelector('.messages tr')).display") == "table-row"
+    page.wait("getComputedStyle(document.querySelector('.messages tr')).display === 'table-row'")
     foot = "document.querySelector('footer').getBoundingClientRect().top"
     inside = f"each => {{const box = each.getBoundingClientRect(); return box.height && box.bottom < {foot}; }}"
     page.wait(f"[...document.querySelectorAll('.messages tbody tr')].filter({inside}).length >= {rows}")
