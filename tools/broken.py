@@ -76,7 +76,14 @@ def pytest(folder: Path, tests: Iterable[str], longest: float | None = None) -> 
     environment = os.environ | {"PYTHONPATH": os.pathsep.join([str(folder), str(folder / "tools")])}
     command = [sys.executable, *PYTEST, *tests]
     return subprocess.run(
-        command, cwd=folder, env=environment, timeout=longest, capture_output=True, text=True, check=False
+        command,
+        cwd=folder,
+        env=environment,
+        timeout=longest,
+        capture_output=True,
+        text=True,
+        errors="replace",
+        check=False,
     )
 
 
