@@ -154,13 +154,12 @@ async def start_slave(node: RemoteNode, slave: BootedSlave, dictionary: Dictiona
     None for a slave with neither, or none that came, or that may not be guarded just once.
     """
     node.command(NmtCommand.START)
-    has_life_time = bool(dictionary.number(GUARD_TIME) and dictionary.number(LIFE_TIME_FACTOR))
-    # The first request begins life guarding: without a second one in its life time it would go back to PRE-OPERATIONAL
-    # (CiA 301, 7.2.8.3.2.1), and nobody is left here to send it.
-    if not slave.heartbeat and (GUARD_TIME[0] not in dictionary.members or has_life_time):
-        return None
     if not slave.heartbeat:
-        # Without a heartbeat its state comes only when it is asked for (CiA 301, 7.2.8.3.2.1).
+        # Without a heartbeat its state comes only when it is asked for (CiA 301, 7.2.8.3.2.1). The first request begins
+        # life guarding: a device with a life time would go back to PRE-OPERATIONAL, as nobody is left to ask again.
+        has_life_time = dictionary.number(GUARD_TIME) and dictionary.number(LIFE_TIME_FACTOR)
+        if GUARD_TIME[0] not in dictionary.members or has_life_time:
+            return None
         node.master.request(ERROR_CONTROL_BASE + node.node_id)
     await node.wait_for.steps(NmtState.OPERATIONAL, 2 * slave.heartbeat / 1000 + MARGIN)
     return node.last_state

@@ -5,7 +5,7 @@
 
 panel("field", (setup, source) => {
   const TRAIL = 20, LONGEST_GAP = 2;        // s of the path that is drawn; s between sightings that still belong together
-  const OLD = 2, FRESH = 0.5;               // a place is stale after so many of its periods, but never before s
+  const OLD = 2, FRESH = 0.5;               // a place is stale after so many of its periods, and after s at the soonest
   const across = y => setup.height - y;
   const ground = new DOMParser().parseFromString(
     `<svg xmlns="http://www.w3.org/2000/svg">${setup.ground}</svg>`, "image/svg+xml").documentElement.firstElementChild;

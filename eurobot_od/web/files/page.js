@@ -365,8 +365,6 @@ views.push({name: "messages", title: "Messages", make() {
     const element = h("div", {}, table, none);
     let known = null;
     return {element, show(time) {
-      const hidden = name => !chosen.has(name) || (name === "bad" && ![...lines.values()].some(line => line.wrong));
-      for (const name of Object.keys(COLUMNS)) table.classList.toggle(`without-${name}`, hidden(name));
       if (known !== source.rows.size) {
         for (const [key, line] of lines) if (source.rows.get(key) !== line.row) { line.element.remove(); lines.delete(key); }
         known = source.rows.size;
@@ -376,6 +374,8 @@ views.push({name: "messages", title: "Messages", make() {
         }
       }
       const shown = [...lines.values()].filter(line => line.show(time)).length;
+      const hidden = name => !chosen.has(name) || (name === "bad" && ![...lines.values()].some(line => line.wrong));
+      for (const name of Object.keys(COLUMNS)) table.classList.toggle(`without-${name}`, hidden(name));
       show(table, shown > 0);
       show(none, !shown);
       say(none, search ? `No message, protocol or node has “${search}” in its name.` : "No message yet.");
