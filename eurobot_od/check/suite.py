@@ -14,8 +14,7 @@ from eurobot_od.device.nmt import NmtCommand
 from eurobot_od.logs.meaning import Decoder
 from eurobot_od.od import objects
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.od.standard import SDO_ANSWERS, SDO_REQUESTS
-from eurobot_od.od.values import SDO_REQUEST_BASE, SDO_RESPONSE_BASE
+from eurobot_od.od.sdo_channel import SdoChannel
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.sdo.wire import code_and_reason
 from eurobot_od.support import durations
@@ -112,8 +111,7 @@ class NodeServices(NamedTuple):
     @classmethod
     def of(cls, device: Dictionary) -> NodeServices:
         """Return where the services of a device are."""
-        request = device.cob_id(SDO_REQUESTS, SDO_REQUEST_BASE)
-        return cls(device.name, device.node_id, request, device.cob_id(SDO_ANSWERS, SDO_RESPONSE_BASE))
+        return cls(device.name, device.node_id, *SdoChannel.of(device))
 
 
 class AbortCodes(NamedTuple):

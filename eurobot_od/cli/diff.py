@@ -37,9 +37,11 @@ def run(arguments: Namespace) -> ExitStatus:
             raise LocalError("nothing to compare with: name a second file, or a live node with --node")
         from eurobot_od.client.master import Master  # two files are compared without a bus
         from eurobot_od.client.reading import read_bytes
+        from eurobot_od.od.dictionary import Dictionary
         from eurobot_od.support.progress import passing
 
         with Master(shared.open_bus(arguments)) as master, passing(f"node {node_id}", readable(left)) as addresses:
+            master.follow(Dictionary.load(arguments.left, node_id))
             found = compare_live(left, read_bytes(master.node(node_id), addresses), node_id)
     if arguments.json:
         import json

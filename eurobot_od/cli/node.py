@@ -90,6 +90,7 @@ def run(arguments: argparse.Namespace) -> ExitStatus | None:
     """Run the node until its time is over, an interrupt, or the bus's failure; raises BusError, WorldError."""
     from eurobot_od.device.station import OnError
     from eurobot_od.live import Live
+    from eurobot_od.od.sdo_channel import moved_server
 
     everybody = _all(arguments) if arguments.node is None else []
     if everybody:
@@ -109,7 +110,7 @@ def run(arguments: argparse.Namespace) -> ExitStatus | None:
     node.device.time_of_day.set(datetime.now(), live.clock())  # until a TIME message sets it
     with _bus_failure_first(live), live:
         print(one_line(f"{node.name} (node-ID {node.device.node_id}) on {live.name}; Ctrl-C ends it"), flush=True)
-        if moved := moved_server(node):
+        if moved := moved_server(node.device.dictionary):
             print(moved, flush=True)
         return _stay(live, scene, arguments.duration)
 
@@ -138,6 +139,7 @@ def _run_all(bus: can.BusABC, nodes: list[Node], duration: float | None) -> None
     """Run several devices on one bus until the time is over, or an interrupt; raises BusError."""
     from eurobot_od.device.group import NodeGroup
     from eurobot_od.live.group import LiveGroup
+    from eurobot_od.od.sdo_channel import moved_server
 
     for node in nodes:
         node.alarm = partial(_alarm, node)
@@ -147,22 +149,14 @@ def _run_all(bus: can.BusABC, nodes: list[Node], duration: float | None) -> None
             node.device.time_of_day.set(datetime.now(), live.clock())
         names = ", ".join(f"{node.name} ({node.device.node_id})" for node in nodes)
         print(one_line(f"{len(nodes)} devices on {live.name}: {names}; Ctrl-C ends them"), flush=True)
+        for node in nodes:
+            if moved := moved_server(node.device.dictionary):
+                _alarm(node, moved)
         live.run(inf if duration is None else live.clock() + duration)
 
 
 def _alarm(node: Node, what: str) -> None:
     print(one_line(f"{node.name}: {what}"), flush=True)
-
-
-def moved_server(node: Node) -> str:
-    """Say where a node's SDO server is, if its file has moved it from where every tool looks for it; else nothing."""
-    from eurobot_od.od.values import SDO_REQUEST_BASE, SDO_RESPONSE_BASE
-
-    device = node.device
-    at, usual = (device.sdo_requests, device.sdo_answers), (SDO_REQUEST_BASE, SDO_RESPONSE_BASE)
-    if at == tuple(base + device.node_id for base in usual):
-        return ""
-    return f"its SDO server is at 0x{at[0]:03X}, answers at 0x{at[1]:03X}, as its file says (0x1200)"
 
 
 def _stay(live: Live, scene: Scene | None, duration: float | None) -> ExitStatus | None:

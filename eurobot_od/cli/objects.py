@@ -179,6 +179,7 @@ def emcy(target: Target, clear: bool, as_json: bool) -> ExitStatus:
     from eurobot_od.client import history
 
     with target.opened() as node:
+        target.named_description(node)  # its file may say another SDO server
         if clear:
             history.clear(node)
         found = history.history(node)

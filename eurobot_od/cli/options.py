@@ -366,7 +366,9 @@ def _fitting(files: Sequence[NodeFile], node: str) -> list[int]:
 
 
 def complain_of_repairs(dictionaries: Iterable[Dictionary]) -> None:
-    """Say in a line for each file what had to be repaired to read it, and what is left out."""
+    """Say in a line for each file what had to be repaired to read it, what is left out, and what looks like a copy."""
+    from eurobot_od.od.sdo_channel import SdoChannel, moved_server
+
     # By file: two nodes may share one, and it was repaired once.
     for file, each in {each.file: each for each in dictionaries}.items():
         repaired = [f"line {line}: {what}" for line, what, _ in each.changes]
@@ -377,6 +379,8 @@ def complain_of_repairs(dictionaries: Iterable[Dictionary]) -> None:
             more = f", and {len(found) - 1} more (`{lister}` lists them)" if len(found) > 1 else ""
             if found:
                 complain(f"{file}: {done}: {found[0]}{more}")
+        if SdoChannel.of(each).usual_for not in (None, each.node_id):  # whoever is there is spoken to
+            complain(f"{file}: {moved_server(each)}")
         if each.idle_modules:
             complain(
                 f"{file}: none of its modules is connected; --module takes {', '.join(map(str, each.idle_modules))}"

@@ -11,19 +11,17 @@ import logging
 import time
 from collections.abc import Callable, Iterator
 from contextlib import AbstractAsyncContextManager, AbstractContextManager, contextmanager, nullcontext
-from typing import TYPE_CHECKING, NamedTuple, Protocol, TypeAlias
+from typing import TYPE_CHECKING, Protocol, TypeAlias
 
 from eurobot_od.client.procedure import Procedure
 from eurobot_od.device.nmt import COMMAND_NAMES, NmtCommand, NmtState
 from eurobot_od.errors import NamedObject, NoAnswer, NodeRefused, RemoteError, WrongAnswer
 from eurobot_od.live.buses import failure
-from eurobot_od.od.standard import SDO_ANSWERS, SDO_REQUESTS
+from eurobot_od.od.sdo_channel import SdoChannel
 from eurobot_od.od.values import (
     ERROR_CONTROL_BASE,
     NMT_COB_ID,
     NODE_IDS,
-    SDO_REQUEST_BASE,
-    SDO_RESPONSE_BASE,
     Address,
     label,
 )
@@ -77,13 +75,6 @@ class Periodic(Protocol):
         """End it."""
 
 
-class SdoServer(NamedTuple):
-    """The COB-IDs of a node's SDO server: of the requests to it, and of its answers."""
-
-    requests: int
-    answers: int
-
-
 class Master:
     """The master's end of a bus; use it as a context manager, it shuts the bus down at its end.
 
@@ -107,7 +98,7 @@ class Master:
         self.listeners: dict[int, Callable[[bytes], None]] = {}
         self.observers: tuple[Observer, ...] = ()
         self.periodic: list[Periodic] = []
-        self._sdo_servers: dict[int, SdoServer] = {}
+        self._sdo_servers: dict[int, SdoChannel] = {}
         self.guard: AbstractContextManager[object] = nullcontext()
         """Held while frames are taken in, where a thread of its own does that."""
         self._message = can.Message
@@ -142,22 +133,13 @@ class Master:
         """Return a node to talk to, whether it is there or not."""
         return RemoteNode(self, node_id)
 
-    def sdo_server(self, node_id: int) -> SdoServer:
+    def sdo_server(self, node_id: int) -> SdoChannel:
         """Return where a node's SDO server is: at its default COB-IDs (CiA 301, 7.3.3), if `follow` knows no others."""
-        default = SdoServer(SDO_REQUEST_BASE + node_id, SDO_RESPONSE_BASE + node_id)
-        return self._sdo_servers.get(node_id, default)
+        return self._sdo_servers.get(node_id, SdoChannel.default(node_id))
 
     def follow(self, device: Dictionary) -> None:
-        """Talk to a device where its file says that its SDO server is (0x1200), its ParameterValue first.
-
-        Both COB-IDs of another node's server, or both without a node-ID, are not followed: many files have been written
-        for one node, and whoever followed them would write to that one.
-        """
-        said = SdoServer(device.cob_id(SDO_REQUESTS, SDO_REQUEST_BASE), device.cob_id(SDO_ANSWERS, SDO_RESPONSE_BASE))
-        node_id = said.requests - SDO_REQUEST_BASE
-        is_anothers = node_id in range(NODE_IDS[-1] + 1) and said.answers == SDO_RESPONSE_BASE + node_id
-        if not is_anothers:
-            self._sdo_servers[device.node_id] = said
+        """Talk to a device where its file says that its SDO server is (0x1200; the rule is in `od.sdo_channel`)."""
+        self._sdo_servers[device.node_id] = SdoChannel.of(device)
 
     def turn(self, node_id: int) -> AbstractAsyncContextManager[object]:
         """Return what is held during a transfer: a node's SDO server does one at a time (CiA 301, 7.2.4.1)."""

@@ -19,7 +19,7 @@ from eurobot_od.device.heartbeat import HeartbeatConsumer, split
 from eurobot_od.device.nmt import SERVICES, TARGET, NmtCommand, NmtState, boot_state, command_in, error_control
 from eurobot_od.device.objects import COMMUNICATION_PROFILE, REFUSAL, Objects, OnRead, OnWrite
 from eurobot_od.device.pdo import Changes, Pacing, Pdos, ProcessData
-from eurobot_od.device.predefined import BASES, predefined
+from eurobot_od.device.predefined import predefined
 from eurobot_od.device.storage import Store, refused
 from eurobot_od.device.sync import Arrival, Synchronous, SyncProducer
 from eurobot_od.device.time_of_day import CONSUMER, PRODUCER, Clock
@@ -30,6 +30,7 @@ from eurobot_od.gatekeeper import Stay
 from eurobot_od.od import standard
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.objects import data_type
+from eurobot_od.od.sdo_channel import SdoChannel
 from eurobot_od.od.values import (
     BASE_IDENTIFIER,
     ERROR_CONTROL_BASE,
@@ -176,9 +177,7 @@ class Device:
         """Listen to what is configured now."""
         self._consumer.configure(self._consumed())
         self._guarding.configure(self._life_time())
-        self.sdo_requests, self.sdo_answers = (
-            self.dictionary.cob_id(each, BASES[each]) for each in (standard.SDO_REQUESTS, standard.SDO_ANSWERS)
-        )
+        self.sdo_requests, self.sdo_answers = SdoChannel.of(self.dictionary)
         time, sync = self.objects.raw(standard.TIME), self.objects.raw(standard.SYNC)
         produced = {each & BASE_IDENTIFIER for each in (time, sync) if each & PRODUCER}
         self._periodic = produced | {ERROR_CONTROL_BASE + self.node_id}

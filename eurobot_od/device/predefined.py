@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.sdo_channel import SdoChannel
 from eurobot_od.od.standard import EMCY, IDENTITY, SDO_ANSWERS, SDO_REQUESTS, SYNC, TIME
 from eurobot_od.od.values import (
     COB_ID,
     DEFAULT_PDO_BASES,
     EMCY_BASE,
-    SDO_REQUEST_BASE,
-    SDO_RESPONSE_BASE,
     SYNC_COB_ID,
     TIME_COB_ID,
     Address,
@@ -21,8 +20,6 @@ BROADCASTS: Mapping[Address, int] = {SYNC: SYNC_COB_ID, TIME: TIME_COB_ID}
 
 BASES: Mapping[Address, int] = {
     EMCY: EMCY_BASE,
-    SDO_REQUESTS: SDO_REQUEST_BASE,
-    SDO_ANSWERS: SDO_RESPONSE_BASE,
     **{
         (direction.value + number, COB_ID): base
         for direction, bases in DEFAULT_PDO_BASES.items()
@@ -38,4 +35,7 @@ def predefined(dictionary: Dictionary) -> dict[Address, int]:
     # Only where the file is silent: an identifier that it gives counts, also one that is not valid.
     silent = (each for each in identifiers if each[1] in dictionary.members.get(each[0], ()))
     identity = {(IDENTITY, sub): number for sub, number in enumerate(dictionary.identity, start=1) if number}
-    return identity | {address: identifiers[address] for address in silent if dictionary.default(address) is None}
+    given = {address: identifiers[address] for address in silent if dictionary.default(address) is None}
+    # Where the server is counts here, also where the file's own identifiers are not followed.
+    server = zip((SDO_REQUESTS, SDO_ANSWERS), SdoChannel.of(dictionary), strict=True)
+    return identity | given | {address: cob_id for address, cob_id in server if dictionary.variable(address)}

@@ -17,6 +17,7 @@ from eurobot_od.od import standard, values
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.network_file import NetworkFile, TrafficEntry
 from eurobot_od.od.pdos import Pdo
+from eurobot_od.od.sdo_channel import SdoChannel
 from eurobot_od.od.values import PdoDirection
 from eurobot_od.support import durations
 
@@ -132,10 +133,9 @@ def _services(device: Dictionary, devices: Iterable[Dictionary]) -> Iterator[Nod
         yield _emcy(device)
     for client in devices:
         if any(client.number((index, SERVER_NODE_ID)) == device.node_id for index in standard.SDO_CLIENTS):
-            request = f"{SDO} request {device.name}"
-            yield NodeFrame(SDO, request, values.SDO_REQUEST_BASE + device.node_id, 8, client.name)
-            answer = f"{SDO} answer {device.name}"
-            yield NodeFrame(SDO, answer, values.SDO_RESPONSE_BASE + device.node_id, 8, device.name, request)
+            at, request = SdoChannel.of(device), f"{SDO} request {device.name}"
+            yield NodeFrame(SDO, request, at.requests, 8, client.name)
+            yield NodeFrame(SDO, f"{SDO} answer {device.name}", at.answers, 8, device.name, request)
 
 
 # What the network file says

@@ -17,6 +17,7 @@ from eurobot_od.logs import network_words as words
 from eurobot_od.logs.sdo_words import ANSWERS, REQUESTS, frame_words
 from eurobot_od.od import lss, values
 from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.sdo_channel import SdoChannel
 from eurobot_od.od.standard import (
     EMCY,
     SDO_CLIENTS,
@@ -163,7 +164,8 @@ def _safety(dictionary: Dictionary) -> Services:
 
 def _sdo_channels(dictionary: Dictionary) -> Iterator[tuple[int, int, int]]:
     """Yield node-ID of the server, identifiers of requests and answers, of each channel that a file describes."""
-    records = [index for index in (*SDO_SERVERS, *SDO_CLIENTS) if index in dictionary.members]
+    yield dictionary.node_id, *SdoChannel.of(dictionary)
+    records = [index for index in (*SDO_SERVERS[1:], *SDO_CLIENTS) if index in dictionary.members]
     for index in records:
         request, answer, other = (dictionary.number((index, sub)) for sub in (1, 2, 3))
         server = dictionary.node_id if index in SDO_SERVERS else other

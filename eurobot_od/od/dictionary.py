@@ -183,6 +183,11 @@ class Dictionary:
         variable = self.variable(address)
         return None if variable is None else od.default_of(variable)
 
+    def has_own_value(self, address: Address) -> bool:
+        """Whether a variable's value is this device's own, a ParameterValue, not what all of its kind have."""
+        variable = self.variable(address)
+        return address in self._present or (variable is not None and variable.value is not None)
+
     def number(self, address: Address) -> int | None:
         """Return the number that a variable has by default; None if it has none."""
         value = self.default(address)

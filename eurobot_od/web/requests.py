@@ -50,6 +50,8 @@ class Requests:
     def __init__(self, session: Session, folder: Path, control: bool = False, stop: str = "") -> None:
         self.session, self.folder, self.control, self.stop_message = session, folder, control, stop
         self.master = Master(session.tap)
+        for each in session.decoder.dictionaries:
+            self.master.follow(each)
         # An SDO frame does not say which transfer it belongs to: two at once would take each other's answers.
         self._one_at_a_time = asyncio.Lock()
 

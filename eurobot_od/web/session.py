@@ -19,6 +19,7 @@ from eurobot_od.logs.meaning import Decoder
 from eurobot_od.logs.recorder import recording
 from eurobot_od.monitor.sources import BusSource
 from eurobot_od.monitor.traffic import Traffic
+from eurobot_od.od.sdo_channel import SdoChannel
 from eurobot_od.web.content import defects, event_data, values
 from eurobot_od.web.panel import PageEvent, Panel, service_events
 from eurobot_od.web.polled import PolledObject
@@ -64,7 +65,7 @@ class Session:
         self._started = clock()
         self._origin: float | None = None
         self._source = BusSource(open_bus(), clock, open_bus)
-        self.tap = Tap(self._source.send)
+        self.tap = Tap(self._source.send, (SdoChannel.of(each).answers for each in decoder.dictionaries))
 
     @property
     def now(self) -> float:

@@ -6,7 +6,7 @@ frames only while it asks for something, and other masters may be on the bus all
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from contextlib import suppress
 from queue import Empty, Full, Queue, SimpleQueue
 from threading import Lock
@@ -17,8 +17,8 @@ from eurobot_od.errors import BusError
 from eurobot_od.frame import Frame
 from eurobot_od.od.values import NODE_IDS, SDO_RESPONSE_BASE
 
-WANTED = {SDO_RESPONSE_BASE + node for node in NODE_IDS}
-"""COB-IDs that the master listens to: SDO answers."""
+DEFAULT_ANSWERS = frozenset(SDO_RESPONSE_BASE + node for node in NODE_IDS)
+"""COB-IDs of SDO answers, where no file says others."""
 
 MOST_WAITING = 1000
 """Frames that wait for the master; the oldest make room."""
@@ -30,13 +30,14 @@ PATIENCE = 0.5
 class Tap(can.BusABC):
     """What a master may treat as a bus: it sends by another's `send`, and receives what it is given.
 
-    While there is `trouble` with the bus, sending raises it as a BusError.
+    It is given the SDO answers, `moved` being the COB-IDs of those that a file has moved. While there is `trouble` with
+    the bus, sending raises it as a BusError.
     """
 
-    def __init__(self, send: Callable[[Frame, float], bool]) -> None:
+    def __init__(self, send: Callable[[Frame, float], bool], moved: Iterable[int] = ()) -> None:
         super().__init__(channel="tap")
         self.channel_info = "bus"
-        self._send_by = send
+        self._send_by, self._wanted = send, DEFAULT_ANSWERS.union(moved)
         self.trouble = ""
         self._lock = Lock()
         self._came: Queue[can.Message] = Queue(MOST_WAITING)
@@ -44,7 +45,7 @@ class Tap(can.BusABC):
 
     def give(self, frame: Frame) -> None:
         """Pass a frame to the master if it listens to it."""
-        if frame.cob_id not in WANTED or frame.is_remote:
+        if frame.cob_id not in self._wanted or frame.is_remote:
             return
         message = can.Message(arbitration_id=frame.cob_id, data=frame.data, is_extended_id=False)
         with suppress(Full):  # only this thread puts something in

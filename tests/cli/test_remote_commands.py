@@ -318,6 +318,19 @@ def test_commands_talk_to_a_moved_sdo_server_where_the_file_says(
     assert (status, out.splitlines()[1].split()[:2]) == (0, ["5", "moved"])
 
 
+def test_a_file_is_compared_with_its_device_where_it_says_that_the_sdo_server_is(
+    capsys: pytest.CaptureFixture[str], moved: tuple[str, str]
+) -> None:
+    channel, file = moved
+    assert main(["diff", file, "--node", "5", "-i", "virtual", "-c", channel]) == 0
+    assert capsys.readouterr().out == ""
+
+
+def test_errors_are_asked_for_where_a_file_says_that_the_sdo_server_is(run: Run, moved: tuple[str, str]) -> None:
+    channel, file = moved
+    assert "node 5 refused to read 0x1001:0" in run(channel, "emcy", "5", "--eds", file)[2]
+
+
 # export-dcf, configure, store, restore
 
 

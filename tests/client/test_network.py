@@ -67,7 +67,8 @@ WRITTEN = [
 # COB-IDs of requests and answers in the file of node 5: DefaultValue and ParameterValue of either; where it is then.
 SERVERS = [
     (("0x650", ""), ("0x5D5", ""), (0x650, 0x5D5)),
-    (("0x605", "0x641"), ("0x585", "0x5C1"), (0x605, 0x585)),  # both those of node 65
+    (("0x605", "0x641"), ("0x585", "0x5C1"), (0x641, 0x5C1)),  # those of node 65, but set for this device
+    (("0x605", "0x600"), ("0x585", "0x580"), (0x605, 0x585)),  # the node-ID is forgotten
     (("$NODEID+0x600", "0x6A0"), ("$NODEID+0x580", "0x6A1"), (0x6A0, 0x6A1)),
     (("$NODEID+0x600", ""), ("$NODEID+0x580", "0x5D5"), (0x605, 0x5D5)),
     (("0x601", ""), ("0x581", ""), (0x605, 0x585)),  # written for node 1
@@ -78,7 +79,7 @@ SERVERS = [
 
 
 @pytest.mark.parametrize(("requests", "answers", "server"), SERVERS)
-def test_the_master_asks_where_a_file_says_that_the_sdo_server_is(
+def test_a_file_s_sdo_server_is_where_the_device_serves_and_the_master_asks(
     requests: tuple[str, str], answers: tuple[str, str], server: tuple[int, int]
 ) -> None:
     members = (
@@ -87,9 +88,10 @@ def test_the_master_asks_where_a_file_says_that_the_sdo_server_is(
     )
     text = DEVICE_TYPE + record(0x1200, "SDO server", (0, "UNSIGNED8", "2")) + "".join(members)
     with SimulatedNetwork() as network:
-        network.add(5, Dictionary.read(text.encode(), Path("moved.eds"), 5))
+        device = network.simulate(SimulatedDevice(Dictionary.read(text.encode(), Path("moved.eds"), 5)))
         assert network.master.sdo_server(5) == server
         assert network.master.sdo_server(6) == (0x606, 0x586)
+        assert tuple(device[0x1200, sub].value for sub in (1, 2)) == server
 
 
 def test_objects_of_a_device_with_a_moved_sdo_server_are_read_and_written() -> None:

@@ -5,19 +5,24 @@ from __future__ import annotations
 import asyncio
 import json
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
 
 import pytest
 
+from eurobot_od.device.simulated import SimulatedDevice
 from eurobot_od.errors import LocalError
-from eurobot_od.live import open_bus
+from eurobot_od.live import Live, open_bus
+from eurobot_od.logs.meaning import Decoder
+from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.objects import find_one
 from eurobot_od.robot.protocol import decoder
 from eurobot_od.web import polled
 from eurobot_od.web.polled import PolledObject
 from eurobot_od.web.requests import Requests
 from eurobot_od.web.session import Session
+from tests.eds_text import DEVICE_TYPE, record, variable
 from tests.web.scene import LONG, channel
 
 
@@ -29,6 +34,19 @@ def requests(tmp_path: Path) -> Iterator[Requests]:
     found.master.answer_wait = 0.01
     yield found
     session.close()
+
+
+def test_an_object_is_read_where_a_file_says_that_the_sdo_server_is(tmp_path: Path) -> None:
+    server = record(0x1200, "SDO server", (0, "UNSIGNED8", "2"), (1, "UNSIGNED32", "0x650"), (2, "UNSIGNED32", "0x6A1"))
+    text = DEVICE_TYPE + server + variable("2000", "Speed", "UNSIGNED16", "7")
+    dictionary, name = Dictionary.read(text.encode(), Path("moved.eds"), 5), channel()
+    session = Session(partial(open_bus, "virtual", name), Decoder([dictionary]), 500_000)
+    with open_bus("virtual", name) as bus, Live.node(bus, SimulatedDevice(dictionary)), ThreadPoolExecutor(1) as pool:
+        reading = pool.submit(Requests(session, tmp_path).read, {"node": "moved", "object": "Speed"})
+        while not reading.done():
+            session.poll()
+    session.close()
+    assert reading.result()["value"] == 7
 
 
 def test_its_time_is_told_to_a_tenth_of_a_millisecond() -> None:

@@ -23,6 +23,15 @@ def test_the_master_gets_answers_and_nothing_else() -> None:
     tap.shutdown()
 
 
+def test_answers_come_from_where_a_file_has_moved_them() -> None:
+    tap = Tap(lambda *_: True, [0x6A1])
+    tap.give(Frame(0x6A1, bytes(8)))
+    message = tap.recv(0)
+    assert message is not None
+    assert message.arbitration_id == 0x6A1
+    tap.shutdown()
+
+
 def test_what_nobody_takes_makes_room_for_what_is_newer() -> None:
     tap = Tap(lambda *_: True)
     for number in range(MOST_WAITING + 2):

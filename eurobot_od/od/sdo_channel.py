@@ -1,0 +1,54 @@
+"""Where a device's SDO server is: the one rule for the simulated device, the master, logs, checks and the page.
+
+The file's 0x1200 counts, ParameterValue before DefaultValue, as for every other identifier of the device; without a
+valid one it is at its default identifiers (CiA 301, 7.3.3). Only both default identifiers of another node are not taken
+at their word unless they are ParameterValues: many files were written for one node and have its numbers where $NODEID
+belongs. Nor are those of the node that a DCF is commissioned for, where the DCF is used for another one.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.standard import SDO_ANSWERS, SDO_REQUESTS
+from eurobot_od.od.values import NODE_IDS, SDO_REQUEST_BASE, SDO_RESPONSE_BASE
+
+
+class SdoChannel(NamedTuple):
+    """The COB-IDs of a node's SDO server: of the requests to it, and of its answers."""
+
+    requests: int
+    answers: int
+
+    @classmethod
+    def default(cls, node_id: int) -> SdoChannel:
+        """Return where a node's SDO server is by default (CiA 301, 7.3.3)."""
+        return cls(SDO_REQUEST_BASE + node_id, SDO_RESPONSE_BASE + node_id)
+
+    @classmethod
+    def of(cls, device: Dictionary) -> SdoChannel:
+        """Return where a device's SDO server is, as its file says."""
+        said = cls(device.cob_id(SDO_REQUESTS, SDO_REQUEST_BASE), device.cob_id(SDO_ANSWERS, SDO_RESPONSE_BASE))
+        node_id = said.usual_for
+        if node_id is None:
+            return said
+        # A ParameterValue was set for this device; a DefaultValue was perhaps only copied.
+        is_set = all(device.has_own_value(each) for each in (SDO_REQUESTS, SDO_ANSWERS))
+        is_for_another = node_id in (0, device.commissioned_node_id)
+        return said if is_set and not is_for_another else cls.default(device.node_id)
+
+    @property
+    def usual_for(self) -> int | None:
+        """The node-ID whose default identifiers both are, 0 if they lack one; None if they are no node's."""
+        node_id = self.requests - SDO_REQUEST_BASE
+        return node_id if node_id in (0, *NODE_IDS) and self == self.default(node_id) else None
+
+
+def moved_server(device: Dictionary) -> str:
+    """Say where a device's SDO server is, if its file has moved it from where every tool looks for it; else nothing."""
+    at = SdoChannel.of(device)
+    if at == SdoChannel.default(device.node_id):
+        return ""
+    others = f": there node {at.usual_for} has its own by default" if at.usual_for else ""
+    return f"its SDO server is at 0x{at.requests:03X}, answers at 0x{at.answers:03X}, as its file says (0x1200){others}"
