@@ -2,7 +2,8 @@
 
 Theory of operation: a channel, on one bus, has one transfer at a time. Its frames move a `Running` on; the frame that
 ends it says object, value, size, time and CRC. In the middle of a block nothing but the frames before tells a segment
-from a command: so a log that begins there is read wrong until the next transfer begins.
+from a command. A log that begins there, or lacks the beginning, is understood from the second segment on: only
+segments of a block come one after the other from one end, numbered.
 
 Rule of this file: no clock; frames and their times go in. A transfer takes no more memory than KEPT, however long it
 is, and a log that lacks frames costs no other transfer.
@@ -81,11 +82,11 @@ class Running:
     """A transfer that goes on: what came of it, up to the last frame.
 
     `end` is that of its requests; `taken` are the segments of the present block, `tail` the last segment that was
-    acknowledged, whose unused bytes only the end of the transfer tells.
+    acknowledged, whose unused bytes only the end of the transfer tells. Without an `address` its beginning is missing.
     """
 
     end: SdoEnd
-    address: Address
+    address: Address | None
     is_upload: bool
     began: float
     how: How = How.EXPEDITED
@@ -111,16 +112,23 @@ class Running:
 
     def words(self, what: str, time: float) -> str:
         """Say what was done to the object, with value, size and time."""
-        whole = bytes(self.content)
-        is_known = self.size <= KEPT and not self.lost
-        value = shortened(value_words(self.end.dictionary, self.address, whole), LONGEST_VALUE) if is_known else ""
+        value = ""
+        if self.address is not None and self.size <= KEPT and not self.lost:
+            value = shortened(value_words(self.end.dictionary, self.address, bytes(self.content)), LONGEST_VALUE)
         parts = [f"{self.object}{f' = {value}' if value else ''}", amount(self.size, "byte"), f"in {_took(self, time)}"]
         return f"{what} {', '.join(filter(None, (*parts, self.verdict)))}"
 
     @property
     def object(self) -> str:
         """The object with its name."""
-        return object_words(self.end.dictionary, self.address)
+        return "an object" if self.address is None else object_words(self.end.dictionary, self.address)
+
+    @property
+    def missing(self) -> str:
+        """What the log lacks of it, in words."""
+        if self.address is None:
+            return "its beginning is not in the log"
+        return f"{amount(self.lost, 'segment')} of it not in the log" if self.lost else ""
 
     def ended(self, time: float, aborted: int | None = None, is_whole: bool = True) -> SdoTransfer:
         """Return what the transfer was, for the count of all."""
@@ -142,11 +150,15 @@ class Transfers:
 
     def __init__(self) -> None:
         self._running: dict[tuple[str, int], Running] = {}
+        self._before: dict[tuple[str, int], tuple[bool, bytes]] = {}
 
     def take(self, time: float, channel: str, end: SdoEnd, data: bytes) -> Said:
         """Take in an SDO frame of 8 bytes, and return what it says in its transfer."""
         key = channel, end.channel
         running = self._running.get(key)
+        before, self._before[key] = self._before.get(key), (end.is_answer, data)
+        if before and before[0] is end.is_answer and (running is None or running.how is not How.BLOCKS):
+            running = self._begun_before(key, end, time, before[1], data) or running
         if data[0] == ABORT:
             return self._aborted(key, end, time, data)
         if running and running.in_block and end.is_answer is running.is_upload and not self._is_end(running, data):
@@ -164,6 +176,17 @@ class Transfers:
         return is_possible and data[0] >> 5 == command and bool(data[0] & Block.END)
 
     # How a transfer begins and ends
+
+    def _begun_before(
+        self, key: tuple[str, int], end: SdoEnd, time: float, before: bytes, data: bytes
+    ) -> Running | None:
+        """Begin in the middle of a block, if two frames from one end are its segments; else there is none."""
+        number = before[0] & ~BLOCK_LAST
+        if before[0] & BLOCK_LAST or number == 0 or data[0] & ~BLOCK_LAST != number + 1:
+            return None
+        running = Running(end, None, end.is_answer, time, How.BLOCKS, in_block=True, taken={number: before[1:]})
+        self._running[key] = running
+        return running
 
     def _begin(self, key: tuple[str, int], running: Running) -> Said:
         """Begin a transfer; one that has not ended was given up, or its end is not in the log."""
@@ -184,8 +207,8 @@ class Transfers:
         if running.announced is not None and running.size < running.announced and not running.lost:
             # Rounded up: the last segment may have fewer bytes than the others.
             running.lost = -(-(running.announced - running.size) // SEGMENT_SIZE)
-        lost = f"{amount(running.lost, 'segment')} of it not in the log" if running.lost else ""
-        return Said(text=running.words(what, time), lost=lost, ended=running.ended(time))
+        is_whole = running.address is not None
+        return Said(running.words(what, time), lost=running.missing, ended=running.ended(time, is_whole=is_whole))
 
     def _aborted(self, key: tuple[str, int], end: SdoEnd, time: float, data: bytes) -> Said:
         running = self._running.pop(key, None)
@@ -319,7 +342,7 @@ class Transfers:
 def _verdict(running: Running, crc: int) -> str:
     if not running.has_crc:
         return "no CRC"
-    if running.lost:
+    if running.missing:
         return f"CRC 0x{crc:04X}, which cannot be checked"
     return f"CRC 0x{crc:04X} is right" if running.crc == crc else f"CRC 0x{crc:04X} is wrong: it is 0x{running.crc:04X}"
 

@@ -164,6 +164,35 @@ def test_a_frame_that_the_log_lacks_is_said_and_costs_no_other_transfer(
         assert (meanings[-1].transfer.lost, meanings[-1].defects) == (0, ()), number
 
 
+@pytest.mark.parametrize("make", [
+    lambda: recorded(lambda: block_upload(OBJECT, WAIT), content_of(900)),
+    lambda: recorded(lambda: block_download(OBJECT, content_of(900), WAIT)),
+])  # fmt: skip
+def test_a_log_that_begins_in_a_block_is_read_right_from_the_second_segment_on(
+    decoder: Decoder, make: Callable[[], list[Frame]]
+) -> None:
+    frames = make()
+    whole = [each.text for each in decoded(decoder, frames)]
+    segments = [number for number, text in enumerate(whole) if "block segment" in text]
+    for begin in segments:
+        meanings = decoded(decoder, [*frames[begin:], *frames])
+        rest = [each.text for each in meanings[: -len(frames)]]
+        # The first may be any command, and so may the only one that is left of a block.
+        alone = whole[begin].endswith("the last") or begin + 1 not in segments
+        assert alone or rest[1:-2] == [*whole[begin + 1 : -2]], begin
+        assert alone or rest[-1].startswith(("drive, value of an object", "drive, written an object")), rest[-1]
+        assert [each.text for each in meanings[-len(frames) :]][:-1] == whole[:-1], begin
+        assert meanings[-1].defects == ()
+
+
+def test_what_a_log_lacks_before_its_first_segment_is_said(decoder: Decoder) -> None:
+    frames = recorded(lambda: block_upload(OBJECT, WAIT), content_of(900))
+    last = decoded(decoder, frames[130:])[-1]
+    assert "value of an object" in last.text
+    assert last.transfer is not None
+    assert not last.transfer.is_whole
+
+
 def test_aborts_say_how_far_it_had_come(decoder: Decoder) -> None:
     frames = recorded(lambda: download(OBJECT, content_of(60), WAIT))[:6]
     abort = Frame(ANSWERS, bytes.fromhex("8000300122000008"))
