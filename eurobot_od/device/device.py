@@ -205,6 +205,9 @@ class Device:
         self._pacing.restart(self._pdos.sent.values(), self._now)
         self._synchronous.restart(self._pdos.sent.values(), self._pdos.received.values())
         self._sampled.clear()
+        # Decided here, not at each SYNC: hundreds of PDOs of many devices would be asked in each of its periods.
+        self._at_sync = [each for each in self._pdos.requestable.values() if self._pdos.is_sampled(each)]
+        self._following = [each for each in self._pdos.sent.values() if self._pdos.follows_changes(each)]
         for binding in self._deadlines.missed:  # nobody would report them as back: the watch begins anew
             self.emergencies.cleared((Deadlines, binding.name))
         self._deadlines.restart(self._pdos.received.values())
@@ -551,8 +554,7 @@ class Device:
         # First: a TPDO carries the values at the SYNC, not those that the SYNC lets in.
         number = sync.data[0] if sync.data else None
         frames = [self._process.frame(binding) for binding in self._synchronous.due(number)]
-        sampled = filter(self._pdos.is_sampled, self._pdos.requestable.values())
-        self._sampled = {binding: self._process.frame(binding) for binding in sampled}
+        self._sampled = {binding: self._process.frame(binding) for binding in self._at_sync}
         arrived = self._synchronous.arrived()
         for each in arrived:
             self._process.note(each.binding, each.data)
@@ -613,12 +615,12 @@ class Device:
         """
         self._process.settle()
         frames: list[Frame] = []
-        for binding, frame in self._changes.since(self._pdos.sent.values()) if self.operational else ():
+        for binding, frame in self._changes.since(self._following) if self.operational else ():
             if may_go is not None and not may_go(binding):
                 continue
             if binding in self._synchronous:
                 self._synchronous.ask(binding)
-            elif self._pdos.is_event_driven(binding):
+            else:
                 frames += self._pacing.admit(binding, frame, now)
         self.plan.at(self._pacing.next)
         return frames

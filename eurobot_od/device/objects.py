@@ -84,7 +84,8 @@ class Objects:
     ) -> None:
         self.dictionary = dictionary
         self.values: dict[Address, Value] = {}
-        self._readers, self._writers, self._given, self._told = readers, writers, given, told
+        self._readers, self._writers, self._told = readers, writers, told
+        self._defaults = dict(given)
         self._parts: dict[Address, Part | None] = {}
 
     # For the device
@@ -99,10 +100,11 @@ class Objects:
 
     def kept(self, address: Address) -> Value:
         """Return the value that was written or received last, else the one given, else the file's."""
-        for values in (self.values, self._given):
-            if address in values:
-                return values[address]
-        return self.dictionary.default(address)
+        if address in self.values:
+            return self.values[address]
+        if address not in self._defaults:  # a PDO asks for the same few at each SYNC
+            self._defaults[address] = self.dictionary.default(address)
+        return self._defaults[address]
 
     def raw(self, address: Address) -> int:
         """Return a value as the bits that a PDO carries; 0 without one, where a reader has none, or of a wrong type.

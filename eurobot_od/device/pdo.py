@@ -6,13 +6,12 @@ or is refused and leaves no trace (CiA 301, 7.5.2.35 to 7.5.2.38: invalidate, su
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Iterator
+from collections.abc import Callable, Collection, Iterable
 from contextlib import suppress
-from itertools import accumulate
 from math import inf
 
 from eurobot_od.device.objects import Objects, OnWrite
-from eurobot_od.device.sync import COUNTERS
+from eurobot_od.device.sync import ACYCLIC, COUNTERS
 from eurobot_od.device.timers import caught_up
 from eurobot_od.errors import MappingError, Refused
 from eurobot_od.frame import Frame
@@ -99,6 +98,10 @@ class Pdos:
         """Whether a TPDO goes whenever the application wants it to."""
         asked_for = self._type(binding.pdo.index) in (SAMPLED, REQUESTED)
         return self.sync_type(binding) is None and not asked_for
+
+    def follows_changes(self, binding: Binding) -> bool:
+        """Whether a TPDO goes because its values have changed: at once, or with the next SYNC (transmission type 0)."""
+        return self.sync_type(binding) == ACYCLIC or self.is_event_driven(binding)
 
     def is_sampled(self, binding: Binding) -> bool:
         """Whether a TPDO has the values of the last SYNC when it is asked for."""
@@ -270,9 +273,9 @@ class ProcessData:
         """Bring the values of the frames noted into the objects, in the order in which they came."""
         for binding, data in self._latest.values():
             word = int.from_bytes(binding.complete(data), "little")
-            for entry, offset in _placed(binding):
+            for entry, address, mask, offset in binding.placed:
                 with suppress(Refused):  # what the application does not take is as if it had not come
-                    self._objects.put(entry.address, _meant(entry, word >> offset))
+                    self._objects.put(address, _meant(entry, word >> offset & mask))
         self.forget()
 
     def forget(self) -> None:
@@ -281,23 +284,17 @@ class ProcessData:
 
     def frame(self, binding: Binding) -> Frame:
         """Return a PDO with the objects' present values."""
-        self.settle()
-        word = 0
-        for entry, offset in _placed(binding):
-            word |= (self._objects.raw(entry.address) & (1 << entry.bits) - 1) << offset
+        if self._latest:
+            self.settle()
+        word, raw = 0, self._objects.raw
+        for _, address, mask, offset in binding.placed:
+            word |= (raw(address) & mask) << offset
         return Frame(binding.cob_id, word.to_bytes(binding.layout.length, "little"))
 
 
-def _placed(binding: Binding) -> Iterator[tuple[Mapped, int]]:
-    """Give the mapped objects that carry something, each with its lowest bit in the frame (CiA 301, 7.4.8.2)."""
-    mapping = binding.pdo.mapping
-    offsets = accumulate((entry.bits for entry in mapping), initial=0)
-    return ((entry, offset) for entry, offset in zip(mapping, offsets) if not entry.is_padding)
-
-
-def _meant(entry: Mapped, bits: int) -> Value:
-    """Return the value of an entry's bits, the lowest of `bits`; mapped in part, all but an integer is a number."""
-    raw, type_ = bits & (1 << entry.bits) - 1, entry.type
+def _meant(entry: Mapped, raw: int) -> Value:
+    """Return the value of an entry's bits; mapped in part, all but an integer is a number."""
+    type_ = entry.type
     if type_.is_signed:
         sign = 1 << entry.bits - 1  # of the entry, not of the type: a mapping may cut an INTEGER16 to 12 bits
         return (raw ^ sign) - sign

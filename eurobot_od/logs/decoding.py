@@ -33,7 +33,7 @@ class Decoding:
         @lru_cache(REMEMBERED)
         def known(raw: Raw) -> tuple[Any, tuple[Defect, ...], Meaning | None]:
             meaning = decoder(raw)
-            return (None, (), meaning) if is_followed(meaning) else (*show(meaning), None)
+            return *show(meaning), meaning if is_followed(meaning) else None
 
         self._decoder, self._show, self._known = decoder, show, known
 
@@ -46,8 +46,8 @@ class Decoding:
         follow = Follower(self._decoder)
         for number, time, channel, raw in formats.read(file, form, largest):
             row, defects, followed = known(raw)
-            if followed:
-                row, defects = self._show(follow(time, channel, followed))
+            if followed and (said := follow(time, channel, followed)) is not followed:
+                row, defects = self._show(said)
             if defects:
                 self.damage.add(log, number, defects)
             shown = shown_time(time)

@@ -8,19 +8,29 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from functools import cached_property, partial
+from itertools import accumulate
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from eurobot_od.errors import FieldError, FrameLengthError, MappingError, UnknownName
 from eurobot_od.frame import Data, Frame
 from eurobot_od.od.pdos import Mapped, Pdo
-from eurobot_od.od.values import Limits
+from eurobot_od.od.values import Address, Limits
 from eurobot_od.pdo import codec
 from eurobot_od.pdo.catalogue import CatalogueEntry, field_name, first_free, made_type
 from eurobot_od.pdo.codec import Column, Unknown
 from eurobot_od.pdo.kinds import Kind, OutOfRange, kind_of
 from eurobot_od.pdo.layout import Layout, LayoutError, Slot, slot
 from eurobot_od.pdo.message import Message, kinds
+
+
+class Placed(NamedTuple):
+    """A mapped object in a frame: its `mask`, as wide as it is, and its lowest bit, `offset` (CiA 301, 7.4.8.2)."""
+
+    entry: Mapped
+    address: Address
+    mask: int
+    offset: int
 
 
 class Binding:
@@ -58,6 +68,16 @@ class Binding:
         # An object's limits may be wider than the bits that it is mapped with.
         ends = {field: (each.limits, self.layout.raws[field]) for field, each in mapped}
         self.limits = {f: Limits(max(said.low, raws[0]), min(said.high, raws[-1])) for f, (said, raws) in ends.items()}
+
+    @cached_property
+    def placed(self) -> tuple[Placed, ...]:
+        """The mapped objects that carry something."""
+        offsets = accumulate((entry.bits for entry in self.pdo.mapping), initial=0)
+        return tuple(
+            Placed(entry, entry.address, (1 << entry.bits) - 1, offset)
+            for entry, offset in zip(self.pdo.mapping, offsets)
+            if not entry.is_padding
+        )
 
     @property
     def too_narrow(self) -> list[str]:
