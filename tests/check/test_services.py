@@ -192,7 +192,8 @@ def server(request: str, answer: str) -> str:
     ("more", "request_id", "answer_id"),
     [
         ("", 0x605, 0x585),
-        (server("0x640", "0x5C0"), 0x640, 0x5C0),
+        (server("0x640", "0x5C1"), 0x640, 0x5C1),
+        (server("0x640", "0x5C0"), 0x605, 0x585),  # a file that was written for node 64
         (server("$NODEID+0x600", "$NODEID+0x580"), 0x605, 0x585),
         (server("0x80000640", "0x800005C0"), 0x605, 0x585),  # the default server is there whatever is said
     ],
