@@ -27,6 +27,9 @@ FOLLOWING_ERROR_CODE = 0x8611
 OFF = 0xFFFFFFFF
 """Following error window of a drive that does not look at it (CiA 402-2, clause 12.3.3)."""
 
+NO_TORQUE = 0.0005
+"""Share of the torque below which its object shows 0."""
+
 STOPS: Mapping[tuple[State, State], int] = {
     (State.ENABLED, State.READY): cia402.SHUTDOWN_OPTION,
     (State.ENABLED, State.SWITCHED_ON): cia402.DISABLE_OPTION,
@@ -214,7 +217,9 @@ class DriveAxis:
         if self.state not in POWERED:
             return self.motor.velocity != 0
         lags = self._mode.controls_position and abs(self.demand.position - self.motor.position) > 0.5
-        still = self.stands and abs(self.motor.velocity) < 1e-3 and not lags and self._stop is None
+        # What is shown of its torque ends a step after the motion.
+        pushes = self.demand.torque is None and abs(self.motor.torque) >= NO_TORQUE
+        still = self.stands and abs(self.motor.velocity) < 1e-3 and not (lags or pushes) and self._stop is None
         return not (still and (self._mode.settled or self._is_halted or self.state is not State.ENABLED))
 
     @property

@@ -296,7 +296,9 @@ class CyclicTorque(ModeOfOperation):
 
     @property
     def settled(self) -> bool:
-        return super().settled and self.axis.demand.torque == self.wanted
+        plant = self.axis.motor.plant
+        held = abs(self.wanted) * plant.acceleration <= plant.friction  # else it only turns round
+        return super().settled and held and self.axis.demand.torque == self.wanted
 
 
 class ProfileTorque(CyclicTorque):

@@ -134,6 +134,10 @@ GAIN = 100.0
 """Of the position controller: velocity for each position unit of following error, in 1/s."""
 
 
+CREEP = 0.01
+"""Turns/s below which friction is not shown: a position that is held swings by less."""
+
+
 @dataclass
 class Motor:
     """The motor: `position` as the encoder says it, and the `velocity`; `torque` is the share of what it has, -1 to 1.
@@ -173,8 +177,10 @@ class Motor:
     def _turn(self, wanted: float, acceleration: float) -> None:
         most = acceleration * STEP
         change = min(max(wanted - self.velocity, -most), most)
-        self.torque = change / most
+        during = self.velocity + change / 2
+        rubs = copysign(self.plant.friction / self.plant.acceleration, during) * (abs(during) > CREEP * self.turn)
         self.velocity += change
+        self.torque = min(max(change / most + rubs, -1.0), 1.0)
         self.position += self.velocity * STEP
 
     @property

@@ -330,6 +330,27 @@ def test_a_torque_accelerates_by_what_friction_leaves_of_it(sign: int) -> None:
     assert bench[0x606C] == pytest.approx(sign * TURN, rel=0.01)
 
 
+def test_a_torque_against_the_motion_turns_it_round() -> None:
+    bench = Bench({(0x6087, 0): 0}, plant=PUSHED).enable(4)
+    bench.write(0x6071, 200)
+    bench.run(0.2)
+    bench.write(0x6071, -150)
+    bench.run(0.5)
+    assert bench[0x606C] < -TURN
+
+
+@pytest.mark.parametrize("mode", [1, 3, 9])
+def test_torque_is_shown_while_it_turns_and_not_when_it_stands(mode: int) -> None:
+    bench = Bench({(0x60FF, 0): 1000}, plant=PUSHED._replace(fastest=50)).enable(mode)
+    bench.write(0x607A, 5000)
+    bench.command(0x1F)
+    bench.run(1)
+    assert bench[0x6077] == 100  # at a steady velocity it is friction's
+    bench.command(0x10F)
+    bench.rest()
+    assert (bench[0x606C], bench[0x6077]) == (0, 0)
+
+
 def test_a_torque_below_friction_turns_nothing() -> None:
     bench = Bench({(0x6087, 0): 0}, plant=PUSHED).enable(10)
     bench.write(0x6071, 99)
