@@ -295,7 +295,8 @@ def _thinned(curve: Curve, samples: Sequence[Sample]) -> list[Sample]:
 
 # The state machine
 
-BEGIN, END = "<!-- made by tools/make_motion.py -->", "<!-- end -->"
+TABLE = re.compile(r"^\| \| Shutdown \|.*?\n(?=\n)", re.DOTALL | re.MULTILINE)
+"""The table in its page."""
 
 NUMBERS = {(each.before, each.after): each.number for each in TRANSITIONS}
 WAYS: Mapping[State, tuple[Command, ...]] = {
@@ -354,10 +355,8 @@ def table(folder: Path) -> str:
 
 
 def with_table(page: str, made: str) -> str:
-    """Return a page with the table between its marks."""
-    return re.sub(
-        f"{re.escape(BEGIN)}\n.*?{re.escape(END)}", lambda _: f"{BEGIN}\n\n{made}\n{END}", page, flags=re.DOTALL
-    )
+    """Return a page with the table in place of the one that it has."""
+    return TABLE.sub(lambda _: made, page)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -46,8 +46,9 @@ def _wanted() -> list[list[str]]:
 
 
 def _shown(page: str) -> list[list[str]]:
-    made = page.partition(make_motion.BEGIN)[2].partition(make_motion.END)[0]
-    lines = [line for line in made.strip().splitlines() if not re.fullmatch(r"[| -]+", line)]
+    found = make_motion.TABLE.search(page)
+    assert found is not None
+    lines = [line for line in found[0].splitlines() if not re.fullmatch(r"[| -]+", line)]
     return [[cell.strip() for cell in line.strip("|").split("|")] for line in lines]
 
 
