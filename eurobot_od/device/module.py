@@ -15,7 +15,7 @@ from eurobot_od.device.waveforms import fitted
 from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.objects import data_type
-from eurobot_od.od.values import Address, Value
+from eurobot_od.od.values import Address, DataType, Value
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.profiles import cia401
 from eurobot_od.profiles.inputs_outputs import Inputs, Outputs
@@ -57,7 +57,10 @@ class SimulatedModule(ProfileDevice):
         ends = dict[Address, Callable[[], Value]]((each, partial(self._kept, each)) for each in subs)
         ends |= {there: partial(self._terminals, here) for here, there in self.WIRES.items() if there in ends}
         ends |= application.measured
-        return application._replace(measured={each: partial(self._input, each, read) for each, read in ends.items()})
+        types = {each: data_type(self._variable(each)) for each in ends}
+        return application._replace(
+            measured={each: partial(self._input, each, types[each], read) for each, read in ends.items()}
+        )
 
     def _kept(self, address: Address) -> Value:
         return self.device.objects.kept(address)
@@ -66,12 +69,11 @@ class SimulatedModule(ProfileDevice):
         # Nothing is on them before the first reset is over.
         return self._outputs.terminals.get(output, 0) if self._inputs else 0
 
-    def _input(self, address: Address, read: Callable[[], Value]) -> Value:
+    def _input(self, address: Address, type_: DataType, read: Callable[[], Value]) -> Value:
         terminals = read()
         if self._inputs is None or not isinstance(terminals, int):
             return terminals
-        value = self._inputs.value(address, terminals, self.now)
-        return fitted(value, data_type(self._variable(address)))
+        return fitted(self._inputs.value(address, terminals, self.now), type_)
 
     def reset(self) -> None:
         """Begin anew: outputs as the file's defaults, no input has changed."""

@@ -75,7 +75,9 @@ class Demand:
     def to_velocity(self, wanted: float, acceleration: float, deceleration: float) -> None:
         """Take a step that brings the velocity nearer to what is wanted; accelerations are those of a ramp, above 0."""
         self.torque = None
-        slower = abs(wanted) < abs(self.velocity) or wanted * self.velocity < 0
+        # The way round leads through a stand: down by the one ramp, and then up by the other.
+        wanted = 0.0 if wanted * self.velocity < 0 else wanted
+        slower = abs(wanted) < abs(self.velocity)
         most = (deceleration if slower else acceleration) * STEP
         self.velocity += min(max(wanted - self.velocity, -most), most)
         self.position += self.velocity * STEP
