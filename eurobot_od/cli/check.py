@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from eurobot_od.check.conformance.drive import MotionBounds
     from eurobot_od.check.results import SuiteResult
     from eurobot_od.cli.checking import Checks
+    from eurobot_od.od.values import Address
 
 
 FIRST_OWN = 4
@@ -71,19 +72,28 @@ def _add_generated(parser: argparse.ArgumentParser) -> None:
     """Describe the options of suites that are made from the EDS files."""
     parser.add_argument("--conformance", action="store_true", help="make the suites from the EDS files, by CiA 301")
     parser.add_argument(
-        "--profile", type=int, choices=(402,), help="make the suites from the EDS files, by a device profile"
+        "--profile", type=int, choices=(401, 402), help="make the suites from the EDS files, by a device profile"
     )
     parser.add_argument(
         "--motion",
         type=_motion,
         metavar="WAY@VELOCITY",
-        help="profile: also move the motor, so far and so fast at most, in the drive's units",
+        help="profile 402: also move the motor, so far and so fast at most, in the drive's units",
+    )
+    parser.add_argument("--outputs", action="store_true", help="profile 401: also switch the outputs")
+    parser.add_argument(
+        "--wired",
+        action="append",
+        type=_wire,
+        default=[],
+        metavar="OUTPUT=INPUT",
+        help="profile 401, outputs: what this output does is seen at this input, such as 0x6200:1=0x6000:1; repeatable",
     )
     tier = parser.add_mutually_exclusive_group()
     tier.add_argument(
         "--reversible",
         action="store_true",
-        help="conformance: also reset, write PDOs and own values; profile: also command the state machine",
+        help="conformance: also reset, write PDOs and own values; profile: also the state machine, settings",
     )
     tier.add_argument("--destructive", action="store_true", help="conformance: also write other values, and store")
     parser.add_argument(
@@ -111,6 +121,20 @@ def _motion(text: str) -> MotionBounds:
     if not (limits.way and limits.velocity):
         raise argparse.ArgumentTypeError(f"{text!r}: a way and a velocity above 0, such as 2000@100")
     return limits
+
+
+def _wire(text: str) -> tuple[Address, Address]:
+    """Read a wire from an output to an input, by their numbers; raises ArgumentTypeError."""
+    from eurobot_od.od.objects import numbered
+
+    try:
+        ends = [numbered(each) or (0, None) for each in text.split("=")]
+    except LocalError:  # a sub-index that cannot be
+        ends = []
+    found = [(index, sub) for index, sub in ends if sub is not None]
+    if len(found) == len(ends) == 2:
+        return found[0], found[1]
+    raise argparse.ArgumentTypeError(f"{text!r}: an output and an input by number, such as 0x6200:1=0x6000:1")
 
 
 def run(arguments: argparse.Namespace) -> ExitStatus:
@@ -172,8 +196,11 @@ def _refuse_what_does_not_go_together(arguments: argparse.Namespace) -> None:
         campaign.refuse(arguments, "--simulate --repeat")
     if arguments.profile and (arguments.conformance or arguments.files):
         raise LocalError("--profile makes its suites from the EDS files: leave out --conformance, and files")
-    if arguments.motion and not arguments.profile:
-        raise LocalError("--motion needs --profile")
+    for option, profile in (("motion", 402), ("outputs", 401), ("wired", 401)):
+        if getattr(arguments, option) and arguments.profile != profile:
+            raise LocalError(f"--{option} needs --profile {profile}")
+    if arguments.wired and not arguments.outputs:
+        raise LocalError("--wired needs --outputs: it is looked at when outputs are switched")
     if arguments.restore and not arguments.destructive:
         raise LocalError("--restore needs --destructive")
     if arguments.report is not None:

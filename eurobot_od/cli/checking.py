@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from eurobot_od.live.connection import Opener
     from eurobot_od.od.dictionary import Dictionary
     from eurobot_od.od.pdos import OnRefused
+    from eurobot_od.od.values import Address
 
 
 class Checks(NamedTuple):
@@ -49,6 +50,8 @@ class Checks(NamedTuple):
     keep_going: bool
     profile: int | None = None
     motion: MotionBounds | None = None
+    outputs: bool = False
+    wired: Sequence[tuple[Address, Address]] = ()
 
     def reader(self, refused: OnRefused = lambda _: None) -> SuiteReader:
         """Return the reader of suites for the devices; `refused` gets each PDO that is left out."""
@@ -84,10 +87,14 @@ class Checks(NamedTuple):
 
     def profile_texts(self) -> dict[Path, str]:
         """Make the suites of each device by its profile, by what reports call their file; raises LocalError."""
-        from eurobot_od.check.conformance import drive
+        from eurobot_od.check.conformance import drive, module
 
-        reversible = self.reversible or self.destructive
-        return {_file_of(each): drive.text(each, reversible, self.motion) for each in self.devices.load()}
+        makers = {
+            401: partial(module.text, outputs=self.outputs, wires=dict(self.wired)),
+            402: partial(drive.text, motion=self.motion),
+        }
+        make = makers[self.profile or 402]
+        return {_file_of(each): make(each, self.reversible) for each in self.devices.load()}
 
     @property
     def is_generated(self) -> bool:
@@ -137,7 +144,7 @@ class Checks(NamedTuple):
         keeps_going, is_chosen_here = self.keep_going or self.is_generated, partial(is_chosen, self.step)
         options = RunOptions(keeps_going, is_chosen_here, self.is_generated, interrupt, show)
         if self.simulate:
-            return self.devices.robot.simulate(suite, options, self.fault, seed, self.profile or 0)
+            return self.devices.robot.simulate(suite, options, self.fault, seed, self.profile or 0, dict(self.wired))
         from eurobot_od.check.live import run_live
 
         return run_live(suite, options, self.open_bus)
@@ -160,7 +167,7 @@ class Checks(NamedTuple):
         found = [file for folder in sorted(folders) for file in sorted(folder.glob("*.eds"))]
         options = {"robot": robot_name, "dialect": dialect, "eds": eds, "network": named_network, "module": modules}
         options["patch"] = patches
-        tiers = ("conformance", "reversible", "destructive", "restore", "profile", "motion")
+        tiers = ("conformance", "reversible", "destructive", "restore", "profile", "motion", "outputs", "wired")
         own = ("fault", "tag", "step", *tiers, "keep_going")
         # Beside the options the files' content: an edited suite must not be continued with results of the old one.
         given = {name: str(value) for name, value in (options | {each: getattr(self, each) for each in own}).items()}

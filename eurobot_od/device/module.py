@@ -5,17 +5,21 @@ Rule of this file: it only connects. What an input or output does stands in `pro
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
-from typing import Any
+from typing import Any, ClassVar
 
 from eurobot_od.device.bound import Application
 from eurobot_od.device.device_values import DeviceValues, ProfileDevice
+from eurobot_od.device.waveforms import fitted
 from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.od.values import Address, Value
+from eurobot_od.od.objects import data_type
+from eurobot_od.od.values import Address, DataType, Value
 from eurobot_od.pdo.binding import Binding
+from eurobot_od.profiles import cia401
 from eurobot_od.profiles.inputs_outputs import Inputs, Outputs
+from eurobot_od.profiles.values import ProfileValues
 
 
 class SimulatedModule(ProfileDevice):
@@ -23,14 +27,22 @@ class SimulatedModule(ProfileDevice):
 
     Waveforms are what is on the terminals of its inputs, `outputs` what is on those of its outputs: by polarity and
     filter, and with the error values if a heartbeat is lost, the bus is lost or the module is stopped. A TPDO with
-    inputs goes on a change if one of the inputs may cause it (interrupt masks, limits and deltas).
+    inputs goes on a change if one of the inputs may cause it (interrupt masks, limits and deltas). `WIRES` lead from
+    outputs to inputs, by their addresses: what is on the one terminal is on the other.
     """
 
+    WIRES: ClassVar[Mapping[Address, Address]] = {}
+    INPUTS: ClassVar[type[Inputs]] = Inputs
+    OUTPUTS: ClassVar[type[Outputs]] = Outputs
+
     def __init__(self, dictionary: Dictionary, **options: Any) -> None:
-        self._values = DeviceValues(self)
+        self._values = self._profile_values()
         self._inputs: Inputs | None = None
         self._begun = False
         super().__init__(dictionary, **options)
+
+    def _profile_values(self) -> ProfileValues:
+        return DeviceValues(self)
 
     @property
     def outputs(self) -> dict[Address, int]:
@@ -39,18 +51,36 @@ class SimulatedModule(ProfileDevice):
 
     def _application(self, dictionary: Dictionary) -> Application:
         application = super()._application(dictionary)
-        wired = {address: partial(self._wired, address, read) for address, read in application.measured.items()}
-        return application._replace(measured=wired)
+        kinds = (*cia401.DIGITAL_INPUTS, *cia401.ANALOGUE_INPUTS)
+        subs = ((kind.value, sub) for kind in kinds for sub in dictionary.members.get(kind.value, ()) if sub)
+        # On the terminal of an input is what a waveform says, or an output that is wired to it, or what it was given.
+        ends = dict[Address, Callable[[], Value]]((each, partial(self._kept, each)) for each in subs)
+        ends |= {there: partial(self._terminals, here) for here, there in self.WIRES.items() if there in ends}
+        ends |= application.measured
+        types = {each: data_type(self._variable(each)) for each in ends}
+        return application._replace(
+            measured={each: partial(self._input, each, types[each], read) for each, read in ends.items()}
+        )
 
-    def _wired(self, address: Address, read: Callable[[], Value]) -> Value:
-        value = read()
-        inverted = self._inputs.polarity(address) if self._inputs else 0
-        return value ^ inverted if isinstance(value, int) and inverted else value
+    def _kept(self, address: Address) -> Value:
+        return self.device.objects.kept(address)
+
+    def _terminals(self, output: Address) -> Value:
+        # Nothing is on them before the first reset is over.
+        return self._outputs.terminals.get(output, 0) if self._inputs else 0
+
+    def _input(self, address: Address, type_: DataType, read: Callable[[], Value]) -> Value:
+        terminals = read()
+        if self._inputs is None or not isinstance(terminals, int):
+            return terminals
+        return fitted(self._inputs.value(address, terminals, self.now), type_)
 
     def reset(self) -> None:
         """Begin anew: outputs as the file's defaults, no input has changed."""
-        self._inputs, self._outputs, self._begun = Inputs(self._values), Outputs(self._values), False
+        self._inputs, self._outputs, self._begun = self.INPUTS(self._values), self.OUTPUTS(self._values), False
         super().reset()
+        if self.WIRES and not (self._waveforms or self.READERS):  # a filter has to see them, whoever else asks
+            self._sample(self.now)
 
     # What is sent
 
@@ -83,5 +113,4 @@ class SimulatedModule(ProfileDevice):
 
     def _connection_lost(self) -> None:
         """Give the outputs their error values, as the error modes say (CiA 401-1, objects 0x6206 and 0x6443)."""
-        self._outputs.failed = True
-        self._outputs.refresh()
+        self._outputs.fail()

@@ -27,8 +27,8 @@ FOLLOWING_ERROR_CODE = 0x8611
 OFF = 0xFFFFFFFF
 """Following error window of a drive that does not look at it (CiA 402-2, clause 12.3.3)."""
 
-TORQUE, CURRENT = 0x6077, 0x6078
-"""What the motor has of its torque and current, in thousandths."""
+NO_TORQUE = 0.0005
+"""Share of the torque below which its object shows 0."""
 
 STOPS: Mapping[tuple[State, State], int] = {
     (State.ENABLED, State.READY): cia402.SHUTDOWN_OPTION,
@@ -109,6 +109,7 @@ class DriveAxis:
         if number != self._mode_number and self.takes(number):
             self._mode_number = number
             self._mode = MODES[number](self)
+            self.demand.torque = None
             self.following_error, self._lag = False, 0.0
 
     def takes(self, mode: int) -> bool:
@@ -173,7 +174,7 @@ class DriveAxis:
         self.state, self._stop = state, None
         if state is State.ENABLED or not powered:
             # With torque again the motor holds where it is, and goes on as fast as it turns.
-            self.demand.position, self.demand.velocity = self.motor.position, self.motor.velocity
+            self.demand = Demand(self.motor.position, self.motor.velocity)
         if state not in POWERED:
             self.demand.velocity = 0.0
         if state is State.ENABLED:
@@ -216,7 +217,9 @@ class DriveAxis:
         if self.state not in POWERED:
             return self.motor.velocity != 0
         lags = self._mode.controls_position and abs(self.demand.position - self.motor.position) > 0.5
-        still = self.stands and abs(self.motor.velocity) < 1e-3 and not lags and self._stop is None
+        # What is shown of its torque ends a step after the motion.
+        pushes = self.demand.torque is None and abs(self.motor.torque) >= NO_TORQUE
+        still = self.stands and abs(self.motor.velocity) < 1e-3 and not (lags or pushes) and self._stop is None
         return not (still and (self._mode.settled or self._is_halted or self.state is not State.ENABLED))
 
     @property
@@ -242,15 +245,22 @@ class DriveAxis:
             self.demand.position = self.motor.position
             return
         self._lead()
+        self._follow()
+        if self._stop is not None and self._stop.after is not None and self.stands:
+            self._enter(self._stop.after)
+
+    def _follow(self) -> None:
         # What is wrong may be the position: a fault is stopped by the velocity alone.
         controls_position = self._mode.controls_position and self.state is not State.FAULT_REACTION
-        self.motor.follow(self.demand, controls_position)
+        if self.demand.torque is None:
+            self.motor.follow(self.demand, controls_position)
+        else:
+            self.motor.push(self.demand.torque, self.velocity(cia402.MAX_MOTOR_SPEED))
+            self.demand.velocity = self.motor.velocity  # from here a ramp begins that stops it
         if controls_position:
             self._supervise()
         else:
             self.demand.position = self.motor.position
-        if self._stop is not None and self._stop.after is not None and self.stands:
-            self._enter(self._stop.after)
 
     def _lead(self) -> None:
         ramp = self._ramp_now
@@ -262,7 +272,8 @@ class DriveAxis:
             return
         before = self.demand.position, self.demand.velocity
         self._mode.step()
-        moves = int(copysign(1, self.demand.velocity)) if self.demand.velocity else 0
+        leads = self.demand.velocity if self.demand.torque is None else self.demand.torque
+        moves = int(copysign(1, leads)) if leads else 0
         if moves and self.motor.switches & homing.LIMITS[moves]:
             self.demand.position, self.demand.velocity = before
             self.demand.to_velocity(0.0, 1.0, self._deceleration(Ramp.QUICK_STOP))
@@ -325,8 +336,9 @@ class DriveAxis:
             cia402.VELOCITY: round(motor.velocity / velocity),
             cia402.FOLLOWING_ERROR: round(demand.position - motor.position) if powered else 0,
             cia402.DIGITAL_INPUTS: motor.switches,
-            TORQUE: torque,
-            CURRENT: torque,
+            cia402.TORQUE_DEMAND: torque if demand.torque is None else round(1000 * demand.torque),
+            cia402.TORQUE: torque,
+            cia402.CURRENT: torque,
         }
         for index, value in shown.items():
             self.values.put(index, value)

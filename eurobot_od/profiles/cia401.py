@@ -39,18 +39,22 @@ class DigitalOutputs(NamedTuple):
 
 
 class AnalogueOutputs(NamedTuple):
-    """Where analogue outputs of one width are, with their settings."""
+    """Where analogue outputs of one width are, with their settings: sub-index n is the n-th channel everywhere."""
 
     value: int
     error_mode: int
     error_value: int
+    offset: int
+    scaling: int
 
 
 class AnalogueInputs(NamedTuple):
-    """Where analogue inputs of one width are."""
+    """Where analogue inputs of one width are, with their settings."""
 
     value: int
     bits: int
+    offset: int
+    scaling: int
 
 
 INTERRUPT_ENABLE = 0x6005
@@ -68,18 +72,23 @@ DIGITAL_OUTPUTS = (
     DigitalOutputs(0x6320, 0x6322, 0x6328, 0x6326, 0x6327, 32),
 )
 
-ANALOGUE_INPUTS = (AnalogueInputs(0x6400, 8), AnalogueInputs(0x6401, 16), AnalogueInputs(0x6402, 32))
+ANALOGUE_INPUTS = (
+    AnalogueInputs(0x6400, 8, 0x6431, 0x6432),
+    AnalogueInputs(0x6401, 16, 0x6431, 0x6432),
+    AnalogueInputs(0x6402, 32, 0x6431, 0x6432),
+)
 
 ANALOGUE_OUTPUTS = (
-    AnalogueOutputs(0x6410, 0x6443, 0x6444),
-    AnalogueOutputs(0x6411, 0x6443, 0x6444),
-    AnalogueOutputs(0x6412, 0x6443, 0x6444),
+    AnalogueOutputs(0x6410, 0x6443, 0x6444, 0x6446, 0x6447),
+    AnalogueOutputs(0x6411, 0x6443, 0x6444, 0x6446, 0x6447),
+    AnalogueOutputs(0x6412, 0x6443, 0x6444, 0x6446, 0x6447),
 )
 
 ANALOGUE_INTERRUPT_ENABLE = 0x6423
 """Whether analogue inputs cause TPDOs at all; they do not without it being written (CiA 401-1)."""
 
 ANALOGUE_TRIGGER, ANALOGUE_UPPER, ANALOGUE_LOWER, ANALOGUE_DELTA = 0x6421, 0x6424, 0x6425, 0x6426
+ANALOGUE_FALL, ANALOGUE_RISE = 0x6427, 0x6428
 """What of an analogue input causes a TPDO, and its limits."""
 
 ERROR_MODE_WORDS: Mapping[int, str] = {0: "keeps its value", 1: "takes its error value"}

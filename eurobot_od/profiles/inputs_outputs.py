@@ -1,4 +1,4 @@
-"""Inputs and outputs of an I/O module as CiA 401 has them: polarity, filter, error values, and what causes a TPDO.
+"""Inputs and outputs of an I/O module as CiA 401 has them: polarity, filter, scaling, error values, what causes a TPDO.
 
 Rule of this file: what is on a terminal and what stands in an object are two things, and only here one becomes the
 other. An object that the file does not have counts as its default in CiA 401-1.
@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 from eurobot_od.od.values import Address
 from eurobot_od.profiles import cia401
-from eurobot_od.profiles.cia401 import DigitalInputs, DigitalOutputs
+from eurobot_od.profiles.cia401 import AnalogueInputs, AnalogueOutputs, DigitalInputs, DigitalOutputs
 from eurobot_od.profiles.values import ProfileValues
 
 BLOCKS = range(1, 255)
@@ -25,6 +25,11 @@ DEFAULT_TRIGGER = 0b111
 def _get(values: ProfileValues, index: int, sub: int, default: int = 0) -> int:
     value = values.get((index, sub)) if values.has((index, sub)) else None
     return default if value is None else value
+
+
+def _scaled(values: ProfileValues, kind: AnalogueInputs | AnalogueOutputs, sub: int, value: int) -> int:
+    """Return a value by the factor and offset of its channel (CiA 401-1, objects 0x6431, 0x6432, 0x6446, 0x6447)."""
+    return value * _get(values, kind.scaling, sub, 1) + _get(values, kind.offset, sub)
 
 
 def _blocks(values: ProfileValues, index: int) -> Iterator[int]:
@@ -48,14 +53,22 @@ class Outputs:
     def refresh(self) -> None:
         """Take over what stands in the objects."""
         for digital, sub in self._digital:
-            self.terminals[digital.value, sub] = self._of_digital(digital, sub)
+            self.terminals[digital.value, sub] = self.digital(digital, sub)
         for analogue, sub in self._analogue:
             # Error mode 0 keeps the value; without the object it is 1 (CiA 401-1, object 0x6443).
             fails = self.failed and _get(self._values, analogue.error_mode, sub, 1) == 1
             index = analogue.error_value if fails else analogue.value
-            self.terminals[analogue.value, sub] = _get(self._values, index, sub)
+            commanded = _get(self._values, index, sub)
+            # As polarity does for a digital one, the factor comes last.
+            self.terminals[analogue.value, sub] = _scaled(self._values, analogue, sub, commanded)
 
-    def _of_digital(self, kind: DigitalOutputs, sub: int) -> int:
+    def fail(self) -> None:
+        """Give them their error values: nobody can command them."""
+        self.failed = True
+        self.refresh()
+
+    def digital(self, kind: DigitalOutputs, sub: int) -> int:
+        """Return what is on the terminals of a block."""
         values, every = self._values, (1 << kind.bits) - 1
         value = _get(values, kind.value, sub)
         if self.failed:
@@ -78,35 +91,64 @@ class Trigger(NamedTuple):
     upper: int = cia401.ANALOGUE_UPPER
     lower: int = cia401.ANALOGUE_LOWER
     delta: int = cia401.ANALOGUE_DELTA
-    falling: int = 0x6427
-    rising: int = 0x6428
+    falling: int = cia401.ANALOGUE_FALL
+    rising: int = cia401.ANALOGUE_RISE
 
 
 TRIGGER = Trigger()
 
+FILTER_TIME = 0.02
+"""Seconds that a filtered input has to stay as it is before it counts; CiA 401-1 leaves the constant to the maker."""
+
+
+class InputFilter:
+    """The filter of a block of digital inputs, bit by bit: what is shorter than `FILTER_TIME` is not seen."""
+
+    def __init__(self, terminals: int) -> None:
+        self._last = self._steady = terminals
+        self._since: dict[int, float] = {}
+
+    def passed(self, terminals: int, now: float) -> int:
+        """Return the terminals as they have been for long enough."""
+        changed = terminals ^ self._last
+        self._since |= {bit: now for bit in range(changed.bit_length()) if changed >> bit & 1}
+        self._last = terminals
+        for bit in [bit for bit, since in self._since.items() if now - since >= FILTER_TIME - 1e-9]:
+            del self._since[bit]
+            self._steady = self._steady & ~(1 << bit) | terminals & 1 << bit
+        return self._steady
+
 
 class Inputs:
-    """What of a module's inputs causes TPDOs."""
+    """A module's inputs: what its objects say of their terminals, and which of them cause TPDOs."""
 
     def __init__(self, values: ProfileValues) -> None:
         self._values = values
-        self._digital = {
+        self.digital = {
             (kind.value, sub): kind for kind in cia401.DIGITAL_INPUTS for sub in _blocks(values, kind.value)
         }
         self._analogue = {
             (kind.value, sub): kind for kind in cia401.ANALOGUE_INPUTS for sub in _blocks(values, kind.value)
         }
         self._seen: dict[Address, int] = {}
+        self._filters: dict[Address, InputFilter] = {}
 
     @property
     def addresses(self) -> set[Address]:
         """The objects that are inputs."""
-        return {*self._digital, *self._analogue}
+        return {*self.digital, *self._analogue}
 
-    def polarity(self, address: Address) -> int:
-        """Return the bits of an input that are inverted on their way from the terminal."""
-        kind = self._digital.get(address)
-        return _get(self._values, kind.polarity, address[1], 0) if kind else 0
+    def value(self, address: Address, terminals: int, now: float) -> int:
+        """Return the value of an input by what is on its terminals: filtered and by polarity, or scaled."""
+        sub, digital, analogue = address[1], self.digital.get(address), self._analogue.get(address)
+        if analogue is not None:
+            return _scaled(self._values, analogue, sub, terminals)
+        if digital is None:
+            return terminals
+        filtered = _get(self._values, digital.filter, sub)
+        # Asked always, so that a filter that is switched on knows what the input has been until now.
+        steady = self._filters.setdefault(address, InputFilter(terminals)).passed(terminals, now)
+        return (steady & filtered | terminals & ~filtered) ^ _get(self._values, digital.polarity, sub)
 
     def forget(self) -> None:
         """Begin anew: what the inputs are now causes no TPDO."""
@@ -116,7 +158,7 @@ class Inputs:
         """Return the inputs that cause a TPDO since this was asked last; `present` are their values."""
         causes = {address for address, value in present.items() if self._causes(address, value)}
         # An analogue input is compared with what was sent last, a digital one with what it was last.
-        taken = {*self._digital, *causes, *(present.keys() - self._seen.keys())}
+        taken = {*self.digital, *causes, *(present.keys() - self._seen.keys())}
         self._seen |= {address: value for address, value in present.items() if address in taken}
         return causes
 
@@ -124,10 +166,10 @@ class Inputs:
         last = self._seen.get(address)
         if last is None or last == value:
             return False
-        digital = self._digital.get(address)
-        return self._by_edge(digital, address[1], last, value) if digital else self._by_level(address[1], last, value)
+        digital = self.digital.get(address)
+        return self.by_edge(digital, address[1], last, value) if digital else self._by_level(address[1], last, value)
 
-    def _by_edge(self, kind: DigitalInputs, sub: int, last: int, value: int) -> bool:
+    def by_edge(self, kind: DigitalInputs, sub: int, last: int, value: int) -> bool:
         """Compare with the masks of change, rising and falling edge (CiA 401-1, objects 0x6005 to 0x6008)."""
         values, every = self._values, (1 << kind.bits) - 1
         if not _get(values, cia401.INTERRUPT_ENABLE, 0, 1):  # on, unless it is switched off

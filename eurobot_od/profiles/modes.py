@@ -274,6 +274,45 @@ class CyclicVelocity(ModeOfOperation):
         return super().settled and self._wanted == 0
 
 
+class CyclicTorque(ModeOfOperation):
+    """Turns with a torque that comes with each SYNC (CiA 402-2, clause 17)."""
+
+    controls_position = False
+
+    @property
+    def wanted(self) -> float:
+        """The torque that is commanded, as a share of what the motor has, within what it may have."""
+        values = self.axis.values
+        per_mille = values.get(cia402.TARGET_TORQUE) + values.get(cia402.TORQUE_OFFSET)
+        most = min(values.get(cia402.MAX_TORQUE, default=1000), 1000)
+        return min(max(per_mille, -most), most) / 1000
+
+    def step(self) -> None:
+        self.axis.demand.to_torque(self.wanted, inf)
+
+    @property
+    def bits(self) -> int:
+        return BIT_12
+
+    @property
+    def settled(self) -> bool:
+        plant = self.axis.motor.plant
+        held = abs(self.wanted) * plant.acceleration <= plant.friction  # else it only turns round
+        return super().settled and held and self.axis.demand.torque == self.wanted
+
+
+class ProfileTorque(CyclicTorque):
+    """Turns with a torque, which changes along a slope (CiA 402-2, clause 13)."""
+
+    def step(self) -> None:
+        slope = self.axis.values.get(cia402.TORQUE_SLOPE) / 1000
+        self.axis.demand.to_torque(self.wanted, slope or inf)  # without a slope at once
+
+    @property
+    def bits(self) -> int:
+        return TARGET_REACHED * (self.axis.demand.torque == self.wanted)
+
+
 FARTHEST = 2 * ROUND
 """Turns after which an axis without ends gives up: it has seen everything."""
 
@@ -363,9 +402,11 @@ MODES: Mapping[int, type[ModeOfOperation]] = {
     Mode.NONE: ModeOfOperation,
     Mode.PROFILE_POSITION: ProfilePosition,
     Mode.PROFILE_VELOCITY: ProfileVelocity,
+    Mode.PROFILE_TORQUE: ProfileTorque,
     Mode.HOMING: Homing,
     Mode.CYCLIC_POSITION: CyclicPosition,
     Mode.CYCLIC_VELOCITY: CyclicVelocity,
+    Mode.CYCLIC_TORQUE: CyclicTorque,
 }
 """The modes that a simulated drive has, as far as its file has them."""
 

@@ -35,15 +35,30 @@ class Units(NamedTuple):
 
     @classmethod
     def of(cls, values: AxisValues) -> Units:
-        """Take them from the objects: resolution 0x608F, unit of velocity 0x60A9, or the unit that the file writes."""
-        counts, turns = (values.get(cia402.ENCODER_RESOLUTION, sub) for sub in (1, 2))
-        turn = counts / turns if counts > 0 and turns > 0 else TURN
+        """Take them from the objects: the factor group, unit of velocity 0x60A9, or the unit that the file writes.
+
+        A feed constant 0x6092 is for a turn of the shaft behind the gear 0x6091; without one a turn of the motor is the
+        encoder's resolution 0x608F. The velocity factor 0x6096 makes units of velocity of position units per second.
+        """
+        turn = _ratio(values, cia402.ENCODER_RESOLUTION) or TURN
+        feed = _ratio(values, cia402.FEED_CONSTANT)
+        # A feed of 1 is what files have in which nobody has set one.
+        turn = feed / (_ratio(values, cia402.GEAR_RATIO) or 1.0) if feed and feed != 1 else turn
         unit = values.get(cia402.SI_VELOCITY)
         if (unit >> 16 & 0xFF, unit >> 8 & 0xFF) == (REVOLUTION, MINUTE):
             prefix = unit >> 24
             return cls(turn, turn / 60 * 10.0 ** (prefix - 0x100 if prefix > 0x7F else prefix))  # 0xFD is milli
+        factor = _ratio(values, cia402.VELOCITY_FACTOR)
+        if factor and factor != 1:
+            return cls(turn, 1 / factor)
         written = {values.unit(index).lower() for index in (cia402.TARGET_VELOCITY, cia402.PROFILE_VELOCITY)}
         return cls(turn, turn / 60 if written & {*RPM} else 1.0)
+
+
+def _ratio(values: AxisValues, index: int) -> float:
+    """Return numerator by divisor of a factor; 0 if the axis does not have it, or if it is none."""
+    numerator, divisor = (values.get(index, sub) for sub in (1, 2))
+    return numerator / divisor if numerator > 0 and divisor > 0 else 0.0
 
 
 # What leads the motor
@@ -51,14 +66,18 @@ class Units(NamedTuple):
 
 @dataclass
 class Demand:
-    """Where the motor is to be, and how fast."""
+    """Where the motor is to be, and how fast; or with which share of its torque, -1 to 1, if that leads it."""
 
     position: float = 0.0
     velocity: float = 0.0
+    torque: float | None = None
 
     def to_velocity(self, wanted: float, acceleration: float, deceleration: float) -> None:
         """Take a step that brings the velocity nearer to what is wanted; accelerations are those of a ramp, above 0."""
-        slower = abs(wanted) < abs(self.velocity) or wanted * self.velocity < 0
+        self.torque = None
+        # The way round leads through a stand: down by the one ramp, and then up by the other.
+        wanted = 0.0 if wanted * self.velocity < 0 else wanted
+        slower = abs(wanted) < abs(self.velocity)
         most = (deceleration if slower else acceleration) * STEP
         self.velocity += min(max(wanted - self.velocity, -most), most)
         self.position += self.velocity * STEP
@@ -75,6 +94,12 @@ class Demand:
         else:
             self.to_velocity(wanted, acceleration, deceleration)
 
+    def to_torque(self, wanted: float, slope: float) -> None:
+        """Take a step that brings the torque nearer to what is wanted; `slope` is its most change in a second."""
+        present, most = self.torque or 0.0, slope * STEP
+        near = abs(wanted - present) <= most
+        self.torque = wanted if near else present + copysign(most, wanted - present)
+
 
 # The motor
 
@@ -88,13 +113,14 @@ class Plant(NamedTuple):
 
     `travel` are the ends, where the limit switches are; None for a round table, which has none and is back where it was
     after `ROUND` turns. The home switch is active between the places of `home`. `acceleration` is what the motor has
-    torque for, in turns/s²; `friction` brakes it alone.
+    torque for, in turns/s²; `friction` brakes it alone. It turns no faster than `fastest`, in turns/s.
     """
 
     travel: tuple[float, float] | None = None
     home: tuple[float, float] = (2.0, 3.0)
     acceleration: float = 2000.0
     friction: float = 50.0
+    fastest: float = 200.0
 
     def switches(self, turns: float) -> int:
         """Return the bits of the switches that are active at a place."""
@@ -108,6 +134,10 @@ class Plant(NamedTuple):
 
 GAIN = 100.0
 """Of the position controller: velocity for each position unit of following error, in 1/s."""
+
+
+CREEP = 0.01
+"""Turns/s below which friction is not shown: a position that is held swings by less."""
 
 
 @dataclass
@@ -131,6 +161,16 @@ class Motor:
         wanted = demand.velocity + GAIN * lag * controls_position
         self._turn(wanted, self.plant.acceleration * self.turn)
 
+    def push(self, torque: float, fastest: float) -> None:
+        """Take a step with a share of its torque against friction, no faster than `fastest`."""
+        brake, most = self.plant.friction * self.turn * STEP, min(fastest, self.plant.fastest * self.turn)
+        free = self.velocity + torque * self.plant.acceleration * self.turn * STEP
+        moves = copysign(min(max(abs(free) - brake, 0.0), most), free)
+        # At its most it needs no more than friction takes.
+        self.torque = copysign(self.plant.friction / self.plant.acceleration, free) if abs(moves) == most else torque
+        self.velocity = moves
+        self.position += self.velocity * STEP
+
     def coast(self) -> None:
         """Take a step without torque."""
         self._turn(0.0, self.plant.friction * self.turn)
@@ -139,8 +179,10 @@ class Motor:
     def _turn(self, wanted: float, acceleration: float) -> None:
         most = acceleration * STEP
         change = min(max(wanted - self.velocity, -most), most)
-        self.torque = change / most
+        during = self.velocity + change / 2
+        rubs = copysign(self.plant.friction / self.plant.acceleration, during) * (abs(during) > CREEP * self.turn)
         self.velocity += change
+        self.torque = min(max(change / most + rubs, -1.0), 1.0)
         self.position += self.velocity * STEP
 
     @property

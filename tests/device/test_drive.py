@@ -121,9 +121,11 @@ def test_cyclic_positions_come_with_sync() -> None:
 
 def test_a_mode_that_is_not_simulated_is_refused_and_not_promised() -> None:
     wire = wired()
-    wire.refused((0x6060, 0), 4, size=1)
+    wire.refused((0x6060, 0), 7, size=1)
     assert wire.read(0x6061) == 1
-    assert wire.read(0x6502) == 0x1A5  # without the torque modes of its file
+    assert wire.read(0x6502) == 0x3AD
+    interpolated = EDS.read_text(encoding="utf-8").replace("DefaultValue=0x000003AD", "DefaultValue=0x000003ED")
+    assert NodeWire(SimulatedDrive(Dictionary.read(interpolated.encode(), EDS, 5))).read(0x6502) == 0x3AD
 
 
 # Several axes

@@ -207,6 +207,74 @@ def test_limits_and_delta_say_what_is_sent(by: int, upper: int, lower: int, delt
     assert [int.from_bytes(bytes.fromhex(each), "little") for each in sent(wire, ANALOGUE)] == values
 
 
+IO = Dictionary.load(Path(__file__).parents[2] / "docs" / "io.eds", NODE_ID)
+"""A module with scaling and filters."""
+
+SCALES = [
+    # factor, offset: the object and the terminal of 100
+    (1, 0, 100),
+    (3, 0, 300),
+    (1, -7, 93),
+    (-2, 50, -150),
+    (1000, 0, 32767),  # what is too large ends where the object's type does
+]
+
+
+@pytest.mark.parametrize(("factor", "offset", "value"), SCALES)
+def test_an_analogue_input_is_multiplied_and_then_the_offset_added(factor: int, offset: int, value: int) -> None:
+    wire = NodeWire(SimulatedModule(IO, waveforms={LEVEL: lambda _: 100}))
+    wire.write(0x6432, 1, factor & 0xFFFFFFFF)
+    wire.write(0x6431, 1, offset & 0xFFFFFFFF)
+    assert int.from_bytes(wire.read(*LEVEL).to_bytes(2, "little"), "little", signed=True) == value
+
+
+@pytest.mark.parametrize(("factor", "offset", "value"), SCALES[:-1])
+def test_so_is_an_analogue_output(factor: int, offset: int, value: int) -> None:
+    made = SimulatedModule(IO)
+    wire = NodeWire(made)
+    wire.write(0x6447, 1, factor & 0xFFFFFFFF)
+    wire.write(0x6446, 1, offset & 0xFFFFFFFF)
+    wire.write(0x6411, 1, 100, size=2)
+    assert made.outputs[0x6411, 1] == value
+
+
+def spike(begin: float, end: float) -> Waveform:
+    return lambda time: 0b11 if begin <= time < end else 0
+
+
+@pytest.mark.parametrize(
+    ("filtered", "length", "seen"),
+    [
+        (0b00, 0.011, ["00", "03", "00"]),
+        (0b01, 0.011, ["00", "02", "00"]),  # the first bit is filtered, and so short a pulse is not seen
+        (0b01, 0.101, ["00", "02", "03", "01", "00"]),  # a longer one comes later, and goes later
+    ],
+)
+def test_a_filtered_input_shows_what_stays(filtered: int, length: float, seen: list[str]) -> None:
+    wire = NodeWire(SimulatedModule(IO, waveforms={FIRST_IN: spike(0.105, 0.105 + length)}))
+    wire.write(0x6003, 1, filtered, size=1)
+    wire.command(NmtCommand.START)
+    wire.run(0.5)
+    assert [each[:2] for each in sent(wire, INPUTS)] == seen
+
+
+def test_a_wire_leads_from_an_output_to_an_input() -> None:
+    wired = simulated_kind(IO, wires={FIRST_OUT: FIRST_IN})
+    wire = NodeWire(wired(IO))
+    wire.command(NmtCommand.START)
+    wire.write(0x6202, 1, 0xF0, size=1)
+    wire.write(*FIRST_OUT, 0x0F, size=1)
+    assert wire.read(*FIRST_IN) == 0xFF
+    assert sent(wire, INPUTS)[-1] == "ff00"
+
+
+def test_an_input_without_a_waveform_has_polarity_too() -> None:
+    wire, made = module()
+    made.set_value(FIRST_IN, 0b0011)
+    wire.write(0x6002, 1, 0b0110, size=1)
+    assert wire.read(*FIRST_IN) == 0b0101
+
+
 # Words
 
 WORDS: dict[Address, tuple[int, str]] = {

@@ -22,12 +22,16 @@ OBJECTS: Mapping[Address, int] = {
     (0x6064, 0): 0,
     (0x6067, 0): 2,
     (0x606C, 0): 0,
+    (0x6071, 0): 0,
+    (0x6074, 0): 0,
+    (0x6077, 0): 0,
     (0x607A, 0): 0,
     (0x607C, 0): 0,
     (0x6081, 0): 1000,
     (0x6083, 0): 10_000,
     (0x6084, 0): 10_000,
     (0x6085, 0): 50_000,
+    (0x6087, 0): 1000,
     (0x608F, 1): TURN,
     (0x608F, 2): 1,
     (0x6098, 0): 35,
@@ -39,7 +43,7 @@ OBJECTS: Mapping[Address, int] = {
     (0x60F4, 0): 0,
     (0x60FD, 0): 0,
     (0x60FF, 0): 0,
-    (0x6502, 0): 0x1A5,
+    (0x6502, 0): 0x3AD,
 }
 """A drive with the modes that are simulated; what is not here the axis does not have."""
 

@@ -122,7 +122,17 @@ def test_it_follows_a_velocity_with_each_sync(drive: Any) -> None:
 def test_a_mode_that_the_drive_cannot_is_not_taken(drive: Any) -> None:
     drive.op_mode = "PROFILED VELOCITY"
     with pytest.raises(TypeError, match="not suppported"):  # 0x6502 does not have its bit
-        drive.op_mode = "PROFILED TORQUE"
+        drive.op_mode = "INTERPOLATED POSITION"
     with pytest.raises(canopen.SdoAbortedError):
-        drive.sdo[0x6060].raw = 4
+        drive.sdo[0x6060].raw = 7
     assert drive.op_mode == "PROFILED VELOCITY"
+
+
+def test_it_turns_with_a_torque(drive: Any) -> None:
+    drive.op_mode = "PROFILED TORQUE"
+    drive.state = "OPERATION ENABLED"
+    drive.sdo[0x6087].raw = 0  # no slope
+    drive.sdo[0x6071].raw = 40
+    until(drive, lambda: drive.sdo[0x6077].raw == 40 and drive.sdo[0x606C].raw > 0)
+    drive.sdo[0x6071].raw = 0
+    until(drive, lambda: drive.sdo[0x606C].raw == 0)

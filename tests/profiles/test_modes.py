@@ -303,3 +303,130 @@ def test_homing_is_interrupted_when_its_bit_is_taken_back() -> None:
 def test_every_method_of_the_standard_is_there() -> None:
     assert [*METHODS] == sorted(METHODS)
     assert {*METHODS} == {*range(1, 15), *range(17, 31), 33, 34, 35, 37}
+
+
+# Torque
+
+PUSHED = Plant(acceleration=100.0, friction=10.0, fastest=5.0)
+"""100 turns/s² with all its torque, of which friction takes a tenth."""
+
+
+def test_torque_rises_along_its_slope_and_is_reached() -> None:
+    bench = Bench({(0x6087, 0): 500}, plant=PUSHED).enable(4)
+    bench.write(0x6071, 50)
+    bench.run(0.05)
+    assert bench[0x6074] == pytest.approx(25, abs=1)
+    assert not bench.is_set(REACHED)
+    bench.run(0.06)
+    assert (bench[0x6074], bench[0x6077], bench.is_set(REACHED)) == (50, 50, True)
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_a_torque_accelerates_by_what_friction_leaves_of_it(sign: int) -> None:
+    bench = Bench({(0x6087, 0): 0}, plant=PUSHED).enable(4)
+    bench.write(0x6071, sign * 200)
+    bench.run(0.1)
+    # 20 turns/s² less 10: 1 turn/s after 0.1 s
+    assert bench[0x606C] == pytest.approx(sign * TURN, rel=0.01)
+
+
+def test_a_torque_against_the_motion_turns_it_round() -> None:
+    bench = Bench({(0x6087, 0): 0}, plant=PUSHED).enable(4)
+    bench.write(0x6071, 200)
+    bench.run(0.2)
+    bench.write(0x6071, -150)
+    bench.run(0.5)
+    assert bench[0x606C] < -TURN
+
+
+@pytest.mark.parametrize("mode", [1, 3, 9])
+def test_torque_is_shown_while_it_turns_and_not_when_it_stands(mode: int) -> None:
+    bench = Bench({(0x60FF, 0): 1000}, plant=PUSHED._replace(fastest=50)).enable(mode)
+    bench.write(0x607A, 5000)
+    bench.command(0x1F)
+    bench.run(1)
+    assert bench[0x6077] == 100  # at a steady velocity it is friction's
+    bench.command(0x10F)
+    bench.rest()
+    assert (bench[0x606C], bench[0x6077]) == (0, 0)
+
+
+def test_a_torque_below_friction_turns_nothing() -> None:
+    bench = Bench({(0x6087, 0): 0}, plant=PUSHED).enable(10)
+    bench.write(0x6071, 99)
+    bench.run(0.5)
+    assert (bench[0x606C], bench[0x6077], bench.is_set(STANDS)) == (0, 99, True)
+    assert not bench.axis.busy
+
+
+@pytest.mark.parametrize(("objects", "fastest"), [({}, 5 * TURN), ({(0x6080, 0): 2 * TURN}, 2 * TURN)])
+def test_a_torque_turns_no_faster_than_the_motor_may(objects: dict[tuple[int, int], int], fastest: int) -> None:
+    bench = Bench({(0x6087, 0): 0, **objects}, plant=PUSHED).enable(10)
+    bench.write(0x6071, 1000)
+    bench.run(0.3)
+    assert (bench[0x606C], bench[0x6077]) == (fastest, 100)  # and then it needs what friction takes
+
+
+TORQUES = [
+    # target, offset, most: the torque demand
+    (300, 0, 1000, 300),
+    (300, 100, 1000, 400),
+    (-300, -100, 250, -250),
+    (900, 900, 5000, 1000),  # no more than it has
+]
+
+
+@pytest.mark.parametrize(("target", "offset", "most", "demand"), TORQUES)
+def test_a_cyclic_torque_counts_at_once_with_its_offset_and_within_its_limit(
+    target: int, offset: int, most: int, demand: int
+) -> None:
+    bench = Bench({(0x60B2, 0): offset, (0x6072, 0): most}).enable(10)
+    bench.write(0x6071, target)
+    bench.run(0.001)
+    assert bench[0x6074] == demand
+
+
+@pytest.mark.parametrize(("word", "after"), [(0x10F, State.ENABLED), (0x02, State.DISABLED), (0x07, State.SWITCHED_ON)])
+def test_a_motor_that_is_led_by_its_torque_stops_on_a_ramp(word: int, after: State) -> None:
+    bench = Bench({(0x6087, 0): 0}, plant=PUSHED).enable(4)
+    bench.write(0x6071, 200)
+    bench.run(0.2)
+    assert bench[0x606C] > TURN
+    bench.command(word)
+    bench.run(0.5)
+    assert (bench[0x606C], bench.state) == (0, after)
+
+
+def test_after_a_halt_the_torque_is_there_again() -> None:
+    bench = Bench({(0x6087, 0): 0}, plant=PUSHED).enable(4)
+    bench.write(0x6071, 200)
+    bench.command(0x10F)
+    bench.run(0.2)
+    assert bench[0x606C] == 0
+    bench.command(0x0F)
+    bench.run(0.2)
+    assert bench[0x606C] > TURN
+
+
+def test_a_limit_switch_stops_a_torque_and_lets_it_go_back() -> None:
+    bench = Bench({(0x6087, 0): 0}, plant=PUSHED._replace(travel=(-1.0, 1.0))).enable(4)
+    bench.write(0x6071, 200)
+    bench.run(2)
+    assert (bench[0x606C], bench.is_set(LIMITED)) == (0, True)
+    stood = bench.position
+    assert stood >= TURN
+    bench.run(0.5)
+    assert bench.position == stood
+    bench.write(0x6071, -200)
+    bench.run(0.5)
+    assert bench.position < stood
+
+
+def test_another_mode_after_torque_leads_the_motor_again() -> None:
+    bench = Bench({(0x6087, 0): 0}, plant=PUSHED).enable(4)
+    bench.write(0x6071, 200)
+    bench.run(0.2)
+    bench.write(0x60FF, 500)
+    bench.write(0x6060, 3)
+    bench.run(1)
+    assert bench[0x606C] == 500

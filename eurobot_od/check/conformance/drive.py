@@ -6,11 +6,10 @@ farther than it says. Where the motor stands at the end is where it stood, or wh
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
-from enum import Enum
-from typing import NamedTuple, TypeAlias
+from collections.abc import Iterator, Mapping
+from typing import NamedTuple
 
-from eurobot_od.check.conformance.naming import StepName
+from eurobot_od.check.conformance.profile import Needs, ProfileClauses
 from eurobot_od.check.conformance.subject import Subject, awake, group, read, skip, title, write
 from eurobot_od.check.conformance.writing import Data, documents, hexadecimal
 from eurobot_od.check.format import VERSION
@@ -41,14 +40,6 @@ class MotionBounds(NamedTuple):
     velocity: int
 
 
-class Needs(Enum):
-    """What a step costs: its word is that of its option."""
-
-    READING = "reading"
-    REVERSIBLE = "reversible"
-    MOTION = "motion"
-
-
 class TestedDrive(NamedTuple):
     """A drive under test, and what may be done with it; `motion` None: the motor gets no torque."""
 
@@ -59,7 +50,7 @@ class TestedDrive(NamedTuple):
     def may(self, needs: Needs) -> bool:
         """Tell whether a step may be done."""
         allowed = {Needs.READING: True, Needs.REVERSIBLE: self.reversible, Needs.MOTION: self.motion is not None}
-        return allowed[needs]
+        return allowed.get(needs, False)
 
     def has(self, index: int) -> bool:
         """Tell whether the file has an object."""
@@ -75,36 +66,10 @@ class TestedDrive(NamedTuple):
         return cia402.supported(self.subject.number((cia402.SUPPORTED_MODES, 0)))
 
 
-StepsOf: TypeAlias = Callable[[TestedDrive], Iterator[Data]]
-
-
-class DriveClause(NamedTuple):
-    """A clause of CiA 402-2, its topic, its steps, and what they need."""
-
-    number: str
-    topic: str
-    steps: StepsOf
-    needs: Needs
-
-    def named(self, drive: TestedDrive) -> Iterator[Data]:
-        """Give the steps with their names."""
-        allowed = drive.may(self.needs)
-        for step in self.steps(drive) if allowed else [skip("not done", f"only with --{self.needs.value}")]:
-            yield {**step, "name": str(StepName(self.number, self.topic, step["name"], self.needs.value))}
-
-
-CLAUSES: list[DriveClause] = []
+CLAUSES: ProfileClauses[TestedDrive] = ProfileClauses()
 """The suite, in the order of this file: what gives no torque comes first."""
 
-
-def _clause(number: str, topic: str, needs: Needs) -> Callable[[StepsOf], StepsOf]:
-    """Enter a function as a clause."""
-
-    def enter(steps: StepsOf) -> StepsOf:
-        CLAUSES.append(DriveClause(number, topic, steps, needs))
-        return steps
-
-    return enter
+_clause = CLAUSES.clause
 
 
 # Steps
@@ -393,7 +358,7 @@ def text(dictionary: Dictionary, reversible: bool = False, motion: MotionBounds 
             {**awake(subject), "name": "7.2.4.3.5 SDO: the device answers [reading]"},
             *([group("8.1 States: any fault is reset [reversible]", *reset)] * drive.reversible),
         ],
-        "steps": [step for clause in CLAUSES for step in clause.named(drive)],
+        "steps": [*CLAUSES.named(drive)],
     }
     off = {**_commanded(Command.DISABLE_VOLTAGE), "name": "8.1 States: no torque [reversible]"}
     return documents([{**suite, "teardown": [off]} if drive.reversible else suite])

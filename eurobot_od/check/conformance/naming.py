@@ -10,7 +10,7 @@ import re
 from typing import NamedTuple
 
 NAME = re.compile(
-    r"(?P<clause>[\d.]+) (?P<topic>[^:]+): (?P<what>.*?)"
+    r"(?P<clause>[\d.]+|0x[0-9A-F]{4}) (?P<topic>[^:]+): (?P<what>.*?)"
     r" \[(?P<tier>[a-z]+)(?:, CTT (?P<ctt>[\d., to]+))?\](?:(?: \d+/\d+)?: (?P<inside>.*))?"
 )
 
