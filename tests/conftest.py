@@ -7,16 +7,34 @@ import re
 import shutil
 import signal
 from collections.abc import Callable, Iterator
+from functools import lru_cache
 from pathlib import Path
 
 import pytest
 from hypothesis import HealthCheck, settings
+
+from eurobot_od.od.dictionary import Dictionary
 
 # No test may depend on how fast the machine is. In CI the same inputs are tried each time: what a change did not break
 # stays green. Everywhere else they are other ones each time.
 CI = os.environ.get("CI") == "true"
 settings.register_profile("untimed", deadline=None, derandomize=CI, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile("untimed")
+
+# Half of the tests' time was spent on reading the same few EDS files. A dictionary is a value, so what is read again
+# with nothing but its text, name and node-ID is the same one.
+read_afresh = Dictionary.read
+read_once = lru_cache(maxsize=100)(read_afresh)
+
+
+def read(data: bytes, file: Path, node_id: int | None = None, name: str = "", *laid_over: object) -> Dictionary:
+    """Read an EDS file, if it has not been read; `laid_over` are modules and patches, if any."""
+    if any(laid_over):
+        return read_afresh(data, file, node_id, name, *laid_over)  # type: ignore[arg-type]
+    return read_once(data, file, node_id, name)
+
+
+Dictionary.read = read  # type: ignore[method-assign]
 
 
 @pytest.fixture(scope="session", autouse=True)

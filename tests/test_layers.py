@@ -96,8 +96,10 @@ def imported(file: Path) -> Iterator[str]:
             yield from (each.name[len(NAME) + 1 :] for each in node.names if unit_of(each.name) == NAME)
 
 
-# The package itself only passes names on, loaded when they are asked for; it stands in no layer.
-IMPORTS = {module: set(imported(file)) - {module} for module, file in MODULES.items() if module}
+@cache
+def imports() -> dict[str, set[str]]:
+    """Give what each module imports of ours; the package itself only passes names on, and stands in no layer."""
+    return {module: set(imported(file)) - {module} for module, file in MODULES.items() if module}
 
 
 def circle(arrows: dict[str, set[str]]) -> list[str]:
@@ -111,21 +113,21 @@ def circle(arrows: dict[str, set[str]]) -> list[str]:
 
 
 def test_every_module_has_its_layer() -> None:
-    assert {unit_of(module) for module in IMPORTS} - LAYER.keys() == set()
+    assert {unit_of(module) for module in imports()} - LAYER.keys() == set()
 
 
 def test_imports_point_down() -> None:
-    arrows = ((module, other) for module, others in IMPORTS.items() for other in others)
+    arrows = ((module, other) for module, others in imports().items() for other in others)
     assert [each for each in arrows if LAYER[unit_of(each[1])] > LAYER[unit_of(each[0])]] == []
 
 
 def test_modules_import_each_other_in_no_circle() -> None:
-    assert circle(IMPORTS) == []
+    assert circle(imports()) == []
 
 
 def test_packages_import_each_other_in_no_circle() -> None:
     units: dict[str, set[str]] = {}
-    for module, others in IMPORTS.items():
+    for module, others in imports().items():
         units.setdefault(unit_of(module), set()).update(unit_of(other) for other in others)
     assert circle({unit: others - {unit} for unit, others in units.items()}) == []
 
@@ -133,7 +135,7 @@ def test_packages_import_each_other_in_no_circle() -> None:
 def robot_imports() -> dict[str, set[str]]:
     """Give what each unit of the robot imports of its others."""
     units: dict[str, set[str]] = {}
-    for module, others in IMPORTS.items():
+    for module, others in imports().items():
         if unit_of(module) == ROBOT and module != ROBOT:
             inside = {unit_in_robot(other) for other in others if unit_of(other) == ROBOT}
             units.setdefault(unit_in_robot(module), set()).update(inside - {unit_in_robot(module)})
@@ -158,7 +160,7 @@ def test_folders_of_the_robot_import_each_other_in_no_circle() -> None:
 
 
 def test_nobody_imports_through_the_package() -> None:
-    assert [module for module, others in IMPORTS.items() if "" in others] == []
+    assert [module for module, others in imports().items() if "" in others] == []
 
 
 def test_nothing_names_the_robot_but_itself() -> None:

@@ -19,7 +19,8 @@ resource = pytest.importorskip("resource", reason="limits of a process are POSIX
 PLACE = KalmanPositionResponse(1000, 500, 90, Source.INTERNAL)
 ROOT = Path(__file__).parents[2]
 EDS = ROOT / "eds" / "canopen" / "core.eds"
-LOG = "".join(f"({n}.5) can0 {EurobotProtocol.load().encode(PLACE)}\n" for n in range(100))
+FRAME = EurobotProtocol.load().encode(PLACE)
+LOG = "".join(f"({n}.5) can0 {FRAME}\n" for n in range(100))
 
 WRITING = (
     f"lint --fix {EDS} -o FILE",

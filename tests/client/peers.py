@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from copy import deepcopy
 from pathlib import Path
 
 import can
@@ -31,7 +32,8 @@ def stock_drive(file: Path = DRIVE) -> Iterator[tuple[str, canopen.LocalNode]]:
     network = canopen.Network(open_bus(channel))
     network.NOTIFIER_CYCLE = 0.01
     network.connect()
-    node = network.create_node(2, dictionary.Dictionary.load(file, 2).objects)
+    # Its own, as tests take objects out of it; the one that was loaded is everybody's.
+    node = network.create_node(2, deepcopy(dictionary.Dictionary.load(file, 2).objects))
     try:
         yield channel, node
     finally:
