@@ -34,7 +34,7 @@ def read(data: bytes, file: Path, node_id: int | None = None, name: str = "", *l
     return read_once(data, file, node_id, name)
 
 
-Dictionary.read = read  # type: ignore[method-assign]
+Dictionary.read = read  # type: ignore[assignment, method-assign]
 
 
 @pytest.fixture(scope="session", autouse=True)
