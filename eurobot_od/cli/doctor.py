@@ -27,12 +27,16 @@ def add_arguments(_: argparse.ArgumentParser) -> None:
 
 def run(_: argparse.Namespace) -> ExitStatus:
     """Print what there is; 1 if something is wrong."""
+    from eurobot_od.live.adapters import plugged_in
     from eurobot_od.live.interfaces import drivers, here, refused
-    from eurobot_od.live.links import links, troubles
+    from eurobot_od.live.links import INSTEAD, links, troubles, without_socketcan
 
     wrong = [*(trouble for link in links() for trouble in troubles(link)), *denied(refused())]
     loaded = drivers()
+    lacks = without_socketcan()
     buses = [f"interface  {each}" for each in [*map(str, here())] or ["none"]]
+    buses += [f"socketcan  {lacks}; {INSTEAD}"] if lacks else []
+    buses += [f"adapter    {each.name}: {each.advice(not lacks)}" for each in plugged_in()]
     buses.append(f"drivers    {', '.join(name for name, loads in loaded.items() if loads)}")
     buses.append(f"no driver  {', '.join(name for name, loads in loaded.items() if not loads)}")
     needed = packages(each for name in NEEDED for each in extras.installed(name))

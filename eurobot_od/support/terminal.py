@@ -5,6 +5,9 @@ from __future__ import annotations
 import os
 from typing import TextIO
 
+WITH_COLOURS = {"WT_SESSION", "TERM", "ANSICON", "ConEmuANSI"}
+"""What terminals on Windows set that know escape sequences; the old console prints them as they are."""
+
 
 def redraws(stream: TextIO) -> bool:
     """Whether a line can be written over: a terminal, and none that says it is dumb."""
@@ -13,4 +16,5 @@ def redraws(stream: TextIO) -> bool:
 
 def in_colour(stream: TextIO) -> bool:
     """Whether colours are wanted and shown: NO_COLOR is not set (no-color.org), and the terminal has them."""
-    return redraws(stream) and not os.environ.get("NO_COLOR")  # set, but empty, it does not count
+    is_known = os.name != "nt" or bool(WITH_COLOURS & os.environ.keys())
+    return is_known and redraws(stream) and not os.environ.get("NO_COLOR")  # set, but empty, it does not count
