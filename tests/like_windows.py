@@ -11,6 +11,7 @@ import builtins
 import os
 import sys
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from types import ModuleType
 from typing import Any
 
@@ -46,7 +47,7 @@ class Lacking(ModuleType):
 
 def no_folder(path: Any, *flags: int) -> int:
     """Open a file as `os.open` does on Windows, where a folder is none."""
-    if os.path.isdir(path):
+    if Path(path).is_dir():
         raise PermissionError(13, "Permission denied", str(path))
     return os.open(path, *flags)
 

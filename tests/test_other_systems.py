@@ -193,12 +193,12 @@ def test_a_file_that_somebody_reads_is_replaced_once_they_have_read_it(
 
 @pytest.mark.usefixtures("windows")
 def test_a_file_that_is_read_for_ever_is_an_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def refused(beside: Path, target: Path) -> Path:
+    def refused(*_: Path) -> Path:
         raise PermissionError(errno.EACCES, "somebody reads it")
 
     monkeypatch.setattr(Path, "replace", refused)
     monkeypatch.setattr(files, "LONGEST_WAIT", 0.02)
     (tmp_path / "kept.dcf").write_bytes(b"old")
-    with pytest.raises(PermissionError, match="kept.dcf"):
+    with pytest.raises(PermissionError, match=r"kept\.dcf"):
         files.write_whole(tmp_path / "kept.dcf", b"new")
     assert [each.read_bytes() for each in tmp_path.iterdir()] == [b"old"]

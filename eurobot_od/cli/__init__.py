@@ -169,8 +169,9 @@ def expanded(words: Sequence[str]) -> list[str]:
 
 def is_closed_pipe(error: Exception) -> bool:
     """Tell whether the reader of standard output has left, which Windows calls an invalid argument."""
-    on_windows = os.name == "nt" and isinstance(error, OSError) and (error.errno, error.filename) == (errno.EINVAL, None)
-    return on_windows or isinstance(error, BrokenPipeError)
+    if os.name == "nt" and isinstance(error, OSError) and error.errno == errno.EINVAL:
+        return error.filename is None
+    return isinstance(error, BrokenPipeError)
 
 
 def fall_silent() -> None:

@@ -31,7 +31,7 @@ class Adapter(NamedTuple):
 
 
 def _pip(extra: str) -> str:
-    return f"`pip install \"python-can[{extra}]\"`"
+    return f'`pip install "python-can[{extra}]"`'
 
 
 PEAK = "PEAK's driver with PCAN-Basic"

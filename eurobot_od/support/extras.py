@@ -6,8 +6,8 @@ it. The line names those, not `eurobot-od[EXTRA]`, as it has to be true for a ch
 
 from __future__ import annotations
 
-import re
 import os
+import re
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
