@@ -1,7 +1,8 @@
 """Builds sdist and wheel, and installs the wheel in empty environments, with and without extras: `python3 tools/wheel.py`
 
 `python3 tools/wheel.py [VERSION...]`: on these Pythons, else on each that this machine has. The wheel is built from the
-sdist, so that the sdist is whole, too. The exit status is 1 if something does not work.
+sdist, so that the sdist is whole, too. The exit status is 1 if something does not work. `--licences` writes
+docs/licences.md instead, of what the extras bring now.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
-from environment import ROOT, ensure
+from environment import ROOT, call, ensure
 from pythons import find
 
 VERSIONS = ("3.10", "3.11", "3.12", "3.13", "3.14")
@@ -90,11 +91,20 @@ def is_fine(wheel: Path, version: str, python: str, extras: str) -> bool:
     return not found
 
 
+def write_licences(wheel: Path) -> int:
+    """Have `licences.py` look at an environment with all extras; return its exit status."""
+    with tempfile.TemporaryDirectory() as scratch:
+        programs = install(wheel, sys.executable, ",".join(EXTRAS), Path(scratch, "venv"))
+        return call(programs / "python", ROOT / "tools" / "licences.py", *EXTRAS)
+
+
 def main(versions: list[str]) -> int:
     """Build, and try on all Pythons, also after one that failed; return 1 if any did."""
     ensure("uv", "test")
     with tempfile.TemporaryDirectory() as scratch:
         wheel = build(Path(scratch))
+        if versions == ["--licences"]:
+            return write_licences(wheel)
         there = {each: python for each in versions or VERSIONS if (python := find(each))}
         for each in versions or VERSIONS:
             if each not in there:
