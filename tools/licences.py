@@ -22,11 +22,12 @@ LONGEST = 60
 
 HEAD = """# Licences
 
-This package is under the MIT licence. What it needs, and what its extras bring, has licences of its own: pip installs those packages
-beside it. Some are copyleft: whoever passes on a program together with them has to keep to their terms. One is inside this package: uPlot,
-which draws the plots of the page, under the MIT licence.
+This package is under the MIT licence. What it needs, and what its extras bring, has licences of its own: pip installs
+those packages beside it. Some are copyleft: whoever passes on a program together with them has to keep to their terms.
+One is inside this package: uPlot, which draws the plots of the page, under the MIT licence.
 
-Made by `python3 tools/wheel.py --licences`, from what the packages say of themselves; the versions are those of that day.
+Made by `python3 tools/wheel.py --licences`, from what the packages say of themselves; the versions are those of that
+day.
 """
 
 
@@ -69,8 +70,9 @@ def text(extras: Iterable[str]) -> str:
     always = brought("")
     lines = [HEAD]
     for extra in ("", *extras):
-        packages = always if not extra else {name: each for name, each in brought(extra).items() if name not in always}
-        lines += [f"## {f'Extra `{extra}`' if extra else 'Always'}\n", "| package | version | licence |", "|---|---|---|"]
+        packages = {name: each for name, each in brought(extra).items() if not extra or name not in always}
+        heading = f"Extra `{extra}`" if extra else "Always"
+        lines += [f"## {heading}\n", "| package | version | licence |", "|---|---|---|"]
         rows = sorted(packages.items(), key=lambda item: item[0].lower())
         lines += [f"| {name} | {said['Version']} | {licence(said)} |" for name, said in rows]
         lines.append("")

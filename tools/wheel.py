@@ -1,4 +1,4 @@
-"""Builds sdist and wheel, and installs the wheel in empty environments, with and without extras: `python3 tools/wheel.py`
+"""Builds sdist and wheel, and installs the wheel in empty environments, with and without extras.
 
 `python3 tools/wheel.py [VERSION...]`: on these Pythons, else on each that this machine has. The wheel is built from the
 sdist, so that the sdist is whole, too. The exit status is 1 if something does not work. `--licences` writes
