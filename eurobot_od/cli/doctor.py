@@ -7,12 +7,17 @@ from __future__ import annotations
 
 import argparse
 import platform
+import sys
 from collections.abc import Iterable, Iterator, Mapping
 
 from eurobot_od.cli import ExitStatus, version
 from eurobot_od.support import extras
 from eurobot_od.support.escaping import one_line
 from eurobot_od.support.extras import Package
+from eurobot_od.support.terminal import folded
+
+INDENT = len("interface  ")
+"""Where what is said begins in a line."""
 
 FOR_DEVELOPERS = ("test", "bench")
 """Extras that are needed only to develop the program."""
@@ -42,9 +47,9 @@ def run(_: argparse.Namespace) -> ExitStatus:
     needed = packages(each for name in NEEDED for each in extras.installed(name))
     brought = extra_lines({name: each for name, each in extras.brought().items() if name not in FOR_DEVELOPERS})
     for line in (f"{version()}, {platform.platform()}", *needed, "", *brought, "", *buses, ""):
-        print(one_line(line))
+        print(folded(one_line(line), sys.stdout, INDENT))
     for what, fix in wrong:
-        print(one_line(f"wrong      {what}: {fix}"))
+        print(folded(one_line(f"wrong      {what}: {fix}"), sys.stdout, INDENT))
     if wrong:
         return ExitStatus.FOUND
     print("nothing is wrong")

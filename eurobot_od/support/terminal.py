@@ -29,3 +29,13 @@ def columns(stream: TextIO) -> int:
         return os.get_terminal_size(stream.fileno()).columns or ENDLESS
     except (OSError, ValueError):  # a text in memory has no file
         return ENDLESS
+
+
+def folded(text: str, stream: TextIO, indent: int) -> str:
+    """Return a line as lines of whole words that fit a terminal, all but the first one indented."""
+    width = columns(stream)
+    if len(text) <= width or width < 2 * indent:
+        return text
+    from textwrap import fill  # not with every command: it needs `re`
+
+    return fill(text, width, subsequent_indent=" " * indent, break_on_hyphens=False)
