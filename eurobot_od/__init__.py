@@ -121,7 +121,7 @@ def __getattr__(name: str) -> Any:
 
 
 def _load(dialect: Any = None) -> Any:
-    """Load the robot's messages. Deprecated, gone in version 0.3: use `eurobot_od.robot.Protocol.load`."""
+    """Load the robot's messages. Deprecated, gone in version 2.0: use `eurobot_od.robot.Protocol.load`."""
     from warnings import warn
 
     from eurobot_od.robot.protocol import EurobotProtocol

@@ -53,6 +53,12 @@ def sigterm() -> Iterator[None]:
     signal.signal(signal.SIGTERM, before)
 
 
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    """Skip on Windows what needs something that it does not have."""
+    if os.name == "nt" and item.get_closest_marker("posix"):
+        pytest.skip("Windows has no such thing")
+
+
 EDS = Path(__file__).parents[1] / "eds"
 
 

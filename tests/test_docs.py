@@ -212,6 +212,7 @@ def shell(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Shell]:
         yield Shell(monkeypatch, leaving)
 
 
+@pytest.mark.posix
 @pytest.mark.usefixtures("bus")
 @pytest.mark.parametrize("page", [page for page, blocks in BLOCKS.items() if any(each.runs for each in blocks)])
 def test_a_page_runs_as_it_stands(page: str, shell: Shell, capsys: pytest.CaptureFixture[str]) -> None:

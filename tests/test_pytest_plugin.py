@@ -126,6 +126,7 @@ def test_help_has_the_options_under_a_heading_of_their_own(pytester: pytest.Pyte
     result.stdout.fnmatch_lines(["CANopen nodes and check suites:", "*--eurobot-interface=*"])
 
 
+@pytest.mark.posix
 def test_ctrl_c_ends_a_suite_with_its_teardown(pytester: pytest.Pytester) -> None:
     head = "spec: 1\nname: long\nnode: drive\n"
     steps = "steps: [{send: Stop Drive}, {wait: 1 min}]\nteardown: [{send: Check Drive Request}]\n"

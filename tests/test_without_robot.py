@@ -14,6 +14,8 @@ import pytest
 from eurobot_od import cli
 from tests.without_robot import COMMANDS
 
+pytestmark = pytest.mark.posix
+
 ROOT = Path(__file__).parents[1]
 LOG = "(0.000000) can0 605#4000100000000000\n(0.000400) can0 585#4300100092010200\n"
 SUITE = "spec: 1\nname: motor\nnode: motor\nsteps:\n  - name: type\n    sdo: {read: 0x1000}\n"

@@ -16,6 +16,8 @@ FOLDER = ROOT / "eurobot_od" / "completions"
 FILES = re.compile(r"(^|_)(files?|logs?|robot|left|right|output|store|strategy|against|network|eds)$")
 """Arguments whose values are files, beside those that are read as paths."""
 
+SUITES_ARE_FILES = "_shtab_eurobot_od_check_pos_0_COMPGEN=_shtab_compgen_files"
+
 
 def parser() -> argparse.ArgumentParser:
     """Return the whole command line as one parser."""
@@ -24,28 +26,69 @@ def parser() -> argparse.ArgumentParser:
 
     whole = argparse.ArgumentParser("eurobot-od")
     whole.add_argument("--version", action="store_true", help="print the version and exit")
-    commands = whole.add_subparsers()
+    commands, known = whole.add_subparsers(), values()
     for command, text in {**COMMANDS, **{name: own.text for name, own in ROBOT.commands.items()}}.items():
         each = commands.add_parser(command, help=text)
         find(command).add_arguments(each)
         add_robot(each)
-        _prepare(each, sorted(name for rows in ROBOT.all_faults().values() for name in rows))
+        _prepare(each, command, known)
     return whole
 
 
-def _prepare(parser: argparse.ArgumentParser, faults: list[str]) -> None:
-    """Say which arguments are files and faults; shtab takes a dictionary of choices for sub-commands."""
+def values() -> dict[tuple[str, ...], list[str]]:
+    """Return what arguments may be, by their names, or by command and name.
+
+    The parsers have no such choices: another robot has other ones, and a folder, a file or a node-ID will do as well.
+    """
+    from can.interfaces import BACKENDS
+
+    from eurobot_od.lint.network import RULES
+    from eurobot_od.lint.rules import FILE_RULES
+    from eurobot_od.robot import dialects
+    from eurobot_od.robot.plugin import ROBOT
+    from eurobot_od.season.reports import REPORTS
+
+    nodes, objects = sorted(ROBOT.nodes), sorted(_objects())
+    return {
+        ("fault",): sorted(name for rows in ROBOT.all_faults().values() for name in rows),
+        ("node",): nodes,
+        ("nodes",): nodes,
+        ("dialect",): dialects.names(),
+        ("interface",): sorted(BACKENDS),
+        ("check", "files"): sorted(ROBOT.shipped_suites()),
+        ("read", "objects"): objects,
+        ("write", "name"): objects,
+        ("pdo", "objects"): objects,
+        ("show", "objects"): objects,
+        ("query", "report"): sorted({**REPORTS, **ROBOT.reports()}),
+        ("lint", "explain"): sorted(each.code for each in (*FILE_RULES, *RULES)),
+    }
+
+
+def _objects() -> set[str]:
+    """Return the indices of the robot's objects, and the names of those that a shell takes without quotes."""
+    from eurobot_od.od.objects import all_objects
+    from eurobot_od.robot import dialects
+
+    found = [each for node in dialects.load_all() for each in all_objects(node.objects)]
+    return {f"0x{each.index:04X}" for each in found} | {
+        name for each in found if re.fullmatch(r"[\w.-]+", name := each.qualname)
+    }
+
+
+def _prepare(parser: argparse.ArgumentParser, command: str, known: dict[tuple[str, ...], list[str]]) -> None:
+    """Say which arguments are files, and what others may be; shtab takes a dictionary of choices for sub-commands."""
     import shtab
 
     for action in parser._actions:  # there is no other way to them
         if isinstance(action, argparse._SubParsersAction):
             for each in action.choices.values():
-                _prepare(each, faults)
-        elif action.choices is not None:
-            action.choices = list(action.choices)
-        elif action.dest == "fault":  # no choices of the parser's: another robot has other faults
-            action.choices = faults
-        elif action.type is Path or FILES.search(action.dest):
+                _prepare(each, command, known)
+            continue
+        choices = action.choices or known.get((command, action.dest)) or known.get((action.dest,))
+        if choices is not None and action.nargs != 0:
+            action.choices = list(choices)
+        if action.type is Path or FILES.search(action.dest):
             action.complete = shtab.FILE  # type: ignore[attr-defined]
 
 
@@ -59,7 +102,13 @@ def main() -> int:
 
     FOLDER.mkdir(exist_ok=True)
     for shell, name in SHELLS.items():
-        (FOLDER / name).write_text(shtab.complete(parser(), shell=shell), encoding="utf-8")
+        text = shtab.complete(parser(), shell=shell)
+        if shell == "bash":  # shtab writes files or choices, not both; a suite is either
+            suites = " ".join(values()["check", "files"])
+            text = text.replace(
+                SUITES_ARE_FILES, f"{SUITES_ARE_FILES}\n_shtab_eurobot_od_check_pos_0_choices=({suites})"
+            )
+        (FOLDER / name).write_text(text, encoding="utf-8")
         print(FOLDER / name)
     return 0
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import argparse
 import io
+import re
 from collections.abc import Sequence
 from itertools import islice
 from pathlib import Path
@@ -34,6 +35,12 @@ WATCHED = 40.0
 WIDTH, HEIGHT = 150, 36
 BITRATE = 500_000
 
+FIELD_ALONE = "50 230 3230 2180"
+"""The part of the picture that is the field: 190, 300 is its corner, 3000 by 2000 mm its size."""
+
+LEGIBLE = 43
+"""Size of its texts: 11 px at a width of 830 px."""
+
 WINDOW = """<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {height}">
 <style>
 text {{ font-family: "DejaVu Sans Mono", Menlo, Consolas, monospace; font-size: {char_height}px; }}
@@ -53,6 +60,12 @@ def play() -> tuple[list[tuple[float, Frame]], str, Decoder]:
     _, world = play_simulated(OPTIONS, lambda _: None, lambda now, frame: frames.append((now, frame)))
     drawing = picture(recorded(frames, OPTIONS, world), world.facts, f"Match, seed {OPTIONS.seed}")
     return frames, drawing, robot_decoder(OPTIONS.dialect)
+
+
+def field_alone(drawing: str) -> str:
+    """Return the field without the tables beside it, its texts large enough for a page that is 830 px wide."""
+    cropped = re.sub(r'viewBox="[^"]*"', f'viewBox="{FIELD_ALONE}"', drawing, count=1)
+    return re.sub(r'font-size="(28|31|36|38)"', f'font-size="{LEGIBLE}"', cropped)
 
 
 def lines(frames: list[tuple[float, Frame]], decoder: Decoder) -> str:
@@ -84,6 +97,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     frames, field, decoder = play()
     for name, text in (
         ("match.svg", field),
+        ("field.svg", field_alone(field)),
         ("monitor.svg", monitor(frames, decoder)),
         ("decode.txt", lines(frames, decoder)),
     ):

@@ -7,3 +7,6 @@ items' order, and may be kept in Parquet files, a file for each block, from whic
 Rule of this package: an item's result depends on the item alone. So a block whose worker was lost is done again, and
 the results are the same on any executor.
 """
+
+MOST_JOBS = 60
+"""More processes than these cannot be waited for on Windows."""

@@ -44,7 +44,7 @@ class Results(Generic[ResultT]):
             write_whole(said, text.encode())
         elif not resume:
             raise LocalError(f"{folder} holds a campaign already: --resume goes on with it")
-        elif (before := said.read_text()) != text:
+        elif (before := said.read_text(encoding="utf-8")) != text:
             # The first difference is enough to see which campaign it is.
             was, is_ = json.loads(before), json.loads(text)
             name = next(key for key in sorted({*was, *is_}) if was.get(key) != is_.get(key))

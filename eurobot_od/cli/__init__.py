@@ -10,6 +10,7 @@ if all is fine. Its module is imported when the command is called and not before
 from __future__ import annotations
 
 import argparse
+import errno
 import gc
 import os
 import sys
@@ -140,21 +141,37 @@ def _whole(text: str) -> int:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command and return its exit status."""
-    words = list(sys.argv[1:] if arguments is None else arguments)
+    words = expanded(sys.argv[1:] if arguments is None else arguments)
     try:
         _open_streams()
         return _run(words)
     except KeyboardInterrupt:
         return ExitStatus.INTERRUPTED
-    except BrokenPipeError:  # `| head` has seen enough: no error of ours
-        fall_silent()
-        return ExitStatus.FINE
     except (EurobotError, OSError) as error:
+        if is_closed_pipe(error):  # `| head` has seen enough: no error of ours
+            fall_silent()
+            return ExitStatus.FINE
         what = str(error)
         if isinstance(error, OSError) and error.filename is not None:
             what = f"{error.filename}: {error.strerror}"  # first the file, as in errors of our own
         complain(what)
         return next(status for kind, status in STATUS_OF.items() if isinstance(error, kind))
+
+
+def expanded(words: Sequence[str]) -> list[str]:
+    """Return a command line with `*.log` as the names of the files; the shells of Windows leave that to programs."""
+    if os.name != "nt" or not any("*" in each for each in words):
+        return list(words)
+    from glob import glob
+
+    return [name for each in words for name in ("*" in each and sorted(glob(each))) or [each]]  # noqa: PTH207
+
+
+def is_closed_pipe(error: Exception) -> bool:
+    """Tell whether the reader of standard output has left, which Windows calls an invalid argument."""
+    if os.name == "nt" and isinstance(error, OSError) and error.errno == errno.EINVAL:
+        return error.filename is None
+    return isinstance(error, BrokenPipeError)
 
 
 def fall_silent() -> None:

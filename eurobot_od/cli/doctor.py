@@ -7,12 +7,17 @@ from __future__ import annotations
 
 import argparse
 import platform
+import sys
 from collections.abc import Iterable, Iterator, Mapping
 
 from eurobot_od.cli import ExitStatus, version
 from eurobot_od.support import extras
 from eurobot_od.support.escaping import one_line
 from eurobot_od.support.extras import Package
+from eurobot_od.support.terminal import folded
+
+INDENT = len("interface  ")
+"""Where what is said begins in a line."""
 
 FOR_DEVELOPERS = ("test", "bench")
 """Extras that are needed only to develop the program."""
@@ -27,20 +32,24 @@ def add_arguments(_: argparse.ArgumentParser) -> None:
 
 def run(_: argparse.Namespace) -> ExitStatus:
     """Print what there is; 1 if something is wrong."""
+    from eurobot_od.live.adapters import plugged_in
     from eurobot_od.live.interfaces import drivers, here, refused
-    from eurobot_od.live.links import links, troubles
+    from eurobot_od.live.links import INSTEAD, links, troubles, without_socketcan
 
     wrong = [*(trouble for link in links() for trouble in troubles(link)), *denied(refused())]
     loaded = drivers()
+    lacks = without_socketcan()
     buses = [f"interface  {each}" for each in [*map(str, here())] or ["none"]]
+    buses += [f"socketcan  {lacks}; {INSTEAD}"] if lacks else []
+    buses += [f"adapter    {each.name}: {each.advice(not lacks)}" for each in plugged_in()]
     buses.append(f"drivers    {', '.join(name for name, loads in loaded.items() if loads)}")
     buses.append(f"no driver  {', '.join(name for name, loads in loaded.items() if not loads)}")
     needed = packages(each for name in NEEDED for each in extras.installed(name))
     brought = extra_lines({name: each for name, each in extras.brought().items() if name not in FOR_DEVELOPERS})
     for line in (f"{version()}, {platform.platform()}", *needed, "", *brought, "", *buses, ""):
-        print(one_line(line))
+        print(folded(one_line(line), sys.stdout, INDENT))
     for what, fix in wrong:
-        print(one_line(f"wrong      {what}: {fix}"))
+        print(folded(one_line(f"wrong      {what}: {fix}"), sys.stdout, INDENT))
     if wrong:
         return ExitStatus.FOUND
     print("nothing is wrong")

@@ -13,6 +13,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
 from eurobot_od import plugin
+from eurobot_od.campaign import MOST_JOBS
 from eurobot_od.cli import complain
 from eurobot_od.errors import DictionaryError, LocalError, MappingError, RemoteError
 from eurobot_od.logs.recorder import END, GO_ON
@@ -71,9 +72,6 @@ def whole(low: int, high: float = inf, what: str = "") -> Callable[[str], int]:
 
     return read
 
-
-MOST_JOBS = 60
-"""More processes than these cannot be waited for on Windows."""
 
 bit_rate = whole(1000, 1_000_000, "in 1000..1000000 bit/s")
 jobs = whole(1, MOST_JOBS, f"a number from 1 to {MOST_JOBS}")

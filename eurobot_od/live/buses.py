@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from eurobot_od.errors import BusError, UnknownName
 from eurobot_od.frame import EXTENDED, HIGHEST_EXTENDED, Frame
-from eurobot_od.live.links import BITRATE, remedy
+from eurobot_od.live.links import BITRATE, INSTEAD, ONLY_LINUX, remedy
 
 if TYPE_CHECKING:
     import can
@@ -69,6 +69,8 @@ def open_bus(interface: str | None = None, channel: str | None = None, bitrate: 
     from can.interfaces import BACKENDS
 
     silence_logs()
+    if interface == SOCKETCAN and not hasattr(socket, "AF_CAN"):
+        raise BusError(f"cannot open the {interface} bus {channel or ''}: {ONLY_LINUX}; {INSTEAD}")
     asked = {"interface": interface, "channel": channel, "bitrate": bitrate}
     given = {key: value for key, value in asked.items() if value is not None}
     try:

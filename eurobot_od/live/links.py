@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import errno
 import json
+import socket
 import subprocess
 from collections.abc import Iterator
 from contextlib import suppress
@@ -27,6 +28,14 @@ ARPHRD_CAN = "280"
 
 IFF_UP = 1
 """Bit of an interface's flags in `/sys` (`linux/if.h`)."""
+
+ONLY_LINUX = "SocketCAN is a part of Linux"
+NO_SOCKETCAN = "this kernel has no SocketCAN; `sudo modprobe can_raw` loads it, if it is to be had"
+INSTEAD = (
+    "instead: -i virtual (one program), -i remote (several programs, extra `remote`), "
+    "or an adapter with its maker's driver"
+)
+"""What does without SocketCAN."""
 
 BUS_OFF = "BUS-OFF"
 """State of a controller that has left the bus."""
@@ -61,6 +70,17 @@ class Trouble(NamedTuple):
 
 
 # Their state
+
+
+def without_socketcan() -> str:
+    """Return why this machine has no SocketCAN, and what may bring it; empty if it has SocketCAN."""
+    if not hasattr(socket, "AF_CAN"):
+        return ONLY_LINUX
+    try:
+        socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW).close()
+    except OSError as error:
+        return NO_SOCKETCAN if error.errno == errno.EAFNOSUPPORT else ""
+    return ""
 
 
 def links() -> list[CanLink]:
@@ -139,7 +159,7 @@ def remedy(number: int | None, name: str) -> str:
     remedies = {
         errno.ENETDOWN: f"`{set_up(name, virtual=virtual)}` sets it up",
         errno.ENODEV: makes if virtual else "plug it in; `eurobot-od doctor` lists what is here",
-        errno.EAFNOSUPPORT: "this kernel has no SocketCAN; `sudo modprobe can_raw` loads it, if it is to be had",
+        errno.EAFNOSUPPORT: f"{NO_SOCKETCAN}; {INSTEAD}",
         errno.ENOBUFS: "no node acknowledges its frames: is another node on the bus, at the same bit rate?",
     }
     return remedies.get(number or 0, "")

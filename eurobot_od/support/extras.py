@@ -6,6 +6,7 @@ it. The line names those, not `eurobot-od[EXTRA]`, as it has to be true for a ch
 
 from __future__ import annotations
 
+import os
 import re
 import sys
 from collections.abc import Iterator
@@ -41,7 +42,8 @@ def missing(what: str, extra: str) -> str:
 
 def install(packages: list[str]) -> str:
     """Return the command that installs packages for this Python."""
-    return " ".join([sys.executable, "-m pip install", *(f"'{each}'" for each in packages)])
+    quote = '"' if os.name == "nt" else "'"  # to cmd.exe a single quote is a letter, and > a redirection
+    return " ".join([sys.executable, "-m pip install", *(f"{quote}{each}{quote}" for each in packages)])
 
 
 def brought() -> dict[str, list[str]]:

@@ -19,7 +19,7 @@ from glob import escape
 from pathlib import Path
 
 LONGEST_WAIT, WAIT = 0.5, 0.01
-"""Seconds that another program may have the folder, and between two looks whether it still has."""
+"""Seconds that another program may have the folder, or the file, and between two looks whether it still has."""
 
 ABANDONED = 60.0
 """Seconds after which a new file that has taken nobody's place was left by a crash."""
@@ -56,10 +56,24 @@ def _put(file: Path, content: bytes) -> None:
                 new.flush()
                 # Before the replacing: after a power cut there must not be the new name with nothing in it.
                 os.fsync(new.fileno())
-            beside.replace(file)
+            _replace(file, beside)
         except BaseException:  # Ctrl-C, too, must leave nothing behind
             beside.unlink(missing_ok=True)
             raise
+
+
+def _replace(file: Path, beside: Path) -> None:
+    """Put a new file in the old one's place; on Windows only once nobody reads the old one, which is waited for."""
+    end = time.monotonic() + LONGEST_WAIT
+    while True:
+        try:
+            beside.replace(file)
+        except PermissionError:
+            if os.name != "nt" or time.monotonic() > end:
+                raise
+            time.sleep(WAIT)
+        else:
+            return
 
 
 @contextmanager

@@ -9,13 +9,13 @@ from contextlib import contextmanager
 from typing import NamedTuple, TextIO, TypeAlias, TypeVar
 
 from eurobot_od.support.escaping import one_line
-from eurobot_od.support.terminal import redraws
+from eurobot_od.support.terminal import ENDLESS, columns, redraws
 
 Progress: TypeAlias = Callable[[int, "int | None"], object]
 """Called with how much is done, and how much there is in all, None if that is not known."""
 
-WIDTH = 30
-"""Characters of the bar."""
+WIDTH, SHORTEST = 30, 5
+"""Characters of the bar, and how few they become on a narrow terminal."""
 
 REDRAWN = 0.1
 """Seconds between two drawings."""
@@ -67,7 +67,8 @@ def bar(
         if now - started < after or (width and now - drawn < REDRAWN and done != size):
             return
         drawn = now
-        text = line(what, done, size, now - started, unit)
+        # One column stays free: a terminal that has written the last one may begin a new line.
+        text = line(what, done, size, now - started, unit, columns(out) - 1)
         out.write("\r" + text.ljust(width))
         out.flush()
         width = max(width, len(text))
@@ -80,16 +81,21 @@ def bar(
             out.flush()
 
 
-def line(what: str, done: int, size: int | None, seconds: float, unit: Unit = BYTES) -> str:
-    """Return the bar as text: share, number, number per second, and from `SHORT` on how long it will still take."""
+def line(what: str, done: int, size: int | None, seconds: float, unit: Unit = BYTES, most: int = ENDLESS) -> str:
+    """Return the bar as text: share, number, number per second, and from `SHORT` on how long it will still take.
+
+    It has `most` characters: first the bar gets shorter, down to `SHORTEST`, then the text is cut off.
+    """
     rate = f"{done / seconds / unit.number:.1f} {unit.rate}" if seconds > 0 else ""
     if not size:
-        return "  ".join(filter(None, (one_line(what), f"{done} {unit.name}", rate)))
+        return "  ".join(filter(None, (one_line(what), f"{done} {unit.name}", rate)))[:most]
     if done and seconds >= SHORT:
         rate += f", about {_about(seconds / done * (size - done))} left"
-    filled = done * WIDTH // size
-    drawn = f"{'█' * filled}{'░' * (WIDTH - filled)} {done / size:4.0%}"
-    return "  ".join(filter(None, (one_line(what), drawn, f"{done} of {size} {unit.name}", rate)))
+    words = [one_line(what), f"{done / size:4.0%}", f"{done} of {size} {unit.name}", rate]
+    width = min(WIDTH, max(SHORTEST, most - len("  ".join(filter(None, words))) - 1))
+    filled = done * width // size
+    words[1] = f"{'█' * filled}{'░' * (width - filled)} {words[1]}"
+    return "  ".join(filter(None, words))[:most]
 
 
 # Many things

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import shutil
 import subprocess
+from pathlib import Path
 
 import pytest
 
@@ -48,6 +49,14 @@ COMPLETED = [
     (["completion", "f"], ["fish"]),
     (["match", "--fault", "mushroom-l"], ["mushroom-late"]),
     (["check", "--fault", "angle-36"], ["angle-360-taken"]),
+    (["node", "nav"], ["navigation"]),
+    (["read", "dri"], ["drive"]),
+    (["read", "drive", "0x101"], ["0x1010", "0x1011", "0x1014", "0x1015", "0x1016", "0x1017", "0x1018"]),
+    (["write", "drive", "Motion.Bra"], ["Motion.Braking"]),
+    (["match", "--dialect", "firm"], ["firmware2014"]),
+    (["scan", "-i", "socketcan"], ["socketcan", "socketcand"]),
+    (["query", "season", "--report", "lat"], ["latency"]),
+    (["lint", "--explain", "W44"], ["W440", "W442", "W443", "W446", "W447", "W448"]),
 ]
 
 
@@ -59,6 +68,15 @@ def test_bash_completes(words: list[str], completions: list[str], capsys: pytest
     script = f"{text}\n{line}; printf '%s\\n' \"${{COMPREPLY[@]}}\""
     done = subprocess.run(["bash", "-c", script], capture_output=True, text=True, check=True, timeout=60)
     assert sorted(done.stdout.split()) == completions
+
+
+@pytest.mark.skipif(shutil.which("bash") is None, reason="there is no bash here")
+def test_bash_completes_suites_and_files(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("sdo-mine.yaml").touch()
+    test_bash_completes(["check", "sdo-"], ["sdo-commands", "sdo-mine.yaml"], capsys)
 
 
 @pytest.mark.skipif(shutil.which("fish") is None, reason="there is no fish here")

@@ -448,6 +448,7 @@ def test_a_seed_that_went_wrong_is_listed(capsys: pytest.CaptureFixture[str], sp
     assert last == "2 matches, seeds 1 to 2: something went wrong in 2"
 
 
+@pytest.mark.posix
 def test_ctrl_c_ends_many_seeds_without_a_word() -> None:
     words = [*SCRIPT, "match", "--seeds", "1000", "--jobs", "2", "--json"]
     with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, start_new_session=True) as running:

@@ -62,7 +62,7 @@ def test_no_speed(speed: str) -> None:
 # On a terminal
 
 
-@pytest.mark.skipif(os.name == "nt", reason="needs a pseudo-terminal")
+@pytest.mark.posix
 def test_keys_on_a_terminal(log: Path) -> None:
     import pty
 
@@ -81,7 +81,7 @@ def test_keys_on_a_terminal(log: Path) -> None:
     os.close(terminal)
 
 
-@pytest.mark.skipif(os.name == "nt", reason="needs a pseudo-terminal")
+@pytest.mark.posix
 def test_a_dumb_terminal_gets_plain_lines(log: Path) -> None:
     import pty
 

@@ -37,6 +37,7 @@ def shared_bus() -> Iterator[str]:
         yield channel
 
 
+@pytest.mark.posix
 def test_a_drive_and_send_meet_on_a_shared_bus(capsys: pytest.CaptureFixture[str], shared_bus: str) -> None:
     bus = ["-i", "remote", "-c", shared_bus]
     with node("drive", *bus, "--verbose") as drive:
@@ -85,6 +86,7 @@ def test_each_line_is_there_for_another_program_at_once(monkeypatch: pytest.Monk
     assert pipe.flushed == pipe.getvalue().count("\n") + 1, "and at the end"
 
 
+@pytest.mark.posix
 def test_a_terminated_node_ends_as_an_interrupted_one(shared_bus: str) -> None:
     with node("navigation", "-i", "remote", "-c", shared_bus) as navigation:
         line(navigation, "Ctrl-C ends it")
@@ -131,6 +133,7 @@ def is_on_its_way(drive: Drive) -> bool:
     return drive.goto is not None and pose is not None and pose.distance(FACTS.start(TeamColour.RED).point) > 10
 
 
+@pytest.mark.posix
 @pytest.mark.parametrize(("told", "status"), [(signal.SIGTERM, 128 + signal.SIGTERM), (signal.SIGINT, -signal.SIGINT)])
 def test_a_script_that_is_told_to_end_leaves_a_robot_that_stands(
     shared_bus: str, told: signal.Signals, status: int
@@ -152,6 +155,7 @@ def test_a_script_that_is_killed_leaves_a_robot_that_stands_soon(shared_bus: str
         assert 0x8130 in drive.device.emergencies.errors.values()
 
 
+@pytest.mark.posix
 def test_a_drill_that_is_terminated_leaves_a_robot_that_stands(shared_bus: str) -> None:
     with partners(shared_bus) as drive, node("core", "--drill", "-i", "remote", "-c", shared_bus) as core:
         wait_for(lambda: is_on_its_way(drive))
@@ -197,6 +201,7 @@ def test_a_node_that_cannot_run_says_why_in_one_line(
     assert said.err.count("\n") == 1
 
 
+@pytest.mark.posix
 def test_what_a_master_has_stored_survives_a_restart(
     capsys: pytest.CaptureFixture[str], shared_bus: str, tmp_path: Path
 ) -> None:
@@ -243,6 +248,7 @@ def eds(tmp_path: Path) -> str:
     return str(file)
 
 
+@pytest.mark.posix
 def test_a_device_from_its_file_has_the_values_that_it_is_given(
     capsys: pytest.CaptureFixture[str], shared_bus: str, eds: str, tmp_path: Path
 ) -> None:
@@ -301,6 +307,7 @@ def test_what_is_for_one_device_needs_its_name(
     assert run(capsys, "node", "--network", str(file), *words).complaint == complaint
 
 
+@pytest.mark.posix
 @pytest.mark.usefixtures("eds")
 def test_all_devices_of_a_network_run_in_one_process_and_are_booted(
     capsys: pytest.CaptureFixture[str], shared_bus: str, tmp_path: Path
@@ -351,6 +358,7 @@ def test_a_device_that_cannot_run_says_why_in_one_line(
 # pdo
 
 
+@pytest.mark.posix
 def test_the_pdos_of_a_device_are_listed_and_mapped(capsys: pytest.CaptureFixture[str], shared_bus: str) -> None:
     bus, motor = ("-i", "remote", "-c", shared_bus), f"5={Path(__file__).parents[2] / 'docs' / 'motor.eds'}"
     with node("--eds", motor, *bus) as device:

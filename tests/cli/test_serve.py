@@ -49,6 +49,7 @@ def test_without_its_extra(capsys: pytest.CaptureFixture[str], monkeypatch: pyte
     assert said.complaint == f"eurobot-od: {extras.missing('aiohttp', 'web')}"
 
 
+@pytest.mark.posix
 @pytest.mark.parametrize("end", [signal.SIGINT, signal.SIGTERM])
 def test_a_log_is_served_until_it_is_told_to_end(log: Path, end: signal.Signals) -> None:
     with command("serve", str(log), "--listen", "127.0.0.1:0") as process:
@@ -71,6 +72,7 @@ def test_in_the_background_of_a_script_sigterm_ends_it(log: Path) -> None:
     assert process.returncode == 0
 
 
+@pytest.mark.posix
 def test_a_bus_is_served_until_it_is_told_to_end() -> None:
     with command("serve", "-i", "virtual", "-c", "test-serve", "--listen", "127.0.0.1:0") as process:
         address = line(process, "http://127.0.0.1:").split()[0]
@@ -82,6 +84,7 @@ def test_a_bus_is_served_until_it_is_told_to_end() -> None:
     assert "Traceback" not in err
 
 
+@pytest.mark.posix
 def test_other_machines_need_a_token_that_is_printed_once(log: Path) -> None:
     with command("serve", str(log), "--listen", "0.0.0.0:0") as process:
         address = line(process, "http://").split()[0]

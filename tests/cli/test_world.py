@@ -148,6 +148,7 @@ def test_a_core_whose_bus_fails_in_a_match_says_so(served: Scene, tmp_path: Path
 # The world alone
 
 
+@pytest.mark.posix
 @pytest.mark.parametrize("told", [signal.SIGINT, signal.SIGTERM])
 def test_a_world_that_is_told_to_end_says_what_it_came_to(told: signal.Signals) -> None:
     with command("world", "--listen", "127.0.0.1:0") as world:

@@ -4,12 +4,24 @@ from __future__ import annotations
 
 import errno
 import json
+import socket
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from eurobot_od.live.links import CanLink, Trouble, of_ip, of_sys, remedy, troubles
+from eurobot_od.live.links import (
+    INSTEAD,
+    NO_SOCKETCAN,
+    ONLY_LINUX,
+    CanLink,
+    Trouble,
+    of_ip,
+    of_sys,
+    remedy,
+    troubles,
+    without_socketcan,
+)
 
 
 def said(name: str, flags: list[str], **linkinfo: Any) -> dict[str, Any]:
@@ -125,7 +137,7 @@ REMEDIES = [
         "vcan0",
         "`sudo ip link add dev vcan0 type vcan; sudo ip link set vcan0 up` makes it",
     ),
-    (errno.EAFNOSUPPORT, "can0", "this kernel has no SocketCAN; `sudo modprobe can_raw` loads it, if it is to be had"),
+    (errno.EAFNOSUPPORT, "can0", f"{NO_SOCKETCAN}; {INSTEAD}"),
     (errno.ENOBUFS, "can0", "no node acknowledges its frames: is another node on the bus, at the same bit rate?"),
     (errno.EINVAL, "can0", ""),
     (None, "can0", ""),
@@ -135,3 +147,18 @@ REMEDIES = [
 @pytest.mark.parametrize(("number", "name", "text"), REMEDIES)
 def test_what_helps_against_an_error(number: int | None, name: str, text: str) -> None:
     assert remedy(number, name) == text
+
+
+def test_a_machine_without_socketcan_says_why() -> None:
+    reasons = {
+        errno.EAFNOSUPPORT: NO_SOCKETCAN,  # a kernel without it
+        0: "" if hasattr(socket, "AF_CAN") else ONLY_LINUX,
+    }
+    try:
+        socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW).close()
+        number = 0
+    except AttributeError:
+        number = 0
+    except OSError as error:
+        number = error.errno or 0
+    assert without_socketcan() == reasons[number]

@@ -142,6 +142,7 @@ def press_ctrl_c() -> None:
     signal.pthread_kill(ident, signal.SIGINT)
 
 
+@pytest.mark.posix
 def test_ctrl_c_while_a_goto_is_waited_for(partners: Partners) -> None:
     reports: list[GotoReport] = []
 

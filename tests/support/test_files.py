@@ -44,6 +44,7 @@ def test_of_two_programs_with_one_file_none_fails_and_a_reader_sees_no_halves(fi
     assert list(file.parent.iterdir()) == [file]
 
 
+@pytest.mark.posix
 def test_a_link_stays_a_link(file: Path) -> None:
     link = file.with_name("link.dcf")
     link.symlink_to(file.name)
@@ -52,6 +53,7 @@ def test_a_link_stays_a_link(file: Path) -> None:
     assert file.read_bytes() == b"new"
 
 
+@pytest.mark.posix
 @pytest.mark.parametrize("mode", [0o600, 0o664, 0o444])
 def test_the_mode_stays(file: Path, mode: int) -> None:
     file.chmod(mode)
@@ -59,6 +61,7 @@ def test_the_mode_stays(file: Path, mode: int) -> None:
     assert (stat.S_IMODE(file.stat().st_mode), file.read_bytes()) == (mode, b"new")
 
 
+@pytest.mark.posix
 def test_a_new_file_has_the_mode_that_the_user_wants(tmp_path: Path) -> None:
     before = os.umask(0o027)
     try:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import os
 import re
 from collections.abc import Iterator
 from itertools import pairwise
@@ -135,3 +136,30 @@ def test_a_terminal_sees_a_bar_that_is_gone_at_the_end() -> None:
     assert first == f"\r{'█' * 10}{'░' * 20}  33%  1 of 3 matches  1.0 matches/s"
     assert last == f"\r{'█' * 30} 100%  3 of 3 matches  1.0 matches/s, about 0 s left"
     assert end == "\r" + " " * len(last[1:]) + "\r"
+
+
+@pytest.mark.parametrize("most", [120, 79, 59, 30, 10])
+def test_a_bar_fits_its_terminal(most: int) -> None:
+    for done in (0, 1, 5, 12):
+        text = line("", done, 12, 20.0, module.Unit("matches", "matches/s"), most)
+        assert len(text) <= most
+        assert ("12 matches" in text) is (most >= 30)  # the count is cut off last
+        assert text[0] in "█░"
+
+
+@pytest.mark.posix
+def test_a_bar_on_a_narrow_terminal_stays_in_its_line() -> None:
+    import fcntl
+    import pty
+    import struct
+    import termios
+
+    ours, theirs = pty.openpty()
+    fcntl.ioctl(theirs, termios.TIOCSWINSZ, struct.pack("HHHH", 24, 60, 0, 0))
+    times = iter(range(100))
+    with open(theirs, "w", encoding="utf-8") as terminal:  # noqa: PTH123  # a descriptor
+        list(counted(range(12), 12, "matches", 1, terminal, lambda: next(times) * 5.0))
+        written = os.read(ours, 100_000).decode()
+    os.close(ours)
+    assert "about" in written
+    assert max(len(each) for each in written.split("\r")) == 59

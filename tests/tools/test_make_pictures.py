@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from xml.etree import ElementTree
 
 import make_pictures
 import pytest
 
-NAMES = ["decode.txt", "match.svg", "monitor.svg"]
+NAMES = ["decode.txt", "field.svg", "match.svg", "monitor.svg"]
 
 
 @pytest.fixture(scope="module")
@@ -37,3 +38,10 @@ def test_the_lines_are_those_of_a_match(twice: tuple[Path, Path]) -> None:
     lines = (twice[0] / "decode.txt").read_text(encoding="utf-8").splitlines()
     assert len(lines) == make_pictures.LINES
     assert any("Goto XY" in line for line in lines)
+
+
+def test_no_text_of_the_field_is_too_small_for_a_page(twice: tuple[Path, Path]) -> None:
+    text = (twice[0] / "field.svg").read_text(encoding="utf-8")
+    _, _, width, _ = map(float, re.findall(r'viewBox="([^"]*)"', text)[0].split())
+    sizes = [float(each) for each in re.findall(r'font-size="(\d+)"', text)]
+    assert min(sizes) * 830 / width >= 11

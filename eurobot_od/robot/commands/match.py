@@ -18,7 +18,7 @@ from eurobot_od.cli import options as shared
 from eurobot_od.errors import LocalError
 from eurobot_od.robot.commands.common import add_sides, options_of, status_of
 from eurobot_od.robot.model.options import UNITS, Errors
-from eurobot_od.support.terminal import in_colour
+from eurobot_od.support.terminal import folded, in_colour
 
 if TYPE_CHECKING:
     import can
@@ -193,12 +193,16 @@ def _refuse_what_does_not_go_with_one_match(arguments: argparse.Namespace) -> No
 EVENT_COLOURS = {"arrived": 32, "stop": 33, "given up": 33, "emergency": 31, "match": 36, "end": 36}
 """Terminal colours of timeline lines by their kind."""
 
+INDENT = len("    0.000 s  configure  ")
+"""Where an event's text begins in its line."""
+
 
 def _show(coloured: bool, event: MatchEvent) -> None:
     """Print an event; a match that nobody reads any more is played to its end, for its log."""
     colour = EVENT_COLOURS.get(event.kind.value) if coloured else None
     try:
-        print(f"\x1b[{colour}m{event}\x1b[0m" if colour else event, flush=sys.stdout.isatty())
+        line = folded(str(event), sys.stdout, INDENT)
+        print(f"\x1b[{colour}m{line}\x1b[0m" if colour else line, flush=sys.stdout.isatty())
     except BrokenPipeError:
         fall_silent()
 

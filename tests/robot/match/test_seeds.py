@@ -51,6 +51,7 @@ def test_closing_ends_the_processes() -> None:
     assert lines == ["2", "0"]
 
 
+@pytest.mark.posix
 def test_a_process_that_dies_is_an_error_and_the_others_end() -> None:
     program = """
 next(matches)

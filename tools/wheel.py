@@ -1,0 +1,117 @@
+"""Builds sdist and wheel, and installs the wheel in empty environments, with and without extras.
+
+`python3 tools/wheel.py [VERSION...]`: on these Pythons, else on each that this machine has. The wheel is built from the
+sdist, so that the sdist is whole, too. The exit status is 1 if something does not work. `--licences` writes
+docs/licences.md instead, of what the extras bring now.
+"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+from environment import ROOT, call, ensure
+from pythons import find
+
+VERSIONS = ("3.10", "3.11", "3.12", "3.13", "3.14")
+EXTRAS = ("remote", "monitor", "web", "png", "mf4", "season", "mcap", "cluster")
+"""What a user may ask for; the others are for developers."""
+
+
+class Try(NamedTuple):
+    """A command of the installed program, what it has to say, and its exit status."""
+
+    words: tuple[str, ...]
+    says: str
+    status: int = 0
+
+
+LOG = "match.log"
+ALWAYS = (
+    Try(("--version",), "eurobot-od "),
+    Try(("match", "--duration", "10", "--log", LOG), "points: ours"),
+    Try(("decode", LOG), "boot-up"),
+    Try(("check", "bytes", "--simulate"), "ok"),
+)
+TRIES = {
+    "": (*ALWAYS, Try(("archive", LOG, "-o", "season"), "the extra `season` brings it", 2)),
+    ",".join(EXTRAS): (
+        *ALWAYS,
+        Try(("archive", LOG, "-o", "season"), "0 damaged"),
+        Try(("query", "season", "SELECT count(*) AS n FROM frames"), "n"),
+        Try(("export", "mcap", LOG, "-o", "match.mcap"), ""),
+        Try(("field", LOG, "-o", "match.png"), ""),
+    ),
+}
+"""What is tried in an environment with some extras, none at first."""
+
+
+def build(folder: Path) -> Path:
+    """Build both, and return the wheel."""
+    subprocess.run([sys.executable, "-m", "uv", "build", "--quiet", "--out-dir", str(folder), str(ROOT)], check=True)
+    (wheel,) = folder.glob("*.whl")
+    for each in sorted(folder.glob("eurobot_od*")):
+        print(f"{each.name}  {each.stat().st_size / 1024:.0f} kB", flush=True)
+    return wheel
+
+
+def install(wheel: Path, python: str, extras: str, folder: Path) -> Path:
+    """Install the wheel in an environment of its own, and return the folder of its programs."""
+    subprocess.run([sys.executable, "-m", "uv", "venv", "--quiet", "--python", python, str(folder)], check=True)
+    own = next(file for name in ("bin/python", "Scripts/python.exe") if (file := folder / name).exists())
+    target = f"{wheel}[{extras}]" if extras else str(wheel)
+    subprocess.run([sys.executable, "-m", "uv", "pip", "install", "--quiet", "--python", str(own), target], check=True)
+    return own.parent
+
+
+def wrong(programs: Path, tries: tuple[Try, ...], folder: Path) -> Iterator[str]:
+    """Give what does not work in an environment."""
+    for each in tries:
+        command = [str(programs / "eurobot-od"), *each.words]
+        done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+        said = done.stdout + done.stderr
+        if done.returncode != each.status or each.says not in said:
+            yield f"{' '.join(each.words)}: status {done.returncode}: {said.strip()[-200:]}"
+
+
+def is_fine(wheel: Path, version: str, python: str, extras: str) -> bool:
+    """Install the wheel on a Python, try it, and say how that went."""
+    with tempfile.TemporaryDirectory() as scratch:
+        folder = Path(scratch)
+        try:
+            found = list(wrong(install(wheel, python, extras, folder / "venv"), TRIES[extras], folder))
+        except subprocess.CalledProcessError as error:
+            found = [f"{' '.join(error.cmd)}: status {error.returncode}"]
+    result = "; ".join(found) or "works"
+    print(f"Python {version}, {'all extras' if extras else 'no extras'}: {result}", flush=True)
+    return not found
+
+
+def write_licences(wheel: Path) -> int:
+    """Have `licences.py` look at an environment with all extras; return its exit status."""
+    with tempfile.TemporaryDirectory() as scratch:
+        programs = install(wheel, sys.executable, ",".join(EXTRAS), Path(scratch, "venv"))
+        return call(programs / "python", ROOT / "tools" / "licences.py", *EXTRAS)
+
+
+def main(versions: list[str]) -> int:
+    """Build, and try on all Pythons, also after one that failed; return 1 if any did."""
+    ensure("uv", "test")
+    with tempfile.TemporaryDirectory() as scratch:
+        wheel = build(Path(scratch))
+        if versions == ["--licences"]:
+            return write_licences(wheel)
+        there = {each: python for each in versions or VERSIONS if (python := find(each))}
+        for each in versions or VERSIONS:
+            if each not in there:
+                print(f"Python {each}: skipped: not on this machine", flush=True)
+        results = [is_fine(wheel, each, python, extras) for each, python in there.items() for extras in TRIES]
+    return int(not all(results))
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
