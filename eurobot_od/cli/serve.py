@@ -15,6 +15,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
+from urllib.parse import urlsplit
 
 from eurobot_od.cli import complain, options
 from eurobot_od.cli.logs import ReadOptions, add_reading, meanings
@@ -77,7 +78,7 @@ def run(arguments: argparse.Namespace) -> None:
             from eurobot_od.web.session import Session
 
             session = Session(options.opener(arguments), decoder, bitrate, panels)
-            name = f"{arguments.interface or 'bus'} {arguments.channel or ''}".strip()
+            name = _bus_name(arguments.interface, arguments.channel)
             asyncio.run(_show_bus(session, panels, name, arguments.control, arguments.listen))
 
 
@@ -104,7 +105,7 @@ def _columns(log: str, reading: ReadOptions, decoder: Decoder, bitrate: int, pan
     from eurobot_od.web.columns import Columns
 
     # No bar: it would share the terminal with the address and with what is wrong in the log.
-    columns, damage = Columns(Path(log).stem, decoder, bitrate, panels), DamageCounts()
+    columns, damage = Columns(Path(log).name, decoder, bitrate, panels), DamageCounts()
     for time, meaning in meanings([log], reading, decoder, damage, is_watched=False):
         columns.take(time, meaning)
     sys.stderr.writelines(f"{line}\n" for line in damage.report())
@@ -114,6 +115,14 @@ def _columns(log: str, reading: ReadOptions, decoder: Decoder, bitrate: int, pan
 
 
 # The bus
+
+
+def _bus_name(interface: str | None, channel: str | None) -> str:
+    """Return what a page calls a bus: `Bus can0 (socketcan)`, and one on the network by where it is."""
+    place = urlsplit(channel or "").netloc
+    if place:
+        return f"Bus at {place.rpartition('@')[2]}"
+    return f"Bus {channel or ''}".strip() + (f" ({interface})" if interface else "")
 
 
 async def _show_bus(session: Session, panels: Sequence[type[Panel]], name: str, control: bool, listen: Address) -> None:

@@ -43,7 +43,8 @@ class Panel:
     """A view of the page for networks that have certain messages; one object follows one source.
 
     `script` and `style` are written into the page: the script calls `panel(name, make)`, see `files/page.js`. `stop` is
-    the message that the button Stop sends, `` if that is left to NMT.
+    the message that the button Stop sends, `` if that is left to NMT. `plan` is the message that carries out a plan, ``
+    if there is none: Stop takes whoever sends it out of OPERATIONAL.
     """
 
     name: ClassVar[str]
@@ -51,6 +52,7 @@ class Panel:
     script: ClassVar[Path]
     style: ClassVar[Path]
     stop: ClassVar[str] = ""
+    plan: ClassVar[str] = ""
 
     @classmethod
     def fits(cls, protocol: Protocol) -> bool:

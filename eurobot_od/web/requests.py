@@ -211,9 +211,22 @@ class Requests:
 
     def stop(self, _: Arguments) -> str:
         """Stop what can be stopped."""
-        if self.stop_message:
-            return self.send({"message": self.stop_message})
-        return self._send_nmt(NmtCommand.STOP, ALL_NODES)
+        if not self.stop_message:
+            return self._send_nmt(NmtCommand.STOP, ALL_NODES)
+        leaders, stop = self._leaders(), {"message": self.stop_message}
+        if not leaders:
+            return self.send(stop)
+        self.send(stop)
+        for node in leaders:
+            # PRE-OPERATIONAL and not STOPPED: it sends no plan's messages there either, and still answers SDO.
+            self._send_nmt(NmtCommand.ENTER_PRE_OPERATIONAL, self._node_id(node))
+        # Once more: what a leader had in its mailbox when it heard of it goes out after the first stop.
+        return f"{', '.join(leaders)} held until NMT start or reset; {self.send(stop)}"
+
+    def _leaders(self) -> list[str]:
+        """Return the nodes that carry out a plan, each once."""
+        senders = (self.session.decoder.protocol.binding(panel.plan).senders for panel in self.session.panels if panel.plan)
+        return list(dict.fromkeys(node for each in senders for node in each))
 
     def write(self, said: Arguments) -> None:
         """Write an object of a node; what its file does not allow is not sent."""

@@ -291,7 +291,8 @@ function perSource(make) {                  // one element for each source, side
   const made = sources.map(make);
   const element = h("div", {class: "sources"}, ...made.map((each, number) =>
     h("div", {class: "source"}, several ? h("h3", {}, sources[number].name) : null, each.element)));
-  return {element, show: time => made.forEach(each => each.show(time))};
+  return {element, show: time => made.forEach(each => each.show(time)),
+    begins: () => Math.min(...made.map(each => each.begins ? each.begins() : Infinity))};
 }
 
 // Messages
@@ -341,6 +342,7 @@ class MessageLine {
     this.wrong = now.wrong;
     say(this.cells.wrong, now.wrong ? String(now.wrong) : "");
     this.element.classList.toggle("is-wrong", Boolean(now.defects));
+    this.element.classList.toggle("lost", isLost(this.row.source, this.row, time));
     this.element.classList.toggle("old", now.age > Math.max(3 * (now.period || 0), 1));
     this.chips.forEach((chip, place) => {
       show(chip, now.values !== null && !this.row.fields[place].unmapped);
@@ -574,6 +576,12 @@ const EXTENDED = 2 ** 29;
 const identifier = id => id === null ? "" : (id % EXTENDED).toString(16).toUpperCase().padStart(id < EXTENDED ? 3 : 8, "0");
 const hex = (value, digits) => value === null ? "–" : `0x${value.toString(16).toUpperCase().padStart(digits, "0")}`;
 
+function isLost(source, row, time) {        // whether all who send it are lost
+  const message = source.messages.get(row.name), senders = message ? message.senders : row.nodes;
+  const known = source.nodes.filter(each => senders.includes(each.name));
+  return known.length > 0 && known.every(each => nodeNow(source, each, time).lost);
+}
+
 class NodeCard {
   constructor(source, node) {
     Object.assign(this, {source, node});
@@ -682,7 +690,10 @@ if (live) views.push({name: "objects", title: "Objects", make() {
 if (live) views.push({name: "send", title: "Send", control: true, make() {
   const source = sources[0], names = [...source.messages.keys()];
   const fields = h("div", {class: "fields"}), answer = h("output", {class: "answer"});
-  const chosen = h("select", {"aria-label": "message", onchange: () => build()}, ...names.map(name => h("option", {}, name)));
+  // It opens on nothing: what a stray click could send is then nothing, too.
+  const chosen = h("select", {"aria-label": "message", onchange: () => build()},
+    h("option", {value: ""}, "choose a message"), ...names.map(name => h("option", {}, name)));
+  const main = h("button", {class: "main", disabled: true}, "Send");
   let inputs = [];
   function inputOf(field) {
     const words = Object.values(field.words);
@@ -693,6 +704,8 @@ if (live) views.push({name: "send", title: "Send", control: true, make() {
   }
   function build() {
     const message = source.messages.get(chosen.value);
+    main.disabled = !message;
+    say(answer, "");
     inputs = message ? message.fields.filter(field => !field.unmapped).map(field => ({field, input: inputOf(field)})) : [];
     fields.replaceChildren(...inputs.map(({field, input}) => h("label", {},
       `${field.name}${field.unit ? ` in ${field.unit}` : ""}`, input, h("small", {id: `allowed-${field.name}`}, field.allowed))));
@@ -712,7 +725,7 @@ if (live) views.push({name: "send", title: "Send", control: true, make() {
   const all = h("div", {class: "buttons"}, ...["start", "stop", "pre-operational", "reset"].map(command =>
     h("button", {onclick: () => quietly(request({do: "nmt", command, node: "all"}, `${command} sent to all nodes`))}, `${command} all nodes`)));
   return {element: h("div", {class: "card"}, h("form", {class: "send", onsubmit: send},
-    h("label", {}, "Message", chosen), fields, h("button", {class: "main"}, "Send"), answer), h("h4", {}, "NMT"), all), show() {}};
+    h("label", {}, "Message", chosen), fields, main, answer), h("h4", {}, "NMT"), all), show() {}};
 }});
 
 // Events
@@ -781,8 +794,8 @@ function timeline() {
 // The whole
 
 function statusLine() {
-  const text = h("span"), load = h("span"), link = h("a", {hidden: true});
-  const skipped = h("span", {class: "hint", title: "this browser was too slow for them; the bus was read all the same"});
+  const text = h("span"), load = h("span", {class: live ? "more" : ""}), link = h("a", {hidden: true});
+  const skipped = h("span", {class: "hint more", title: "this browser was too slow for them; the bus was read all the same"});
   const dot = h("span", {class: "dot"});
   const freeze = h("button", {id: "freeze", "aria-pressed": "false", title: "hold what is shown: f", onclick: () => toggleFreeze()}, "Freeze");
   const record = h("button", {id: "record", onclick: () => quietly(connection.state?.recording.on
@@ -805,10 +818,12 @@ function statusLine() {
     troubled = state.recording.trouble;
     say(load, `load ${(100 * state.load).toFixed(1)} %, ${state.rate.toFixed(0)} frames/s, ${state.frames} frames`);
     say(skipped, state.skipped ? `${state.skipped} snapshots skipped` : "");
-    say(record, state.recording.on ? `Stop recording (${state.recording.frames})` : "Record");
+    say(record, state.recording.on ? `Stop (${state.recording.frames})` : "Record");
+    record.setAttribute("aria-label", state.recording.on ? "stop recording" : "record");
     record.classList.toggle("recording", state.recording.on);
+    element.title = load.textContent;         // a phone has no room for it
     show(link, !state.recording.on && state.recording.file !== "");
-    if (state.recording.file) { link.href = `/recording/${state.recording.file}`; say(link, `save ${state.recording.file}`); }
+    if (state.recording.file) { link.href = `/recording/${state.recording.file}`; say(link, "Save"); link.title = state.recording.file; }
   }};
 }
 function toggleFreeze() {
@@ -833,6 +848,8 @@ function start() {
     },
   }, view.title));
   const made = all.map(view => view.make());
+  const first = Math.min(...made.map(each => each.begins ? each.begins() : Infinity));
+  if (!live && first < Infinity) clock.seek(first);   // a log opens where there is something to see
   const sections = all.map((view, place) => h("section", {
     class: `view ${view.panel ? "panel" : ""}`, id: `view-${view.name}`, role: "tabpanel", "aria-labelledby": `tab-${view.name}`,
   }, made[place].element));
@@ -859,6 +876,7 @@ function start() {
       show(sections[place], chosen || (beside && view.panel === true));
     });
     document.body.classList.toggle("beside", beside);
+    tabs[all.indexOf(current)].scrollIntoView({block: "nearest", inline: "nearest"});
     stale = true;
   }
   wide.addEventListener("change", layout);
