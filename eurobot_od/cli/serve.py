@@ -14,18 +14,17 @@ import tempfile
 from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
 
 from eurobot_od.cli import complain, options
 from eurobot_od.cli.logs import ReadOptions, add_reading, meanings
-from eurobot_od.errors import LocalError
+from eurobot_od.errors import EurobotError, LocalError
 from eurobot_od.support import extras
 
 if TYPE_CHECKING:
     from eurobot_od.logs.meaning import Decoder
     from eurobot_od.support.address import Address
-    from eurobot_od.web.columns import Columns
     from eurobot_od.web.panel import Panel
     from eurobot_od.web.requests import Requests
     from eurobot_od.web.session import Session
@@ -71,8 +70,8 @@ def run(arguments: argparse.Namespace) -> None:
         if logs:
             from eurobot_od.web.page import page
 
-            columns = [_columns(log, ReadOptions.of(arguments), decoder, bitrate, panels) for log in logs]
-            text = page(" and ".join(each.name for each in columns), [each.data() for each in columns], panels)
+            sources = [_source(log, ReadOptions.of(arguments), decoder, bitrate, panels) for log in logs]
+            text = page(" and ".join(each["name"] for each in sources), sources, panels)
             asyncio.run(_serve(text, arguments.listen))
         else:
             from eurobot_od.web.session import Session
@@ -100,7 +99,10 @@ async def _serve(text: str, listen: Address, requests: Requests | None = None) -
 # Logs
 
 
-def _columns(log: str, reading: ReadOptions, decoder: Decoder, bitrate: int, panels: Sequence[type[Panel]]) -> Columns:
+def _source(
+    log: str, reading: ReadOptions, decoder: Decoder, bitrate: int, panels: Sequence[type[Panel]]
+) -> dict[str, Any]:
+    """Read a log as a source of the page, with what is kept beside it."""
     from eurobot_od.logs.statistics import DamageCounts
     from eurobot_od.web.columns import Columns
 
@@ -111,7 +113,16 @@ def _columns(log: str, reading: ReadOptions, decoder: Decoder, bitrate: int, pan
     sys.stderr.writelines(f"{line}\n" for line in damage.report())
     if columns.left_out:
         complain(f"{log}: {columns.left_out} frames are left out: a page cannot hold them all")
-    return columns
+    rows: list[dict[str, Any]] = []
+    for panel in panels:
+        try:
+            beside = panel.beside(Path(log))
+        except EurobotError as error:
+            complain(str(error))
+        else:
+            columns.add(beside.events)
+            rows += beside.rows
+    return columns.data(rows)
 
 
 # The bus

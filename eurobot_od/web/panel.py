@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import typing
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, ClassVar, NamedTuple
 
@@ -27,6 +27,16 @@ class PageEvent(NamedTuple):
     mark: str = ""
     wrong: bool = False
     data: Mapping[str, Any] = {}
+
+
+class Beside(NamedTuple):
+    """What was not on the bus: events, and rows as the page has them."""
+
+    events: Sequence[PageEvent] = ()
+    rows: Sequence[dict[str, Any]] = ()
+
+
+NOTHING_BESIDE = Beside()
 
 
 class Control(typing.Protocol):
@@ -63,6 +73,11 @@ class Panel:
     def of(cls, protocol: Protocol) -> type[Panel]:  # noqa: ARG003 (for those that override it)
         """Return the panel for a network that it fits."""
         return cls
+
+    @classmethod
+    def beside(cls, log: Path) -> Beside:  # noqa: ARG003 (for those that override it)
+        """Return what is kept beside a log, with times from its first frame; raises LocalError for what is damaged."""
+        return NOTHING_BESIDE
 
     @classmethod
     def setup(cls) -> Mapping[str, Any]:

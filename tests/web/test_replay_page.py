@@ -343,3 +343,9 @@ def test_the_numbers_of_the_axes_are_off_the_border(page: Page, width: int) -> N
     })()""")
     assert len(gaps) == 12
     assert min(gaps) >= 2
+
+
+def test_a_served_log_has_what_lies_beside_it(logs: list[Path], window: Page, served_logs: str) -> None:
+    assert [each.with_name(f"{each.name}.truth.json").is_file() for each in logs] == [True, True]
+    window.open(served_logs)
+    assert window.run("sources.map(each => each.row('True position').times.length > 10)") == [True, True]

@@ -40,8 +40,9 @@ from eurobot_od.robot.picture.recording import (
     Truth,
     at,
 )
+from eurobot_od.robot.picture.truth_file import read_truth
 from eurobot_od.support import svg
-from eurobot_od.web.panel import Control, PageEvent, Panel
+from eurobot_od.web.panel import Beside, Control, PageEvent, Panel
 
 HERE = Path(__file__).parent
 
@@ -91,6 +92,11 @@ class FieldPanel(Panel):
     def of(cls, protocol: Protocol) -> type[Panel]:
         """Return the panel of the robot whose files those of a network are."""
         return field_panel(robot_file.read(robot_file.file_for(protocol.bindings[0].file)))
+
+    @classmethod
+    def beside(cls, log: Path) -> Beside:
+        truth = read_truth(log)
+        return Beside(list(truth_events(truth, 0.0)), true_path(truth, 0.0))
 
     @classmethod
     def setup(cls) -> Mapping[str, Any]:
