@@ -97,7 +97,7 @@ class Row {
 
 class Source {
   constructor(data, number) {
-    Object.assign(this, {number, name: data.name, nodes: data.nodes, groups: data.groups, bitrate: data.bitrate});
+    Object.assign(this, {number, name: data.name, nodes: data.nodes, machine: data.machine, groups: data.groups, bitrate: data.bitrate});
     this.messages = new Map(data.messages.map(each => [each.name, each]));
     this.leftOut = data.left_out || 0;
     this.end = data.end || 0;
