@@ -63,7 +63,7 @@ def until(done: Callable[[], object], within: float = 10.0) -> None:
 
 def open_drives(page: Page, served: Served) -> None:
     page.open(served.address)
-    page.wait("connection.up")
+    page.wait("connection.up && document.body.classList.contains('control') === connection.control")
     page.click("#tab-drives")
     page.wait("document.querySelector('.machine .now')")
 
@@ -100,7 +100,7 @@ def test_a_jog_turns_while_its_button_is_held_and_the_plots_show_it(tmp_path: Pa
         until(lambda: scene.velocity > 0)
         window.run(f"new Promise(done => setTimeout(done, {2000 * HELD}))")
         assert scene.velocity > 0, "it is said again and again that the button is held"
-        window.wait("sources[0].objects.get('servo 0x606C:00').values.some(each => each > 0)")
+        window.wait("sources[0].objects.get('servo 0x606C:0').values.some(each => each > 0)")
         window.wait("document.querySelectorAll('.drive .chart canvas').length === 2")
         window.call("Input.dispatchMouseEvent", type="mouseReleased", button="left", clickCount=1, **place)
         until(lambda: abs(scene.velocity) < 0.001)

@@ -349,3 +349,28 @@ def test_a_served_log_has_what_lies_beside_it(logs: list[Path], window: Page, se
     assert [each.with_name(f"{each.name}.truth.json").is_file() for each in logs] == [True, True]
     window.open(served_logs)
     assert window.run("sources.map(each => each.row('True position').times.length > 10)") == [True, True]
+
+
+def test_tabs_go_by_arrows_home_and_end_and_lead_into_their_view(page: Page) -> None:
+    page.size(390)
+    page.click("#tab-field")
+    for key, tab in (("ArrowRight", "messages"), ("End", "events"), ("ArrowRight", "field"), ("ArrowLeft", "events"),
+                     ("Home", "field")):  # fmt: skip
+        page.press(key)
+        assert page.run("[document.activeElement.id, document.activeElement.getAttribute('aria-selected')]") == [
+            f"tab-{tab}", "true",
+        ]  # fmt: skip
+    page.call("Input.dispatchKeyEvent", type="keyDown", key="Tab", code="Tab", windowsVirtualKeyCode=9)
+    assert page.run("document.activeElement.id") == "view-field"
+    assert page.run("document.activeElement.getAttribute('role')") == "tabpanel"
+
+
+def test_faults_are_said_to_who_does_not_see_the_page(page: Page) -> None:
+    assert page.run("document.querySelector('#alarms').getAttribute('role')") == "alert"
+    page.run("clock.seek(clock.end)")
+    assert page.text("#alarms") == ""
+    page.run("""sources[0].events.set('e', {key: 'e', kind: 'EMCY', time: 1, text: 'drive, 0x8130 heartbeat',
+        end: null, wrong: true, data: {node: 'drive'}})""")
+    page.run("(row => { row.times = row.times.filter(time => time < 3); })(sources[0].rows.get(0x703))")
+    page.run("clock.seek(clock.end - 0.01)")
+    page.wait("document.querySelector('#alarms').textContent === 'navigation is lost; drive, 0x8130 heartbeat'")

@@ -157,7 +157,9 @@ panel("field", (setup, source) => {
   }
   function colourOf(robot, time) {
     const start = robot.colour ? null : source.row(setup.start);
-    return robot.colour || setup.teams[start && start.value("team_colour", time)] || "var(--ink)";
+    const team = start && start.value("team_colour", time), colour = robot.colour || setup.teams[team];
+    // The page has colours of its own, as the printed picture's are for paper.
+    return colour ? `var(--robot-${(robot.colour ? robot.name : team).replaceAll(" ", "-")}, ${colour})` : "var(--ink)";
   }
   const rowOf = robot => source.row(robot.message);
   function ageOf(row, time) {               // s since it was seen, 0 while that is as often as it should be

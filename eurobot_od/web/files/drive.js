@@ -17,6 +17,8 @@ function edge([x, y], [dx, dy]) {           // where a line from the middle of a
   const share = Math.min(BOX.width / 2 / (Math.abs(dx) || 1e-9), BOX.height / 2 / (Math.abs(dy) || 1e-9));
   return [x + dx * share, y + dy * share];
 }
+const drawn = (path, [x, y], number) => [
+  s("path", {class: "arrow", d: path, "marker-end": "url(#tip)"}), s("text", {class: "number", x, y}, String(number))];
 function arrowOf({number, before, after}) {
   const one = PLACES[before], two = PLACES[after], dx = two[0] - one[0], dy = two[1] - one[1];
   const rows = Math.abs(dy) / 90;
@@ -26,13 +28,17 @@ function arrowOf({number, before, after}) {
     path = `M${x} ${one[1]}Q${bend} ${middle} ${x - 3} ${two[1]}`;
     label = [(x + bend) / 2, middle];
   } else {
+    if (dx !== 0 && dy !== 0) {             // into the side: the straight line would cut another box
+      const to = [two[0] + BOX.width / 2 + 2, two[1] + 10], from = [one[0], one[1] - BOX.height / 2];
+      return drawn(`M${from}L${to}`, [(from[0] + to[0]) / 2, (from[1] + to[1]) / 2], number);
+    }
     // There and back are two arrows beside each other.
     const aside = dx === 0 ? [dy > 0 ? -24 : 24, 0] : dy === 0 ? [0, dx > 0 ? -9 : 9] : [0, 0];
     const [from, to] = [edge(one, [dx, dy]), edge(two, [-dx, -dy])].map(([x, y]) => [x + aside[0], y + aside[1]]);
     path = `M${from}L${to}`;
     label = [(from[0] + to[0]) / 2, (from[1] + to[1]) / 2];
   }
-  return [s("path", {class: "arrow", d: path, "marker-end": "url(#tip)"}), s("text", {class: "number", x: label[0], y: label[1]}, String(number))];
+  return drawn(path, label, number);
 }
 
 function machineOf(machine) {

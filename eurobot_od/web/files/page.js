@@ -361,7 +361,7 @@ views.push({name: "messages", title: "Messages", make() {
   const tables = perSource(source => {
     const body = h("tbody"), lines = new Map();
     const head = (name, words) => h("th", {scope: "col", class: name}, words);
-    const table = h("table", {class: "messages"}, h("thead", {}, h("tr", {}, head("id", "ID"), head("", "Message"),
+    const table = h("table", {class: "messages", "aria-label": `messages of ${source.name}`}, h("thead", {}, h("tr", {}, head("id", "ID"), head("", "Message"),
       ...Object.entries(COLUMNS).map(each => head(...each)), head("values", "Last values"))), body);
     const none = h("p", {class: "hint", hidden: true});
     const element = h("div", {}, table, none);
@@ -449,7 +449,7 @@ class Plot {
     this.chart = new uPlot({
       width: this.canvas.clientWidth, height: 220, legend: {show: false},
       scales: {x: {time: false}},
-      axes: [{...axis, label: "time in s", labelSize: 18}, {...axis, label: units || undefined, size: 60, labelSize: 18}],
+      axes: [{...axis, label: "time in s", labelSize: 18}, {...axis, label: units || undefined, labelSize: 18, size: (_, values) => Math.max(60, 18 + 8 * Math.max(0, ...(values || []).map(each => each.length)))}],
       cursor: {sync: {key: "time"}, drag: {x: true, y: false, setScale: false}, bind: {dblclick: () => () => plots.zoom(null)}},
       series: [{}, ...this.series.map((each, place) => ({
         label: each.name, stroke: css(COLOURS[place % 8]), width: 1.6, spanGaps: true, dash: place >= 4 ? [6, 4] : undefined,
@@ -826,6 +826,15 @@ function statusLine() {
     if (state.recording.file) { link.href = `/recording/${state.recording.file}`; say(link, "Save"); link.title = state.recording.file; }
   }};
 }
+function faults(time) {                    // what a person has to hear of, whatever view they are in
+  return sources.flatMap(source => {
+    const lost = source.nodes.filter(node => nodeNow(source, node, time).lost).map(node => `${node.name} is lost`);
+    const named = new Map();                // of each node its last EMCY
+    for (const each of source.sortedEvents()) if (each.kind === "EMCY" && each.time <= time) named.set(each.data.node, each);
+    const errors = [...named.values()].filter(each => each.wrong).map(each => each.text);
+    return [...(live && !connection.up ? ["no connection to the server"] : []), ...(live && connection.state?.trouble ? [connection.state.trouble] : []), ...lost, ...errors];
+  });
+}
 function toggleFreeze() {
   clock.frozen = clock.frozen === null ? clock.time : null;
   stale = true;
@@ -838,11 +847,12 @@ function start() {
   const tabs = all.map((view, place) => h("button", {
     role: "tab", id: `tab-${view.name}`, "aria-controls": `view-${view.name}`, title: `key ${place + 1}`,
     onclick: () => choose(view), onkeydown: event => {
-      const step = {ArrowRight: 1, ArrowLeft: -1}[event.key];
-      if (!step) return;
+      const shownTabs = tabs.filter(tab => !tab.hidden), here = shownTabs.indexOf(tabs[place]);
+      const to = {ArrowRight: here + 1, ArrowLeft: here - 1, Home: 0, End: -1}[event.key];
+      if (to === undefined) return;
+      event.preventDefault();
       event.stopPropagation();
-      const shownTabs = tabs.filter(tab => !tab.hidden);
-      const next = shownTabs[(shownTabs.indexOf(tabs[place]) + step + shownTabs.length) % shownTabs.length];
+      const next = shownTabs.at(to % shownTabs.length);
       next.click();
       next.focus();
     },
@@ -851,13 +861,15 @@ function start() {
   const first = Math.min(...made.map(each => each.begins ? each.begins() : Infinity));
   if (!live && first < Infinity) clock.seek(first);   // a log opens where there is something to see
   const sections = all.map((view, place) => h("section", {
-    class: `view ${view.panel ? "panel" : ""}`, id: `view-${view.name}`, role: "tabpanel", "aria-labelledby": `tab-${view.name}`,
+    class: `view ${view.panel ? "panel" : ""}`, id: `view-${view.name}`, role: "tabpanel", "aria-labelledby": `tab-${view.name}`, tabindex: 0,
   }, made[place].element));
   const status = statusLine(), line = live ? null : timeline();
   const stop = h("button", {id: "stop", hidden: true, title: "Stop: Escape", onclick: () => quietly(stopNow())}, "STOP");
   document.body.append(
     h("header", {}, h("h1", {}, content.title), status.element, h("nav", {role: "tablist", "aria-label": "views"}, ...tabs)),
     h("main", {class: panels.length ? "with-panel" : ""}, ...sections), h("footer", {}, line && line.element, stop), toastLine);
+  const alarms = h("div", {id: "alarms", class: "heard-only", role: "alert"});
+  document.body.append(alarms);
   let current = all[0];
   const wide = matchMedia("(min-width: 1200px)");
   function choose(view) {
@@ -896,7 +908,7 @@ function start() {
       document.body.classList.toggle("control", connection.control);
       all.forEach((view, place) => { if (!sections[place].hidden && (tables || view.panel)) made[place].show(time); });
       if (line) line.show(time);
-      if (tables) status.show(time);
+      if (tables) { status.show(time); say(alarms, faults(time).join("; ")); }
       document.body.dataset.time = time.toFixed(3);
     }
     requestAnimationFrame(frame);
