@@ -238,7 +238,9 @@ class Requests:
 
     def _leaders(self) -> list[str]:
         """Return the nodes that carry out a plan, each once."""
-        senders = (self.session.decoder.protocol.binding(panel.plan).senders for panel in self.session.panels if panel.plan)
+        senders = (
+            self.session.decoder.protocol.binding(panel.plan).senders for panel in self.session.panels if panel.plan
+        )
         return list(dict.fromkeys(node for each in senders for node in each))
 
     def write(self, said: Arguments) -> None:

@@ -64,7 +64,9 @@ def test_lines_and_robots_can_be_seen(theme: str) -> None:
 @pytest.mark.parametrize("eyes", SEEN)
 def test_robots_are_told_apart_by_all_eyes(theme: str, eyes: str) -> None:
     robots = {name: colour for name, colour in THEMES[theme].items() if name.startswith("robot-")}
-    pairs = [each for each in combinations(robots, 2) if set(each) != {"robot-red", "robot-yellow"}]  # ours is one of them
+    pairs = [
+        each for each in combinations(robots, 2) if set(each) != {"robot-red", "robot-yellow"}
+    ]  # ours is one of them
     near = {(one, two): distance(robots[one], robots[two], eyes) for one, two in pairs}
     assert {pair: round(figure) for pair, figure in near.items() if figure < APART} == {}
 

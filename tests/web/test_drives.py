@@ -50,7 +50,10 @@ class Bench(NamedTuple):
 def bench(tmp_path: Path, control: bool = True, fault: str = "") -> Iterator[Bench]:
     kind = FAULTS[fault].given_to(SimulatedDrive) if fault else SimulatedDrive
     name, drive = channel(), kind(SERVO)
-    with Live.node(open_bus("virtual", name), drive), live_page(name, tmp_path, control, network=NETWORK, panels=()) as served:
+    with (
+        Live.node(open_bus("virtual", name), drive),
+        live_page(name, tmp_path, control, network=NETWORK, panels=()) as served,
+    ):
         yield Bench(served, drive)
 
 
@@ -63,7 +66,9 @@ def until(done: Callable[[], object], within: float = 10.0) -> None:
 
 def open_drives(page: Page, served: Served) -> None:
     page.open(served.address)
+    # What comes with the connection moves the tabs, and a click goes to a place.
     page.wait("connection.up && document.body.classList.contains('control') === connection.control")
+    page.wait("!document.querySelector('.status.is-wrong')")
     page.click("#tab-drives")
     page.wait("document.querySelector('.machine .now')")
 
@@ -80,13 +85,28 @@ def test_the_state_machine_shows_where_the_drive_is(tmp_path: Path, window: Page
     with bench(tmp_path) as scene:
         open_drives(window, scene.served)
         assert window.run(NOW) == "Switch on disabled"
-        window.run("[...document.querySelectorAll('.drive button')].find(each => each.textContent === 'Enable').click()")
+        window.run(
+            "[...document.querySelectorAll('.drive button')].find(each => each.textContent === 'Enable').click()"
+        )
         window.wait(f"{NOW} === 'Operation enabled'")
         assert window.text(".drive-state") == "Operation enabled"
         assert window.run("document.querySelector('.machine').getAttribute('aria-label')").endswith("Operation enabled")
         assert scene.state is State.ENABLED
         window.run("document.querySelector('.drive .halt').click()")
         window.wait(f"{NOW} === 'Switch on disabled'")
+
+
+@pytest.mark.parametrize("width", [390, 820, 1440])
+def test_the_state_machine_can_be_read(tmp_path: Path, window: Page, width: int) -> None:
+    window.size(width)
+    with bench(tmp_path) as scene:
+        open_drives(window, scene.served)
+        heights = "[...document.querySelectorAll('.machine text')].map(each => each.getBoundingClientRect().height)"
+        assert window.run(f"Math.min(...{heights})") >= 11
+        wide = """[...document.querySelectorAll('.machine g')].map(each => each.querySelector('rect')
+            .getBoundingClientRect().width - each.querySelector('text').getBoundingClientRect().width)"""
+        assert min(window.run(wide)) > 0, "each name fits its box"
+        assert window.run("document.documentElement.scrollWidth - innerWidth") == 0
 
 
 def test_a_jog_turns_while_its_button_is_held_and_the_plots_show_it(tmp_path: Path, window: Page) -> None:
@@ -149,7 +169,9 @@ def test_a_fault_is_said_and_reset(tmp_path: Path, window: Page) -> None:
         assert window.run("document.querySelector('.machine .now').classList.contains('faulty')")
         refused = scene.ask(do="jog", node="servo", axis=1, velocity=5)
         assert refused["error"] == "enable the drive first: it is in Fault"
-        window.run("[...document.querySelectorAll('.drive button')].find(each => each.textContent === 'Fault reset').click()")
+        window.run(
+            "[...document.querySelectorAll('.drive button')].find(each => each.textContent === 'Fault reset').click()"
+        )
         window.wait(f"{NOW} === 'Switch on disabled'")
 
 
@@ -163,7 +185,10 @@ def test_a_fault_is_said_and_reset(tmp_path: Path, window: Page) -> None:
         ({"do": "drive", "node": "servo", "axis": 1}, "command is missing, or no text"),
         ({"do": "jog", "node": "servo", "axis": 1}, "velocity is missing, or no whole number"),
         ({"do": "jog", "node": "servo", "axis": 1, "velocity": True}, "velocity is missing, or no whole number"),
-        ({"do": "jog", "node": "servo", "axis": 1, "velocity": 5}, "enable the drive first: it is in Switch on disabled"),
+        (
+            {"do": "jog", "node": "servo", "axis": 1, "velocity": 5},
+            "enable the drive first: it is in Switch on disabled",
+        ),
     ],
 )
 def test_what_is_asked_wrongly_of_a_drive(tmp_path: Path, words: dict[str, Any], error: str) -> None:
@@ -178,4 +203,7 @@ def test_without_control_a_drive_is_looked_at_only(tmp_path: Path, window: Page,
         said = scene.ask(do=do, node="servo", axis=1, command="enable", velocity=5)
         assert said["error"] == "this page is read-only: start the server with --control"
         open_drives(window, scene.served)
-        assert window.run("[...document.querySelectorAll('.drive .buttons button')].some(each => each.offsetParent)") is False
+        assert (
+            window.run("[...document.querySelectorAll('.drive .buttons button')].some(each => each.offsetParent)")
+            is False
+        )

@@ -145,8 +145,8 @@ def test_stop_ends_a_whole_plan_until_go(tmp_path: Path, window: Page) -> None:
         assert window.run(count) == before
         stood = true_place(world)
         # The core has shut the drive down, as it may no longer ask whether it stands.
-        refused = window.run("connection.ask({do: 'send', message: 'Goto XY', fields: {x: '400', y: '1700', angle: '0', "
-                             "speed: '50'}}).catch(error => error.message)")  # fmt: skip
+        goto = {"do": "send", "message": "Goto XY", "fields": {"x": "400", "y": "1700", "angle": "0", "speed": "50"}}
+        refused = window.run(f"connection.ask({json.dumps(goto)}).catch(error => error.message)")
         assert refused == "no goto: an Emergency Shutdown has ended all of them until a Start Configuration Set"
         assert true_place(world) == stood
         window.run("connection.ask({do: 'nmt', command: 'reset', node: 'core'})")
@@ -165,7 +165,8 @@ def test_stop_and_go_are_far_apart_however_the_page_is_scrolled(scene: Scene, wi
     page = scene.page
     page.size(width, 844)
     gap = """(() => {
-        const [one, two] = ['#stop', 'form.goto .main'].map(each => document.querySelector(each).getBoundingClientRect());
+        const box = each => document.querySelector(each).getBoundingClientRect();
+        const [one, two] = [box('#stop'), box('form.goto .main')];
         return Math.max(one.left - two.right, two.left - one.right, one.top - two.bottom, two.top - one.bottom);
     })()"""
     page.run("document.querySelector('#tab-field').hidden || document.querySelector('#tab-field').click()")
@@ -178,7 +179,9 @@ def test_stop_and_go_are_far_apart_however_the_page_is_scrolled(scene: Scene, wi
 def test_send_opens_on_nothing_and_is_armed_by_a_choice(scene: Scene) -> None:
     page = scene.page
     page.click("#tab-send")
-    assert page.run("[document.querySelector('form.send select').value, document.querySelector('form.send .main').disabled]") == ["", True]
+    assert page.run(
+        "[document.querySelector('form.send select').value, document.querySelector('form.send .main').disabled]"
+    ) == ["", True]
     assert page.run("document.querySelectorAll('.fields label').length") == 0
     before = page.run("connection.number")
     page.click("form.send .main")

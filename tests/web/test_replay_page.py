@@ -287,8 +287,8 @@ def test_a_robot_is_drawn_by_its_outline(window: Page, tmp_path: Path) -> None:
 
 
 def test_it_opens_where_somebody_is_seen_first(page: Page) -> None:
-    first = page.run("""Math.min(...[...sources[0].rows.values()].filter(each => each.name.endsWith('Position Response'))
-        .map(each => each.times[each.columns[0].findIndex(x => x !== null)]))""")
+    first = page.run("""Math.min(...[...sources[0].rows.values()]
+        .filter(each => each.name.endsWith('Position Response')).map(each => each.times[each.columns[0].findIndex(x => x !== null)]))""")
     assert 0 < first < end(page)
     page.wait(f"Math.abs({SHOWN} - {first}) < 0.001")
     page.wait("document.querySelector('.robot[visibility=visible]')")
@@ -337,8 +337,9 @@ def test_the_numbers_of_the_axes_are_off_the_border(page: Page, width: int) -> N
     page.run("clock.seek(clock.end)")
     gaps = page.run("""(() => {
         const box = each => each.getBoundingClientRect(), field = box(document.querySelector('.field rect'));
-        return [...document.querySelectorAll('.field g text')].filter(each => /^[0-9]+$/.test(each.textContent)
-            && each.closest('.field > g') === document.querySelector('.field > g')).map(box).filter(each => each.left < field.left - 9 || each.top > field.bottom - 9)
+        return [...document.querySelector('.field > g').querySelectorAll('text')]
+            .filter(each => /^[0-9]+$/.test(each.textContent)).map(box)
+            .filter(each => each.left < field.left - 9 || each.top > field.bottom - 9)
             .map(each => Math.max(field.left - each.right, each.top - field.bottom));
     })()""")
     assert len(gaps) == 12

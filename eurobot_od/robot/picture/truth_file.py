@@ -79,6 +79,12 @@ def read_truth(log: Path, start: float = 0.0) -> Truth:
 def _truth(data: Any, start: float) -> Truth:
     return Truth(
         [(start + float(time), Pose(*map(float, pose))) for time, *pose in data["path"]],
-        [TouchMark(start + float(time), Point(*place), str(words), bool(at_fault)) for time, place, words, at_fault in data["touches"]],
-        [ScoredTask(start + float(time), str(robot), str(task), int(points)) for time, robot, task, points in data["scores"]],
+        [
+            TouchMark(start + float(time), Point(*place), str(words), bool(at_fault))
+            for time, place, words, at_fault in data["touches"]
+        ],
+        [
+            ScoredTask(start + float(time), str(robot), str(task), int(points))
+            for time, robot, task, points in data["scores"]
+        ],
     )

@@ -5,11 +5,11 @@
 
 const driven = live ? sources[0].nodes.filter(each => each.drive) : [];
 
-const BOX = {width: 200, height: 44};
+const BOX = {width: 216, height: 44};
 const PLACES = {                            // as CiA 402 draws it: left what one passes when enabling, right the others
   "Not ready to switch on": [170, 30], "Switch on disabled": [170, 120], "Ready to switch on": [170, 210],
   "Switched on": [170, 300], "Operation enabled": [170, 390],
-  "Fault reaction active": [470, 30], "Fault": [470, 120], "Quick stop active": [470, 390],
+  "Fault reaction active": [480, 30], "Fault": [480, 120], "Quick stop active": [480, 390],
 };
 const FAULTY = ["Fault", "Fault reaction active"];
 
@@ -47,7 +47,7 @@ function machineOf(machine) {
     s("text", {x: PLACES[name][0], y: PLACES[name][1]}, name))]));
   const tip = s("marker", {id: "tip", viewBox: "0 0 10 10", refX: 9, refY: 5, markerWidth: 8, markerHeight: 8, orient: "auto"},
     s("path", {class: "tip", d: "M0 0L10 5L0 10Z"}));
-  const element = s("svg", {class: "machine", viewBox: "-20 0 600 420", role: "img"}, s("defs", {}, tip),
+  const element = s("svg", {class: "machine", viewBox: "4 0 588 420", role: "img"}, s("defs", {}, tip),
     ...machine.arrows.flatMap(arrowOf), ...boxes.values());
   return {element, show(state) {
     element.setAttribute("aria-label", `state machine of CiA 402, now: ${state || "not known"}`);

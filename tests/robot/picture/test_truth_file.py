@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -45,7 +46,7 @@ def test_the_path_is_thinned(log: Path) -> None:
     write_truth(log, Truth([(each / 100, Pose(each, 0.0, 0.0)) for each in range(1000)]), 0.0)
     times = [time for time, _ in read_truth(log).path]
     assert 80 < len(times) <= 100
-    assert min(after - before for before, after in zip(times, times[1:])) >= STEP - 0.001
+    assert min(after - before for before, after in pairwise(times)) >= STEP - 0.001
 
 
 @pytest.mark.parametrize(
