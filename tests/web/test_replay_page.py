@@ -288,7 +288,8 @@ def test_a_robot_is_drawn_by_its_outline(window: Page, tmp_path: Path) -> None:
 
 def test_it_opens_where_somebody_is_seen_first(page: Page) -> None:
     first = page.run("""Math.min(...[...sources[0].rows.values()]
-        .filter(each => each.name.endsWith('Position Response')).map(each => each.times[each.columns[0].findIndex(x => x !== null)]))""")
+        .filter(each => each.name.endsWith('Position Response'))
+        .map(each => each.times[each.columns[0].findIndex(x => x !== null)]))""")
     assert 0 < first < end(page)
     page.wait(f"Math.abs({SHOWN} - {first}) < 0.001")
     page.wait("document.querySelector('.robot[visibility=visible]')")
