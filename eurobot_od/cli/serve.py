@@ -77,7 +77,7 @@ def run(arguments: argparse.Namespace) -> None:
             from eurobot_od.web.session import Session
 
             session = Session(options.opener(arguments), decoder, bitrate, panels)
-            name = _bus_name(arguments.interface, arguments.channel)
+            name = bus_name(arguments.interface, arguments.channel)
             asyncio.run(_show_bus(session, panels, name, arguments.control, arguments.listen))
 
 
@@ -128,7 +128,7 @@ def _source(
 # The bus
 
 
-def _bus_name(interface: str | None, channel: str | None) -> str:
+def bus_name(interface: str | None, channel: str | None) -> str:
     """Return what a page calls a bus: `Bus can0 (socketcan)`, and one on the network by where it is."""
     place = urlsplit(channel or "").netloc
     if place:
