@@ -19,7 +19,7 @@ from eurobot_od.robot.match.drawing import draw  # noqa: E402
 from eurobot_od.robot.match.stage import play_simulated  # noqa: E402
 from eurobot_od.robot.model.options import MatchOptions  # noqa: E402
 from tests.web.browser import Page, running  # noqa: E402
-from tests.web.scene import channel, live_page, robot  # noqa: E402
+from tests.web.scene import live_page, robot  # noqa: E402
 
 SIZE = (1400, 860)
 SHOWN = 57.0
@@ -49,6 +49,7 @@ def live_picture(page: Page, address: str) -> None:
     """Show a robot that drives where the page has sent it."""
     page.open(address)
     page.wait(f"connection.control && {ROW} && {ROW}.times.length > 1")
+    page.wait("document.querySelector('form.goto button').offsetParent")  # the form comes with the control
     page.run("""(() => {
         const [x, y] = document.querySelectorAll('form.goto input');
         [x.value, y.value] = [1500, 1300];
@@ -62,7 +63,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description="Make the pictures of docs/page.md.")
     parser.add_argument("--folder", type=Path, default=ROOT / "docs", help="where to (default: docs)")
     folder: Path = parser.parse_args(arguments).folder
-    name = channel()
+    name = "The bus of the robot"
     with tempfile.TemporaryDirectory() as kept, running() as browser:
         page = browser.page()
         page.size(*SIZE)

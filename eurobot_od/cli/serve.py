@@ -14,17 +14,17 @@ import tempfile
 from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+from urllib.parse import urlsplit
 
 from eurobot_od.cli import complain, options
 from eurobot_od.cli.logs import ReadOptions, add_reading, meanings
-from eurobot_od.errors import LocalError
+from eurobot_od.errors import EurobotError, LocalError
 from eurobot_od.support import extras
 
 if TYPE_CHECKING:
     from eurobot_od.logs.meaning import Decoder
     from eurobot_od.support.address import Address
-    from eurobot_od.web.columns import Columns
     from eurobot_od.web.panel import Panel
     from eurobot_od.web.requests import Requests
     from eurobot_od.web.session import Session
@@ -70,14 +70,14 @@ def run(arguments: argparse.Namespace) -> None:
         if logs:
             from eurobot_od.web.page import page
 
-            columns = [_columns(log, ReadOptions.of(arguments), decoder, bitrate, panels) for log in logs]
-            text = page(" and ".join(each.name for each in columns), [each.data() for each in columns], panels)
+            sources = [_source(log, ReadOptions.of(arguments), decoder, bitrate, panels) for log in logs]
+            text = page(" and ".join(each["name"] for each in sources), sources, panels)
             asyncio.run(_serve(text, arguments.listen))
         else:
             from eurobot_od.web.session import Session
 
             session = Session(options.opener(arguments), decoder, bitrate, panels)
-            name = f"{arguments.interface or 'bus'} {arguments.channel or ''}".strip()
+            name = bus_name(arguments.interface, arguments.channel)
             asyncio.run(_show_bus(session, panels, name, arguments.control, arguments.listen))
 
 
@@ -99,21 +99,41 @@ async def _serve(text: str, listen: Address, requests: Requests | None = None) -
 # Logs
 
 
-def _columns(log: str, reading: ReadOptions, decoder: Decoder, bitrate: int, panels: Sequence[type[Panel]]) -> Columns:
+def _source(
+    log: str, reading: ReadOptions, decoder: Decoder, bitrate: int, panels: Sequence[type[Panel]]
+) -> dict[str, Any]:
+    """Read a log as a source of the page, with what is kept beside it."""
     from eurobot_od.logs.statistics import DamageCounts
     from eurobot_od.web.columns import Columns
 
     # No bar: it would share the terminal with the address and with what is wrong in the log.
-    columns, damage = Columns(Path(log).stem, decoder, bitrate, panels), DamageCounts()
+    columns, damage = Columns(Path(log).name, decoder, bitrate, panels), DamageCounts()
     for time, meaning in meanings([log], reading, decoder, damage, is_watched=False):
         columns.take(time, meaning)
     sys.stderr.writelines(f"{line}\n" for line in damage.report())
     if columns.left_out:
         complain(f"{log}: {columns.left_out} frames are left out: a page cannot hold them all")
-    return columns
+    rows: list[dict[str, Any]] = []
+    for panel in panels:
+        try:
+            beside = panel.beside(Path(log))
+        except EurobotError as error:
+            complain(str(error))
+        else:
+            columns.add(beside.events)
+            rows += beside.rows
+    return columns.data(rows)
 
 
 # The bus
+
+
+def bus_name(interface: str | None, channel: str | None) -> str:
+    """Return what a page calls a bus: `Bus can0 (socketcan)`, and one on the network by where it is."""
+    place = urlsplit(channel or "").netloc
+    if place:
+        return f"Bus at {place.rpartition('@')[2]}"
+    return f"Bus {channel or ''}".strip() + (f" ({interface})" if interface else "")
 
 
 async def _show_bus(session: Session, panels: Sequence[type[Panel]], name: str, control: bool, listen: Address) -> None:

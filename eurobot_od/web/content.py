@@ -9,6 +9,7 @@ from eurobot_od.logs.meaning import Decoder, Meaning
 from eurobot_od.od.standard import IDENTITY
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.message import kinds
+from eurobot_od.web.drives import axes_of, drive_data, machine_data
 from eurobot_od.web.panel import PageEvent, Panel
 
 
@@ -32,9 +33,11 @@ def described(decoder: Decoder) -> dict[str, Any]:
                 "id": each.node_id,
                 "file": each.file.name,
                 "identity": [each.number((IDENTITY, sub)) for sub in range(1, 5)],
+                "drive": drive_data(each),
             }
             for each in decoder.dictionaries
         ],
+        "machine": machine_data() if any(map(axes_of, decoder.dictionaries)) else None,
         "groups": list(decoder.protocol.catalogue.groups),
     }
 

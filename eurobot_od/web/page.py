@@ -20,7 +20,7 @@ from eurobot_od.web.panel import Panel
 
 FILES = Path(__file__).with_name("files")
 STYLES = ("uplot.css", "page.css")
-SCRIPTS = ("uplot.js", "page.js")  # in this order: each uses those before it
+SCRIPTS = ("uplot.js", "page.js", "drive.js")  # in this order: each uses those before it
 
 PART = re.compile(r"\{\{(\w+)\}\}")
 """A place of `page.html` that is filled in."""

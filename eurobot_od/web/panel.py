@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import typing
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, ClassVar, NamedTuple
 
@@ -29,6 +29,16 @@ class PageEvent(NamedTuple):
     data: Mapping[str, Any] = {}
 
 
+class Beside(NamedTuple):
+    """What was not on the bus: events, and rows as the page has them."""
+
+    events: Sequence[PageEvent] = ()
+    rows: Sequence[dict[str, Any]] = ()
+
+
+NOTHING_BESIDE = Beside()
+
+
 class Control(typing.Protocol):
     """What a panel may do on the bus when a message is sent from the page."""
 
@@ -43,7 +53,8 @@ class Panel:
     """A view of the page for networks that have certain messages; one object follows one source.
 
     `script` and `style` are written into the page: the script calls `panel(name, make)`, see `files/page.js`. `stop` is
-    the message that the button Stop sends, `` if that is left to NMT.
+    the message that the button Stop sends, `` if that is left to NMT. `plan` is the message that carries out a plan, ``
+    if there is none: Stop takes whoever sends it out of OPERATIONAL.
     """
 
     name: ClassVar[str]
@@ -51,6 +62,7 @@ class Panel:
     script: ClassVar[Path]
     style: ClassVar[Path]
     stop: ClassVar[str] = ""
+    plan: ClassVar[str] = ""
 
     @classmethod
     def fits(cls, protocol: Protocol) -> bool:
@@ -61,6 +73,11 @@ class Panel:
     def of(cls, protocol: Protocol) -> type[Panel]:  # noqa: ARG003 (for those that override it)
         """Return the panel for a network that it fits."""
         return cls
+
+    @classmethod
+    def beside(cls, log: Path) -> Beside:  # noqa: ARG003 (for those that override it)
+        """Return what is kept beside a log, with times from its first frame; raises LocalError for what is damaged."""
+        return NOTHING_BESIDE
 
     @classmethod
     def setup(cls) -> Mapping[str, Any]:

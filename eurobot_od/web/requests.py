@@ -28,6 +28,7 @@ from eurobot_od.pdo.message import Message
 from eurobot_od.pdo.written import parse
 from eurobot_od.profiles.words import with_words, words
 from eurobot_od.web import polled
+from eurobot_od.web.drives import LOOK, Axis, Drives, quick_stops
 from eurobot_od.web.polled import PolledObject
 from eurobot_od.web.session import Session
 
@@ -52,6 +53,7 @@ class Requests:
         self.master = Master(session.tap)
         for each in session.decoder.dictionaries:
             self.master.follow(each)
+        self.drives = Drives(self.master, session.decoder.dictionaries, lambda: session.now)
         # An SDO frame does not say which transfer it belongs to: two at once would take each other's answers.
         self._one_at_a_time = asyncio.Lock()
 
@@ -213,9 +215,35 @@ class Requests:
 
     def stop(self, _: Arguments) -> str:
         """Stop what can be stopped."""
-        if self.stop_message:
-            return self.send({"message": self.stop_message})
-        return self._send_nmt(NmtCommand.STOP, ALL_NODES)
+        if not self.stop_message:
+            return self._stop_devices()
+        leaders, stop = self._leaders(), {"message": self.stop_message}
+        if not leaders:
+            return self.send(stop)
+        self.send(stop)
+        for node in leaders:
+            # PRE-OPERATIONAL and not STOPPED: it sends no plan's messages there either, and still answers SDO.
+            self._send_nmt(NmtCommand.ENTER_PRE_OPERATIONAL, self._node_id(node))
+        # Once more: what a leader had in its mailbox when it heard of it goes out after the first stop.
+        return f"{', '.join(leaders)} held until NMT start or reset; {self.send(stop)}"
+
+    def _stop_devices(self) -> str:
+        """Quick-stop the drives, and stop all other nodes by NMT, which need not stop a motor (CiA 301, 7.3.2.2.4)."""
+        if not self.drives.axes:
+            return self._send_nmt(NmtCommand.STOP, ALL_NODES)
+        self.drives.stopped()
+        sent = [self._send(each) for each in quick_stops(self.master, self.drives.axes)]
+        drives = {each.node_id for each in self.drives.axes}
+        # The drives stay as they are: stopped by NMT they would no longer say by SDO whether they stand.
+        others = [each.node_id for each in self.session.decoder.dictionaries if each.node_id not in drives]
+        return ", ".join([*sent, *(self._send_nmt(NmtCommand.STOP, each) for each in others)])
+
+    def _leaders(self) -> list[str]:
+        """Return the nodes that carry out a plan, each once."""
+        senders = (
+            self.session.decoder.protocol.binding(panel.plan).senders for panel in self.session.panels if panel.plan
+        )
+        return list(dict.fromkeys(node for each in senders for node in each))
 
     def write(self, said: Arguments) -> None:
         """Write an object of a node; what its file does not allow is not sent."""
@@ -224,6 +252,33 @@ class Requests:
         if not objects.is_described(thing):
             raise LocalError(f"{label(objects.address_of(thing))} is in no EDS, so that its length is not known")
         node.download(objects.address_of(thing), objects.encode(thing, value), thing.qualname)
+
+    # Drives of CiA 402
+
+    def _axis(self, said: Arguments) -> Axis:
+        return self.drives.axis(self._node_id(_text(said, "node")), said.get("axis"))
+
+    def drive(self, said: Arguments) -> None:
+        """Have a drive carry out a command."""
+        self.drives.command(self._axis(said), _text(said, "command"))
+
+    def jog(self, said: Arguments) -> None:
+        """Turn a drive for as long as the page says that the button is held."""
+        velocity = said.get("velocity")
+        if not isinstance(velocity, int) or isinstance(velocity, bool):
+            raise LocalError("velocity is missing, or no whole number")
+        self.drives.jog(self._axis(said), velocity)
+
+    def hold(self, said: Arguments) -> None:
+        """Say that the button of a jog is still held."""
+        self.drives.hold(self._axis(said))
+
+    async def end_jogs(self) -> None:
+        """Halt the drives whose button nobody holds any more, again and again."""
+        while True:
+            if self.drives.overdue():
+                await self._ask(self.drives.end_overdue)
+            await asyncio.sleep(LOOK)
 
     # Recording
 
@@ -263,6 +318,9 @@ REQUESTS: Mapping[str, PageRequest] = {
     "nmt": PageRequest(Requests.nmt, Way.SENDS, acts=True),
     "stop": PageRequest(Requests.stop, Way.SENDS, acts=True),
     "write": PageRequest(Requests.write, acts=True),
+    "drive": PageRequest(Requests.drive, acts=True),
+    "jog": PageRequest(Requests.jog, acts=True),
+    "hold": PageRequest(Requests.hold, Way.AT_ONCE, acts=True),
 }
 
 

@@ -131,7 +131,7 @@ class _Server:
                 session.poll()
                 await asyncio.sleep(PERIOD)
 
-        return [watch(), self._requests.poll()]
+        return [watch(), self._requests.poll(), self._requests.end_jogs()]
 
     @web.middleware
     async def _guard(self, request: web.Request, handler: Handler) -> web.StreamResponse:

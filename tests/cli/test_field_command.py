@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
@@ -49,3 +50,22 @@ def test_no_picture(
     assert cli.main(["field", str(log), "-o", str(log.with_suffix(suffix))]) == status
     assert message in capsys.readouterr().err
     assert not log.with_suffix(suffix).exists()
+
+
+def test_the_points_of_a_match_are_in_what_is_drawn_of_its_log(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    log, page, picture = tmp_path / "match.log", tmp_path / "match.html", tmp_path / "match.svg"
+    assert cli.main(["match", "--log", str(log)]) == 0
+    told = re.search(r"points: ours (\d+)", capsys.readouterr().out)
+    assert told is not None
+    for file in (page, picture):
+        assert cli.main(["field", str(log), "-o", str(file)]) == 0
+    made = re.findall(r'"kind":"points","time":[0-9.]+,"text":"ours: [^"]* \+(\d+)"', page.read_text())
+    assert sum(map(int, made)) == int(told[1]) > 0
+    assert f"{told[1]} points" in picture.read_text()
+    log.write_text(log.read_text()[20:])
+    capsys.readouterr()
+    assert cli.main(["field", str(log), "-o", str(page)]) == 0
+    assert "match.log.truth.json: of another log than match.log; its points are left out" in capsys.readouterr().err
+    assert '"kind":"points"' not in page.read_text()

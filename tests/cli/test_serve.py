@@ -9,6 +9,7 @@ from urllib.request import urlopen
 
 import pytest
 
+from eurobot_od.cli.serve import bus_name
 from eurobot_od.support import extras
 from tests.cli.console import run
 from tests.cli.processes import PATIENCE, command, in_background, line
@@ -55,7 +56,7 @@ def test_a_log_is_served_until_it_is_told_to_end(log: Path, end: signal.Signals)
     with command("serve", str(log), "--listen", "127.0.0.1:0") as process:
         address = line(process, "http://127.0.0.1:").split()[0]
         with urlopen(address, timeout=PATIENCE) as answer:
-            assert "<title>friday</title>" in answer.read().decode()
+            assert "<title>friday.log</title>" in answer.read().decode()
         process.send_signal(end)
         _, err = process.communicate(timeout=PATIENCE)
     assert process.returncode == 0
@@ -77,7 +78,7 @@ def test_a_bus_is_served_until_it_is_told_to_end() -> None:
     with command("serve", "-i", "virtual", "-c", "test-serve", "--listen", "127.0.0.1:0") as process:
         address = line(process, "http://127.0.0.1:").split()[0]
         with urlopen(address, timeout=PATIENCE) as answer:
-            assert "<title>virtual test-serve</title>" in answer.read().decode()
+            assert "<title>Bus test-serve (virtual)</title>" in answer.read().decode()
         process.send_signal(signal.SIGINT)
         _, err = process.communicate(timeout=PATIENCE)
     assert process.returncode == 0, err
@@ -93,3 +94,17 @@ def test_other_machines_need_a_token_that_is_printed_once(log: Path) -> None:
     _, _, token = address.partition("/?token=")
     assert len(token) >= 32
     assert token not in out + err
+
+
+@pytest.mark.parametrize(
+    ("interface", "channel", "name"),
+    [
+        ("socketcan", "can0", "Bus can0 (socketcan)"),
+        ("remote", "ws://192.168.1.7:54701/", "Bus at 192.168.1.7:54701"),
+        ("remote", "ws://me:secret@host:1/", "Bus at host:1"),  # a password is nobody's heading
+        ("pcan", None, "Bus (pcan)"),
+        (None, None, "Bus"),
+    ],
+)
+def test_a_page_is_named_by_its_bus_in_words(interface: str | None, channel: str | None, name: str) -> None:
+    assert bus_name(interface, channel) == name

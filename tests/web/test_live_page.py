@@ -7,6 +7,7 @@ import math
 import socket
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
@@ -16,6 +17,7 @@ from typing import NamedTuple
 import pytest
 
 from eurobot_od.device.nmt import NmtCommand
+from eurobot_od.errors import EurobotError
 from eurobot_od.frame import Frame
 from eurobot_od.live import Driver, open_bus
 from eurobot_od.logs.formats import read
@@ -23,12 +25,13 @@ from eurobot_od.logs.meaning import Decoder
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.robot.model.messages import StartConfigurationSet
 from eurobot_od.robot.model.values import TeamColour
+from eurobot_od.robot.nodes import Core
 from eurobot_od.robot.protocol import EurobotProtocol
 from eurobot_od.robot.world import World
 from tests.cli.processes import command, line
 from tests.conftest import EDS, with_entry
 from tests.web.browser import Browser, Page
-from tests.web.scene import Served, channel, live_page, robot
+from tests.web.scene import LONG, Served, channel, live_page, robot
 
 GOAL = (700, 1600)
 NEAR = 60.0
@@ -104,6 +107,92 @@ def test_stop_stops(scene: Scene) -> None:
     assert 200 < x < GOAL[0] - NEAR
     scene.page.click("#stop")
     scene.page.wait("sources[0].row('Stop Drive').latest.count === 2")
+
+
+@contextmanager
+def plan_of(core: Core) -> Iterator[None]:
+    """Have a core go back and forth by a plan that no error ends."""
+    over = threading.Event()
+
+    def carry_out() -> None:
+        while not over.wait(0.02):
+            for x in (700, 400):
+                with suppress(EurobotError):
+                    core.goto(x, 1600, 0, 50).result(LONG)
+
+    thread = threading.Thread(target=carry_out, daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        over.set()
+        core.leave()
+        thread.join(LONG)
+
+
+def test_stop_ends_a_whole_plan_until_go(tmp_path: Path, window: Page) -> None:
+    name, window.may_lose_its_server = channel(), True
+    with robot(name) as (core, world), live_page(name, tmp_path) as served, plan_of(core):
+        window.open(served.address)
+        window.wait("connection.control && sources[0].row('Goto XY')")
+        window.click("#stop")
+        window.wait("!toastLine.hidden")
+        assert window.text("#toast").startswith("stop sent: core held until NMT start or reset; 004#")
+        window.wait("sources[0].row('Stop Drive')?.latest.count >= 2")
+        count = "sources[0].row('Goto XY').latest.count"
+        before = window.run(count)
+        window.run("new Promise(done => setTimeout(done, 2500))")  # long enough for a dozen gotos of this plan
+        assert window.run(count) == before
+        stood = true_place(world)
+        # The core has shut the drive down, as it may no longer ask whether it stands.
+        goto = {"do": "send", "message": "Goto XY", "fields": {"x": "400", "y": "1700", "angle": "0", "speed": "50"}}
+        refused = window.run(f"connection.ask({json.dumps(goto)}).catch(error => error.message)")
+        assert refused == "no goto: an Emergency Shutdown has ended all of them until a Start Configuration Set"
+        assert true_place(world) == stood
+        window.run("connection.ask({do: 'nmt', command: 'reset', node: 'core'})")
+        window.wait("[...sources[0].health].find(each => each.name === 'core').state === 'operational'")
+        names = ("enemies", "confederates", "enemy_1_diameter", "enemy_2_diameter")
+        fields = {"team_colour": "red", **dict.fromkeys(names, "0")}
+        window.run(f"connection.ask({{do: 'send', message: 'Start Configuration Set', fields: {json.dumps(fields)}}})")
+        window.wait(f"{KALMAN}.latest && {KALMAN}.latest.values[0] !== null")
+        send_goto(window)
+        window.wait(f"{count} > {before}")
+        window.wait("[...sources[0].events.values()].some(each => each.data.outcome === 'arrived')")
+
+
+@pytest.mark.parametrize("width", [390, 820, 1440])
+def test_stop_and_go_are_far_apart_however_the_page_is_scrolled(scene: Scene, width: int) -> None:
+    page = scene.page
+    page.size(width, 844)
+    gap = """(() => {
+        const box = each => document.querySelector(each).getBoundingClientRect();
+        const [one, two] = [box('#stop'), box('form.goto .main')];
+        return Math.max(one.left - two.right, two.left - one.right, one.top - two.bottom, two.top - one.bottom);
+    })()"""
+    page.run("document.querySelector('#tab-field').hidden || document.querySelector('#tab-field').click()")
+    page.wait("document.querySelector('form.goto .main').offsetParent && !document.querySelector('#stop').hidden")
+    for place in ("start", "center", "end"):
+        page.run(f"document.querySelector('form.goto .main').scrollIntoView({{block: '{place}'}})")
+        assert page.run(gap) > 100
+
+
+def test_send_opens_on_nothing_and_is_armed_by_a_choice(scene: Scene) -> None:
+    page = scene.page
+    page.click("#tab-send")
+    assert page.run(
+        "[document.querySelector('form.send select').value, document.querySelector('form.send .main').disabled]"
+    ) == ["", True]
+    assert page.run("document.querySelectorAll('.fields label').length") == 0
+    before = page.run("connection.number")
+    page.click("form.send .main")
+    assert page.run("connection.number") == before, "nothing was asked of the server"
+    page.run("""(() => {
+        const chosen = document.querySelector('form.send select');
+        chosen.value = 'Goto XY';
+        chosen.dispatchEvent(new Event('change'));
+    })()""")
+    assert page.run("document.querySelector('form.send .main').disabled") is False
+    assert page.run("document.querySelectorAll('.fields label').length") > 4
 
 
 def test_a_plot_ends_with_the_last_value(scene: Scene) -> None:
@@ -234,7 +323,7 @@ def test_searching_and_freezing(scene: Scene) -> None:
 def test_a_recording_is_a_log_of_what_was_seen(scene: Scene, tmp_path: Path) -> None:
     page = scene.page
     page.click("#record")
-    page.wait("connection.state.recording.frames > 5")
+    page.wait("connection.state.recording.frames > 20")  # a heartbeat of the core among them
     page.click("#record")
     page.wait("document.querySelector('.status a[href]')")
     text = page.run("fetch(document.querySelector('.status a').href).then(answer => answer.text())")

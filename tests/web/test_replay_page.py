@@ -109,7 +109,7 @@ def test_scrubbing_shows_what_was_then(page: Page) -> None:
     ids="-".join,
 )
 def test_keys_move_the_time(page: Page, keys: list[str], expected: str) -> None:
-    for key in keys:
+    for key in ("Home", *keys):
         page.press(key)
     page.wait(f"Math.abs({SHOWN} - ({expected})) < 0.001")
 
@@ -201,7 +201,7 @@ def test_two_logs_side_by_side_on_one_time_axis(logs: list[Path], window: Page, 
     window.open(served_logs)
     window.wait("document.querySelectorAll('.lane').length === 2")
     assert window.run("[...document.querySelectorAll('#view-field h3')].map(each => each.textContent)") == [
-        each.stem for each in logs
+        each.name for each in logs
     ]
     window.run("clock.seek(5)")
     window.wait(f"{SHOWN} === 5")
@@ -209,7 +209,7 @@ def test_two_logs_side_by_side_on_one_time_axis(logs: list[Path], window: Page, 
     assert len(set(places)) == 2
     window.run("sources.forEach(each => plots.add(new FieldSeries(each.row('Kalman Position Response'), 'x')))")
     assert window.run("plots.all[0].series.map(each => each.name)") == [
-        f"{each.stem}: Kalman Position Response.x" for each in logs
+        f"{each.name}: Kalman Position Response.x" for each in logs
     ]
 
 
@@ -284,3 +284,95 @@ def test_a_robot_is_drawn_by_its_outline(window: Page, tmp_path: Path) -> None:
     shape = window.run("document.querySelector('.robot polygon').getAttribute('points')")
     assert shape == "120,-60 -120,-60 -120,60 120,60", "y grows downwards on the drawing"
     assert window.run("document.querySelectorAll('.robot polygon').length") == 1, "the others are discs"
+
+
+def test_it_opens_where_somebody_is_seen_first(page: Page) -> None:
+    first = page.run("""Math.min(...[...sources[0].rows.values()]
+        .filter(each => each.name.endsWith('Position Response'))
+        .map(each => each.times[each.columns[0].findIndex(x => x !== null)]))""")
+    assert 0 < first < end(page)
+    page.wait(f"Math.abs({SHOWN} - {first}) < 0.001")
+    page.wait("document.querySelector('.robot[visibility=visible]')")
+
+
+ENEMY = "sources[0].row('Enemy 1 Position Response')"
+
+
+def test_a_place_out_of_reach_is_a_dot_and_no_spike(page: Page) -> None:
+    page.run("clock.seek(clock.end)")
+    trail = "[...document.querySelectorAll('.trail')].map(each => each.getAttribute('points')).join(' ')"
+    dots = "document.querySelectorAll('.dots circle').length"
+    page.wait(f"{trail}.length > 0")
+    before = page.run(dots)
+    page.run(f"(row => {{ row.columns[0][row.times.length - 6] = 17; }})({ENEMY})")
+    page.run("clock.seek(clock.end - 0.01)")
+    page.wait(f"{dots} === {before + 1}")
+    assert not any(each.startswith("17,") for each in page.run(trail).split())
+    assert page.run("[...document.querySelectorAll('.dots circle')].some(each => each.getAttribute('cx') === '17')")
+
+
+def test_a_lost_node_greys_its_part(page: Page) -> None:
+    page.run("clock.seek(clock.end)")
+    lost = "[...document.querySelectorAll('tr.lost th')].map(each => each.textContent)"
+    page.wait("document.querySelectorAll('.messages tbody tr').length > 5")
+    assert page.run(lost) == []
+    # its heartbeats end in the middle
+    page.run("(row => { row.times = row.times.filter(time => time < 3); })(sources[0].rows.get(0x703))")
+    page.run("clock.seek(clock.end - 0.01)")
+    page.wait(f"{lost}.includes('Navi Position Response')")
+    assert "Kalman Position Response" not in page.run(lost), "the drive sends it"
+    assert page.run("document.querySelectorAll('.robot.lost').length") > 0
+    assert page.run("document.querySelector('.robot:not(.raw)').classList.contains('lost')") is False
+
+
+@pytest.mark.parametrize("size", [(390, 844), (360, 640)], ids=str)
+def test_on_a_phone_the_header_takes_a_tenth_at_most(page: Page, size: tuple[int, int]) -> None:
+    page.size(*size)
+    assert page.run("document.querySelector('header').getBoundingClientRect().height") <= size[1] / 10
+
+
+@pytest.mark.parametrize("width", [1600, 1280, 390])
+def test_the_numbers_of_the_axes_are_off_the_border(page: Page, width: int) -> None:
+    page.size(width)
+    page.run("document.querySelector('#tab-field').hidden || document.querySelector('#tab-field').click()")
+    page.run("clock.seek(clock.end)")
+    gaps = page.run("""(() => {
+        const box = each => each.getBoundingClientRect(), field = box(document.querySelector('.field rect'));
+        return [...document.querySelector('.field > g').querySelectorAll('text')]
+            .filter(each => /^[0-9]+$/.test(each.textContent)).map(box)
+            .filter(each => each.left < field.left - 9 || each.top > field.bottom - 9)
+            .map(each => Math.max(field.left - each.right, each.top - field.bottom));
+    })()""")
+    assert len(gaps) == 12
+    assert min(gaps) >= 2
+
+
+def test_a_served_log_has_what_lies_beside_it(logs: list[Path], window: Page, served_logs: str) -> None:
+    assert [each.with_name(f"{each.name}.truth.json").is_file() for each in logs] == [True, True]
+    window.open(served_logs)
+    assert window.run("sources.map(each => each.row('True position').times.length > 10)") == [True, True]
+
+
+def test_tabs_go_by_arrows_home_and_end_and_lead_into_their_view(page: Page) -> None:
+    page.size(390)
+    page.click("#tab-field")
+    for key, tab in (("ArrowRight", "messages"), ("End", "events"), ("ArrowRight", "field"), ("ArrowLeft", "events"),
+                     ("Home", "field")):  # fmt: skip
+        page.press(key)
+        assert page.run("[document.activeElement.id, document.activeElement.getAttribute('aria-selected')]") == [
+            f"tab-{tab}", "true",
+        ]  # fmt: skip
+    page.call("Input.dispatchKeyEvent", type="keyDown", key="Tab", code="Tab", windowsVirtualKeyCode=9)
+    assert page.run("document.activeElement.id") == "view-field"
+    assert page.run("document.activeElement.getAttribute('role')") == "tabpanel"
+
+
+def test_faults_are_said_to_who_does_not_see_the_page(page: Page) -> None:
+    assert page.run("document.querySelector('#alarms').getAttribute('role')") == "alert"
+    page.run("clock.seek(clock.end)")
+    assert page.text("#alarms") == ""
+    page.run("""sources[0].events.set('e', {key: 'e', kind: 'EMCY', time: 1, text: 'drive, 0x8130 heartbeat',
+        end: null, wrong: true, data: {node: 'drive'}})""")
+    page.run("(row => { row.times = row.times.filter(time => time < 3); })(sources[0].rows.get(0x703))")
+    page.run("clock.seek(clock.end - 0.01)")
+    page.wait("document.querySelector('#alarms').textContent === 'navigation is lost; drive, 0x8130 heartbeat'")

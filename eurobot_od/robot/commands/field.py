@@ -9,12 +9,13 @@ from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from eurobot_od.cli import options
+from eurobot_od.cli import complain, options
 from eurobot_od.cli.logs import ReadOptions, add_log, entries
-from eurobot_od.errors import RemoteError
+from eurobot_od.errors import EurobotError, RemoteError
 
 if TYPE_CHECKING:
     from eurobot_od.logs.meaning import Meaning
+    from eurobot_od.robot.picture.recording import Truth
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -46,9 +47,22 @@ def run(arguments: argparse.Namespace) -> None:
             yield time, meaning
 
     facts = MatchOptions(dialect=arguments.dialect, robot=arguments.robot).facts()
-    match = SeenMatch(list(meanings()), described, facts)
+    seen = list(meanings())
+    match = SeenMatch(seen, described, facts, _truth(arguments.logs, seen[0][0] if seen else 0.0))
     sys.stderr.writelines(f"{line}\n" for line in damage.report())
     recording = match.recording
     if not recording.path and not recording.gotos:
         raise RemoteError(f"{', '.join(arguments.logs)}: neither a Kalman Position Response nor a Goto XY to draw")
     save(match, arguments.output, arguments.title or Path(arguments.logs[0]).stem)
+
+
+def _truth(logs: list[str], start: float) -> Truth:
+    """Return what the world of a simulated match has left beside its log; of several logs nobody knows."""
+    from eurobot_od.robot.picture.recording import NOTHING
+    from eurobot_od.robot.picture.truth_file import read_truth
+
+    try:
+        return read_truth(Path(logs[0]), start) if len(logs) == 1 else NOTHING
+    except EurobotError as error:
+        complain(str(error))
+        return NOTHING

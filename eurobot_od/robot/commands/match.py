@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from eurobot_od.plugin import Plugin
     from eurobot_od.robot.match import MatchEvent, MatchOptions
     from eurobot_od.robot.match.strategies import StrategyFiles
+    from eurobot_od.robot.world import World
 
 SEEDS = re.compile(r"(?:([0-9]{1,9})-)?([0-9]{1,9})")
 """N or FIRST-LAST."""
@@ -124,10 +125,13 @@ def _run_one(arguments: argparse.Namespace, options: MatchOptions) -> ExitStatus
     players = _strategies(arguments).load()
     events: list[MatchEvent] = []
     frames: list[tuple[float, Frame]] = []
+    began: list[float] = []
     with recording(arguments.log, arguments.log_failure, complain) as write:
 
         def watch(time: float, frame: Frame) -> None:
             write(time, frame)
+            if not began:
+                began.append(time)
             if arguments.field is not None:
                 frames.append((time, frame))
 
@@ -152,7 +156,21 @@ def _run_one(arguments: argparse.Namespace, options: MatchOptions) -> ExitStatus
             print(json.dumps({"timeline": timeline, "summary": summary.as_data()}, indent=2))
         else:
             print(f"\n{summary}")
+    if arguments.log is not None and began:
+        # After the log, which is whole only now.
+        _keep_truth(arguments.log, world, began[0])
     return status_of(summary)
+
+
+def _keep_truth(log: Path, world: World, began: float) -> None:
+    """Write what only the world knows beside the log; without it the match is a match all the same."""
+    from eurobot_od.robot.match.drawing import truth_of
+    from eurobot_od.robot.picture.truth_file import write_truth
+
+    try:
+        write_truth(log, truth_of(world), began)
+    except OSError as error:
+        complain(f"{error.filename}: {error.strerror}: points and touches are not kept")
 
 
 def _bus(arguments: argparse.Namespace) -> Callable[[], can.BusABC]:

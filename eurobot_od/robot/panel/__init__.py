@@ -18,6 +18,7 @@ from eurobot_od.robot.model import robot_file
 from eurobot_od.robot.model.facts import Facts
 from eurobot_od.robot.model.messages import (
     SOURCES,
+    EmergencyShutdown,
     GotoXY,
     KalmanPositionRequest,
     KalmanPositionResponse,
@@ -27,6 +28,7 @@ from eurobot_od.robot.model.messages import (
 from eurobot_od.robot.model.places import Point
 from eurobot_od.robot.model.values import Outcome, Route
 from eurobot_od.robot.nodes.route import Clearances, find_route
+from eurobot_od.robot.nodes.sightings import SPREAD, TOP_SPEED
 from eurobot_od.robot.nodes.startup import NODE_CHECKS
 from eurobot_od.robot.picture import style
 from eurobot_od.robot.picture.ground import RING, ground
@@ -38,8 +40,9 @@ from eurobot_od.robot.picture.recording import (
     Truth,
     at,
 )
+from eurobot_od.robot.picture.truth_file import read_truth
 from eurobot_od.support import svg
-from eurobot_od.web.panel import Control, PageEvent, Panel
+from eurobot_od.web.panel import Beside, Control, PageEvent, Panel
 
 HERE = Path(__file__).parent
 
@@ -63,6 +66,7 @@ class FieldPanel(Panel):
     script: ClassVar[Path] = HERE / "field.js"
     style: ClassVar[Path] = HERE / "field.css"
     stop: ClassVar[str] = "Stop Drive"
+    plan: ClassVar[str] = "Goto XY"
 
     def __init__(self) -> None:
         self._recorder = Recorder()
@@ -72,7 +76,7 @@ class FieldPanel(Panel):
         self._routes: dict[int, list[Point]] = {}
         self._stops = 0
         self._heard: defaultdict[type[Message], Signal] = defaultdict(Signal)
-        self._place_known = False
+        self._place_known = self._shut_down = False
 
     @classmethod
     def facts(cls) -> Facts:
@@ -90,6 +94,11 @@ class FieldPanel(Panel):
         return field_panel(robot_file.read(robot_file.file_for(protocol.bindings[0].file)))
 
     @classmethod
+    def beside(cls, log: Path) -> Beside:
+        truth = read_truth(log)
+        return Beside(list(truth_events(truth, 0.0)), true_path(truth, 0.0))
+
+    @classmethod
     def setup(cls) -> Mapping[str, Any]:
         facts = cls.facts()
         return {
@@ -103,12 +112,15 @@ class FieldPanel(Panel):
             "teams": {words_of(team): colour for team, colour in style.TEAM.items()},
             "start": StartConfigurationSet.__name__,
             "ink": svg.INK,
+            "reach": {"speed": TOP_SPEED, "spread": SPREAD},
         }
 
     def objection(self, message: Message, control: Control) -> str:
         """Say why no goto is sent from the page: there is no core of ours to check and configure the nodes."""
         if not isinstance(message, GotoXY):
             return ""
+        if self._shut_down:
+            return "no goto: an Emergency Shutdown has ended all of them until a Start Configuration Set"
         for node, request, answer in NODE_CHECKS:
             if not self._answers(request, answer, control):
                 return f"no goto: the {node} does not answer its check"
@@ -127,6 +139,8 @@ class FieldPanel(Panel):
     def take(self, time: float, message: Message) -> Iterable[PageEvent]:
         if isinstance(message, KalmanPositionResponse):
             self._place_known = message.x is not None
+        if isinstance(message, (EmergencyShutdown, StartConfigurationSet)):
+            self._shut_down = isinstance(message, EmergencyShutdown)
         if type(message) in self._heard:
             self._heard[type(message)].set()
         recording = self._recorder.recording

@@ -97,7 +97,7 @@ class Row {
 
 class Source {
   constructor(data, number) {
-    Object.assign(this, {number, name: data.name, nodes: data.nodes, groups: data.groups, bitrate: data.bitrate});
+    Object.assign(this, {number, name: data.name, nodes: data.nodes, machine: data.machine, groups: data.groups, bitrate: data.bitrate});
     this.messages = new Map(data.messages.map(each => [each.name, each]));
     this.leftOut = data.left_out || 0;
     this.end = data.end || 0;
@@ -291,7 +291,8 @@ function perSource(make) {                  // one element for each source, side
   const made = sources.map(make);
   const element = h("div", {class: "sources"}, ...made.map((each, number) =>
     h("div", {class: "source"}, several ? h("h3", {}, sources[number].name) : null, each.element)));
-  return {element, show: time => made.forEach(each => each.show(time))};
+  return {element, show: time => made.forEach(each => each.show(time)),
+    begins: () => Math.min(...made.map(each => each.begins ? each.begins() : Infinity))};
 }
 
 // Messages
@@ -341,6 +342,7 @@ class MessageLine {
     this.wrong = now.wrong;
     say(this.cells.wrong, now.wrong ? String(now.wrong) : "");
     this.element.classList.toggle("is-wrong", Boolean(now.defects));
+    this.element.classList.toggle("lost", isLost(this.row.source, this.row, time));
     this.element.classList.toggle("old", now.age > Math.max(3 * (now.period || 0), 1));
     this.chips.forEach((chip, place) => {
       show(chip, now.values !== null && !this.row.fields[place].unmapped);
@@ -359,7 +361,7 @@ views.push({name: "messages", title: "Messages", make() {
   const tables = perSource(source => {
     const body = h("tbody"), lines = new Map();
     const head = (name, words) => h("th", {scope: "col", class: name}, words);
-    const table = h("table", {class: "messages"}, h("thead", {}, h("tr", {}, head("id", "ID"), head("", "Message"),
+    const table = h("table", {class: "messages", "aria-label": `messages of ${source.name}`}, h("thead", {}, h("tr", {}, head("id", "ID"), head("", "Message"),
       ...Object.entries(COLUMNS).map(each => head(...each)), head("values", "Last values"))), body);
     const none = h("p", {class: "hint", hidden: true});
     const element = h("div", {}, table, none);
@@ -447,7 +449,7 @@ class Plot {
     this.chart = new uPlot({
       width: this.canvas.clientWidth, height: 220, legend: {show: false},
       scales: {x: {time: false}},
-      axes: [{...axis, label: "time in s", labelSize: 18}, {...axis, label: units || undefined, size: 60, labelSize: 18}],
+      axes: [{...axis, label: "time in s", labelSize: 18}, {...axis, label: units || undefined, labelSize: 18, size: (_, values) => Math.max(60, 18 + 8 * Math.max(0, ...(values || []).map(each => each.length)))}],
       cursor: {sync: {key: "time"}, drag: {x: true, y: false, setScale: false}, bind: {dblclick: () => () => plots.zoom(null)}},
       series: [{}, ...this.series.map((each, place) => ({
         label: each.name, stroke: css(COLOURS[place % 8]), width: 1.6, spanGaps: true, dash: place >= 4 ? [6, 4] : undefined,
@@ -574,6 +576,12 @@ const EXTENDED = 2 ** 29;
 const identifier = id => id === null ? "" : (id % EXTENDED).toString(16).toUpperCase().padStart(id < EXTENDED ? 3 : 8, "0");
 const hex = (value, digits) => value === null ? "–" : `0x${value.toString(16).toUpperCase().padStart(digits, "0")}`;
 
+function isLost(source, row, time) {        // whether all who send it are lost
+  const message = source.messages.get(row.name), senders = message ? message.senders : row.nodes;
+  const known = source.nodes.filter(each => senders.includes(each.name));
+  return known.length > 0 && known.every(each => nodeNow(source, each, time).lost);
+}
+
 class NodeCard {
   constructor(source, node) {
     Object.assign(this, {source, node});
@@ -682,7 +690,10 @@ if (live) views.push({name: "objects", title: "Objects", make() {
 if (live) views.push({name: "send", title: "Send", control: true, make() {
   const source = sources[0], names = [...source.messages.keys()];
   const fields = h("div", {class: "fields"}), answer = h("output", {class: "answer"});
-  const chosen = h("select", {"aria-label": "message", onchange: () => build()}, ...names.map(name => h("option", {}, name)));
+  // It opens on nothing: what a stray click could send is then nothing, too.
+  const chosen = h("select", {"aria-label": "message", onchange: () => build()},
+    h("option", {value: ""}, "choose a message"), ...names.map(name => h("option", {}, name)));
+  const main = h("button", {class: "main", disabled: true}, "Send");
   let inputs = [];
   function inputOf(field) {
     const words = Object.values(field.words);
@@ -693,6 +704,8 @@ if (live) views.push({name: "send", title: "Send", control: true, make() {
   }
   function build() {
     const message = source.messages.get(chosen.value);
+    main.disabled = !message;
+    say(answer, "");
     inputs = message ? message.fields.filter(field => !field.unmapped).map(field => ({field, input: inputOf(field)})) : [];
     fields.replaceChildren(...inputs.map(({field, input}) => h("label", {},
       `${field.name}${field.unit ? ` in ${field.unit}` : ""}`, input, h("small", {id: `allowed-${field.name}`}, field.allowed))));
@@ -712,7 +725,7 @@ if (live) views.push({name: "send", title: "Send", control: true, make() {
   const all = h("div", {class: "buttons"}, ...["start", "stop", "pre-operational", "reset"].map(command =>
     h("button", {onclick: () => quietly(request({do: "nmt", command, node: "all"}, `${command} sent to all nodes`))}, `${command} all nodes`)));
   return {element: h("div", {class: "card"}, h("form", {class: "send", onsubmit: send},
-    h("label", {}, "Message", chosen), fields, h("button", {class: "main"}, "Send"), answer), h("h4", {}, "NMT"), all), show() {}};
+    h("label", {}, "Message", chosen), fields, main, answer), h("h4", {}, "NMT"), all), show() {}};
 }});
 
 // Events
@@ -781,8 +794,8 @@ function timeline() {
 // The whole
 
 function statusLine() {
-  const text = h("span"), load = h("span"), link = h("a", {hidden: true});
-  const skipped = h("span", {class: "hint", title: "this browser was too slow for them; the bus was read all the same"});
+  const text = h("span"), load = h("span", {class: live ? "more" : ""}), link = h("a", {hidden: true});
+  const skipped = h("span", {class: "hint more", title: "this browser was too slow for them; the bus was read all the same"});
   const dot = h("span", {class: "dot"});
   const freeze = h("button", {id: "freeze", "aria-pressed": "false", title: "hold what is shown: f", onclick: () => toggleFreeze()}, "Freeze");
   const record = h("button", {id: "record", onclick: () => quietly(connection.state?.recording.on
@@ -805,11 +818,22 @@ function statusLine() {
     troubled = state.recording.trouble;
     say(load, `load ${(100 * state.load).toFixed(1)} %, ${state.rate.toFixed(0)} frames/s, ${state.frames} frames`);
     say(skipped, state.skipped ? `${state.skipped} snapshots skipped` : "");
-    say(record, state.recording.on ? `Stop recording (${state.recording.frames})` : "Record");
+    say(record, state.recording.on ? `Stop (${state.recording.frames})` : "Record");
+    record.setAttribute("aria-label", state.recording.on ? "stop recording" : "record");
     record.classList.toggle("recording", state.recording.on);
+    element.title = load.textContent;         // a phone has no room for it
     show(link, !state.recording.on && state.recording.file !== "");
-    if (state.recording.file) { link.href = `/recording/${state.recording.file}`; say(link, `save ${state.recording.file}`); }
+    if (state.recording.file) { link.href = `/recording/${state.recording.file}`; say(link, "Save"); link.title = state.recording.file; }
   }};
+}
+function faults(time) {                    // what a person has to hear of, whatever view they are in
+  return sources.flatMap(source => {
+    const lost = source.nodes.filter(node => nodeNow(source, node, time).lost).map(node => `${node.name} is lost`);
+    const named = new Map();                // of each node its last EMCY
+    for (const each of source.sortedEvents()) if (each.kind === "EMCY" && each.time <= time) named.set(each.data.node, each);
+    const errors = [...named.values()].filter(each => each.wrong).map(each => each.text);
+    return [...(live && !connection.up ? ["no connection to the server"] : []), ...(live && connection.state?.trouble ? [connection.state.trouble] : []), ...lost, ...errors];
+  });
 }
 function toggleFreeze() {
   clock.frozen = clock.frozen === null ? clock.time : null;
@@ -823,24 +847,29 @@ function start() {
   const tabs = all.map((view, place) => h("button", {
     role: "tab", id: `tab-${view.name}`, "aria-controls": `view-${view.name}`, title: `key ${place + 1}`,
     onclick: () => choose(view), onkeydown: event => {
-      const step = {ArrowRight: 1, ArrowLeft: -1}[event.key];
-      if (!step) return;
+      const shownTabs = tabs.filter(tab => !tab.hidden), here = shownTabs.indexOf(tabs[place]);
+      const to = {ArrowRight: here + 1, ArrowLeft: here - 1, Home: 0, End: -1}[event.key];
+      if (to === undefined) return;
+      event.preventDefault();
       event.stopPropagation();
-      const shownTabs = tabs.filter(tab => !tab.hidden);
-      const next = shownTabs[(shownTabs.indexOf(tabs[place]) + step + shownTabs.length) % shownTabs.length];
+      const next = shownTabs.at(to % shownTabs.length);
       next.click();
       next.focus();
     },
   }, view.title));
   const made = all.map(view => view.make());
+  const first = Math.min(...made.map(each => each.begins ? each.begins() : Infinity));
+  if (!live && first < Infinity) clock.seek(first);   // a log opens where there is something to see
   const sections = all.map((view, place) => h("section", {
-    class: `view ${view.panel ? "panel" : ""}`, id: `view-${view.name}`, role: "tabpanel", "aria-labelledby": `tab-${view.name}`,
+    class: `view ${view.panel ? "panel" : ""}`, id: `view-${view.name}`, role: "tabpanel", "aria-labelledby": `tab-${view.name}`, tabindex: 0,
   }, made[place].element));
   const status = statusLine(), line = live ? null : timeline();
   const stop = h("button", {id: "stop", hidden: true, title: "Stop: Escape", onclick: () => quietly(stopNow())}, "STOP");
   document.body.append(
     h("header", {}, h("h1", {}, content.title), status.element, h("nav", {role: "tablist", "aria-label": "views"}, ...tabs)),
     h("main", {class: panels.length ? "with-panel" : ""}, ...sections), h("footer", {}, line && line.element, stop), toastLine);
+  const alarms = h("div", {id: "alarms", class: "heard-only", role: "alert"});
+  document.body.append(alarms);
   let current = all[0];
   const wide = matchMedia("(min-width: 1200px)");
   function choose(view) {
@@ -859,6 +888,7 @@ function start() {
       show(sections[place], chosen || (beside && view.panel === true));
     });
     document.body.classList.toggle("beside", beside);
+    tabs[all.indexOf(current)].scrollIntoView({block: "nearest", inline: "nearest"});
     stale = true;
   }
   wide.addEventListener("change", layout);
@@ -878,7 +908,7 @@ function start() {
       document.body.classList.toggle("control", connection.control);
       all.forEach((view, place) => { if (!sections[place].hidden && (tables || view.panel)) made[place].show(time); });
       if (line) line.show(time);
-      if (tables) status.show(time);
+      if (tables) { status.show(time); say(alarms, faults(time).join("; ")); }
       document.body.dataset.time = time.toFixed(3);
     }
     requestAnimationFrame(frame);

@@ -1,0 +1,90 @@
+"""What only the world of a simulated match knows, kept in a file beside the match's log: path, touches, points.
+
+Rule of this file: a log is worth more than what lies beside it. A file that is damaged, or is another log's, is an
+error in one line, for a caller to say and to go on without.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+from eurobot_od.errors import LocalError
+from eurobot_od.robot.model.places import Point, Pose
+from eurobot_od.robot.picture.recording import NOTHING, ScoredTask, TouchMark, Truth
+from eurobot_od.support import bounded
+from eurobot_od.support.files import write_whole
+
+BEGINNING = 1 << 16
+"""Bytes of a log that tell it from another one."""
+
+STEP = 0.1
+"""Seconds between two places of the path: a tenth of what a robot is wide at its top speed."""
+
+
+def truth_file(log: Path) -> Path:
+    """Return where a log's truth lies."""
+    return log.with_name(f"{log.name}.truth.json")
+
+
+def _digest(log: Path) -> str:
+    with log.open("rb") as file:
+        return hashlib.sha256(file.read(BEGINNING)).hexdigest()
+
+
+def _thinned(path: Iterable[tuple[float, Pose]]) -> Iterable[tuple[float, Pose]]:
+    last = float("-inf")
+    for time, pose in path:
+        if time - last >= STEP:
+            last = time
+            yield time, pose
+
+
+def write_truth(log: Path, truth: Truth, start: float) -> None:
+    """Write what is true of a match beside its log, whose first frame came at `start`; raises OSError.
+
+    Of a log that is a pipe or a device nothing is kept.
+    """
+    if not log.is_file():
+        return
+    data = {
+        "log": _digest(log),
+        "path": [(round(time - start, 3), *(round(each, 1) for each in pose)) for time, pose in _thinned(truth.path)],
+        "touches": [(each.time - start, each.place, each.words, each.at_fault) for each in truth.touches],
+        "scores": [each._replace(time=each.time - start) for each in truth.scores],
+    }
+    write_whole(truth_file(log), json.dumps(data).encode())
+
+
+def read_truth(log: Path, start: float = 0.0) -> Truth:
+    """Return what is known of a log whose first frame came at `start`, NOTHING if nothing lies beside it.
+
+    Raises LocalError for a file that is no such one, or another log's.
+    """
+    file = truth_file(log)
+    if not file.is_file():
+        return NOTHING
+    try:
+        data = json.loads(bounded.read(file))
+        if data["log"] == _digest(log):
+            return _truth(data, start)
+    except (ValueError, KeyError, TypeError) as error:
+        raise LocalError(f"{file}: not what `match --log` writes: {error}") from error
+    raise LocalError(f"{file}: of another log than {log.name}; its points are left out")
+
+
+def _truth(data: Any, start: float) -> Truth:
+    return Truth(
+        [(start + float(time), Pose(*map(float, pose))) for time, *pose in data["path"]],
+        [
+            TouchMark(start + float(time), Point(*place), str(words), bool(at_fault))
+            for time, place, words, at_fault in data["touches"]
+        ],
+        [
+            ScoredTask(start + float(time), str(robot), str(task), int(points))
+            for time, robot, task, points in data["scores"]
+        ],
+    )

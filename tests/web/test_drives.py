@@ -1,0 +1,209 @@
+"""Drives of CiA 402 on the page: in a browser, and what the server does when nobody holds the button any more."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import pytest
+
+from eurobot_od.device.drive import SimulatedDrive
+from eurobot_od.faults.drive import FAULTS
+from eurobot_od.live import Live, open_bus
+from eurobot_od.logs.meaning import Decoder
+from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.profiles.cia402 import State
+from eurobot_od.web.drives import HELD, axes_of
+from tests.client.servo import EDS, SERVO
+from tests.conftest import EDS as ROBOTS
+from tests.web.browser import Page
+from tests.web.scene import Served, channel, live_page
+from tests.web.test_server import answer, talk
+
+NETWORK = Decoder([Dictionary.load(EDS, 5, "servo")])
+
+
+class Bench(NamedTuple):
+    served: Served
+    drive: SimulatedDrive
+
+    @property
+    def velocity(self) -> float:
+        return self.drive.axes[0].motor.velocity
+
+    @property
+    def state(self) -> State:
+        return self.drive.axes[0].state
+
+    def ask(self, **words: Any) -> Any:
+        return talk(self.served, lambda opened: answer(opened, json.dumps({"id": 1, **words})))
+
+    def drive_to(self, command: str) -> Any:
+        return self.ask(do="drive", node="servo", axis=1, command=command)
+
+
+@contextmanager
+def bench(tmp_path: Path, control: bool = True, fault: str = "") -> Iterator[Bench]:
+    kind = FAULTS[fault].given_to(SimulatedDrive) if fault else SimulatedDrive
+    name, drive = channel(), kind(SERVO)
+    with (
+        Live.node(open_bus("virtual", name), drive),
+        live_page(name, tmp_path, control, network=NETWORK, panels=()) as served,
+    ):
+        yield Bench(served, drive)
+
+
+def until(done: Callable[[], object], within: float = 10.0) -> None:
+    end = time.monotonic() + within
+    while not done():
+        assert time.monotonic() < end, "never"
+        time.sleep(0.02)
+
+
+def open_drives(page: Page, served: Served) -> None:
+    page.open(served.address)
+    # What comes with the connection moves the tabs, and a click goes to a place.
+    page.wait("connection.up && document.body.classList.contains('control') === connection.control")
+    page.wait("!document.querySelector('.status.is-wrong')")
+    page.click("#tab-drives")
+    page.wait("document.querySelector('.machine .now')")
+
+
+NOW = "document.querySelector('.machine .now text').textContent"
+
+
+def test_only_what_says_so_is_a_drive() -> None:
+    assert [each.number for each in axes_of(SERVO)] == [1]
+    assert axes_of(Dictionary.load(ROBOTS / "canopen" / "drive.eds", 2)) == []
+
+
+def test_the_state_machine_shows_where_the_drive_is(tmp_path: Path, window: Page) -> None:
+    with bench(tmp_path) as scene:
+        open_drives(window, scene.served)
+        assert window.run(NOW) == "Switch on disabled"
+        window.run(
+            "[...document.querySelectorAll('.drive button')].find(each => each.textContent === 'Enable').click()"
+        )
+        window.wait(f"{NOW} === 'Operation enabled'")
+        assert window.text(".drive-state") == "Operation enabled"
+        assert window.run("document.querySelector('.machine').getAttribute('aria-label')").endswith("Operation enabled")
+        assert scene.state is State.ENABLED
+        window.run("document.querySelector('.drive .halt').click()")
+        window.wait(f"{NOW} === 'Switch on disabled'")
+
+
+@pytest.mark.parametrize("width", [390, 820, 1440])
+def test_the_state_machine_can_be_read(tmp_path: Path, window: Page, width: int) -> None:
+    window.size(width)
+    with bench(tmp_path) as scene:
+        open_drives(window, scene.served)
+        heights = "[...document.querySelectorAll('.machine text')].map(each => each.getBoundingClientRect().height)"
+        assert window.run(f"Math.min(...{heights})") >= 11
+        wide = """[...document.querySelectorAll('.machine g')].map(each => each.querySelector('rect')
+            .getBoundingClientRect().width - each.querySelector('text').getBoundingClientRect().width)"""
+        assert min(window.run(wide)) > 0, "each name fits its box"
+        assert window.run("document.documentElement.scrollWidth - innerWidth") == 0
+
+
+def test_a_jog_turns_while_its_button_is_held_and_the_plots_show_it(tmp_path: Path, window: Page) -> None:
+    with bench(tmp_path) as scene:
+        scene.drive_to("enable")
+        open_drives(window, scene.served)
+        window.run("document.querySelector('.jog button:nth-of-type(2)').scrollIntoView({block: 'center'})")
+        place = window.run("""(box => ({x: box.x + box.width / 2, y: box.y + box.height / 2}))(
+            document.querySelector('.jog button:nth-of-type(2)').getBoundingClientRect())""")
+        window.call("Input.dispatchMouseEvent", type="mousePressed", button="left", clickCount=1, **place)
+        until(lambda: scene.velocity > 0)
+        window.run(f"new Promise(done => setTimeout(done, {2000 * HELD}))")
+        assert scene.velocity > 0, "it is said again and again that the button is held"
+        window.wait("sources[0].objects.get('servo 0x606C:0').values.some(each => each > 0)")
+        window.wait("document.querySelectorAll('.drive .chart canvas').length === 2")
+        window.call("Input.dispatchMouseEvent", type="mouseReleased", button="left", clickCount=1, **place)
+        until(lambda: abs(scene.velocity) < 0.001)
+        assert scene.state is State.ENABLED, "halted, not switched off"
+
+
+def test_a_jog_by_the_keyboard(tmp_path: Path, window: Page) -> None:
+    with bench(tmp_path) as scene:
+        scene.drive_to("enable")
+        open_drives(window, scene.served)
+        window.run("document.querySelector('.jog button').focus()")
+        window.call("Input.dispatchKeyEvent", type="keyDown", key=" ")
+        until(lambda: scene.velocity < 0)
+        window.call("Input.dispatchKeyEvent", type="keyUp", key=" ")
+        until(lambda: abs(scene.velocity) < 0.001)
+
+
+def test_a_jog_whose_page_has_gone_is_halted(tmp_path: Path) -> None:
+    with bench(tmp_path) as scene:
+        assert scene.drive_to("enable")["ok"] is None
+        assert scene.ask(do="jog", node="servo", axis=1, velocity=500)["ok"] is None
+        until(lambda: scene.velocity > 0)
+        until(lambda: abs(scene.velocity) < 0.001)
+        assert scene.state is State.ENABLED
+
+
+def test_stop_is_a_quick_stop_and_ends_a_jog(tmp_path: Path, window: Page) -> None:
+    with bench(tmp_path) as scene:
+        scene.drive_to("enable")
+        open_drives(window, scene.served)
+        scene.ask(do="jog", node="servo", axis=1, velocity=500)
+        window.press("Escape")
+        until(lambda: scene.state is State.DISABLED)
+        window.wait("document.querySelector('#toast').textContent.startsWith('stop sent: 605#2B40600002000000')")
+        window.wait(f"{NOW} === 'Switch on disabled'")
+        scene.ask(do="hold", node="servo", axis=1)
+        assert abs(scene.velocity) < 0.001
+
+
+def test_a_fault_is_said_and_reset(tmp_path: Path, window: Page) -> None:
+    with bench(tmp_path) as scene:
+        scene.drive_to("enable")
+        open_drives(window, scene.served)
+        scene.drive.axes[0].fault(0x2310)
+        window.wait("document.querySelector('.drive-state').textContent === 'Fault: error code 0x2310'")
+        assert window.run("document.querySelector('.machine .now').classList.contains('faulty')")
+        refused = scene.ask(do="jog", node="servo", axis=1, velocity=5)
+        assert refused["error"] == "enable the drive first: it is in Fault"
+        window.run(
+            "[...document.querySelectorAll('.drive button')].find(each => each.textContent === 'Fault reset').click()"
+        )
+        window.wait(f"{NOW} === 'Switch on disabled'")
+
+
+@pytest.mark.parametrize(
+    ("words", "error"),
+    [
+        ({"do": "drive", "node": "servo", "axis": 1, "command": "explode"}, "unknown command of a drive 'explode'"),
+        ({"do": "drive", "node": "servo", "axis": 2, "command": "enable"}, "node 5 has no axis 2 of CiA 402"),
+        ({"do": "drive", "node": "servo", "axis": "1", "command": "enable"}, "node 5 has no axis 1 of CiA 402"),
+        ({"do": "drive", "node": "9", "axis": 1, "command": "enable"}, "node 9 has no axis 1 of CiA 402"),
+        ({"do": "drive", "node": "servo", "axis": 1}, "command is missing, or no text"),
+        ({"do": "jog", "node": "servo", "axis": 1}, "velocity is missing, or no whole number"),
+        ({"do": "jog", "node": "servo", "axis": 1, "velocity": True}, "velocity is missing, or no whole number"),
+        (
+            {"do": "jog", "node": "servo", "axis": 1, "velocity": 5},
+            "enable the drive first: it is in Switch on disabled",
+        ),
+    ],
+)
+def test_what_is_asked_wrongly_of_a_drive(tmp_path: Path, words: dict[str, Any], error: str) -> None:
+    with bench(tmp_path) as scene:
+        assert scene.ask(**words)["error"].startswith(error)
+        assert scene.state is State.DISABLED
+
+
+@pytest.mark.parametrize("do", ["drive", "jog", "hold"])
+def test_without_control_a_drive_is_looked_at_only(tmp_path: Path, window: Page, do: str) -> None:
+    with bench(tmp_path, control=False) as scene:
+        said = scene.ask(do=do, node="servo", axis=1, command="enable", velocity=5)
+        assert said["error"] == "this page is read-only: start the server with --control"
+        open_drives(window, scene.served)
+        assert (
+            window.run("[...document.querySelectorAll('.drive .buttons button')].some(each => each.offsetParent)")
+            is False
+        )
