@@ -10,6 +10,7 @@ import json
 import textwrap
 from collections.abc import Iterable, Iterator, Mapping
 from math import isfinite
+from pathlib import Path
 from string import ascii_letters
 from typing import TYPE_CHECKING, Any
 
@@ -44,6 +45,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> None:
     """Print the table of all messages, or one message."""
     devices = shared.Devices.of(arguments)
+    if arguments.message and Path(arguments.message).is_file():
+        raise LocalError(f"{arguments.message} is a file, not a message: name it by --eds")
+    if arguments.message and arguments.objects is not None:
+        raise LocalError("either a message or --objects, not both")
     if arguments.objects is not None:
         _show_objects(devices.load_and_complain(), arguments.objects, arguments.json)
         return

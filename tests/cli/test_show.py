@@ -104,6 +104,8 @@ def test_the_dialect_may_come_from_the_environment(
     [
         (["show", "Goto XZ"], "unknown message 'Goto XZ'; did you mean Goto XY?"),
         (["show", "--dialect", "nonsense"], "unknown dialect 'nonsense'; known: canopen, firmware2014"),
+        (["show", "Goto XY", "--objects"], "either a message or --objects, not both"),
+        (["show", __file__], f"{__file__} is a file, not a message: name it by --eds"),
     ],
 )
 def test_what_is_not_there_is_named(capsys: pytest.CaptureFixture[str], words: list[str], complaint: str) -> None:
@@ -149,6 +151,6 @@ def test_objects_of_several_devices_stand_under_their_names(capsys: pytest.Captu
     }
 
 
-def test_an_object_that_no_device_has_is_told(capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_object_that_no_device_has_is_reported(capsys: pytest.CaptureFixture[str]) -> None:
     said = run(capsys, "show", "--objects", "Nonsense", "--eds", MOTOR)
     assert (said.status, said.complaint) == (2, "eurobot-od: unknown object 'Nonsense'")
