@@ -14,12 +14,14 @@ from __future__ import annotations
 import argparse
 import os
 import shutil
+import signal
 import subprocess
 import sys
 import time
 from collections import Counter
 from collections.abc import Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from enum import Enum
 from pathlib import Path
 from queue import SimpleQueue
@@ -75,16 +77,22 @@ def pytest(folder: Path, tests: Iterable[str], longest: float | None = None) -> 
     """Run tests in a copy of the repository; return how pytest ended. Raises TimeoutExpired."""
     environment = os.environ | {"PYTHONPATH": os.pathsep.join([str(folder), str(folder / "tools")])}
     command = [sys.executable, *PYTEST, *tests]
-    return subprocess.run(
+    with subprocess.Popen(
         command,
         cwd=folder,
         env=environment,
-        timeout=longest,
-        capture_output=True,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
         text=True,
         errors="replace",
-        check=False,
-    )
+        start_new_session=True,
+    ) as running:
+        try:
+            said, _ = running.communicate(timeout=longest)
+        finally:
+            with suppress(ProcessLookupError):  # what a test has started would outlive it
+                os.killpg(running.pid, signal.SIGKILL)
+    return subprocess.CompletedProcess(command, running.returncode, said)
 
 
 def judge(change: Change, folder: Path, moment: int) -> Verdict:
@@ -147,7 +155,7 @@ def main(words: list[str]) -> int:
         copies = [copy(Path(scratch, str(number))) for number in range(given.jobs)]
         whole = pytest(copies[0], dict.fromkeys(each.test for each in changes))
         if whole.returncode:
-            print(f"a test fails although nothing is broken:\n{whole.stdout}{whole.stderr}", file=sys.stderr)
+            print(f"a test fails although nothing is broken:\n{whole.stdout}", file=sys.stderr)
             return 2
         count: Counter[Verdict] = Counter()
         for change, verdict in judged(changes, copies):
