@@ -7,7 +7,7 @@ import re
 import shutil
 import signal
 from collections.abc import Callable, Iterator
-from functools import lru_cache
+from functools import lru_cache, wraps
 from pathlib import Path
 
 import pytest
@@ -23,18 +23,26 @@ settings.load_profile("untimed")
 
 # Half of the tests' time was spent on reading the same few EDS files. A dictionary is a value, so what is read again
 # with nothing but its text, name and node-ID is the same one.
-read_afresh = Dictionary.read
-read_once = lru_cache(maxsize=100)(read_afresh)
+read_afresh: Callable[..., Dictionary] = Dictionary.read.__func__  # type: ignore[attr-defined]
+read_once: Callable[..., Dictionary] = lru_cache(maxsize=100)(read_afresh)
 
 
-def read(data: bytes, file: Path, node_id: int | None = None, name: str = "", *laid_over: object) -> Dictionary:
-    """Read an EDS file, if it has not been read; `laid_over` are modules and patches, if any."""
-    if any(laid_over):
-        return read_afresh(data, file, node_id, name, *laid_over)  # type: ignore[arg-type]
-    return read_once(data, file, node_id, name)
+@wraps(read_afresh)
+def read(
+    cls: type[Dictionary],
+    data: bytes,
+    file: Path,
+    node_id: int | None = None,
+    name: str = "",
+    modules: object = None,
+    patches: object = (),
+) -> Dictionary:
+    if modules is None and not patches:
+        return read_once(cls, data, file, node_id, name)
+    return read_afresh(cls, data, file, node_id, name, modules, patches)
 
 
-Dictionary.read = read  # type: ignore[assignment, method-assign]
+Dictionary.read = classmethod(read)  # type: ignore[assignment]
 
 
 @pytest.fixture(scope="session", autouse=True)

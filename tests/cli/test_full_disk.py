@@ -45,7 +45,7 @@ def run(words: str, file: Path, folder: Path, bytes_left: int) -> subprocess.Com
     named = words.replace(str(EDS), str(folder / "bad.eds")).replace("EDS", str(EDS))
     command = named.replace("LOG", str(log)).replace("FILE", str(file)).split()
     return subprocess.run(
-        [sys.executable, "-m", "eurobot_od", *command],
+        [sys.executable, "-B", "-m", "eurobot_od", *command],  # Python would leave half a compiled file, too
         capture_output=True,
         text=True,
         timeout=120,

@@ -196,7 +196,7 @@ def test_a_full_disk_under_a_database_is_one_line_and_its_journal_stays(tmp_path
     program = RECORD.replace("itertools.count()", "range(100)").replace("time.sleep(0.01)", "pass")
     little = partial(resource.setrlimit, resource.RLIMIT_FSIZE, (6000, 6000))
     done = subprocess.run(
-        [sys.executable, "-c", program, tmp_path / "match.db"], capture_output=True, text=True, preexec_fn=little
+        [sys.executable, "-B", "-c", program, tmp_path / "match.db"], capture_output=True, text=True, preexec_fn=little
     )
     first, *_ = done.stdout.splitlines()
     *_, last = done.stderr.splitlines()

@@ -199,7 +199,7 @@ FITTING = [
 
 
 def test_there_are_faults_for_every_node() -> None:
-    assert {owner for owner, rows in ROBOT.all_faults().items() if len(rows) >= 20} == {Core, Drive, Navigation, Node}
+    assert {owner for owner, rows in ROBOT.all_faults().items() if len(rows) >= 20} >= {Core, Drive, Navigation, Node}
 
 
 def test_names_of_faults_are_unique() -> None:
