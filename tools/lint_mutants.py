@@ -44,16 +44,17 @@ PARTS = {
 
 HEAD = """# Rules of `eurobot-od lint`
 
-Made by `tools/lint_mutants.py` from the tables of rules and the tests' table of defects; change it there.
+This page lists every rule of `eurobot-od lint` with its source, and then compares which defects other checkers find. It
+is made by `tools/lint_mutants.py` from the tables of rules and the tests' table of defects; change it there.
 
-The letter is the severity: E error, W warning, I info. "Public" names a source that anybody can read, where a rule is
-not cited from the standard's text alone.
+The letter of a code is the severity: E error, W warning, I info. "Public" names a source that anybody can read, for
+rules that do not follow from the standard's text alone.
 """
 DEFECT_HEAD = """## The same defects in other checkers
 
-Each row is a clean file with one defect, as `tests/lint/mutations.py` seeds it. All of them are flagged by `eurobot-od
-lint` at their line, under the code in the first column. "flagged" is a message about the file, "traceback" a crash, "-"
-no word; what a program says to the clean file already does not count.
+Each row is a clean file into which `tests/lint/mutations.py` has put one defect. `eurobot-od lint` flags all of them at
+their line, with the code in the first column. "flagged" means a message about the file, "traceback" a crash, "-" no
+message; messages that a program also gives for the clean file do not count.
 """
 
 

@@ -60,7 +60,7 @@ def unsupported_bit_rate(device: LintedDevice) -> Violations:
 
 @RULES.rule("E708", "CiA 306, [DeviceComissioning]")
 def serial_number(device: LintedDevice) -> Violations:
-    """LSS_SerialNumber is 0x1018 sub 4."""
+    """LSS_SerialNumber equals 0x1018 sub 4."""
     section, declared, real = device.commissioning, device.commissioned("lss_serialnumber"), device.value(0x1018, 4)
     if section and declared and real and declared != real:
         at = section.at("lss_serialnumber")
@@ -69,7 +69,7 @@ def serial_number(device: LintedDevice) -> Violations:
 
 @RULES.rule("W709", "CiA 306, LastEDS")
 def without_last_eds(device: LintedDevice) -> Violations:
-    """A DCF says from which EDS it was made."""
+    """A DCF says which EDS it was made from."""
     section = device.section("fileinfo")
     if device.is_dcf and section and not section.text("lasteds"):
         yield section.at("lasteds"), "LastEDS is missing: nobody knows from which EDS this DCF was made"
@@ -77,7 +77,7 @@ def without_last_eds(device: LintedDevice) -> Violations:
 
 @RULES.rule("W710", "CiA 306, DCF")
 def dcf_keys_in_eds(device: LintedDevice) -> Violations:
-    """ParameterValue, Denotation, UploadFile and DownloadFile are a DCF's."""
+    """ParameterValue, Denotation, UploadFile and DownloadFile are only in a DCF."""
     for key in DCF_KEYS if not device.is_dcf else ():
         for section, entry in device.entries[key]:
             yield entry, f"{entry.key} of [{section.name}] belongs in a DCF"
@@ -85,7 +85,7 @@ def dcf_keys_in_eds(device: LintedDevice) -> Violations:
 
 @RULES.rule("E711", "CiA 306, DCF")
 def parameter_of_constant(device: LintedDevice) -> Violations:
-    """A constant's ParameterValue is its DefaultValue."""
+    """A constant's ParameterValue equals its DefaultValue."""
     for each in device.variables:
         given, default = each.number("parametervalue"), each.number("defaultvalue")
         if each.access == "const" and given and default and given != default:  # no master could write it
@@ -95,7 +95,7 @@ def parameter_of_constant(device: LintedDevice) -> Violations:
 
 @RULES.rule("E712", "CiA 306, DCF")
 def file_of_number(device: LintedDevice) -> Violations:
-    """UploadFile and DownloadFile are a DOMAIN's, or a text's or octets' that no line can hold."""
+    """Only a DOMAIN, or a string that no line can hold, has UploadFile or DownloadFile."""
     for each in device.variables:
         for key in ("uploadfile", "downloadfile"):
             entry = each.section.entries.get(key)
@@ -115,7 +115,7 @@ def is_concise(text: str) -> bool:
 
 @RULES.rule("E713", "CiA 302-3, object 0x1F22; public: dcf-tools, dcfgen")
 def concise_dcf(device: LintedDevice) -> Violations:
-    """A concise DCF is whole."""
+    """A concise DCF is complete."""
     found = device.objects.get(0x1F22)
     for sub, variable in found.subs.items() if found else ():
         at = variable.value_entry

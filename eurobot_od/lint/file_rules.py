@@ -39,21 +39,22 @@ ODDITIES = (
     ("E101", "A file is text.", Odd.BINARY, "a NUL byte: this is no text file"),
     ("E102", "A file is ASCII text, not UTF-16.", Odd.WIDE,
      "this is UTF-16, which most tools cannot read; save it as ASCII"),
-    ("W103", "A file has ASCII characters only.", Odd.NOT_ASCII,
+    ("W103", "A file has only ASCII characters.", Odd.NOT_ASCII,
      "a character outside ASCII; what it shows depends on the reader's code page"),
     ("I104", "A file has no byte order mark.", Odd.BYTE_ORDER_MARK,
      "a byte order mark, which some tools take as part of the first section"),
-    ("I105", "All lines of a file end alike.", Odd.LINE_ENDS, "lines end in different ways (CR, LF, CRLF)"),
+    ("I105", "All lines of a file have the same line ending.", Odd.LINE_ENDS,
+     "lines end in different ways (CR, LF, CRLF)"),
     ("E106", "A line is a section header, an entry or a comment.", Odd.NOT_AN_ENTRY,
      "neither [section] nor key=value nor ;comment: {}"),
     ("E107", "A section header is [name] and nothing else.", Odd.HEADER, "malformed section header {}"),
     ("E108", "Every entry is in a section.", Odd.NO_SECTION, "entry {} stands before the first section"),
-    ("E109", "A section is there once, whatever its upper and lower case.", Odd.TWO_SECTIONS,
+    ("E109", "A section occurs once, regardless of upper and lower case.", Odd.TWO_SECTIONS,
      "section {}, is there again; only the first counts here"),
-    ("E110", "A key is in a section once, whatever its upper and lower case.", Odd.TWO_ENTRIES,
+    ("E110", "A key occurs once in its section, regardless of upper and lower case.", Odd.TWO_ENTRIES,
      "key {}, is there again; only the first counts here"),
     ("E111", "An entry has a key.", Odd.NO_KEY, "an entry without a key"),
-    ("E112", "A key and its value have together less than 255 characters.", Odd.TOO_LONG, "{}; 254 is the most"),
+    ("E112", "A key and its value together have fewer than 255 characters.", Odd.TOO_LONG, "{}; 254 is the most"),
     ("E123", "A device description in XML is well-formed, without a document type.", Odd.XML, "no XML: {}"),
     ("W122", "A file ends with its last line.", Odd.END_MARK,
      "Ctrl-Z or NUL at the end, which most tools take for an entry"),
@@ -63,9 +64,9 @@ ODDITIES = (
 
 RULES += (Rule(code, demand, "CiA 306, file format", oddity_of(kind, text)) for code, demand, kind, text in ODDITIES)
 RULES += (
-    Rule("I113", "A comment is a line of its own.", "CiA 306, file format (some readers cut, others keep it)",
+    Rule("I113", "A comment is a line of its own.", "CiA 306, file format (some readers cut it, others keep it)",
          oddity_of(Odd.COMMENT_AFTER_VALUE, "a comment after a value, which some tools take as part of the value")),
-    Rule("W115", "A line is not indented.", "public: Python's configparser takes such a line as the last value's next",
+    Rule("W115", "A line is not indented.", "public: Python's configparser adds such a line to the last value",
          oddity_of(Odd.INDENTED, "an indented line, which tools built on configparser add to the value before")),
 )  # fmt: skip
 
@@ -114,7 +115,7 @@ def looks_like_object(name: str) -> bool:
 
 @RULES.rule("E117", "CiA 306, object description")
 def malformed_names(device: LintedDevice) -> Violations:
-    """An object's section is named by 4 hexadecimal digits, `sub` and the sub-index without leading zero."""
+    """An object's section is named by 4 hexadecimal digits, `sub` and the sub-index without a leading zero."""
     wrong = [each for each in device.other_sections if looks_like_object(each.name.strip().lower())]
     for section in wrong + [each for _, each in device.object_sections if each.name != each.name.strip()]:
         yield section, f"[{section.name}] is not how an object's section is named, as [1018] or [1018sub1] is"
@@ -122,7 +123,7 @@ def malformed_names(device: LintedDevice) -> Violations:
 
 @RULES.rule("W118", "CiA 306, all sections")
 def unknown_keys(device: LintedDevice) -> Violations:
-    """A key is one of those its section has."""
+    """A key is one that its section can have."""
     known = [(section, keys) for name, keys in KNOWN_KEYS.items() for section in [device.section(name)] if section]
     # lists such as [2000Name] have a key for each sub-index: E424 looks at those
     known += [(section, OBJECT_KEYS) for name, section in device.object_sections if not name.list]
@@ -159,7 +160,7 @@ def other_spelling(device: LintedDevice) -> Violations:
 
 @RULES.rule("E120", "CiA 306, all sections")
 def missing_sections(device: LintedDevice) -> Violations:
-    """[FileInfo], [DeviceInfo] and [MandatoryObjects] are there."""
+    """A file has [FileInfo], [DeviceInfo] and [MandatoryObjects]."""
     for name in ("FileInfo", "DeviceInfo", "MandatoryObjects"):
         if device.section(name.lower()) is None:
             yield TOP, f"[{name}] is missing"
@@ -373,9 +374,9 @@ RULES += (
          missing_of("deviceinfo", ("VendorName", "VendorNumber", "ProductName"))),
     Rule("W213", "[DeviceInfo] has all its keys.", "CiA 306, [DeviceInfo]",
          missing_of("deviceinfo", cia306.DEVICE_INFO)),
-    Rule("E218", "VendorNumber is 0x1018 sub 1.", "CiA 306, [DeviceInfo]", identity_of("VendorNumber", 1)),
-    Rule("E219", "ProductNumber is 0x1018 sub 2.", "CiA 306, [DeviceInfo]", identity_of("ProductNumber", 2)),
-    Rule("E220", "RevisionNumber is 0x1018 sub 3.", "CiA 306, [DeviceInfo]", identity_of("RevisionNumber", 3)),
+    Rule("E218", "VendorNumber equals 0x1018 sub 1.", "CiA 306, [DeviceInfo]", identity_of("VendorNumber", 1)),
+    Rule("E219", "ProductNumber equals 0x1018 sub 2.", "CiA 306, [DeviceInfo]", identity_of("ProductNumber", 2)),
+    Rule("E220", "RevisionNumber equals 0x1018 sub 3.", "CiA 306, [DeviceInfo]", identity_of("RevisionNumber", 3)),
     Rule("E221", "NrOfRXPDO is the number of RPDO communication records, unless CompactPDO describes them.",
          "CiA 306, [DeviceInfo]", pdo_count_of("NrOfRXPDO", PdoDirection.RPDO)),
     Rule("E222", "NrOfTXPDO is the number of TPDO communication records, unless CompactPDO describes them.",
@@ -510,7 +511,7 @@ def described_only(device: LintedDevice) -> Violations:
 
 @RULES.rule("E308", "CiA 301, mandatory objects")
 def missing_mandatory(device: LintedDevice) -> Violations:
-    """0x1000, 0x1001 and 0x1018 are there."""
+    """0x1000, 0x1001 and 0x1018 exist."""
     for index in MANDATORY:
         if index not in device.objects and device.objects:  # of a file without any object E120 says enough
             yield device.section("mandatoryobjects") or TOP, f"0x{index:04X} is missing, which every device has"
@@ -536,8 +537,8 @@ def misplaced_of(names: Sequence[str], is_wrong: Callable[[int], bool], sentence
 
 
 RULES += (
-    Rule("E235", "Comment lines are numbered without gap.", "CiA 306, [Comments]", gaps_of("comments")),
-    Rule("E303", "The entries of a list are numbered without gap.", "CiA 306, object lists", gaps_of(*LISTS)),
+    Rule("E235", "Comment lines are numbered without gaps.", "CiA 306, [Comments]", gaps_of("comments")),
+    Rule("E303", "The entries of a list are numbered without gaps.", "CiA 306, object lists", gaps_of(*LISTS)),
     Rule("E309", "0x1000, 0x1001 and 0x1018 are in [MandatoryObjects].", "CiA 306, object lists",
          misplaced_of(LISTS[1:], lambda index: index in MANDATORY, "belongs in [MandatoryObjects]")),
     Rule("E310", "Only 0x1000, 0x1001 and 0x1018 are in [MandatoryObjects].", "CiA 306, object lists",

@@ -100,7 +100,7 @@ def module_list(device: LintedDevice) -> Violations:
 
 @RULES.rule("E467", CLAUSE)
 def doubly_described(device: LintedDevice) -> Violations:
-    """What a module brings once is neither extended by it, nor described for the device itself."""
+    """An object that a module brings once is not extended by it, nor described for the device itself."""
     for number in device.modules.supported:
         extended = device.modules.indices(number, "subextends")
         for entry in device.modules.listed(number, "fixedobjects"):
@@ -124,6 +124,6 @@ def missing_of(key: str) -> Callable[[LintedDevice], Violations]:
 
 
 RULES += (
-    Rule("E468", "What extends an array has a DataType.", CLAUSE, missing_of("DataType")),
-    Rule("E469", "What extends an array has an AccessType.", CLAUSE, missing_of("AccessType")),
+    Rule("E468", "An extension of an array has a DataType.", CLAUSE, missing_of("DataType")),
+    Rule("E469", "An extension of an array has an AccessType.", CLAUSE, missing_of("AccessType")),
 )

@@ -257,7 +257,7 @@ MASTER_HINT = "; if a PC does, say so: `master: PC` in the network file"
 
 @RULES.rule("W803", "CiA 301, PDO")
 def without_producer(network: LintedNetwork) -> Conflicts:
-    """What is received is sent, if no master without a file (`master:` of the network file) does it."""
+    """A message that is received is sent by a node, or by a master without a file (`master:` of the network file)."""
     for identifier, ports in network.consumers.items() if not network.has_foreign_master else ():
         for each in ports if identifier not in network.producers else ():
             yield each.spot, f"{each.name} waits for 0x{identifier:03X}, which no node sends{MASTER_HINT}"
@@ -265,7 +265,7 @@ def without_producer(network: LintedNetwork) -> Conflicts:
 
 @RULES.rule("W804", "CiA 301, PDO")
 def without_consumer(network: LintedNetwork) -> Conflicts:
-    """What is sent is received, if no master without a file (`master:` of the network file) does it."""
+    """A message that is sent is received by a node, or by a master without a file (`master:` of the network file)."""
     for identifier, ports in network.producers.items() if not network.has_foreign_master else ():
         for each in ports if identifier not in network.consumers else ():
             yield each.spot, f"{each.name} sends 0x{identifier:03X}, which no node receives{MASTER_HINT}"
@@ -273,7 +273,7 @@ def without_consumer(network: LintedNetwork) -> Conflicts:
 
 @RULES.rule("I805", "CiA 301, object 0x1400 sub 1, bit 31")
 def switched_off(network: LintedNetwork) -> Conflicts:
-    """A receiver of a message that is sent is valid."""
+    """An RPDO for a message that is sent is valid."""
     for node in network.nodes:
         for pdo in node.device.pdos:
             value = pdo.value(1)

@@ -66,7 +66,7 @@ def without_type(device: LintedDevice) -> Violations:
 
 @RULES.rule("E404", "CiA 301, data types")
 def unknown_type(device: LintedDevice) -> Violations:
-    """DataType is one that CiA 301 has."""
+    """DataType is one of CiA 301."""
     for section, entry in device.entries["datatype"]:
         number = parse_number(entry.value)
         known = number and (number.value in values.DATA_TYPES or any(number.value in each for each in COMPLEX_TYPES))
@@ -208,7 +208,7 @@ def mixed_array(device: LintedDevice) -> Violations:
             yield at, f"sub {wrong} of array 0x{each.index:04X} has another type than sub 1"
 
 
-@RULES.rule("I417", "custom; tools that look up by name find one only")
+@RULES.rule("I417", "custom; tools that look up by name find only one")
 def same_names(device: LintedDevice) -> Violations:
     """The sub-indices of an object have different names."""
     for each, _ in _composed(device):
@@ -331,7 +331,7 @@ def misplaced_node_id(device: LintedDevice) -> Violations:
             yield each.entry, text
 
 
-@RULES.rule("W451", "CiA 306, $NODEID; public: canopen, objectdictionary/eds.py, gives such a value None in silence")
+@RULES.rule("W451", "CiA 306, $NODEID; public: canopen, objectdictionary/eds.py, silently gives such a value None")
 def other_node_id(device: LintedDevice) -> Violations:
     """$NODEID is in capitals and stands first."""
     for each in device.integers:
@@ -545,7 +545,7 @@ def known_access(device: LintedDevice) -> Violations:
 
 @RULES.rule("W503", "CiA 301, each object")
 def mappable_communication(device: LintedDevice) -> Violations:
-    """What configures communication is not mappable."""
+    """An object that configures communication is not mappable."""
     for variable, _ in _known(device):
         # The error register and the manufacturer's status register may be mapped (CiA 301, 7.5.2.2 and 7.5.2.3).
         if variable.is_mappable and variable.index not in (0x1001, 0x1002):
@@ -629,7 +629,7 @@ def first_server(device: LintedDevice) -> Violations:
 
 @RULES.rule("I524", "CiA 301, object 0x1000")
 def profile_objects(device: LintedDevice) -> Violations:
-    """A device with objects of a device profile says which."""
+    """A device with objects of a device profile says which profile."""
     type_ = device.value(0x1000)
     first = next((each for index, each in device.objects.items() if 0x6000 <= index < 0xA000), None)
     if first and type_ and type_.value & 0xFFFF == 0:  # bits 0 to 15 are the number of the profile
@@ -653,11 +653,11 @@ RULES += (
     Rule("E508", "A consumer heartbeat time has a node-ID from 0 to 127 in bits 16 to 23, and bits 24 to 31 are 0.",
          "CiA 301, object 0x1016",
          value_of(0x1016, DATA_SUBS, lambda v: 0 <= v < 0x800000, "bits 16 to 23 are a node-ID up to 127")),
-    Rule("E512", "The communication cycle period has a SYNC.", "CiA 301, object 0x1006",
+    Rule("E512", "A device with a communication cycle period has a SYNC.", "CiA 301, object 0x1006",
          needs_of(0x1006, 0x1005, "a period of a SYNC that is not there")),
-    Rule("E513", "The synchronous window has a SYNC.", "CiA 301, object 0x1007",
+    Rule("E513", "A device with a synchronous window has a SYNC.", "CiA 301, object 0x1007",
          needs_of(0x1007, 0x1005, "a window after a SYNC that is not there")),
-    Rule("E514", "Life time factor and guard time are there together.", "CiA 301, objects 0x100C and 0x100D",
+    Rule("E514", "A device has both life time factor and guard time, or neither.", "CiA 301, objects 0x100C and 0x100D",
          needs_of(0x100D, 0x100C, "a factor of a guard time that is not there")),
     Rule("E516", "The identity object has 1 to 4 entries.", "CiA 301, object 0x1018",
          value_of(0x1018, range(1), lambda v: 1 <= v <= 4, "1 to 4 entries")),

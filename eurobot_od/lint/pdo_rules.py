@@ -121,7 +121,7 @@ def on_default_base(device: LintedDevice) -> Violations:
 
 @RULES.rule("E610", "CiA 301, PDO")
 def one_identifier(device: LintedDevice) -> Violations:
-    """The valid PDOs of a device have different identifiers, at one node-ID at least."""
+    """The valid PDOs of a device have different identifiers for at least one node-ID."""
     first: dict[tuple[int | None, ...], LintedPdo] = {}
     for pdo, at, identifier in _identifiers(device):
         # A clash at one node-ID only is no mistake of the file.
@@ -309,7 +309,7 @@ def _objects(device: LintedDevice) -> Iterator[tuple[LintedPdo, MappingEntry, De
 
 @RULES.rule("E636", "CiA 301, PDO mapping")
 def missing_object(device: LintedDevice) -> Violations:
-    """A mapped object is there."""
+    """A mapped object exists."""
     # What a module brings is there as soon as it is connected, which an EDS does not say.
     later = device.modules.brought if not device.modules.connected else ()
     for pdo, each in device.mapped:
@@ -374,9 +374,9 @@ def cut(device: LintedDevice) -> Violations:
             yield each.by.place, text
 
 
-@RULES.rule("I640", "CiA 301, PDO mapping; public: CANopenNode, CO_PDO.c, refuses lengths that are no whole bytes")
+@RULES.rule("I640", "CiA 301, PDO mapping; public: CANopenNode, CO_PDO.c, refuses lengths that are not whole bytes")
 def shortened(device: LintedDevice) -> Violations:
-    """A mapped length is the type's."""
+    """A mapped length equals the type's."""
     for pdo, each, variable in _shorter(device):
         if _fits(each, variable) and variable.type:
             text = f"{pdo.name} maps {each.bits} of {variable.type.bits} bits of {each.where}; CANopenNode maps bytes"

@@ -32,39 +32,39 @@ RED = {
     "7.2.8.3.3 Boot-up": "no boot-up after a reset",
     "7.3.2.2 NMT state": "stays in INITIALISING after a reset until a command comes",
     "7.3.2.2.4 NMT state": "answers SDO in STOPPED",
-    "7.3.2.2.3 Values": "a reset leaves what was written",
-    "7.2.4.3.17 Unknown sub-index": "any sub-index of a VAR is the VAR",
-    "7.2.4.3.17 Wrong length": "takes any length of a BOOLEAN",
-    "7.2.4.3.17 Limits": "takes values outside LowLimit and HighLimit",
-    "7.4.5 Writable": "has two bytes in a BOOLEAN that was written two",
+    "7.3.2.2.3 Values": "a reset does not restore values that were written",
+    "7.2.4.3.17 Unknown sub-index": "every sub-index of a VAR gives the VAR",
+    "7.2.4.3.17 Wrong length": "accepts any length for a BOOLEAN",
+    "7.2.4.3.17 Limits": "accepts values outside LowLimit and HighLimit",
+    "7.4.5 Writable": "a BOOLEAN that is written with two bytes has two bytes",
     "7.4.4 Length of the type": "refuses an object without a value with 0x060A0023",
-    "7.2.4.3.12 SDO block upload": "answers with a segmented upload, without having been offered that",
+    "7.2.4.3.12 SDO block upload": "answers with a segmented upload although the client did not offer that",
     "7.5.2.35 RPDO communication": "the identifier of a valid PDO can be changed",
     "7.5.2.37 TPDO communication": "the identifier and the inhibit time of a valid PDO can be changed",
-    "7.5.2.36 RPDO mapping": "takes any entry in any order",
-    "7.5.2.38 TPDO mapping": "takes any entry in any order, and more than 64 bits",
+    "7.5.2.36 RPDO mapping": "accepts any entry in any order",
+    "7.5.2.38 TPDO mapping": "accepts any entry in any order, and more than 64 bits",
     "7.5.2.37 TPDO transmission": "the event timer sends nothing",
     "7.2.2.2 TPDO transmission": "SYNC is not heard",
-    "7.2.7 EMCY": "an RPDO that is too short is not told, and 0x1001 and 0x1003 know of no error",
-    "7.5.2.4 Error history": "0x1003 takes any number of errors",
-    "7.5.2.13 Store": "0x1010 wants no signature",
-    "7.5.2.14 Restore": "0x1011 wants no signature",
-    "7.4.9 Structure": "sub-index 255 of 0x1000 is its value",
+    "7.2.7 EMCY": "does not report an RPDO that is too short; 0x1001 and 0x1003 show no error",
+    "7.5.2.4 Error history": "any number can be written to 0x1003",
+    "7.5.2.13 Store": "0x1010 needs no signature",
+    "7.5.2.14 Restore": "0x1011 needs no signature",
+    "7.4.9 Structure": "sub-index 255 of 0x1000 gives the value of 0x1000",
     "7.2.4.3.13 SDO block upload": "has no block upload, and does not refuse one",
-    "7.5.2.23 Verify configuration": "a change of the configuration leaves 0x1020",
-    "7.3.5 RPDO identifier": "takes any identifier",
-    "7.3.5 TPDO identifier": "takes any identifier",
+    "7.5.2.23 Verify configuration": "a change of the configuration does not clear 0x1020",
+    "7.3.5 RPDO identifier": "accepts any identifier",
+    "7.3.5 TPDO identifier": "accepts any identifier",
     "7.2.2.5.2 TPDO by remote frame": "does not answer remote frames",
     "7.5.2.37 SYNC start value": "SYNC is not heard",
     "7.2.8.3.2.1 Node guarding": "does not answer remote frames",
     "7.5.2.12 Life guarding": "does not answer remote frames",
     "7.2.8.2.2 Heartbeat or guarding": "does not answer remote frames",
-    "7.5.2.19 Consumer heartbeat time": "watches nobody, and takes one node twice",
+    "7.5.2.19 Consumer heartbeat time": "watches no node, and accepts one node twice",
     "7.5.2.6 SYNC producer": "sends no SYNC",
     "7.2.2.2 SYNC producer": "sends no SYNC",
     "7.5.2.6 SYNC consumer": "SYNC is not heard",
-    "7.5.2.22 SYNC counter": "0x1019 takes any number at any time",
-    "7.5.2.13 SYNC": "sends no SYNC, and a reset leaves what was written",
+    "7.5.2.22 SYNC counter": "0x1019 accepts any number at any time",
+    "7.5.2.13 SYNC": "sends no SYNC, and a reset does not restore values that were written",
 }
 """Clauses and topics with red steps, and what the node does."""
 
@@ -76,7 +76,7 @@ def of_stock_node(_: Path) -> Answer:
     agree("the topics that are red", sorted(red), sorted(RED))
     green = {step.name.partition(":")[0] for step in steps if step.status is Status.PASSED} - red
     reasons = "; ".join(f"{topic}: {reason}" for topic, reason in RED.items())
-    return Answer(f"{len(green)} topics green, {len(red)} red", f"what is red: {reasons}")
+    return Answer(f"{len(green)} topics green, {len(red)} red", f"red topics: {reasons}")
 
 
 def results(file: Path) -> Iterator[SuiteResult]:

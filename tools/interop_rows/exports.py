@@ -59,7 +59,7 @@ def by_compiler(folder: Path) -> Answer:
         protocol = EurobotProtocol.load(dialect)
         compare_c(protocol, described(protocol), folder, FRAMES)
     flags = " ".join(STRICT)
-    return Answer(f"`cc {flags}` without a word; {FRAMES} random frames of each message unpacked and packed as by us")
+    return Answer(f"`cc {flags}`: no warning; {FRAMES} random frames of each message unpacked and packed as by us")
 
 
 def compare_c(protocol: Protocol, messages: Sequence[DescribedMessage], folder: Path, frames: int) -> None:

@@ -26,9 +26,9 @@ from interop_rows.tools import NODE_MODULES
 JUDGE = Path(__file__).with_name("judge.js")
 
 NO_BITS = (
-    "its PDO values ignore the mapped bit lengths and lay whole objects one behind the other, where CiA 301 maps bits "
+    "its PDO values ignore the mapped bit lengths and put whole objects one after the other, where CiA 301 maps bits "
     "(minimal example: Kalman Position Response in tests/interop/test_upstream.py); `$NODEID` (CiA 306-1) reads as 0, "
-    "so a device cannot start from an EDS with SDO server parameters; a mapped sub-index 10 is told as 16. "
+    "so a device cannot start from an EDS with SDO server parameters; a mapped sub-index 10 is read as 16. "
     "Use it for identifiers, SDO, NMT and EMCY, not for this protocol's bits"
 )
 

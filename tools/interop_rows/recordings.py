@@ -68,7 +68,7 @@ FORMATS = ("log", "asc", "csv", "trc", "blf")
 """Suffixes of the formats that python-can writes without a further package and without loss."""
 
 LOSES = (
-    "its `.db` writer drops what it has not written yet when it is stopped, and `can_logger` drops everything on "
+    "when it is stopped, its `.db` writer drops what it has not written yet, and `can_logger` drops everything on "
     "SIGTERM: end a recording with Ctrl-C, and choose another format"
 )
 

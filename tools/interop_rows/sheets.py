@@ -77,7 +77,7 @@ def check_files(folder: Path) -> Answer:
     files = [*all_eds(), write_dcf(folder)]
     for file in files:
         dcfchk(file)
-    return Answer(f"{len(files) - 1} EDS files and a DCF accepted without a word")
+    return Answer(f"{len(files) - 1} EDS files and a DCF accepted without a message")
 
 
 def generate_concise_dcf(folder: Path) -> Answer:
