@@ -48,7 +48,7 @@ def test_an_unknown_command_is_wrong_usage(
 def test_the_version_names_python_too(capsys: pytest.CaptureFixture[str]) -> None:
     said = run(capsys, "--version")
     assert (said.status, said.err) == (0, "")
-    assert re.fullmatch(r"eurobot-od [0-9.]+, Python 3\.[0-9.]+\S*\n", said.out)
+    assert re.fullmatch(r"eurobot-od [0-9.]+(rc[0-9]+)?, Python 3\.[0-9.]+\S*\n", said.out)
 
 
 @pytest.mark.parametrize("command", cli.COMMANDS)
