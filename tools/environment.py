@@ -30,6 +30,8 @@ WITHOUT_VENV = (
 ENSURED = "EUROBOT_OD_ENSURED"
 """Environment variable with the module for which a script was started again; one that is still missing ends it."""
 
+WORKERS = str((os.cpu_count() or 1) + 1)
+"""Processes that run tests: one more than there are cores, as many tests wait for other processes."""
 
 ONCE_MORE = ("-m", "pytest", "-q", "--last-failed", "--last-failed-no-failures", "none")
 """What failed, alone: a test in real time may come too late on a busy machine. One that fails again has failed."""

@@ -1,8 +1,8 @@
 """Runs the tests on other Pythons: the oldest with the lowest versions of all packages, and the newer ones.
 
-`python3 tools/pythons.py [VERSION...]`. The tools, and other people's programs, are asked by `tools/test.py` alone.
-What hardly depends on the Python (the browser, many processes, long simulations) is asked on the oldest, with the
-oldest packages. A Python that this machine does not have is skipped, and that is said; it is looked for as
+`python3 tools/pythons.py [VERSION...]`. The tools, other people's programs and long simulations are run by
+`tools/test.py` alone; what else hardly depends on the Python (the browser, many processes, random inputs) is run on the
+oldest, too, with the oldest packages. A Python that this machine does not have is skipped, and that is said; it is looked for as
 `python3.12`, and in pyenv. The exit status is 1 if tests failed, 2 for an unknown version.
 """
 
@@ -17,14 +17,17 @@ from pathlib import Path
 from shutil import which
 from typing import NamedTuple
 
-from environment import ONCE_MORE, ROOT, call, ensure, is_current, wanted
+from environment import ONCE_MORE, ROOT, WORKERS, call, ensure, is_current, wanted
 
 FINE, FAILED, WRONG_USAGE = 0, 1, 2
 
-LEFT_OUT = (
-    *("tests/interop", "tests/web", "tests/tools", "tests/test_packaging.py"),
-    *("tests/check/conformance", "tests/faults", "tests/properties"),  # minutes of our own simulation
-)
+SIMULATION = ("tests/check/conformance", "tests/faults")
+"""Many minutes of our own simulated devices."""
+
+PROGRAMS = ("tests/interop", "tests/tools")
+"""Other people's programs and our tools, which are no part of the package."""
+
+LEFT_OUT = (*PROGRAMS, *SIMULATION, "tests/web", "tests/properties", "tests/test_packaging.py")
 MARKED = "not live and not socketcan"
 
 
@@ -36,13 +39,15 @@ class Row(NamedTuple):
     arguments: tuple[str, ...]
 
 
-SHORTER = (*(f"--ignore={each}" for each in LEFT_OUT), "-m", MARKED)
+def without(folders: tuple[str, ...]) -> tuple[str, ...]:
+    """Return pytest's arguments that leave tests out."""
+    return tuple(f"--ignore={each}" for each in folders)
+
+
 ROWS = (
-    Row(
-        "3.10", "lowest-direct", ("--ignore=tests/interop", "--ignore=tests/tools")
-    ),  # which are no part of the package
-    Row("3.12", "highest", SHORTER),
-    Row("3.13", "highest", SHORTER),
+    Row("3.10", "lowest-direct", without((*PROGRAMS, *SIMULATION))),
+    Row("3.12", "highest", (*without(LEFT_OUT), "-m", MARKED)),
+    Row("3.13", "highest", (*without(LEFT_OUT), "-m", MARKED)),
 )
 
 
@@ -90,7 +95,7 @@ def is_fine(row: Row) -> bool:
     print(f"== Python {row.version}, packages: {row.resolution}", flush=True)
     own = prepare(row, python)
     cache = ("-o", f"cache_dir={own.parents[1] / 'pytest_cache'}")
-    status = call(own, "-m", "pytest", "-q", "-n", "auto", *cache, *row.arguments)
+    status = call(own, "-m", "pytest", "-q", "-n", WORKERS, "--dist", "worksteal", *cache, *row.arguments)
     if status:
         status = call(own, *ONCE_MORE, *cache, *row.arguments)
     print(f"== Python {row.version}: {'failed' if status else 'passed'}, {time.monotonic() - begin:.0f} s", flush=True)

@@ -9,10 +9,7 @@ from __future__ import annotations
 import os
 import sys
 
-from environment import ONCE_MORE, ROOT, call, prepare
-
-WORKERS = str((os.cpu_count() or 1) + 1)
-"""Processes that run tests: one more than there are cores, as many tests wait for other processes."""
+from environment import ONCE_MORE, ROOT, WORKERS, call, prepare
 
 CHECKS = (
     ("ruff check", ("-m", "ruff", "check", ".")),
