@@ -65,8 +65,10 @@ class MessageQueue(Generic[T]):
 
     def get(self, timeout: float | None = None) -> Received[T] | None:
         """Take the oldest message, waiting at most `timeout` seconds for one (None: for ever); None if none came."""
+        # Python 3.10 may wait for ever if `timeout` is 0 rather than `block` false.
+        waits = timeout is None or timeout > 0
         try:
-            return Received(*self._items.get(timeout=timeout))
+            return Received(*self._items.get(waits, timeout if waits else None))
         except Empty:
             return None
 

@@ -64,6 +64,18 @@ def test_an_empty_queue_gives_none() -> None:
     )
 
 
+def test_not_waiting_ends_beside_another_thread() -> None:
+    # Python 3.10's queue waited for ever, once in some thousand times, if it was asked to wait for 0 s.
+    def look() -> None:
+        for _ in range(50_000):
+            MessageQueue[int]("gotos", 0, print).get(timeout=0.0)
+
+    looking = threading.Thread(target=look, daemon=True)
+    looking.start()
+    looking.join(60)
+    assert not looking.is_alive()
+
+
 def test_get_waits_for_a_message_of_another_thread() -> None:
     queue = MessageQueue[int]("gotos", 0, print)
     thread = threading.Thread(target=queue.put, args=item(7))
