@@ -9,6 +9,7 @@ import inspect
 import re
 import warnings
 from collections.abc import Iterator
+from enum import Enum
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -47,6 +48,8 @@ def described(name: str, thing: Any) -> str:
         thing = thing.__func__
     if isinstance(thing, property):
         return f"{name}: property"
+    if isinstance(thing, type) and issubclass(thing, Enum):  # whose own signature is another with each Python
+        return f"{name}: enumeration"
     if not callable(thing) or not (inspect.isroutine(thing) or inspect.isclass(thing)):
         return f"{name}: attribute"
     try:

@@ -11,6 +11,7 @@ can be used is refused.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from copy import copy
 from functools import cached_property
 from io import StringIO
 from pathlib import Path
@@ -215,10 +216,14 @@ class Dictionary:
         info = values.parse_number(self.device.document.text("deviceinfo", key))
         return self.number((IDENTITY, sub)) or (info.value & 0xFFFFFFFF if info else 0)
 
+    def named(self, name: str) -> Self:
+        """Return the same device with another name."""
+        other = copy(self)
+        other.name = name
+        return other
+
     def configured(self, present: Mapping[Address, Value]) -> Self:
         """Return the same device with values that it has at `present` in place of the file's."""
-        from copy import copy  # only where somebody asks
-
         other = copy(self)
         other._present = {**self._present, **present}
         other.__dict__.pop("pdos", None)  # made of the values, and kept

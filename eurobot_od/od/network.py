@@ -77,7 +77,5 @@ def load(nodes: Iterable[NodeFile]) -> tuple[Dictionary, ...]:
         if one.node_id == other.node_id:
             raise DictionaryError(other.file, None, f"node-ID {other.node_id} is taken by {one.file.name}")
     counts = Counter(each.name for each in loaded)
-    for each in loaded:  # both get it: a name must not depend on which file comes first
-        if counts[each.name] > 1:
-            each.name = f"{each.name}_{each.node_id}"
-    return tuple(loaded)
+    # All of one name get it: a name must not depend on which file comes first.
+    return tuple(each.named(f"{each.name}_{each.node_id}") if counts[each.name] > 1 else each for each in loaded)

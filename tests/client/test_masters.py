@@ -105,13 +105,16 @@ def test_a_boot_up_counts_that_a_heartbeat_has_followed_already(monkeypatch: pyt
 
 
 def test_somebody_elses_notifier_has_no_listener_of_ours_at_the_end() -> None:
-    with open_bus(new_channel()) as bus:
+    channel = new_channel()
+    with open_bus(channel) as bus, open_bus(channel) as other:
         notifier = can.Notifier(bus, [], timeout=0.01)
         master = ThreadedMaster(SharedFeed(bus, notifier))
         assert len(notifier.listeners) == 1
         master.close()
         assert not notifier.listeners
-        assert not notifier.stopped
+        notifier.add_listener(heard := can.BufferedReader())
+        other.send(can.Message(arbitration_id=5))
+        assert heard.get_message(LONG) is not None
         notifier.stop()
 
 

@@ -24,7 +24,16 @@ from eurobot_od.check.conformance.writing import Data
 from eurobot_od.device.objects import COMMUNICATION_PROFILE
 from eurobot_od.od import values
 from eurobot_od.od.objects import address_of, data_type, default_bytes, default_of, in_limits, limits
-from eurobot_od.od.standard import COMMANDS, DEVICE_NAME, DEVICE_TYPE, ERROR_FIELD, IDENTITY, VERIFY_CONFIGURATION
+from eurobot_od.od.standard import (
+    COMMANDS,
+    DEVICE_NAME,
+    DEVICE_TYPE,
+    ERROR_FIELD,
+    IDENTITY,
+    SDO_ANSWERS,
+    SDO_REQUESTS,
+    VERIFY_CONFIGURATION,
+)
 from eurobot_od.od.values import MAPPING_RECORDS, MOST_SUBS, NOT_SCANNED, Address, label
 from eurobot_od.sdo.wire import AbortCode
 
@@ -140,7 +149,8 @@ def _readable(subject: Subject) -> Iterator[Data]:
 def _defaults(subject: Subject) -> Iterator[Data]:
     for each in subject.objects:
         configured = each.access_type in CONFIGURED or each.index in FIXED
-        own = address_of(each) == subject.dictionary.node_id_address  # what the suite was given, not what the file says
+        # What the suite was given, and where it talks to the device: neither is always what the file says.
+        own = address_of(each) in (subject.dictionary.node_id_address, SDO_REQUESTS, SDO_ANSWERS)
         scanned = not subject.dictionary.flags(address_of(each)) & NOT_SCANNED
         if each.readable and scanned and configured and not own and each.index not in ACTING:
             yield from _default(each)

@@ -36,6 +36,7 @@ from tests.check.conformance.devices import (
     steps,
     suites,
 )
+from tests.conftest import with_entry
 from tests.eds_text import DEVICE_TYPE, record, variable
 
 FILES = [each for each in sorted(SAMPLES.iterdir()) if not each.name.startswith("broken_by_hand")]
@@ -258,6 +259,23 @@ def test_a_destructive_suite_is_green_and_leaves_the_defaults() -> None:
     assert [each.name for each in done if each.status is Status.FAILED] == []
     assert any("stored and restored" in each.name and each.name.endswith(": the default is back") for each in done)
     assert any(each.name.startswith("7.4.5 Writable: 0x2006:0 Enabled: another value") for each in done)
+
+
+@pytest.mark.parametrize(
+    ("requests", "answers"),
+    [
+        ("0x601", "0x581"),  # copied from node 1: the server is at the device's own identifiers
+        ("0x80000605", "0x80000585"),  # not valid: the server is there all the same
+        ("0x650", "0x5D5"),  # moved
+    ],
+)
+def test_a_device_is_green_wherever_its_file_has_the_sdo_server(tmp_path: Path, requests: str, answers: str) -> None:
+    text = MODULE.read_text()
+    for section, cob_id in (("1200sub1", requests), ("1200sub2", answers)):  # rw: it is asked for its default, too
+        text = with_entry(with_entry(text, section, "DefaultValue", cob_id), section, "AccessType", "rw")
+    file = tmp_path / "moved.eds"
+    file.write_text(text)
+    assert [each.name for each in steps(file, SimulatedDevice) if each.status is Status.FAILED] == []
 
 
 def test_each_suite_that_may_reset_begins_and_ends_with_it() -> None:
