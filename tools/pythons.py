@@ -2,8 +2,8 @@
 
 `python3 tools/pythons.py [VERSION...]`. The tools, other people's programs and long simulations are run by
 `tools/test.py` alone; what else hardly depends on the Python (the browser, many processes, random inputs) is run on the
-oldest, too, with the oldest packages. A Python that this machine does not have is skipped, and that is said; it is looked for as
-`python3.12`, and in pyenv. The exit status is 1 if tests failed, 2 for an unknown version.
+oldest, too, with the oldest packages. A Python that this machine does not have is skipped, and that is said; it is
+looked for as `python3.12`, and in pyenv. The exit status is 1 if tests failed, 2 for an unknown version.
 """
 
 from __future__ import annotations
