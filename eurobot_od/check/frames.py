@@ -114,7 +114,7 @@ class FrameShapes:
         self, binding: Binding, node: yaml.Node | None, problems: Problems, read: Callable[[str, Scale], T]
     ) -> dict[str, T]:
         """Read a message's fields and their values; all their problems are reported."""
-        if node is None or (isinstance(node, yaml.ScalarNode) and node.value == "" and node.style is None):
+        if node is None or (isinstance(node, yaml.ScalarNode) and node.value == "" and not node.style):
             return {}  # nothing after the message's name; '' in quotes is a text, and wrong here
         before, fields = len(problems), {}
         for key, value in pairs_of(node, problems).items():

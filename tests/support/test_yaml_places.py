@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import pickle
+from collections.abc import Iterator
+from pathlib import Path
 from typing import NamedTuple
 
 import pytest
+import yaml
 
 from eurobot_od.support.yaml_places import (
+    PARSERS,
     Place,
     PlacedNumber,
     Problems,
@@ -138,3 +142,43 @@ def test_takes_what_only_looks_the_same() -> None:
 def test_a_copy_has_the_place_as_well(value: Text | PlacedNumber) -> None:
     copy = pickle.loads(pickle.dumps(value))
     assert (copy, type(copy), copy.place) == (value, type(value), value.place)
+
+
+# libyaml's parser and Python's
+
+
+OURS = sorted(Path(__file__).parents[2].glob("eds/*.yaml"))
+LOOK_ALIKE = [
+    "a: 'b'\nc: \"d\"\n",
+    "a: 01\nb: off\nc: 12:30\n",
+    "a: |\n  x\n  y\n",
+    "\ufeffä: ü\n",
+    "? [a]\n: {b: ~, c}",
+]
+
+
+def parts(node: yaml.Node) -> Iterator[tuple[object, ...]]:
+    """Give all that a reader looks at, of a node and of those in it."""
+    place = node.start_mark.line, node.start_mark.column
+    if isinstance(node, yaml.ScalarNode):
+        yield node.tag, node.value, bool(node.style), place
+        return
+    yield node.tag, len(node.value), place
+    for part in node.value:
+        for each in part if isinstance(part, tuple) else (part,):
+            yield from parts(each)
+
+
+@pytest.mark.parametrize("source", [*(file.read_text() for file in OURS), *LOOK_ALIKE])
+def test_all_parsers_read_the_same(source: str) -> None:
+    read = [[list(parts(node)) for node in yaml.compose_all(source, parser)] for parser in PARSERS]
+    assert read[0]
+    assert all(each == read[0] for each in read)
+
+
+@pytest.mark.parametrize("sign", ["[", "- ", "{a: "])
+def test_deep_nesting_is_a_problem_and_no_crash(sign: str) -> None:
+    problems: Problems = []
+    with pytest.raises(ReadError):
+        compose(sign * 100_000, problems)
+    assert shown(problems) == ["1:1: the file is nested too deeply"]

@@ -149,7 +149,7 @@ def _real(name: str, low: float, high: float, unit: str = "mm") -> NodeReader[fl
 
     def read_real(node: yaml.Node, problems: Problems) -> float:
         # YAML 1.1 reads 010 as 8 and 12:30 as 750: only a plain decimal number is taken for one.
-        plain = isinstance(node, yaml.ScalarNode) and node.style is None and NUMBER.fullmatch(node.value)
+        plain = isinstance(node, yaml.ScalarNode) and not node.style and NUMBER.fullmatch(node.value)
         if not plain or not low <= float(node.value) <= high:
             refuse(node, problems, f"{name} = {shown(node)} is not allowed; allowed: {allowed}")
         return float(node.value)
