@@ -182,7 +182,8 @@ class Device:
         produced = {each & BASE_IDENTIFIER for each in (time, sync) if each & PRODUCER}
         self._periodic = produced | {ERROR_CONTROL_BASE + self.node_id}
         # Sub-index 2 of 0x1280 and those after it: where a server answers this device as its client (7.5.2.34).
-        answers = {self.objects.cob_id((index, 2)) for index in standard.SDO_CLIENTS}
+        clients = [index for index in standard.SDO_CLIENTS if index in self.dictionary.members]
+        answers = {self.objects.cob_id((index, 2)) for index in clients}
         # Where a file gives two services one identifier, the later of these has it: NMT is never lost.
         ears: dict[int | None, Ear] = {
             **dict.fromkeys(self._consumer.identifiers, self._receive_heartbeat),
