@@ -1,4 +1,4 @@
-"""Compare two EDS or DCF files, or one with a live node.
+"""Compare two EDS, DCF, XDD or XDC files, or one with a live node.
 
 Exit status 0 no difference, 1 differences or a node that does not answer, 2 a file that cannot be read, 3 bus trouble.
 """
@@ -16,8 +16,8 @@ from eurobot_od.lint.diff import compare, compare_live, place, read_device, read
 
 def add_arguments(parser: ArgumentParser) -> None:
     """Add the arguments of `eurobot-od diff`."""
-    parser.add_argument("left", metavar="A", help="an EDS or DCF")
-    parser.add_argument("right", metavar="B", nargs="?", help="the EDS or DCF to compare it with")
+    parser.add_argument("left", metavar="A", help="an EDS, DCF, XDD or XDC")
+    parser.add_argument("right", metavar="B", nargs="?", help="the file to compare it with")
     parser.add_argument("--node", type=int, metavar="ID", help="node-ID: of the live node, or to fill in for $NODEID")
     parser.add_argument("--names", action="store_true", help="compare the ParameterNames too")
     parser.add_argument("--json", action="store_true", help="write a JSON list instead of lines")

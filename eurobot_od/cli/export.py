@@ -14,6 +14,7 @@ from eurobot_od.cli.remote import print_readings
 from eurobot_od.cli.table import DECODED, DEVICES, CommandRow, option
 from eurobot_od.errors import DictionaryError, LocalError, MappingError
 from eurobot_od.od import network
+from eurobot_od.od.formats import SUFFIXES
 from eurobot_od.od.network_file import NodeFile
 from eurobot_od.support import extras
 from eurobot_od.support.amounts import amount
@@ -97,7 +98,7 @@ def cdcf(file: str, output: Path | None, eds: str | None, node_id: int | None) -
             if output is None:
                 print(f"{name}:")
             write_concise(each, output / f"{name}.cdcf" if output else None)
-    elif Path(file).suffix.lower() in network.SUFFIXES:
+    elif Path(file).suffix.lower() in SUFFIXES:
         node = network.node_file(file)
         write_concise(node if node_id is None else node._replace(node_id=node_id), output)
     else:

@@ -1,4 +1,4 @@
-"""Check EDS and DCF files, one by one or as a network.
+"""Check EDS, DCF, XDD and XDC files or folders of them, one by one or as a network.
 
 Exit status 0 nothing found, 1 something found (errors; with --strict warnings too), 2 a file that cannot be read.
 """
@@ -17,7 +17,7 @@ from eurobot_od.lint.findings import Finding, Rule, Severity, chosen, count, sum
 from eurobot_od.lint.model import load
 from eurobot_od.lint.rules import FILE_RULES, lint
 from eurobot_od.od.document import read_bytes
-from eurobot_od.od.formats import is_xml
+from eurobot_od.od.formats import SUFFIXES, files_in, is_xml
 from eurobot_od.support.escaping import one_line
 
 if TYPE_CHECKING:
@@ -27,7 +27,10 @@ if TYPE_CHECKING:
 def add_arguments(parser: ArgumentParser) -> None:
     """Add the arguments of `eurobot-od lint`."""
     parser.add_argument(
-        "files", nargs="*", metavar="FILE", help="EDS or DCF; with --network also a network file, or a folder"
+        "files",
+        nargs="*",
+        metavar="FILE",
+        help="EDS, DCF, XDD, XDC or a folder; with --network also a network file",
     )
     parser.add_argument("--network", action="store_true", help="check the files as the nodes of one network")
     form = parser.add_mutually_exclusive_group()
@@ -65,11 +68,11 @@ def run(arguments: Namespace) -> ExitStatus:
     if arguments.explain:
         print(explanation(arguments.explain.upper()))
         return ExitStatus.FINE
-    files: list[str] = arguments.files
-    if not files:
+    if not arguments.files:
         raise LocalError("no files to check")
-    if arguments.fix:
-        return _fix(files, arguments.output)
+    if arguments.fix:  # one by one: a whole folder is not rewritten by mistake
+        return _fix(arguments.files, arguments.output)
+    files = arguments.files if arguments.network else _in_folders(arguments.files)
     unreadable: list[DictionaryError] = []
     findings, number, identifiers = _found(files, arguments.network, unreadable)
     wanted = chosen(findings, arguments.select, arguments.ignore)
@@ -86,6 +89,14 @@ def run(arguments: Namespace) -> ExitStatus:
         return ExitStatus.WRONG_INPUT
     errors, warnings = count(wanted, Severity.ERROR), count(wanted, Severity.WARNING)
     return ExitStatus.FOUND if errors or (arguments.strict and warnings) else ExitStatus.FINE
+
+
+def _in_folders(paths: Sequence[str]) -> list[str]:
+    """Return the files, and of a folder all device files in it."""
+    from pathlib import Path
+
+    each_of = (map(str, files_in(path)) if Path(path).is_dir() else [path] for path in paths)
+    return [file for files in each_of for file in files]
 
 
 def _found(
@@ -139,7 +150,7 @@ def _fix(files: Sequence[str], output: str | None) -> ExitStatus:
 def read_network(files: Sequence[str]) -> LintedNetwork:
     """Read a network: a network file, a folder, or the nodes' EDS and DCF files; raises DictionaryError."""
     from eurobot_od.lint.network import LintedNetwork, NetworkMember, nodes_of
-    from eurobot_od.od.network import SUFFIXES, read_network
+    from eurobot_od.od.network import read_network
     from eurobot_od.od.network_file import NetworkFile, NodeFile
 
     is_network = len(files) == 1 and not files[0].lower().endswith(SUFFIXES)

@@ -180,7 +180,7 @@ def add_network(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="[NODE-ID=]FILE",
-        help="EDS or DCF of a device, with a node-ID if the file has none; repeatable",
+        help="EDS, DCF, XDD or XDC of a device, with a node-ID if the file has none; repeatable",
     )
     group.add_argument(
         "--network",

@@ -3,9 +3,22 @@
 from __future__ import annotations
 
 from codecs import BOM_UTF8
+from pathlib import Path
 
+from eurobot_od.errors import DictionaryError
 from eurobot_od.od import document
 from eurobot_od.od.document import WIDE_MARKS, Document
+
+SUFFIXES = (".xdd", ".eds", ".xdc", ".dcf")
+"""Files of devices in a folder; of two with one name the later counts: a DCF is the EDS as it is configured."""
+
+
+def files_in(folder: str | Path) -> list[Path]:
+    """Return a folder's device files, in the order of SUFFIXES and by name; raises DictionaryError if it has none."""
+    files = [each for suffix in SUFFIXES for each in sorted(Path(folder).iterdir()) if each.suffix.lower() == suffix]
+    if not files:
+        raise DictionaryError(folder, None, "no EDS, DCF, XDD or XDC in this folder")
+    return files
 
 
 def read(data: bytes) -> Document:

@@ -15,11 +15,9 @@ from eurobot_od.errors import DictionaryError
 from eurobot_od.od import DEFAULT as DEFAULT
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.document import read_bytes
+from eurobot_od.od.formats import files_in
 from eurobot_od.od.network_file import NetworkFile, NodeFile, read_nodelist
 from eurobot_od.od.values import NODE_IDS, parse_number
-
-SUFFIXES = (".xdd", ".eds", ".xdc", ".dcf")
-"""Files of devices in a folder; of two with one name the later counts: a DCF is the EDS as it is configured."""
 
 
 def node_file(text: str) -> NodeFile:
@@ -36,11 +34,8 @@ def node_file(text: str) -> NodeFile:
 def read_network(path: str | Path) -> NetworkFile:
     """Read a network: a folder of EDS and DCF files, `nodelist.cpj`, or a YAML file; raises DictionaryError."""
     if Path(path).is_dir():
-        files = [each for suffix in SUFFIXES for each in sorted(Path(path).iterdir()) if each.suffix.lower() == suffix]
-        if not files:
-            raise DictionaryError(path, None, "no EDS or DCF in this folder")
         # by their stems, so that a DCF, which comes later, takes the place of its EDS
-        return NetworkFile([NodeFile(str(each)) for each in {each.stem: each for each in files}.values()])
+        return NetworkFile([NodeFile(str(each)) for each in {each.stem: each for each in files_in(path)}.values()])
     read = READERS.get(Path(path).suffix.lower())
     if read is None:
         raise DictionaryError(path, None, f"not a network: neither a folder nor one of {', '.join(READERS)}")

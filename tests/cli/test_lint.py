@@ -33,6 +33,9 @@ CALLS = [
     (["lint", OLD, "--ignore", "E", "--format", "github"], 0, "::warning file="),
     (["lint", OLD, "--select", "E2", "--format", "sarif"], 1, '"version": "2.1.0"'),
     (["lint", "--network", OWN[0], "--format", "sarif"], 0, '"ruleId": "W803"'),
+    (["lint", str(ROOT / "eds/canopen")], 0, "3 files: 139 infos (-v lists infos)"),
+    (["lint", CLEAN, str(ROOT / "docs"), "--select", "W442"], 0, "motor.eds:389:14: W442"),
+    (["lint", str(ROOT / "tools")], 2, ""),  # no file of a device in it
     (["lint", CLEAN, "none.eds"], 2, ""),
     (["lint"], 2, ""),
     (["lint", "--explain", "e606"], 0, "E606 (error): No PDO has an identifier of NMT"),

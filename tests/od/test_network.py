@@ -121,5 +121,5 @@ def test_what_is_no_network_is_told_in_one_line(tmp_path: Path, name: str, text:
 
 
 def test_an_empty_folder_is_told(tmp_path: Path) -> None:
-    with pytest.raises(DictionaryError, match="no EDS or DCF in this folder"):
+    with pytest.raises(DictionaryError, match="no EDS, DCF, XDD or XDC in this folder"):
         read_network(tmp_path)
