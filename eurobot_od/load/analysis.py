@@ -41,9 +41,10 @@ a time over `HORIZON`, more than `INSTANCES` in a busy period, and a jitter that
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from fractions import Fraction
 from functools import cached_property
+from math import lcm
 from types import MappingProxyType
 from typing import NamedTuple, TypeAlias
 
@@ -155,7 +156,7 @@ class Analysis:
     @cached_property
     def load(self) -> Fraction:
         """Share of the bus that all messages take, errors not counted."""
-        return sum((Fraction(each.bits, each.period) for each in self.messages), Fraction())
+        return self._share(self.messages)
 
     @cached_property
     def bounds(self) -> tuple[Bound, ...]:
@@ -190,9 +191,18 @@ class Analysis:
         blocked = 0 if blocking is None else self.messages[blocking].bits
         level = [message, *(self.messages[n] for n in others)]
         recovery = RECOVERY_BITS + max(each.bits for each in level)
-        own, *shares = (Fraction(each.bits, each.period) for each in level)  # exact, as FULL is a sharp limit
-        load = sum(shares, Fraction(self.errors.number * recovery, self.errors.interval))
-        return Interference(message, others, blocking, blocked, load + own, load, recovery)
+        load = self._share(self.messages[n] for n in others) + Fraction(
+            self.errors.number * recovery, self.errors.interval
+        )
+        return Interference(message, others, blocking, blocked, load + self._share([message]), load, recovery)
+
+    def _share(self, messages: Iterable[Message]) -> Fraction:
+        """Return the share of the bus that messages take, exactly, as FULL is a sharp limit."""
+        return Fraction(sum(each.bits * (self._hyperperiod // each.period) for each in messages), self._hyperperiod)
+
+    @cached_property
+    def _hyperperiod(self) -> int:
+        return lcm(*(each.period for each in self.messages))
 
     def rivals(self, place: int, late: bool) -> list[int]:
         """Return the messages that can be the most urgent in their node's mailboxes while all are less urgent than one.

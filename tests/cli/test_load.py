@@ -8,9 +8,6 @@ from pathlib import Path
 
 import pytest
 
-from eurobot_od.cli import main
-from eurobot_od.cli.load import of_robot
-from eurobot_od.load.sweep import most_traffic, slowest_bus
 from eurobot_od.robot.commands.match import too_slow
 from eurobot_od.robot.plugin import ROBOT
 from tests.cli.console import Terminal, run
@@ -32,13 +29,6 @@ def test_a_match_on_a_bus_that_is_too_slow_says_so() -> None:
     assert too_slow(ROBOT, None, 250_000) == ""
 
 
-def test_the_documentation_says_what_a_sweep_says() -> None:
-    page = " ".join((Path(__file__).parents[2] / "docs" / "watching.md").read_text(encoding="utf-8").split())
-    messages = of_robot(ROBOT)
-    assert f"down to {slowest_bus(messages)} kbit/s" in page
-    assert f"with {(most_traffic(messages, 500_000) or 0) / 100:.2f} times the traffic" in page
-
-
 def test_errors_may_make_a_deadline_be_missed(capsys: pytest.CaptureFixture[str]) -> None:
     assert run(capsys, "load", "--errors", "30/10ms").status == 1
 
@@ -53,20 +43,19 @@ def test_mailboxes_of_every_node(capsys: pytest.CaptureFixture[str]) -> None:
     )
 
 
-def test_json_and_a_chart(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
-    said = run(capsys, "load", "--json", "--sweep", "--svg", str(tmp_path / "chart.svg"))
-    data = json.loads(said.out)
-    assert (data["deadlines_met"], data["limits"]["slowest"]) == (True, 201)
-    assert (tmp_path / "chart.svg").read_text().startswith("<svg")
-
-
-def test_a_terminal_sees_how_far_a_sweep_is(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_sweep(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    """One for all that it writes, as it takes seconds: JSON, a chart, how far it is; the documentation quotes it."""
     terminal = Terminal()
     monkeypatch.setattr("eurobot_od.support.progress.SHORT", 0.0)
     monkeypatch.setattr("sys.stderr", terminal)
-    main(["load", "--sweep"])
+    data = json.loads(run(capsys, "load", "--json", "--sweep", "--svg", str(tmp_path / "chart.svg")).out)
     drawn = re.findall(r"(\d) of (\d) limits", terminal.getvalue())
     assert (drawn[0], drawn[-1]) == (("1", "4"), ("4", "4"))
+    assert (data["deadlines_met"], data["limits"]["slowest"]) == (True, 201)
+    assert (tmp_path / "chart.svg").read_text().startswith("<svg")
+    page = " ".join((Path(__file__).parents[2] / "docs" / "watching.md").read_text(encoding="utf-8").split())
+    assert f"down to {data['limits']['slowest']} kbit/s" in page
+    assert f"with {data['limits']['percent'] / 100:.2f} times the traffic" in page
 
 
 def test_a_network_file(capsys: pytest.CaptureFixture[str]) -> None:
