@@ -18,8 +18,10 @@ from eurobot_od.od.dictionary import Dictionary
 # No test may depend on how fast the machine is. In CI the same inputs are tried each time: what a change did not break
 # stays green. Everywhere else they are other ones each time.
 CI = os.environ.get("CI") == "true"
-settings.register_profile("untimed", deadline=None, derandomize=CI, suppress_health_check=[HealthCheck.too_slow])
-settings.load_profile("untimed")
+untimed = settings(deadline=None, derandomize=CI, suppress_health_check=[HealthCheck.too_slow])
+settings.register_profile("suite", untimed, max_examples=40)
+settings.register_profile("campaign", untimed, max_examples=300)  # pytest --hypothesis-profile=campaign
+settings.load_profile("suite")
 
 # Half of the tests' time was spent on reading the same few EDS files. A dictionary is a value, so what is read again
 # with nothing but its text, name and node-ID is the same one.

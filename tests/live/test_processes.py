@@ -138,8 +138,9 @@ EMCY_OF_DRIVE, HEARTBEAT_LOST = 0x082, b"\x30\x81"
 
 STRATEGY = """
 import sys
+from contextlib import suppress
 from eurobot_od import Robot
-from eurobot_od.errors import EurobotError
+from eurobot_od.errors import EurobotError, StateError
 from eurobot_od.robot.model.values import TeamColour
 
 with Robot("remote", sys.argv[1]) as robot:
@@ -149,6 +150,10 @@ with Robot("remote", sys.argv[1]) as robot:
         try:
             print("goto", flush=True)
             print(robot.goto(1500, 1000, 90, 10).outcome, flush=True)
+        except StateError as error:  # the shutdown after some 2 s: on a busy machine a drive may take longer to start
+            print(error, flush=True)
+            with suppress(EurobotError):
+                robot.recover()
         except EurobotError as error:
             print(error, flush=True)
 """

@@ -7,7 +7,7 @@ from fractions import Fraction
 from itertools import product
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from eurobot_od.load.analysis import HORIZON, INSTANCES, Analysis, BitErrors, Message
@@ -226,7 +226,6 @@ def test_the_package_lets_a_less_urgent_frame_begin_one_unit_before_the_release(
     assert list(by_the_package(finer)) == [19_999, 29_999, 35_000]
 
 
-@settings(max_examples=60)
 @given(sets)
 def test_but_for_that_unit_the_package_agrees(found: list[Message]) -> None:
     analysis = BegunABitEarlier(found)
@@ -251,7 +250,6 @@ CHANGES = {
 }
 
 
-@settings(max_examples=60)
 @given(found=sets, boxes=mailbox_counts, errors=error_rates, data=st.data())
 @pytest.mark.parametrize("change", CHANGES.values(), ids=CHANGES)
 def test_more_traffic_makes_nothing_earlier(

@@ -38,7 +38,9 @@ from tests.client.wired import wired
 
 NETWORK = DecodedNetwork(dialects.load_all(dialects.DEFAULT), CATALOGUE)
 
-FEW, MANY = settings(max_examples=15, stateful_step_count=12), settings(max_examples=200, stateful_step_count=25)
+EXAMPLES = settings().max_examples
+FEW = settings(max_examples=EXAMPLES // 4, stateful_step_count=12)
+MANY = settings(max_examples=EXAMPLES * 3, stateful_step_count=25)
 """For machines of which a step takes long, and for others."""
 
 
@@ -335,7 +337,7 @@ class ArchivedLogs(RuleBasedStateMachine):
 
 
 StoredSettings.TestCase.settings = ProgramDownloads.TestCase.settings = FEW
-ArchivedLogs.TestCase.settings = settings(FEW, max_examples=6, stateful_step_count=6)
+ArchivedLogs.TestCase.settings = settings(FEW, max_examples=EXAMPLES // 8, stateful_step_count=6)
 LostConnection.TestCase.settings = MANY
 
 TestStoredSettings = StoredSettings.TestCase

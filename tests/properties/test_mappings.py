@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from eurobot_od.frame import Frame
@@ -29,7 +29,6 @@ gotos = st.builds(
 )
 
 
-@settings(max_examples=30)
 @given(mappings, st.integers(0x401, 0x57F), gotos)
 def test_a_goto_survives_every_mapping(mapping: tuple[dict[int, int], list[int]], cob_id: int, goto: GotoXY) -> None:
     bits, order = mapping

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from contextlib import suppress
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from eurobot_od.device.nmt import NmtCommand
@@ -74,7 +74,6 @@ def is_frame(frame: Frame) -> bool:
 
 
 @pytest.mark.parametrize("role", ROLES)
-@settings(max_examples=150, deadline=None)
 @given(steps=st.lists(st.tuples(pauses, st.one_of(frames, writes)), max_size=20))
 def test_no_frame_brings_a_node_down(role: str, steps: list[tuple[float, Frame]]) -> None:
     node, now = ROLES[role](DICTIONARIES[role]), 0.0
@@ -88,7 +87,6 @@ def test_no_frame_brings_a_node_down(role: str, steps: list[tuple[float, Frame]]
         assert node.device.plan.soonest <= node.next_wakeup
 
 
-@settings(max_examples=150, deadline=None)
 @given(steps=st.lists(st.tuples(pauses, st.one_of(calls, frames)), max_size=20))
 def test_no_order_of_calls_and_frames_brings_the_core_down(
     steps: list[tuple[float, Callable[[Core], object] | Frame]],
@@ -130,7 +128,6 @@ class Ride:
         return len(self.wheels.commands)
 
 
-@settings(max_examples=100, deadline=None)
 @given(rides=st.lists(st.tuples(gotos, pauses), min_size=1, max_size=5), stop=stops)
 def test_after_a_stop_the_robot_comes_to_rest(rides: list[tuple[GotoXY, float]], stop: Message) -> None:
     ride = Ride()
@@ -150,7 +147,6 @@ RELEASES = {PROTOCOL.cob_id("Start Configuration Set"), 0x000}
 """COB-IDs that may end the safe state: a start configuration, an NMT command."""
 
 
-@settings(max_examples=100, deadline=None)
 @given(goto=gotos, messages=st.lists(st.one_of(gotos, stops, frames.filter(lambda f: f.cob_id not in RELEASES))))
 def test_after_a_shutdown_nothing_moves_and_no_goto_is_confirmed(goto: GotoXY, messages: list[Message | Frame]) -> None:
     ride = Ride()

@@ -7,7 +7,7 @@ import math
 from collections.abc import Iterator
 
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from eurobot_od.robot.model import robot_file
@@ -113,7 +113,6 @@ def estimates_until_arrival(motion: Motion, pose: Pose) -> tuple[Pose, list[floa
     return pose, estimates
 
 
-@settings(max_examples=50, deadline=None)
 @given(poses, ways, angles, speeds, st.booleans())
 def test_a_goto_arrives(start: Pose, way_points: list[Point], angle: float, speed: int, backward: bool) -> None:
     pose, estimates = estimates_until_arrival(Motion(LIMITS, way_points, angle, speed, backward), start)
@@ -122,7 +121,6 @@ def test_a_goto_arrives(start: Pose, way_points: list[Point], angle: float, spee
     assert estimates[-1] == 0.0
 
 
-@settings(max_examples=100, deadline=None)
 @given(poses, ways, angles, speeds, st.booleans(), rollings)
 def test_the_remaining_time_is_honest_and_falls(
     start: Pose, way_points: list[Point], angle: float, speed: int, backward: bool, rolling: Command

@@ -29,7 +29,7 @@ from tests.season.seasons import Timed, archived, assert_equal_to_protocol, prot
 
 ROOT = Path(__file__).parents[2]
 
-RANDOM = 100_000
+RANDOM = 20_000
 
 TYPES = (
     ("INTEGER8", 3, 2),

@@ -49,12 +49,18 @@ def of_kind(kind: type[Node]) -> MakeNodes:
 
 
 def steps(
-    file: Path, kind: type[Node] = SimulatedDevice, *, tier: Tier = Tier.REVERSIBLE, keep_going: bool = True
+    file: Path,
+    kind: type[Node] = SimulatedDevice,
+    *,
+    tier: Tier = Tier.REVERSIBLE,
+    keep_going: bool = True,
+    chapter: str | None = None,
 ) -> Iterator[StepResult]:
-    """Run all suites of a file, and give the results of their steps."""
+    """Run all suites of a file, or that of one chapter, and give the results of their steps."""
     run = partial(run_simulated, options=RunOptions(keep_going), make_nodes=of_kind(kind))
     for each in suites(file, tier=tier):
-        yield from run(each).steps
+        if chapter is None or chapter in each.tags:
+            yield from run(each).steps
 
 
 @cache
