@@ -33,6 +33,9 @@ ENSURED = "EUROBOT_OD_ENSURED"
 WORKERS = str((os.cpu_count() or 1) + 1)
 """Processes that run tests: one more than there are cores, as many tests wait for other processes."""
 
+SHORT = ("-m", "not long")
+"""What a suite leaves out: tests of many seconds, which tools/long_tests.py runs."""
+
 ONCE_MORE = ("-m", "pytest", "-q", "--last-failed", "--last-failed-no-failures", "none")
 """What failed, alone: a test in real time may come too late on a busy machine. One that fails again has failed."""
 

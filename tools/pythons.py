@@ -17,7 +17,7 @@ from pathlib import Path
 from shutil import which
 from typing import NamedTuple
 
-from environment import ONCE_MORE, ROOT, WORKERS, call, ensure, is_current, wanted
+from environment import ONCE_MORE, ROOT, SHORT, WORKERS, call, ensure, is_current, wanted
 
 FINE, FAILED, WRONG_USAGE = 0, 1, 2
 
@@ -28,7 +28,7 @@ PROGRAMS = ("tests/interop", "tests/tools")
 """Other people's programs and our tools, which are no part of the package."""
 
 LEFT_OUT = (*PROGRAMS, *SIMULATION, "tests/web", "tests/properties", "tests/test_packaging.py")
-MARKED = "not live and not socketcan"
+MARKED = "not live and not socketcan and not long"
 
 
 class Row(NamedTuple):
@@ -45,7 +45,7 @@ def without(folders: tuple[str, ...]) -> tuple[str, ...]:
 
 
 ROWS = (
-    Row("3.10", "lowest-direct", without((*PROGRAMS, *SIMULATION))),
+    Row("3.10", "lowest-direct", (*without((*PROGRAMS, *SIMULATION)), *SHORT)),
     Row("3.12", "highest", (*without(LEFT_OUT), "-m", MARKED)),
     Row("3.13", "highest", (*without(LEFT_OUT), "-m", MARKED)),
 )

@@ -1,7 +1,7 @@
 """Sets up an environment and runs all checks in it: tests, types, style, EDS files. `python3 tools/test.py`
 
-It runs before anything is installed, so it uses the standard library only. With arguments, only pytest runs, and gets
-them.
+Tests marked `long` are left out; `tools/long_tests.py` runs those. This runs before anything is installed, so it uses
+the standard library only. With arguments, only pytest runs, and gets them.
 """
 
 from __future__ import annotations
@@ -9,13 +9,13 @@ from __future__ import annotations
 import os
 import sys
 
-from environment import ONCE_MORE, ROOT, WORKERS, call, prepare
+from environment import ONCE_MORE, ROOT, SHORT, WORKERS, call, prepare
 
 CHECKS = (
     ("ruff check", ("-m", "ruff", "check", ".")),
     ("mypy --strict", ("-m", "mypy", "--strict")),
     ("EDS files", ("tools/make_eds.py", "--check")),
-    ("pytest", ("-m", "pytest", "-q", "-n", WORKERS, "--dist", "worksteal", "--durations=10")),
+    ("pytest", ("-m", "pytest", "-q", "-n", WORKERS, "--dist", "worksteal", "--durations=10", *SHORT)),
 )
 
 

@@ -124,6 +124,7 @@ def with_pid(folder: str, number: int) -> Square:
     return square(number)
 
 
+@pytest.mark.long
 @pytest.mark.posix
 @pytest.mark.filterwarnings("ignore")  # dask's own, when a worker is lost
 def test_a_dask_worker_that_is_killed_loses_its_block_only(cluster: Cluster, tmp_path: Path) -> None:

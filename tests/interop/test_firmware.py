@@ -61,6 +61,7 @@ def failed(text: str) -> list[str]:
     return re.findall(r"^  FAILED +[0-9.]+ s +[0-9.]+ ms +(.*)$", text, re.MULTILINE)
 
 
+@pytest.mark.long
 def test_it_fails_as_the_page_says_and_is_green_when_mended(folder: Path) -> None:
     assert red(folder) == (failed(PAGE), "1 suite: 115 ok, 6 FAILED")
     assert len(failed(PAGE)) == 6

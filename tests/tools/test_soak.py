@@ -17,6 +17,7 @@ pytestmark = pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="
 SECONDS = 12
 
 
+@pytest.mark.long
 @pytest.mark.live
 def test_everything_that_goes_wrong_is_noticed_recovered_and_counted() -> None:
     pytest.importorskip("can_remote")

@@ -38,7 +38,12 @@ from tests.check.conformance.devices import (
 )
 from tests.eds_text import DEVICE_TYPE, record, variable
 
-FILES = [each for each in sorted(SAMPLES.iterdir()) if not each.name.startswith("broken_by_hand")]
+LONG = ("compact_drive.eds", "configured.dcf", "editor_with_comments.eds", "generated.eds")
+FILES = [
+    pytest.param(each, marks=pytest.mark.long) if each.name in LONG else each
+    for each in sorted(SAMPLES.iterdir())
+    if not each.name.startswith("broken_by_hand")
+]
 MADE = sorted(MAKERS.glob("*.eds"))
 CLAUSE = re.compile(r"7\.\d(\.\d+)* [A-Z]")
 
@@ -53,6 +58,7 @@ def test_nor_on_a_makers_device_with_everything_that_may_be_asked(file: Path) ->
     assert [each.name for each in asked_for_everything(file) if each.status is Status.FAILED] == []
 
 
+@pytest.mark.long
 def test_nor_on_a_node_that_acts_on_what_is_written() -> None:
     dictionary = dialects.load("drive")
     assert [each.name for each in steps(dictionary.file) if each.status is Status.FAILED] == []

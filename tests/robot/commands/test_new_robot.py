@@ -54,6 +54,7 @@ WORKS = [
 ]
 
 
+@pytest.mark.long
 def test_the_commands_of_a_newcomer_work(made: Path) -> None:
     for words, printed in WORKS:
         said = command(made.parent, [*words, "--robot", "mine"])

@@ -46,11 +46,13 @@ def test_several_processes_come_to_the_same() -> None:
     assert run("for match in matches: print(match)", 6) == [str(each) for each in play_many(SHORT, range(1, 6))]
 
 
+@pytest.mark.long
 def test_closing_ends_the_processes() -> None:
     lines = run("next(matches); print(len(active_children())); opened.close(); print(len(active_children()))", 1000)
     assert lines == ["2", "0"]
 
 
+@pytest.mark.long
 @pytest.mark.posix
 def test_a_process_that_dies_is_an_error_and_the_others_end() -> None:
     program = """
@@ -65,6 +67,7 @@ except ChildProcessError as error:
     assert run(program, 1000) == ["a process that did a part of the work has died 0"]
 
 
+@pytest.mark.long
 def test_processes_end_when_their_parent_is_killed() -> None:
     program = PROGRAM.format(last=1000) + "next(matches); print(flush=True); list(matches)"
     with subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE) as parent:
@@ -92,6 +95,7 @@ async def play(core):
 """
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("workers", ["workers", "HERE"])
 def test_each_process_loads_the_strategies(tmp_path: Path, workers: str) -> None:
     file = tmp_path / "mine.py"
