@@ -107,7 +107,9 @@ def ensure(module: str, extras: str = "") -> None:
 
 def call(*command: str | Path) -> int:
     """Run a command and return its exit status; 130 if it was interrupted."""
+    # Without compiled files each of a thousand processes would compile what it imports, and each worker all tests.
+    environment = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
     try:
-        return subprocess.run([str(word) for word in command], check=False).returncode
+        return subprocess.run([str(word) for word in command], check=False, env=environment).returncode
     except KeyboardInterrupt:
         return 130
