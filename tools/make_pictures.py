@@ -1,4 +1,4 @@
-"""Makes the pictures of the documentation from a simulated match: the field, the monitor, decoded lines.
+"""Makes the pictures of the documentation from a simulated match: the field and the monitor.
 
 Rule of this file: the same match every time, through the public functions of the package and nothing else.
 """
@@ -9,14 +9,12 @@ import argparse
 import io
 import re
 from collections.abc import Sequence
-from itertools import islice
 from pathlib import Path
 
 from rich.console import Console
 
 from eurobot_od.frame import Frame
 from eurobot_od.logs.meaning import Decoder
-from eurobot_od.logs.output import TextOutput
 from eurobot_od.monitor.controls import Controls
 from eurobot_od.monitor.screen import Size, screen
 from eurobot_od.monitor.traffic import Traffic
@@ -28,7 +26,6 @@ from eurobot_od.robot.protocol import decoder as robot_decoder
 
 DOCS = Path(__file__).parents[1] / "docs"
 OPTIONS = MatchOptions(seed=1)
-LINES = 48
 WATCHED = 40.0
 """Simulated time at which the monitor is shown, s."""
 
@@ -68,14 +65,6 @@ def field_alone(drawing: str) -> str:
     return re.sub(r'font-size="(28|31|36|38)"', f'font-size="{LEGIBLE}"', cropped)
 
 
-def lines(frames: list[tuple[float, Frame]], decoder: Decoder) -> str:
-    """Return the first lines as the command decode writes them."""
-    output = TextOutput()
-    write = output.writer("")
-    first = islice(frames, LINES)
-    return "".join(write(0, now, "can0", output.row(decoder(frame))) for now, frame in first)
-
-
 def monitor(frames: list[tuple[float, Frame]], decoder: Decoder) -> str:
     """Return the monitor's screen during the match."""
     traffic = Traffic(decoder, BITRATE)
@@ -90,7 +79,7 @@ def monitor(frames: list[tuple[float, Frame]], decoder: Decoder) -> str:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Write the files of the documentation."""
+    """Write the pictures of the documentation."""
     parser = argparse.ArgumentParser(description="Make the pictures of the documentation.")
     parser.add_argument("--folder", type=Path, default=DOCS, help="where to (default: docs)")
     folder: Path = parser.parse_args(arguments).folder
@@ -99,7 +88,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
         ("match.svg", field),
         ("field.svg", field_alone(field)),
         ("monitor.svg", monitor(frames, decoder)),
-        ("decode.txt", lines(frames, decoder)),
     ):
         (folder / name).write_text(text, encoding="utf-8")
     return 0
