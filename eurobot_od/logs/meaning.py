@@ -183,6 +183,7 @@ def _reader(binding: Binding) -> Callable[[Frame], Meaning]:
     name, group, nodes = binding.name, binding.group, (*binding.senders, *binding.receivers)
     # As candump's frames, a Meaning is made without the named tuple's own constructor.
     length, decode, write, new = binding.layout.length, binding.decode, _fields_writer(binding), tuple.__new__
+    allowed = lru_cache(None)(lambda field: binding.kinds[field].allowed(binding.limits[field]))
 
     def read(frame: Frame) -> Meaning:
         _, data = frame
@@ -193,7 +194,7 @@ def _reader(binding: Binding) -> Callable[[Frame], Meaning]:
         defects: tuple[Defect, ...] = ()
         # Asked of every message, and hardly ever true: so a look at the types in C, and not at each field.
         if len(data) > length or OutOfRange in map(type, message):
-            defects = tuple(_defects(frame, message, binding))
+            defects = tuple(_defects(frame, message, binding, allowed))
         return new(Meaning, (frame, name, group, nodes, message, write(message), defects, None))
 
     return read
@@ -229,13 +230,10 @@ def write(message):
     return compiled("write", source, names)
 
 
-def _defects(frame: Frame, message: Message, binding: Binding) -> Iterator[Defect]:
+def _defects(frame: Frame, message: Message, binding: Binding, allowed: Callable[[str], str]) -> Iterator[Defect]:
     if len(frame.data) > binding.layout.length:
         error = FrameLengthError(binding.name, frame.cob_id, len(frame.data), str(binding.layout.length))
         yield Defect(Damage.WRONG_LENGTH, f"{error}; read all the same")
     for field in flagged_fields(message):
-        kind, limits = binding.kinds[field], binding.limits[field]
-        yield Defect(
-            Damage.OUT_OF_RANGE,
-            f"{binding.name}: {field} = {int(getattr(message, field))}, allowed: {kind.allowed(limits)}",
-        )
+        value = int(getattr(message, field))
+        yield Defect(Damage.OUT_OF_RANGE, f"{binding.name}: {field} = {value}, allowed: {allowed(field)}")

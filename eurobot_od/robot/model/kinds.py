@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import cached_property
 from typing import Any, ClassVar
 
 from eurobot_od.od.values import Limits, typed_number
@@ -118,11 +119,15 @@ class BarrierFlags(Kind):
 
     def __init__(self, facts: Callable[[], Facts] = _shipped) -> None:
         super().__init__()
-        self._facts = facts
+        self._asked = facts
+
+    @cached_property
+    def _facts(self) -> Facts:
+        return self._asked()
 
     @property
     def keyed_form(self) -> KeyedForm:  # type: ignore[override]
-        names = tuple(each.name for each in self._facts().barriers)
+        names = tuple(each.name for each in self._facts.barriers)
         return KeyedForm("barrier", names, "passage", tuple(map(words_of, Passage)))
 
     def read(self, raw: int, limits: Limits) -> Any:
@@ -143,16 +148,16 @@ class BarrierFlags(Kind):
             wanted = passage.strip().upper() or Passage.NORMAL.name
             if wanted not in Passage.__members__:
                 raise ValueError(part)
-            passages[self._facts().barrier(name).number] = Passage[wanted]
+            passages[self._facts.barrier(name).number] = Passage[wanted]
         return Barriers.of(passages)
 
     def text(self, value: Any) -> str:
-        return self._facts().words(Barriers(value)) if value else str(Barriers(0))
+        return self._facts.words(Barriers(value)) if value else str(Barriers(0))
 
     def plain(self, value: Any) -> Any:
         return self.text(value)
 
     def allowed(self, limits: Limits) -> str:
         passages = " or ".join(words_of(passage) for passage in Passage)
-        names = ", ".join(each.name.replace(" ", "-") for each in self._facts().barriers)
+        names = ", ".join(each.name.replace(" ", "-") for each in self._facts.barriers)
         return f"{super().allowed(limits)}, or {names} with :{passages}"
