@@ -36,7 +36,7 @@ from eurobot_od.robot.match.observer import Observer
 from eurobot_od.robot.match.referee import Referee
 from eurobot_od.robot.model.options import NOISE_ONLY, MatchOptions
 from eurobot_od.robot.nodes import ROLES, Core, Drive, Node
-from eurobot_od.robot.nodes.motion import AT_REST, Chassis, Command, Odometry
+from eurobot_od.robot.nodes.motion import AT_REST, Chassis, Odometry, WheelCommand
 from eurobot_od.robot.world import World
 from eurobot_od.robot.world.assembly import equip
 from eurobot_od.robot.world.timeline import EventKind, MatchEvent, Timeline
@@ -116,7 +116,7 @@ class Watched:
         self.seconds = self.distance = 0.0
         self.moving = False
 
-    def advance(self, command: Command, dt: float) -> Odometry:
+    def advance(self, command: WheelCommand, dt: float) -> Odometry:
         """Move the robot."""
         before, odometry = self.world.robot, self._wheels.advance(command, dt)
         self.moving = command != AT_REST

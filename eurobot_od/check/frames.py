@@ -25,7 +25,7 @@ from eurobot_od.od.values import parse_number
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.catalogue import field_name, plain_name
 from eurobot_od.pdo.kinds import KeyedForm, Kind
-from eurobot_od.support.yaml_places import NodeReader, Problems, ReadError, Text, pairs_of, read_all, refuse
+from eurobot_od.support.yaml_places import NodeReader, PlacedText, Problems, ReadError, pairs_of, read_all, refuse
 
 T = TypeVar("T")
 
@@ -129,7 +129,7 @@ class FrameShapes:
             raise ReadError
         return fields
 
-    def _field_of(self, text: Text) -> FieldOf:
+    def _field_of(self, text: PlacedText) -> FieldOf:
         # From the right, as a message's name may have a dot itself: `my motor.TPDO1.Speed`.
         message, _, field = text.rpartition(".")
         # Without any dot the whole is looked up, so that the error names what stands there, not an empty name.
@@ -156,7 +156,7 @@ class FrameShapes:
         }
 
 
-def _named(node: yaml.Node, problems: Problems) -> tuple[Text, yaml.Node | None]:
+def _named(node: yaml.Node, problems: Problems) -> tuple[PlacedText, yaml.Node | None]:
     """Return the name of a message, and what comes after it."""
     if isinstance(node, yaml.ScalarNode):
         return SCALAR.read(node, problems), None
@@ -254,7 +254,7 @@ def _keyed(form: KeyedForm) -> Shape[dict[Any, Any]]:
     """Return the shape of a mapping from keys, in any of their spellings, to words."""
     keys = {plain_name(key): key for key in form.keys}
 
-    def known(text: Text) -> str:
+    def known(text: PlacedText) -> str:
         if plain_name(text) not in keys:
             raise UnknownName(form.key, str(text), form.keys)
         return keys[plain_name(text)]

@@ -169,9 +169,9 @@ class Master:
     @Procedure
     async def pump(self, wait: float, done: Callable[[], bool] = lambda: False) -> bool:
         """Take in frames for `wait` seconds, or until `done`; return whether it is done. Raises BusError."""
-        return await self._taken_in(wait, done)
+        return await self.take_in(wait, done)
 
-    async def _taken_in(self, wait: float, done: Callable[[], bool]) -> bool:
+    async def take_in(self, wait: float, done: Callable[[], bool]) -> bool:
         """Do what `pump` does.
 
         Frames that are waiting at the end count too: they have come in time, however late this process looks.

@@ -232,7 +232,7 @@ class ThreadedMaster(FedMaster):
             self.failure = why
             self._changed.notify_all()
 
-    async def _taken_in(self, wait: float, done: Callable[[], bool]) -> bool:
+    async def take_in(self, wait: float, done: Callable[[], bool]) -> bool:
         with self._changed:
             self._changed.wait_for(lambda: done() or self.failure is not None, None if wait == inf else max(wait, 0))
             if self.failure is not None and not done():
@@ -306,7 +306,7 @@ class LoopMaster(FedMaster):
             if not future.done() and ((is_done := done()) or self.failure is not None):
                 future.set_result(is_done)
 
-    async def _taken_in(self, wait: float, done: Callable[[], bool]) -> bool:
+    async def take_in(self, wait: float, done: Callable[[], bool]) -> bool:
         if not done():
             future: asyncio.Future[bool] = self._loop.create_future()
             with self._waits(future, done):

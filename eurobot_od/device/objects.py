@@ -15,7 +15,7 @@ from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.objects import data_type, initial, limits
 from eurobot_od.od.pdos import Part
 from eurobot_od.od.standard import COMMANDS, VERIFY_CONFIGURATION
-from eurobot_od.od.values import DOMAIN, MAPPING_RECORDS, VISIBLE_STRING, Address, Value, base_identifier
+from eurobot_od.od.values import DOMAIN, MAPPINGS, VISIBLE_STRING, Address, Value, base_identifier
 from eurobot_od.sdo.wire import LARGEST, Abort, AbortCode
 
 if TYPE_CHECKING:
@@ -25,7 +25,7 @@ COMMUNICATION_PROFILE = range(0x1000, 0x2000)
 """Indices of communication objects, which are configuration; a reset of the communication restores them (CiA 301,
 7.3.2.2.3)."""
 
-PARAMETERS = {*COMMUNICATION_PROFILE} - {*COMMANDS, *(index for each in MAPPING_RECORDS.values() for index in each)}
+PARAMETERS = {*COMMUNICATION_PROFILE} - {*COMMANDS, *MAPPINGS}
 """Communication objects that may always be written the value they have, also where the file contradicts itself: only
 of a mapping CiA 301 asks for a procedure whatever is written."""
 

@@ -91,6 +91,10 @@ class Section(NamedTuple):
         """Return the entry of a key (in lower case), or the section itself where there is none, for its place."""
         return self.entries.get(key, self)
 
+    def without_lines(self) -> Section:
+        """Return the section for another file, in which its lines are those of something else."""
+        return self._replace(line=0, entries={key: each._replace(line=0) for key, each in self.entries.items()})
+
 
 class Document(NamedTuple):
     """A file as read: its sections by lower-case name (of a section given twice the first), and what was odd.

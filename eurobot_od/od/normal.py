@@ -349,7 +349,7 @@ class _Writer:
                 self._line(entry, f"{entry.key}={entry.value}")
 
     def _mapped_dummies(self) -> set[int]:
-        records = (each for each in self._device.objects.values() if _is_mapping(each.index))
+        records = (each for each in self._device.objects.values() if each.index in values.MAPPINGS)
         entries = (variable.value for each in records for sub, variable in each.subs.items() if sub)
         return {number.value >> 16 for number in entries if number} & set(values.DUMMIES)
 
@@ -550,10 +550,6 @@ CANOPENS_KEYS = {each.lower(): each for each in ("Factor", "Unit", "Description"
 """Keys that canopen reads, though CiA 306 has none of them."""
 
 DUMMY_KEYS = tuple(f"dummy{code:04x}" for code in values.DUMMIES)
-
-
-def _is_mapping(index: int) -> bool:
-    return any(index in records for records in values.MAPPING_RECORDS.values())
 
 
 def _subs(each: DescribedObject) -> list[DescribedVariable]:

@@ -146,6 +146,11 @@ class DataType(NamedTuple):
         """Whether values may be negative."""
         return self.low < 0
 
+    @property
+    def allowed(self) -> str:
+        """Its name and, of an integer, its range."""
+        return f"{self.name}, {self.low}..{self.high}" if self.is_integer else self.name
+
     def meant(self, value: int) -> int:
         """Return what a written number is in this type: many editors write negative numbers as their bits."""
         return value - (1 << self.bits) if self.is_signed and self.high < value < 1 << self.bits else value
@@ -287,6 +292,10 @@ MAPPING_RECORDS = {
     for each, records in COMMUNICATION_RECORDS.items()
 }
 """Indices of the records of all PDOs there may be."""
+
+COMMUNICATIONS = frozenset(index for records in COMMUNICATION_RECORDS.values() for index in records)
+MAPPINGS = frozenset(index for records in MAPPING_RECORDS.values() for index in records)
+"""The same without the direction."""
 
 COB_ID, TRANSMISSION_TYPE, INHIBIT_TIME, EVENT_TIMER, SYNC_START = 1, 2, 3, 5, 6
 """Sub-indices of a communication record (CiA 301, Tables 66 and 70)."""

@@ -13,7 +13,7 @@ from math import copysign, inf
 from typing import NamedTuple
 
 from eurobot_od.profiles import cia402, homing
-from eurobot_od.profiles.cia402 import ARROWS, POWERED, Command, Mode, Ramp, State, Transition
+from eurobot_od.profiles.cia402 import ARROWS, POWERED, DriveCommand, Mode, Ramp, State, Transition
 from eurobot_od.profiles.modes import MODES, Homing, ModeOfOperation
 from eurobot_od.profiles.motion import STEP, Demand, Motor, Plant, Units
 from eurobot_od.profiles.values import AxisValues
@@ -119,19 +119,19 @@ class DriveAxis:
 
     def _obey(self, word: int, rising: int) -> None:
         command = cia402.command_of(word)
-        if command is Command.FAULT_RESET and not rising & cia402.FAULT_RESET:
+        if command is DriveCommand.FAULT_RESET and not rising & cia402.FAULT_RESET:
             return
         # "Enable operation" means two arrows in READY (CiA 402-2, table of commands), any other command one.
-        for _ in range(2 if command is Command.ENABLE else 1):
+        for _ in range(2 if command is DriveCommand.ENABLE else 1):
             arrow = self.arrow(command)
             if arrow is not None:
                 self.take(arrow)
 
-    def arrow(self, command: Command | None) -> Transition | None:
+    def arrow(self, command: DriveCommand | None) -> Transition | None:
         """Return the arrow that a command means now; None for one that means nothing in this state."""
-        if command is Command.ENABLE and self.state is State.READY:
-            command = Command.SWITCH_ON
-        if self._stop is not None and command is Command.ENABLE and self.state is State.ENABLED:
+        if command is DriveCommand.ENABLE and self.state is State.READY:
+            command = DriveCommand.SWITCH_ON
+        if self._stop is not None and command is DriveCommand.ENABLE and self.state is State.ENABLED:
             self._stop = None  # it was being stopped, and is to go on
         arrow = ARROWS.get((self.state, command)) if command else None
         if arrow is None or (self._stop and self._stop.after is arrow.after):
@@ -204,7 +204,7 @@ class DriveAxis:
         if reaction == 1:
             self.fault(0x8130)  # life guard or heartbeat error (CiA 301, Table 26)
         elif reaction in (2, 3):
-            arrow = self.arrow(Command.DISABLE_VOLTAGE if reaction == 2 else Command.QUICK_STOP)
+            arrow = self.arrow(DriveCommand.DISABLE_VOLTAGE if reaction == 2 else DriveCommand.QUICK_STOP)
             if arrow is not None:
                 self.take(arrow)
                 self._show()
@@ -234,17 +234,18 @@ class DriveAxis:
         steps = int((now - self._time) / STEP + 1e-6)
         self._time = now if steps > MOST_STEPS else self._time + steps * STEP
         for _ in range(min(steps, MOST_STEPS)):
-            self._step()
+            self.step()
         if steps:
             self._show()
 
-    def _step(self) -> None:
+    def step(self) -> None:
+        """Let one STEP pass: lead the demand, and let the motor follow it."""
         if self.state not in POWERED:
             # Nothing leads it: the demand goes along, so that it does not jump back when there is torque again.
             self.motor.coast()
             self.demand.position = self.motor.position
             return
-        self._lead()
+        self.lead()
         self._follow()
         if self._stop is not None and self._stop.after is not None and self.stands:
             self._enter(self._stop.after)
@@ -262,7 +263,8 @@ class DriveAxis:
         else:
             self.demand.position = self.motor.position
 
-    def _lead(self) -> None:
+    def lead(self) -> None:
+        """Move the demand by one STEP: along the ramp that stops it, or as the mode of operation says."""
         ramp = self._ramp_now
         if ramp is not None:
             self.demand.to_velocity(0.0, 1.0, self._deceleration(ramp))

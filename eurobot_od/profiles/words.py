@@ -14,7 +14,7 @@ from eurobot_od.od import objects as od
 from eurobot_od.od.standard import DEVICE_TYPE
 from eurobot_od.od.values import Address, Value
 from eurobot_od.profiles import cia401, cia402, homing
-from eurobot_od.profiles.cia402 import Command, Mode, State
+from eurobot_od.profiles.cia402 import DriveCommand, Mode, State
 
 if TYPE_CHECKING:
     from canopen.objectdictionary import ObjectDictionary, ODVariable
@@ -61,7 +61,7 @@ def _by_mode(bits: Mapping[Mode, Mapping[int, str]], objects: ObjectDictionary) 
 
 
 def _word(
-    find: Callable[[int], State | Command | None],
+    find: Callable[[int], State | DriveCommand | None],
     none: str,
     bits: Mapping[int, str],
     mode_bits: Mapping[Mode, Mapping[int, str]],

@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import NamedTuple, TypeAlias
 
-from eurobot_od.check.conformance.profile import Needs, ProfileClauses
+from eurobot_od.check.conformance.profile import Needs, ProfileClauses, allowed_steps
 from eurobot_od.check.conformance.subject import (
     Subject,
     awake,
@@ -73,17 +73,11 @@ class Wired(NamedTuple):
 
 
 class TestedModule(NamedTuple):
-    """A module under test, and what may be done with it; `wires` lead from outputs to inputs."""
+    """A module under test, and which steps may be done; `wires` lead from outputs to inputs."""
 
     subject: Subject
-    reversible: bool
-    outputs: bool
+    allowed: frozenset[Needs]
     wires: Mapping[Address, Address]
-
-    def may(self, needs: Needs) -> bool:
-        """Tell whether a step may be done."""
-        allowed = {Needs.READING: True, Needs.REVERSIBLE: self.reversible, Needs.OUTPUTS: self.outputs}
-        return allowed.get(needs, False)
 
     def blocks(self, kinds: Sequence[Kind]) -> Iterator[tuple[Kind, Address]]:
         """Give the blocks and channels of some kinds that the file has."""
@@ -107,6 +101,31 @@ class TestedModule(NamedTuple):
         members = self.subject.dictionary.members
         subs = ((index, sub) for index in indices for sub in members.get(index, ()))
         return [each for each in subs if (each[1] or len(members[each[0]]) == 1) and self.subject.settable(each)]
+
+    def tpdo(self, address: Address) -> tuple[Pdo | None, str]:
+        """Return the TPDO that goes when an input changes; or why none can be looked at."""
+        mapping = [
+            each
+            for each in self.subject.pdos
+            if each.direction is PdoDirection.TPDO and address in (entry.address for entry in each.mapping)
+        ]
+        for pdo in mapping:
+            why = self.subject.why_not_seen(pdo)
+            if not why and pdo.transmission_type in EVENT_DRIVEN and not pdo.event_timer:
+                return pdo, ""
+        return None, f"no TPDO with {label(address)} goes on a change alone"
+
+    def check_wires(self) -> None:
+        """Raise LocalError unless each leads from an output to an input of the same width, digital or analogue."""
+        widths: list[tuple[Kind, Kind]] = [
+            *zip(cia401.DIGITAL_OUTPUTS, cia401.DIGITAL_INPUTS),
+            *zip(cia401.ANALOGUE_OUTPUTS, cia401.ANALOGUE_INPUTS),
+        ]
+        found = {address: kind for kind, address in self.blocks([each for pair in widths for each in pair])}
+        for here, there in self.wires.items():
+            if (found.get(here), found.get(there)) not in widths:
+                what = f"no wire can lead from {label(here)} to {label(there)}: an output, and an input as wide"
+                raise LocalError(f"{self.subject.dictionary.file}: {what}")
 
 
 _INPUTS: tuple[Kind, ...] = (*cia401.DIGITAL_INPUTS, *cia401.ANALOGUE_INPUTS)
@@ -426,20 +445,6 @@ def _analogue_error_mode(module: TestedModule, wire: Wired) -> Data:
 # Interrupts
 
 
-def _tpdo(module: TestedModule, address: Address) -> tuple[Pdo | None, str]:
-    """Return the TPDO that goes when an input changes; or why none can be looked at."""
-    mapping = [
-        each
-        for each in module.subject.pdos
-        if each.direction is PdoDirection.TPDO and address in (entry.address for entry in each.mapping)
-    ]
-    for pdo in mapping:
-        why = module.subject.why_not_seen(pdo)
-        if not why and pdo.transmission_type in EVENT_DRIVEN and not pdo.event_timer:
-            return pdo, ""
-    return None, f"no TPDO with {label(address)} goes on a change alone"
-
-
 class Edge(NamedTuple):
     """What an output is set to, and whether that causes a TPDO."""
 
@@ -451,7 +456,7 @@ def _interrupts(
     module: TestedModule, wire: Wired, settings: Mapping[Address, int], edges: Sequence[Edge], name: str = ""
 ) -> Data:
     """Change an output and see which changes of its input cause the TPDO."""
-    pdo, why = _tpdo(module, wire.there)
+    pdo, why = module.tpdo(wire.there)
     if pdo is None:
         return skip(_title(wire), why)
     frame = {"raw": f"{pdo.cob_id:03X}#{'??' * pdo.length}"}
@@ -548,9 +553,8 @@ def text(
     Raises LocalError for a wire that leads from no output of the file, or to no input of the same sort.
     """
     subject = Subject(dictionary)
-    module = TestedModule(subject, reversible or outputs, outputs, wires or {})
-    for ends in module.wires.items():
-        _check_wire(module, *ends)
+    module = TestedModule(subject, allowed_steps(reversible, Needs.OUTPUTS if outputs else None), wires or {})
+    module.check_wires()
     suite: Data = {
         "spec": VERSION,
         "name": "CiA 401, I/O module",
@@ -566,16 +570,3 @@ def text(
     ]
     stop = {**nmt("pre-operational"), "name": "7.2.8.2.1 NMT: to PRE-OPERATIONAL [outputs]"}
     return documents([{**suite, "teardown": [*off, stop]} if outputs else suite])
-
-
-def _check_wire(module: TestedModule, here: Address, there: Address) -> None:
-    """Raise LocalError unless a wire leads from an output to an input of the same width, both digital or analogue."""
-    widths: list[tuple[Kind, Kind]] = [
-        *zip(cia401.DIGITAL_OUTPUTS, cia401.DIGITAL_INPUTS),
-        *zip(cia401.ANALOGUE_OUTPUTS, cia401.ANALOGUE_INPUTS),
-    ]
-    found = {address: kind for kind, address in module.blocks([each for pair in widths for each in pair])}
-    if (found.get(here), found.get(there)) in widths:
-        return
-    file = module.subject.dictionary.file
-    raise LocalError(f"{file}: no wire can lead from {label(here)} to {label(there)}: an output, and an input as wide")

@@ -14,8 +14,7 @@ from functools import partial
 from itertools import pairwise
 from typing import NamedTuple
 
-from eurobot_od.robot.model.facts import Barrier, Field
-from eurobot_od.robot.model.facts import Body as RobotShape
+from eurobot_od.robot.model.facts import Barrier, Field, RobotShape
 from eurobot_od.robot.model.places import Point, Pose
 
 BORDER = "border"

@@ -47,7 +47,7 @@ from eurobot_od.robot.model.values import Barriers, GotoFault, Obstacle, Outcome
 from eurobot_od.robot.nodes import ROLES, Core, Drive, Navigation
 from eurobot_od.robot.nodes.estimate import Estimate
 from eurobot_od.robot.nodes.goto import GotoReport
-from eurobot_od.robot.nodes.motion import Command, Odometry
+from eurobot_od.robot.nodes.motion import Odometry, WheelCommand
 from eurobot_od.robot.nodes.navigation import Fix
 from eurobot_od.robot.nodes.node import Handlers
 from eurobot_od.robot.nodes.standstill import NotStanding, Standstill
@@ -520,7 +520,7 @@ def test_14_no_stop_is_sent_for_a_goto_that_is_replaced(bench: Bench) -> None:
 class Stuck:
     """Wheels that do nothing."""
 
-    def advance(self, _command: Command, _dt: float) -> Odometry:
+    def advance(self, _command: WheelCommand, _dt: float) -> Odometry:
         return Odometry(0.0, 0.0)
 
 
@@ -672,7 +672,7 @@ class TrueRobot:
     def __init__(self, pose: Pose) -> None:
         self.pose, self.clear = pose, True
 
-    def advance(self, command: Command, dt: float) -> Odometry:
+    def advance(self, command: WheelCommand, dt: float) -> Odometry:
         self.pose = self.pose.moved(command.speed * dt, command.turn * dt)
         return Odometry(command.speed * dt, command.turn * dt)
 
