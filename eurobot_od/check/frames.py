@@ -25,7 +25,7 @@ from eurobot_od.od.values import parse_number
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.catalogue import field_name, plain_name
 from eurobot_od.pdo.kinds import KeyedForm, Kind
-from eurobot_od.support.yaml_places import NodeReader, PlacedText, Problems, ReadError, pairs_of, read_all, refuse
+from eurobot_od.support.yaml_places import NodeReader, PlacedText, Problems, pairs_of, read_all, refuse
 
 T = TypeVar("T")
 
@@ -116,18 +116,16 @@ class FrameShapes:
         """Read a message's fields and their values; all their problems are reported."""
         if node is None or (isinstance(node, yaml.ScalarNode) and node.value == "" and node.style is None):
             return {}  # nothing after the message's name; '' in quotes is a text, and wrong here
-        before, fields = len(problems), {}
-        for key, value in pairs_of(node, problems).items():
-            try:
-                field = taken(key, problems, lambda name: _field(binding, name))
-                kind = binding.kinds[field]
-                scale = self._words.scale(FieldValues(kind, binding.limits[field]))
-                fields[field] = _read_value(value, kind, scale, problems, read)
-            except ReadError:
-                continue
-        if len(problems) > before:
-            raise ReadError
-        return fields
+
+        def read_at(key: PlacedText, value: yaml.Node, problems: Problems) -> tuple[str, T]:
+            field = taken(key, problems, lambda name: _field(binding, name))
+            kind = binding.kinds[field]
+            scale = self._words.scale(FieldValues(kind, binding.limits[field]))
+            return field, _read_value(value, kind, scale, problems, read)
+
+        return dict(
+            read_all(((partial(read_at, key), each) for key, each in pairs_of(node, problems).items()), problems)
+        )
 
     def _field_of(self, text: PlacedText) -> FieldOf:
         # From the right, as a message's name may have a dot itself: `my motor.TPDO1.Speed`.

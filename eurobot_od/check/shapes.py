@@ -128,12 +128,7 @@ def listing(item: Shape[T]) -> Shape[tuple[T, ...]]:
 
 def one_or_more(item: Shape[T]) -> Shape[tuple[T, ...]]:
     """Make a shape of one item, or of a list of them."""
-    several = listing(item)
-
-    def read(node: yaml.Node, problems: Problems) -> tuple[T, ...]:
-        return several.read(node, problems) if isinstance(node, yaml.SequenceNode) else (item.read(node, problems),)
-
-    return Shape(read, {"anyOf": [item.schema, several.schema]})
+    return Shape(yaml_places.one_or_more(item.read), {"anyOf": [item.schema, listing(item).schema]})
 
 
 def mapping(key: Shape[Any], value: Shape[T]) -> Shape[dict[PlacedText, T]]:

@@ -140,7 +140,7 @@ class Device:
         self._process = ProcessData(self.objects)
         self._pacing = Pacing(self._pdos.inhibit_time, self._pdos.event_timer)
         self._synchronous, self._sync = Synchronous(self._pdos.sync_type, self._pdos.sync_start), SyncProducer()
-        self._deadlines, self._changes = Deadlines(self._pdos.deadline), Changes(self._process.frame)
+        self._deadlines, self._changes = Deadlines[Binding](), Changes(self._process.frame)
         self._sampled: dict[Binding, Frame] = {}
         self._guarding = NodeGuarding()
         self._server = SdoServer(self.objects)
@@ -210,7 +210,8 @@ class Device:
         self._following = [each for each in self._pdos.sent.values() if self._pdos.follows_changes(each)]
         for binding in self._deadlines.missed:  # nobody would report them as back: the watch begins anew
             self.emergencies.cleared((Deadlines, binding.name))
-        self._deadlines.restart(self._pdos.received.values())
+        times = {each: self._pdos.deadline(each) for each in self._pdos.received.values()}
+        self._deadlines.restart({each: time for each, time in times.items() if time})
 
     def _restart_broadcasts(self) -> None:
         """Send SYNC and TIME from now on, if that is configured and the NMT state allows it (CiA 301, Table 36)."""
@@ -493,7 +494,7 @@ class Device:
     def _receive_heartbeat(self, frame: Frame) -> Reaction:
         node_id = frame.cob_id - ERROR_CONTROL_BASE
         boot_up = frame == error_control(node_id, NmtState.INITIALISING)
-        if self._consumer.heard(node_id, self._now, boot_up=boot_up):
+        if (self._consumer.booted if boot_up else self._consumer.heard)(node_id, self._now):
             self.emergencies.cleared((HeartbeatConsumer, node_id))
         return Reaction([], booted=node_id if boot_up else None)
 

@@ -140,15 +140,19 @@ class Running:
     def take_segment(self, data: bytes) -> Said:
         """Take in a segment of a block."""
         number, part = data[0] & ~BLOCK_LAST, data[1:]
-        if number < self.expected and self.taken:  # a next block; the acknowledgement between is not in the log
-            for each in sorted(self.taken):
-                self.add(self.tail)
-                self.tail = self.taken[each]
-            self.taken.clear()
+        if number < self.expected:  # a next block; the acknowledgement between is not in the log
+            self.take_over()
         self.taken[number] = part
         self.expected = number + 1
         self.is_last = bool(data[0] & BLOCK_LAST)
         return Said(text=f"block segment {number}{', the last' * self.is_last}")
+
+    def take_over(self) -> None:
+        """Take over the segments of a block that nobody is seen to acknowledge."""
+        for number in sorted(self.taken):
+            self.add(self.tail)
+            self.tail = self.taken[number]
+        self.taken.clear()
 
     def ends_with(self, data: bytes) -> bool:
         """Whether this is no segment but the end: it comes after a last segment, and a block never begins like it."""
@@ -347,9 +351,7 @@ class Transfers:
         if running is None or running.how is not How.BLOCKS:
             return NOTHING
         running.in_block = False
-        for number in sorted(running.taken):  # their acknowledgement is not in the log
-            running.add(running.tail)
-            running.tail = running.taken[number]
+        running.take_over()  # what is left: its acknowledgement is not in the log
         running.add(running.tail[: SEGMENT_SIZE - unused_in(data)])
         running.verdict = running.compare(crc_in(data))
         return Said(more=f", {running.verdict}")

@@ -330,7 +330,10 @@ class _Writer:
                 self._line(entry, f"{spelled.get(key, entry.key)}={entry.value}")
 
     def _dummies(self) -> None:
-        section, mapped = self._device.section("dummyusage"), self._mapped_dummies()
+        section = self._device.section("dummyusage")
+        records = (each for each in self._device.objects.values() if each.index in values.MAPPINGS)
+        numbers = (entry.value for each in records for sub, entry in each.subs.items() if sub)
+        mapped = {number.value >> 16 for number in numbers if number}
         self._head("DummyUsage", section)
         entries = section.entries if section else {}
         for code in values.DUMMIES:
@@ -347,11 +350,6 @@ class _Writer:
         for key, entry in entries.items():
             if key not in DUMMY_KEYS and ":" not in key:
                 self._line(entry, f"{entry.key}={entry.value}")
-
-    def _mapped_dummies(self) -> set[int]:
-        records = (each for each in self._device.objects.values() if each.index in values.MAPPINGS)
-        entries = (variable.value for each in records for sub, variable in each.subs.items() if sub)
-        return {number.value >> 16 for number in entries if number} & set(values.DUMMIES)
 
     def _comment_lines(self) -> None:
         section = self._device.section("comments")
@@ -382,7 +380,10 @@ class _Writer:
     def _lists(self) -> None:
         """Write the lists of objects as they are, or anew where they are not those of the objects there are."""
         sections = {name: self._device.section(name.lower()) for name in keys.OBJECT_LISTS}
-        listed = {name: _listed(section) for name, section in sections.items()}
+        numbers = {
+            name: [parse_number(each.value) for each in s.numbered()] if s else [] for name, s in sections.items()
+        }
+        listed = {name: [number.value for number in found if number] for name, found in numbers.items()}
         there = [index for index, each in self._device.objects.items() if index >= values.FIRST and each.section]
         if sorted(index for indices in listed.values() for index in indices) != sorted(there):
             listed = {name: sorted(i for i in there if list_of(i) == name) for name in keys.OBJECT_LISTS}
@@ -555,13 +556,6 @@ DUMMY_KEYS = tuple(f"dummy{code:04x}" for code in values.DUMMIES)
 def _subs(each: DescribedObject) -> list[DescribedVariable]:
     """Return the sub-indices that have sections of their own."""
     return [sub for sub in each.subs.values() if sub.section is not each.section]
-
-
-def _listed(section: Section | None) -> list[int]:
-    """Return the indices that a list of objects names."""
-    entries = section.entries.items() if section else ()
-    numbers = (parse_number(entry.value) for key, entry in entries if key.isdecimal())
-    return [number.value for number in numbers if number]
 
 
 def list_of(index: int) -> str:

@@ -146,20 +146,16 @@ class DriveAxis:
             self._report(None)
         option = STOPS.get((arrow.before, arrow.after))
         ramp = Ramp.FREE if option is None else self._ramp(option)
-        if arrow.after is State.QUICK_STOP:
-            self._quick_stop(ramp)
+        is_quick_stop = arrow.after is State.QUICK_STOP
+        if is_quick_stop and ramp is not Ramp.FREE:
+            self._enter(State.QUICK_STOP)
+            stays = self._option(cia402.QUICK_STOP_OPTION) in cia402.STAYING
+            self._stop = Stop(ramp, None if stays else State.DISABLED)
         elif ramp is Ramp.FREE or self.stands:
-            self._enter(arrow.after)
+            # Without a ramp a quick stop takes the torque away at once, and nothing is left to do in its state.
+            self._enter(State.DISABLED if is_quick_stop else arrow.after)
         else:
             self._stop = Stop(ramp, arrow.after)
-
-    def _quick_stop(self, ramp: Ramp) -> None:
-        if ramp is Ramp.FREE:
-            self._enter(State.DISABLED)
-            return
-        self._enter(State.QUICK_STOP)
-        stays = self._option(cia402.QUICK_STOP_OPTION) in cia402.STAYING
-        self._stop = Stop(ramp, None if stays else State.DISABLED)
 
     def _option(self, index: int) -> int:
         return _signed(self.values.get(index, default=cia402.DEFAULT_OPTION[index]))

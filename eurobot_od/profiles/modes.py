@@ -175,17 +175,29 @@ class ProfilePosition(ModeOfOperation):
         return super().settled and self._reached and self._arrived
 
 
-class ProfileVelocity(ModeOfOperation):
-    """Turns at a velocity (CiA 402-2, clause 14)."""
+class VelocityMode(ModeOfOperation):
+    """Turns at the sum of the objects `TARGETS`, but no faster than any of the objects `MOST` allows."""
 
     controls_position = False
+    TARGETS: ClassVar[tuple[int, ...]] = (cia402.TARGET_VELOCITY,)
+    MOST: ClassVar[tuple[int, ...]] = (cia402.MAX_MOTOR_SPEED,)
 
     @property
     def _wanted(self) -> float:
         axis = self.axis
-        fastest = min(axis.velocity(cia402.MAX_PROFILE_VELOCITY), axis.velocity(cia402.MAX_MOTOR_SPEED))
-        wanted = min(max(axis.velocity(cia402.TARGET_VELOCITY, default=0.0), -fastest), fastest)
-        return within_limits(axis, wanted)
+        wanted = sum(axis.velocity(each, default=0.0) for each in self.TARGETS)
+        fastest = min(axis.velocity(each) for each in self.MOST)
+        return within_limits(axis, min(max(wanted, -fastest), fastest))
+
+    @property
+    def settled(self) -> bool:
+        return super().settled and self._wanted == 0
+
+
+class ProfileVelocity(VelocityMode):
+    """Turns at a velocity (CiA 402-2, clause 14)."""
+
+    MOST = (cia402.MAX_PROFILE_VELOCITY, cia402.MAX_MOTOR_SPEED)
 
     def step(self) -> None:
         axis = self.axis
@@ -202,10 +214,6 @@ class ProfileVelocity(ModeOfOperation):
         wanted = self.axis.velocity(cia402.TARGET_VELOCITY, default=0.0)
         reached = self._near(wanted, cia402.VELOCITY_WINDOW)
         return TARGET_REACHED * reached | BIT_12 * self._near(0.0, cia402.VELOCITY_THRESHOLD)
-
-    @property
-    def settled(self) -> bool:
-        return super().settled and self._wanted == 0
 
 
 class CyclicPosition(ModeOfOperation):
@@ -248,18 +256,11 @@ class CyclicPosition(ModeOfOperation):
         return super().settled and self.axis.demand.position == self._target
 
 
-class CyclicVelocity(ModeOfOperation):
+class CyclicVelocity(VelocityMode):
     """Turns at a velocity that comes with each SYNC (CiA 402-2, clause 16)."""
 
-    controls_position = False
-
-    @property
-    def _wanted(self) -> float:
-        axis = self.axis
-        # The offset is added to each target; a drive need not have it (CiA 402-2, clause 16).
-        wanted = sum(axis.velocity(each, default=0.0) for each in (cia402.TARGET_VELOCITY, cia402.VELOCITY_OFFSET))
-        fastest = axis.velocity(cia402.MAX_MOTOR_SPEED)
-        return within_limits(axis, min(max(wanted, -fastest), fastest))
+    # The offset is added to each target; a drive need not have it (CiA 402-2, clause 16).
+    TARGETS = (cia402.TARGET_VELOCITY, cia402.VELOCITY_OFFSET)
 
     def step(self) -> None:
         limit = self.axis.acceleration(cia402.MAX_ACCELERATION)
@@ -268,10 +269,6 @@ class CyclicVelocity(ModeOfOperation):
     @property
     def bits(self) -> int:
         return BIT_12
-
-    @property
-    def settled(self) -> bool:
-        return super().settled and self._wanted == 0
 
 
 class CyclicTorque(ModeOfOperation):

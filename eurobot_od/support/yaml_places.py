@@ -197,6 +197,16 @@ def listing(item: NodeReader[T], length: int | None = None) -> NodeReader[tuple[
     return read
 
 
+def one_or_more(item: NodeReader[T]) -> NodeReader[tuple[T, ...]]:
+    """Make a reader of one item, or of a list of them."""
+    several = listing(item)
+
+    def read(node: yaml.Node, problems: Problems) -> tuple[T, ...]:
+        return several(node, problems) if isinstance(node, yaml.SequenceNode) else (item(node, problems),)
+
+    return read
+
+
 def mapping(value: NodeReader[T], key: NodeReader[PlacedText] = text) -> NodeReader[dict[PlacedText, T]]:
     """Make a reader of a mapping from texts to values, in the file's order, no key twice."""
 

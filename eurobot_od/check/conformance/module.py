@@ -337,25 +337,20 @@ def _filter(module: TestedModule, wire: Wired) -> Data:
     return _switched(module, wire, _title(wire), *steps, settings=[passes])
 
 
-def _lost(module: TestedModule) -> Iterator[Data]:
-    """Watch a node that sends one heartbeat and no second one."""
-    address, another = (CONSUMED_HEARTBEATS, 1), module.subject.another
-    yield write(f"watch node {another}", address, value=another << 16 | WATCHED)
-    yield {**sent("x", ERROR_CONTROL_BASE + another, bytes([NmtState.OPERATIONAL])), "name": "its one heartbeat"}
-    yield wait(MISSED)
-
-
 def _fails(module: TestedModule, wire: Wired, name: str, settings: Mapping[Address, int], on: int, after: int) -> Data:
     """Command an output, lose the heartbeat, look at the terminal, and see that a start has it commanded again."""
-    watch = CONSUMED_HEARTBEATS, 1
-    if not module.subject.may_be(watch, module.subject.another << 16 | WATCHED):
+    watch, another = (CONSUMED_HEARTBEATS, 1), module.subject.another
+    if not module.subject.may_be(watch, another << 16 | WATCHED):
         return _without(name, CONSUMED_HEARTBEATS)
     steps = (
         *(_set(each, value) for each, value in settings.items()),
         nmt("start"),
         _set(wire.here, on),
         *_seen(wire, "commanded", on),
-        *_lost(module),
+        # A node is watched from its first heartbeat on (CiA 301, 7.5.2.19): this one sends that and no second one.
+        write(f"watch node {another}", watch, value=another << 16 | WATCHED),
+        {**sent("x", ERROR_CONTROL_BASE + another, bytes([NmtState.OPERATIONAL])), "name": "its one heartbeat"},
+        wait(MISSED),
         *_seen(wire, "after the heartbeat is lost", after),
         write("watch nobody", watch, value=0),
         nmt("pre-operational"),
