@@ -159,6 +159,7 @@ def settings(description: Description) -> list[tuple[ODVariable, bytes]]:
         count = dictionary.default((index, 0)) if pdo_of((index, subindex)) not in (None, index) else None
         if is_parameter(thing) and not (isinstance(count, int) and subindex > count):
             data = _configured(dictionary, thing)
+            # A DCF may leave a value to the device: what it does not say is left as it is.
             if data is not None:
                 found.append((thing, data))
     return found

@@ -90,6 +90,7 @@ class DriveAtNode:
 
     async def _read(self, index: int) -> int:
         data = await self._node.upload.steps((index + self._offset, 0))
+        # An expedited answer may leave its size out, and has four bytes then, whatever the type (CiA 301, 7.2.4.3.6).
         value = self._type(index).read(data[: self._type(index).size])
         assert isinstance(value, int)
         return value
@@ -167,6 +168,7 @@ class DriveAtNode:
     async def _fault_reset(self, within: float) -> None:
         if await self._state() not in FAULTY:
             return
+        # Until the motor stands the drive is in Fault reaction active, where a reset does nothing.
         await self._poll(within, lambda word: cia402.state_of(word) is not State.FAULT_REACTION)
         await self._command(DriveCommand.DISABLE_VOLTAGE)  # the reset is a rising edge
         await self._command(DriveCommand.FAULT_RESET)
@@ -182,6 +184,7 @@ class DriveAtNode:
         """Halt the drive if whoever waits for its motion gives up, for whatever reason."""
         try:
             yield
+        # Ctrl-C and a cancelled task too: a motor must not go on turning for want of somebody who waits.
         except BaseException:
             await self._halt()
             raise
@@ -210,6 +213,7 @@ class DriveAtNode:
         async with self._watched():
             await self._enter(Mode.HOMING)
             await self._command(DriveCommand.ENABLE, cia402.HOMING_START)
+            # Both: bit 12 alone means that home was found and the axis is still coming to rest (CiA 402-2, clause 11).
             done = cia402.BIT_12 | cia402.TARGET_REACHED
             word = await self._until("home", within, lambda word: word & done == done or bool(word & cia402.BIT_13))
         if word & cia402.BIT_13:
@@ -232,6 +236,7 @@ class DriveAtNode:
 
     async def _turn(self, velocity: int) -> None:
         async with self._watched():
+            # Before the mode: it would begin with the velocity that somebody has left in the object.
             await self._write(cia402.TARGET_VELOCITY, velocity)
             await self._enter(Mode.PROFILE_VELOCITY)
 

@@ -132,6 +132,7 @@ class ObjectAtNode:
         for raw, word in self.words.items():
             if word.casefold() == text.strip().casefold():
                 return raw
+        # A person may write what was shown before, and that has its unit.
         number = text.strip().removesuffix(self.unit).strip() if self.unit else text
         value = parse(self.od, number)
         return self._unscaled(value) if isinstance(value, (int, float)) and self.od.factor != 1 else value

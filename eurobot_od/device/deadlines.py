@@ -33,6 +33,7 @@ class Deadlines(Generic[Awaited]):
         """Take over other times; what does not change goes on."""
         kept = {each for each in times if times[each] == self.times.get(each)}
         self.times = times
+        # To their old deadlines: otherwise each write to 0x1016 would give all other nodes more time.
         self._deadlines = {each: self._deadlines[each] for each in kept & self._deadlines.keys()}
         self.missed &= kept
 

@@ -285,6 +285,7 @@ class Node:
             self.ignored += 1
             emergencies.raised(doubt, what, self.device.protocol.cob_id(type(message)).to_bytes(2, "little"))
             return
+        # It can be believed again, which an EMCY with the error code 0x0000 says.
         if what in emergencies.errors:
             emergencies.cleared(what)
         with suppress(Refused):

@@ -88,6 +88,7 @@ class FileStore:
         for section in dcf.missing(stored.content.decode(ANY_BYTES)):
             if section not in never_there:
                 raise DictionaryError(self.file, None, f"incomplete: [{section}] is missing")
+        # Not by the serial number: a device that replaces a broken one is to take over its configuration.
         for index, sub in KIND:
             ours, theirs = self._dictionary.default((index, sub)), stored.default((index, sub))
             if ours != theirs:

@@ -87,6 +87,7 @@ class Member(NamedTuple):
         """Write a number of its type."""
         if self.field.numeral is Numeral.SIGNED:
             return _signed(value, self.bits)
+        # An int has at least 16 bits; a wider constant needs the macro of its type (C99, 7.18.4).
         return f"{value}u" if self.bits <= 16 else f"UINT{self.bits}_C({value})"
 
     @property

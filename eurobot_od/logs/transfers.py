@@ -150,6 +150,7 @@ class Running:
     def take_over(self) -> None:
         """Take over the segments of a block that nobody is seen to acknowledge."""
         for number in sorted(self.taken):
+            # One segment behind: only the end of the transfer tells how much of the last one counts.
             self.add(self.tail)
             self.tail = self.taken[number]
         self.taken.clear()

@@ -291,6 +291,7 @@ class _Writer:
 
     def _number(self, entry: Entry, key: str, text: str | None, type_name: str = "a number") -> None:
         """Write an entry's value, already in its plain form; what is None becomes a comment."""
+        # A comment, so that whoever mends the file by hand still finds what stood there.
         if text is None and entry.value:
             self._changes.append(Change(entry.line, f"{key} {entry.value[:40]} made a comment: not {type_name}"))
             self._line(entry, f";{key}={entry.value}")
@@ -320,10 +321,12 @@ class _Writer:
         for key, entry in section.entries.items() if section else ():
             if key == "compactpdo" and section and (parse_number(entry.value) or Number(0)).value > 0:
                 self._changes.append(Change(entry.line, "CompactPDO written out", standard=True))
+            # configparser, with which canopen reads, takes the colon for the `=` and has another key.
             elif ":" in key:
                 self._line(entry, f";{entry.key}={entry.value}")
             elif (name == "DeviceInfo" and key in spelled and key not in INFO_TEXTS) or key in ("nodeid", "baudrate"):
                 number = plain_number(entry.value)
+                # canopen reads NodeID with any base and Baudrate as decimal digits only.
                 text = None if number is None or NODE_ID in number else number
                 self._number(entry, spelled[key], str(int(text, 0)) if text and key == "baudrate" else text)
             else:
@@ -365,6 +368,7 @@ class _Writer:
         """Write a section that is neither CiA 306's nor an object's, as it is."""
         name = section.name.strip()
         usual = usual_name(name) if looks_odd(name.lower()) else None
+        # It has been written already, by its own function or as an object under its usual name.
         if name.lower() in keys.SECTION_NAMES or (usual and self._device.document.sections[usual].line == section.line):
             return
         if name.lower() == CONNECTED and self._has_modules:
@@ -385,6 +389,7 @@ class _Writer:
         }
         listed = {name: [number.value for number in found if number] for name, found in numbers.items()}
         there = [index for index, each in self._device.objects.items() if index >= values.FIRST and each.section]
+        # Only where they are wrong: in which of the lists a maker puts an object, and in what order, is left alone.
         if sorted(index for indices in listed.values() for index in indices) != sorted(there):
             listed = {name: sorted(i for i in there if list_of(i) == name) for name in keys.OBJECT_LISTS}
         for name, section in sections.items():
@@ -421,6 +426,7 @@ class _Writer:
             for sub in each.subs.values():
                 if sub.section is not section:
                     self._as_comment(sub.section, "its object holds nothing")
+        # A VAR without a data type that has sub-indices is a record which an editor has called VAR.
         elif each.code in SIMPLE and not each.compact and (section.text("datatype") or not _subs(each)):
             subs = _subs(each)
             own = DescribedVariable(each.index, 0, section) if subs else each.subs[0]
@@ -523,6 +529,8 @@ class _Writer:
 
     def _limit(self, index: int, sub: int | None, attribute: str, text: str, type_: DataType) -> None:
         """Keep a limit that canopen does not read."""
+        # canopen silently has None for these limits: of REALs, with `$NODEID`, and of signed integers of 24, 40, 48 or
+        # 56 bits.
         number = parse_number(text)
         if type_ in values.REALS:
             self._dropped.append(Dropped(index, sub, attribute, float(text)))

@@ -164,6 +164,7 @@ class Inputs:
 
     def _causes(self, address: Address, value: int) -> bool:
         last = self._seen.get(address)
+        # The first value after a start is what later ones are compared with; it causes nothing itself.
         if last is None or last == value:
             return False
         digital = self.digital.get(address)

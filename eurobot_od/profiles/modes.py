@@ -108,6 +108,8 @@ class ProfilePosition(ModeOfOperation):
 
     def command(self, word: int, rising: int) -> None:
         self._commanded = bool(word & cia402.NEW_SET_POINT)
+        # Bit 4 acts by its edge, so that a controlword sent again is no second set-point. There is room for one at work
+        # and one that waits (CiA 402-2, clause 10).
         if rising & cia402.NEW_SET_POINT and self._next is None:
             found = self._set_point(bool(word & cia402.RELATIVE))
             self._acknowledged = True
@@ -125,6 +127,7 @@ class ProfilePosition(ModeOfOperation):
             # To the set-point before, not to where the axis is: so a row of them does not add up what it was off.
             target += last.target if last else axis.demand.position
         low, high = software_limits(axis.values)
+        # Cut and flagged (bit 11 of the statusword): the PDO it came in has been taken, so that nothing can be refused.
         axis.limited = not low <= target <= high
         fastest = min(axis.velocity(cia402.MAX_PROFILE_VELOCITY), axis.velocity(cia402.MAX_MOTOR_SPEED))
         velocity = min(axis.velocity(cia402.PROFILE_VELOCITY, default=axis.units.turn), fastest)
@@ -151,6 +154,7 @@ class ProfilePosition(ModeOfOperation):
         axis.demand.to_position(*self._target, *ramps)
         # Without a window it is there within one unit: the motor's place is no whole number.
         window = axis.values.get(cia402.POSITION_WINDOW, default=0) or 1
+        # The demand has to be there, too: on the way a motor that lags may pass through the window.
         self._window.look(self._arrived and abs(self._target.target - axis.motor.position) <= window)
         if self._next is not None and self._arrived:
             self._begin_move(self._next)
@@ -186,6 +190,7 @@ class VelocityMode(ModeOfOperation):
     def _wanted(self) -> float:
         axis = self.axis
         wanted = sum(axis.velocity(each, default=0.0) for each in self.TARGETS)
+        # Infinite for an object that the drive does not have: it limits nothing.
         fastest = min(axis.velocity(each) for each in self.MOST)
         return within_limits(axis, min(max(wanted, -fastest), fastest))
 
@@ -212,6 +217,7 @@ class ProfileVelocity(VelocityMode):
     @property
     def bits(self) -> int:
         wanted = self.axis.velocity(cia402.TARGET_VELOCITY, default=0.0)
+        # Bit 12 is "speed is 0" in this mode, which has no acknowledge (CiA 402-2, clause 14).
         reached = self._near(wanted, cia402.VELOCITY_WINDOW)
         return TARGET_REACHED * reached | BIT_12 * self._near(0.0, cia402.VELOCITY_THRESHOLD)
 
@@ -280,6 +286,7 @@ class CyclicTorque(ModeOfOperation):
     def wanted(self) -> float:
         """The torque that is commanded, as a share of what the motor has, within what it may have."""
         values = self.axis.values
+        # Both objects count in per mille of the rated torque, which is all that this motor has.
         per_mille = values.get(cia402.TARGET_TORQUE) + values.get(cia402.TORQUE_OFFSET)
         most = min(values.get(cia402.MAX_TORQUE, default=1000), 1000)
         return min(max(per_mille, -most), most) / 1000

@@ -103,6 +103,7 @@ class _Field:
     def outside(self) -> pl.Expr | None:
         """Return the raw value where it is out of range, null elsewhere."""
         ranges = self._plain_ranges()
+        # Every raw value is a plain one: a column of flags that are never set would cost time and space in each file.
         if sum(map(_count, ranges)) == _count(self.raws):
             return None
         inside = [_between(self.raw, each) for each in ranges] + [self.raw == raw for raw in self._codes()]
@@ -141,6 +142,7 @@ class _Field:
 
     def word(self) -> pl.Expr:
         """Return the words for the raw values."""
+        # A category is a number in each row; as texts the words would be most of the file.
         words = self.kind.named_values()
         return self.raw.replace_strict(list(words), list(words.values()), default=None, return_dtype=pl.String).cast(
             pl.Categorical

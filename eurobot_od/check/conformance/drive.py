@@ -72,6 +72,7 @@ _clause = CLAUSES.clause
 
 def _digits(mask: int, bits: int) -> str:
     """Return the pattern of a byte that has these bits."""
+    # Patterns compare digits: of each four bits of the mask come the digits that it lets through.
     digits = ""
     for m, b in ((mask >> 4, bits >> 4), (mask & 15, bits & 15)):
         allowed = "".join(f"{n:X}" for n in range(16) if n & m == b)

@@ -258,6 +258,7 @@ for _topic, _row in SETTINGS.items():
 @_clause("0x6200", "Outputs", Needs.OUTPUTS)
 def _outputs(module: TestedModule) -> Iterator[Data]:
     for kind, address in module.blocks(_OUTPUTS):
+        # Each bit both ways, next to bits that differ from it and to bits that do not; off at the end.
         values = [0x55, 0xAA, 0xFF, 0x00] if isinstance(kind, DigitalOutputs) else [1, 100, 0]
         wide = [_every(kind.bits, each) for each in values] if isinstance(kind, DigitalOutputs) else values
         usable = [each for each in wide if module.subject.may_be(address, each)]
@@ -313,6 +314,7 @@ def _bits(wire: Wired) -> int:
 @_on_wires("0x6200", "Outputs at the terminals", digital=True)
 def _terminals(module: TestedModule, wire: Wired) -> Data:
     steps: list[Data] = []
+    # One at a time: two wires that are crossed would look right with all outputs on.
     for bit in range(_bits(wire)):
         steps += [_set(wire.here, 1 << bit), *_seen(wire, f"bit {bit} alone", 1 << bit)]
     return _switched(module, wire, _title(wire), *steps, settings=[])

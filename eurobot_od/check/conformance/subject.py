@@ -123,6 +123,7 @@ class Subject:
     def settable(self, address: Address) -> ODVariable | None:
         """Return a variable that can be read, written, and given its default again; None if there is none."""
         found = self.find(address)
+        # A default outside the file's own limits could not be given back.
         usable = (
             found is not None
             and found.readable
@@ -140,6 +141,7 @@ class Subject:
         """A node-ID that neither the device has nor its file watches: the tester plays that node."""
         # One that the device watches would be reported as lost when the tester stops playing it.
         watched = {split(self.number((CONSUMED_HEARTBEATS, sub)))[0] for sub in range(1, MOST_SUBS + 1)}
+        # From above: makers and teams count their devices from 1, so that a high number is most likely nobody's.
         return next(each for each in reversed(NODE_IDS) if each != self.node_id and each not in watched)
 
     def may_be(self, address: Address, value: int) -> bool:
@@ -318,6 +320,7 @@ def emcy(name: str, code: int) -> Data:
 def fresh(subject: Subject) -> Iterator[Data]:
     """Give the communication the values of power-on, and wait until the device is in PRE-OPERATIONAL."""
     yield nmt("reset communication")
+    # A reset takes as long as the device likes, and what is sent meanwhile is lost.
     yield awake(subject)
     yield nmt("pre-operational")
 

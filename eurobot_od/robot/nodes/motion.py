@@ -315,6 +315,7 @@ class Motion:
 
     def _after_aim(self, pose: Pose, dt: float) -> Phase:
         view = self._view(pose)
+        # A robot that rolls and looks the right way need not stop to aim: each new goto would cost a stand.
         if self.command.speed:
             return Phase.DRIVE if self._in_line(view) else Phase.AIM
         if view.distance <= self._reach(self._points[0]):
