@@ -61,7 +61,7 @@ FILE = "robot.py"
 """The module of a folder that is a robot."""
 
 OURS = "eurobot_od."
-"""With what the modules begin that this package brings itself."""
+"""What the names of the modules start with that this package brings itself."""
 
 Program: TypeAlias = Callable[[], Coroutine[Any, Any, None]]
 """What a node does by itself after each boot while it is checked."""

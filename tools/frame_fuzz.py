@@ -1,6 +1,6 @@
 """Sends random and mutated frames into the three nodes, in simulated time: what they are there for goes on unchanged.
 
-A trial is so many frames, one after the other, into all nodes of a dialect while these start up, drive and are asked.
+A trial is a row of frames, one after the other, into all nodes of a dialect while these start up, drive and are asked.
 There are two kinds of trials:
 
 - *meaningless*: frames on which no node may act, such as one that is too short, out of its range, or for somebody
@@ -330,7 +330,7 @@ class Result(NamedTuple):
 
 @cache
 def healthy(dialect: str, seconds: float = FRAMES * PERIOD, is_reset: bool = False) -> list[Sent]:
-    """Return what the nodes send in so many seconds, or after a reset then, when nobody else sends."""
+    """Return what the nodes send in some seconds, or then after a reset, when nobody else sends."""
     party = Party(dialect)
     party.run(seconds)
     if is_reset:

@@ -6,7 +6,7 @@ Each cell of the matrix is a short match in which one thing goes wrong. What is 
   Braking after an ordinary stop counts, too, so that it is never 0. It has to end within BOUND seconds.
 - *off*: how far from its place the robot truly is when it has arrived.
 - *open calls*: calls of the core that have not ended when all is over. There must be none.
-- *went on*: whether another place was reached after it went wrong. Not every match can go on; it is told, not judged.
+- *went on*: whether another place was reached after it went wrong. Not every match can go on; that is not judged.
 
 A drive that is dead or frozen moves nothing here: what a motor does when nobody controls it is not in the protocol.
 
@@ -288,7 +288,7 @@ def attempt(cell: Cell) -> Result:
 
 
 def cells(dialect: str, times: int) -> Iterator[Cell]:
-    """Give all cells of a dialect, in the order of the table; a node is lost at so many `times` of a match."""
+    """Give all cells of a dialect, in the order of the table; a node is lost at each of the `times` of a match."""
     for name in files(dialect).protocol.names():
         yield from (Cell(name, how, dialect=dialect) for how in MESSAGE_FATES)
     losses = [(node, how) for node in ROLES for how in NODE_FATES]

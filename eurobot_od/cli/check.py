@@ -79,7 +79,7 @@ def _add_generated(parser: argparse.ArgumentParser) -> None:
         "--motion",
         type=_motion,
         metavar="WAY@VELOCITY",
-        help="profile 402: also move the motor, so far and so fast at most, in the drive's units",
+        help="profile 402: also move the motor, at most this far and this fast, in the drive's units",
     )
     parser.add_argument("--outputs", action="store_true", help="profile 401: also switch the outputs")
     parser.add_argument(

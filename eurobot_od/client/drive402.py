@@ -62,7 +62,7 @@ TYPES: Mapping[int, DataType] = {
 
 
 class DriveStatus(NamedTuple):
-    """What a drive says of itself; `state` is None for a statusword that is no state's."""
+    """What a drive says about itself; `state` is None for a statusword that is no state's."""
 
     state: State | None
     statusword: int
@@ -265,7 +265,7 @@ class Drive402(DriveAtNode):
 
     @property
     def status(self) -> DriveStatus:
-        """What the drive says of itself."""
+        """What the drive says about itself."""
         return finished(self._status())
 
     @property
@@ -323,7 +323,7 @@ class AsyncDrive402(DriveAtNode):
 
     @property
     async def status(self) -> DriveStatus:
-        """What the drive says of itself."""
+        """What the drive says about itself."""
         return await self._status()
 
     @property

@@ -55,7 +55,7 @@ STORE_WAIT = 5.0
 """Seconds that a node has to store its parameters: it may have to erase a flash memory."""
 
 BACKLOG = 1 << 16
-"""So many frames are taken in at once of those that are waiting: more than any adapter's buffer has."""
+"""Most waiting frames that are taken in at once: more than any adapter's buffer holds."""
 
 BOOT_WAIT = 5.0
 """Seconds that a node has from a reset to its boot-up message."""

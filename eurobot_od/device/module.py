@@ -36,12 +36,12 @@ class SimulatedModule(ProfileDevice):
     OUTPUTS: ClassVar[type[Outputs]] = Outputs
 
     def __init__(self, dictionary: Dictionary, **options: Any) -> None:
-        self._values = self.profile_values()
+        self._values = self._profile_values()
         self._inputs: Inputs | None = None
         self._begun = False
         super().__init__(dictionary, **options)
 
-    def profile_values(self) -> ProfileValues:
+    def _profile_values(self) -> ProfileValues:
         """Return the objects as the inputs and outputs see them."""
         return DeviceValues(self)
 

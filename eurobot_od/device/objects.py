@@ -134,7 +134,7 @@ class Objects:
     def put(self, address: Address, value: Value) -> None:
         """Keep a value, unchecked; a part of a value goes to its place in the whole.
 
-        Raises Refused if somebody is to be told of it and does not take it.
+        Raises Refused if the application does not accept it.
         """
         if address in self._told:  # before it is kept: what the application refuses must leave no trace
             self._told[address](value)

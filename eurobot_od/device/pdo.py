@@ -64,7 +64,7 @@ class Pdos:
         self._apply(self._built(objects.value, lambda error: self.unusable.update({error.index: error})))
 
     def _built(self, value: Callable[[Address], Value], harm: Callable[[MappingError], object]) -> Protocol:
-        """Return the messages by these values of objects; `harm` is told of what does not hold, and may raise that."""
+        """Return the messages by these values of objects; `harm` gets each error of a mapping, and may raise it."""
         dictionary = self._objects.dictionary
         return Protocol([(dictionary, dictionary.read_pdos(value, harm))], self._catalogue, harm)
 

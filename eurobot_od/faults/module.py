@@ -48,8 +48,8 @@ def _ignoring(*indices: int) -> Mixin:
     """Keep what is written to some objects, and do as if they were not there."""
 
     class Ignoring(SimulatedModule):
-        def profile_values(self) -> ProfileValues:
-            return IgnoringValues(super().profile_values(), frozenset(indices))
+        def _profile_values(self) -> ProfileValues:
+            return IgnoringValues(super()._profile_values(), frozenset(indices))
 
     return Ignoring
 

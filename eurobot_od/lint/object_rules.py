@@ -1,6 +1,6 @@
-"""Rules about objects: their keys, sub-indices and values (CiA 306), and what CiA 301 says of single objects.
+"""Rules about objects: their keys, sub-indices and values (CiA 306), and what CiA 301 says about single objects.
 
-What CiA 301 says of an object's type, access or value is data in a table.
+What CiA 301 says about an object's type, access or value is data in a table.
 """
 
 from __future__ import annotations

@@ -331,7 +331,7 @@ def _missing(device: LintedDevice, each: MappingEntry) -> str:
 
 
 def _is_dummy(each: MappingEntry) -> bool:
-    return each.index < 0x20  # a data type in the place of an object: so many bits are skipped
+    return each.index < 0x20  # a data type in place of an object: its bits are skipped
 
 
 @RULES.rule("E637", "CiA 301, PDO mapping (abort 0604 0041)")

@@ -61,7 +61,7 @@ class Packet(NamedTuple):
 
 
 class Interface(NamedTuple):
-    """What a pcapng file says of an interface; a tick of its times is `tick` seconds."""
+    """What a pcapng file says about an interface; a tick of its times is `tick` seconds."""
 
     link_type: int
     name: str

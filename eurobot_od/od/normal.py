@@ -223,7 +223,7 @@ RAW = {"defaultvalue": "default_raw", "parametervalue": "value_raw"}
 NUMBERS = ("objecttype", "datatype", "subnumber", "pdomapping", "objflags")
 VALUES = ("lowlimit", "highlimit", "defaultvalue", "parametervalue")
 COMPACT_KEYS = ("compactsubobj", "datatype", "accesstype", "pdomapping", *VALUES)
-"""What the section of a compact object says of its sub-indices."""
+"""What the section of a compact object says about its sub-indices."""
 
 INFO_TEXTS = ("vendorname", "productname", "ordercode")
 
@@ -492,7 +492,7 @@ class _Writer:
             self._entry(each.index, sub, key, entry, type_)
 
     def _entry(self, index: int, sub: int | None, key: str, entry: Entry, type_: DataType | None) -> None:
-        """Write what an entry says of an object, or of a variable if there is a type."""
+        """Write what an entry says about an object, or of a variable if there is a type."""
         text, spelled = entry.value, keys.SPELLED_OBJECT_KEYS.get(key)
         if type_ is not None and key in VALUES:
             if key in ENTRIES:

@@ -44,11 +44,11 @@ FILES = ("uploadfile", "downloadfile")
 """Keys of a value that is in a file beside the DCF."""
 
 NEEDED = ("ParameterName", "DataType", "AccessType")
-"""What a new variable has to say of itself."""
+"""What a new variable has to say about itself."""
 
 
 class ObjectPatch(NamedTuple):
-    """What a patch says of the object or variable that `target` names, in a `line`: entries with their own lines."""
+    """What a patch says about the object or variable that `target` names, in a `line`: entries with their own lines."""
 
     target: str
     line: int
@@ -169,7 +169,7 @@ def with_settings(document: Document, patches: Iterable[Patch]) -> Document:
 
 
 def patched(document: Document, patches: Iterable[Patch]) -> Document:
-    """Return a document with what patches say of its objects, one after the other.
+    """Return a document with what patches say about its objects, one after the other.
 
     Raises DictionaryError with the patch's line for what does not fit.
     """

@@ -75,7 +75,7 @@ def label(address: Address, name: str = "") -> str:
 def parse_number(text: str) -> Number | None:
     """Read a number: decimal, 0x hexadecimal, 0 octal, and `$NODEID+` in front of either.
 
-    What editors and compilers write besides is read as it is meant: `10h`, `0x10UL`, `$NodeID`, `0x80 + $NODEID`.
+    Other forms that editors and compilers write are accepted, too: `10h`, `0x10UL`, `$NodeID`, `0x80 + $NODEID`.
     """
     upper = text.strip().upper()
     value = _integer(upper)

@@ -120,7 +120,7 @@ class InputFilter:
 
 
 class Inputs:
-    """A module's inputs: what its objects say of their terminals, and which of them cause TPDOs."""
+    """A module's inputs: what its objects say about their terminals, and which of them cause TPDOs."""
 
     def __init__(self, values: ProfileValues) -> None:
         self._values = values

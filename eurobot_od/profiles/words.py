@@ -24,7 +24,7 @@ Says: TypeAlias = Callable[["ObjectDictionary", int], str]
 
 
 READABLE = 2
-"""So many meanings of a bit are named side by side; with more of them the bit's number says as much."""
+"""Most meanings of a bit that are named side by side; with more of them its number says as much."""
 
 
 class ValueMeaning(NamedTuple):
@@ -137,7 +137,7 @@ def _objects_of(variable: ODVariable) -> ObjectDictionary | None:
 
 
 def meaning_of(variable: ODVariable) -> ValueMeaning | None:
-    """Return what a profile says of an object; None if it says nothing."""
+    """Return what a profile says about an object; None if it says nothing."""
     objects = _objects_of(variable)
     of_profile = PROFILES.get(profile_of(objects)) if objects is not None else None
     return of_profile(od.address_of(variable)) if of_profile else None

@@ -1,4 +1,4 @@
-"""Reading all of a node: what it refuses is told and left out, and its DCF makes another node like it."""
+"""Reading all of a node: what it refuses is reported and left out, and its DCF makes another node like it."""
 
 from __future__ import annotations
 

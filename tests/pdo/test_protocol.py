@@ -100,7 +100,7 @@ FRAMES: list[tuple[Message, str]] = [
     (CheckDriveResponse(), "400#"),
 ]
 
-# What may not be sent: the message, the field that is told, and what is said to be allowed.
+# What may not be sent: the message, the field that is named, and what is said to be allowed.
 FORBIDDEN: list[tuple[Message, str, str]] = [
     (EmergencyStop(OutOfRange(2)), "obstacle", "object (0), enemy (1)"),
     (GOTO._replace(x=3001), "x", "0..3000 mm"),

@@ -143,7 +143,7 @@ _clause = CLAUSES.clause
 
 
 def _every(bits: int, byte: int = 0xFF) -> int:
-    """Return a block of so many bits that has the same byte again and again."""
+    """Return a block that repeats the same byte."""
     return int.from_bytes(bytes([byte]) * (bits // 8), "little")
 
 

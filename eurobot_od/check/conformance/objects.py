@@ -118,7 +118,7 @@ def _identity(subject: Subject) -> Iterator[Data]:
 
 @CHAPTER.clause("7.4.9", "Structure", ctt="4.5")
 def _structure(subject: Subject) -> Iterator[Data]:
-    """Read what 0x1000 says of itself: ObjectType VAR and DataType UNSIGNED32 (CiA 301, 7.4.9)."""
+    """Read what 0x1000 says about itself: ObjectType VAR and DataType UNSIGNED32 (CiA 301, 7.4.9)."""
     if subject.find(DEVICE_TYPE) is None:
         yield skip("0x1000:255", "the file has no device type (0x1000)")
         return

@@ -148,7 +148,7 @@ class NodeRow:
 class DialectRow:
     """How one dialect differs: its number in the identity, further fields, other widths, reserved bits, its bit order.
 
-    `reserved` says of an object how many bits of its PDO carry nothing, by the field that they stand before.
+    `reserved` says about an object how many bits of its PDO carry nothing, by the field that they stand before.
     """
 
     revision_number: PlacedNumber

@@ -349,7 +349,7 @@ def configured(bench: Bench, _: Future[GotoReport]) -> None:
 
 
 def asleep(bench: Bench, _: Future[GotoReport]) -> None:
-    """Nobody hears what the drive says of its goto."""
+    """Nobody hears what the drive says about its goto."""
     bench.lose(GotoStateResponse)
     bench.run(3.3)
     bench.lose()

@@ -1,4 +1,4 @@
-"""Wheels: they roll a little otherwise than they count, stall where something is in the way, and slip on a little."""
+"""Wheels: they do not roll quite as they count, stall where something is in the way, and slip on a little."""
 
 from __future__ import annotations
 
