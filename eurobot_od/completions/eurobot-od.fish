@@ -83,7 +83,7 @@ complete -c eurobot-od -n '_shtab_eurobot_od_using node' -l team -xka "yellow re
 complete -c eurobot-od -n '_shtab_eurobot_od_using node' -l drill -d 'core only: do what the core does when it is checked'
 complete -c eurobot-od -n '_shtab_eurobot_od_using node' -l beacons -d 'navigation only: simulated beacons for a red robot'
 complete -c eurobot-od -n '_shtab_eurobot_od_using node' -l world -x -d 'wheels, beacons, sensor in `eurobot-od world`'
-complete -c eurobot-od -n '_shtab_eurobot_od_using node' -l strategy -xka "(__fish_complete_path (commandline -ct))" -d 'core in a world only: play a match by a strategy file, or `shipped`, then end; --duration: the match'"'"'s'
+complete -c eurobot-od -n '_shtab_eurobot_od_using node' -l strategy -xka "(__fish_complete_path (commandline -ct))" -d 'core in a world: play a match by a strategy file, or `shipped`, then end; --duration: the match'"'"'s'
 complete -c eurobot-od -n '_shtab_eurobot_od_using node' -l eds -xka "(__fish_complete_path (commandline -ct))" -d 'EDS or DCF of a device, with a node-ID if the file has none; repeatable'
 complete -c eurobot-od -n '_shtab_eurobot_od_using node' -l network -xka "(__fish_complete_path (commandline -ct))" -d 'network file (YAML, or nodelist.cpj of CiA 306-3), or a folder of EDS files'
 complete -c eurobot-od -n '_shtab_eurobot_od_using node' -l module -x -d 'modules that are plugged into a device, in their order: numbers or names, such as 1,1,3; repeatable'
