@@ -288,7 +288,7 @@ def find(name: str | None = None, folder: str | Path = "") -> Plugin:
         from eurobot_od.od.network import read_network  # costs what most commands do not need
 
         named = read_network(file).robot
-        # A path in the file is relative to the file; what is no folder there is an installed robot's name.
+        # A path in the file is relative to the file; what is not a folder there is an installed robot's name.
         named = str(file.parent / named) if named and (file.parent / named).is_dir() else named
     if named:
         return _load(named)

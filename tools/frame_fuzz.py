@@ -215,7 +215,7 @@ def too_short(dice: Dice) -> Frame:
 
 @cache
 def _with_data(dialect: str) -> list[tuple[int, int]]:
-    """Give identifier and bytes of the messages that have data and are no stops."""
+    """Give identifier and bytes of the messages that have data and are not stops."""
     found = ((each.cob_id, each.layout.length) for each in protocol(dialect).bindings if not each.always)
     return [(cob_id, size) for cob_id, size in found if size]
 

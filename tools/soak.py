@@ -75,7 +75,7 @@ HEARD = (GOTO_CONFIRM, *HEARTBEATS, *EMERGENCIES)
 
 NO_ERROR = b"\0\0"
 BOOT_UP = b"\0"
-"""A boot-up message is no heartbeat: nobody watches a node that only boots."""
+"""A boot-up message is not a heartbeat: nobody watches a node that only boots."""
 
 HEARTBEAT_LOST = b"\x30\x81"
 PATIENCE = 60.0

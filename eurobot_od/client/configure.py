@@ -356,7 +356,7 @@ async def restore(node: RemoteNode) -> None:
 
 
 async def _write(node: RemoteNode, plan: ChangePlan, writes: Iterable[Write], done: list[Write]) -> None:
-    """Write and note in `done` what the node has, or may have; a write that it refused it has not."""
+    """Write and note in `done` what the node has, or may have; not a write that it refused."""
     for write in writes:
         done.append(write)
         try:

@@ -62,7 +62,7 @@ TYPES: Mapping[int, DataType] = {
 
 
 class DriveStatus(NamedTuple):
-    """What a drive says about itself; `state` is None for a statusword that is no state's."""
+    """What a drive says about itself; `state` is None for a statusword that belongs to no state."""
 
     state: State | None
     statusword: int
@@ -260,7 +260,7 @@ class Drive402(DriveAtNode):
 
     @property
     def state(self) -> State | None:
-        """The state of the drive; None for a statusword that is no state's."""
+        """The state of the drive; None for a statusword that belongs to no state."""
         return finished(self._state())
 
     @property
@@ -318,7 +318,7 @@ class AsyncDrive402(DriveAtNode):
 
     @property
     async def state(self) -> State | None:
-        """The state of the drive; None for a statusword that is no state's."""
+        """The state of the drive; None for a statusword that belongs to no state."""
         return await self._state()
 
     @property

@@ -276,7 +276,7 @@ class RemoteNode:
         await self._transfer("write", address, name, download(address, data, answer_wait, progress))
 
     def command(self, command: NmtCommand) -> None:
-        """Send an NMT command to this node; it is not confirmed, and heartbeats from before it count no more."""
+        """Send an NMT command to this node; it is not confirmed, and heartbeats from before it no longer count."""
         # What waits already was sent before the command, and must not be taken for its effect.
         self.master.drain()
         self.master.states.pop(self.node_id, None)

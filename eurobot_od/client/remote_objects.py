@@ -85,7 +85,7 @@ class ObjectAtNode:
 
     @property
     def unit(self) -> str:
-        """The Unit that the file gives it, which is no key of CiA 306; empty without one."""
+        """The Unit that the file gives it, which is not a key of CiA 306; empty without one."""
         unit: str = self.od.unit
         return unit
 

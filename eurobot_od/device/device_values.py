@@ -21,7 +21,7 @@ class DeviceValues:
         return self._known[address]
 
     def get(self, address: Address) -> int | None:
-        """Return its value, None if it has none, or one that is no number."""
+        """Return its value, None if it has none, or one that is not a number."""
         value = self._node.device.objects.kept(address)
         return value if isinstance(value, int) else None
 

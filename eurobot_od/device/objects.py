@@ -58,7 +58,7 @@ def is_configuration(dictionary: Dictionary, address: Address) -> bool:
 
 
 def out_of_limits(variable: ODVariable, value: Value) -> AbortCode | None:
-    """Return why a number is not within the limits of its object in the file; None if it is, or is no number."""
+    """Return why a number is not within the limits of its object in the file; None if it is, or is not a number."""
     range_ = limits(variable)
     if range_ is not None and isinstance(value, (int, float)):
         if value > range_.high:
@@ -170,7 +170,7 @@ class Objects:
                 return initial(variable) or bytes(type_.size)
             return type_.write(value)
         except (DictionaryError, ValueError, OverflowError) as error:
-            # the file's default is no number, or does not fit the type that the file names
+            # the file's default is not a number, or does not fit the type that the file names
             raise Abort(AbortCode.NO_DATA, str(error)) from error
 
     def admit(self, address: Address, size: int | None) -> int:

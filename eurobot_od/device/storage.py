@@ -71,7 +71,7 @@ class FileStore:
     def load(self) -> dict[Address, Value]:
         """Return the settings in the file, none without a file.
 
-        Raises DamagedFile if its checksum says so, DictionaryError if it is no DCF, incomplete, or that of another
+        Raises DamagedFile if its checksum says so, DictionaryError if it is not a DCF, incomplete, or that of another
         device. A DCF of other programs has no checksum, and is believed.
         """
         if not self.file.exists():

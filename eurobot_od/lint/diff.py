@@ -259,7 +259,7 @@ def compare_live(device: LintedDevice, answers: Mapping[Address, bytes | int], n
     """
     known = variables(device)
     if device.node_id is not None:
-        # Where the DCF has no value, an abort is no difference, and what cannot be written need not be the default.
+        # Where the DCF has no value, an abort is not a difference, and what cannot be written need not be the default.
         answers = {
             address: answer
             for address, answer in answers.items()

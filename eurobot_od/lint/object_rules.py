@@ -159,7 +159,7 @@ def without_sub_number(device: LintedDevice) -> Violations:
 def wrong_sub_number(device: LintedDevice) -> Violations:
     """SubNumber is the number of sub-indices, without 0xFF."""
     for each, section in _composed(device):
-        # 0xFF describes the object's structure and is no sub-index of data (CiA 301, 7.4.9).
+        # 0xFF describes the object's structure and is not a sub-index of data (CiA 301, 7.4.9).
         declared, real = parse_number(section.text("subnumber")), sum(sub != 0xFF for sub in each.subs)
         if declared and declared.value != real and not each.compact:
             yield (

@@ -1,6 +1,6 @@
 """Captures of a SocketCAN interface, as Wireshark, tshark and tcpdump write them: pcap and pcapng.
 
-Packets of other interfaces are no frames of the bus, and are skipped. The layouts are
+Packets of other interfaces are not frames of the bus, and are skipped. The layouts are
 those of the IETF's drafts for pcap and pcapng, and of the link type SocketCAN (227) of www.tcpdump.org.
 """
 

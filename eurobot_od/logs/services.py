@@ -97,7 +97,7 @@ def services(dictionaries: Iterable[Dictionary], errors: ErrorWords = NO_WORDS) 
 
 
 def _broadcast(names: Mapping[int, str]) -> Services:
-    """Return the services that are no node's own."""
+    """Return the services that belong to no node."""
     plainly = {
         0x072: "negotiation of a new master",
         0x073: "who is the active master?",

@@ -156,7 +156,7 @@ class Running:
         self.taken.clear()
 
     def ends_with(self, data: bytes) -> bool:
-        """Whether this is no segment but the end: it comes after a last segment, and a block never begins like it."""
+        """Whether this is no segment but the end: that comes after a last segment, and a block never begins like it."""
         command = ServerCommand.BLOCK_UPLOAD if self.is_upload else ClientCommand.BLOCK_DOWNLOAD
         is_possible = self.is_last or not self.taken
         return is_possible and data[0] >> 5 == command and bool(data[0] & Block.END)

@@ -59,7 +59,7 @@ class Refusal(NamedTuple):
 
 
 NO_OBJECT = 0
-"""In the place of an index: what cannot be used is no object, such as a module."""
+"""In the place of an index: what cannot be used is not an object, such as a module."""
 
 
 class Dropped(NamedTuple):
@@ -101,7 +101,7 @@ class Normal(NamedTuple):
 def normal(
     data: bytes, file: object = "", modules: Sequence[str] | None = None, patches: Sequence[Patch] = ()
 ) -> Normal:
-    """Return the normal form of an EDS or DCF; raises DictionaryError for what is no EDS, or hides objects.
+    """Return the normal form of an EDS or DCF; raises DictionaryError for what is not an EDS, or hides objects.
 
     `modules` are numbers or names of a modular device's modules, in their positions (CiA 306-1, 8); None for those that
     the file says are connected. `patches` are laid over the file, modules' objects included.
@@ -311,7 +311,7 @@ class _Writer:
         for entry in section.entries.values():
             self._line(entry, f";{entry.key}={entry.value}")
 
-    # Sections that are no object's
+    # Sections that belong to no object
 
     def _known(self, name: str) -> None:
         """Write a section with the keys of CiA 306."""

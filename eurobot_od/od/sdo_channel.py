@@ -41,7 +41,7 @@ class SdoChannel(NamedTuple):
 
     @property
     def usual_for(self) -> int | None:
-        """The node-ID whose default identifiers both are, 0 if they lack one; None if they are no node's."""
+        """The node-ID whose default identifiers both are, 0 if they lack one; None if they belong to no node."""
         node_id = self.requests - SDO_REQUEST_BASE
         return node_id if node_id in (0, *NODE_IDS) and self == self.default(node_id) else None
 

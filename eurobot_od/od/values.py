@@ -18,7 +18,7 @@ Address: TypeAlias = tuple[int, int]
 """Index and sub-index of an object."""
 
 Value: TypeAlias = "int | float | str | bytes | None"
-"""What an object may hold; None is no value at all."""
+"""What an object may hold; None is not a value at all."""
 
 NODE_IDS = range(1, 128)
 """The node-IDs there are (CiA 301, 7.3.3); a value with `$NODEID` has to hold for all of them."""
@@ -163,7 +163,7 @@ class DataType(NamedTuple):
     def read(self, data: bytes) -> Value:
         """Return the value that bytes from an SDO mean; raises ValueError for a length that the type does not have.
 
-        Bytes that are no text in a text's encoding stay bytes, so that `write` gives every byte back.
+        Bytes that are not text in a text's encoding stay bytes, so that `write` gives every byte back.
         """
         if self.size not in (0, len(data)):
             raise ValueError(f"{len(data)} bytes are not {self.name}")

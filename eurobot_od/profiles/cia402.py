@@ -128,12 +128,12 @@ POWERED = (State.ENABLED, State.QUICK_STOP, State.FAULT_REACTION)
 
 
 def state_of(statusword: int) -> State | None:
-    """Return the state that a statusword says; None for bits that are no state's."""
+    """Return the state that a statusword says; None for bits that belong to no state."""
     return next((each for each in State if statusword & each.mask == each.bits), None)
 
 
 def command_of(controlword: int) -> DriveCommand | None:
-    """Return the command that a controlword says; None for bits that are no command's."""
+    """Return the command that a controlword says; None for bits that belong to no command."""
     return next((each for each in DriveCommand if controlword & each.mask == each.bits), None)
 
 

@@ -50,7 +50,7 @@ class ModeOfOperation:
         self.begin()
 
     def begin(self) -> None:
-        """Begin with operation: what was commanded before counts no more."""
+        """Begin with operation: what was commanded before no longer counts."""
 
     def command(self, word: int, rising: int) -> None:
         """Take in a controlword, and which bits are newly set in it."""
@@ -152,7 +152,7 @@ class ProfilePosition(ModeOfOperation):
             return
         ramps = (axis.acceleration(each) for each in (cia402.PROFILE_ACCELERATION, cia402.PROFILE_DECELERATION))
         axis.demand.to_position(*self._target, *ramps)
-        # Without a window it is there within one unit: the motor's place is no whole number.
+        # Without a window it is there within one unit: the motor's place is not a whole number.
         window = axis.values.get(cia402.POSITION_WINDOW, default=0) or 1
         # The demand has to be there, too: on the way a motor that lags may pass through the window.
         self._window.look(self._arrived and abs(self._target.target - axis.motor.position) <= window)

@@ -172,7 +172,7 @@ def _candump_batches(chunks: Iterator[_Chunk]) -> Iterator[Batch]:
 
 def _of_lines(content: bytes, before: int, time: float) -> Batch:
     """Parse lines; `before` is the number of lines ahead of them, `time` that of the entry ahead of them."""
-    # What is no ASCII is no candump: replaced, it goes to the reader of odd lines.
+    # What is not ASCII is not candump: replaced, it goes to the reader of odd lines.
     text = content.removesuffix(b"\n").decode("ascii", "replace")
     found = (
         pl.DataFrame({"text": [text]})

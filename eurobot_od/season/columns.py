@@ -1,6 +1,6 @@
 """A message's frames to columns, all at once: expressions on the eight data bytes, taken as one 64-bit integer.
 
-Rule of this file: a column says what `Protocol.decode` says about each frame. A value that is no plain number of the
+Rule of this file: a column says what `Protocol.decode` says about each frame. A value that is not a plain number of the
 field's unit (unknown, a code such as `blocked`, out of range) is null in the field's column; the column `FIELD_flag`
 beside it, null for a plain value, says what it is: `unknown`, the code's word, or `out of range: ` and the raw value.
 

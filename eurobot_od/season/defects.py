@@ -64,7 +64,7 @@ def _checks(binding: Binding) -> Iterator[Check]:
 def of_others(
     frames: pl.DataFrame, services: Mapping[int, CanopenService], messages: Container[int], others: Unmapped
 ) -> Iterator[pl.DataFrame]:
-    """Yield the defects of frames that are no message's: services of another length, and identifiers of none."""
+    """Yield the defects of frames that belong to no message: services of another length, and identifiers of none."""
     for (cob_id,), some in frames.partition_by("cob_id", as_dict=True, maintain_order=True).items():
         number = int(cob_id)
         if number in services:

@@ -182,7 +182,7 @@ class MediumAccess:
         while not reading.complete:
             if not reading.take((yield RECESSIVE)):
                 return BusCondition.ERROR
-        # Looked at once, before the delimiter: what is read after it is no part of what the CRC protects.
+        # Looked at once, before the delimiter: what is read after it is not a part of what the CRC protects.
         intact = reading.intact
         if (yield RECESSIVE) == DOMINANT:  # the CRC delimiter
             return BusCondition.ERROR

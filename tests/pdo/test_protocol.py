@@ -453,7 +453,7 @@ def test_2014_unmasked_obstacle_byte() -> None:
         EmergencyStop(Obstacle.OBJECT),
         EmergencyStop(Obstacle.ENEMY),
     ]
-    # The robot's own frames have the whole byte: what is no obstacle is flagged, not taken for one.
+    # The robot's own frames have the whole byte: what is not an obstacle is flagged, not taken for one.
     for byte in range(2, 256):
         message = FIRMWARE.decode(0x002, bytes([byte]))
         assert message == EmergencyStop(OutOfRange(byte))

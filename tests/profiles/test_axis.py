@@ -85,7 +85,7 @@ def test_each_command_in_each_state(before: str, word: str, after: str) -> None:
 
 def test_the_table_of_arrows_is_that_of_canopen() -> None:
     ours = {(each.before.words.upper(), each.after.words.upper()): each for each in TRANSITIONS}
-    theirs = {arrow for arrow in State402.TRANSITIONTABLE if arrow[0] != "START"}  # power-on is no arrow of ours
+    theirs = {arrow for arrow in State402.TRANSITIONTABLE if arrow[0] != "START"}  # power-on is not an arrow of ours
     # 7 and 10 are theirs once, by Disable voltage.
     assert ours.keys() == theirs
     assert sorted({each.number for each in TRANSITIONS}) == [*range(1, 13), 14, 15, 16]

@@ -36,11 +36,11 @@ def test_admitted(access: AccessRules, headers: dict[str, str], shown: str, upgr
         (LOCAL, {"Host": "127.0.0.1:8014", "Origin": "http://127.0.0.1:9999"}, "", True, 403, "another page"),
         (LOCAL, {"Host": "127.0.0.1:8014", "Origin": "https://127.0.0.1:8014"}, "", True, 403, "another page"),
         (LOCAL, {"Host": "127.0.0.1:8014", "Origin": "null"}, "", False, 403, "another page"),  # a file, a sandbox
-        (LOCAL, {"Host": "127.0.0.1:8014"}, "", True, 403, "another page"),  # a websocket that is no browser's
+        (LOCAL, {"Host": "127.0.0.1:8014"}, "", True, 403, "another page"),  # a websocket that belongs to no browser
         (OPEN, {"Host": "192.0.2.7:8014"}, "", False, 401, "missing or wrong"),
         (OPEN, {"Host": "192.0.2.7:8014"}, "righ", False, 401, "missing or wrong"),
         (OPEN, {"Host": "192.0.2.7:8014"}, "räight", False, 401, "missing or wrong"),
-        (OPEN, {"Host": "192.0.2.7:8014"}, "right\udcff", False, 401, "missing or wrong"),  # a byte that is no text
+        (OPEN, {"Host": "192.0.2.7:8014"}, "right\udcff", False, 401, "missing or wrong"),  # a byte that is not text
         (OPEN, {"Host": "evil.example"}, "right", False, 403, "is not this server"),
     ],
 )

@@ -191,7 +191,7 @@ def _quick_stop(drive: TestedDrive) -> Iterator[Data]:
     option = cia402.QUICK_STOP_OPTION
     if not drive.settable(option, STAYS):
         steps = (*_into(drive, State.ENABLED), _commanded(DriveCommand.QUICK_STOP))
-        # Where its option code leads is the maker's matter; all that can be asked is that it is no fault.
+        # Where its option code leads is the maker's matter; all that can be asked is that it is not a fault.
         ended = _until(drive, "it stops", State.DISABLED.mask & 0x08, 0)
         yield group("from Operation enabled", *steps, ended, *_off(drive))
         return

@@ -246,7 +246,7 @@ def _sequence_number(subject: Subject) -> Iterator[Data]:
         expect("the first segment", subject.answer(f"?1{'?' * 14}"), WITHIN),
         _sent(subject, "128 segments acknowledged", wire.plain(upload | wire.Block.ACKNOWLEDGE, beyond)),
         _aborted(subject, AbortCode.SEQUENCE_NUMBER, AbortCode.GENERAL, AbortCode.UNKNOWN_COMMAND),
-        wait("50 ms"),  # what a server without blocks still has to say is no answer to the next request
+        wait("50 ms"),  # what a server without blocks still has to say is not an answer to the next request
     )
 
 

@@ -226,7 +226,7 @@ class Chapter(list[Clause]):
 
 
 def skip(name: str, reason: str) -> Data:
-    """Leave out what a file has not."""
+    """Skip what a file does not have."""
     return {"name": name, "skip": reason}
 
 
