@@ -213,8 +213,8 @@ class Device:
         self._following = [each for each in self._pdos.sent.values() if self._pdos.follows_changes(each)]
         for binding in self._deadlines.missed:  # nobody would report them as back: the watch begins anew
             self.emergencies.cleared((Deadlines, binding.name))
-        times = {each: self._pdos.deadline(each) for each in self._pdos.received.values()}
-        self._deadlines.restart({each: time for each, time in times.items() if time})
+        received = self._pdos.received.values()
+        self._deadlines.restart({each: time for each in received if (time := self._pdos.deadline(each))})
 
     def _restart_broadcasts(self) -> None:
         """Send SYNC and TIME from now on, if that is configured and the NMT state allows it (CiA 301, Table 36)."""

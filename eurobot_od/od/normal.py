@@ -384,10 +384,10 @@ class _Writer:
     def _lists(self) -> None:
         """Write the lists of objects as they are, or anew where they are not those of the objects there are."""
         sections = {name: self._device.section(name.lower()) for name in keys.OBJECT_LISTS}
-        numbers = {
-            name: [parse_number(each.value) for each in s.numbered()] if s else [] for name, s in sections.items()
+        entries = {name: section.numbered() if section else () for name, section in sections.items()}
+        listed = {
+            name: [n.value for each in found if (n := parse_number(each.value))] for name, found in entries.items()
         }
-        listed = {name: [number.value for number in found if number] for name, found in numbers.items()}
         there = [index for index, each in self._device.objects.items() if index >= values.FIRST and each.section]
         # Only where they are wrong: in which of the lists a maker puts an object, and in what order, is left alone.
         if sorted(index for indices in listed.values() for index in indices) != sorted(there):
