@@ -148,13 +148,6 @@ def _objects(drive: TestedDrive) -> Iterator[Data]:
 # State machine
 
 
-def _cell(drive: TestedDrive, before: State, command: DriveCommand, after: State) -> Data:
-    reset = [_command(0, "no command")] * (command is DriveCommand.FAULT_RESET)  # it is a rising edge
-    name = f"{command.words} in {before.words}: {'stays' if before is after else after.words}"
-    steps = (*_into(drive, before), *reset, _commanded(command), _state(drive, after), *_off(drive))
-    return group(name, *steps)
-
-
 LEADS_TO: Mapping[tuple[State, DriveCommand | None], State] = {
     **{pair: arrow.after for pair, arrow in ARROWS.items()},
     (State.READY, DriveCommand.ENABLE): State.ENABLED,  # two arrows with one command (CiA 402-2, table of commands)
@@ -169,8 +162,11 @@ def _table(drive: TestedDrive, powered: bool) -> Iterator[Data]:
             after = LEADS_TO.get((before, command), before)
             # In states with torque "no command", which precedes a fault reset, is Disable voltage.
             edge = command is DriveCommand.FAULT_RESET and before is not State.DISABLED
-            if not edge and powered is bool({before, after} & {*POWERED}) and after is not State.QUICK_STOP:
-                yield _cell(drive, before, command, after)
+            if edge or powered is not bool({before, after} & {*POWERED}) or after is State.QUICK_STOP:
+                continue
+            reset = [_command(0, "no command")] * (command is DriveCommand.FAULT_RESET)  # it is a rising edge
+            name = f"{command.words} in {before.words}: {'stays' if before is after else after.words}"
+            yield group(name, *_into(drive, before), *reset, _commanded(command), _state(drive, after), *_off(drive))
 
 
 @_clause("8.1", "States", Needs.REVERSIBLE)

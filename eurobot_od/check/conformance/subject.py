@@ -17,7 +17,7 @@ from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.objects import address_of, data_type, in_limits, members
 from eurobot_od.od.pdos import Pdo
 from eurobot_od.od.standard import CONSUMED_HEARTBEATS, DEVICE_TYPE, EMCY, EMCY_INHIBIT_TIME
-from eurobot_od.od.values import MOST_SUBS, NODE_IDS, Address, base_identifier, label
+from eurobot_od.od.values import MOST_SUBS, NODE_IDS, Address, PdoDirection, base_identifier, label
 from eurobot_od.sdo.wire import AbortCode, ClientCommand, initiate
 
 if TYPE_CHECKING:
@@ -103,6 +103,14 @@ class Subject:
         }
         found = next((reason for reason, holds in reasons.items() if holds), "")
         return found and f"{pdo.title} {found}"
+
+    @property
+    def rpdo(self) -> Pdo | None:
+        """The first valid RPDO with data that takes effect at once, else the first at all; None without one."""
+        rpdos = (each for each in self.pdos if each.direction is PdoDirection.RPDO)
+        seen = (each for each in rpdos if not self.why_not_seen(each))
+        # One that waits for SYNC takes effect only with the next one, and some devices look at its length only then.
+        return min(seen, key=lambda each: each.is_synchronous, default=None)
 
     @cached_property
     def objects(self) -> list[ODVariable]:
