@@ -68,6 +68,14 @@ class Tolerances(NamedTuple):
     time: float = TIME
     fields: Mapping[tuple[str, str], float] = MappingProxyType({})
 
+    def allow(self, field: tuple[str, str], modulus: int | None, old: Any, new: Any) -> bool:
+        """Tell whether two values of a field count as equal."""
+        if old == new or not isinstance(old, (int, float)) or not isinstance(new, (int, float)):
+            return bool(old == new)
+        apart, tolerance = abs(old - new), self.fields.get(field, 0.0)
+        # 359 and 1 degree are 2 apart
+        return min(apart, abs(modulus - apart)) <= tolerance if modulus else apart <= tolerance
+
 
 def compare(
     first: Sequence[Timed], second: Sequence[Timed], decode: Decoder, tolerances: Tolerances
@@ -191,12 +199,5 @@ class _Comparison:
         return [
             f"{field} = {kind.text(old)} -> {kind.text(new)}"
             for (field, kind), old, new in zip(fields, was.message, now.message)
-            if not self._is_near(self._tolerances.fields.get((was.name, field), 0.0), kind.modulus, old, new)
+            if not self._tolerances.allow((was.name, field), kind.modulus, old, new)
         ]
-
-    def _is_near(self, tolerance: float, modulus: int | None, old: Any, new: Any) -> bool:
-        if old == new or not isinstance(old, (int, float)) or not isinstance(new, (int, float)):
-            return bool(old == new)
-        apart = abs(old - new)
-        # 359 and 1 degree are 2 apart
-        return min(apart, abs(modulus - apart)) <= tolerance if modulus else apart <= tolerance

@@ -43,7 +43,7 @@ __all__ = [
 ]
 
 LONGEST_NAME = 100
-"""So many characters of a name are compared with others: it takes a time that grows with their square."""
+"""Most characters of a name that are compared with others: the time for it grows with their square."""
 
 MOST_NAMES = 50
 """Most known names that are listed where none is like the unknown one: all commands are, but not 200 faults."""

@@ -61,7 +61,7 @@ FILE = "robot.py"
 """The module of a folder that is a robot."""
 
 OURS = "eurobot_od."
-"""With what the modules begin that this package brings itself."""
+"""What the names of the modules start with that this package brings itself."""
 
 Program: TypeAlias = Callable[[], Coroutine[Any, Any, None]]
 """What a node does by itself after each boot while it is checked."""
@@ -288,7 +288,7 @@ def find(name: str | None = None, folder: str | Path = "") -> Plugin:
         from eurobot_od.od.network import read_network  # costs what most commands do not need
 
         named = read_network(file).robot
-        # A path in the file is relative to the file; what is no folder there is an installed robot's name.
+        # A path in the file is relative to the file; what is not a folder there is an installed robot's name.
         named = str(file.parent / named) if named and (file.parent / named).is_dir() else named
     if named:
         return _load(named)

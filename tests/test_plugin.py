@@ -1,4 +1,4 @@
-"""Where a robot is found, and what is said of one that is not as it should be."""
+"""Where a robot is found, and what is said about one that is not as it should be."""
 
 from __future__ import annotations
 
@@ -89,7 +89,7 @@ def test_entry_points_are_read_as_packages_have_them(tmp_path: Path, monkeypatch
 
 
 WRONG = {
-    # what robot.py has, and what is said of it
+    # what robot.py has, and what is said about it
     "x = 1\n": r"robot.py: no `ROBOT` in it",
     "ROBOT = 5\n": r"robot.py: no `ROBOT` in it",
     "\n\nimport nothing_at_all\n": r"robot.py:3: ModuleNotFoundError: No module named 'nothing_at_all'",

@@ -61,7 +61,7 @@ class Change(NamedTuple):
 
 
 class Verdict(Enum):
-    """What the test said of a change."""
+    """What the test said about a change."""
 
     NOTICED = "noticed"
     UNNOTICED = "NOT NOTICED"

@@ -64,8 +64,8 @@ EDS = b"[1000]\nParameterName=Device type\nDataType=0x0007\nAccessType=ro\nDefau
 RATES = (ErrorRate(), ErrorRate(1, 10_000))
 """Each set is checked without bit errors, and with one in 10 ms at most."""
 
-STRUCK = 0.05
-"""Share of the frames that are struck where the rate allows it: so few that no controller becomes error passive."""
+SPOILED = 0.05
+"""Share of the frames with a bit error where the rate allows it: too few for a controller to become error passive."""
 
 
 class RareErrors:
@@ -77,7 +77,7 @@ class RareErrors:
 
     def __call__(self, attempt: Attempt) -> Iterator[Flip]:
         """Strike one bit of a frame that begins long enough after the latest errors."""
-        if attempt.time >= self._latest[0] + self._within and self._random.random() < STRUCK:
+        if attempt.time >= self._latest[0] + self._within and self._random.random() < SPOILED:
             self._latest.append(attempt.time + attempt.bits / self._bit_rate)
             yield Flip(self._random.randrange(attempt.bits))
 
@@ -183,7 +183,7 @@ class Bench:
     # What is done to the messages
 
     def random_phases(self, frames: int) -> None:
-        """Send so many frames, every message from a random time on."""
+        """Send a number of frames, every message from a random time on."""
         begin = self.network.now + PAUSE
         own = [(place, each) for place, each in enumerate(self.messages) if not each.answers]
         rate = sum(MICROSECONDS / each.period for each in self.messages)
@@ -286,8 +286,8 @@ class Outcome(NamedTuple):
     """What came of a set: frames sent, response times over their bound, and how near the nearest was to its bound.
 
     `nearest` is None if no message has a bound. Where mailboxes are limited, or there are errors, the bounds are
-    `loose`: the worst needs more to come together than is brought about here. It is told, and not judged, how near the
-    nearest is.
+    `loose`: the worst case needs more to come together than is brought about here. How near the nearest is, is
+    reported and not judged.
     """
 
     name: str

@@ -49,13 +49,13 @@ def simulated(dictionary: Dictionary) -> list[SuiteResult]:
 
 
 def of_file(file: Path) -> DeviceRun:
-    """Return what there is to say of a simulated device."""
+    """Return what there is to say about a simulated device."""
     dictionary = Dictionary.load(file, NODE_ID)
     return DeviceRun(dictionary, Tier.DESTRUCTIVE, simulated(dictionary))
 
 
 def of_node(name: str) -> DeviceRun:
-    """Return what there is to say of one of the robot's nodes, run as its file says."""
+    """Return what there is to say about one of the robot's nodes, run as its file says."""
     dictionary = dialects.load(name)
     return DeviceRun(dictionary, Tier.DESTRUCTIVE, simulated(dictionary))
 

@@ -1,6 +1,6 @@
 """Sends random and mutated frames into the three nodes, in simulated time: what they are there for goes on unchanged.
 
-A trial is so many frames, one after the other, into all nodes of a dialect while these start up, drive and are asked.
+A trial is a row of frames, one after the other, into all nodes of a dialect while these start up, drive and are asked.
 There are two kinds of trials:
 
 - *meaningless*: frames on which no node may act, such as one that is too short, out of its range, or for somebody
@@ -215,7 +215,7 @@ def too_short(dice: Dice) -> Frame:
 
 @cache
 def _with_data(dialect: str) -> list[tuple[int, int]]:
-    """Give identifier and bytes of the messages that have data and are no stops."""
+    """Give identifier and bytes of the messages that have data and are not stops."""
     found = ((each.cob_id, each.layout.length) for each in protocol(dialect).bindings if not each.always)
     return [(cob_id, size) for cob_id, size in found if size]
 
@@ -330,7 +330,7 @@ class Result(NamedTuple):
 
 @cache
 def healthy(dialect: str, seconds: float = FRAMES * PERIOD, is_reset: bool = False) -> list[Sent]:
-    """Return what the nodes send in so many seconds, or after a reset then, when nobody else sends."""
+    """Return what the nodes send in some seconds, or then after a reset, when nobody else sends."""
     party = Party(dialect)
     party.run(seconds)
     if is_reset:

@@ -26,7 +26,7 @@ This package is under the MIT licence. What it needs, and what its extras bring,
 those packages beside it. Some are copyleft: whoever passes on a program together with them has to keep to their terms.
 One is inside this package: uPlot, which draws the plots of the page, under the MIT licence.
 
-Made by `python3 tools/wheel.py --licences`, from what the packages say of themselves; the versions are those of that
+Made by `python3 tools/wheel.py --licences`, from what the packages say about themselves; the versions are those of that
 day.
 """
 

@@ -6,7 +6,7 @@ Each cell of the matrix is a short match in which one thing goes wrong. What is 
   Braking after an ordinary stop counts, too, so that it is never 0. It has to end within BOUND seconds.
 - *off*: how far from its place the robot truly is when it has arrived.
 - *open calls*: calls of the core that have not ended when all is over. There must be none.
-- *went on*: whether another place was reached after it went wrong. Not every match can go on; it is told, not judged.
+- *went on*: whether another place was reached after it went wrong. Not every match can go on; that is not judged.
 
 A drive that is dead or frozen moves nothing here: what a motor does when nobody controls it is not in the protocol.
 
@@ -36,7 +36,7 @@ from eurobot_od.robot.match.observer import Observer
 from eurobot_od.robot.match.referee import Referee
 from eurobot_od.robot.model.options import NOISE_ONLY, MatchOptions
 from eurobot_od.robot.nodes import ROLES, Core, Drive, Node
-from eurobot_od.robot.nodes.motion import AT_REST, Chassis, Command, Odometry
+from eurobot_od.robot.nodes.motion import AT_REST, Chassis, Odometry, WheelCommand
 from eurobot_od.robot.world import World
 from eurobot_od.robot.world.assembly import equip
 from eurobot_od.robot.world.timeline import EventKind, MatchEvent, Timeline
@@ -116,7 +116,7 @@ class Watched:
         self.seconds = self.distance = 0.0
         self.moving = False
 
-    def advance(self, command: Command, dt: float) -> Odometry:
+    def advance(self, command: WheelCommand, dt: float) -> Odometry:
         """Move the robot."""
         before, odometry = self.world.robot, self._wheels.advance(command, dt)
         self.moving = command != AT_REST
@@ -288,7 +288,7 @@ def attempt(cell: Cell) -> Result:
 
 
 def cells(dialect: str, times: int) -> Iterator[Cell]:
-    """Give all cells of a dialect, in the order of the table; a node is lost at so many `times` of a match."""
+    """Give all cells of a dialect, in the order of the table; a node is lost at each of the `times` of a match."""
     for name in files(dialect).protocol.names():
         yield from (Cell(name, how, dialect=dialect) for how in MESSAGE_FATES)
     losses = [(node, how) for node in ROLES for how in NODE_FATES]

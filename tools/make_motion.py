@@ -19,7 +19,7 @@ from eurobot_od.od.objects import encode
 from eurobot_od.od.standard import SYNC_PERIOD
 from eurobot_od.profiles import cia402
 from eurobot_od.profiles.axis import DriveAxis
-from eurobot_od.profiles.cia402 import TRANSITIONS, Command, Mode, State
+from eurobot_od.profiles.cia402 import TRANSITIONS, DriveCommand, Mode, State
 from eurobot_od.sdo.wire import ClientCommand, carrying
 from eurobot_od.support import svg
 
@@ -86,7 +86,7 @@ class Bench:
     def enable(self, mode: Mode) -> None:
         """Enable the drive in a mode."""
         self.write(cia402.MODE, mode)
-        self.command(Command.SHUTDOWN.bits, Command.SWITCH_ON.bits, Command.ENABLE.bits)
+        self.command(DriveCommand.SHUTDOWN.bits, DriveCommand.SWITCH_ON.bits, DriveCommand.ENABLE.bits)
 
     def run(self, seconds: float) -> None:
         """Let the time pass, and take a sample each step."""
@@ -108,7 +108,7 @@ class Bench:
 TURN = 4096
 """Position units of a turn of the drive in docs/servo.eds, which does not say it."""
 
-ON = Command.ENABLE.bits
+ON = DriveCommand.ENABLE.bits
 
 
 def _ramps(bench: Bench) -> None:
@@ -188,7 +188,7 @@ def _turning(bench: Bench) -> None:
 def _quick_stop(bench: Bench) -> None:
     """Stop on the quick stop ramp, which leads to Switch on disabled."""
     _turning(bench)
-    bench.command(Command.QUICK_STOP.bits)
+    bench.command(DriveCommand.QUICK_STOP.bits)
     bench.run(0.7)
 
 
@@ -299,12 +299,12 @@ TABLE = re.compile(r"^\| \| Shutdown \|.*?\n(?=\n)", re.DOTALL | re.MULTILINE)
 """The table in its page."""
 
 NUMBERS = {(each.before, each.after): each.number for each in TRANSITIONS}
-WAYS: Mapping[State, tuple[Command, ...]] = {
+WAYS: Mapping[State, tuple[DriveCommand, ...]] = {
     State.DISABLED: (),
-    State.READY: (Command.SHUTDOWN,),
-    State.SWITCHED_ON: (Command.SHUTDOWN, Command.SWITCH_ON),
-    State.ENABLED: (Command.SHUTDOWN, Command.SWITCH_ON, Command.ENABLE),
-    State.QUICK_STOP: (Command.SHUTDOWN, Command.SWITCH_ON, Command.ENABLE, Command.QUICK_STOP),
+    State.READY: (DriveCommand.SHUTDOWN,),
+    State.SWITCHED_ON: (DriveCommand.SHUTDOWN, DriveCommand.SWITCH_ON),
+    State.ENABLED: (DriveCommand.SHUTDOWN, DriveCommand.SWITCH_ON, DriveCommand.ENABLE),
+    State.QUICK_STOP: (DriveCommand.SHUTDOWN, DriveCommand.SWITCH_ON, DriveCommand.ENABLE, DriveCommand.QUICK_STOP),
     State.FAULT_REACTION: (),
     State.FAULT: (),
 }
@@ -336,8 +336,8 @@ def _cell(folder: Path, state: State, column: str) -> str:
         bench.run(0.5 if state is not State.FAULT_REACTION else STEP)
         is_new = bool(bench.axis.entered)
         return f"13, 14: {bench.axis.state.words}" if is_new else "-"
-    command = next(each for each in Command if each.words == column)
-    if command is Command.FAULT_RESET and state is State.FAULT:
+    command = next(each for each in DriveCommand if each.words == column)
+    if command is DriveCommand.FAULT_RESET and state is State.FAULT:
         bench.command(0)  # the reset is a rising edge
         bench.axis.entered.clear()
     bench.command(command.bits)
@@ -348,7 +348,7 @@ def _cell(folder: Path, state: State, column: str) -> str:
 
 def table(folder: Path) -> str:
     """Return the state machine as a Markdown table: which transitions a command causes in each state."""
-    columns = [*(each.words for each in Command), A_FAULT]
+    columns = [*(each.words for each in DriveCommand), A_FAULT]
     rows = [[state.words, *(_cell(folder, state, each) for each in columns)] for state in WAYS]
     lines = [["", *columns], ["---"] * (len(columns) + 1), *rows]
     return "".join(f"| {' | '.join(line)} |\n".replace("|  |", "| |") for line in lines)

@@ -86,7 +86,7 @@ def prepare(row: Row, python: str) -> Path:
 
 
 def is_fine(row: Row) -> bool:
-    """Run the tests of a row and say how it went; a Python that is missing is no failure."""
+    """Run the tests of a row and say how it went; a Python that is missing is not a failure."""
     python = find(row.version)
     if python is None:
         print(f"== Python {row.version}: skipped: no Python {row.version} here", flush=True)

@@ -374,7 +374,7 @@ ANY_NODE_ID = 5
 
 
 def run(dictionary: Dictionary, requests: int, seed: int) -> int:
-    """Send so many requests to a device; return how many it answered with an abort. Raises Fault."""
+    """Send a number of requests to a device; return how many it answered with an abort. Raises Fault."""
     chance = random.Random(seed)
     device, judge, client = Device(dictionary), Judge(dictionary), RandomClient(dictionary, chance)
     rx, tx = device.sdo_requests, device.sdo_answers

@@ -75,7 +75,7 @@ HEARD = (GOTO_CONFIRM, *HEARTBEATS, *EMERGENCIES)
 
 NO_ERROR = b"\0\0"
 BOOT_UP = b"\0"
-"""A boot-up message is no heartbeat: nobody watches a node that only boots."""
+"""A boot-up message is not a heartbeat: nobody watches a node that only boots."""
 
 HEARTBEAT_LOST = b"\x30\x81"
 PATIENCE = 60.0
@@ -170,7 +170,7 @@ class Losses:
         self._settle(now)
 
     def count(self, frames: int, now: float) -> None:
-        """Note that the process has counted so many more lost frames."""
+        """Note how many more lost frames the process has counted."""
         if frames > 0:
             self._credit.append((now, frames))
             self._settle(now)
@@ -542,7 +542,7 @@ class Soak:
         yield self.goes_on()
 
     def _value_in_file(self) -> int:
-        """Read the setting as anybody reads a DCF, not with what wrote it."""
+        """Read the setting with a general reader of DCF files, not with the code that wrote it."""
         stored = configparser.ConfigParser()
         stored.read(self._folder / "navigation.dcf", encoding="latin-1")
         sections = {name.lower(): name for name in stored}
@@ -566,7 +566,7 @@ class Soak:
     # The run
 
     def run(self, seconds: float) -> None:
-        """Do one fault after the other, all kinds equally often, for so many seconds, and wait until all is quiet."""
+        """Do one fault after the other for some seconds, all kinds equally often, and wait until all is quiet."""
         with ExitStack() as stack:
             stack.callback(self._end)
             stack.enter_context(self.live)

@@ -38,7 +38,7 @@ SPEED = 30
 
 
 class Numbers:
-    """The numbered frames that have come: the `last` number; `missing` is told the first and last of those between."""
+    """The numbered frames that have come: the `last` number; `missing` gets first and last of those between."""
 
     def __init__(self, missing: Callable[[int, int], object]) -> None:
         self.last: int | None = None

@@ -20,7 +20,7 @@ from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.values import NMT_COB_ID, SYNC_COB_ID
 from eurobot_od.profiles.axis import DriveAxis
-from eurobot_od.profiles.cia402 import Command, Mode
+from eurobot_od.profiles.cia402 import DriveCommand, Mode
 from eurobot_od.simulation.bits import frame_bits
 from eurobot_od.simulation.network import Simulation
 
@@ -62,7 +62,7 @@ class CyclicMaster(Node):
         self.at(now + PERIOD, self._next_cycle)
 
     def _next_cycle(self, now: float) -> None:
-        ways = (Command.SHUTDOWN, Command.SWITCH_ON, Command.ENABLE)
+        ways = (DriveCommand.SHUTDOWN, DriveCommand.SWITCH_ON, DriveCommand.ENABLE)
         word = ways[min(self._cycle // 10, 2)].bits
         target = round(WAY * (1 - sin(2 * pi * self._cycle * PERIOD / WAVE + pi / 2)) / 2) if self._cycle >= 50 else 0
         self.put(Frame(SYNC_COB_ID, b""))

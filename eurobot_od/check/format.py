@@ -18,7 +18,16 @@ from eurobot_od.check.services import ServiceShapes
 from eurobot_od.check.shapes import DURATION, NAME, SCALAR, TEXT, Key, Schema, Shape
 from eurobot_od.check.vocabulary import Vocabulary
 from eurobot_od.errors import UnknownName
-from eurobot_od.support.yaml_places import Problem, Problems, ReadError, Text, pairs_of, place_of, read_all, refuse
+from eurobot_od.support.yaml_places import (
+    PlacedText,
+    Problem,
+    Problems,
+    ReadError,
+    pairs_of,
+    place_of,
+    read_all,
+    refuse,
+)
 
 VERSION = 1
 """Value of the key `spec`."""
@@ -130,7 +139,7 @@ class Format:
         nodes = parts.get("node", tuple(words.dictionaries))
         return suite.Suite(file, place_of(root.start_mark), words.dictionaries, words.decoder, nodes, **fields)
 
-    def _dialect(self, text: Text) -> str:
+    def _dialect(self, text: PlacedText) -> str:
         self._words.networks.find(str(text))
         return str(text)
 
@@ -153,7 +162,7 @@ class Format:
             refuse(node, problems, f"with the repetitions inside it {step.total} steps, at most {MAX_COUNT} are done")
         return step
 
-    def _action_key(self, node: yaml.Node, pairs: Iterable[Text], problems: Problems) -> Text:
+    def _action_key(self, node: yaml.Node, pairs: Iterable[PlacedText], problems: Problems) -> PlacedText:
         """Return the key of a step's one action."""
         found = [key for key in pairs if key in self._actions]
         unknown = [key for key in pairs if key not in self._actions and key not in self._common]
@@ -168,7 +177,7 @@ class Format:
             refuse(node, problems, f"no action; a step has one of {', '.join(self._actions)}")
         raise ReadError
 
-    def _key_problems(self, node: yaml.Node, action: str, pairs: Mapping[Text, yaml.Node]) -> Iterator[Problem]:
+    def _key_problems(self, node: yaml.Node, action: str, pairs: Mapping[PlacedText, yaml.Node]) -> Iterator[Problem]:
         """Yield what is wrong with the keys next to a step's action."""
         extra = self._actions[action].extra
         for key in pairs:

@@ -25,7 +25,7 @@ from eurobot_od.od.values import parse_number
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.catalogue import field_name, plain_name
 from eurobot_od.pdo.kinds import KeyedForm, Kind
-from eurobot_od.support.yaml_places import NodeReader, Problems, ReadError, Text, pairs_of, read_all, refuse
+from eurobot_od.support.yaml_places import NodeReader, PlacedText, Problems, pairs_of, read_all, refuse
 
 T = TypeVar("T")
 
@@ -116,20 +116,18 @@ class FrameShapes:
         """Read a message's fields and their values; all their problems are reported."""
         if node is None or (isinstance(node, yaml.ScalarNode) and node.value == "" and not node.style):
             return {}  # nothing after the message's name; '' in quotes is a text, and wrong here
-        before, fields = len(problems), {}
-        for key, value in pairs_of(node, problems).items():
-            try:
-                field = taken(key, problems, lambda name: _field(binding, name))
-                kind = binding.kinds[field]
-                scale = self._words.scale(FieldValues(kind, binding.limits[field]))
-                fields[field] = _read_value(value, kind, scale, problems, read)
-            except ReadError:
-                continue
-        if len(problems) > before:
-            raise ReadError
-        return fields
 
-    def _field_of(self, text: Text) -> FieldOf:
+        def read_at(key: PlacedText, value: yaml.Node, problems: Problems) -> tuple[str, T]:
+            field = taken(key, problems, lambda name: _field(binding, name))
+            kind = binding.kinds[field]
+            scale = self._words.scale(FieldValues(kind, binding.limits[field]))
+            return field, _read_value(value, kind, scale, problems, read)
+
+        return dict(
+            read_all(((partial(read_at, key), each) for key, each in pairs_of(node, problems).items()), problems)
+        )
+
+    def _field_of(self, text: PlacedText) -> FieldOf:
         # From the right, as a message's name may have a dot itself: `my motor.TPDO1.Speed`.
         message, _, field = text.rpartition(".")
         # Without any dot the whole is looked up, so that the error names what stands there, not an empty name.
@@ -156,7 +154,7 @@ class FrameShapes:
         }
 
 
-def _named(node: yaml.Node, problems: Problems) -> tuple[Text, yaml.Node | None]:
+def _named(node: yaml.Node, problems: Problems) -> tuple[PlacedText, yaml.Node | None]:
     """Return the name of a message, and what comes after it."""
     if isinstance(node, yaml.ScalarNode):
         return SCALAR.read(node, problems), None
@@ -254,7 +252,7 @@ def _keyed(form: KeyedForm) -> Shape[dict[Any, Any]]:
     """Return the shape of a mapping from keys, in any of their spellings, to words."""
     keys = {plain_name(key): key for key in form.keys}
 
-    def known(text: Text) -> str:
+    def known(text: PlacedText) -> str:
         if plain_name(text) not in keys:
             raise UnknownName(form.key, str(text), form.keys)
         return keys[plain_name(text)]

@@ -1,6 +1,6 @@
 """What a suite sends and expects: messages, raw frames, heartbeats and emergencies.
 
-A pattern knows the one identifier that its frames have, and says of such a frame in what it differs from what is
+A pattern knows the one identifier that its frames have, and says about such a frame in what it differs from what is
 expected; no mismatch is a match.
 """
 

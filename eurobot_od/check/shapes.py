@@ -14,7 +14,7 @@ import yaml
 
 from eurobot_od.errors import LocalError, UnknownName
 from eurobot_od.support import durations, yaml_places
-from eurobot_od.support.yaml_places import NodeReader, Problem, Problems, ReadError, Text, refuse
+from eurobot_od.support.yaml_places import NodeReader, PlacedText, Problem, Problems, ReadError, refuse
 
 T = TypeVar("T")
 S = TypeVar("S")
@@ -113,7 +113,7 @@ def whole(low: int, high: int) -> Shape[int]:
 def named(table: Mapping[str, T], kind: str) -> Shape[T]:
     """Make a shape of one of a table's names, read as what the table has for it."""
 
-    def find(text: Text) -> T:
+    def find(text: PlacedText) -> T:
         if text not in table:
             raise UnknownName(kind, str(text), table)
         return table[text]
@@ -128,18 +128,13 @@ def listing(item: Shape[T]) -> Shape[tuple[T, ...]]:
 
 def one_or_more(item: Shape[T]) -> Shape[tuple[T, ...]]:
     """Make a shape of one item, or of a list of them."""
-    several = listing(item)
-
-    def read(node: yaml.Node, problems: Problems) -> tuple[T, ...]:
-        return several.read(node, problems) if isinstance(node, yaml.SequenceNode) else (item.read(node, problems),)
-
-    return Shape(read, {"anyOf": [item.schema, several.schema]})
+    return Shape(yaml_places.one_or_more(item.read), {"anyOf": [item.schema, listing(item).schema]})
 
 
-def mapping(key: Shape[Any], value: Shape[T]) -> Shape[dict[Text, T]]:
+def mapping(key: Shape[Any], value: Shape[T]) -> Shape[dict[PlacedText, T]]:
     """Make a shape of a mapping whose keys have a shape, too."""
 
-    def read(node: yaml.Node, problems: Problems) -> dict[Text, T]:
+    def read(node: yaml.Node, problems: Problems) -> dict[PlacedText, T]:
         pairs = yaml_places.pairs_of(node, problems)
         keys: list[tuple[NodeReader[Any], yaml.Node]] = [(key.read, each) for each, _ in node.value]
         values = [(value.read, each) for each in pairs.values()]
@@ -168,7 +163,7 @@ def object_schema(keys: Keys) -> Schema:
     return schema | {"required": needed} if needed else schema
 
 
-def taken(text: Text, problems: Problems, convert: Callable[[str], T]) -> T:
+def taken(text: PlacedText, problems: Problems, convert: Callable[[str], T]) -> T:
     """Convert a text that knows its place; the LocalError of one that cannot be converted is noted there."""
     try:
         return convert(str(text))
@@ -177,6 +172,6 @@ def taken(text: Text, problems: Problems, convert: Callable[[str], T]) -> T:
         raise ReadError from None
 
 
-def problem_at(text: Text, what: object) -> Problem:
+def problem_at(text: PlacedText, what: object) -> Problem:
     """Return a problem of a text that knows its place."""
     return Problem(text.place, str(what))

@@ -48,17 +48,14 @@ def scan(master: Master, devices: Devices, listen: float, as_json: bool) -> Exit
     missing = [node_id for node_id in names if node_id not in {each.node_id for each in found}]
     if as_json:
         rows = [found_as_data(each) for each in (*found, *(scan.Found(each, None, None, "") for each in missing))]
-        print(json.dumps([{**row, **_in_network(row["node_id"], names, missing)} for row in rows], indent=2))
+        for row in rows if names else ():  # a stranger to the network has no name in it: null
+            row.update(network_name=names.get(row["node_id"]), missing=row["node_id"] in missing)
+        print(json.dumps(rows, indent=2))
     else:
         print(*(columns(found_rows(found, names)) if found else ["no node answers"]), sep="\n")
     if missing and not as_json:
         print(one_line(f"missing: {', '.join(f'{names[each]} ({each})' for each in missing)}"))
     return ExitStatus.FINE if found and not missing else ExitStatus.FOUND
-
-
-def _in_network(node_id: int, names: Mapping[int, str], missing: Sequence[int]) -> dict[str, Any]:
-    """Return what a network says of a node: its name there, None for a stranger; nothing without a network."""
-    return {"network_name": names.get(node_id), "missing": node_id in missing} if names else {}
 
 
 def found_as_data(found: Found) -> dict[str, Any]:

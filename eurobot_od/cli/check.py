@@ -19,6 +19,7 @@ from eurobot_od.support.files import check_writable
 if TYPE_CHECKING:
     from eurobot_od.check.conformance.drive import MotionBounds
     from eurobot_od.check.results import SuiteResult
+    from eurobot_od.check.suite import Suite
     from eurobot_od.cli.checking import Checks
     from eurobot_od.od.values import Address
 
@@ -78,7 +79,7 @@ def _add_generated(parser: argparse.ArgumentParser) -> None:
         "--motion",
         type=_motion,
         metavar="WAY@VELOCITY",
-        help="profile 402: also move the motor, so far and so fast at most, in the drive's units",
+        help="profile 402: also move the motor, at most this far and this fast, in the drive's units",
     )
     parser.add_argument("--outputs", action="store_true", help="profile 401: also switch the outputs")
     parser.add_argument(
@@ -140,9 +141,7 @@ def _wire(text: str) -> tuple[Address, Address]:
 def run(arguments: argparse.Namespace) -> ExitStatus:
     """Read the suites, run them, and report."""
     from eurobot_od.check.reader import SuiteError
-    from eurobot_od.check.results import CheckedSeed
-    from eurobot_od.check.runner import Interrupt
-    from eurobot_od.cli.checking import Checks, Printer, listed, many_results, results_of
+    from eurobot_od.cli.checking import Checks, listed
 
     _refuse_what_does_not_go_together(arguments)
     for file in (arguments.junit, arguments.report):
@@ -169,6 +168,15 @@ def run(arguments: argparse.Namespace) -> ExitStatus:
     if arguments.list:
         print(*listed(suites), sep="\n")
         return ExitStatus.FINE
+    return _run(arguments, checks, suites)
+
+
+def _run(arguments: argparse.Namespace, checks: Checks, suites: Sequence[Suite]) -> ExitStatus:
+    """Run the suites with each seed, in this process or in workers, and report."""
+    from eurobot_od.check.results import CheckedSeed
+    from eurobot_od.check.runner import Interrupt
+    from eurobot_od.cli.checking import Printer, many_results, results_of
+
     interrupt, seeds = Interrupt(), range(arguments.seed, arguments.seed + arguments.repeat)
     silent = arguments.tap or arguments.json or arguments.quiet or arguments.ctt
     printer = Printer(bool(silent), arguments.verbose)

@@ -102,7 +102,7 @@ class Checks(NamedTuple):
         return self.conformance or self.profile is not None
 
     def conformance_reports(self, results: Sequence[SuiteResult], made: str) -> list[DeviceRun]:
-        """Return what there is to say of each device; `made` says by what and when."""
+        """Return what there is to say about each device; `made` says by what and when."""
         from eurobot_od.check.conformance.page import DeviceRun
 
         of_device = {

@@ -109,7 +109,7 @@ COMMANDS = {
         option("action", choices=tuple(ACTIONS), help="what the drive is to do; Ctrl-C stops a motion"),
         option("value", nargs="?", type=int, help="move: the position; jog: the velocity; in drive units"),
         option("--velocity", type=int, metavar="V", help="move: profile velocity (default: as it is set)"),
-        option("--relative", action="store_true", help="move: by a way instead of to a position"),
+        option("--relative", action="store_true", help="move: by a distance instead of to a position"),
         option("--method", type=int, metavar="N", help="home: homing method (default: as it is set)"),
         option("--axis", type=shared.whole(1, 8, what="an axis"), default=1, metavar="N", help="axis (1)"),
         option(

@@ -74,7 +74,7 @@ def mcap(log: str, output: Path, reading: logs.ReadOptions, devices: Devices) ->
 
 
 def xdd(file: str, output: Path | None) -> None:
-    """Write the device description in XML (CiA 311) of an EDS or DCF: every object with all the file says of it."""
+    """Write the device description in XML (CiA 311) of an EDS or DCF: every object with all the file says about it."""
     from eurobot_od.export import xdd
 
     files.write(output, xdd.xdd_text(xdd.load(file)))

@@ -17,7 +17,6 @@ from eurobot_od.errors import LocalError
 
 if TYPE_CHECKING:
     from eurobot_od.load.message_set import ErrorRate, MessageSet
-    from eurobot_od.load.sweep import LoadLimits
     from eurobot_od.od.dictionary import Dictionary
     from eurobot_od.od.network_file import NetworkFile
     from eurobot_od.plugin import Plugin
@@ -72,7 +71,8 @@ def run(arguments: argparse.Namespace) -> ExitStatus:
     from eurobot_od.cli.output import write
     from eurobot_od.load.chart import chart
     from eurobot_od.load.report import as_data, load_report, table, too_slow
-    from eurobot_od.load.sweep import sentences
+    from eurobot_od.load.sweep import SEARCHES, limits, sentences
+    from eurobot_od.support import progress
 
     if arguments.path and arguments.network:
         raise LocalError("one network: name it by NETWORK or by --network")
@@ -84,7 +84,10 @@ def run(arguments: argparse.Namespace) -> ExitStatus:
         messages = messages._replace(errors=arguments.errors)
     bit_rate = arguments.bitrate or messages.bit_rate or BIT_RATE
     report = load_report(messages, bit_rate)
-    found = _limits(messages, bit_rate) if arguments.sweep and messages.messages else None
+    found = None
+    if arguments.sweep and messages.messages:  # with a bar: for many messages it takes a while
+        with progress.bar("sweep", unit=progress.Unit("limits", "limits/s"), after=progress.SHORT) as draw:
+            found = limits(messages, bit_rate, lambda done: draw(done, SEARCHES))
     if arguments.json:
         print(json.dumps(as_data(report) | ({"limits": found._asdict()} if found else {}), indent=2))
     else:
@@ -93,15 +96,6 @@ def run(arguments: argparse.Namespace) -> ExitStatus:
     if arguments.svg:
         write(arguments.svg, chart(report, f"Response times at {bit_rate / 1000:g} kbit/s") + "\n")
     return ExitStatus.FINE if report.holds else ExitStatus.FOUND
-
-
-def _limits(messages: MessageSet, bit_rate: int) -> LoadLimits:
-    """Search the limits, with a bar: for many messages it takes a while."""
-    from eurobot_od.load.sweep import SEARCHES, limits
-    from eurobot_od.support import progress
-
-    with progress.bar("sweep", unit=progress.Unit("limits", "limits/s"), after=progress.SHORT) as draw:
-        return limits(messages, bit_rate, lambda done: draw(done, SEARCHES))
 
 
 def _read(path: str | None, dialect: str | None, robot: Plugin) -> MessageSet:

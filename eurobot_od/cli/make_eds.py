@@ -28,7 +28,7 @@ def run(arguments: argparse.Namespace) -> ExitStatus:
     from eurobot_od.od.make.files import differences, make_files, write_files
     from eurobot_od.od.make.table import TableError, read_table
 
-    # What is no UTF-8 becomes a sign that the table refuses, with its line and column.
+    # What is not UTF-8 becomes a sign that the table refuses, with its line and column.
     source = bounded.read(arguments.table).decode(errors="replace")
     try:
         texts = make_files(read_table(source, arguments.table, lambda robot: plugin.find(robot).table))

@@ -81,7 +81,10 @@ def run(arguments: argparse.Namespace) -> None:
     promised = devices.promised(decoder) if arguments.statistics else NOTHING
     traffic = Traffic(decoder, arguments.bitrate or runtime.BITRATE, promised)
     controls = Controls(arguments.sort, arguments.filter)
-    rich = redraws(sys.stdout) and not arguments.plain and _has_rich()
+    rich = redraws(sys.stdout) and not arguments.plain
+    if rich and find_spec("rich") is None:
+        rich = False
+        complain(f"plain lines: {extras.missing('rich', 'monitor')}")
     with ExitStack() as stack:
         source: Source
         if arguments.logs:
@@ -99,14 +102,6 @@ def run(arguments: argparse.Namespace) -> None:
     if arguments.statistics:
         print("\n".join(table(traffic.seen)))
     sys.stderr.writelines(f"{line}\n" for line in (*traffic.damage.report(), *source.notes))
-
-
-def _has_rich() -> bool:
-    """Whether the live table can be drawn; without it, a line says what brings it."""
-    found = find_spec("rich") is not None
-    if not found:
-        complain(f"plain lines: {extras.missing('rich', 'monitor')}")
-    return found
 
 
 class Monitor(NamedTuple):

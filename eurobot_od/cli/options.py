@@ -199,7 +199,7 @@ def add_network(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="[NODE=]FILE",
-        help="what is laid over a device's file: objects in YAML, or a DCF's values; repeatable",
+        help="patch over a device's file: objects in YAML, or a DCF's values; repeatable",
     )
     add_dialect(group)
 

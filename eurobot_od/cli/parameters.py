@@ -18,7 +18,7 @@ from eurobot_od.support.tables import columns
 if TYPE_CHECKING:
     from eurobot_od.client.configure import ChangePlan
 
-CHAPTERS = ("communication", "pdo", "manufacturer", "profile")
+AREAS = ("communication", "pdo", "manufacturer", "profile")
 """Of an object dictionary, as in `client.configure`, which loads more than a help text needs."""
 
 HEARTBEAT_WAIT = 1.2
@@ -32,14 +32,14 @@ def configure(
 
     Exit status 1 if the node differs from the file and --dry-run leaves it so.
     """
-    from eurobot_od.client.configure import Chapter, apply, check_file, difference
+    from eurobot_od.client.configure import DictionaryArea, apply, check_file, difference
     from eurobot_od.client.description import from_file
 
     description = from_file(file)  # never the network's: a configuration is for the one device that its DCF names
     check_file(description, target.node_id)  # the file is judged before a bus is opened
     with target.opened() as node:
         node.master.follow(description.dictionary)
-        plan = difference(node, description, [*map(Chapter, only or CHAPTERS)])
+        plan = difference(node, description, [*map(DictionaryArea, only or AREAS)])
         print(summary(plan, node.node_id))
         if dry_run or not plan.changes:
             return ExitStatus.FOUND if plan.changes else ExitStatus.FINE
@@ -112,7 +112,7 @@ COMMANDS = {
         TARGET,
         option("file", metavar="FILE.dcf", help="the DCF, for this device and this node-ID"),
         option("--dry-run", action="store_true", help="print what differs and write nothing"),
-        option("--only", choices=CHAPTERS, action="append", help="only these objects; repeatable"),
+        option("--only", choices=AREAS, action="append", help="only these objects; repeatable"),
         option("--no-store", action="store_true", help="do not have the node store it: it is lost at a reset"),
         option("--no-reset", action="store_true", help="do not reset the node to verify what it has stored"),
     ),

@@ -83,6 +83,7 @@ async def boot_slave(node: RemoteNode, description: Description, now: datetime) 
     node.master.follow(dictionary)
     try:
         try:
+            # Communication alone (CiA 302-2): the application, which may hold a load, goes on.
             await node.reset.steps(NmtCommand.RESET_COMMUNICATION)
         except NoAnswer as error:
             raise BootFailed(BootError.NO_ANSWER, str(error)) from error
@@ -101,6 +102,7 @@ async def _identified(node: RemoteNode, description: Description) -> str:
     dictionary = description.dictionary
     wanted = dictionary.number(DEVICE_TYPE)
     found = await _number(node, DEVICE_TYPE, BootError.NO_ANSWER)
+    # 0, or nothing, in the file means that any device type will do (CiA 302-2, 0x1F84).
     if wanted and found != wanted:
         raise BootFailed(BootError.DEVICE_TYPE, f"device type 0x{found or 0:08X}, its file has 0x{wanted:08X}")
     for sub, (error, wanted) in enumerate(zip(IDENTITY_ERRORS, dictionary.identity), start=1):

@@ -68,7 +68,7 @@ class ChangedObject(NamedTuple):
         return "?" if self.before is None else shown(self.thing, self.before), shown(self.thing, self.after)
 
 
-class Chapter(Enum):
+class DictionaryArea(Enum):
     """A part of an object dictionary, and its `indices` (CiA 301, Table 39); PDO parameters are a part of their own."""
 
     COMMUNICATION = "communication"
@@ -79,15 +79,15 @@ class Chapter(Enum):
     @property
     def indices(self) -> Container[int]:
         """The indices of its objects."""
-        return CHAPTERS[self]
+        return AREAS[self]
 
 
 PDO_PARAMETERS = range(0x1400, 0x1C00)
-CHAPTERS: Mapping[Chapter, Container[int]] = {
-    Chapter.COMMUNICATION: frozenset(COMMUNICATION_PROFILE) - frozenset(PDO_PARAMETERS),
-    Chapter.PDO: PDO_PARAMETERS,
-    Chapter.MANUFACTURER: MANUFACTURER,
-    Chapter.PROFILE: range(MANUFACTURER.stop, 0x10000),
+AREAS: Mapping[DictionaryArea, Container[int]] = {
+    DictionaryArea.COMMUNICATION: frozenset(COMMUNICATION_PROFILE) - frozenset(PDO_PARAMETERS),
+    DictionaryArea.PDO: PDO_PARAMETERS,
+    DictionaryArea.MANUFACTURER: MANUFACTURER,
+    DictionaryArea.PROFILE: range(MANUFACTURER.stop, 0x10000),
 }
 
 
@@ -112,6 +112,13 @@ class ChangePlan(NamedTuple):
         touched = {_unit(write.address) for write in done}
         former = {**{address_of(c.thing): c.before for c in self.changes if c.before is not None}, **self.present}
         return in_order({address: data for address, data in former.items() if _unit(address) in touched}, state)
+
+    def verification(self, now: datetime) -> list[Write]:
+        """Return the writes of verify configuration; none if the device does not have it (CiA 301, 7.5.2.23)."""
+        # A part of a DCF must not be marked: a later start would take it for the whole.
+        if not self.whole or any(self.dictionary.variable(address) is None for address in VERIFY_CONFIGURATION):
+            return []
+        return [Write(a, number.to_bytes(4, "little")) for a, number in zip(VERIFY_CONFIGURATION, TimeOfDay.of(now))]
 
 
 class Configured(NamedTuple):
@@ -152,6 +159,7 @@ def settings(description: Description) -> list[tuple[ODVariable, bytes]]:
         count = dictionary.default((index, 0)) if pdo_of((index, subindex)) not in (None, index) else None
         if is_parameter(thing) and not (isinstance(count, int) and subindex > count):
             data = _configured(dictionary, thing)
+            # A DCF may leave a value to the device: what it does not say is left as it is.
             if data is not None:
                 found.append((thing, data))
     return found
@@ -211,9 +219,9 @@ def check_file(description: Description, node_id: int, refused: OnRefused = fata
 
 @Procedure
 async def difference(
-    node: RemoteNode, description: Description, chapters: Collection[Chapter] = tuple(Chapter)
+    node: RemoteNode, description: Description, areas: Collection[DictionaryArea] = tuple(DictionaryArea)
 ) -> ChangePlan:
-    """Compare a node with a DCF, or with some chapters of it, by reading alone.
+    """Compare a node with a DCF, or with some areas of it, by reading alone.
 
     Raises DictionaryError for a file that is damaged, for another device or node-ID, or with objects that the node
     does not have; RemoteError and BusError.
@@ -224,7 +232,7 @@ async def difference(
     other = Identity.of(dictionary).difference(await read_identity.steps(node))
     if other is not None:
         raise DictionaryError(dictionary.file, None, f"is for another device: node {node.node_id} has {other}")
-    wanted = [each for each in settings(description) if any(each[0].index in one.indices for one in chapters)]
+    wanted = [each for each in settings(description) if any(each[0].index in one.indices for one in areas)]
     present = {address_of(thing): await _present(node, dictionary, thing) for thing, _ in wanted}
     read = ((thing, present[address_of(thing)], data) for thing, data in wanted)
     changes = tuple(ChangedObject(*each) for each in read if each[1] != each[2])
@@ -234,7 +242,7 @@ async def difference(
         dictionary,
         changes,
         {address: present.get(address) or await node.upload.steps(address) for address in needed},
-        whole=set(chapters) == set(Chapter),
+        whole=set(areas) == set(DictionaryArea),
     )
 
 
@@ -293,7 +301,7 @@ async def apply(
     Verify configuration is only for a whole DCF, and the reset for a node that has stored. Raises ConfigurationError,
     or BusError, that names the state in which the node is.
     """
-    former, mark = node.last_state, _mark(plan.dictionary, now) if plan.whole else []
+    former, mark = node.last_state, plan.verification(now)
     done: list[Write] = []
     try:
         # A node at work would send PDOs half in the old form, half in the new, and some refuse to be mapped anew.
@@ -347,15 +355,8 @@ async def restore(node: RemoteNode) -> None:
     )
 
 
-def _mark(dictionary: Dictionary, now: datetime) -> list[Write]:
-    """Return the writes of verify configuration, none if the device does not have it (CiA 301, 7.5.2.23)."""
-    if any(dictionary.variable(address) is None for address in VERIFY_CONFIGURATION):
-        return []
-    return [Write(a, number.to_bytes(4, "little")) for a, number in zip(VERIFY_CONFIGURATION, TimeOfDay.of(now))]
-
-
 async def _write(node: RemoteNode, plan: ChangePlan, writes: Iterable[Write], done: list[Write]) -> None:
-    """Write and note in `done` what the node has, or may have; a write that it refused it has not."""
+    """Write and note in `done` what the node has, or may have; not a write that it refused."""
     for write in writes:
         done.append(write)
         try:

@@ -20,7 +20,7 @@ from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.objects import data_type
 from eurobot_od.od.values import DATA_TYPES, UNSIGNED16, UNSIGNED32, DataType
 from eurobot_od.profiles import cia402
-from eurobot_od.profiles.cia402 import Command, Mode, State
+from eurobot_od.profiles.cia402 import DriveCommand, Mode, State
 from eurobot_od.profiles.homing import METHODS
 
 POLL = 0.01
@@ -35,11 +35,11 @@ MOTION_WAIT = 60.0
 FAULTY = (State.FAULT, State.FAULT_REACTION)
 """The states of a drive that has a fault."""
 
-NEXT: Mapping[State, Command] = {
-    State.DISABLED: Command.SHUTDOWN,
-    State.READY: Command.SWITCH_ON,
-    State.SWITCHED_ON: Command.ENABLE,
-    State.QUICK_STOP: Command.DISABLE_VOLTAGE,
+NEXT: Mapping[State, DriveCommand] = {
+    State.DISABLED: DriveCommand.SHUTDOWN,
+    State.READY: DriveCommand.SWITCH_ON,
+    State.SWITCHED_ON: DriveCommand.ENABLE,
+    State.QUICK_STOP: DriveCommand.DISABLE_VOLTAGE,
 }
 """What brings a drive from each state nearer to Operation enabled; from the others it goes on by itself, or not."""
 
@@ -62,7 +62,7 @@ TYPES: Mapping[int, DataType] = {
 
 
 class DriveStatus(NamedTuple):
-    """What a drive says of itself; `state` is None for a statusword that is no state's."""
+    """What a drive says about itself; `state` is None for a statusword that belongs to no state."""
 
     state: State | None
     statusword: int
@@ -90,6 +90,7 @@ class DriveAtNode:
 
     async def _read(self, index: int) -> int:
         data = await self._node.upload.steps((index + self._offset, 0))
+        # An expedited answer may leave its size out, and has four bytes then, whatever the type (CiA 301, 7.2.4.3.6).
         value = self._type(index).read(data[: self._type(index).size])
         assert isinstance(value, int)
         return value
@@ -138,7 +139,7 @@ class DriveAtNode:
         code = await self._read(cia402.ERROR_CODE)
         return DriveError(f"{self._name}: {what}: it has a fault, error code 0x{code:04X}")
 
-    async def _command(self, command: Command, bits: int = 0) -> None:
+    async def _command(self, command: DriveCommand, bits: int = 0) -> None:
         await self._write(cia402.CONTROLWORD, command.bits | bits)
 
     async def _enable(self, within: float) -> None:
@@ -154,26 +155,27 @@ class DriveAtNode:
     async def _disable(self, within: float) -> None:
         if await self._state() in FAULTY:
             return
-        await self._command(Command.DISABLE_VOLTAGE)
+        await self._command(DriveCommand.DISABLE_VOLTAGE)
         await self._until("disable", within, lambda word: cia402.state_of(word) is State.DISABLED)
 
     async def _quick_stop(self) -> None:
-        await self._command(Command.QUICK_STOP)
+        await self._command(DriveCommand.QUICK_STOP)
 
     async def _halt(self) -> None:
         if await self._state() is State.ENABLED:
-            await self._command(Command.ENABLE, cia402.HALT)
+            await self._command(DriveCommand.ENABLE, cia402.HALT)
 
     async def _fault_reset(self, within: float) -> None:
         if await self._state() not in FAULTY:
             return
+        # Until the motor stands the drive is in Fault reaction active, where a reset does nothing.
         await self._poll(within, lambda word: cia402.state_of(word) is not State.FAULT_REACTION)
-        await self._command(Command.DISABLE_VOLTAGE)  # the reset is a rising edge
-        await self._command(Command.FAULT_RESET)
+        await self._command(DriveCommand.DISABLE_VOLTAGE)  # the reset is a rising edge
+        await self._command(DriveCommand.FAULT_RESET)
         _, is_reset = await self._poll(within, lambda word: cia402.state_of(word) not in FAULTY)
         if not is_reset:
             raise await self._fault("fault reset")
-        await self._command(Command.DISABLE_VOLTAGE)  # takes the bit back: the next reset is an edge again
+        await self._command(DriveCommand.DISABLE_VOLTAGE)  # takes the bit back: the next reset is an edge again
 
     # Motion
 
@@ -182,6 +184,7 @@ class DriveAtNode:
         """Halt the drive if whoever waits for its motion gives up, for whatever reason."""
         try:
             yield
+        # Ctrl-C and a cancelled task too: a motor must not go on turning for want of somebody who waits.
         except BaseException:
             await self._halt()
             raise
@@ -200,7 +203,7 @@ class DriveAtNode:
                 await self._node.master.pump.steps(POLL)
         await self._enable(within)
         # Bits 4 to 6 and 8 belong to the mode: a set-point or halt of the one before must not count in this one.
-        await self._command(Command.ENABLE)
+        await self._command(DriveCommand.ENABLE)
 
     async def _home(self, method: int | None, within: float) -> None:
         if method is not None and method > 0 and method not in METHODS:
@@ -209,12 +212,13 @@ class DriveAtNode:
             await self._write(cia402.HOMING_METHOD, method)
         async with self._watched():
             await self._enter(Mode.HOMING)
-            await self._command(Command.ENABLE, cia402.HOMING_START)
+            await self._command(DriveCommand.ENABLE, cia402.HOMING_START)
+            # Both: bit 12 alone means that home was found and the axis is still coming to rest (CiA 402-2, clause 11).
             done = cia402.BIT_12 | cia402.TARGET_REACHED
             word = await self._until("home", within, lambda word: word & done == done or bool(word & cia402.BIT_13))
         if word & cia402.BIT_13:
             raise DriveError(f"{self._name}: home: homing error (statusword 0x{word:04X})")
-        await self._command(Command.ENABLE)
+        await self._command(DriveCommand.ENABLE)
 
     async def _move(self, position: int, velocity: int | None, relative: bool, within: float) -> None:
         async with self._watched():
@@ -224,14 +228,15 @@ class DriveAtNode:
             await self._write(cia402.TARGET_POSITION, position)
             # At once: a set-point that an interrupted program has left need not be reached first.
             reached, bits = cia402.TARGET_REACHED, cia402.NEW_SET_POINT | cia402.AT_ONCE | cia402.RELATIVE * relative
-            await self._command(Command.ENABLE, bits)
+            await self._command(DriveCommand.ENABLE, bits)
             await self._until("move", within, lambda word: bool(word & cia402.BIT_12))
-            await self._command(Command.ENABLE)
+            await self._command(DriveCommand.ENABLE)
             # While bit 12 is set, the target that is reached may be that of the set-point before.
             await self._until("move", within, lambda word: word & (reached | cia402.BIT_12) == reached)
 
     async def _turn(self, velocity: int) -> None:
         async with self._watched():
+            # Before the mode: it would begin with the velocity that somebody has left in the object.
             await self._write(cia402.TARGET_VELOCITY, velocity)
             await self._enter(Mode.PROFILE_VELOCITY)
 
@@ -255,12 +260,12 @@ class Drive402(DriveAtNode):
 
     @property
     def state(self) -> State | None:
-        """The state of the drive; None for a statusword that is no state's."""
+        """The state of the drive; None for a statusword that belongs to no state."""
         return finished(self._state())
 
     @property
     def status(self) -> DriveStatus:
-        """What the drive says of itself."""
+        """What the drive says about itself."""
         return finished(self._status())
 
     @property
@@ -313,12 +318,12 @@ class AsyncDrive402(DriveAtNode):
 
     @property
     async def state(self) -> State | None:
-        """The state of the drive; None for a statusword that is no state's."""
+        """The state of the drive; None for a statusword that belongs to no state."""
         return await self._state()
 
     @property
     async def status(self) -> DriveStatus:
-        """What the drive says of itself."""
+        """What the drive says about itself."""
         return await self._status()
 
     @property

@@ -83,6 +83,8 @@ def fastscan() -> LssSteps[Identity | None]:
     found: list[int] = []
     for part in range(len(Identity._fields)):
         number = 0
+        # From the highest bit down: each question halves what is left. Silence is the only way in which LSS says no, so
+        # that a 0 nobody confirms is a 1.
         for bit in range(FIRST_BIT, -1, -1):
             if not (yield from _scanned(number, bit, part, part)):
                 number |= 1 << bit

@@ -55,7 +55,7 @@ STORE_WAIT = 5.0
 """Seconds that a node has to store its parameters: it may have to erase a flash memory."""
 
 BACKLOG = 1 << 16
-"""So many frames are taken in at once of those that are waiting: more than any adapter's buffer has."""
+"""Most waiting frames that are taken in at once: more than any adapter's buffer holds."""
 
 BOOT_WAIT = 5.0
 """Seconds that a node has from a reset to its boot-up message."""
@@ -169,9 +169,9 @@ class Master:
     @Procedure
     async def pump(self, wait: float, done: Callable[[], bool] = lambda: False) -> bool:
         """Take in frames for `wait` seconds, or until `done`; return whether it is done. Raises BusError."""
-        return await self._taken_in(wait, done)
+        return await self.take_in(wait, done)
 
-    async def _taken_in(self, wait: float, done: Callable[[], bool]) -> bool:
+    async def take_in(self, wait: float, done: Callable[[], bool]) -> bool:
         """Do what `pump` does.
 
         Frames that are waiting at the end count too: they have come in time, however late this process looks.
@@ -189,6 +189,7 @@ class Master:
             message = self.bus.recv(wait)
         except Exception as error:  # as in `send`
             raise failure(self.bus, error) from error
+        # CANopen has 11-bit data frames; a remote frame is what a master itself sends, when it guards a node.
         if message is not None and not (message.is_extended_id or message.is_error_frame or message.is_remote_frame):
             self.heard(message.arbitration_id, bytes(message.data), message.timestamp)
         return message is not None
@@ -266,6 +267,8 @@ class RemoteNode:
             try:
                 await self._transfer("write", address, name, block_download(address, data, answer_wait, noted))
             except RemoteError:
+                # It has block transfer: what failed in the middle is an error, and no reason to begin again by
+                # segments.
                 if taken[-1]:
                     raise
             else:
@@ -273,7 +276,8 @@ class RemoteNode:
         await self._transfer("write", address, name, download(address, data, answer_wait, progress))
 
     def command(self, command: NmtCommand) -> None:
-        """Send an NMT command to this node; it is not confirmed, and heartbeats from before it count no more."""
+        """Send an NMT command to this node; it is not confirmed, and heartbeats from before it no longer count."""
+        # What waits already was sent before the command, and must not be taken for its effect.
         self.master.drain()
         self.master.states.pop(self.node_id, None)
         self.master.send(NMT_COB_ID, bytes([command, self.node_id]))
@@ -281,6 +285,7 @@ class RemoteNode:
     @Procedure
     async def state(self, wait: float) -> NmtState | None:
         """Wait for the node's next heartbeat and return its state, None if there is no heartbeat."""
+        # What was heard before says nothing of now.
         self.master.states.pop(self.node_id, None)
         await self.master.pump.steps(wait, lambda: self.node_id in self.master.states)
         return self.last_state

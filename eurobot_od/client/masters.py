@@ -15,8 +15,8 @@ from __future__ import annotations
 import asyncio
 import threading
 from collections import defaultdict, deque
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import AbstractAsyncContextManager, contextmanager
+from collections.abc import Callable, Sequence
+from contextlib import AbstractAsyncContextManager
 from math import inf
 from queue import SimpleQueue
 from typing import TYPE_CHECKING, Any, Protocol
@@ -232,7 +232,7 @@ class ThreadedMaster(FedMaster):
             self.failure = why
             self._changed.notify_all()
 
-    async def _taken_in(self, wait: float, done: Callable[[], bool]) -> bool:
+    async def take_in(self, wait: float, done: Callable[[], bool]) -> bool:
         with self._changed:
             self._changed.wait_for(lambda: done() or self.failure is not None, None if wait == inf else max(wait, 0))
             if self.failure is not None and not done():
@@ -306,21 +306,16 @@ class LoopMaster(FedMaster):
             if not future.done() and ((is_done := done()) or self.failure is not None):
                 future.set_result(is_done)
 
-    async def _taken_in(self, wait: float, done: Callable[[], bool]) -> bool:
+    async def take_in(self, wait: float, done: Callable[[], bool]) -> bool:
         if not done():
             future: asyncio.Future[bool] = self._loop.create_future()
-            with self._waits(future, done):
+            self._waiting[future] = done
+            try:
                 await asyncio.wait([future], timeout=None if wait == inf else max(wait, 0))
+            finally:
+                del self._waiting[future]
             if future.done() and future.result():  # it was done, even if a later frame has undone it since
                 return True
         if self.failure is not None and not done():
             raise self.failure
         return done()
-
-    @contextmanager
-    def _waits(self, future: asyncio.Future[bool], done: Callable[[], bool]) -> Iterator[None]:
-        self._waiting[future] = done
-        try:
-            yield
-        finally:
-            del self._waiting[future]

@@ -216,7 +216,7 @@ class NetworkNmt:
         self._master = master
 
     def command(self, command: NmtCommand) -> None:
-        """Send a command to all nodes; what heartbeats said before counts no more."""
+        """Send a command to all nodes; what heartbeats said before no longer counts."""
         with self._master.guard:
             self._master.states.clear()
         self._master.send(NMT_COB_ID, bytes([command, ALL_NODES]))

@@ -64,7 +64,7 @@ def readable(dictionary: Dictionary) -> Iterator[ODVariable]:
 
 
 def parameters(dictionary: Dictionary) -> Iterator[ODVariable]:
-    """Give the objects that are a node's configuration: what can be read and written and is no process data."""
+    """Give the objects that are a node's configuration: what can be read and written and is not process data."""
     for thing in _readable(dictionary):
         if is_parameter(thing) and not thing.pdo_mappable:
             yield thing

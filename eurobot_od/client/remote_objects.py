@@ -85,7 +85,7 @@ class ObjectAtNode:
 
     @property
     def unit(self) -> str:
-        """The Unit that the file gives it, which is no key of CiA 306; empty without one."""
+        """The Unit that the file gives it, which is not a key of CiA 306; empty without one."""
         unit: str = self.od.unit
         return unit
 
@@ -132,6 +132,7 @@ class ObjectAtNode:
         for raw, word in self.words.items():
             if word.casefold() == text.strip().casefold():
                 return raw
+        # A person may write what was shown before, and that has its unit.
         number = text.strip().removesuffix(self.unit).strip() if self.unit else text
         value = parse(self.od, number)
         return self._unscaled(value) if isinstance(value, (int, float)) and self.od.factor != 1 else value

@@ -161,6 +161,7 @@ class NodeWatch:
         return self.nodes.setdefault(node_id, WatchedNode(self._guarded.get(node_id, 0.0)))
 
     def _deadline(self, node_id: int, node: WatchedNode) -> float:
+        # Never heard, it has no period of its own yet: all nodes have the same time to boot.
         if node.pulse.heard is None and node_id in self._expected and self._started is not None:
             return self._started + self._patience
         return node.pulse.deadline
@@ -179,6 +180,8 @@ def watch_nodes(master: Master, watch: NodeWatch, end: float = inf, guard: Guard
         now = master.clock()
         for cob_id in watch.tick(now):
             master.request(cob_id)
+        # At least a millisecond, as a deadline of this very moment is not over yet, and the loop would run without a
+        # pause.
         master.pump(min(max(watch.next_wakeup - now, 0.001), LONGEST_PAUSE, end - now))
 
     for node_id in NODE_IDS:

@@ -55,7 +55,7 @@ NO_APPLICATION = Application()
 
 
 class BoundObjects:
-    """The bound ones of a device's `objects`; `command` is told what writing one means, and may raise Abort."""
+    """The bound ones of a device's `objects`; `command` gets what writing one means, and may raise Abort."""
 
     def __init__(
         self,

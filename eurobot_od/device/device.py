@@ -101,6 +101,7 @@ class Device:
             values |= store.load() if store else {}
         except DamagedFile as error:
             self.refused = (f"{error}; the defaults are taken",)
+        # One by one: a range that a newer file has narrowed must not cost the device all the rest of what was stored.
         wrong = dict(refused(dictionary, values))
         self.refused += tuple(f"stored value refused: {what}" for what in wrong.values())
         self._stored = {address: value for address, value in values.items() if address not in wrong}
@@ -140,7 +141,7 @@ class Device:
         self._process = ProcessData(self.objects)
         self._pacing = Pacing(self._pdos.inhibit_time, self._pdos.event_timer)
         self._synchronous, self._sync = Synchronous(self._pdos.sync_type, self._pdos.sync_start), SyncProducer()
-        self._deadlines, self._changes = Deadlines(self._pdos.deadline), Changes(self._process.frame)
+        self._deadlines, self._changes = Deadlines[Binding](), Changes(self._process.frame)
         self._sampled: dict[Binding, Frame] = {}
         self._guarding = NodeGuarding()
         self._server = SdoServer(self.objects)
@@ -179,6 +180,7 @@ class Device:
         self._guarding.configure(self._life_time())
         self.sdo_requests, self.sdo_answers = SdoChannel.of(self.dictionary)
         time, sync = self.objects.raw(standard.TIME), self.objects.raw(standard.SYNC)
+        # Bit 30 of 0x1005 and 0x1012: the device itself sends SYNC or TIME (CiA 301, 7.5.2.5 and 7.5.2.15).
         produced = {each & BASE_IDENTIFIER for each in (time, sync) if each & PRODUCER}
         self._periodic = produced | {ERROR_CONTROL_BASE + self.node_id}
         # Sub-index 2 of 0x1280 and those after it: where a server answers this device as its client (7.5.2.34).
@@ -205,13 +207,15 @@ class Device:
     def _restart_pdos(self) -> None:
         self._pacing.restart(self._pdos.sent.values(), self._now)
         self._synchronous.restart(self._pdos.sent.values(), self._pdos.received.values())
+        # They belong to a SYNC before the change: a remote frame must not be answered by them.
         self._sampled.clear()
         # Decided here, not at each SYNC: hundreds of PDOs of many devices would be asked in each of its periods.
         self._at_sync = [each for each in self._pdos.requestable.values() if self._pdos.is_sampled(each)]
         self._following = [each for each in self._pdos.sent.values() if self._pdos.follows_changes(each)]
         for binding in self._deadlines.missed:  # nobody would report them as back: the watch begins anew
             self.emergencies.cleared((Deadlines, binding.name))
-        self._deadlines.restart(self._pdos.received.values())
+        received = self._pdos.received.values()
+        self._deadlines.restart({each: time for each in received if (time := self._pdos.deadline(each))})
 
     def _restart_broadcasts(self) -> None:
         """Send SYNC and TIME from now on, if that is configured and the NMT state allows it (CiA 301, Table 36)."""
@@ -312,6 +316,7 @@ class Device:
                 self._store.save(values, self.objects.number(own) if own else self.node_id)
         except (OSError, DictionaryError) as error:
             raise Abort(AbortCode.HARDWARE, str(error)) from error
+        # What was refused at the start has been overwritten: nothing is left to complain of.
         self._stored, self.refused = values, ()
         self.emergencies.cleared(Store)
         if own and address[0] == standard.RESTORE:
@@ -325,6 +330,7 @@ class Device:
         """Watch other nodes' heartbeats, each but once (CiA 301, 7.5.2.19)."""
         node_id, time = split(value if isinstance(value, int) else 0)
         others = [split(entry) for subindex, entry in enumerate(self._consumed(), 1) if subindex != address[1]]
+        # With two times for one node it would be lost by the one and still there by the other.
         if time and any(node_id == other and others_time for other, others_time in others):
             raise Abort(AbortCode.INCOMPATIBLE)
         self.objects.put(address, value)
@@ -332,6 +338,7 @@ class Device:
 
     def _produce(self, address: Address, value: Value) -> None:
         self.objects.put(address, value)
+        # From now on, not after what is left of the old time, which may be a minute.
         self._plan_heartbeat(self._now)
         self._guarding.configure(self._life_time())
 
@@ -347,6 +354,7 @@ class Device:
         self._now = now
         self._beating = False
         self._plan_heartbeat(now)
+        # As an EMCY too: nobody need be looking at a console when a device boots with defaults.
         if self.refused:
             self.emergencies.raised(ErrorCode.DATA_SET, Store)
         self._enter(boot_state(self.objects.value(standard.NMT_STARTUP)))
@@ -385,6 +393,7 @@ class Device:
         """Restore what was stored, but for a new node-ID, which takes effect now (CiA 301, 7.3.2.2.3)."""
         values = dict(self._stored)
         if command is NmtCommand.RESET_COMMUNICATION:
+            # Only 0x1000 to 0x1FFF go back to what was stored; the application goes on with its parameters as they are.
             values = {a: value for a, value in values.items() if a[0] in COMMUNICATION_PROFILE}
             values |= {a: v for a, v in self.objects.values.items() if a[0] not in COMMUNICATION_PROFILE}
         if self._file.node_id_address:
@@ -415,6 +424,7 @@ class Device:
         own = self._broadcast(now)
         frames += own.frames
         if self.operational:
+            # These first: what an inhibit time has held back is older than what an event timer sends now.
             frames += self._pacing.released(now)
             frames += [self._process.frame(binding) for binding in self._pacing.due(now)]
             for binding in self._deadlines.overdue(now):
@@ -430,6 +440,8 @@ class Device:
         messages: tuple[Message, ...] = ()
         for data in self._sync.due(now):
             sync = Frame(self.objects.raw(standard.SYNC) & BASE_IDENTIFIER, data)
+            # A CAN controller does not receive its own frames: without this the device's own SYNC would pass by its
+            # PDOs.
             followed = self._receive_sync(sync)
             frames += [sync, *followed.frames]
             messages += followed.synchronous
@@ -442,6 +454,7 @@ class Device:
             self.emergencies.raised(ErrorCode.HEARTBEAT_LOST, (HeartbeatConsumer, node_id), bytes([node_id]))
         if unguarded:
             self.emergencies.raised(ErrorCode.HEARTBEAT_LOST, NodeGuarding)
+        # 0x1029 is for a device at work only: in the other states its PDOs do nothing that would have to be stopped.
         command = ON_COMMUNICATION_ERROR.get(self.objects.raw(standard.COMMUNICATION_ERROR))
         if (lost or unguarded) and command is not None and self.operational:
             self._enter(TARGET[command])
@@ -494,7 +507,7 @@ class Device:
     def _receive_heartbeat(self, frame: Frame) -> Reaction:
         node_id = frame.cob_id - ERROR_CONTROL_BASE
         boot_up = frame == error_control(node_id, NmtState.INITIALISING)
-        if self._consumer.heard(node_id, self._now, boot_up=boot_up):
+        if (self._consumer.booted if boot_up else self._consumer.heard)(node_id, self._now):
             self.emergencies.cleared((HeartbeatConsumer, node_id))
         return Reaction([], booted=node_id if boot_up else None)
 
@@ -537,6 +550,7 @@ class Device:
             return Reaction([])
         if len(frame.data) > binding.layout.length:
             self._raise_length(ErrorCode.PDO_TOO_LONG, binding, frame)
+        # The right length again: that an error has gone is reported, too, by the error code 0x0000.
         elif binding.name in self.emergencies.errors:
             self.emergencies.cleared(binding.name)
         if self._deadlines.heard(binding, self._now):

@@ -21,7 +21,7 @@ class DeviceValues:
         return self._known[address]
 
     def get(self, address: Address) -> int | None:
-        """Return its value, None if it has none, or one that is no number."""
+        """Return its value, None if it has none, or one that is not a number."""
         value = self._node.device.objects.kept(address)
         return value if isinstance(value, int) else None
 
@@ -39,7 +39,7 @@ class ProfileDevice(SimulatedDevice):
     """A device whose profile says what it does when nobody can command it any more."""
 
     def _connection_lost(self) -> None:
-        """Do what the profile says of a lost heartbeat, a lost bus, and the state Stopped."""
+        """Do what the profile says about a lost heartbeat, a lost bus, and the state Stopped."""
 
     def halted(self) -> None:
         super().halted()

@@ -164,6 +164,7 @@ class Emergencies:
 
     def _report(self, code: int, info: bytes) -> None:
         self.quiet = False
+        # With the register of now and not of when the frame leaves: it belongs to this error.
         self._waiting.append(code.to_bytes(2, "little") + bytes([self.register]) + info[:5].ljust(5, b"\0"))
 
     # The error field
@@ -178,6 +179,7 @@ class Emergencies:
         """Empty 0x1003; only 0 may be written (CiA 301, 7.5.2.4)."""
         if value != 0:
             raise Abort(AbortCode.VALUE)
+        # Only the history: what is wrong still is, and the error register goes on saying so.
         self.history.clear()
 
     # What is sent
@@ -196,6 +198,8 @@ class Emergencies:
             self.cleared(code)
         frames: list[Frame] = []
         while self._waiting and self._free <= now:
+            # Taken out even without an identifier: reports of long ago must not come when a master makes 0x1014 valid
+            # again.
             data, cob_id = self._waiting.popleft(), self._cob_id()
             frames += [] if cob_id is None else [Frame(cob_id, data)]
             self._free = now + inhibit if (inhibit := self._inhibit()) else self._free

@@ -137,6 +137,7 @@ class Flow(Generic[Result]):
         self._ask: Ask | None = None
         self._sent = 0
         self._timer: Timer | None = None
+        # To its START: only a script that has begun can have an error thrown into it, and run its `finally`.
         next(script)
 
     def start(self, now: float) -> None:

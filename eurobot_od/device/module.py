@@ -42,6 +42,7 @@ class SimulatedModule(ProfileDevice):
         super().__init__(dictionary, **options)
 
     def _profile_values(self) -> ProfileValues:
+        """Return the objects as the inputs and outputs see them."""
         return DeviceValues(self)
 
     @property
@@ -90,19 +91,15 @@ class SimulatedModule(ProfileDevice):
         if operational and not self._begun:
             self._outputs.failed = False
         self._outputs.refresh()
-        caused = self._caused()
+        inputs, caused = self._inputs, set[Address]()
+        if inputs is not None and operational:
+            if not self._begun:
+                inputs.forget()
+            caused = inputs.caused({address: self.device.objects.raw(address) for address in inputs.addresses})
         # Each TPDO goes once when it may go for the first time, whatever causes it later (CiA 301, 7.2.2.4).
         allowed = None if operational and not self._begun else partial(self._may_go, caused)
         self._begun = operational
         return self.outgoing(self.device.changed(self.now, allowed))
-
-    def _caused(self) -> set[Address]:
-        inputs = self._inputs
-        if inputs is None or not self.device.operational:
-            return set()
-        if not self._begun:
-            inputs.forget()
-        return inputs.caused({address: self.device.objects.raw(address) for address in inputs.addresses})
 
     def _may_go(self, caused: set[Address], binding: Binding) -> bool:
         mapped = {each.address for each in binding.pdo.mapping}

@@ -70,7 +70,7 @@ TARGET = {
     NmtCommand.STOP: NmtState.STOPPED,
     NmtCommand.ENTER_PRE_OPERATIONAL: NmtState.PRE_OPERATIONAL,
 }
-"""State after a command that is no reset; all three are allowed from every state but INITIALISING."""
+"""State after a command that is not a reset; all three are allowed from every state but INITIALISING."""
 
 STAY_PRE_OPERATIONAL = 1 << 2
 """Bit of NMT startup 0x1F80: set, the node waits for a master's start (CiA 302-2)."""

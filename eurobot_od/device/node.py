@@ -69,6 +69,7 @@ class Node:
         self._out: list[Frame] = []
 
     def _application(self, dictionary: Dictionary) -> Application:
+        """Return what the node gives its objects and takes from them; before the device is made."""
         readers = {name: partial(each.read, self) for name, each in self.OBJECTS.items() if each.read}
         writers = {name: each.write for name, each in self.OBJECTS.items() if each.write}
         measured = {dictionary.address(name): partial(read, self) for name, read in self.MEASURED.items()}
@@ -284,6 +285,7 @@ class Node:
             self.ignored += 1
             emergencies.raised(doubt, what, self.device.protocol.cob_id(type(message)).to_bytes(2, "little"))
             return
+        # It can be believed again, which an EMCY with the error code 0x0000 says.
         if what in emergencies.errors:
             emergencies.cleared(what)
         with suppress(Refused):
@@ -304,6 +306,7 @@ class Node:
         self._act(command)
 
     def _act(self, message: Message) -> None:
+        """Act on a message that is believed, and offer the answer; raises Refused."""
         answer = self.answer_to(message)
         if answer is not None:
             self.offer(answer)

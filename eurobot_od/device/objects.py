@@ -15,7 +15,7 @@ from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.objects import data_type, initial, limits
 from eurobot_od.od.pdos import Part
 from eurobot_od.od.standard import COMMANDS, VERIFY_CONFIGURATION
-from eurobot_od.od.values import DOMAIN, MAPPING_RECORDS, VISIBLE_STRING, Address, Value, base_identifier
+from eurobot_od.od.values import DOMAIN, MAPPINGS, VISIBLE_STRING, Address, Value, base_identifier
 from eurobot_od.sdo.wire import LARGEST, Abort, AbortCode
 
 if TYPE_CHECKING:
@@ -25,7 +25,7 @@ COMMUNICATION_PROFILE = range(0x1000, 0x2000)
 """Indices of communication objects, which are configuration; a reset of the communication restores them (CiA 301,
 7.3.2.2.3)."""
 
-PARAMETERS = {*COMMUNICATION_PROFILE} - {*COMMANDS, *(index for each in MAPPING_RECORDS.values() for index in each)}
+PARAMETERS = {*COMMUNICATION_PROFILE} - {*COMMANDS, *MAPPINGS}
 """Communication objects that may always be written the value they have, also where the file contradicts itself: only
 of a mapping CiA 301 asks for a procedure whatever is written."""
 
@@ -58,7 +58,7 @@ def is_configuration(dictionary: Dictionary, address: Address) -> bool:
 
 
 def out_of_limits(variable: ODVariable, value: Value) -> AbortCode | None:
-    """Return why a number is not within the limits of its object in the file; None if it is, or is no number."""
+    """Return why a number is not within the limits of its object in the file; None if it is, or is not a number."""
     range_ = limits(variable)
     if range_ is not None and isinstance(value, (int, float)):
         if value > range_.high:
@@ -134,7 +134,7 @@ class Objects:
     def put(self, address: Address, value: Value) -> None:
         """Keep a value, unchecked; a part of a value goes to its place in the whole.
 
-        Raises Refused if somebody is to be told of it and does not take it.
+        Raises Refused if the application does not accept it.
         """
         if address in self._told:  # before it is kept: what the application refuses must leave no trace
             self._told[address](value)
@@ -170,7 +170,7 @@ class Objects:
                 return initial(variable) or bytes(type_.size)
             return type_.write(value)
         except (DictionaryError, ValueError, OverflowError) as error:
-            # the file's default is no number, or does not fit the type that the file names
+            # the file's default is not a number, or does not fit the type that the file names
             raise Abort(AbortCode.NO_DATA, str(error)) from error
 
     def admit(self, address: Address, size: int | None) -> int:

@@ -64,7 +64,7 @@ class Pdos:
         self._apply(self._built(objects.value, lambda error: self.unusable.update({error.index: error})))
 
     def _built(self, value: Callable[[Address], Value], harm: Callable[[MappingError], object]) -> Protocol:
-        """Return the messages by these values of objects; `harm` is told of what does not hold, and may raise that."""
+        """Return the messages by these values of objects; `harm` gets each error of a mapping, and may raise it."""
         dictionary = self._objects.dictionary
         return Protocol([(dictionary, dictionary.read_pdos(value, harm))], self._catalogue, harm)
 
@@ -275,7 +275,7 @@ class ProcessData:
             word = int.from_bytes(binding.complete(data), "little")
             for entry, address, mask, offset in binding.placed:
                 with suppress(Refused):  # what the application does not take is as if it had not come
-                    self._objects.put(address, _meant(entry, word >> offset & mask))
+                    self._objects.put(address, entry.meant(word >> offset & mask))
         self.forget()
 
     def forget(self) -> None:
@@ -290,16 +290,6 @@ class ProcessData:
         for _, address, mask, offset in binding.placed:
             word |= (raw(address) & mask) << offset
         return Frame(binding.cob_id, word.to_bytes(binding.layout.length, "little"))
-
-
-def _meant(entry: Mapped, raw: int) -> Value:
-    """Return the value of an entry's bits; mapped in part, all but an integer is a number."""
-    type_ = entry.type
-    if type_.is_signed:
-        sign = 1 << entry.bits - 1  # of the entry, not of the type: a mapping may cut an INTEGER16 to 12 bits
-        return (raw ^ sign) - sign
-    whole = not type_.is_integer and (entry.bits == type_.bits if type_.bits else entry.bits % 8 == 0)
-    return type_.read(raw.to_bytes(entry.bits // 8, "little")) if whole else raw
 
 
 class Changes:

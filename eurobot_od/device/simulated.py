@@ -34,8 +34,8 @@ ObjectName: TypeAlias = "str | Address"
 class SimulatedDevice(Node):
     """A device, made from its EDS or DCF.
 
-    A program of its own is a class with `READERS`, which give the values of objects, and `WRITERS`, which are told each
-    new value, such as an SDO or an RPDO brings, and raise Refused for one they do not take. Both get the device, whose
+    A program of its own is a class with `READERS`, which give the values of objects, and `WRITERS`, which get each
+    new value, as an SDO or an RPDO brings it, and raise Refused for one they do not accept. Both get the device, whose
     `now` is the time in seconds. Without either, and for all other objects: `given` values count in place of the
     file's, `waveforms` are asked for theirs. Raises DictionaryError for an object that the file does not have.
     """

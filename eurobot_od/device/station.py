@@ -34,7 +34,7 @@ class Station:
     Its `plan` tells whether the node has planned anything sooner than when `next_wakeup` was asked for last. An
     exception of the node is reported like a listener's; what becomes of the node then, `on_error` says. Without that
     (a simulation, whose user wants to see it) the exception is raised where it is not a frame that has caused it.
-    `failure` tells why the node has ended, None while it has not.
+    `failure` tells why the node has ended, None while it goes on.
     """
 
     def __init__(

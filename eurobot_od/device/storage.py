@@ -71,7 +71,7 @@ class FileStore:
     def load(self) -> dict[Address, Value]:
         """Return the settings in the file, none without a file.
 
-        Raises DamagedFile if its checksum says so, DictionaryError if it is no DCF, incomplete, or that of another
+        Raises DamagedFile if its checksum says so, DictionaryError if it is not a DCF, incomplete, or that of another
         device. A DCF of other programs has no checksum, and is believed.
         """
         if not self.file.exists():
@@ -88,6 +88,7 @@ class FileStore:
         for section in dcf.missing(stored.content.decode(ANY_BYTES)):
             if section not in never_there:
                 raise DictionaryError(self.file, None, f"incomplete: [{section}] is missing")
+        # Not by the serial number: a device that replaces a broken one is to take over its configuration.
         for index, sub in KIND:
             ours, theirs = self._dictionary.default((index, sub)), stored.default((index, sub))
             if ours != theirs:

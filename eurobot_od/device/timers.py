@@ -44,7 +44,7 @@ class Timer:
 
 
 class Timers:
-    """The timers of one node, soonest first; `planned` is told the time of each new one."""
+    """The timers of one node, soonest first; `planned` gets the time of each new one."""
 
     def __init__(self, planned: Callable[[float], object] = lambda _: None) -> None:
         self._planned = planned
@@ -69,8 +69,8 @@ class Timers:
     def due(self, now: float) -> Iterator[tuple[TimerAction, float]]:
         """Yield what is due, each with the time it was set for, also what becomes due meanwhile.
 
-        A late node is told the times as planned: what repeats itself by adding a period to them does not drift. What it
-        has missed (see `caught_up`) it is told once, with the present time.
+        A late node gets the times as planned: what repeats itself by adding a period to them does not drift. What it
+        has missed (see `caught_up`) it gets once, with the present time.
         """
         while self.next <= now:
             time, _, timer = heapq.heappop(self._heap)

@@ -83,6 +83,38 @@ class Member(NamedTuple):
         """All bits of a signed value but its sign, as a mask."""
         return (1 << (self.field.width - 1)) - 1
 
+    def number(self, value: int) -> str:
+        """Write a number of its type."""
+        if self.field.numeral is Numeral.SIGNED:
+            return _signed(value, self.bits)
+        # An int has at least 16 bits; a wider constant needs the macro of its type (C99, 7.18.4).
+        return f"{value}u" if self.bits <= 16 else f"UINT{self.bits}_C({value})"
+
+    @property
+    def too_wide(self) -> str:
+        """Write the condition that a value does not fit into its field; empty if all values of its type fit."""
+        width, value = self.field.width, f"message->{self.name}"
+        # A comparison that is always false is a warning, and the header has to compile without any.
+        if width == self.bits or self.type == "bool":
+            return ""
+        if self.field.numeral is Numeral.SIGNED:
+            low, high = (_signed(limit, self.bits) for limit in (-self.low_bits - 1, self.low_bits))
+            return f"{value} < {low} || {value} > {high}"
+        return f"{value} > {_unsigned((1 << width) - 1, self.bits)}"
+
+    @property
+    def meaning(self) -> str:
+        """Write the value that its raw bits stand for."""
+        raw = f"raw_{self.name}"
+        if self.type == "bool":
+            return f"{raw} != 0u"
+        if self.field.numeral is not Numeral.SIGNED:
+            return raw
+        # Converting an unsigned number that the signed type cannot hold is implementation-defined (C99, 6.3.1.3).
+        low, sign = _unsigned(self.low_bits, self.bits), _unsigned(self.low_bits + 1, self.bits)
+        negative = f"({self.type})({raw} & {low}) - {_signed(self.low_bits, self.bits)} - 1"
+        return f"({self.type})(({raw} & {sign}) != 0u ? {negative} : ({self.type})({raw} & {low}))"
+
 
 class MessageBlock(NamedTuple):
     """A message, its name in lower-case identifiers, after the network's, and its struct's members."""
@@ -189,15 +221,15 @@ def _macros(block: MessageBlock, member: Member, macros: Identifiers) -> Iterato
     field, of_values = member.field, Identifiers()
     if not member.is_real:
         for word, value in zip(("min", "max"), field.limits):
-            yield f"#define {_macro(macros, block.name, member.name, word)} {_number(value, member)}"
+            yield f"#define {_macro(macros, block.name, member.name, word)} {member.number(value)}"
     if field.unit:
         # Without backslash and quote it cannot end the literal, nor have a pair of them cut in half.
         unit = _comment(field.unit).replace("\\", "/").replace('"', "'")[:LONGEST_TEXT]
         yield f'#define {_macro(macros, block.name, member.name, "unit")} "{unit}"'
     if field.unknown is not None and field.unknown not in field.named:
-        yield f"#define {_macro(macros, block.name, member.name, 'unknown')} {_number(field.unknown, member)}"
+        yield f"#define {_macro(macros, block.name, member.name, 'unknown')} {member.number(field.unknown)}"
     for value, text in field.named.items():
-        yield f"#define {_macro(macros, block.name, member.name, of_values.new(text))} {_number(value, member)}"
+        yield f"#define {_macro(macros, block.name, member.name, of_values.new(text))} {member.number(value)}"
 
 
 # Numbers
@@ -217,12 +249,6 @@ def _signed(value: int, bits: int) -> str:
     return f"({'-' * (bits > 16)}{text})" if value < 0 else text
 
 
-def _number(value: int, member: Member) -> str:
-    if member.field.numeral is Numeral.SIGNED:
-        return _signed(value, member.bits)
-    return f"{value}u" if member.bits <= 16 else f"UINT{member.bits}_C({value})"
-
-
 # Functions
 
 
@@ -240,7 +266,7 @@ def _pack(block: MessageBlock) -> Iterator[str]:
         else:
             yield f"    const {raw_type} raw_{name} = ({raw_type})message->{name};"
     # All of them before the first byte is written: a message that does not fit leaves `data` as it was.
-    for condition in (f"size < {length}u", *filter(None, map(_too_wide, block.members))):
+    for condition in (f"size < {length}u", *filter(None, (each.too_wide for each in block.members))):
         yield f"    if ({condition}) return 0;"
     for byte in range(length):
         parts = [
@@ -253,18 +279,6 @@ def _pack(block: MessageBlock) -> Iterator[str]:
         yield f"    data[{byte}] = (uint8_t)({' | '.join(parts) or '0u'});"
     yield f"    return {length}u;"
     yield "}"
-
-
-def _too_wide(member: Member) -> str:
-    """Write the condition that a value does not fit into its field; empty if all values of its type fit."""
-    width, value = member.field.width, f"message->{member.name}"
-    # A comparison that is always false is a warning, and the header has to compile without any.
-    if width == member.bits or member.type == "bool":
-        return ""
-    if member.field.numeral is Numeral.SIGNED:
-        low, high = (_signed(limit, member.bits) for limit in (-member.low_bits - 1, member.low_bits))
-        return f"{value} < {low} || {value} > {high}"
-    return f"{value} > {_unsigned((1 << width) - 1, member.bits)}"
 
 
 def _moved(source: str, start: int, mask: int, to: int, cast: str = "") -> str:
@@ -296,7 +310,7 @@ def _unpack(block: MessageBlock) -> Iterator[str]:
         if member.is_real:
             yield f"    memcpy(&message->{member.name}, &{raw}, sizeof {raw});"
         else:
-            yield f"    message->{member.name} = {_value(member)};"
+            yield f"    message->{member.name} = {member.meaning};"
     yield "    return true;"
     yield "}"
 
@@ -304,21 +318,9 @@ def _unpack(block: MessageBlock) -> Iterator[str]:
 def _is_unknown(block: MessageBlock) -> Iterator[str]:
     together = [each for each in block.members if each.field.unknown is not None]
     if len(together) > 1:  # one alone is compared with its macro UNKNOWN
-        tests = (f"message->{each.name} == {_number(each.field.unknown or 0, each)}" for each in together)
+        tests = (f"message->{each.name} == {each.number(each.field.unknown or 0)}" for each in together)
         yield ""
         yield f"static inline bool {block.name}_is_unknown(const {block.name}_t *message)"
         yield "{"
         yield f"    return {' && '.join(tests)};"
         yield "}"
-
-
-def _value(member: Member) -> str:
-    raw = f"raw_{member.name}"
-    if member.type == "bool":
-        return f"{raw} != 0u"
-    if member.field.numeral is not Numeral.SIGNED:
-        return raw
-    # Converting an unsigned number that the signed type cannot hold is implementation-defined (C99, 6.3.1.3): avoided.
-    low, sign = _unsigned(member.low_bits, member.bits), _unsigned(member.low_bits + 1, member.bits)
-    negative = f"({member.type})({raw} & {low}) - {_signed(member.low_bits, member.bits)} - 1"
-    return f"({member.type})(({raw} & {sign}) != 0u ? {negative} : ({member.type})({raw} & {low}))"

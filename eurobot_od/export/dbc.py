@@ -68,6 +68,22 @@ class DbcMessage(NamedTuple):
     receivers: Sequence[str]
     signals: Sequence[Signal]
 
+    @property
+    def identifier(self) -> int:
+        """The identifier as it is: DBC sets bit 31 for 29-bit ones only."""
+        return self.message.cob_id
+
+    def lines(self) -> Iterator[str]:
+        """Yield the message and its signals."""
+        yield f"BO_ {self.identifier} {self.name}: {self.message.length} {next(iter(self.senders), NOBODY)}"
+        receivers = ",".join(self.receivers) or NOBODY
+        for name, field in self.signals:
+            order, start = _place(self.message, field)
+            low, high = (0, 0) if field.numeral is Numeral.REAL else field.limits  # equal ones mean that there are none
+            bits = f"{start}|{field.width}@{order}{SIGNS[field.numeral]}"
+            # Factor 1, offset 0: the numbers of the object dictionary are what the unit counts.
+            yield f" SG_ {name} : {bits} (1,0) [{low}|{high}] {_quoted(field.unit)} {receivers}"
+
 
 def dbc_text(protocol: Protocol) -> str:
     """Return the DBC file of a protocol; raises MappingError for a field that DBC cannot express, LocalError."""
@@ -78,15 +94,19 @@ def text_of(messages: Iterable[DescribedMessage]) -> str:
     """Return the DBC file of messages; raises MappingError."""
     nodes: dict[str, str] = {}
     entries = list(_named(messages, nodes))
-    signals = [(_id(each), signal.name, signal.field) for each in entries for signal in each.signals]
+    signals = [(each.identifier, signal.name, signal.field) for each in entries for signal in each.signals]
     parts = [  # in the order of DBC's grammar
         [HEAD, f"BU_: {' '.join(nodes.values())}", ""],
-        *([*_message(each), ""] for each in entries),
+        *([*each.lines(), ""] for each in entries),
         # A message with several senders lists all of them here once more.
-        [f"BO_TX_BU_ {_id(each)} : {','.join(each.senders)};" for each in entries if len(each.senders) > 1],
+        [f"BO_TX_BU_ {each.identifier} : {','.join(each.senders)};" for each in entries if len(each.senders) > 1],
         [""],
         [*_comments(entries), ""],
-        [*ATTRIBUTES, *(f'BA_ "Protocol" BO_ {_id(each)} {_quoted(each.message.group)};' for each in entries), ""],
+        [
+            *ATTRIBUTES,
+            *(f'BA_ "Protocol" BO_ {each.identifier} {_quoted(each.message.group)};' for each in entries),
+            "",
+        ],
         [
             f"VAL_ {id_} {name} {' '.join(f'{raw} {_quoted(text)}' for raw, text in field.named.items())} ;"
             for id_, name, field in signals
@@ -123,10 +143,10 @@ def _comments(entries: Iterable[DbcMessage]) -> Iterator[str]:
     """Give what names of the file cannot say: how messages and objects are really called, what is allowed."""
     for each in entries:
         text = ": ".join(filter(None, (each.message.name, each.message.text)))
-        yield from _comment(f"BO_ {_id(each)}", text)
+        yield from _comment(f"BO_ {each.identifier}", text)
         for name, field in each.signals:
             said = "; ".join(filter(None, (", ".join(field.objects), field.allowed)))
-            yield from _comment(f"SG_ {_id(each)} {name}", said)
+            yield from _comment(f"SG_ {each.identifier} {name}", said)
 
 
 def _comment(of: str, text: str) -> Iterator[str]:
@@ -134,24 +154,9 @@ def _comment(of: str, text: str) -> Iterator[str]:
         yield f"CM_ {of} {_quoted(text)};"
 
 
-def _id(entry: DbcMessage) -> int:
-    return entry.message.cob_id  # as it is: DBC sets bit 31 for 29-bit identifiers only
-
-
 def _quoted(text: str) -> str:
     """Write a text; a double quote becomes a single one, as not every reader knows backslashes."""
     return '"' + printable(text).replace("\\", "/").replace('"', "'") + '"'
-
-
-def _message(entry: DbcMessage) -> Iterator[str]:
-    yield f"BO_ {_id(entry)} {entry.name}: {entry.message.length} {next(iter(entry.senders), NOBODY)}"
-    receivers = ",".join(entry.receivers) or NOBODY
-    for name, field in entry.signals:
-        order, start = _place(entry.message, field)
-        low, high = (0, 0) if field.numeral is Numeral.REAL else field.limits  # equal ones mean that there are none
-        bits = f"{start}|{field.width}@{order}{SIGNS[field.numeral]}"
-        # Factor 1, offset 0: the numbers of the object dictionary are what the unit counts.
-        yield f" SG_ {name} : {bits} (1,0) [{low}|{high}] {_quoted(field.unit)} {receivers}"
 
 
 def _place(message: DescribedMessage, field: DescribedField) -> tuple[int, int]:

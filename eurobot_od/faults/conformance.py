@@ -36,13 +36,14 @@ from eurobot_od.od.standard import (
 from eurobot_od.od.values import (
     BASE_IDENTIFIER,
     COB_ID,
-    COMMUNICATION_RECORDS,
+    COMMUNICATIONS,
     DUMMIES,
     ERROR_CONTROL_BASE,
     INHIBIT_TIME,
     MANUFACTURER,
     MAPPING_OFFSET,
     MAPPING_RECORDS,
+    MAPPINGS,
     NMT_COB_ID,
     NOT_VALID,
     RESTRICTED,
@@ -65,9 +66,6 @@ SUITE = "conformance"
 UNKNOWN = 7
 """A command specifier that no SDO request has."""
 
-
-COMMUNICATIONS = {index for records in COMMUNICATION_RECORDS.values() for index in records}
-MAPPINGS = {index for records in MAPPING_RECORDS.values() for index in records}
 SECOND_WATCHED: Address = (CONSUMED_HEARTBEATS, 2)
 
 

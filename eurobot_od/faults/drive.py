@@ -12,7 +12,7 @@ from eurobot_od.faults.fault import Caught
 from eurobot_od.faults.hooks import Mixin
 from eurobot_od.profiles import cia402
 from eurobot_od.profiles.axis import DriveAxis
-from eurobot_od.profiles.cia402 import Command, State, Transition
+from eurobot_od.profiles.cia402 import DriveCommand, State, Transition
 from eurobot_od.profiles.modes import Homing
 from eurobot_od.profiles.motion import STEP
 
@@ -26,9 +26,9 @@ HOLDS = 0.2
 class BlockedAxis(DriveAxis):
     """Its motor does not turn."""
 
-    def _step(self) -> None:
+    def step(self) -> None:
         place = self.motor.position
-        super()._step()
+        super().step()
         self.motor.position, self.motor.velocity = place, 0.0
 
 
@@ -41,8 +41,8 @@ class OvercurrentAxis(DriveAxis):
     def busy(self) -> bool:
         return super().busy or self.state in cia402.POWERED
 
-    def _step(self) -> None:
-        super()._step()
+    def step(self) -> None:
+        super().step()
         self.powered_for = self.powered_for + STEP if self.state is State.ENABLED else 0.0
         if self.powered_for > HOLDS:
             self.fault(OVERCURRENT)
@@ -51,8 +51,8 @@ class OvercurrentAxis(DriveAxis):
 class EncoderLostAxis(DriveAxis):
     """Its encoder is lost as soon as it has turned a little."""
 
-    def _step(self) -> None:
-        super()._step()
+    def step(self) -> None:
+        super().step()
         if self.state is State.ENABLED and abs(self.motor.position - self.motor.origin) > self.motor.turn / 4:
             self.fault(ENCODER)
 
@@ -68,16 +68,16 @@ class NeverEnablesAxis(DriveAxis):
 class HomingStuckAxis(DriveAxis):
     """It starts homing and never gets on with it."""
 
-    def _lead(self) -> None:
+    def lead(self) -> None:
         if not isinstance(self._mode, Homing):
-            super()._lead()
+            super().lead()
 
 
 class QuickStopIgnoredAxis(DriveAxis):
     """It does not hear the quick stop."""
 
-    def arrow(self, command: Command | None) -> Transition | None:
-        return None if command is Command.QUICK_STOP else super().arrow(command)
+    def arrow(self, command: DriveCommand | None) -> Transition | None:
+        return None if command is DriveCommand.QUICK_STOP else super().arrow(command)
 
 
 class ResetIgnoredAxis(DriveAxis):
@@ -99,8 +99,8 @@ class NeverReachedAxis(DriveAxis):
 class HastyAxis(DriveAxis):
     """It enables without being commanded to switch on first."""
 
-    def arrow(self, command: Command | None) -> Transition | None:
-        if self.state is State.DISABLED and command is Command.ENABLE:
+    def arrow(self, command: DriveCommand | None) -> Transition | None:
+        if self.state is State.DISABLED and command is DriveCommand.ENABLE:
             return Transition(0, State.DISABLED, command, State.ENABLED)
         return super().arrow(command)
 

@@ -47,6 +47,8 @@ class MessageQueue(Generic[T]):
         self.name, self.maxsize = name, maxsize
         self.delivered = self.lost = 0
         self._report = report
+        # Its `put` waits for nobody, and may be interrupted by another one: the bus's thread must never be held up by a
+        # program.
         self._items: SimpleQueue[tuple[T, float]] = SimpleQueue()
 
     def __len__(self) -> int:

@@ -181,9 +181,8 @@ def _value(variable: DescribedVariable, node_id: int | None) -> str:
     """Write a variable's value, but not of PDO mappings and COB-IDs, which are compared as bits and identifiers."""
     text = variable.value_entry.value if variable.value_entry else ""
     # `_pdos` compares these by what they mean: two mappings may carry the same bits in other words.
-    is_mapping = any(variable.index in each for each in values.MAPPING_RECORDS.values())
-    is_cob_id = variable.sub == 1 and any(variable.index in each for each in values.COMMUNICATION_RECORDS.values())
-    if not text or is_mapping or is_cob_id:
+    is_cob_id = variable.sub == values.COB_ID and variable.index in values.COMMUNICATIONS
+    if not text or variable.index in values.MAPPINGS or is_cob_id:
         return "" if text else ABSENT
     if variable.value and (variable.type is None or variable.type.is_integer):
         return _number(variable.value, node_id)
@@ -260,7 +259,7 @@ def compare_live(device: LintedDevice, answers: Mapping[Address, bytes | int], n
     """
     known = variables(device)
     if device.node_id is not None:
-        # Where the DCF has no value, an abort is no difference, and what cannot be written need not be the default.
+        # Where the DCF has no value, an abort is not a difference, and what cannot be written need not be the default.
         answers = {
             address: answer
             for address, answer in answers.items()

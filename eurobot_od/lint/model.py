@@ -1,4 +1,4 @@
-"""What rules need to know of a file: its values, its PDOs, whether it is a DCF; its objects are in `od.description`.
+"""What rules need to know about a file: its values, its PDOs, whether it is a DCF; its objects are in `od.description`.
 
 Rule of this file: nothing here raises or guesses. What is missing or malformed is None or an empty text, and a rule
 that needs it stays silent, as another rule reports it.
@@ -45,7 +45,7 @@ VALUES = ("defaultvalue", "parametervalue")
 
 
 MULTIPLEXED = (254, 255)
-"""Values of a mapping's sub 0 for multiplexed PDOs, whose mapping is no list of objects."""
+"""Values of a mapping's sub 0 for multiplexed PDOs, whose mapping is not a list of objects."""
 
 
 class MappingEntry:
@@ -122,7 +122,7 @@ class LintedPdo(NamedTuple):
 
     def mapped(self) -> Iterator[MappingEntry]:
         """Give the first `amount` entries of the mapping, those that are there and are numbers."""
-        # Bounded, as a file may say any number; there is one more sub-index, 0xFF, which is no entry.
+        # Bounded, as a file may say any number; there is one more sub-index, 0xFF, which is not an entry.
         amount = self.amount.value if self.amount and not self.is_multiplexed else 0
         for sub in range(1, min(amount, values.MOST_SUBS) + 1):
             variable = self.entry(sub)

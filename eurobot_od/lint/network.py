@@ -48,6 +48,23 @@ class NetworkNode(NamedTuple):
         """Return a place of its file."""
         return Spot(self.file, at.line or TOP.line, at.column)  # what a patch adds has no line in the file
 
+    def services(self) -> Iterator[tuple[int, str, Spot]]:
+        """Yield the identifiers of its services other than PDOs; SYNC and TIME are the network's."""
+        top = self.spot()
+        for base, name in SERVICE_BASES.items():
+            yield base + self.node_id, f"{name} of {self.name}", top
+        for index, name in ((0x1005, "SYNC"), (0x1012, "TIME"), (0x1014, f"EMCY of {self.name}")):
+            variable = self.device.variable(index)
+            value = variable.value.at(self.node_id) if variable and variable.value else None
+            # Bit 31 of 0x1014 is "not valid"; in 0x1005 it means nothing, in 0x1012 "consumes TIME".
+            if variable and value is not None and (index != 0x1014 or not value & values.NOT_VALID):
+                yield value & values.BASE_IDENTIFIER, name, self.spot(variable.place)
+        section = self.device.section("deviceinfo")
+        if section and section.text("lss_supported") == "1":
+            yield from (
+                (identifier, "LSS", self.spot(section.at("lss_supported"))) for identifier in values.LSS_COB_IDS
+            )
+
 
 class Spot(NamedTuple):
     """A place in one of the files, both numbers from 1."""
@@ -181,25 +198,9 @@ class LintedNetwork:
         """Identifiers of other services than PDOs in use, with what they are and where that is said."""
         found: dict[int, list[tuple[str, Spot]]] = {0: [("NMT", self.nodes[0].spot())]} if self.nodes else {}
         for node in self.nodes:
-            for identifier, name, place in _services(node):
+            for identifier, name, place in node.services():
                 found.setdefault(identifier, []).append((name, place))
         return found
-
-
-def _services(node: NetworkNode) -> Iterator[tuple[int, str, Spot]]:
-    """Give the identifiers of a node's services other than PDOs; SYNC and TIME are the network's."""
-    top = node.spot()
-    for base, name in SERVICE_BASES.items():
-        yield base + node.node_id, f"{name} of {node.name}", top
-    for index, name in ((0x1005, "SYNC"), (0x1012, "TIME"), (0x1014, f"EMCY of {node.name}")):
-        variable = node.device.variable(index)
-        value = variable.value.at(node.node_id) if variable and variable.value else None
-        # Bit 31 of 0x1014 is "not valid"; in 0x1005 it means nothing, in 0x1012 "consumes TIME".
-        if variable and value is not None and (index != 0x1014 or not value & values.NOT_VALID):
-            yield value & values.BASE_IDENTIFIER, name, node.spot(variable.place)
-    section = node.device.section("deviceinfo")
-    if section and section.text("lss_supported") == "1":
-        yield from ((identifier, "LSS", node.spot(section.at("lss_supported"))) for identifier in values.LSS_COB_IDS)
 
 
 class NetworkMember(NamedTuple):

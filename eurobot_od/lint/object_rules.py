@@ -1,6 +1,6 @@
-"""Rules about objects: their keys, sub-indices and values (CiA 306), and what CiA 301 says of single objects.
+"""Rules about objects: their keys, sub-indices and values (CiA 306), and what CiA 301 says about single objects.
 
-What CiA 301 says of an object's type, access or value is data in a table.
+What CiA 301 says about an object's type, access or value is data in a table.
 """
 
 from __future__ import annotations
@@ -159,7 +159,7 @@ def without_sub_number(device: LintedDevice) -> Violations:
 def wrong_sub_number(device: LintedDevice) -> Violations:
     """SubNumber is the number of sub-indices, without 0xFF."""
     for each, section in _composed(device):
-        # 0xFF describes the object's structure and is no sub-index of data (CiA 301, 7.4.9).
+        # 0xFF describes the object's structure and is not a sub-index of data (CiA 301, 7.4.9).
         declared, real = parse_number(section.text("subnumber")), sum(sub != 0xFF for sub in each.subs)
         if declared and declared.value != real and not each.compact:
             yield (

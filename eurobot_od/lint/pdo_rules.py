@@ -124,7 +124,7 @@ def one_identifier(device: LintedDevice) -> Violations:
     """The valid PDOs of a device have different identifiers for at least one node-ID."""
     first: dict[tuple[int | None, ...], LintedPdo] = {}
     for pdo, at, identifier in _identifiers(device):
-        # A clash at one node-ID only is no mistake of the file.
+        # A clash at one node-ID only is not a mistake of the file.
         everywhere = tuple(map(pdo.identifier, device.node_ids))
         if first.setdefault(everywhere, pdo) is not pdo:
             yield at, f"{pdo.name} has identifier 0x{identifier:03X}, as {first[everywhere].name} has"
@@ -331,7 +331,7 @@ def _missing(device: LintedDevice, each: MappingEntry) -> str:
 
 
 def _is_dummy(each: MappingEntry) -> bool:
-    return each.index < 0x20  # a data type in the place of an object: so many bits are skipped
+    return each.index < 0x20  # a data type in place of an object: its bits are skipped
 
 
 @RULES.rule("E637", "CiA 301, PDO mapping (abort 0604 0041)")

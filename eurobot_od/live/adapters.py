@@ -58,11 +58,8 @@ ADAPTERS = {
 def plugged_in(folder: Path = USB) -> list[Adapter]:
     """Return the adapters of this machine, in the order of the table."""
     seen = set(_of_sys(folder) if folder.is_dir() else _of_pyserial())
-    return [each for (vendor, product), each in ADAPTERS.items() if _is_among(seen, vendor, product)]
-
-
-def _is_among(seen: set[tuple[str, str]], vendor: str, product: str) -> bool:
-    return any(vendor == its_vendor and product in (ANY, its_product) for its_vendor, its_product in seen)
+    seen |= {(vendor, ANY) for vendor, _ in seen}
+    return [each for key, each in ADAPTERS.items() if key in seen]
 
 
 def _of_sys(folder: Path) -> Iterator[tuple[str, str]]:

@@ -30,7 +30,7 @@ IFF_UP = 1
 """Bit of an interface's flags in `/sys` (`linux/if.h`)."""
 
 ONLY_LINUX = "SocketCAN is a part of Linux"
-NO_SOCKETCAN = "this kernel has no SocketCAN; `sudo modprobe can_raw` loads it, if it is to be had"
+NO_SOCKETCAN = "this kernel has no SocketCAN; `sudo modprobe can_raw` loads it, if it is installed"
 INSTEAD = (
     "instead: -i virtual (one program), -i remote (several programs, extra `remote`), "
     "or an adapter with its maker's driver"

@@ -65,7 +65,7 @@ IN_GENERAL = "nothing else can go on, await something that takes time, such as `
 
 
 class Hang(BaseException):
-    """Raised in a program that hangs; it is no Exception, which a program in a loop may well catch.
+    """Raised in a program that hangs; it is not an Exception, which a program in a loop may well catch.
 
     Python makes it from its class alone, so each has a class of its own, with the `text` that says where.
     """

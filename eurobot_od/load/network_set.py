@@ -1,4 +1,4 @@
-"""The messages of a network of devices: what their EDS files say, and what a network file says of the rest.
+"""The messages of a network of devices: what their EDS files say, and what a network file says about the rest.
 
 A TPDO with an event timer or a SYNC falls due by itself, no more often than its inhibit time; so do heartbeats
 (0x1017), SYNC (0x1006), and EMCY with an inhibit time (0x1015). All else has a row in the network file's `traffic`.

@@ -76,7 +76,7 @@ HEADINGS = ("ID", "message", "from", "period", "response", "deadline", "margin",
 
 
 def table(report: LoadReport) -> Iterator[str]:
-    """Write a line for each message, times in ms, and what is to be said of all of them."""
+    """Write a line for each message, times in ms, and what is to be said about all of them."""
     lines: list[tuple[str, ...]] = [HEADINGS]
     for row in report.rows:
         message, left = row.message, row.margin

@@ -36,9 +36,10 @@ class AscFormat(LineFormat):
 
     def entry(self, line: bytes) -> tuple[float, str, Raw]:
         stamp, channel, *words = line.split()
-        foreign = _foreign(line, channel)
+        is_fd = channel.upper() == CANFD
+        foreign = Damage.ERROR_FRAME if ERROR_FRAME in line.lower() else Damage.FD if is_fd else None
         if foreign:
-            channel = words[0] if channel.upper() == CANFD else channel  # the word stands before the channel
+            channel = words[0] if is_fd else channel  # the word stands before the channel
             return seconds(stamp), _channel(channel), Foreign(foreign, shortened(line.split(None, 2)[2]))
         identifier, direction, kind, *rest = words
         extended, number = identifier[-1:] in EXTENDED, int(identifier.rstrip(b"xX"), self._base)
@@ -62,10 +63,3 @@ class AscFormat(LineFormat):
 def _channel(channel: bytes) -> str:
     """Return a channel as python-can counts them, from 0."""
     return str(int(channel) - 1)
-
-
-def _foreign(line: bytes, channel: bytes) -> Damage | None:
-    """Return why a line is not a classic frame, None if it is one."""
-    if ERROR_FRAME in line.lower():
-        return Damage.ERROR_FRAME
-    return Damage.FD if channel.upper() == CANFD else None

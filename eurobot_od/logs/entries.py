@@ -99,7 +99,7 @@ def frame(identifier: int, data: bytes, extended: object = False, remote_length:
 
 
 def foreign(damage: Damage, identifier: int, data: bytes) -> Foreign:
-    """Return what is no classic frame, but has an identifier and data."""
+    """Return what is not a classic frame, but has an identifier and data."""
     return Foreign(damage, shortened(f"{identifier:03X}#{data.hex().upper()}"))
 
 

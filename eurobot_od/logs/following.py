@@ -1,6 +1,6 @@
 """What frames mean in their order: the decoder's meanings, and what only the frames before tell.
 
-That is of SDO what transfer a frame is in, and of an answer to a guarding master that it is no heartbeat.
+That is of SDO what transfer a frame is in, and of an answer to a guarding master that it is not a heartbeat.
 
 Rule of this file: all other frames pass with the meaning that the decoder kept; one `Following` for each log or bus.
 """

@@ -20,7 +20,7 @@ class LineFormat:
     """
 
     def comment(self, line: bytes) -> bool:
-        """Return whether a line that is no entry belongs to the format all the same; read a header from it."""
+        """Return whether a line that is not an entry belongs to the format all the same; read a header from it."""
         return not line.strip()
 
     def entry(self, line: bytes) -> tuple[float, str, Raw]:

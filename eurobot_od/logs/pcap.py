@@ -1,6 +1,6 @@
 """Captures of a SocketCAN interface, as Wireshark, tshark and tcpdump write them: pcap and pcapng.
 
-Packets of other interfaces are no frames of the bus, and are skipped. The layouts are
+Packets of other interfaces are not frames of the bus, and are skipped. The layouts are
 those of the IETF's drafts for pcap and pcapng, and of the link type SocketCAN (227) of www.tcpdump.org.
 """
 
@@ -45,9 +45,23 @@ class Packet(NamedTuple):
     channel: str
     data: bytes
 
+    def entry(self) -> tuple[float, str, Raw]:
+        """Return the frame in it, or why it has none; raises ValueError for one that contradicts itself."""
+        identifier, length, fd_flags = PACKET.unpack_from(self.data)
+        data = self.data[PACKET.size : PACKET.size + length]
+        flags = {Damage.ERROR_FRAME: identifier & ERROR, Damage.FD: fd_flags & FD or len(self.data) > CLASSIC}
+        damage = next((each for each, is_set in flags.items() if is_set), None)
+        if damage is not None:
+            return seconds(self.time), self.channel, foreign(damage, identifier & IDENTIFIER, data)
+        remote = length if identifier & REMOTE else None
+        if remote is None and len(data) != length:
+            raise ValueError(f"{identifier:03X}#{data.hex().upper()} with length {length}")
+        made = frame(identifier & IDENTIFIER, b"" if identifier & REMOTE else data, identifier & EXTENDED, remote)
+        return seconds(self.time), self.channel, made
+
 
 class Interface(NamedTuple):
-    """What a pcapng file says of an interface; a tick of its times is `tick` seconds."""
+    """What a pcapng file says about an interface; a tick of its times is `tick` seconds."""
 
     link_type: int
     name: str
@@ -70,26 +84,12 @@ def read_pcapng(file: BinaryIO, largest: int = LARGEST) -> Entries:
 def _entries(packets: Callable[[], Packets]) -> Entries:
     number, time = 0, 0.0
     try:
-        for number, time, channel, raw in read_each(packets(), _entry):
+        for number, time, channel, raw in read_each(packets(), Packet.entry):
             yield number, time, channel, raw
     except (EOFError, StructError):
         yield number + 1, time, "", Foreign(Damage.CUT_OFF, "the file ends in the middle of a packet")
     except ValueError as error:
         yield number + 1, time, "", Foreign(Damage.UNREADABLE, str(error))
-
-
-def _entry(packet: Packet) -> tuple[float, str, Raw]:
-    identifier, length, fd_flags = PACKET.unpack_from(packet.data)
-    data = packet.data[PACKET.size : PACKET.size + length]
-    flags = {Damage.ERROR_FRAME: identifier & ERROR, Damage.FD: fd_flags & FD or len(packet.data) > CLASSIC}
-    damage = next((each for each, is_set in flags.items() if is_set), None)
-    if damage is not None:
-        return seconds(packet.time), packet.channel, foreign(damage, identifier & IDENTIFIER, data)
-    remote = length if identifier & REMOTE else None
-    if remote is None and len(data) != length:
-        raise ValueError(f"{identifier:03X}#{data.hex().upper()} with length {length}")
-    made = frame(identifier & IDENTIFIER, b"" if identifier & REMOTE else data, identifier & EXTENDED, remote)
-    return seconds(packet.time), packet.channel, made
 
 
 def _taken(file: BinaryIO, size: int, largest: int) -> bytes:

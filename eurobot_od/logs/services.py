@@ -8,7 +8,7 @@ start anywhere.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 from typing import NamedTuple
 
@@ -17,11 +17,9 @@ from eurobot_od.logs import network_words as words
 from eurobot_od.logs.sdo_words import ANSWERS, REQUESTS, frame_words
 from eurobot_od.od import lss, values
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.od.sdo_channel import SdoChannel
+from eurobot_od.od.sdo_channel import sdo_channels
 from eurobot_od.od.standard import (
     EMCY,
-    SDO_CLIENTS,
-    SDO_SERVERS,
     SRDO_DATA,
     SRDO_DIRECTION,
     SRDO_INVERTED,
@@ -93,13 +91,13 @@ def services(dictionaries: Iterable[Dictionary], errors: ErrorWords = NO_WORDS) 
         assert node.dictionary is not None
         found |= _moved(node.dictionary, found, emcy[node_id]) | _safety(node.dictionary)
     for dictionary in (each.dictionary for each in known.values()):
-        for server, request, answer in _sdo_channels(dictionary) if dictionary else ():
+        for server, request, answer in sdo_channels(dictionary) if dictionary else ():
             found |= _sdo(known.get(server, KnownNode(f"node {server}")), request, answer)
     return found
 
 
 def _broadcast(names: Mapping[int, str]) -> Services:
-    """Return the services that are no node's own."""
+    """Return the services that belong to no node."""
     plainly = {
         0x072: "negotiation of a new master",
         0x073: "who is the active master?",
@@ -160,14 +158,3 @@ def _safety(dictionary: Dictionary) -> Services:
                 if entry := dictionary.number((index, sub)):
                     found[values.identifier(entry)] = CanopenService(SRDO, dictionary.name, ANY_LENGTH, text)
     return found
-
-
-def _sdo_channels(dictionary: Dictionary) -> Iterator[tuple[int, int, int]]:
-    """Yield node-ID of the server, identifiers of requests and answers, of each channel that a file describes."""
-    yield dictionary.node_id, *SdoChannel.of(dictionary)
-    records = [index for index in (*SDO_SERVERS[1:], *SDO_CLIENTS) if index in dictionary.members]
-    for index in records:
-        request, answer, other = (dictionary.number((index, sub)) for sub in (1, 2, 3))
-        server = dictionary.node_id if index in SDO_SERVERS else other
-        if request and answer and server and not (request | answer) & values.NOT_VALID:
-            yield server, values.identifier(request), values.identifier(answer)

@@ -137,6 +137,38 @@ class Running:
             self.object, self.is_upload, self.how.value, self.size, seconds, aborted, self.lost, is_whole
         )
 
+    def take_segment(self, data: bytes) -> Said:
+        """Take in a segment of a block."""
+        number, part = data[0] & ~BLOCK_LAST, data[1:]
+        if number < self.expected:  # a next block; the acknowledgement between is not in the log
+            self.take_over()
+        self.taken[number] = part
+        self.expected = number + 1
+        self.is_last = bool(data[0] & BLOCK_LAST)
+        return Said(text=f"block segment {number}{', the last' * self.is_last}")
+
+    def take_over(self) -> None:
+        """Take over the segments of a block that nobody is seen to acknowledge."""
+        for number in sorted(self.taken):
+            # One segment behind: only the end of the transfer tells how much of the last one counts.
+            self.add(self.tail)
+            self.tail = self.taken[number]
+        self.taken.clear()
+
+    def ends_with(self, data: bytes) -> bool:
+        """Whether this is no segment but the end: that comes after a last segment, and a block never begins like it."""
+        command = ServerCommand.BLOCK_UPLOAD if self.is_upload else ClientCommand.BLOCK_DOWNLOAD
+        is_possible = self.is_last or not self.taken
+        return is_possible and data[0] >> 5 == command and bool(data[0] & Block.END)
+
+    def compare(self, crc: int) -> str:
+        """Say whether the CRC at the end of the blocks is that of the content."""
+        if not self.has_crc:
+            return "no CRC"
+        if self.missing:
+            return f"CRC 0x{crc:04X}, which cannot be checked"
+        return f"CRC 0x{crc:04X} is right" if self.crc == crc else f"CRC 0x{crc:04X} is wrong: it is 0x{self.crc:04X}"
+
 
 def _took(running: Running, time: float) -> str:
     return duration(round(max(0.0, time - running.began), 6))
@@ -161,19 +193,12 @@ class Transfers:
             running = self._begun_before(key, end, time, before[1], data) or running
         if data[0] == ABORT:
             return self._aborted(key, end, time, data)
-        if running and running.in_block and end.is_answer is running.is_upload and not self._is_end(running, data):
-            return _block_segment(running, data)
+        if running and running.in_block and end.is_answer is running.is_upload and not running.ends_with(data):
+            return running.take_segment(data)
         steps, masks = (OF_ANSWERS, ANSWER_SUB_COMMAND) if end.is_answer else (OF_REQUESTS, REQUEST_SUB_COMMAND)
         specifier = data[0] >> 5
         step = steps.get((specifier, data[0] & masks.get(specifier, 0)))
         return step(self, key, end, time, data) if step else NOTHING
-
-    @staticmethod
-    def _is_end(running: Running, data: bytes) -> bool:
-        """Whether this is no segment but the end: it comes after a last segment, and a block never begins like it."""
-        command = ServerCommand.BLOCK_UPLOAD if running.is_upload else ClientCommand.BLOCK_DOWNLOAD
-        is_possible = running.is_last or not running.taken
-        return is_possible and data[0] >> 5 == command and bool(data[0] & Block.END)
 
     # How a transfer begins and ends
 
@@ -327,38 +352,14 @@ class Transfers:
         if running is None or running.how is not How.BLOCKS:
             return NOTHING
         running.in_block = False
-        for number in sorted(running.taken):  # their acknowledgement is not in the log
-            running.add(running.tail)
-            running.tail = running.taken[number]
+        running.take_over()  # what is left: its acknowledgement is not in the log
         running.add(running.tail[: SEGMENT_SIZE - unused_in(data)])
-        running.verdict = _verdict(running, crc_in(data))
+        running.verdict = running.compare(crc_in(data))
         return Said(more=f", {running.verdict}")
 
     def _blocks_end_taken(self, key: tuple[str, int], _end: SdoEnd, time: float, _data: bytes) -> Said:
         running = self._running.get(key)
         return self._finish(key, time) if running and running.how is How.BLOCKS and running.verdict else NOTHING
-
-
-def _verdict(running: Running, crc: int) -> str:
-    if not running.has_crc:
-        return "no CRC"
-    if running.missing:
-        return f"CRC 0x{crc:04X}, which cannot be checked"
-    return f"CRC 0x{crc:04X} is right" if running.crc == crc else f"CRC 0x{crc:04X} is wrong: it is 0x{running.crc:04X}"
-
-
-def _block_segment(running: Running, data: bytes) -> Said:
-    """Take in a segment of a block."""
-    number, part = data[0] & ~BLOCK_LAST, data[1:]
-    if number < running.expected and running.taken:  # a next block; the acknowledgement between is not in the log
-        for each in sorted(running.taken):
-            running.add(running.tail)
-            running.tail = running.taken[each]
-        running.taken.clear()
-    running.taken[number] = part
-    running.expected = number + 1
-    running.is_last = bool(data[0] & BLOCK_LAST)
-    return Said(text=f"block segment {number}{', the last' * running.is_last}")
 
 
 # What each frame does

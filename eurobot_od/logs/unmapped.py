@@ -37,7 +37,7 @@ class OtherPdo(NamedTuple):
 
 
 class Unmapped:
-    """The PDOs by identifier that are no messages, and guesses for identifiers of the predefined connection set."""
+    """The PDOs by identifier that are not messages, and guesses for identifiers of the predefined connection set."""
 
     def __init__(self, known: Mapping[int, OtherPdo], nodes: Mapping[int, str]) -> None:
         self._known, self._nodes = known, nodes

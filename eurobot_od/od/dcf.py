@@ -191,9 +191,7 @@ def _listed(document: Document, name: str) -> Iterator[str]:
         if name == OBJECT_LISTS[0]:  # a device need not have any other objects (CiA 306-1, 4.6.1)
             yield name
         return
-    for key, entry in section.entries.items():
-        if key.isdecimal():
-            yield entry.value.lower().removeprefix("0x").zfill(4).upper()
+    yield from (entry.value.lower().removeprefix("0x").zfill(4).upper() for entry in section.numbered())
 
 
 def _set(rewriting: Rewriting, variable: DescribedVariable, value: Value | FileBeside) -> None:

@@ -73,7 +73,7 @@ class Dictionary:
 
         Without a node-ID it is the NodeID of a DCF's commissioning, or else the value of the object that holds the
         device's own node-ID; without modules, those that the file says are connected. Raises DictionaryError if there
-        is no node-ID or no such module, if a patch does not fit, or if the file cannot be read as an EDS.
+        is not a node-ID or no such module, if a patch does not fit, or if the file cannot be read as an EDS.
         """
         return cls.read(read_bytes(file), Path(file), node_id, name, modules, [read_patch(each) for each in patch])
 

@@ -7,7 +7,7 @@ Rule of this file: reading never raises, and passes nothing over in silence. Wha
 from __future__ import annotations
 
 from codecs import BOM_UTF8
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from enum import Enum
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -90,6 +90,14 @@ class Section(NamedTuple):
     def at(self, key: str) -> Entry | Section:
         """Return the entry of a key (in lower case), or the section itself where there is none, for its place."""
         return self.entries.get(key, self)
+
+    def numbered(self) -> Iterator[Entry]:
+        """Yield the entries whose keys are numbers: those of a list of objects or modules (CiA 306-1, 4.6.1)."""
+        return (entry for key, entry in self.entries.items() if key.isdecimal())
+
+    def without_lines(self) -> Section:
+        """Return the section for another file, in which its lines are those of something else."""
+        return self._replace(line=0, entries={key: each._replace(line=0) for key, each in self.entries.items()})
 
 
 class Document(NamedTuple):

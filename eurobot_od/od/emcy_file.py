@@ -32,7 +32,7 @@ def read_error_words(file: str | Path) -> dict[int, str]:
     except ReadError as error:
         place, what = problems[0]
         raise DictionaryError(file, None, f"line {place.line}: {what}") from error
-    # The narrowest comes last, and so replaces what wider entries say of its codes.
+    # The narrowest comes last, and so replaces what wider entries say about its codes.
     widest_first = sorted(ranges, key=lambda each: len(each[0]), reverse=True)
     return {code: text for codes, text in widest_first for code in codes}
 

@@ -45,7 +45,7 @@ COMMISSIONING = "DeviceComissioning"
 SECTION_NAMES: Mapping[str, str] = {each.lower(): each for each in (*SECTION_KEYS, "Comments", *OBJECT_LISTS)} | {
     "devicecommissioning": COMMISSIONING
 }
-"""How the sections that are no object's are spelled, by their names in lower case."""
+"""How the sections that belong to no object are spelled, by their names in lower case."""
 
 SPELLED_OBJECT_KEYS: Mapping[str, str] = {each.lower(): each for each in OBJECT_KEYS}
 SPELLED_KEYS: Mapping[str, Mapping[str, str]] = {

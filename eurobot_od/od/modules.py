@@ -82,8 +82,7 @@ class Modules:
     def connected(self) -> list[Entry]:
         """The entries of [ConnectedModules] in their positions."""
         section = self.document.sections.get(CONNECTED)
-        numbered = [(int(key), entry) for key, entry in section.entries.items() if key.isdecimal()] if section else []
-        return [entry for _, entry in sorted(numbered, key=lambda each: each[0])]
+        return sorted(section.numbered(), key=lambda each: int(each.key)) if section else []
 
     def find(self, text: str) -> Module | None:
         """Return the module with a number, or else with a name or an order code; None without."""
@@ -99,7 +98,7 @@ class Modules:
     def listed(self, module: int, part: str) -> list[Entry]:
         """Return the entries of a module's list: `fixedobjects` or `subextends`."""
         section = self.document.sections.get(f"m{module}{part}")
-        return [entry for key, entry in section.entries.items() if key.isdecimal()] if section else []
+        return list(section.numbered()) if section else []
 
     def indices(self, module: int, part: str) -> list[int]:
         """Return the indices in a module's list."""

@@ -33,6 +33,7 @@ from eurobot_od.support.yaml_places import (
     ReadError,
     listing,
     mapping,
+    one_or_more,
     read_yaml,
     record,
     refuse,
@@ -53,14 +54,10 @@ def number_of(numbers: range) -> NodeReader[int]:
     return read
 
 
-def _one_or_more(node: yaml.Node, problems: Problems) -> tuple[str, ...]:
-    return listing(scalar)(node, problems) if isinstance(node, yaml.SequenceNode) else (scalar(node, problems),)
-
-
 NODE = record(
     NodeFile,
     {"file": scalar},
-    {"node_id": number_of(NODE_IDS), "modules": listing(scalar), "patch": _one_or_more},
+    {"node_id": number_of(NODE_IDS), "modules": listing(scalar), "patch": one_or_more(scalar)},
 )
 
 

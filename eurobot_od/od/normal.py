@@ -59,7 +59,7 @@ class Refusal(NamedTuple):
 
 
 NO_OBJECT = 0
-"""In the place of an index: what cannot be used is no object, such as a module."""
+"""In the place of an index: what cannot be used is not an object, such as a module."""
 
 
 class Dropped(NamedTuple):
@@ -101,7 +101,7 @@ class Normal(NamedTuple):
 def normal(
     data: bytes, file: object = "", modules: Sequence[str] | None = None, patches: Sequence[Patch] = ()
 ) -> Normal:
-    """Return the normal form of an EDS or DCF; raises DictionaryError for what is no EDS, or hides objects.
+    """Return the normal form of an EDS or DCF; raises DictionaryError for what is not an EDS, or hides objects.
 
     `modules` are numbers or names of a modular device's modules, in their positions (CiA 306-1, 8); None for those that
     the file says are connected. `patches` are laid over the file, modules' objects included.
@@ -223,7 +223,7 @@ RAW = {"defaultvalue": "default_raw", "parametervalue": "value_raw"}
 NUMBERS = ("objecttype", "datatype", "subnumber", "pdomapping", "objflags")
 VALUES = ("lowlimit", "highlimit", "defaultvalue", "parametervalue")
 COMPACT_KEYS = ("compactsubobj", "datatype", "accesstype", "pdomapping", *VALUES)
-"""What the section of a compact object says of its sub-indices."""
+"""What the section of a compact object says about its sub-indices."""
 
 INFO_TEXTS = ("vendorname", "productname", "ordercode")
 
@@ -291,6 +291,7 @@ class _Writer:
 
     def _number(self, entry: Entry, key: str, text: str | None, type_name: str = "a number") -> None:
         """Write an entry's value, already in its plain form; what is None becomes a comment."""
+        # A comment, so that whoever mends the file by hand still finds what stood there.
         if text is None and entry.value:
             self._changes.append(Change(entry.line, f"{key} {entry.value[:40]} made a comment: not {type_name}"))
             self._line(entry, f";{key}={entry.value}")
@@ -310,7 +311,7 @@ class _Writer:
         for entry in section.entries.values():
             self._line(entry, f";{entry.key}={entry.value}")
 
-    # Sections that are no object's
+    # Sections that belong to no object
 
     def _known(self, name: str) -> None:
         """Write a section with the keys of CiA 306."""
@@ -320,17 +321,22 @@ class _Writer:
         for key, entry in section.entries.items() if section else ():
             if key == "compactpdo" and section and (parse_number(entry.value) or Number(0)).value > 0:
                 self._changes.append(Change(entry.line, "CompactPDO written out", standard=True))
+            # configparser, with which canopen reads, takes the colon for the `=` and has another key.
             elif ":" in key:
                 self._line(entry, f";{entry.key}={entry.value}")
             elif (name == "DeviceInfo" and key in spelled and key not in INFO_TEXTS) or key in ("nodeid", "baudrate"):
                 number = plain_number(entry.value)
+                # canopen reads NodeID with any base and Baudrate as decimal digits only.
                 text = None if number is None or NODE_ID in number else number
                 self._number(entry, spelled[key], str(int(text, 0)) if text and key == "baudrate" else text)
             else:
                 self._line(entry, f"{spelled.get(key, entry.key)}={entry.value}")
 
     def _dummies(self) -> None:
-        section, mapped = self._device.section("dummyusage"), self._mapped_dummies()
+        section = self._device.section("dummyusage")
+        records = (each for each in self._device.objects.values() if each.index in values.MAPPINGS)
+        numbers = (entry.value for each in records for sub, entry in each.subs.items() if sub)
+        mapped = {number.value >> 16 for number in numbers if number}
         self._head("DummyUsage", section)
         entries = section.entries if section else {}
         for code in values.DUMMIES:
@@ -348,11 +354,6 @@ class _Writer:
             if key not in DUMMY_KEYS and ":" not in key:
                 self._line(entry, f"{entry.key}={entry.value}")
 
-    def _mapped_dummies(self) -> set[int]:
-        records = (each for each in self._device.objects.values() if _is_mapping(each.index))
-        entries = (variable.value for each in records for sub, variable in each.subs.items() if sub)
-        return {number.value >> 16 for number in entries if number} & set(values.DUMMIES)
-
     def _comment_lines(self) -> None:
         section = self._device.section("comments")
         self._head("Comments", section)
@@ -367,6 +368,7 @@ class _Writer:
         """Write a section that is neither CiA 306's nor an object's, as it is."""
         name = section.name.strip()
         usual = usual_name(name) if looks_odd(name.lower()) else None
+        # It has been written already, by its own function or as an object under its usual name.
         if name.lower() in keys.SECTION_NAMES or (usual and self._device.document.sections[usual].line == section.line):
             return
         if name.lower() == CONNECTED and self._has_modules:
@@ -382,8 +384,12 @@ class _Writer:
     def _lists(self) -> None:
         """Write the lists of objects as they are, or anew where they are not those of the objects there are."""
         sections = {name: self._device.section(name.lower()) for name in keys.OBJECT_LISTS}
-        listed = {name: _listed(section) for name, section in sections.items()}
+        entries = {name: section.numbered() if section else () for name, section in sections.items()}
+        listed = {
+            name: [n.value for each in found if (n := parse_number(each.value))] for name, found in entries.items()
+        }
         there = [index for index, each in self._device.objects.items() if index >= values.FIRST and each.section]
+        # Only where they are wrong: in which of the lists a maker puts an object, and in what order, is left alone.
         if sorted(index for indices in listed.values() for index in indices) != sorted(there):
             listed = {name: sorted(i for i in there if list_of(i) == name) for name in keys.OBJECT_LISTS}
         for name, section in sections.items():
@@ -420,6 +426,7 @@ class _Writer:
             for sub in each.subs.values():
                 if sub.section is not section:
                     self._as_comment(sub.section, "its object holds nothing")
+        # A VAR without a data type that has sub-indices is a record which an editor has called VAR.
         elif each.code in SIMPLE and not each.compact and (section.text("datatype") or not _subs(each)):
             subs = _subs(each)
             own = DescribedVariable(each.index, 0, section) if subs else each.subs[0]
@@ -485,7 +492,7 @@ class _Writer:
             self._entry(each.index, sub, key, entry, type_)
 
     def _entry(self, index: int, sub: int | None, key: str, entry: Entry, type_: DataType | None) -> None:
-        """Write what an entry says of an object, or of a variable if there is a type."""
+        """Write what an entry says about an object, or of a variable if there is a type."""
         text, spelled = entry.value, keys.SPELLED_OBJECT_KEYS.get(key)
         if type_ is not None and key in VALUES:
             if key in ENTRIES:
@@ -522,6 +529,8 @@ class _Writer:
 
     def _limit(self, index: int, sub: int | None, attribute: str, text: str, type_: DataType) -> None:
         """Keep a limit that canopen does not read."""
+        # canopen silently has None for these limits: of REALs, with `$NODEID`, and of signed integers of 24, 40, 48 or
+        # 56 bits.
         number = parse_number(text)
         if type_ in values.REALS:
             self._dropped.append(Dropped(index, sub, attribute, float(text)))
@@ -552,20 +561,9 @@ CANOPENS_KEYS = {each.lower(): each for each in ("Factor", "Unit", "Description"
 DUMMY_KEYS = tuple(f"dummy{code:04x}" for code in values.DUMMIES)
 
 
-def _is_mapping(index: int) -> bool:
-    return any(index in records for records in values.MAPPING_RECORDS.values())
-
-
 def _subs(each: DescribedObject) -> list[DescribedVariable]:
     """Return the sub-indices that have sections of their own."""
     return [sub for sub in each.subs.values() if sub.section is not each.section]
-
-
-def _listed(section: Section | None) -> list[int]:
-    """Return the indices that a list of objects names."""
-    entries = section.entries.items() if section else ()
-    numbers = (parse_number(entry.value) for key, entry in entries if key.isdecimal())
-    return [number.value for number in numbers if number]
 
 
 def list_of(index: int) -> str:

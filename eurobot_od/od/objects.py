@@ -104,7 +104,7 @@ class Range(NamedTuple):
 
 
 def limits(variable: ODVariable) -> Range | None:
-    """Return the range of a numeric variable: its limits inside of its type's; None for what is no number.
+    """Return the range of a numeric variable: its limits inside of its type's; None for what is not a number.
 
     Limits that leave no value, such as a HighLimit below the LowLimit, are an editor's accident and count as none.
     """
@@ -119,7 +119,7 @@ def limits(variable: ODVariable) -> Range | None:
 
 
 def in_limits(variable: ODVariable, value: Value) -> bool:
-    """Whether a value is within the limits, as everything is that is no number."""
+    """Whether a value is within the limits, as everything is that is not a number."""
     range_ = limits(variable)
     outside = isinstance(value, (int, float)) and range_ and (value < range_.low or value > range_.high)
     return not outside

@@ -44,11 +44,11 @@ FILES = ("uploadfile", "downloadfile")
 """Keys of a value that is in a file beside the DCF."""
 
 NEEDED = ("ParameterName", "DataType", "AccessType")
-"""What a new variable has to say of itself."""
+"""What a new variable has to say about itself."""
 
 
 class ObjectPatch(NamedTuple):
-    """What a patch says of the object or variable that `target` names, in a `line`: entries with their own lines."""
+    """What a patch says about the object or variable that `target` names, in a `line`: entries with their own lines."""
 
     target: str
     line: int
@@ -132,24 +132,24 @@ def _data_type(text: str) -> str | None:
     return f"0x{code:04X}" if code in DATA_TYPES else None
 
 
-class Key(NamedTuple):
+class PatchKey(NamedTuple):
     """How a key's text is read, and what it may be."""
 
     read: Callable[[str], str | None]
     allowed: str
 
 
-KEYS: Mapping[str, Key] = {
-    "parametername": Key(lambda text: text or None, "a name"),
-    "denotation": Key(str, "a text"),
-    "objecttype": Key(_object_type, "VAR, DOMAIN, ARRAY or RECORD"),
-    "datatype": Key(_data_type, "a basic data type, such as UNSIGNED16 or 0x0006"),
-    "accesstype": Key(
+KEYS: Mapping[str, PatchKey] = {
+    "parametername": PatchKey(lambda text: text or None, "a name"),
+    "denotation": PatchKey(str, "a text"),
+    "objecttype": PatchKey(_object_type, "VAR, DOMAIN, ARRAY or RECORD"),
+    "datatype": PatchKey(_data_type, "a basic data type, such as UNSIGNED16 or 0x0006"),
+    "accesstype": PatchKey(
         lambda text: text.lower() if text.lower() in values.ACCESS_TYPES else None, ", ".join(values.ACCESS_TYPES)
     ),
-    "pdomapping": Key(lambda text: text if text in ("0", "1") else None, "0 or 1"),
-    "objflags": Key(plain_number, "a number"),
-    **dict.fromkeys(FILES, Key(lambda text: text or None, "a file")),
+    "pdomapping": PatchKey(lambda text: text if text in ("0", "1") else None, "0 or 1"),
+    "objflags": PatchKey(plain_number, "a number"),
+    **dict.fromkeys(FILES, PatchKey(lambda text: text or None, "a file")),
 }
 """The keys of which the text alone says whether it can be; those of `VALUES` go by the variable's type."""
 
@@ -164,17 +164,12 @@ def with_settings(document: Document, patches: Iterable[Patch]) -> Document:
         if COMMISSIONINGS & each.settings.keys():  # spelled in either way, it is one section
             sections = {name: section for name, section in sections.items() if name not in COMMISSIONINGS}
         # Their lines are those of another file: a comment of this one must not go with them.
-        sections |= {name: _at(section, 0) for name, section in each.settings.items()}
+        sections |= {name: section.without_lines() for name, section in each.settings.items()}
     return document._replace(sections=sections)
 
 
-def _at(section: Section, line: int) -> Section:
-    entries = {key: each._replace(line=line) for key, each in section.entries.items()}
-    return section._replace(line=line, entries=entries)
-
-
 def patched(document: Document, patches: Iterable[Patch]) -> Document:
-    """Return a document with what patches say of its objects, one after the other.
+    """Return a document with what patches say about its objects, one after the other.
 
     Raises DictionaryError with the patch's line for what does not fit.
     """
@@ -316,7 +311,7 @@ class _Patching:
         if key in VALUES:
             type_ = variable.type or known_type(variable.index, variable.sub)
             plain = _value(text, type_) if type_ and text else text
-            allowed = _allowed(type_) if type_ else ""
+            allowed = type_.allowed if type_ else ""
         elif key in KEYS:
             plain, allowed = KEYS[key].read(text), KEYS[key].allowed
         else:
@@ -366,7 +361,3 @@ def _value(text: str, type_: DataType) -> str | None:
     # Only hexadecimal digits are the bits of a negative number: a decimal 40000 in an INTEGER16 is too large.
     value = type_.meant(number.value) if "0x" in text.lower() else number.value
     return plain if type_.low <= value <= type_.high else None
-
-
-def _allowed(type_: DataType) -> str:
-    return f"{type_.name}, {type_.low}..{type_.high}" if type_.is_integer else type_.name

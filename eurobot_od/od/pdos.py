@@ -56,6 +56,15 @@ class Mapped(NamedTuple):
         padding = variable.index in values.DUMMIES or carries_nothing(variable.name)
         return cls(variable, bits, type_, Limits(0, 0) if padding else Limits(low, high), padding)
 
+    def meant(self, raw: int) -> Value:
+        """Return the value of its bits; mapped in part, all but an integer is a number."""
+        type_ = self.type
+        if type_.is_signed:
+            sign = 1 << self.bits - 1  # of the entry, not of the type: a mapping may cut an INTEGER16 to 12 bits
+            return (raw ^ sign) - sign
+        whole = not type_.is_integer and (self.bits == type_.bits if type_.bits else self.bits % 8 == 0)
+        return type_.read(raw.to_bytes(self.bits // 8, "little")) if whole else raw
+
     @property
     def name(self) -> str:
         """The variable's ParameterName."""

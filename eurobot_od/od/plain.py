@@ -17,7 +17,7 @@ BYTES = (values.OCTET_STRING, values.DOMAIN)
 
 @lru_cache(maxsize=REMEMBERED_NUMBERS)
 def plain_number(text: str, type_: DataType | None = None) -> str | None:
-    """Write a number as every tool reads it, in its own words where they are; None for what is no number."""
+    """Write a number as every tool reads it, in its own words where they are; None for what is not a number."""
     number = parse_number(text)
     if number is None:
         return None

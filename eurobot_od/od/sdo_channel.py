@@ -8,11 +8,12 @@ belongs. Nor are those of the node that a DCF is commissioned for, where the DCF
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import NamedTuple
 
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.od.standard import SDO_ANSWERS, SDO_REQUESTS
-from eurobot_od.od.values import NODE_IDS, SDO_REQUEST_BASE, SDO_RESPONSE_BASE
+from eurobot_od.od.standard import SDO_ANSWERS, SDO_CLIENTS, SDO_REQUESTS, SDO_SERVERS
+from eurobot_od.od.values import NODE_IDS, NOT_VALID, SDO_REQUEST_BASE, SDO_RESPONSE_BASE, identifier
 
 
 class SdoChannel(NamedTuple):
@@ -40,7 +41,7 @@ class SdoChannel(NamedTuple):
 
     @property
     def usual_for(self) -> int | None:
-        """The node-ID whose default identifiers both are, 0 if they lack one; None if they are no node's."""
+        """The node-ID whose default identifiers both are, 0 if they lack one; None if they belong to no node."""
         node_id = self.requests - SDO_REQUEST_BASE
         return node_id if node_id in (0, *NODE_IDS) and self == self.default(node_id) else None
 
@@ -52,3 +53,14 @@ def moved_server(device: Dictionary) -> str:
         return ""
     others = f": there node {at.usual_for} has its own by default" if at.usual_for else ""
     return f"its SDO server is at 0x{at.requests:03X}, answers at 0x{at.answers:03X}, as its file says (0x1200){others}"
+
+
+def sdo_channels(dictionary: Dictionary) -> Iterator[tuple[int, int, int]]:
+    """Yield node-ID of the server, identifiers of requests and answers, of each channel that a file describes."""
+    yield dictionary.node_id, *SdoChannel.of(dictionary)
+    records = [index for index in (*SDO_SERVERS[1:], *SDO_CLIENTS) if index in dictionary.members]
+    for index in records:
+        request, answer, other = (dictionary.number((index, sub)) for sub in (1, 2, 3))
+        server = dictionary.node_id if index in SDO_SERVERS else other
+        if request and answer and server and not (request | answer) & NOT_VALID:
+            yield server, identifier(request), identifier(answer)

@@ -124,7 +124,7 @@ DATA_SUBS = range(1, 255)
 
 
 class Known(NamedTuple):
-    """What the standard says of the variables at some indices and sub-indices; without `access` any is allowed."""
+    """What the standard says about the variables at some indices and sub-indices; without `access` any is allowed."""
 
     indices: Container[int]
     subs: Container[int]

@@ -18,7 +18,7 @@ Address: TypeAlias = tuple[int, int]
 """Index and sub-index of an object."""
 
 Value: TypeAlias = "int | float | str | bytes | None"
-"""What an object may hold; None is no value at all."""
+"""What an object may hold; None is not a value at all."""
 
 NODE_IDS = range(1, 128)
 """The node-IDs there are (CiA 301, 7.3.3); a value with `$NODEID` has to hold for all of them."""
@@ -75,7 +75,7 @@ def label(address: Address, name: str = "") -> str:
 def parse_number(text: str) -> Number | None:
     """Read a number: decimal, 0x hexadecimal, 0 octal, and `$NODEID+` in front of either.
 
-    What editors and compilers write besides is read as it is meant: `10h`, `0x10UL`, `$NodeID`, `0x80 + $NODEID`.
+    Other forms that editors and compilers write are accepted, too: `10h`, `0x10UL`, `$NodeID`, `0x80 + $NODEID`.
     """
     upper = text.strip().upper()
     value = _integer(upper)
@@ -146,6 +146,11 @@ class DataType(NamedTuple):
         """Whether values may be negative."""
         return self.low < 0
 
+    @property
+    def allowed(self) -> str:
+        """Its name and, of an integer, its range."""
+        return f"{self.name}, {self.low}..{self.high}" if self.is_integer else self.name
+
     def meant(self, value: int) -> int:
         """Return what a written number is in this type: many editors write negative numbers as their bits."""
         return value - (1 << self.bits) if self.is_signed and self.high < value < 1 << self.bits else value
@@ -158,7 +163,7 @@ class DataType(NamedTuple):
     def read(self, data: bytes) -> Value:
         """Return the value that bytes from an SDO mean; raises ValueError for a length that the type does not have.
 
-        Bytes that are no text in a text's encoding stay bytes, so that `write` gives every byte back.
+        Bytes that are not text in a text's encoding stay bytes, so that `write` gives every byte back.
         """
         if self.size not in (0, len(data)):
             raise ValueError(f"{len(data)} bytes are not {self.name}")
@@ -287,6 +292,10 @@ MAPPING_RECORDS = {
     for each, records in COMMUNICATION_RECORDS.items()
 }
 """Indices of the records of all PDOs there may be."""
+
+COMMUNICATIONS = frozenset(index for records in COMMUNICATION_RECORDS.values() for index in records)
+MAPPINGS = frozenset(index for records in MAPPING_RECORDS.values() for index in records)
+"""The same without the direction."""
 
 COB_ID, TRANSMISSION_TYPE, INHIBIT_TIME, EVENT_TIMER, SYNC_START = 1, 2, 3, 5, 6
 """Sub-indices of a communication record (CiA 301, Tables 66 and 70)."""

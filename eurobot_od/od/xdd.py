@@ -3,7 +3,7 @@
 Every section and entry stands at the line of the element that says it. The XML is read by expat alone, without a
 document type: whatever a file declares there, entities above all, makes it no device description.
 
-Rule of this file: as in `document`, reading never raises; what is no XML becomes an `Oddity`.
+Rule of this file: as in `document`, reading never raises; what is not XML becomes an `Oddity`.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ class _Refused(Exception):
 
 
 def read(data: bytes) -> Document:
-    """Read the bytes of an XDD or XDC; what is no XML gives a document without sections."""
+    """Read the bytes of an XDD or XDC; what is not XML gives a document without sections."""
     try:
         root = parse(data)
     except expat.ExpatError as error:

@@ -36,8 +36,9 @@ class Placed(NamedTuple):
 class Binding:
     """One message as a dictionary maps it: `name`, message `type`, `cob_id`, `layout`, and who has it.
 
-    `group` and `always` are what the catalogue says of it. `senders` and `receivers` are the names of the dictionaries
-    that have it as a TPDO and as an RPDO. Raises MappingError if the mapping and the message type's fields do not fit.
+    `group` and `always` are what the catalogue says about it. `senders` and `receivers` are the names of the
+    dictionaries that have it as a TPDO and as an RPDO. Raises MappingError if the mapping and the message type's fields
+    do not fit.
     """
 
     def __init__(self, file: Path, pdo: Pdo, name: str, entry: CatalogueEntry | None) -> None:

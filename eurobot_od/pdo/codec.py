@@ -53,6 +53,12 @@ class Column(NamedTuple):
     numbers: range = range(0)
     sendable: range = range(0)
 
+    def raw(self, number: int) -> str:
+        """Write the expression of its raw value; `number` is its place in the message."""
+        low, high = self.sendable.start, self.sendable.stop
+        asked = f"write{number}(f{number})"
+        return f"(f{number} if {low} <= f{number} < {high} else {asked})" if self.sendable else asked
+
 
 class Unknown(NamedTuple):
     """Bits of the word that mean "unknown" together: the raw values of `codes`, each of which alone may be a value."""
@@ -164,7 +170,7 @@ def writer(
     # that wants to say something which the PDO cannot carry.
     names |= {f"write{n}": each.default if each.read is None else each.write for n, each in enumerate(columns)}
     mapped = [(number, column) for number, column in enumerate(columns) if column.read is not None]
-    parts = (f"({_insert(layout, column.field, _raw(column, number))})" for number, column in mapped)
+    parts = (f"({_insert(layout, column.field, column.raw(number))})" for number, column in mapped)
     odd = [f"f{number} is not write{number}" for number, column in enumerate(columns) if column.read is None]
     if unknown is not None:
         odd.append(f"word & {unknown.mask:#x} == {unknown.code:#x}")  # a place that would be read as "unknown"
@@ -179,13 +185,6 @@ def write(message):
     return new(Frame, ({cob_id}, word.to_bytes({layout.length}, {layout.byte_order!r})))
 """
     return compiled("write", source, names)
-
-
-def _raw(column: Column, number: int) -> str:
-    """Write the expression of a field's raw value."""
-    low, high = column.sendable.start, column.sendable.stop
-    asked = f"write{number}(f{number})"
-    return f"(f{number} if {low} <= f{number} < {high} else {asked})" if column.sendable else asked
 
 
 def _listed(items: Iterable[str]) -> str:

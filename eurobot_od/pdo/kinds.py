@@ -129,6 +129,7 @@ class Kind:
 
     def wanted(self, value: Any, limits: Limits) -> str:
         """Say what may be sent to somebody who wanted to send a value that may not."""
+        # 12.5 is between 0 and 3000: the range alone would not tell what is wrong with it.
         is_fraction = type(self).write is Kind.write and isinstance(value, float) and value % 1 != 0
         return f"whole {WHOLE.get(self.unit, 'numbers')}, " * is_fraction + self.allowed(limits)
 

@@ -37,6 +37,7 @@ def slot(name: str, bits: int, to_field: Callable[[str], str], signed: bool = Fa
     if match is None:
         return Slot(to_field(name), 0, bits, signed)
     high, low = int(match["high"]), int(match["low"])
+    # Which of the two is wrong cannot be seen, and a wrong guess would shift every field behind it.
     if high - low + 1 != bits:
         raise LayoutError(f"{name} is mapped with {bits} bits")
     return Slot(to_field(match["name"]), low, bits, signed)
@@ -78,6 +79,7 @@ class Layout:
         if self.bits > MAX_BITS:
             raise LayoutError(f"{self.bits} bits are mapped, a PDO has at most {MAX_BITS}")
         self.length = (self.bits + 7) // 8
+        # Bit by bit first, as slices may come in any order; runs, which cost a shift and a mask each, are made of that.
         self._places = {field: _whole(field, places) for field, places in self._collect().items()}
         self.fields = tuple(self._places)
         self.widths = {field: len(places) for field, places in self._places.items()}
@@ -128,6 +130,7 @@ def _whole(field: str, pairs: list[tuple[int, int]]) -> list[int]:
     for bit in range(max(value_bits)):
         if bit not in value_bits:
             raise LayoutError(f"{field}: bit {bit} is mapped nowhere")
+    # The frame would say the same bit twice, and could contradict itself.
     if len(set(value_bits)) != len(pairs):
         raise LayoutError(f"{field}: bits are mapped twice")
     return [place for _, place in sorted(pairs)]

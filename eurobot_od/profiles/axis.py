@@ -13,7 +13,7 @@ from math import copysign, inf
 from typing import NamedTuple
 
 from eurobot_od.profiles import cia402, homing
-from eurobot_od.profiles.cia402 import ARROWS, POWERED, Command, Mode, Ramp, State, Transition
+from eurobot_od.profiles.cia402 import ARROWS, POWERED, DriveCommand, Mode, Ramp, State, Transition
 from eurobot_od.profiles.modes import MODES, Homing, ModeOfOperation
 from eurobot_od.profiles.motion import STEP, Demand, Motor, Plant, Units
 from eurobot_od.profiles.values import AxisValues
@@ -96,6 +96,7 @@ class DriveAxis:
             self._enter(State.DISABLED)  # transition 1: there is nothing to be tested
         self._take_mode()
         word = self.values.get(cia402.CONTROLWORD)
+        # Fault reset, new set-point and the start of homing act by their edges, all other bits by what they are.
         rising, self._word = word & ~self._word, word
         self._obey(word, rising)
         if self.state is State.ENABLED and not self._is_halted:
@@ -109,6 +110,8 @@ class DriveAxis:
         if number != self._mode_number and self.takes(number):
             self._mode_number = number
             self._mode = MODES[number](self)
+            # A torque that nobody commands any more would go on for ever; the next mode begins with the velocity there
+            # is.
             self.demand.torque = None
             self.following_error, self._lag = False, 0.0
 
@@ -119,21 +122,23 @@ class DriveAxis:
 
     def _obey(self, word: int, rising: int) -> None:
         command = cia402.command_of(word)
-        if command is Command.FAULT_RESET and not rising & cia402.FAULT_RESET:
+        # A master that leaves bit 7 set would otherwise reset every fault as soon as it comes (CiA 402-2: rising edge).
+        if command is DriveCommand.FAULT_RESET and not rising & cia402.FAULT_RESET:
             return
         # "Enable operation" means two arrows in READY (CiA 402-2, table of commands), any other command one.
-        for _ in range(2 if command is Command.ENABLE else 1):
+        for _ in range(2 if command is DriveCommand.ENABLE else 1):
             arrow = self.arrow(command)
             if arrow is not None:
                 self.take(arrow)
 
-    def arrow(self, command: Command | None) -> Transition | None:
+    def arrow(self, command: DriveCommand | None) -> Transition | None:
         """Return the arrow that a command means now; None for one that means nothing in this state."""
-        if command is Command.ENABLE and self.state is State.READY:
-            command = Command.SWITCH_ON
-        if self._stop is not None and command is Command.ENABLE and self.state is State.ENABLED:
+        if command is DriveCommand.ENABLE and self.state is State.READY:
+            command = DriveCommand.SWITCH_ON
+        if self._stop is not None and command is DriveCommand.ENABLE and self.state is State.ENABLED:
             self._stop = None  # it was being stopped, and is to go on
         arrow = ARROWS.get((self.state, command)) if command else None
+        # A drive on its way there would begin its ramp anew each time the controlword comes.
         if arrow is None or (self._stop and self._stop.after is arrow.after):
             return None
         stays = self._option(cia402.QUICK_STOP_OPTION) in cia402.STAYING
@@ -146,20 +151,16 @@ class DriveAxis:
             self._report(None)
         option = STOPS.get((arrow.before, arrow.after))
         ramp = Ramp.FREE if option is None else self._ramp(option)
-        if arrow.after is State.QUICK_STOP:
-            self._quick_stop(ramp)
+        is_quick_stop = arrow.after is State.QUICK_STOP
+        if is_quick_stop and ramp is not Ramp.FREE:
+            self._enter(State.QUICK_STOP)
+            stays = self._option(cia402.QUICK_STOP_OPTION) in cia402.STAYING
+            self._stop = Stop(ramp, None if stays else State.DISABLED)
         elif ramp is Ramp.FREE or self.stands:
-            self._enter(arrow.after)
+            # Without a ramp a quick stop takes the torque away at once, and nothing is left to do in its state.
+            self._enter(State.DISABLED if is_quick_stop else arrow.after)
         else:
             self._stop = Stop(ramp, arrow.after)
-
-    def _quick_stop(self, ramp: Ramp) -> None:
-        if ramp is Ramp.FREE:
-            self._enter(State.DISABLED)
-            return
-        self._enter(State.QUICK_STOP)
-        stays = self._option(cia402.QUICK_STOP_OPTION) in cia402.STAYING
-        self._stop = Stop(ramp, None if stays else State.DISABLED)
 
     def _option(self, index: int) -> int:
         return _signed(self.values.get(index, default=cia402.DEFAULT_OPTION[index]))
@@ -185,6 +186,7 @@ class DriveAxis:
 
     def fault(self, code: int) -> None:
         """Take transition 13: the motor is stopped as the fault reaction option code says, and the state is Fault."""
+        # The first fault is the cause; what follows from it while the motor comes to rest must not hide it.
         if self.state in (State.FAULT, State.FAULT_REACTION):
             return
         self.values.put(cia402.ERROR_CODE, code)
@@ -204,7 +206,7 @@ class DriveAxis:
         if reaction == 1:
             self.fault(0x8130)  # life guard or heartbeat error (CiA 301, Table 26)
         elif reaction in (2, 3):
-            arrow = self.arrow(Command.DISABLE_VOLTAGE if reaction == 2 else Command.QUICK_STOP)
+            arrow = self.arrow(DriveCommand.DISABLE_VOLTAGE if reaction == 2 else DriveCommand.QUICK_STOP)
             if arrow is not None:
                 self.take(arrow)
                 self._show()
@@ -216,6 +218,7 @@ class DriveAxis:
         """Whether something changes with time, and `advance` is to be called each step."""
         if self.state not in POWERED:
             return self.motor.velocity != 0
+        # Half a unit: the objects show whole ones.
         lags = self._mode.controls_position and abs(self.demand.position - self.motor.position) > 0.5
         # What is shown of its torque ends a step after the motion.
         pushes = self.demand.torque is None and abs(self.motor.torque) >= NO_TORQUE
@@ -231,20 +234,24 @@ class DriveAxis:
         if self._time is None or not self.busy:
             self._time = now
             return
+        # A step that is due now is one, although the sum of many steps may be a hair off.
         steps = int((now - self._time) / STEP + 1e-6)
+        # After a long stop, in a debugger say, the axis goes on from here and does not race after the time it has
+        # missed.
         self._time = now if steps > MOST_STEPS else self._time + steps * STEP
         for _ in range(min(steps, MOST_STEPS)):
-            self._step()
+            self.step()
         if steps:
             self._show()
 
-    def _step(self) -> None:
+    def step(self) -> None:
+        """Let one STEP pass: lead the demand, and let the motor follow it."""
         if self.state not in POWERED:
             # Nothing leads it: the demand goes along, so that it does not jump back when there is torque again.
             self.motor.coast()
             self.demand.position = self.motor.position
             return
-        self._lead()
+        self.lead()
         self._follow()
         if self._stop is not None and self._stop.after is not None and self.stands:
             self._enter(self._stop.after)
@@ -262,17 +269,20 @@ class DriveAxis:
         else:
             self.demand.position = self.motor.position
 
-    def _lead(self) -> None:
+    def lead(self) -> None:
+        """Move the demand by one STEP: along the ramp that stops it, or as the mode of operation says."""
         ramp = self._ramp_now
         if ramp is not None:
             self.demand.to_velocity(0.0, 1.0, self._deceleration(ramp))
             return
+        # Homing looks for the limit switches; in any other mode they end the way.
         if isinstance(self._mode, Homing):
             self._mode.step()
             return
         before = self.demand.position, self.demand.velocity
         self._mode.step()
         leads = self.demand.velocity if self.demand.torque is None else self.demand.torque
+        # Only the switch ahead stops it: an axis that stands on one has to be able to leave it.
         moves = int(copysign(1, leads)) if leads else 0
         if moves and self.motor.switches & homing.LIMITS[moves]:
             self.demand.position, self.demand.velocity = before

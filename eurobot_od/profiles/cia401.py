@@ -114,4 +114,4 @@ FUNCTION_BITS: Mapping[int, str] = {
     18: "analogue inputs",
     19: "analogue outputs",
 }
-"""What bits of 0x1000 say of the module."""
+"""What bits of 0x1000 say about the module."""

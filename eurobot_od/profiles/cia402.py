@@ -66,7 +66,7 @@ class State(Enum):
         self.words, self.mask, self.bits = words, mask, bits
 
 
-class Command(Enum):
+class DriveCommand(Enum):
     """A command of the controlword: its name, and which bits have which values in it.
 
     `FAULT_RESET` is a rising edge of its bit. `ENABLE` and `SWITCH_ON` are also what a drive that is enabled, or
@@ -89,28 +89,28 @@ class Transition(NamedTuple):
 
     number: int
     before: State
-    command: Command | None
+    command: DriveCommand | None
     after: State
 
 
 TRANSITIONS = (
     Transition(1, State.NOT_READY, None, State.DISABLED),
-    Transition(2, State.DISABLED, Command.SHUTDOWN, State.READY),
-    Transition(3, State.READY, Command.SWITCH_ON, State.SWITCHED_ON),
-    Transition(4, State.SWITCHED_ON, Command.ENABLE, State.ENABLED),
-    Transition(5, State.ENABLED, Command.SWITCH_ON, State.SWITCHED_ON),
-    Transition(6, State.SWITCHED_ON, Command.SHUTDOWN, State.READY),
-    Transition(7, State.READY, Command.DISABLE_VOLTAGE, State.DISABLED),
-    Transition(7, State.READY, Command.QUICK_STOP, State.DISABLED),
-    Transition(8, State.ENABLED, Command.SHUTDOWN, State.READY),
-    Transition(9, State.ENABLED, Command.DISABLE_VOLTAGE, State.DISABLED),
-    Transition(10, State.SWITCHED_ON, Command.DISABLE_VOLTAGE, State.DISABLED),
-    Transition(10, State.SWITCHED_ON, Command.QUICK_STOP, State.DISABLED),
-    Transition(11, State.ENABLED, Command.QUICK_STOP, State.QUICK_STOP),
-    Transition(12, State.QUICK_STOP, Command.DISABLE_VOLTAGE, State.DISABLED),
+    Transition(2, State.DISABLED, DriveCommand.SHUTDOWN, State.READY),
+    Transition(3, State.READY, DriveCommand.SWITCH_ON, State.SWITCHED_ON),
+    Transition(4, State.SWITCHED_ON, DriveCommand.ENABLE, State.ENABLED),
+    Transition(5, State.ENABLED, DriveCommand.SWITCH_ON, State.SWITCHED_ON),
+    Transition(6, State.SWITCHED_ON, DriveCommand.SHUTDOWN, State.READY),
+    Transition(7, State.READY, DriveCommand.DISABLE_VOLTAGE, State.DISABLED),
+    Transition(7, State.READY, DriveCommand.QUICK_STOP, State.DISABLED),
+    Transition(8, State.ENABLED, DriveCommand.SHUTDOWN, State.READY),
+    Transition(9, State.ENABLED, DriveCommand.DISABLE_VOLTAGE, State.DISABLED),
+    Transition(10, State.SWITCHED_ON, DriveCommand.DISABLE_VOLTAGE, State.DISABLED),
+    Transition(10, State.SWITCHED_ON, DriveCommand.QUICK_STOP, State.DISABLED),
+    Transition(11, State.ENABLED, DriveCommand.QUICK_STOP, State.QUICK_STOP),
+    Transition(12, State.QUICK_STOP, DriveCommand.DISABLE_VOLTAGE, State.DISABLED),
     Transition(14, State.FAULT_REACTION, None, State.FAULT),
-    Transition(15, State.FAULT, Command.FAULT_RESET, State.DISABLED),
-    Transition(16, State.QUICK_STOP, Command.ENABLE, State.ENABLED),
+    Transition(15, State.FAULT, DriveCommand.FAULT_RESET, State.DISABLED),
+    Transition(16, State.QUICK_STOP, DriveCommand.ENABLE, State.ENABLED),
 )
 """All arrows but 0, which is power-on, and 13, which a fault takes from any state to `FAULT_REACTION`.
 
@@ -118,7 +118,9 @@ Transition 16 is there only if the quick stop option code lets the drive stay in
 takes 12 by itself when it stands.
 """
 
-ARROWS: Mapping[tuple[State, Command | None], Transition] = {(each.before, each.command): each for each in TRANSITIONS}
+ARROWS: Mapping[tuple[State, DriveCommand | None], Transition] = {
+    (each.before, each.command): each for each in TRANSITIONS
+}
 """The arrows by the state and what makes the drive take them."""
 
 POWERED = (State.ENABLED, State.QUICK_STOP, State.FAULT_REACTION)
@@ -126,13 +128,13 @@ POWERED = (State.ENABLED, State.QUICK_STOP, State.FAULT_REACTION)
 
 
 def state_of(statusword: int) -> State | None:
-    """Return the state that a statusword says; None for bits that are no state's."""
+    """Return the state that a statusword says; None for bits that belong to no state."""
     return next((each for each in State if statusword & each.mask == each.bits), None)
 
 
-def command_of(controlword: int) -> Command | None:
-    """Return the command that a controlword says; None for bits that are no command's."""
-    return next((each for each in Command if controlword & each.mask == each.bits), None)
+def command_of(controlword: int) -> DriveCommand | None:
+    """Return the command that a controlword says; None for bits that belong to no command."""
+    return next((each for each in DriveCommand if controlword & each.mask == each.bits), None)
 
 
 # Modes of operation (CiA 402-2, clause 9)

@@ -79,6 +79,8 @@ class HomeEdge(NamedTuple):
 
 
 EDGES: Mapping[int, HomeEdge] = {
+    # 19 to 22 know on which side of the switch they start; 23 to 26 begin in positive and 27 to 30 in negative
+    # direction, and turn round at a limit switch.
     19: HomeEdge(POSITIVE, NEGATIVE, False),
     20: HomeEdge(POSITIVE, NEGATIVE, True),
     21: HomeEdge(NEGATIVE, POSITIVE, False),
@@ -119,6 +121,7 @@ METHODS: Mapping[int, Method] = {
         for number, (words, steps) in _WITHOUT_INDEX.items()
     },
     **_WITHOUT_INDEX,
+    # 15, 16, 31 and 32 are reserved.
     33: Method("next index pulse in negative direction", (Seek(NEGATIVE, None),)),
     34: Method("next index pulse in positive direction", (Seek(POSITIVE, None),)),
     35: Method("present position, obsolete number"),

@@ -120,7 +120,7 @@ class InputFilter:
 
 
 class Inputs:
-    """A module's inputs: what its objects say of their terminals, and which of them cause TPDOs."""
+    """A module's inputs: what its objects say about their terminals, and which of them cause TPDOs."""
 
     def __init__(self, values: ProfileValues) -> None:
         self._values = values
@@ -164,6 +164,7 @@ class Inputs:
 
     def _causes(self, address: Address, value: int) -> bool:
         last = self._seen.get(address)
+        # The first value after a start is what later ones are compared with; it causes nothing itself.
         if last is None or last == value:
             return False
         digital = self.digital.get(address)

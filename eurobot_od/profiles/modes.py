@@ -50,7 +50,7 @@ class ModeOfOperation:
         self.begin()
 
     def begin(self) -> None:
-        """Begin with operation: what was commanded before counts no more."""
+        """Begin with operation: what was commanded before no longer counts."""
 
     def command(self, word: int, rising: int) -> None:
         """Take in a controlword, and which bits are newly set in it."""
@@ -108,6 +108,8 @@ class ProfilePosition(ModeOfOperation):
 
     def command(self, word: int, rising: int) -> None:
         self._commanded = bool(word & cia402.NEW_SET_POINT)
+        # Bit 4 acts by its edge, so that a controlword sent again is no second set-point. There is room for one at work
+        # and one that waits (CiA 402-2, clause 10).
         if rising & cia402.NEW_SET_POINT and self._next is None:
             found = self._set_point(bool(word & cia402.RELATIVE))
             self._acknowledged = True
@@ -125,6 +127,7 @@ class ProfilePosition(ModeOfOperation):
             # To the set-point before, not to where the axis is: so a row of them does not add up what it was off.
             target += last.target if last else axis.demand.position
         low, high = software_limits(axis.values)
+        # Cut and flagged (bit 11 of the statusword): the PDO it came in has been taken, so that nothing can be refused.
         axis.limited = not low <= target <= high
         fastest = min(axis.velocity(cia402.MAX_PROFILE_VELOCITY), axis.velocity(cia402.MAX_MOTOR_SPEED))
         velocity = min(axis.velocity(cia402.PROFILE_VELOCITY, default=axis.units.turn), fastest)
@@ -149,8 +152,9 @@ class ProfilePosition(ModeOfOperation):
             return
         ramps = (axis.acceleration(each) for each in (cia402.PROFILE_ACCELERATION, cia402.PROFILE_DECELERATION))
         axis.demand.to_position(*self._target, *ramps)
-        # Without a window it is there within one unit: the motor's place is no whole number.
+        # Without a window it is there within one unit: the motor's place is not a whole number.
         window = axis.values.get(cia402.POSITION_WINDOW, default=0) or 1
+        # The demand has to be there, too: on the way a motor that lags may pass through the window.
         self._window.look(self._arrived and abs(self._target.target - axis.motor.position) <= window)
         if self._next is not None and self._arrived:
             self._begin_move(self._next)
@@ -175,17 +179,30 @@ class ProfilePosition(ModeOfOperation):
         return super().settled and self._reached and self._arrived
 
 
-class ProfileVelocity(ModeOfOperation):
-    """Turns at a velocity (CiA 402-2, clause 14)."""
+class VelocityMode(ModeOfOperation):
+    """Turns at the sum of the objects `TARGETS`, but no faster than any of the objects `MOST` allows."""
 
     controls_position = False
+    TARGETS: ClassVar[tuple[int, ...]] = (cia402.TARGET_VELOCITY,)
+    MOST: ClassVar[tuple[int, ...]] = (cia402.MAX_MOTOR_SPEED,)
 
     @property
     def _wanted(self) -> float:
         axis = self.axis
-        fastest = min(axis.velocity(cia402.MAX_PROFILE_VELOCITY), axis.velocity(cia402.MAX_MOTOR_SPEED))
-        wanted = min(max(axis.velocity(cia402.TARGET_VELOCITY, default=0.0), -fastest), fastest)
-        return within_limits(axis, wanted)
+        wanted = sum(axis.velocity(each, default=0.0) for each in self.TARGETS)
+        # Infinite for an object that the drive does not have: it limits nothing.
+        fastest = min(axis.velocity(each) for each in self.MOST)
+        return within_limits(axis, min(max(wanted, -fastest), fastest))
+
+    @property
+    def settled(self) -> bool:
+        return super().settled and self._wanted == 0
+
+
+class ProfileVelocity(VelocityMode):
+    """Turns at a velocity (CiA 402-2, clause 14)."""
+
+    MOST = (cia402.MAX_PROFILE_VELOCITY, cia402.MAX_MOTOR_SPEED)
 
     def step(self) -> None:
         axis = self.axis
@@ -200,12 +217,9 @@ class ProfileVelocity(ModeOfOperation):
     @property
     def bits(self) -> int:
         wanted = self.axis.velocity(cia402.TARGET_VELOCITY, default=0.0)
+        # Bit 12 is "speed is 0" in this mode, which has no acknowledge (CiA 402-2, clause 14).
         reached = self._near(wanted, cia402.VELOCITY_WINDOW)
         return TARGET_REACHED * reached | BIT_12 * self._near(0.0, cia402.VELOCITY_THRESHOLD)
-
-    @property
-    def settled(self) -> bool:
-        return super().settled and self._wanted == 0
 
 
 class CyclicPosition(ModeOfOperation):
@@ -248,18 +262,11 @@ class CyclicPosition(ModeOfOperation):
         return super().settled and self.axis.demand.position == self._target
 
 
-class CyclicVelocity(ModeOfOperation):
+class CyclicVelocity(VelocityMode):
     """Turns at a velocity that comes with each SYNC (CiA 402-2, clause 16)."""
 
-    controls_position = False
-
-    @property
-    def _wanted(self) -> float:
-        axis = self.axis
-        # The offset is added to each target; a drive need not have it (CiA 402-2, clause 16).
-        wanted = sum(axis.velocity(each, default=0.0) for each in (cia402.TARGET_VELOCITY, cia402.VELOCITY_OFFSET))
-        fastest = axis.velocity(cia402.MAX_MOTOR_SPEED)
-        return within_limits(axis, min(max(wanted, -fastest), fastest))
+    # The offset is added to each target; a drive need not have it (CiA 402-2, clause 16).
+    TARGETS = (cia402.TARGET_VELOCITY, cia402.VELOCITY_OFFSET)
 
     def step(self) -> None:
         limit = self.axis.acceleration(cia402.MAX_ACCELERATION)
@@ -268,10 +275,6 @@ class CyclicVelocity(ModeOfOperation):
     @property
     def bits(self) -> int:
         return BIT_12
-
-    @property
-    def settled(self) -> bool:
-        return super().settled and self._wanted == 0
 
 
 class CyclicTorque(ModeOfOperation):
@@ -283,6 +286,7 @@ class CyclicTorque(ModeOfOperation):
     def wanted(self) -> float:
         """The torque that is commanded, as a share of what the motor has, within what it may have."""
         values = self.axis.values
+        # Both objects count in per mille of the rated torque, which is all that this motor has.
         per_mille = values.get(cia402.TARGET_TORQUE) + values.get(cia402.TORQUE_OFFSET)
         most = min(values.get(cia402.MAX_TORQUE, default=1000), 1000)
         return min(max(per_mille, -most), most) / 1000

@@ -89,6 +89,7 @@ class Demand:
         half = deceleration * STEP / 2
         braking = sqrt(half * half + 2 * deceleration * abs(way)) - half
         wanted = copysign(min(velocity, braking), way)
+        # Near and slow enough to be there with this step: by ramps alone it would go to and fro around the target.
         if abs(way) <= abs(wanted) * STEP + 1e-6 and abs(self.velocity) <= 2 * deceleration * STEP + abs(wanted):
             self.position, self.velocity = target, 0.0
         else:
@@ -179,6 +180,7 @@ class Motor:
     def _turn(self, wanted: float, acceleration: float) -> None:
         most = acceleration * STEP
         change = min(max(wanted - self.velocity, -most), most)
+        # The mean of the step: where the velocity changes its sign, friction of either end would be the wrong one.
         during = self.velocity + change / 2
         rubs = copysign(self.plant.friction / self.plant.acceleration, during) * (abs(during) > CREEP * self.turn)
         self.velocity += change
@@ -198,4 +200,5 @@ class Motor:
     def shift(self, by: float) -> None:
         """Call the place where it stands another one."""
         self.position += by
+        # The machine has not moved: its switches and index pulses stay where they are.
         self.origin += by

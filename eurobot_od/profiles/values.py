@@ -14,7 +14,7 @@ class ProfileValues(Protocol):
         """Tell whether the file has an object."""
 
     def get(self, address: Address) -> int | None:
-        """Return its value, None if it has none, or one that is no number."""
+        """Return its value, None if it has none, or one that is not a number."""
 
     def put(self, address: Address, value: int) -> None:
         """Keep a value."""

@@ -14,7 +14,7 @@ from eurobot_od.od import objects as od
 from eurobot_od.od.standard import DEVICE_TYPE
 from eurobot_od.od.values import Address, Value
 from eurobot_od.profiles import cia401, cia402, homing
-from eurobot_od.profiles.cia402 import Command, Mode, State
+from eurobot_od.profiles.cia402 import DriveCommand, Mode, State
 
 if TYPE_CHECKING:
     from canopen.objectdictionary import ObjectDictionary, ODVariable
@@ -24,7 +24,7 @@ Says: TypeAlias = Callable[["ObjectDictionary", int], str]
 
 
 READABLE = 2
-"""So many meanings of a bit are named side by side; with more of them the bit's number says as much."""
+"""Most meanings of a bit that are named side by side; with more of them its number says as much."""
 
 
 class ValueMeaning(NamedTuple):
@@ -61,7 +61,7 @@ def _by_mode(bits: Mapping[Mode, Mapping[int, str]], objects: ObjectDictionary) 
 
 
 def _word(
-    find: Callable[[int], State | Command | None],
+    find: Callable[[int], State | DriveCommand | None],
     none: str,
     bits: Mapping[int, str],
     mode_bits: Mapping[Mode, Mapping[int, str]],
@@ -137,7 +137,7 @@ def _objects_of(variable: ODVariable) -> ObjectDictionary | None:
 
 
 def meaning_of(variable: ODVariable) -> ValueMeaning | None:
-    """Return what a profile says of an object; None if it says nothing."""
+    """Return what a profile says about an object; None if it says nothing."""
     objects = _objects_of(variable)
     of_profile = PROFILES.get(profile_of(objects)) if objects is not None else None
     return of_profile(od.address_of(variable)) if of_profile else None

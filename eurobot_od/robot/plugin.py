@@ -88,7 +88,7 @@ COMMANDS = {
     "match": "play a match of the three nodes, in simulated or real time",
     "world": "run the world that simulated nodes in other processes share",
     "new-robot": "write a robot of your own that works at once: table, nodes, strategy, checks",
-    "field": "draw the playing field with what a log says of the match: SVG, HTML or PNG",
+    "field": "draw the playing field with what a log says about the match: SVG, HTML or PNG",
 }
 
 ROBOT = Plugin(

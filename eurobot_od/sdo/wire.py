@@ -159,6 +159,8 @@ class Initiate(NamedTuple):
         """How many bytes a transfer other than a block's has, in this frame or later; None if that is not said."""
         if not self.command & SIZE_GIVEN:
             return None
+        # Expedited, two bits count the bytes of the four that are not used; otherwise the four bytes are the size (CiA
+        # 301, 7.2.4.3.3).
         return EXPEDITED_SIZE - (self.command >> 2 & 3) if self.command & EXPEDITED else self.number
 
 
@@ -171,6 +173,7 @@ def initiate(command: int, address: Address, rest: bytes = b"") -> bytes:
 def carrying(specifier: int, address: Address, content: bytes) -> bytes:
     """Return an initiate with an object's content if it fits in, else with its size, for segments to follow."""
     command = specifier << 5 | SIZE_GIVEN
+    # Nothing at all cannot go expedited: the two bits count up to three unused bytes, and here all four would be.
     if 1 <= len(content) <= EXPEDITED_SIZE:
         return initiate(command | EXPEDITED | EXPEDITED_SIZE - len(content) << 2, address, content)
     return initiate(command, address, len(content).to_bytes(4, "little"))
@@ -215,6 +218,7 @@ def part_in(data: bytes) -> bytes:
 def block(content: bytes, at: int, segments: int) -> list[bytes]:
     """Return the segments of a block that begins at a place of a content, numbered from 1."""
     places = segments_of(content)[at // SEGMENT_SIZE :][:segments]
+    # Only the end of the whole content is marked as last: a block that ends earlier has just run out of numbers.
     last = places[-1] + SEGMENT_SIZE >= len(content)
     return [
         plain(number | BLOCK_LAST * (last and number == len(places)), content[place : place + SEGMENT_SIZE])
@@ -224,6 +228,7 @@ def block(content: bytes, at: int, segments: int) -> list[bytes]:
 
 def block_end(specifier: int, content: bytes, crc: int) -> bytes:
     """Return the end of a block transfer, which tells how many bytes of the last segment are unused."""
+    # An empty content has a segment as well, with all of its seven bytes unused.
     unused = len(segments_of(content)) * SEGMENT_SIZE - len(content)
     return plain(specifier << 5 | unused << 2 | Block.END, crc.to_bytes(2, "little"))
 

@@ -1,6 +1,6 @@
 """A message's frames to columns, all at once: expressions on the eight data bytes, taken as one 64-bit integer.
 
-Rule of this file: a column says what `Protocol.decode` says of each frame. A value that is no plain number of the
+Rule of this file: a column says what `Protocol.decode` says about each frame. A value that is not a plain number of the
 field's unit (unknown, a code such as `blocked`, out of range) is null in the field's column; the column `FIELD_flag`
 beside it, null for a plain value, says what it is: `unknown`, the code's word, or `out of range: ` and the raw value.
 
@@ -103,6 +103,7 @@ class _Field:
     def outside(self) -> pl.Expr | None:
         """Return the raw value where it is out of range, null elsewhere."""
         ranges = self._plain_ranges()
+        # Every raw value is a plain one: a column of flags that are never set would cost time and space in each file.
         if sum(map(_count, ranges)) == _count(self.raws):
             return None
         inside = [_between(self.raw, each) for each in ranges] + [self.raw == raw for raw in self._codes()]
@@ -141,6 +142,7 @@ class _Field:
 
     def word(self) -> pl.Expr:
         """Return the words for the raw values."""
+        # A category is a number in each row; as texts the words would be most of the file.
         words = self.kind.named_values()
         return self.raw.replace_strict(list(words), list(words.values()), default=None, return_dtype=pl.String).cast(
             pl.Categorical

@@ -64,14 +64,17 @@ def _checks(binding: Binding) -> Iterator[Check]:
 def of_others(
     frames: pl.DataFrame, services: Mapping[int, CanopenService], messages: Container[int], others: Unmapped
 ) -> Iterator[pl.DataFrame]:
-    """Yield the defects of frames that are no message's: services of another length, and identifiers of none."""
+    """Yield the defects of frames that belong to no message: services of another length, and identifiers of none."""
     for (cob_id,), some in frames.partition_by("cob_id", as_dict=True, maintain_order=True).items():
         number = int(cob_id)
         if number in services:
             yield _of_service(some, number, services[number])
-        else:
-            remote = pl.col("remote") if number in messages else pl.lit(value=False)
-            yield _of_unmapped(some.filter(~remote), number, others)
+            continue
+        damage, why = others.defect(number)
+        if damage is not None:
+            # A remote frame of a message's identifier asks for the message, and is nobody's defect.
+            asks = pl.col("remote") if number in messages else pl.lit(value=False)
+            yield _defects(some.filter(~asks), damage, pl.concat_str(_frame(number), pl.lit(why)))
 
 
 def _of_service(frames: pl.DataFrame, cob_id: int, service: CanopenService) -> pl.DataFrame:
@@ -79,13 +82,6 @@ def _of_service(frames: pl.DataFrame, cob_id: int, service: CanopenService) -> p
     end = pl.lit(f" bytes of data, expected {service.expected}")
     words = pl.lit(f"{service.name} "), _frame(cob_id), pl.lit(": "), pl.col(LENGTH).cast(pl.String), end
     return _defects(frames.filter(is_wrong), Damage.WRONG_LENGTH, pl.concat_str(*words))
-
-
-def _of_unmapped(frames: pl.DataFrame, cob_id: int, others: Unmapped) -> pl.DataFrame:
-    damage, why = others.defect(cob_id)
-    if damage is None:
-        return _defects(frames.clear(), Damage.UNKNOWN_IDENTIFIER, pl.lit(""))
-    return _defects(frames, damage, pl.concat_str(_frame(cob_id), pl.lit(why)))
 
 
 def _frame(cob_id: int) -> pl.Expr:

@@ -1,6 +1,6 @@
 """Ready questions to a season: SQL for a table, and how its answer is drawn. These are for any devices.
 
-A report is a row; what a report needs to know of messages it gets from the table `messages`.
+A report is a row; what a report needs to know about messages it gets from the table `messages`.
 """
 
 from __future__ import annotations

@@ -138,7 +138,7 @@ class Season:
         """Keep queries in the season's folder for good; settings of our own have to be made before."""
         folder = str(self.folder).replace("'", "''")  # as the views spell it
         connection.execute(f"SET allowed_directories = ['{folder}']")
-        # Replacements: a name that is no table would be looked up among the variables of this program.
+        # Replacements: a name that is not a table would be looked up among the variables of this program.
         connection.execute("SET enable_external_access = false; SET python_enable_replacements = false")
         connection.execute("SET lock_configuration = true")  # or the query could allow itself everything again
 

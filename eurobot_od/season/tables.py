@@ -93,7 +93,7 @@ MAGIC = b"PAR1"
 
 
 def is_whole(file: Path) -> bool:
-    """Tell whether a Parquet file has its beginning and its end: one that was cut off or overwritten has not."""
+    """Tell whether a Parquet file has its beginning and its end: one that was cut off or overwritten does not."""
     try:
         with file.open("rb") as opened:
             head, size = opened.read(len(MAGIC)), opened.seek(0, os.SEEK_END)

@@ -66,7 +66,7 @@ class NetworkDecoding:
         self.others = Unmapped.of(network.dictionaries)
 
     def defects_of_others(self, frames: pl.DataFrame) -> Iterator[pl.DataFrame]:
-        """Yield what is wrong with frames that are no message's."""
+        """Yield what is wrong with frames that belong to no message."""
         return defects.of_others(frames, self.services, self.messages, self.others)
 
 

@@ -182,7 +182,7 @@ class MediumAccess:
         while not reading.complete:
             if not reading.take((yield RECESSIVE)):
                 return BusCondition.ERROR
-        # Looked at once, before the delimiter: what is read after it is no part of what the CRC protects.
+        # Looked at once, before the delimiter: what is read after it is not a part of what the CRC protects.
         intact = reading.intact
         if (yield RECESSIVE) == DOMINANT:  # the CRC delimiter
             return BusCondition.ERROR
@@ -211,16 +211,14 @@ class MediumAccess:
         # Rule c, exception 1: a passive transmitter that is alone does not count on.
         if not (passive and fault is BusCondition.NOT_ACKNOWLEDGED):
             self._note((TRANSMITTER_COUNTS if self.transmitting else RECEIVER_COUNTS)[fault])
-        flag = self._passive_flag(fault) if passive else self._dominant_flag()
-        failure = yield from flag
-        return failure if failure is not None else (yield from self._delimiter(fault))
-
-    def _dominant_flag(self) -> Field:
-        # An overload flag looks the same as an active error flag; the two differ only in what is counted.
-        for _ in range(FLAG):
-            if (yield DOMINANT) == RECESSIVE:
-                return BusCondition.FLAG_ERROR
-        return None
+        if passive:
+            yield from self._passive_flag(fault)
+        else:
+            # An overload flag looks the same as an active error flag; the two differ only in what is counted.
+            for _ in range(FLAG):
+                if (yield DOMINANT) == RECESSIVE:
+                    return BusCondition.FLAG_ERROR
+        return (yield from self._delimiter(fault))
 
     def _passive_flag(self, fault: BusCondition) -> Field:
         # Its own recessive bits disturb nobody, so it cannot force a flag: it waits for six equal bits on the bus.

@@ -50,7 +50,7 @@ BitErrors: TypeAlias = Callable[[Attempt], Iterable[Flip]]
 class Noise:
     """Bit errors of chance: each bit with a probability of `rate`, for everyone or for one controller.
 
-    Raises LocalError for a rate that is no probability, or above MOST.
+    Raises LocalError for a rate that is not a probability, or above MOST.
     """
 
     def __init__(self, rate: float, seed: int = 1, at: Controller | None = None) -> None:

@@ -78,17 +78,13 @@ class Counters(NamedTuple):
         # By either counter: one that sees errors nobody else sees must not go on destroying good frames.
         return ErrorState.PASSIVE if max(self) > PASSIVE_ABOVE else ErrorState.ACTIVE
 
+    @cache  # noqa: B019 (they are values: of each pair, at most 256 by 256, there is one)
     def after(self, rule: CountingRule) -> Counters:
         """Return the counters after an event; a frame received makes a receive counter above 127 one of 127."""
-        return _after(self, rule)
-
-
-@cache
-def _after(counters: Counters, rule: CountingRule) -> Counters:
-    step = STEPS[rule]
-    # The standard leaves open to which value between 119 and 127 it goes back.
-    received = min(counters.receive, PASSIVE_ABOVE + 1) if step.receive < 0 else counters.receive
-    return Counters(max(counters.transmit + step.transmit, 0), min(max(received + step.receive, 0), RECEIVE_LIMIT))
+        step = STEPS[rule]
+        # The standard leaves open to which value between 119 and 127 it goes back.
+        received = min(self.receive, PASSIVE_ABOVE + 1) if step.receive < 0 else self.receive
+        return Counters(max(self.transmit + step.transmit, 0), min(max(received + step.receive, 0), RECEIVE_LIMIT))
 
 
 FRESH = Counters()

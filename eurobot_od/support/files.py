@@ -25,7 +25,7 @@ ABANDONED = 60.0
 """Seconds after which a new file that has taken nobody's place was left by a crash."""
 
 NAME_BYTES = 4
-"""So many random bytes, in hexadecimal digits, make the name of a new file its own."""
+"""Random bytes, in hexadecimal digits, that make the name of a new file unique."""
 
 
 def write_whole(file: Path, content: bytes) -> None:

@@ -19,7 +19,7 @@ def load(file: Path) -> ModuleType:
     """Run a file as a module of its own, which may import what stands beside it.
 
     What the file prints while it is loaded goes to standard error. Raises LocalError, with the line of the file, if it
-    cannot be read, is no Python, or raises.
+    cannot be read, is not Python, or raises.
     """
     module = ModuleType(f"file {file.resolve()}")
     module.__file__ = str(file)

@@ -51,19 +51,19 @@ class ReadError(Exception):
     """A node that gave no value; the problems say why."""
 
 
-class Text(str):
+class PlacedText(str):
     """A text and its `place`."""
 
     place: Place
 
-    def __new__(cls, value: str, place: Place) -> Text:
+    def __new__(cls, value: str, place: Place) -> PlacedText:
         """Make `value` remember `place`."""
         self = super().__new__(cls, value)
         self.place = place
         return self
 
-    def __reduce__(self) -> tuple[type[Text], tuple[str, Place]]:
-        return Text, (str(self), self.place)  # what a copy, or another process, makes it from
+    def __reduce__(self) -> tuple[type[PlacedText], tuple[str, Place]]:
+        return PlacedText, (str(self), self.place)  # what a copy, or another process, makes it from
 
 
 class PlacedNumber(int):
@@ -144,15 +144,15 @@ def number(node: yaml.Node, problems: Problems) -> PlacedNumber:
     return PlacedNumber(int(node.value, 0), place_of(node.start_mark))
 
 
-def any_text(node: yaml.Node, problems: Problems) -> Text:
+def any_text(node: yaml.Node, problems: Problems) -> PlacedText:
     """Read a text; one that YAML takes for something else (`off`, `12:30`, `1.0`) has to be in quotes."""
     if not isinstance(node, yaml.ScalarNode) or node.tag != STRING:
         hint = ", which needs quotes to be one" if isinstance(node, yaml.ScalarNode) else ""
         refuse(node, problems, f"expected a text, found {shown(node)}{hint}")
-    return Text(node.value, place_of(node.start_mark))
+    return PlacedText(node.value, place_of(node.start_mark))
 
 
-def text(node: yaml.Node, problems: Problems) -> Text:
+def text(node: yaml.Node, problems: Problems) -> PlacedText:
     """Read a text of printable ASCII characters."""
     value = any_text(node, problems)
     if not (value.isascii() and value.isprintable()):
@@ -160,24 +160,24 @@ def text(node: yaml.Node, problems: Problems) -> Text:
     return value
 
 
-def scalar(node: yaml.Node, problems: Problems) -> Text:
+def scalar(node: yaml.Node, problems: Problems) -> PlacedText:
     """Read a single value as it is written, whatever YAML takes it for."""
     if not isinstance(node, yaml.ScalarNode):
         braces = isinstance(node, yaml.MappingNode) and node.flow_style
         hint = "; a text in { } needs quotes: '{t}'" if braces else ""
         refuse(node, problems, f"expected a single value, found {shown(node)}{hint}")
-    return Text(node.value, place_of(node.start_mark))
+    return PlacedText(node.value, place_of(node.start_mark))
 
 
-def number_or_text(node: yaml.Node, problems: Problems) -> PlacedNumber | Text:
+def number_or_text(node: yaml.Node, problems: Problems) -> PlacedNumber | PlacedText:
     """Read a number, or else a text."""
     return text(node, problems) if node.tag == STRING else number(node, problems)
 
 
-def matching(pattern: str, what: str) -> NodeReader[Text]:
+def matching(pattern: str, what: str) -> NodeReader[PlacedText]:
     """Make a reader of a text that matches all of a regular expression, called `what`."""
 
-    def read(node: yaml.Node, problems: Problems) -> Text:
+    def read(node: yaml.Node, problems: Problems) -> PlacedText:
         value = text(node, problems)
         if not re.fullmatch(pattern, value):
             refuse(node, problems, f"expected {what}, found {shown(node)}")
@@ -199,10 +199,20 @@ def listing(item: NodeReader[T], length: int | None = None) -> NodeReader[tuple[
     return read
 
 
-def mapping(value: NodeReader[T], key: NodeReader[Text] = text) -> NodeReader[dict[Text, T]]:
+def one_or_more(item: NodeReader[T]) -> NodeReader[tuple[T, ...]]:
+    """Make a reader of one item, or of a list of them."""
+    several = listing(item)
+
+    def read(node: yaml.Node, problems: Problems) -> tuple[T, ...]:
+        return several(node, problems) if isinstance(node, yaml.SequenceNode) else (item(node, problems),)
+
+    return read
+
+
+def mapping(value: NodeReader[T], key: NodeReader[PlacedText] = text) -> NodeReader[dict[PlacedText, T]]:
     """Make a reader of a mapping from texts to values, in the file's order, no key twice."""
 
-    def read(node: yaml.Node, problems: Problems) -> dict[Text, T]:
+    def read(node: yaml.Node, problems: Problems) -> dict[PlacedText, T]:
         pairs = pairs_of(node, problems, key)
         return dict(zip(pairs, read_all(((value, each) for each in pairs.values()), problems), strict=True))
 
@@ -236,11 +246,13 @@ def record(
     return read
 
 
-def pairs_of(node: yaml.Node, problems: Problems, read_key: NodeReader[Text] = text) -> dict[Text, yaml.Node]:
+def pairs_of(
+    node: yaml.Node, problems: Problems, read_key: NodeReader[PlacedText] = text
+) -> dict[PlacedText, yaml.Node]:
     """Return a mapping's keys with their values' nodes; a key that is given twice is a problem."""
     if not isinstance(node, yaml.MappingNode):
         refuse(node, problems, f"expected a mapping, `key: value`, found {shown(node)}")
-    pairs: dict[Text, yaml.Node] = {}
+    pairs: dict[PlacedText, yaml.Node] = {}
     for key_node, value_node in node.value:
         key = read_key(key_node, problems)
         if key in pairs:  # PyYAML would take the second without a word

@@ -8,15 +8,18 @@ address or the configured name, and the Origin, which no page can forge, must be
 from __future__ import annotations
 
 import hmac
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from http import HTTPStatus
 from ipaddress import ip_address
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 TOKEN = "token"
 """Name of the token in the first address, and of the cookie that keeps it."""
 
 LOCAL_NAME = "localhost"
+
+EVERYWHERE = {"0.0.0.0": "127.0.0.1", "::": "::1"}
+"""The name in the printed address of a server that listens at all addresses."""
 
 
 class Denial(NamedTuple):
@@ -31,6 +34,13 @@ class AccessRules(NamedTuple):
 
     host: str = "127.0.0.1"
     token: str = ""
+
+    def address(self, listening: Sequence[Any]) -> str:
+        """Return what to type into a browser for a server at a socket's address."""
+        host, port, *_ = listening  # two more numbers in IPv6
+        host = EVERYWHERE.get(host, host)
+        named = f"[{host}]" if ":" in host else host
+        return f"http://{named}:{port}/" + (f"?{TOKEN}={self.token}" if self.token else "")
 
     def refusal(self, headers: Mapping[str, str], shown: str, upgrade: bool = False) -> Denial | None:
         """Say why a request is refused, None if it is not; `shown` is the token that came with it.

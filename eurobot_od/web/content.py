@@ -64,7 +64,7 @@ def stop_message(panels: Sequence[type[Panel]]) -> str:
 
 
 def values(meaning: Meaning) -> list[Any] | None:
-    """Return a message's values for the page: numbers, None for unknown, words; None if it is no message."""
+    """Return a message's values for the page: numbers, None for unknown, words; None if it is not a message."""
     if meaning.message is None:
         return None
     written = kinds(type(meaning.message))

@@ -44,7 +44,7 @@ COMMANDS: Mapping[str, Callable[[Drive402], None]] = {
 }
 
 
-class Axis(NamedTuple):
+class AxisAddress(NamedTuple):
     """An axis of a drive, by its node-ID and its number from 1."""
 
     node_id: int
@@ -56,11 +56,11 @@ class Axis(NamedTuple):
         return (self.number - 1) * cia402.AXIS_STEP
 
 
-def axes_of(dictionary: Dictionary) -> list[Axis]:
+def axes_of(dictionary: Dictionary) -> list[AxisAddress]:
     """Return the axes of a device that says in 0x1000 that it is a drive; none of another one."""
     if profile_of(dictionary.objects) != cia402.PROFILE:
         return []
-    all_of_them = (Axis(dictionary.node_id, number) for number in range(1, cia402.MOST_AXES + 1))
+    all_of_them = (AxisAddress(dictionary.node_id, number) for number in range(1, cia402.MOST_AXES + 1))
     return [each for each in all_of_them if dictionary.variable((cia402.STATUSWORD + each.offset, 0))]
 
 
@@ -84,9 +84,9 @@ def machine_data() -> dict[str, Any]:
     }
 
 
-def quick_stops(master: Master, axes: Iterable[Axis]) -> Iterator[Frame]:
+def quick_stops(master: Master, axes: Iterable[AxisAddress]) -> Iterator[Frame]:
     """Yield the frames that write Quick stop into controlwords, for who waits for no transfer, and for no answer."""
-    content = UNSIGNED16.write(cia402.Command.QUICK_STOP.bits)
+    content = UNSIGNED16.write(cia402.DriveCommand.QUICK_STOP.bits)
     for each in axes:
         data = carrying(ClientCommand.DOWNLOAD, (cia402.CONTROLWORD + each.offset, 0), content)
         yield Frame(master.sdo_server(each.node_id).requests, data)
@@ -102,28 +102,28 @@ class Drives:
         self._master, self._clock = master, clock
         self._dictionaries = {each.node_id: each for each in dictionaries}
         self.axes = [axis for each in self._dictionaries.values() for axis in axes_of(each)]
-        self._jogs: dict[Axis, float] = {}
+        self._jogs: dict[AxisAddress, float] = {}
         self._stops = 0
 
-    def axis(self, node_id: int, number: object) -> Axis:
+    def axis(self, node_id: int, number: object) -> AxisAddress:
         """Return an axis; raises LocalError if there is no such one."""
         found = next((each for each in self.axes if (each.node_id, each.number) == (node_id, number)), None)
         if found is None:
             raise LocalError(f"node {node_id} has no axis {number} of CiA 402")
         return found
 
-    def _drive(self, axis: Axis) -> Drive402:
+    def _drive(self, axis: AxisAddress) -> Drive402:
         node = self._master.node(axis.node_id)
         return Drive402(node, self._dictionaries[axis.node_id], axis.number)
 
-    def command(self, axis: Axis, name: str) -> None:
+    def command(self, axis: AxisAddress, name: str) -> None:
         """Carry out a command; raises UnknownName, DriveError, and what SDO transfers raise."""
         if name not in COMMANDS:
             raise UnknownName("command of a drive", name, COMMANDS)
         self._jogs.pop(axis, None)
         self._unless_stopped(axis, COMMANDS[name])
 
-    def jog(self, axis: Axis, velocity: int) -> None:
+    def jog(self, axis: AxisAddress, velocity: int) -> None:
         """Turn at a velocity in the drive's units while `hold` is called; raises LocalError if it is not enabled."""
         drive = self._drive(axis)
         if (state := drive.state) is not State.ENABLED:
@@ -132,7 +132,7 @@ class Drives:
         self._jogs[axis] = self._clock() + HELD
         self._unless_stopped(axis, lambda each: setattr(each, "velocity", velocity))
 
-    def _unless_stopped(self, axis: Axis, act: Callable[[Drive402], None]) -> None:
+    def _unless_stopped(self, axis: AxisAddress, act: Callable[[Drive402], None]) -> None:
         before, drive = self._stops, self._drive(axis)
         try:
             act(drive)
@@ -140,7 +140,7 @@ class Drives:
             if self._stops != before:  # what was still on its way when somebody stopped it has no right any more
                 drive.quick_stop()
 
-    def hold(self, axis: Axis) -> None:
+    def hold(self, axis: AxisAddress) -> None:
         """Let a jog go on for a while; one that has ended stays so."""
         if axis in self._jogs:
             self._jogs[axis] = self._clock() + HELD

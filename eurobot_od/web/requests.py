@@ -28,7 +28,7 @@ from eurobot_od.pdo.message import Message
 from eurobot_od.pdo.written import parse
 from eurobot_od.profiles.words import with_words, words
 from eurobot_od.web import polled
-from eurobot_od.web.drives import LOOK, Axis, Drives, quick_stops
+from eurobot_od.web.drives import LOOK, AxisAddress, Drives, quick_stops
 from eurobot_od.web.polled import PolledObject
 from eurobot_od.web.session import Session
 
@@ -217,7 +217,9 @@ class Requests:
         """Stop what can be stopped."""
         if not self.stop_message:
             return self._stop_devices()
-        leaders, stop = self._leaders(), {"message": self.stop_message}
+        protocol, stop = self.session.decoder.protocol, {"message": self.stop_message}
+        plans = [protocol.binding(panel.plan) for panel in self.session.panels if panel.plan]
+        leaders = list(dict.fromkeys(node for plan in plans for node in plan.senders))  # who carries out a plan
         if not leaders:
             return self.send(stop)
         self.send(stop)
@@ -238,13 +240,6 @@ class Requests:
         others = [each.node_id for each in self.session.decoder.dictionaries if each.node_id not in drives]
         return ", ".join([*sent, *(self._send_nmt(NmtCommand.STOP, each) for each in others)])
 
-    def _leaders(self) -> list[str]:
-        """Return the nodes that carry out a plan, each once."""
-        senders = (
-            self.session.decoder.protocol.binding(panel.plan).senders for panel in self.session.panels if panel.plan
-        )
-        return list(dict.fromkeys(node for each in senders for node in each))
-
     def write(self, said: Arguments) -> None:
         """Write an object of a node; what its file does not allow is not sent."""
         node, thing = self._object(said)
@@ -255,7 +250,7 @@ class Requests:
 
     # Drives of CiA 402
 
-    def _axis(self, said: Arguments) -> Axis:
+    def _axis(self, said: Arguments) -> AxisAddress:
         return self.drives.axis(self._node_id(_text(said, "node")), said.get("axis"))
 
     def drive(self, said: Arguments) -> None:

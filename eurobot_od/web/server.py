@@ -47,9 +47,6 @@ HEADERS = {
 }
 """No other page may show, embed or read this one."""
 
-EVERYWHERE = {"0.0.0.0": "127.0.0.1", "::": "::1"}
-"""The name in the printed address of a server that listens at all addresses."""
-
 Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 
 
@@ -72,7 +69,7 @@ async def served(page: str, access: AccessRules, port: int, requests: Requests |
             await site.start()
         except OSError as error:
             raise LocalError(f"cannot listen at {access.host}:{port}: {error.strerror}") from error
-        yield _address(runner.addresses[0], access)
+        yield access.address(runner.addresses[0])
     finally:
         for task in tasks:
             task.cancel()
@@ -87,13 +84,6 @@ def _end_with(server: asyncio.Task[Any] | None, task: asyncio.Task[None]) -> Non
     # A page that stands still because its task has failed would look like a bus that is silent.
     if server is not None and not task.cancelled() and task.exception():
         server.cancel()
-
-
-def _address(listening: tuple[Any, ...], access: AccessRules) -> str:
-    host, port, *_ = listening  # two more numbers in IPv6
-    host = EVERYWHERE.get(host, host)
-    named = f"[{host}]" if ":" in host else host
-    return f"http://{named}:{port}/" + (f"?{TOKEN}={access.token}" if access.token else "")
 
 
 class _Server:

@@ -1,4 +1,4 @@
-"""Suites are read as they are written, and whatever is wrong in them is told with its place."""
+"""Suites are read as they are written, and whatever is wrong in them is reported with its place."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from tests.marks import marked
 RANGE = "'3001' is not allowed; allowed: 0..3000 mm; {raw: '008#...'} sends any bits"
 GOTO = "{Goto XY: {x: 1, y: 2, angle: 3, speed: 4}}"
 
-# Each row: a step, with ^ before the place of the problem, and what is said of it.
+# Each row: a step, with ^ before the place of the problem, and what is said about it.
 WRONG_STEPS = {
     # keys
     "no action": ("- ^{name: nothing}", "no action; a step has one of send, answer, expect, never"),
@@ -113,7 +113,7 @@ WRONG_STEPS = {
     "unknown field to save": ("- save: {t: ^Goto State Response.x}", "unknown field of Goto State Response 'x'"),
 }
 
-# Each row: a document, with ^ before the place of the problem, and what is said of it.
+# Each row: a document, with ^ before the place of the problem, and what is said about it.
 WRONG_DOCUMENTS = {
     "nothing": ("^", "the file is empty"),
     "no mapping": ("^- 1\n", "expected a mapping, `key: value`, found a list"),

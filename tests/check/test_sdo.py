@@ -1,4 +1,4 @@
-"""SDO steps against a drive whose answers are damaged on their way: each is told as what it is."""
+"""SDO steps against a drive whose answers are damaged on their way: each is reported as what it is."""
 
 from __future__ import annotations
 

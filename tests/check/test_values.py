@@ -1,4 +1,4 @@
-"""Expected values: what is written fits what it should, and what is no value is told."""
+"""Expected values: what is written fits what it should, and what is not a value is reported."""
 
 from __future__ import annotations
 

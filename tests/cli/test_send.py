@@ -23,7 +23,7 @@ DIAMETERS = ["enemy_1_diameter=45", "enemy_2_diameter=33"]
 
 @contextmanager
 def hearing(bus: can.BusABC, heard: Callable[[can.Message], None]) -> Iterator[None]:
-    """Have a function called with what comes on a bus; python-can's notifier is no context manager before 4.6."""
+    """Have a function called with what comes on a bus; python-can's notifier is not a context manager before 4.6."""
     notifier = can.Notifier(bus, [heard])
     try:
         yield

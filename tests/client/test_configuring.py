@@ -10,7 +10,7 @@ import canopen
 import pytest
 from canopen.sdo.exceptions import SdoAbortedError
 
-from eurobot_od.client.configure import Chapter, Configured, apply, configure, difference, is_parameter
+from eurobot_od.client.configure import Configured, DictionaryArea, apply, configure, difference, is_parameter
 from eurobot_od.client.description import Description, from_file
 from eurobot_od.client.master import RemoteNode
 from eurobot_od.client.procedure import Procedure
@@ -189,15 +189,15 @@ def test_storing_and_the_reset_can_be_left_out(
 @pytest.mark.parametrize(
     ("chapters", "changed"),
     [
-        ([Chapter.COMMUNICATION], [HEARTBEAT]),
-        ([Chapter.PDO], [COB_ID, ENTRY]),
-        ([Chapter.MANUFACTURER], [SPEED]),
-        ([Chapter.PROFILE], []),
-        ([*Chapter], [HEARTBEAT, COB_ID, ENTRY, SPEED]),
+        ([DictionaryArea.COMMUNICATION], [HEARTBEAT]),
+        ([DictionaryArea.PDO], [COB_ID, ENTRY]),
+        ([DictionaryArea.MANUFACTURER], [SPEED]),
+        ([DictionaryArea.PROFILE], []),
+        ([*DictionaryArea], [HEARTBEAT, COB_ID, ENTRY, SPEED]),
     ],
 )
 def test_chapters_of_a_file_are_configured_alone(
-    make: Callable[..., Description], chapters: list[Chapter], changed: list[Address]
+    make: Callable[..., Description], chapters: list[DictionaryArea], changed: list[Address]
 ) -> None:
     with robot("drive") as channel, master_on(channel) as master:
         plan = difference(master.node(2), make(NEW), chapters)
@@ -205,7 +205,7 @@ def test_chapters_of_a_file_are_configured_alone(
         if changed:
             apply(master.node(2), plan, NOW)
         marked = master.node(2).upload((0x1020, 1)) == NOW_BYTES[0]
-        assert marked is (len(chapters) == len(Chapter))  # only the whole file is a verified configuration
+        assert marked is (len(chapters) == len(DictionaryArea))  # only the whole file is a verified configuration
 
 
 def test_an_object_that_can_only_be_written_is_written_and_not_compared(make: Callable[..., Description]) -> None:

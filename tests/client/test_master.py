@@ -107,7 +107,7 @@ def test_a_refusal_names_node_object_and_abort(address: tuple[int, int], data: b
     "answers",
     [
         [],  # nobody there
-        [b""],  # a frame without data is no answer
+        [b""],  # a frame without data is not an answer
         [EXPEDITED_TWO_BYTES[:5]],  # nor is one that is too short
         [SEGMENTED_100_BYTES],  # an answer that ends after its first frame
     ],

@@ -1,4 +1,4 @@
-"""Reading all of a node: what it refuses is told and left out, and its DCF makes another node like it."""
+"""Reading all of a node: what it refuses is reported and left out, and its DCF makes another node like it."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def test_everything_that_can_be_read_is_read() -> None:
     assert readings[0x1008, 0].value == "Eurobot 2014 drive"
     assert readings[0x1403, 1].value == 8
     assert readings[0x1003, 1] == ObjectReading(readings[0x1003, 1].thing, None, "No data available")
-    assert (0x1021, 0) not in readings  # the EDS itself is no value to look at
+    assert (0x1021, 0) not in readings  # the EDS itself is not a value to look at
 
 
 def test_parameters_are_what_can_be_set_and_is_no_process_data() -> None:

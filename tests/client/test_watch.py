@@ -22,7 +22,7 @@ FOUND, BOOTED, LOST, BACK = NodeChange.FOUND, NodeChange.BOOTED, NodeChange.LOST
         (0.0, [5.0], inf),  # one heartbeat says nothing of a period
         (0.0, [5.0, 5.5], 6.5),  # what is heard does
         (1.0, [5.0, 15.0], 35.0),  # and counts more than what it should be
-        (0.0, [1.0, 1.1, 1.2, 61.2, 61.3], 61.5),  # a long silence is no period
+        (0.0, [1.0, 1.1, 1.2, 61.2, 61.3], 61.5),  # a long silence is not a period
     ],
 )
 def test_the_deadline_of_a_pulse(period: float, beats: list[float], deadline: float) -> None:

@@ -44,13 +44,13 @@ def test_a_node_is_watched_from_its_first_heartbeat_on() -> None:
 def test_a_boot_up_message_alone_begins_nothing_and_ends_nothing() -> None:
     consumer = HeartbeatConsumer()
     consumer.configure([0x000207D0])
-    assert consumer.heard(DRIVE, 0.0, boot_up=True) is False
+    assert consumer.booted(DRIVE, 0.0) is False
     assert consumer.next == inf
     consumer.heard(DRIVE, 1.0)
-    consumer.heard(DRIVE, 2.0, boot_up=True)  # it has heartbeats: they are awaited from here on
+    consumer.booted(DRIVE, 2.0)  # it has heartbeats: they are awaited from here on
     assert consumer.next == 4.0
     assert consumer.overdue(4.0) == [DRIVE]
-    assert consumer.heard(DRIVE, 5.0, boot_up=True) is True
+    assert consumer.booted(DRIVE, 5.0) is True
     assert consumer.next == inf
 
 
@@ -61,9 +61,9 @@ def test_a_silent_node_is_lost_once_and_comes_back() -> None:
     assert consumer.overdue(1.999) == []
     assert consumer.overdue(2.0) == [DRIVE]
     assert consumer.overdue(9.0) == []
-    assert consumer.lost == {DRIVE}
+    assert consumer.missed == {DRIVE}
     assert consumer.heard(DRIVE, 10.0) is True
-    assert consumer.lost == set()
+    assert consumer.missed == set()
 
 
 def test_what_is_configured_anew_is_watched_anew_and_the_rest_goes_on() -> None:

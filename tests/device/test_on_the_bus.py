@@ -9,7 +9,7 @@ from eurobot_od.frame import Frame
 from eurobot_od.robot import dialects
 from eurobot_od.robot.model.messages import StopDrive
 from eurobot_od.robot.model.values import Outcome, TeamColour
-from eurobot_od.robot.nodes.motion import Command, IdealChassis, Odometry
+from eurobot_od.robot.nodes.motion import IdealChassis, Odometry, WheelCommand
 from tests.robot.nodes.harness import Bench, Peer
 
 SILENT = bytes.fromhex("3081")
@@ -98,7 +98,7 @@ def test_polling_goes_on_after_a_time_in_which_nothing_may_be_sent() -> None:
 class Stuck:
     """Wheels that do not turn, whatever they are told."""
 
-    def advance(self, command: Command, dt: float) -> Odometry:
+    def advance(self, command: WheelCommand, dt: float) -> Odometry:
         return Odometry(0.0, 0.0)
 
 

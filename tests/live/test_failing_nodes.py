@@ -18,7 +18,7 @@ from eurobot_od.robot import dialects
 from eurobot_od.robot.model.messages import CheckDriveRequest, CheckDriveResponse, GotoXY, StartConfigurationSet
 from eurobot_od.robot.model.values import TeamColour
 from eurobot_od.robot.nodes import Drive
-from eurobot_od.robot.nodes.motion import AT_REST, Command, Odometry
+from eurobot_od.robot.nodes.motion import AT_REST, Odometry, WheelCommand
 from eurobot_od.robot.nodes.node import Handlers
 from eurobot_od.robot.protocol import EurobotProtocol
 from eurobot_od.support.backoff import FIRST_PAUSE
@@ -41,7 +41,7 @@ class BrokenChassis:
     def __init__(self) -> None:
         self.broken, self.at_rest = False, Flag()
 
-    def advance(self, command: Command, dt: float) -> Odometry:
+    def advance(self, command: WheelCommand, dt: float) -> Odometry:
         if command == AT_REST:
             if self.broken:
                 self.at_rest.set()

@@ -25,7 +25,7 @@ from eurobot_od.live.links import (
 
 
 def said(name: str, flags: list[str], **linkinfo: Any) -> dict[str, Any]:
-    """What `ip -details -json link` of iproute2 6.1 says of an interface, as far as it matters."""
+    """What `ip -details -json link` of iproute2 6.1 says about an interface, as far as it matters."""
     return {"ifname": name, "flags": flags, "mtu": 16, "operstate": "UP", "link_type": "can", "linkinfo": linkinfo}
 
 

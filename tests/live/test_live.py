@@ -506,7 +506,7 @@ def test_a_driver_that_refuses_costs_a_frame_after_50_ms_and_says_so(driver: Dri
         counts = live.gatekeeper.statistics().transmit
     assert (report.name, report.text) == ("0x340", "340# found no mailbox for 50 ms, 1 dropped so far")
     assert (counts.submitted, counts.dropped, counts.loaded, counts.completed) == (4, 1, 3, 0)
-    assert live.failure is None  # a full buffer is no failure of the bus
+    assert live.failure is None  # a full buffer is not a failure of the bus
 
 
 def test_a_driver_that_blocks_keeps_no_caller_waiting_and_what_waits_leaves_by_urgency(driver: Driver) -> None:

@@ -73,7 +73,7 @@ CROWDED = [
 INVERSIONS = [
     (4, None, 190),  # enough of them: only the frame on the bus is waited for
     (3, 2, 190 + 370),  # a frame on the bus, that of node b, and the first of the three, before there is a mailbox
-    (2, 3, 190 + 370),  # the less urgent of two that can wait as long is told
+    (2, 3, 190 + 370),  # the less urgent of two that can wait as long is named
     (1, 3, 190 + 370),
 ]
 

@@ -1,4 +1,4 @@
-"""The messages of a network: what EDS files send by themselves, and what a network file says of the rest."""
+"""The messages of a network: what EDS files send by themselves, and what a network file says about the rest."""
 
 from __future__ import annotations
 

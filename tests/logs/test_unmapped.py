@@ -1,4 +1,4 @@
-"""Frames of PDOs that are no messages: switched off, multiplexed, with 29 bits, or in no file."""
+"""Frames of PDOs that are not messages: switched off, multiplexed, with 29 bits, or in no file."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The DCF writer: the lines of the EDS stay, another reader finds the values, and a file that was cut off is told."""
+"""The DCF writer: the lines of the EDS stay, another reader finds the values, and a cut-off file is noticed."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The tolerant reader keeps places, and turns everything that is no EDS into an oddity."""
+"""The tolerant reader keeps places, and turns everything that is not an EDS into an oddity."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ PLACES = [
     (b"[A]\nKey = 1 \n", "key", "1", 2, 7),  # blanks around
     (b"[A]\n\tKEY=1\n", "key", "1", 2, 6),  # a tab before, another case
     (b"[A]\n;Key=0\nKey=1 ; one\n", "key", "1", 3, 5),  # comments
-    (b"[A]\nKey=a;b\n", "key", "a;b", 2, 5),  # a semicolon inside a word is no comment
+    (b"[A]\nKey=a;b\n", "key", "a;b", 2, 5),  # a semicolon inside a word is not a comment
     (b"[A]\nKey=a=b\n", "key", "a=b", 2, 5),  # only the first = separates
     (b"[A]\nKey=\n", "key", "", 2, 5),
     (b"[ a ]\nKey=1\n", "key", "1", 2, 5),

@@ -1,4 +1,4 @@
-"""What a mapped object's name says of its bits."""
+"""What a mapped object's name says about its bits."""
 
 from __future__ import annotations
 

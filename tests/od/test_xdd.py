@@ -118,7 +118,7 @@ def test_lint_points_at_the_element() -> None:
     assert [each for each in lint(XDD.encode(), "clean.xdd") if each.code != "W210"] == []
 
 
-# What is no device description
+# What is not a device description
 
 BOMB = '<?xml version="1.0"?><!DOCTYPE x [<!ENTITY a "aaaa"><!ENTITY b "&a;&a;">]><x>&b;</x>'
 NO_XML = [

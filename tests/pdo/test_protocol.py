@@ -100,7 +100,7 @@ FRAMES: list[tuple[Message, str]] = [
     (CheckDriveResponse(), "400#"),
 ]
 
-# What may not be sent: the message, the field that is told, and what is said to be allowed.
+# What may not be sent: the message, the field that is named, and what is said to be allowed.
 FORBIDDEN: list[tuple[Message, str, str]] = [
     (EmergencyStop(OutOfRange(2)), "obstacle", "object (0), enemy (1)"),
     (GOTO._replace(x=3001), "x", "0..3000 mm"),
@@ -453,7 +453,7 @@ def test_2014_unmasked_obstacle_byte() -> None:
         EmergencyStop(Obstacle.OBJECT),
         EmergencyStop(Obstacle.ENEMY),
     ]
-    # The robot's own frames have the whole byte: what is no obstacle is flagged, not taken for one.
+    # The robot's own frames have the whole byte: what is not an obstacle is flagged, not taken for one.
     for byte in range(2, 256):
         message = FIRMWARE.decode(0x002, bytes([byte]))
         assert message == EmergencyStop(OutOfRange(byte))

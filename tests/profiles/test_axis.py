@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 import pytest
 from canopen.profiles.p402 import State402
 
-from eurobot_od.profiles.cia402 import TRANSITIONS, Command, State
+from eurobot_od.profiles.cia402 import TRANSITIONS, DriveCommand, State
 from eurobot_od.profiles.motion import Plant
 from tests.profiles.bench import Bench
 
@@ -85,7 +85,7 @@ def test_each_command_in_each_state(before: str, word: str, after: str) -> None:
 
 def test_the_table_of_arrows_is_that_of_canopen() -> None:
     ours = {(each.before.words.upper(), each.after.words.upper()): each for each in TRANSITIONS}
-    theirs = {arrow for arrow in State402.TRANSITIONTABLE if arrow[0] != "START"}  # power-on is no arrow of ours
+    theirs = {arrow for arrow in State402.TRANSITIONTABLE if arrow[0] != "START"}  # power-on is not an arrow of ours
     # 7 and 10 are theirs once, by Disable voltage.
     assert ours.keys() == theirs
     assert sorted({each.number for each in TRANSITIONS}) == [*range(1, 13), 14, 15, 16]
@@ -96,9 +96,9 @@ def test_each_state_has_bits_of_its_own(state: State) -> None:
     assert [other for other in State if state.bits & other.mask == other.bits] == [state]
 
 
-@pytest.mark.parametrize("command", Command)
-def test_each_command_has_bits_of_its_own(command: Command) -> None:
-    assert [other for other in Command if command.bits & other.mask == other.bits] == [command]
+@pytest.mark.parametrize("command", DriveCommand)
+def test_each_command_has_bits_of_its_own(command: DriveCommand) -> None:
+    assert [other for other in DriveCommand if command.bits & other.mask == other.bits] == [command]
 
 
 def test_a_fault_is_reset_by_a_rising_edge_alone() -> None:

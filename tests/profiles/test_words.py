@@ -11,7 +11,7 @@ from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.profiles.words import words, written
 from tests.client.servo import DOCS, SERVO, servo
 
-# From CiA 402-2's figures of the two words; the bits that are no word's are set here and there.
+# From CiA 402-2's figures of the two words; the bits that belong to no word are set here and there.
 STATUSWORDS = {
     0x0000: "Not ready to switch on",
     0x0040: "Switch on disabled",

@@ -14,7 +14,7 @@ from eurobot_od.robot.model import robot_file
 from eurobot_od.robot.model.facts import Barrier
 from eurobot_od.robot.model.places import Point, Pose, normalise, turn
 from eurobot_od.robot.model.values import Barriers, Passage
-from eurobot_od.robot.nodes.motion import AT_REST, Command, IdealChassis, Motion, MotionLimits
+from eurobot_od.robot.nodes.motion import AT_REST, IdealChassis, Motion, MotionLimits, WheelCommand
 from eurobot_od.robot.nodes.route import Clearances, find_route
 
 FACTS = robot_file.read()
@@ -35,8 +35,8 @@ ways = st.lists(points, min_size=1, max_size=3)
 speeds = st.integers(20, 100)
 rollings = st.one_of(
     st.just(AT_REST),
-    st.builds(Command, st.floats(-800.0, 800.0), st.just(0.0)),
-    st.builds(Command, st.just(0.0), st.floats(-240.0, 240.0)),
+    st.builds(WheelCommand, st.floats(-800.0, 800.0), st.just(0.0)),
+    st.builds(WheelCommand, st.just(0.0), st.floats(-240.0, 240.0)),
 )
 """What the wheels were told before: a robot that drives straight or turns."""
 
@@ -123,7 +123,7 @@ def test_a_goto_arrives(start: Pose, way_points: list[Point], angle: float, spee
 
 @given(poses, ways, angles, speeds, st.booleans(), rollings)
 def test_the_remaining_time_is_honest_and_falls(
-    start: Pose, way_points: list[Point], angle: float, speed: int, backward: bool, rolling: Command
+    start: Pose, way_points: list[Point], angle: float, speed: int, backward: bool, rolling: WheelCommand
 ) -> None:
     """At every state request within 10 % of the truth, or 100 ms.
 

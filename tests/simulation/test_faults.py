@@ -82,7 +82,7 @@ REPORTED = {
     "15 errors are nothing to report": (15, []),
     "after 16 it is error passive": (16, [ErrorCode.ERROR_PASSIVE]),
     "and that once": (25, [ErrorCode.ERROR_PASSIVE]),
-    # Error passive is told when it is back: until then it sent nothing.
+    # Error passive is reported when it is back: until then it sent nothing.
     "after 32 it is bus-off, and comes back": (32, [ErrorCode.ERROR_PASSIVE, ErrorCode.RECOVERED_FROM_BUS_OFF]),
 }
 

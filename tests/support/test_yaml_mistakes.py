@@ -1,4 +1,4 @@
-"""Text that is no YAML is told in words, at the place where the parser has noticed it."""
+"""Text that is not YAML is reported in words, at the place where the parser has noticed it."""
 
 from __future__ import annotations
 

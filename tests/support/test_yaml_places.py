@@ -14,9 +14,9 @@ from eurobot_od.support.yaml_places import (
     PARSERS,
     Place,
     PlacedNumber,
+    PlacedText,
     Problems,
     ReadError,
-    Text,
     any_text,
     compose,
     compose_all,
@@ -138,8 +138,8 @@ def test_takes_what_only_looks_the_same() -> None:
     assert problems == []
 
 
-@pytest.mark.parametrize("value", [Text("x", Place(2, 3)), PlacedNumber(7, Place(4, 5))])
-def test_a_copy_has_the_place_as_well(value: Text | PlacedNumber) -> None:
+@pytest.mark.parametrize("value", [PlacedText("x", Place(2, 3)), PlacedNumber(7, Place(4, 5))])
+def test_a_copy_has_the_place_as_well(value: PlacedText | PlacedNumber) -> None:
     copy = pickle.loads(pickle.dumps(value))
     assert (copy, type(copy), copy.place) == (value, type(value), value.place)
 

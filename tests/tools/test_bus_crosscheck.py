@@ -23,7 +23,7 @@ def test_nothing_is_later_than_its_bound_and_something_is_near_it(number: int, r
 
 
 def test_errors_make_messages_late_and_are_needed_in_the_analysis(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(bus_crosscheck, "STRUCK", 0.3)
+    monkeypatch.setattr(bus_crosscheck, "SPOILED", 0.3)
     monkeypatch.setattr(analysis.BitErrors, "within", lambda *_: 0)
     assert attempt(5, 2000, bus_crosscheck.RATES[1]).over
 

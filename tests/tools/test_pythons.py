@@ -1,4 +1,4 @@
-"""Other Pythons: which one is found, and what is said of one that is not here."""
+"""Other Pythons: which one is found, and what is said about one that is not here."""
 
 from __future__ import annotations
 

@@ -36,11 +36,11 @@ def test_admitted(access: AccessRules, headers: dict[str, str], shown: str, upgr
         (LOCAL, {"Host": "127.0.0.1:8014", "Origin": "http://127.0.0.1:9999"}, "", True, 403, "another page"),
         (LOCAL, {"Host": "127.0.0.1:8014", "Origin": "https://127.0.0.1:8014"}, "", True, 403, "another page"),
         (LOCAL, {"Host": "127.0.0.1:8014", "Origin": "null"}, "", False, 403, "another page"),  # a file, a sandbox
-        (LOCAL, {"Host": "127.0.0.1:8014"}, "", True, 403, "another page"),  # a websocket that is no browser's
+        (LOCAL, {"Host": "127.0.0.1:8014"}, "", True, 403, "another page"),  # a websocket that belongs to no browser
         (OPEN, {"Host": "192.0.2.7:8014"}, "", False, 401, "missing or wrong"),
         (OPEN, {"Host": "192.0.2.7:8014"}, "righ", False, 401, "missing or wrong"),
         (OPEN, {"Host": "192.0.2.7:8014"}, "räight", False, 401, "missing or wrong"),
-        (OPEN, {"Host": "192.0.2.7:8014"}, "right\udcff", False, 401, "missing or wrong"),  # a byte that is no text
+        (OPEN, {"Host": "192.0.2.7:8014"}, "right\udcff", False, 401, "missing or wrong"),  # a byte that is not text
         (OPEN, {"Host": "evil.example"}, "right", False, 403, "is not this server"),
     ],
 )
@@ -55,3 +55,16 @@ def test_refused(
 def test_only_loopback_needs_no_token() -> None:
     assert [is_local(each) for each in ("127.0.0.1", "127.1.2.3", "::1", "localhost")] == [True] * 4
     assert [is_local(each) for each in ("0.0.0.0", "::", "192.0.2.7", "robot.local")] == [False] * 4
+
+
+@pytest.mark.parametrize(
+    ("access", "listening", "address"),
+    [
+        (LOCAL, ("127.0.0.1", 8014), "http://127.0.0.1:8014/"),
+        (OPEN, ("0.0.0.0", 8014), "http://127.0.0.1:8014/?token=right"),  # a browser can go to no 0.0.0.0
+        (OPEN, ("::", 8014, 0, 0), "http://[::1]:8014/?token=right"),  # two more numbers in IPv6
+        (LOCAL, ("fe80::1", 80, 0, 2), "http://[fe80::1]:80/"),
+    ],
+)
+def test_the_address_to_type(access: AccessRules, listening: tuple[object, ...], address: str) -> None:
+    assert access.address(listening) == address

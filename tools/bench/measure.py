@@ -97,7 +97,7 @@ class Series:
     """Contenders that are measured in turns, and what is claimed of them.
 
     `open` prepares, gives the contenders by name, and cleans up; it may raise NotHere or Wrong. What takes next to no
-    time is measured `often`: in so many times as many rounds, as it takes more of them to meet a quiet moment.
+    time is measured in `often` times as many rounds, as it takes more of them to meet a quiet moment.
     """
 
     group: str
@@ -145,7 +145,7 @@ class Measured:
 
 
 class Verdict(Enum):
-    """What the figures say of a claim."""
+    """What the figures say about a claim."""
 
     REACHED = "reached"
     MISSED = "missed"

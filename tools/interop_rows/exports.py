@@ -63,7 +63,7 @@ def by_compiler(folder: Path) -> Answer:
 
 
 def compare_c(protocol: Protocol, messages: Sequence[DescribedMessage], folder: Path, frames: int) -> None:
-    """Raise Differs if the header of the messages reads or writes a frame otherwise than the protocol."""
+    """Raise Differs if the header of the messages reads or writes a frame differently from the protocol."""
     wanted = samples(protocol, frames)
     judge = compiled(c.header_of(messages, NAME), program(c.blocks_of(messages, NAME)), folder)
     asked, answers = folder / "asked", folder / "answers"

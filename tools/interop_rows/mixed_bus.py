@@ -36,7 +36,7 @@ OURS: Mapping[str, tuple[str, ...]] = {
 
 PDO = re.compile(r"PDO(?P<number>\d) \((?P<way>tx|rx)\)")
 UNNAMED = re.compile(r"Unknown|ID: |Ext\. ID: ")
-"""What tshark says of a frame that it knows no service for."""
+"""What tshark says about a frame that it knows no service for."""
 
 
 def named_by_tshark(folder: Path) -> Answer:

@@ -14,7 +14,7 @@ from interop_rows.tools import Tool
 
 
 class Judgement(Enum):
-    """What an answer says of the tool and us."""
+    """What an answer says about the tool and us."""
 
     AGREES = "agrees"
     LIMIT = "agrees with a limit"

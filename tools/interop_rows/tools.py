@@ -155,4 +155,4 @@ CAN_UTILS = _of_debian("can-utils", "candump", "cansend")._replace(
     remedy="apt-get install can-utils, on a kernel with SocketCAN: ip link add vcan0 type vcan; ip link set vcan0 up",
     in_ci=False,
 )
-"""Its absence is no error in CI: many a machine's kernel has no SocketCAN."""
+"""Its absence is not an error in CI: many a machine's kernel has no SocketCAN."""

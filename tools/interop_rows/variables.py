@@ -34,7 +34,7 @@ def by_stock_pdos(_: Path) -> Answer:
 
 
 def compare(binding: Binding, pdo: Any, count: int) -> None:
-    """Raise Differs unless canopen reads and writes so many frames of a message as we do."""
+    """Raise Differs unless canopen reads and writes `count` frames of a message as we do."""
     for data in frames(binding, count):
         read(binding, pdo, data)
         write(binding, pdo, data)
@@ -51,7 +51,7 @@ def stock_pdos(folder: Path) -> Iterator[tuple[Binding, Any]]:
 
 
 def frames(binding: Binding, count: int) -> Iterator[bytes]:
-    """Give so many random frames of a message, in turn of each length that it may have."""
+    """Give random frames of a message, of each length that it may have in turn."""
     chance = random.Random(binding.name)
     for number in range(count):
         yield chance.randbytes(binding.lengths[number % len(binding.lengths)])

@@ -1,4 +1,4 @@
-"""CiA's conformance test tool (CTT): the tests of its list, and what a run of ours says of each.
+"""CiA's conformance test tool (CTT): the tests of its list, and what a run of ours says about each.
 
 Rule of this file: numbers are the tool's, words are ours. A test of it that a device cannot be asked is skipped with
 the reason; it counts as executed only if a step of ours was passed or failed.
@@ -173,7 +173,7 @@ class CttResult(NamedTuple):
 
 
 def results_of(results: Iterable[SuiteResult], file_errors: Sequence[str]) -> list[CttResult]:
-    """Return what a run says of each test; `file_errors` are lint's errors in the device's file."""
+    """Return what a run says about each test; `file_errors` are lint's errors in the device's file."""
     steps = [(StepName.of(step.name), step) for result in results for step in result.steps]
     found: dict[str, dict[Verdict, str]] = {
         LINT: {Verdict.FAILED: file_errors[0]} if file_errors else {Verdict.PASSED: ""}

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
-from eurobot_od.check.conformance.profile import Needs, ProfileClauses
+from eurobot_od.check.conformance.profile import Needs, ProfileClauses, allowed_steps
 from eurobot_od.check.conformance.subject import Subject, awake, group, read, skip, title, write
 from eurobot_od.check.conformance.writing import Data, documents, hexadecimal
 from eurobot_od.check.format import VERSION
@@ -18,7 +18,7 @@ from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.standard import CONSUMED_HEARTBEATS
 from eurobot_od.od.values import ERROR_CONTROL_BASE, Address
 from eurobot_od.profiles import cia402
-from eurobot_od.profiles.cia402 import ARROWS, POWERED, Command, Mode, State
+from eurobot_od.profiles.cia402 import ARROWS, POWERED, DriveCommand, Mode, State
 from eurobot_od.sdo.wire import ClientCommand, initiate
 
 TAG = "profile"
@@ -41,16 +41,11 @@ class MotionBounds(NamedTuple):
 
 
 class TestedDrive(NamedTuple):
-    """A drive under test, and what may be done with it; `motion` None: the motor gets no torque."""
+    """A drive under test, and which steps may be done; `motion` None: the motor gets no torque."""
 
     subject: Subject
-    reversible: bool
+    allowed: frozenset[Needs]
     motion: MotionBounds | None
-
-    def may(self, needs: Needs) -> bool:
-        """Tell whether a step may be done."""
-        allowed = {Needs.READING: True, Needs.REVERSIBLE: self.reversible, Needs.MOTION: self.motion is not None}
-        return allowed.get(needs, False)
 
     def has(self, index: int) -> bool:
         """Tell whether the file has an object."""
@@ -77,6 +72,7 @@ _clause = CLAUSES.clause
 
 def _digits(mask: int, bits: int) -> str:
     """Return the pattern of a byte that has these bits."""
+    # Patterns compare digits: of each four bits of the mask come the digits that it lets through.
     digits = ""
     for m, b in ((mask >> 4, bits >> 4), (mask & 15, bits & 15)):
         allowed = "".join(f"{n:X}" for n in range(16) if n & m == b)
@@ -103,23 +99,23 @@ def _command(word: int, name: str) -> Data:
     return write(f"{name} ({hexadecimal(word)})", (cia402.CONTROLWORD, 0), value=word)
 
 
-def _commanded(command: Command) -> Data:
+def _commanded(command: DriveCommand) -> Data:
     return _command(command.bits, command.words)
 
 
-WAYS: dict[State, tuple[Command, ...]] = {
+WAYS: dict[State, tuple[DriveCommand, ...]] = {
     State.DISABLED: (),
-    State.READY: (Command.SHUTDOWN,),
-    State.SWITCHED_ON: (Command.SHUTDOWN, Command.SWITCH_ON),
-    State.ENABLED: (Command.SHUTDOWN, Command.SWITCH_ON, Command.ENABLE),
-    State.QUICK_STOP: (Command.SHUTDOWN, Command.SWITCH_ON, Command.ENABLE, Command.QUICK_STOP),
+    State.READY: (DriveCommand.SHUTDOWN,),
+    State.SWITCHED_ON: (DriveCommand.SHUTDOWN, DriveCommand.SWITCH_ON),
+    State.ENABLED: (DriveCommand.SHUTDOWN, DriveCommand.SWITCH_ON, DriveCommand.ENABLE),
+    State.QUICK_STOP: (DriveCommand.SHUTDOWN, DriveCommand.SWITCH_ON, DriveCommand.ENABLE, DriveCommand.QUICK_STOP),
 }
 """The commands that bring a drive from Switch on disabled into each state."""
 
 
 def _into(drive: TestedDrive, state: State) -> Iterator[Data]:
     """Bring the drive into a state, each arrow seen."""
-    yield _commanded(Command.DISABLE_VOLTAGE)
+    yield _commanded(DriveCommand.DISABLE_VOLTAGE)
     yield _state(drive, State.DISABLED)
     present = State.DISABLED
     for command in WAYS[state]:
@@ -129,7 +125,7 @@ def _into(drive: TestedDrive, state: State) -> Iterator[Data]:
 
 
 def _off(drive: TestedDrive) -> Iterator[Data]:
-    yield _commanded(Command.DISABLE_VOLTAGE)
+    yield _commanded(DriveCommand.DISABLE_VOLTAGE)
     yield _state(drive, State.DISABLED)
 
 
@@ -152,16 +148,9 @@ def _objects(drive: TestedDrive) -> Iterator[Data]:
 # State machine
 
 
-def _cell(drive: TestedDrive, before: State, command: Command, after: State) -> Data:
-    reset = [_command(0, "no command")] * (command is Command.FAULT_RESET)  # it is a rising edge
-    name = f"{command.words} in {before.words}: {'stays' if before is after else after.words}"
-    steps = (*_into(drive, before), *reset, _commanded(command), _state(drive, after), *_off(drive))
-    return group(name, *steps)
-
-
-LEADS_TO: Mapping[tuple[State, Command | None], State] = {
+LEADS_TO: Mapping[tuple[State, DriveCommand | None], State] = {
     **{pair: arrow.after for pair, arrow in ARROWS.items()},
-    (State.READY, Command.ENABLE): State.ENABLED,  # two arrows with one command (CiA 402-2, table of commands)
+    (State.READY, DriveCommand.ENABLE): State.ENABLED,  # two arrows with one command (CiA 402-2, table of commands)
 }
 """The state after a command, by the state before; a command that is not here leaves the state as it is."""
 
@@ -169,12 +158,15 @@ LEADS_TO: Mapping[tuple[State, Command | None], State] = {
 def _table(drive: TestedDrive, powered: bool) -> Iterator[Data]:
     """Give the rows of the state machine: each command in each state, those with torque or those without."""
     for before in (State.DISABLED, State.READY, State.SWITCHED_ON, State.ENABLED):
-        for command in Command:
+        for command in DriveCommand:
             after = LEADS_TO.get((before, command), before)
             # In states with torque "no command", which precedes a fault reset, is Disable voltage.
-            edge = command is Command.FAULT_RESET and before is not State.DISABLED
-            if not edge and powered is bool({before, after} & {*POWERED}) and after is not State.QUICK_STOP:
-                yield _cell(drive, before, command, after)
+            edge = command is DriveCommand.FAULT_RESET and before is not State.DISABLED
+            if edge or powered is not bool({before, after} & {*POWERED}) or after is State.QUICK_STOP:
+                continue
+            reset = [_command(0, "no command")] * (command is DriveCommand.FAULT_RESET)  # it is a rising edge
+            name = f"{command.words} in {before.words}: {'stays' if before is after else after.words}"
+            yield group(name, *_into(drive, before), *reset, _commanded(command), _state(drive, after), *_off(drive))
 
 
 @_clause("8.1", "States", Needs.REVERSIBLE)
@@ -194,8 +186,8 @@ def _states_with_torque(drive: TestedDrive) -> Iterator[Data]:
 def _quick_stop(drive: TestedDrive) -> Iterator[Data]:
     option = cia402.QUICK_STOP_OPTION
     if not drive.settable(option, STAYS):
-        steps = (*_into(drive, State.ENABLED), _commanded(Command.QUICK_STOP))
-        # Where its option code leads is the maker's matter; all that can be asked is that it is no fault.
+        steps = (*_into(drive, State.ENABLED), _commanded(DriveCommand.QUICK_STOP))
+        # Where its option code leads is the maker's matter; all that can be asked is that it is not a fault.
         ended = _until(drive, "it stops", State.DISABLED.mask & 0x08, 0)
         yield group("from Operation enabled", *steps, ended, *_off(drive))
         return
@@ -203,10 +195,10 @@ def _quick_stop(drive: TestedDrive) -> Iterator[Data]:
     stays = write(f"option code {STAYS}: it stays", (option, 0), value=STAYS)
     leaves = write(f"option code {LEAVES}: it leaves", (option, 0), value=LEAVES)
     back = write("option code as before", (option, 0), value=own)
-    for command, after in ((Command.ENABLE, State.ENABLED), (Command.DISABLE_VOLTAGE, State.DISABLED)):
+    for command, after in ((DriveCommand.ENABLE, State.ENABLED), (DriveCommand.DISABLE_VOLTAGE, State.DISABLED)):
         steps = (stays, *_into(drive, State.QUICK_STOP), _commanded(command), _state(drive, after))
         yield group(f"{command.words} in Quick stop active: {after.words}", *steps, *_off(drive), back)
-    steps = (leaves, *_into(drive, State.ENABLED), _commanded(Command.QUICK_STOP), _state(drive, State.DISABLED))
+    steps = (leaves, *_into(drive, State.ENABLED), _commanded(DriveCommand.QUICK_STOP), _state(drive, State.DISABLED))
     yield group("ends in Switch on disabled", *steps, back)
 
 
@@ -229,11 +221,11 @@ def _lost_heartbeat(drive: TestedDrive) -> Iterator[Data]:
         {"name": "its heartbeat, and no second one", "send": {"raw": beat}},
         _state(drive, State.FAULT),
         # No command leaves a fault but the reset, and that only with a rising edge (CiA 402-2, transition 15).
-        _command(Command.ENABLE.bits, "Enable operation"),
+        _command(DriveCommand.ENABLE.bits, "Enable operation"),
         _state(drive, State.FAULT),
         write("watch nobody", address, value=0),
         _command(0, "no command"),
-        _commanded(Command.FAULT_RESET),
+        _commanded(DriveCommand.FAULT_RESET),
         _state(drive, State.DISABLED),
         write("abort connection as before", (cia402.ABORT_CONNECTION, 0), value=own),
     )
@@ -268,7 +260,7 @@ def _homing(drive: TestedDrive) -> Iterator[Data]:
         yield skip(name, why)
         return
     done = cia402.BIT_12 | cia402.TARGET_REACHED
-    start = _command(Command.ENABLE.bits | cia402.HOMING_START, "start homing")
+    start = _command(DriveCommand.ENABLE.bits | cia402.HOMING_START, "start homing")
     yield group(
         name,
         write(f"method {HERE}", (cia402.HOMING_METHOD, 0), value=HERE),
@@ -306,7 +298,7 @@ def _position(drive: TestedDrive) -> Iterator[Data]:
 
 
 def _moved(drive: TestedDrive, way: int) -> Iterator[Data]:
-    enable, reached = Command.ENABLE.bits, cia402.TARGET_REACHED | cia402.BIT_12
+    enable, reached = DriveCommand.ENABLE.bits, cia402.TARGET_REACHED | cia402.BIT_12
     bits = enable | cia402.NEW_SET_POINT | cia402.AT_ONCE | cia402.RELATIVE
     yield write(f"by {way}", (cia402.TARGET_POSITION, 0), value=way)
     yield _command(bits, "new set-point, relative")
@@ -333,7 +325,7 @@ def _velocity(drive: TestedDrive) -> Iterator[Data]:
         write(f"velocity {motion.velocity}", (cia402.TARGET_VELOCITY, 0), value=motion.velocity),
         reached,
         read("it turns", (cia402.VELOCITY, 0), expect=f"{motion.velocity} +- {near}"),
-        _commanded(Command.QUICK_STOP),
+        _commanded(DriveCommand.QUICK_STOP),
         {"name": "it stops", "wait": "1 s"},
         read("it stands", (cia402.VELOCITY, 0), expect=f"0 +- {near}"),
         write("velocity 0", (cia402.TARGET_VELOCITY, 0), value=0),
@@ -347,8 +339,9 @@ def _velocity(drive: TestedDrive) -> Iterator[Data]:
 def text(dictionary: Dictionary, reversible: bool = False, motion: MotionBounds | None = None) -> str:
     """Return the suite of a drive; `reversible` writes its controlword, `motion` gives it torque within its limits."""
     subject = Subject(dictionary)
-    drive = TestedDrive(subject, reversible or motion is not None, motion)
-    reset = [_command(0, "no command"), _commanded(Command.FAULT_RESET), _command(0, "no command")]
+    drive = TestedDrive(subject, allowed_steps(reversible, Needs.MOTION if motion else None), motion)
+    is_written = Needs.REVERSIBLE in drive.allowed
+    reset = [_command(0, "no command"), _commanded(DriveCommand.FAULT_RESET), _command(0, "no command")]
     suite: Data = {
         "spec": VERSION,
         "name": "CiA 402, drive",
@@ -356,9 +349,9 @@ def text(dictionary: Dictionary, reversible: bool = False, motion: MotionBounds 
         "tags": [TAG, "cia402"],
         "setup": [
             {**awake(subject), "name": "7.2.4.3.5 SDO: the device answers [reading]"},
-            *([group("8.1 States: any fault is reset [reversible]", *reset)] * drive.reversible),
+            *([group("8.1 States: any fault is reset [reversible]", *reset)] * is_written),
         ],
         "steps": [*CLAUSES.named(drive)],
     }
-    off = {**_commanded(Command.DISABLE_VOLTAGE), "name": "8.1 States: no torque [reversible]"}
-    return documents([{**suite, "teardown": [off]} if drive.reversible else suite])
+    off = {**_commanded(DriveCommand.DISABLE_VOLTAGE), "name": "8.1 States: no torque [reversible]"}
+    return documents([{**suite, "teardown": [off]} if is_written else suite])

@@ -24,9 +24,8 @@ from eurobot_od.check.conformance.subject import (
 from eurobot_od.check.conformance.writing import Data
 from eurobot_od.device.emergency import ErrorCode
 from eurobot_od.od.objects import address_of, data_type, in_limits
-from eurobot_od.od.pdos import Pdo
 from eurobot_od.od.standard import EMCY, ERROR_FIELD, ERROR_REGISTER
-from eurobot_od.od.values import Address, PdoDirection
+from eurobot_od.od.values import Address
 from eurobot_od.sdo.wire import AbortCode
 
 CHAPTER = Chapter("emcy", "emergencies")
@@ -98,7 +97,7 @@ def _empty() -> Data:
 @CHAPTER.clause("7.2.7", "EMCY", Tier.DESTRUCTIVE, "5.4 to 5.6")
 def _too_short(subject: Subject) -> Iterator[Data]:
     """Send an RPDO that lacks a byte: the device must not take it, and says so."""
-    rpdo = _received(subject)
+    rpdo = subject.rpdo
     if rpdo is None or not subject.has_emcy:
         yield skip("an RPDO that is too short", NO_EMCY if rpdo else "the file has no valid RPDO with data")
         return
@@ -133,11 +132,3 @@ def _remembered(subject: Subject, code: ErrorCode) -> Iterator[Data]:
         if history.writable:
             yield write("the history is cleared", HISTORY, data="00")
             yield _empty()
-
-
-def _received(subject: Subject) -> Pdo | None:
-    """Return the first valid RPDO with data that takes effect at once, else the first at all."""
-    rpdos = (each for each in subject.pdos if each.direction is PdoDirection.RPDO)
-    seen = (each for each in rpdos if not subject.why_not_seen(each))
-    # One that waits for SYNC takes effect only with the next one, and some devices look at its length only then.
-    return min(seen, key=lambda each: each.is_synchronous, default=None)

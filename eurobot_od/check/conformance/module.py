@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import NamedTuple, TypeAlias
 
-from eurobot_od.check.conformance.profile import Needs, ProfileClauses
+from eurobot_od.check.conformance.profile import Needs, ProfileClauses, allowed_steps
 from eurobot_od.check.conformance.subject import (
     Subject,
     awake,
@@ -73,17 +73,11 @@ class Wired(NamedTuple):
 
 
 class TestedModule(NamedTuple):
-    """A module under test, and what may be done with it; `wires` lead from outputs to inputs."""
+    """A module under test, and which steps may be done; `wires` lead from outputs to inputs."""
 
     subject: Subject
-    reversible: bool
-    outputs: bool
+    allowed: frozenset[Needs]
     wires: Mapping[Address, Address]
-
-    def may(self, needs: Needs) -> bool:
-        """Tell whether a step may be done."""
-        allowed = {Needs.READING: True, Needs.REVERSIBLE: self.reversible, Needs.OUTPUTS: self.outputs}
-        return allowed.get(needs, False)
 
     def blocks(self, kinds: Sequence[Kind]) -> Iterator[tuple[Kind, Address]]:
         """Give the blocks and channels of some kinds that the file has."""
@@ -108,6 +102,31 @@ class TestedModule(NamedTuple):
         subs = ((index, sub) for index in indices for sub in members.get(index, ()))
         return [each for each in subs if (each[1] or len(members[each[0]]) == 1) and self.subject.settable(each)]
 
+    def tpdo(self, address: Address) -> tuple[Pdo | None, str]:
+        """Return the TPDO that goes when an input changes; or why none can be looked at."""
+        mapping = [
+            each
+            for each in self.subject.pdos
+            if each.direction is PdoDirection.TPDO and address in (entry.address for entry in each.mapping)
+        ]
+        for pdo in mapping:
+            why = self.subject.why_not_seen(pdo)
+            if not why and pdo.transmission_type in EVENT_DRIVEN and not pdo.event_timer:
+                return pdo, ""
+        return None, f"no TPDO with {label(address)} goes on a change alone"
+
+    def check_wires(self) -> None:
+        """Raise LocalError unless each leads from an output to an input of the same width, digital or analogue."""
+        widths: list[tuple[Kind, Kind]] = [
+            *zip(cia401.DIGITAL_OUTPUTS, cia401.DIGITAL_INPUTS),
+            *zip(cia401.ANALOGUE_OUTPUTS, cia401.ANALOGUE_INPUTS),
+        ]
+        found = {address: kind for kind, address in self.blocks([each for pair in widths for each in pair])}
+        for here, there in self.wires.items():
+            if (found.get(here), found.get(there)) not in widths:
+                what = f"no wire can lead from {label(here)} to {label(there)}: an output, and an input as wide"
+                raise LocalError(f"{self.subject.dictionary.file}: {what}")
+
 
 _INPUTS: tuple[Kind, ...] = (*cia401.DIGITAL_INPUTS, *cia401.ANALOGUE_INPUTS)
 _OUTPUTS: tuple[Kind, ...] = (*cia401.DIGITAL_OUTPUTS, *cia401.ANALOGUE_OUTPUTS)
@@ -124,7 +143,7 @@ _clause = CLAUSES.clause
 
 
 def _every(bits: int, byte: int = 0xFF) -> int:
-    """Return a block of so many bits that has the same byte again and again."""
+    """Return a block that repeats the same byte."""
     return int.from_bytes(bytes([byte]) * (bits // 8), "little")
 
 
@@ -239,6 +258,7 @@ for _topic, _row in SETTINGS.items():
 @_clause("0x6200", "Outputs", Needs.OUTPUTS)
 def _outputs(module: TestedModule) -> Iterator[Data]:
     for kind, address in module.blocks(_OUTPUTS):
+        # Each bit both ways, next to bits that differ from it and to bits that do not; off at the end.
         values = [0x55, 0xAA, 0xFF, 0x00] if isinstance(kind, DigitalOutputs) else [1, 100, 0]
         wide = [_every(kind.bits, each) for each in values] if isinstance(kind, DigitalOutputs) else values
         usable = [each for each in wide if module.subject.may_be(address, each)]
@@ -294,6 +314,7 @@ def _bits(wire: Wired) -> int:
 @_on_wires("0x6200", "Outputs at the terminals", digital=True)
 def _terminals(module: TestedModule, wire: Wired) -> Data:
     steps: list[Data] = []
+    # One at a time: two wires that are crossed would look right with all outputs on.
     for bit in range(_bits(wire)):
         steps += [_set(wire.here, 1 << bit), *_seen(wire, f"bit {bit} alone", 1 << bit)]
     return _switched(module, wire, _title(wire), *steps, settings=[])
@@ -318,25 +339,20 @@ def _filter(module: TestedModule, wire: Wired) -> Data:
     return _switched(module, wire, _title(wire), *steps, settings=[passes])
 
 
-def _lost(module: TestedModule) -> Iterator[Data]:
-    """Watch a node that sends one heartbeat and no second one."""
-    address, another = (CONSUMED_HEARTBEATS, 1), module.subject.another
-    yield write(f"watch node {another}", address, value=another << 16 | WATCHED)
-    yield {**sent("x", ERROR_CONTROL_BASE + another, bytes([NmtState.OPERATIONAL])), "name": "its one heartbeat"}
-    yield wait(MISSED)
-
-
 def _fails(module: TestedModule, wire: Wired, name: str, settings: Mapping[Address, int], on: int, after: int) -> Data:
     """Command an output, lose the heartbeat, look at the terminal, and see that a start has it commanded again."""
-    watch = CONSUMED_HEARTBEATS, 1
-    if not module.subject.may_be(watch, module.subject.another << 16 | WATCHED):
+    watch, another = (CONSUMED_HEARTBEATS, 1), module.subject.another
+    if not module.subject.may_be(watch, another << 16 | WATCHED):
         return _without(name, CONSUMED_HEARTBEATS)
     steps = (
         *(_set(each, value) for each, value in settings.items()),
         nmt("start"),
         _set(wire.here, on),
         *_seen(wire, "commanded", on),
-        *_lost(module),
+        # A node is watched from its first heartbeat on (CiA 301, 7.5.2.19): this one sends that and no second one.
+        write(f"watch node {another}", watch, value=another << 16 | WATCHED),
+        {**sent("x", ERROR_CONTROL_BASE + another, bytes([NmtState.OPERATIONAL])), "name": "its one heartbeat"},
+        wait(MISSED),
         *_seen(wire, "after the heartbeat is lost", after),
         write("watch nobody", watch, value=0),
         nmt("pre-operational"),
@@ -426,20 +442,6 @@ def _analogue_error_mode(module: TestedModule, wire: Wired) -> Data:
 # Interrupts
 
 
-def _tpdo(module: TestedModule, address: Address) -> tuple[Pdo | None, str]:
-    """Return the TPDO that goes when an input changes; or why none can be looked at."""
-    mapping = [
-        each
-        for each in module.subject.pdos
-        if each.direction is PdoDirection.TPDO and address in (entry.address for entry in each.mapping)
-    ]
-    for pdo in mapping:
-        why = module.subject.why_not_seen(pdo)
-        if not why and pdo.transmission_type in EVENT_DRIVEN and not pdo.event_timer:
-            return pdo, ""
-    return None, f"no TPDO with {label(address)} goes on a change alone"
-
-
 class Edge(NamedTuple):
     """What an output is set to, and whether that causes a TPDO."""
 
@@ -451,7 +453,7 @@ def _interrupts(
     module: TestedModule, wire: Wired, settings: Mapping[Address, int], edges: Sequence[Edge], name: str = ""
 ) -> Data:
     """Change an output and see which changes of its input cause the TPDO."""
-    pdo, why = _tpdo(module, wire.there)
+    pdo, why = module.tpdo(wire.there)
     if pdo is None:
         return skip(_title(wire), why)
     frame = {"raw": f"{pdo.cob_id:03X}#{'??' * pdo.length}"}
@@ -548,9 +550,8 @@ def text(
     Raises LocalError for a wire that leads from no output of the file, or to no input of the same sort.
     """
     subject = Subject(dictionary)
-    module = TestedModule(subject, reversible or outputs, outputs, wires or {})
-    for ends in module.wires.items():
-        _check_wire(module, *ends)
+    module = TestedModule(subject, allowed_steps(reversible, Needs.OUTPUTS if outputs else None), wires or {})
+    module.check_wires()
     suite: Data = {
         "spec": VERSION,
         "name": "CiA 401, I/O module",
@@ -566,16 +567,3 @@ def text(
     ]
     stop = {**nmt("pre-operational"), "name": "7.2.8.2.1 NMT: to PRE-OPERATIONAL [outputs]"}
     return documents([{**suite, "teardown": [*off, stop]} if outputs else suite])
-
-
-def _check_wire(module: TestedModule, here: Address, there: Address) -> None:
-    """Raise LocalError unless a wire leads from an output to an input of the same width, both digital or analogue."""
-    widths: list[tuple[Kind, Kind]] = [
-        *zip(cia401.DIGITAL_OUTPUTS, cia401.DIGITAL_INPUTS),
-        *zip(cia401.ANALOGUE_OUTPUTS, cia401.ANALOGUE_INPUTS),
-    ]
-    found = {address: kind for kind, address in module.blocks([each for pair in widths for each in pair])}
-    if (found.get(here), found.get(there)) in widths:
-        return
-    file = module.subject.dictionary.file
-    raise LocalError(f"{file}: no wire can lead from {label(here)} to {label(there)}: an output, and an input as wide")

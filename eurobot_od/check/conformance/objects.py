@@ -34,7 +34,7 @@ from eurobot_od.od.standard import (
     SDO_REQUESTS,
     VERIFY_CONFIGURATION,
 )
-from eurobot_od.od.values import MAPPING_RECORDS, MOST_SUBS, NOT_SCANNED, Address, label
+from eurobot_od.od.values import COMMUNICATIONS, MAPPINGS, MOST_SUBS, NOT_SCANNED, Address, label
 from eurobot_od.sdo.wire import AbortCode
 
 if TYPE_CHECKING:
@@ -50,10 +50,6 @@ FIXED = (DEVICE_TYPE[0], DEVICE_NAME[0])
 
 ACTING = {*COMMANDS, 0x1013, *range(0x1023, 0x1028), *range(0x1F50, 0x1F58)}
 """Objects whose writing does something: their own clauses look at them, or nobody should."""
-
-MAPPINGS = {index for records in MAPPING_RECORDS.values() for index in records}
-
-COMMUNICATIONS = {index for records in values.COMMUNICATION_RECORDS.values() for index in records}
 
 SET_BY_DEVICE = {*COMMUNICATIONS, *(index for index, _ in VERIFY_CONFIGURATION)}
 """Objects that may have a value outside their limits: 0x1020 is 0 after each change of the configuration."""
@@ -122,7 +118,7 @@ def _identity(subject: Subject) -> Iterator[Data]:
 
 @CHAPTER.clause("7.4.9", "Structure", ctt="4.5")
 def _structure(subject: Subject) -> Iterator[Data]:
-    """Read what 0x1000 says of itself: ObjectType VAR and DataType UNSIGNED32 (CiA 301, 7.4.9)."""
+    """Read what 0x1000 says about itself: ObjectType VAR and DataType UNSIGNED32 (CiA 301, 7.4.9)."""
     if subject.find(DEVICE_TYPE) is None:
         yield skip("0x1000:255", "the file has no device type (0x1000)")
         return

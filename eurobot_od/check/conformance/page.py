@@ -33,7 +33,7 @@ INFORMATION = (
     ("Product number", "productnumber"),
     ("Revision", "revisionnumber"),
 )
-"""What [DeviceInfo] says of a device."""
+"""What [DeviceInfo] says about a device."""
 
 
 class DeviceRun(NamedTuple):
@@ -66,7 +66,7 @@ class DeviceRun(NamedTuple):
 
     @property
     def tests(self) -> list[ctt.CttResult]:
-        """What the run says of each test of CiA's tool; the file is checked by `lint`."""
+        """What the run says about each test of CiA's tool; the file is checked by `lint`."""
         found = lint(self.dictionary.content, self.dictionary.file.name)
         return ctt.results_of(self.results, [str(each) for each in found if each.severity is Severity.ERROR])
 

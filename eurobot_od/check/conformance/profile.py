@@ -24,11 +24,18 @@ class Needs(Enum):
     OUTPUTS = "outputs"
 
 
-class TestedDevice(Protocol):
-    """A device under test, and what may be done with it."""
+def allowed_steps(reversible: bool, acting: Needs | None) -> frozenset[Needs]:
+    """Return which steps may be done: reading always, and with those that act also the reversible ones."""
+    writing = {Needs.REVERSIBLE} if reversible or acting else set()
+    return frozenset({Needs.READING, *writing, *({acting} if acting else ())})
 
-    def may(self, needs: Needs) -> bool:
-        """Tell whether a step may be done."""
+
+class TestedDevice(Protocol):
+    """A device under test."""
+
+    @property
+    def allowed(self) -> frozenset[Needs]:
+        """Which steps may be done."""
 
 
 TestedT = TypeVar("TestedT", bound=TestedDevice)
@@ -46,8 +53,11 @@ class ProfileClause(Generic[TestedT]):
 
     def named(self, tested: TestedT) -> Iterator[Data]:
         """Give the steps with their names."""
-        allowed = tested.may(self.needs)
-        for step in self.steps(tested) if allowed else [skip("not done", f"only with --{self.needs.value}")]:
+        for step in (
+            self.steps(tested)
+            if self.needs in tested.allowed
+            else [skip("not done", f"only with --{self.needs.value}")]
+        ):
             yield {**step, "name": str(StepName(self.number, self.topic, step["name"], self.needs.value))}
 
 

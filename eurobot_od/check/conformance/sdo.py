@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from eurobot_od.check.conformance.objects import ACTING, CONFIGURED, FIXED, MAPPINGS
+from eurobot_od.check.conformance.objects import ACTING, CONFIGURED, FIXED
 from eurobot_od.check.conformance.subject import (
     Chapter,
     Subject,
@@ -84,7 +84,7 @@ def _number(subject: Subject) -> ODVariable | None:
     settable = [each for each in subject.objects if _known(each) and subject.settable(address_of(each))]
     integers = [each for each in settable if data_type(each).is_integer and data_type(each).size <= 4]
     # From 0x1400 on a PDO's record may refuse even the value it has while the PDO is valid, and CiA 302's objects act.
-    found = [each for each in integers if each.index not in MAPPINGS and not 0x1400 <= each.index < 0x2000]
+    found = [each for each in integers if not 0x1400 <= each.index < 0x2000]
     if subject.tier is Tier.READING:
         found = [each for each in found if address_of(each) == HEARTBEAT_TIME]
     return min(found, key=lambda each: address_of(each) != HEARTBEAT_TIME, default=None)
@@ -246,7 +246,7 @@ def _sequence_number(subject: Subject) -> Iterator[Data]:
         expect("the first segment", subject.answer(f"?1{'?' * 14}"), WITHIN),
         _sent(subject, "128 segments acknowledged", wire.plain(upload | wire.Block.ACKNOWLEDGE, beyond)),
         _aborted(subject, AbortCode.SEQUENCE_NUMBER, AbortCode.GENERAL, AbortCode.UNKNOWN_COMMAND),
-        wait("50 ms"),  # what a server without blocks still has to say is no answer to the next request
+        wait("50 ms"),  # what a server without blocks still has to say is not an answer to the next request
     )
 
 

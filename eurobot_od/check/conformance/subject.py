@@ -17,7 +17,7 @@ from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.objects import address_of, data_type, in_limits, members
 from eurobot_od.od.pdos import Pdo
 from eurobot_od.od.standard import CONSUMED_HEARTBEATS, DEVICE_TYPE, EMCY, EMCY_INHIBIT_TIME
-from eurobot_od.od.values import MOST_SUBS, NODE_IDS, Address, base_identifier, label
+from eurobot_od.od.values import MOST_SUBS, NODE_IDS, Address, PdoDirection, base_identifier, label
 from eurobot_od.sdo.wire import AbortCode, ClientCommand, initiate
 
 if TYPE_CHECKING:
@@ -104,6 +104,14 @@ class Subject:
         found = next((reason for reason, holds in reasons.items() if holds), "")
         return found and f"{pdo.title} {found}"
 
+    @property
+    def rpdo(self) -> Pdo | None:
+        """The first valid RPDO with data that takes effect at once, else the first at all; None without one."""
+        rpdos = (each for each in self.pdos if each.direction is PdoDirection.RPDO)
+        seen = (each for each in rpdos if not self.why_not_seen(each))
+        # One that waits for SYNC takes effect only with the next one, and some devices look at its length only then.
+        return min(seen, key=lambda each: each.is_synchronous, default=None)
+
     @cached_property
     def objects(self) -> list[ODVariable]:
         """The variables of the file, by address."""
@@ -123,6 +131,7 @@ class Subject:
     def settable(self, address: Address) -> ODVariable | None:
         """Return a variable that can be read, written, and given its default again; None if there is none."""
         found = self.find(address)
+        # A default outside the file's own limits could not be given back.
         usable = (
             found is not None
             and found.readable
@@ -140,6 +149,7 @@ class Subject:
         """A node-ID that neither the device has nor its file watches: the tester plays that node."""
         # One that the device watches would be reported as lost when the tester stops playing it.
         watched = {split(self.number((CONSUMED_HEARTBEATS, sub)))[0] for sub in range(1, MOST_SUBS + 1)}
+        # From above: makers and teams count their devices from 1, so that a high number is most likely nobody's.
         return next(each for each in reversed(NODE_IDS) if each != self.node_id and each not in watched)
 
     def may_be(self, address: Address, value: int) -> bool:
@@ -224,7 +234,7 @@ class Chapter(list[Clause]):
 
 
 def skip(name: str, reason: str) -> Data:
-    """Leave out what a file has not."""
+    """Skip what a file does not have."""
     return {"name": name, "skip": reason}
 
 
@@ -318,6 +328,7 @@ def emcy(name: str, code: int) -> Data:
 def fresh(subject: Subject) -> Iterator[Data]:
     """Give the communication the values of power-on, and wait until the device is in PRE-OPERATIONAL."""
     yield nmt("reset communication")
+    # A reset takes as long as the device likes, and what is sent meanwhile is lost.
     yield awake(subject)
     yield nmt("pre-operational")
 

@@ -14,10 +14,10 @@ from itertools import accumulate, groupby
 from typing import NamedTuple
 
 from eurobot_od.od import pdos
-from eurobot_od.od.make.table import DialectRow, Field, Record, Table
-from eurobot_od.support.yaml_places import Place, Text
+from eurobot_od.od.make.table import DialectRow, Record, Table, TableField
+from eurobot_od.support.yaml_places import Place, PlacedText
 
-PADDING = Text(pdos.PADDING, Place(0, 0))
+PADDING = PlacedText(pdos.PADDING, Place(0, 0))
 BYTE = 8
 FIRST_SLICES = 0x3000
 """The object of the first cut object's slices; the next ones follow."""
@@ -26,7 +26,7 @@ FIRST_SLICES = 0x3000
 class Slice(NamedTuple):
     """The bits `high` down to `low` of a field of the object; bit 0 is the value's least significant one."""
 
-    field: Text
+    field: PlacedText
     high: int
     low: int
 
@@ -41,12 +41,12 @@ class Slice(NamedTuple):
         return PADDING if self.field == PADDING else f"{self.field} ({self.high}:{self.low})"
 
 
-def whole_fields(fields: dict[Text, Field]) -> tuple[Slice, ...]:
+def whole_fields(fields: dict[PlacedText, TableField]) -> tuple[Slice, ...]:
     """Lay out the fields as CiA 301 does, each one whole, the least significant bit first (7.5.2.36)."""
     return tuple(Slice(name, each.bits - 1, 0) for name, each in fields.items())
 
 
-def most_significant_first(fields: dict[Text, Field]) -> tuple[Slice, ...]:
+def most_significant_first(fields: dict[PlacedText, TableField]) -> tuple[Slice, ...]:
     """Lay out the fields from the first byte's most significant bit on; left-over bits of the last byte are padding."""
     bits = [(name, bit) for name, each in fields.items() for bit in reversed(range(each.bits))]
     bits += [(PADDING, bit) for bit in reversed(range(-len(bits) % BYTE))]
@@ -54,7 +54,7 @@ def most_significant_first(fields: dict[Text, Field]) -> tuple[Slice, ...]:
     return tuple(runs(frame))
 
 
-def runs(frame: Iterable[tuple[Text, int]]) -> Iterator[Slice]:
+def runs(frame: Iterable[tuple[PlacedText, int]]) -> Iterator[Slice]:
     """Join neighbouring bits of a field, given in CiA 301's order, into the longest slices.
 
     Within a slice, value and frame advance together: a bit and its place in the frame keep their distance.
@@ -69,7 +69,7 @@ class ObjectLayout:
     """An object in a dialect: index and fields, its `parts` in PDO order, and the index of those that are slices."""
 
     index: int
-    fields: dict[Text, Field]
+    fields: dict[PlacedText, TableField]
     parts: tuple[Slice, ...]
     slices_index: int
 
@@ -84,7 +84,7 @@ class ObjectLayout:
         return tuple(self.target(each) for each in self.parts)
 
     @property
-    def begins(self) -> dict[Text, int]:
+    def begins(self) -> dict[PlacedText, int]:
         """The bit, 0 to 7, of its first byte in a frame at which each field begins that is mapped whole."""
         offsets = accumulate((each.bits for each in self.parts), initial=0)
         return {part.field: at % BYTE for part, at in zip(self.parts, offsets) if self.is_whole(part)}
@@ -102,12 +102,12 @@ class ObjectLayout:
         return index << 16 | position + 1 << 8 | part.bits
 
 
-def layouts(table: Table, dialect: DialectRow) -> dict[Text, ObjectLayout]:
+def layouts(table: Table, dialect: DialectRow) -> dict[PlacedText, ObjectLayout]:
     """Lay out every object of the table in `dialect`."""
     return {name: layout(dialect, name, each) for name, each in table.objects_in(dialect).items()}
 
 
-def layout(dialect: DialectRow, name: Text, record: Record) -> ObjectLayout:
+def layout(dialect: DialectRow, name: PlacedText, record: Record) -> ObjectLayout:
     """Lay out the object `name` with the fields that it has in `dialect`."""
     fields = in_pdo_order(record.fields, dialect.reserved_before(name))
     if name not in dialect.most_significant_first:
@@ -116,7 +116,9 @@ def layout(dialect: DialectRow, name: Text, record: Record) -> ObjectLayout:
     return ObjectLayout(record.index, record.fields, most_significant_first(fields), slices_index)
 
 
-def in_pdo_order(fields: dict[Text, Field], reserved: dict[Text, Text]) -> dict[Text, Field]:
+def in_pdo_order(
+    fields: dict[PlacedText, TableField], reserved: dict[PlacedText, PlacedText]
+) -> dict[PlacedText, TableField]:
     """Return the fields with the reserved bits, which are the last sub-indices, before those they belong before."""
     named = (name for name in fields if name not in reserved.values())
     order = (each for name in named for each in (reserved.get(name), name) if each is not None)

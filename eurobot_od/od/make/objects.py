@@ -20,9 +20,9 @@ from canopen.objectdictionary import ODArray, ODRecord, ODVariable
 
 from eurobot_od.od import values
 from eurobot_od.od.make.layout import ObjectLayout, Slice, layouts
-from eurobot_od.od.make.table import DialectRow, Field, MessageRow, NodeRow, Table
+from eurobot_od.od.make.table import DialectRow, MessageRow, NodeRow, Table, TableField
 from eurobot_od.od.values import DataType, PdoDirection
-from eurobot_od.support.yaml_places import PlacedNumber, Text
+from eurobot_od.support.yaml_places import PlacedNumber, PlacedText
 
 DictionaryObject: TypeAlias = ODVariable | ODRecord | ODArray
 """An object of canopen's: a VAR, or one with sub-indices."""
@@ -196,17 +196,17 @@ def pdo_records(index: int, name: str, cob_id: int, mapping: Sequence[int], entr
     yield filled(ODRecord(f"{name} mapping", index + values.MAPPING_OFFSET), count, *mapped)
 
 
-def sent(table: Table, name: Text) -> dict[Text, MessageRow]:
+def sent(table: Table, name: PlacedText) -> dict[PlacedText, MessageRow]:
     """Return the messages that the node sends, in the order of their COB-IDs."""
     return {key: each for key, each in table.by_identifier.items() if name in each.senders}
 
 
-def received(table: Table, name: Text) -> dict[Text, MessageRow]:
+def received(table: Table, name: PlacedText) -> dict[PlacedText, MessageRow]:
     """Return the messages for which the node has an RPDO, in the order of their COB-IDs."""
     return {key: each for key, each in table.by_identifier.items() if name in (*each.receivers, *each.listeners)}
 
 
-def pdos(table: Table, name: Text, data: dict[Text, ObjectLayout]) -> Iterator[DictionaryObject]:
+def pdos(table: Table, name: PlacedText, data: dict[PlacedText, ObjectLayout]) -> Iterator[DictionaryObject]:
     """Give the records of all PDOs of the node `name`.
 
     They are numbered in the order of their COB-IDs. That is not only tidy: CANopenNode takes a COB-ID that equals the
@@ -226,7 +226,7 @@ def pdos(table: Table, name: Text, data: dict[Text, ObjectLayout]) -> Iterator[D
 # Data and settings
 
 
-def all_data(table: Table, name: Text, data: dict[Text, ObjectLayout]) -> Iterator[DictionaryObject]:
+def all_data(table: Table, name: PlacedText, data: dict[PlacedText, ObjectLayout]) -> Iterator[DictionaryObject]:
     """Give the data that the PDOs of the node `name` map: objects of fields and, if a dialect cuts them, of slices."""
     out = {each.object for each in sent(table, name).values()}
     come = {each.object for each in received(table, name).values()}
@@ -243,19 +243,19 @@ def all_data(table: Table, name: Text, data: dict[Text, ObjectLayout]) -> Iterat
             yield record(layout.slices_index, f"{key} slices", *slices)
 
 
-def slice_entry(part: Slice, whole: Field | None, access: str) -> ODVariable:
+def slice_entry(part: Slice, whole: TableField | None, access: str) -> ODVariable:
     """Return the entry of a slice of a field; padding is a slice of no field."""
     highest = (1 << part.bits) - 1
     default = default_of(whole) >> part.low & highest if whole else 0
     return entry(part.name, unsigned(part.bits), access, default, 0, highest, mappable=True)
 
 
-def field_entry(name: str, whole: Field, access: str, begin: int = 0, node: NodeRow | None = None) -> ODVariable:
+def field_entry(name: str, whole: TableField, access: str, begin: int = 0, node: NodeRow | None = None) -> ODVariable:
     """Return the entry of a whole field, of a setting or of a reading."""
     return entry(name, unsigned(whole.bits, begin), access, default_of(whole, node), whole.low, whole.high)
 
 
-def default_of(whole: Field, node: NodeRow | None = None) -> int:
+def default_of(whole: TableField, node: NodeRow | None = None) -> int:
     """Return a field's default as a number; `node` is the one whose setting it is."""
     if isinstance(whole.default, PlacedNumber):
         return whole.default
@@ -270,7 +270,7 @@ def unsigned(bits: int, begin: int = 0) -> DataType:
 # All of it
 
 
-def object_dictionary(table: Table, dialect: DialectRow, name: Text) -> list[DictionaryObject]:
+def object_dictionary(table: Table, dialect: DialectRow, name: PlacedText) -> list[DictionaryObject]:
     """Return all objects of the node `name`, in the order of their indices."""
     node, data = table.nodes[name], layouts(table, dialect)
     objects = [*common(), *own_objects(table, dialect, node), *clients(table, node)]

@@ -20,7 +20,16 @@ from eurobot_od.od.pdos import RESERVED, carries_nothing
 from eurobot_od.od.values import BASE_IDENTIFIER, MAX_BITS, NODE_ID, NODE_IDS
 from eurobot_od.support import bounded, durations, yaml_places
 from eurobot_od.support.escaping import one_line
-from eurobot_od.support.yaml_places import NodeReader, Place, PlacedNumber, Problem, Problems, ReadError, Text, refuse
+from eurobot_od.support.yaml_places import (
+    NodeReader,
+    Place,
+    PlacedNumber,
+    PlacedText,
+    Problem,
+    Problems,
+    ReadError,
+    refuse,
+)
 
 FIELD_BITS = 32
 HIGHEST_16, HIGHEST_32 = 0xFFFF, 0xFFFFFFFF
@@ -29,9 +38,9 @@ SERVICES = ("EMCY", "SDO")
 """CANopen services that may have a row in the traffic, for all nodes."""
 FORMS = {"identifier": "0x{:03X}", "index": "0x{:04X}", "setting": "'{}'"}
 """How the values of a kind are written in problems, if not as they are."""
-EntriesT = TypeVar("EntriesT", bound=dict[Text, Any])
-Time = NewType("Time", Text)
-Date = NewType("Date", Text)
+EntriesT = TypeVar("EntriesT", bound=dict[PlacedText, Any])
+Time = NewType("Time", PlacedText)
+Date = NewType("Date", PlacedText)
 
 
 # The shape of the YAML
@@ -62,7 +71,7 @@ def naming_files(read_entries: NodeReader[EntriesT]) -> NodeReader[EntriesT]:
 
 
 @dataclass(frozen=True)
-class Field:
+class TableField:
     """A field of an object: `bits` wide, plain values in `range`, values with another meaning in `codes`.
 
     `default` is a number, one of the codes or, of a setting, `$NODEID`: the node-ID of the node that has the setting.
@@ -70,8 +79,8 @@ class Field:
 
     bits: PlacedNumber
     range: tuple[PlacedNumber, PlacedNumber]
-    default: PlacedNumber | Text
-    codes: dict[Text, PlacedNumber] = field(default_factory=dict)
+    default: PlacedNumber | PlacedText
+    codes: dict[PlacedText, PlacedNumber] = field(default_factory=dict)
     unit: str = ""  # for readers of the table; an EDS has no key for it
 
     @property
@@ -85,10 +94,10 @@ class Field:
         return max((self.range[1], *self.codes.values()))
 
 
-def always_zero(bits: PlacedNumber) -> Field:
+def always_zero(bits: PlacedNumber) -> TableField:
     """Make a field that has no value but 0."""
     zero = PlacedNumber(0, bits.place)
-    return Field(bits, (zero, zero), zero)
+    return TableField(bits, (zero, zero), zero)
 
 
 @dataclass(frozen=True)
@@ -96,7 +105,7 @@ class Record:
     """An object of the dictionary: its index and its fields, sub-indices 1, 2, ... in this order."""
 
     index: PlacedNumber
-    fields: Annotated[dict[Text, Field], filled]
+    fields: Annotated[dict[PlacedText, TableField], filled]
 
 
 @dataclass(frozen=True)
@@ -104,10 +113,10 @@ class MessageRow:
     """A message: one PDO in each of its nodes; `object` is its data, None without any."""
 
     identifier: PlacedNumber
-    senders: tuple[Text, ...]
-    receivers: tuple[Text, ...]
-    listeners: tuple[Text, ...] = ()
-    object: Text | None = None
+    senders: tuple[PlacedText, ...]
+    receivers: tuple[PlacedText, ...]
+    listeners: tuple[PlacedText, ...] = ()
+    object: PlacedText | None = None
     # for readers of the table; an EDS has no keys for them
     priority: str = ""
     protocol: str = ""
@@ -123,14 +132,14 @@ class NodeRow:
     """
 
     node_id: PlacedNumber
-    product_name: Text
+    product_name: PlacedText
     product_number: PlacedNumber
-    order_code: Text
-    watches: tuple[Text, ...]
+    order_code: PlacedText
+    watches: tuple[PlacedText, ...]
     communication_error: PlacedNumber
-    settings: dict[Text, Record]
-    readings: dict[Text, Record] = field(default_factory=dict)
-    asks: tuple[Text, ...] = ()
+    settings: dict[PlacedText, Record]
+    readings: dict[PlacedText, Record] = field(default_factory=dict)
+    asks: tuple[PlacedText, ...] = ()
     heartbeat: PlacedNumber | None = None
     heartbeat_timeout: PlacedNumber | None = None
 
@@ -139,16 +148,16 @@ class NodeRow:
 class DialectRow:
     """How one dialect differs: its number in the identity, further fields, other widths, reserved bits, its bit order.
 
-    `reserved` says of an object how many bits of its PDO carry nothing, by the field that they stand before.
+    `reserved` says about an object how many bits of its PDO carry nothing, by the field that they stand before.
     """
 
     revision_number: PlacedNumber
-    fields: dict[Text, dict[Text, Field]] = field(default_factory=dict)
-    widths: dict[Text, dict[Text, PlacedNumber]] = field(default_factory=dict)
-    reserved: dict[Text, dict[Text, PlacedNumber]] = field(default_factory=dict)
-    most_significant_first: tuple[Text, ...] = ()
+    fields: dict[PlacedText, dict[PlacedText, TableField]] = field(default_factory=dict)
+    widths: dict[PlacedText, dict[PlacedText, PlacedNumber]] = field(default_factory=dict)
+    reserved: dict[PlacedText, dict[PlacedText, PlacedNumber]] = field(default_factory=dict)
+    most_significant_first: tuple[PlacedText, ...] = ()
 
-    def form_of(self, name: Text, plain: Record) -> Record:
+    def form_of(self, name: PlacedText, plain: Record) -> Record:
         """Return the object `name` with the further fields, the widths and, behind its fields, the reserved bits."""
         widths, reserved = self.widths.get(name, {}), self.reserved.get(name, {})
         every = {**plain.fields, **self.fields.get(name, {})}
@@ -156,10 +165,10 @@ class DialectRow:
         fields |= {self.reserved_before(name)[field]: always_zero(bits) for field, bits in reserved.items()}
         return replace(plain, fields=fields)
 
-    def reserved_before(self, name: Text) -> dict[Text, Text]:
+    def reserved_before(self, name: PlacedText) -> dict[PlacedText, PlacedText]:
         """Return the names of the reserved bits of the object `name`, by the field that they stand before."""
         fields = self.reserved.get(name, {})
-        return {each: Text(RESERVED + f" {n}" * (n > 1), each.place) for n, each in enumerate(fields, start=1)}
+        return {each: PlacedText(RESERVED + f" {n}" * (n > 1), each.place) for n, each in enumerate(fields, start=1)}
 
 
 @dataclass(frozen=True)
@@ -169,10 +178,10 @@ class TrafficRow:
     `every`, `jitter` and `deadline` are a duration, or the name `Record.Member` of a setting in ms.
     """
 
-    every: Text | None = None
-    answers: Text | None = None
-    jitter: Text | None = None
-    deadline: Text | None = None
+    every: PlacedText | None = None
+    answers: PlacedText | None = None
+    jitter: PlacedText | None = None
+    deadline: PlacedText | None = None
     reason: str = ""
 
 
@@ -180,7 +189,7 @@ class TrafficRow:
 class Vendor:
     """The vendor in the identity of every node."""
 
-    name: Text
+    name: PlacedText
     number: PlacedNumber
 
 
@@ -192,7 +201,7 @@ class FileData:
     revision: PlacedNumber
     time: Time
     date: Date
-    author: Text
+    author: PlacedText
     comment: str = "Made by eurobot-od make-eds from a protocol table; change it there."
 
 
@@ -203,25 +212,25 @@ class Table:
     file: FileData
     vendor: Vendor
     serial_number: PlacedNumber
-    hardware_version: Text
-    software_version: Text
+    hardware_version: PlacedText
+    software_version: PlacedText
     bit_rate: PlacedNumber
     bit_rates: tuple[PlacedNumber, ...]
     heartbeat: PlacedNumber
     heartbeat_timeout: PlacedNumber
-    nodes: Annotated[dict[Text, NodeRow], naming_files]
-    settings: dict[Text, Record]
-    objects: dict[Text, Record]
-    messages: dict[Text, MessageRow]
-    dialects: Annotated[dict[Text, DialectRow], naming_files]
-    traffic: dict[Text, TrafficRow] = field(default_factory=dict)
+    nodes: Annotated[dict[PlacedText, NodeRow], naming_files]
+    settings: dict[PlacedText, Record]
+    objects: dict[PlacedText, Record]
+    messages: dict[PlacedText, MessageRow]
+    dialects: Annotated[dict[PlacedText, DialectRow], naming_files]
+    traffic: dict[PlacedText, TrafficRow] = field(default_factory=dict)
 
     @property
-    def by_identifier(self) -> dict[Text, MessageRow]:
+    def by_identifier(self) -> dict[PlacedText, MessageRow]:
         """The messages in the order of their identifiers, the most urgent first."""
         return dict(sorted(self.messages.items(), key=lambda item: item[1].identifier))
 
-    def objects_in(self, dialect: DialectRow) -> dict[Text, Record]:
+    def objects_in(self, dialect: DialectRow) -> dict[PlacedText, Record]:
         """Return the objects with the fields, widths and reserved bits of `dialect`."""
         return {name: dialect.form_of(name, each) for name, each in self.objects.items()}
 
@@ -241,11 +250,11 @@ class TableError(EurobotError):
 
 READERS: dict[Any, NodeReader[Any]] = {
     PlacedNumber: yaml_places.number,
-    Text: yaml_places.text,
+    PlacedText: yaml_places.text,
     str: yaml_places.text,
-    Text | None: yaml_places.text,  # None by leaving it out
+    PlacedText | None: yaml_places.text,  # None by leaving it out
     PlacedNumber | None: yaml_places.number,
-    PlacedNumber | Text: yaml_places.number_or_text,
+    PlacedNumber | PlacedText: yaml_places.number_or_text,
     Time: yaml_places.matching(r"(0[1-9]|1[0-2]):[0-5][0-9](AM|PM)", "a time hh:mmAM or hh:mmPM"),
     Date: yaml_places.matching(r"(0[1-9]|1[0-2])-(0[1-9]|[12][0-9]|3[01])-[0-9]{4}", "a date mm-dd-yyyy"),
 }
@@ -288,7 +297,7 @@ def unknown_names(table: Table) -> Iterator[Problem]:
             yield from unknown("field", about, {*each.fields, *dialect.fields.get(name, {})})
 
 
-def unknown(kind: str, names: Iterable[Text], known: Container[str]) -> Iterator[Problem]:
+def unknown(kind: str, names: Iterable[PlacedText], known: Container[str]) -> Iterator[Problem]:
     """Yield a problem for each of the `names` that is not among the `known` ones."""
     yield from (Problem(name.place, f"unknown {kind} '{name}'") for name in names if name not in known)
 
@@ -303,7 +312,7 @@ def repeated_values(table: Table) -> Iterator[Problem]:
         yield from repeated("setting", (name for each in own for name in each.fields))
 
 
-def repeated(kind: str, values: Iterable[PlacedNumber] | Iterable[Text]) -> Iterator[Problem]:
+def repeated(kind: str, values: Iterable[PlacedNumber] | Iterable[PlacedText]) -> Iterator[Problem]:
     """Yield a problem for each value that occurred at an earlier place."""
     first: dict[int | str, Place] = {}
     for each in values:
@@ -362,7 +371,7 @@ def setting_records(table: Table) -> Iterator[Record]:
     return (each for _, each in named_records(table))
 
 
-def named_records(table: Table) -> Iterator[tuple[Text, Record]]:
+def named_records(table: Table) -> Iterator[tuple[PlacedText, Record]]:
     """Return the settings with the names of their objects."""
     for settings in (table.settings, *(node.settings for node in table.nodes.values())):
         yield from settings.items()
@@ -375,7 +384,7 @@ def fields_that_do_not_hold(table: Table) -> Iterator[Problem]:
             yield from (*number_problems(each), *default_problems(each, [*each.codes, *names]))
 
 
-def number_problems(each: Field) -> Iterator[Problem]:
+def number_problems(each: TableField) -> Iterator[Problem]:
     """Check that a field's width holds its values, and that it has values."""
     low, high = each.range
     yield from outside("bits", 1, FIELD_BITS, each.bits)
@@ -385,9 +394,9 @@ def number_problems(each: Field) -> Iterator[Problem]:
         yield Problem(high.place, f"range {low}..{high} is empty")
 
 
-def default_problems(each: Field, names: list[str]) -> Iterator[Problem]:
+def default_problems(each: TableField, names: list[str]) -> Iterator[Problem]:
     """Check that a field's default is one of its values or one of the `names` that stand for values."""
-    if isinstance(each.default, Text) and each.default not in names:
+    if isinstance(each.default, PlacedText) and each.default not in names:
         yield Problem(each.default.place, f"unknown default '{each.default}'; known: {', '.join(names) or 'none'}")
     if isinstance(each.default, PlacedNumber) and not each.low <= each.default <= each.high:
         yield Problem(each.default.place, f"default {each.default} is not in {each.low}..{each.high}")

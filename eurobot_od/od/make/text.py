@@ -26,13 +26,13 @@ from eurobot_od.od.make.table import NodeRow, Table
 from eurobot_od.od.normal import list_of
 from eurobot_od.od.objects import data_type
 from eurobot_od.od.values import COMMUNICATION_RECORDS, DUMMIES, UNSIGNED32, PdoDirection
-from eurobot_od.support.yaml_places import Text
+from eurobot_od.support.yaml_places import PlacedText
 
 KeyValues = list[tuple[str, object]]
 EdsSection = tuple[str, KeyValues]
 
 
-def eds_text(table: Table, dialect_name: Text, node_name: Text) -> str:
+def eds_text(table: Table, dialect_name: PlacedText, node_name: PlacedText) -> str:
     """Return the whole EDS file of a node in a dialect."""
     dialect = table.dialects[dialect_name]
     objects = object_dictionary(table, dialect, node_name)
@@ -47,7 +47,7 @@ def eds_text(table: Table, dialect_name: Text, node_name: Text) -> str:
     return "\n".join(f"[{name}]\n" + "".join(f"{key}={value}\n" for key, value in keys) for name, keys in sections)
 
 
-def file_info(table: Table, dialect_name: Text, node_name: Text) -> EdsSection:
+def file_info(table: Table, dialect_name: PlacedText, node_name: PlacedText) -> EdsSection:
     """Return [FileInfo]; creation and modification are the table's fixed date."""
     file = table.file
     return "FileInfo", [

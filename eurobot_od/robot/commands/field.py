@@ -1,4 +1,4 @@
-"""Draw the playing field to scale with what a log says of the match: path, gotos, stops, enemies, barriers."""
+"""Draw the playing field to scale with what a log says about the match: path, gotos, stops, enemies, barriers."""
 
 from __future__ import annotations
 

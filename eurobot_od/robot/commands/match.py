@@ -117,6 +117,7 @@ def _strategies(arguments: argparse.Namespace) -> StrategyFiles:
 
 def _run_one(arguments: argparse.Namespace, options: MatchOptions) -> ExitStatus:
     """Play, print the timeline as it happens and the summary at the end; status 1 if the strategy raised."""
+    from eurobot_od import live
     from eurobot_od.logs.recorder import recording
     from eurobot_od.robot.match import stage
 
@@ -141,12 +142,8 @@ def _run_one(arguments: argparse.Namespace, options: MatchOptions) -> ExitStatus
             if arguments.speed == "fast":
                 summary, world = stage.play_simulated(options, show, watch, None, *players, complain)
             else:
-                from eurobot_od.live import BITRATE
-
-                bit_rate = arguments.bitrate or BITRATE
-                summary, world = stage.play_live(
-                    options, show, watch, _bus(arguments), players.ours, complain, bit_rate
-                )
+                bus, bit_rate = _bus(arguments), arguments.bitrate or live.BITRATE
+                summary, world = stage.play_live(options, show, watch, bus, players.ours, complain, bit_rate)
         if arguments.field is not None:
             from eurobot_od.robot.match.drawing import draw
 

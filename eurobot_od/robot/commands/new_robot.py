@@ -11,7 +11,7 @@ from eurobot_od.cli import options
 from eurobot_od.errors import LocalError
 
 FILES = Path(__file__).parents[1] / "new_robot"
-"""What a new robot is made of; each file has `.new` at the end of its name, as it is no part of this package."""
+"""What a new robot is made of; each file has `.new` at the end of its name, as it is not a part of this package."""
 
 SUFFIX = ".new"
 NAME = "NAME"

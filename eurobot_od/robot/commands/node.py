@@ -51,7 +51,7 @@ def add_arguments(group: argparse._ActionsContainer) -> None:
     group.add_argument(
         "--strategy",
         metavar="FILE",
-        help=f"core in a world only: play a match by a file, or by `{SHIPPED}`, then end; --duration is the match's",
+        help=f"core in a world: play a match by a strategy file, or `{SHIPPED}`, then end; --duration: the match's",
     )
 
 

@@ -94,7 +94,7 @@ class RefusalsSwallowed(Drive):
             super()._act(message)
 
 
-class ContradictionsTaken(Drive):
+class DriveTakesAnyStart(Drive):
     """Takes any start configuration."""
 
     def check_configuration(self, configuration: StartConfigurationSet) -> None:
@@ -444,7 +444,7 @@ FAULTS = {
         ),
     ),
     "contradictions-taken": Caught("sdo-commands", "Table 3 by SDO: no enemy, but a diameter, is refused").fault(
-        "takes a start configuration that contradicts itself", ContradictionsTaken
+        "takes a start configuration that contradicts itself", DriveTakesAnyStart
     ),
     # Commands and measurements over SDO
     "sdo-commands-ignored": Caught(

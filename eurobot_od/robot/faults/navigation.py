@@ -36,7 +36,7 @@ CONFIRMED = "2.3 Start Configuration Confirm: the navigation confirms"
 """Steps that find several faults: the first ones that look at an answer at all."""
 
 
-class ContradictionsTaken(Navigation):
+class NavigationTakesAnyStart(Navigation):
     """Takes any start configuration."""
 
     def check_configuration(self, configuration: StartConfigurationSet) -> None:
@@ -115,7 +115,7 @@ FAULTS = {
         hooks.handling(StartConfigurationSet, lambda navigation, *_: navigation.offer(StartConfigurationConfirm())),
     ),
     "navi-contradictions-taken": Caught("navigation", "Table 3: no enemy, but a diameter, is reported by EMCY").fault(
-        "takes a start configuration that contradicts itself", ContradictionsTaken
+        "takes a start configuration that contradicts itself", NavigationTakesAnyStart
     ),
     "navi-mute-after-shutdown": Caught(
         "navigation", "4.2.2 Emergency mushroom: the navigation still answers node checks"

@@ -50,6 +50,15 @@ class Figure(NamedTuple):
     decimals: int
     of: Callable[[PlayedMatch], Iterable[float | None]]
 
+    def line(self, spread: Spread | None) -> str:
+        """Write a line of the table; None for a figure that no match has."""
+        if spread is None:
+            return f"{self.name:<22} {'none':>8}"
+        quartiles = (spread.lower, spread.median, spread.upper)
+        least, *middle, most = (f"{each:8.{self.decimals}f}" for each in (spread.least, *quartiles, spread.most))
+        mean = f"{spread.mean:8.{max(self.decimals, 1)}f}"
+        return f"{self.name:<22} {mean} {least} {spread.least_seed:>6} {' '.join(middle)} {most} {spread.most_seed:>6}"
+
 
 def _once(figure: Callable[[PlayedMatch, Summary], float]) -> Callable[[PlayedMatch], Iterable[float]]:
     """Make a figure that a match has once, if it was played to its end."""
@@ -141,7 +150,7 @@ def report(matches: Sequence[PlayedMatch], marks: str = histogram.BLOCKS) -> Ite
     headings = f"{'mean':>8} {'least':>8} {'seed':>6} {'25 %':>8} {'median':>8} {'75 %':>8} {'most':>8} {'seed':>6}"
     yield f"{'':<22} {headings}"
     for figure in FIGURES:
-        yield _line(figure, spread(figure, matches))
+        yield figure.line(spread(figure, matches))
     if errors := sorted(goto.error for match in matches for goto in match.arrivals if goto.error is not None):
         # A value that some match really had, not one interpolated between two.
         rms, most = sqrt(fmean(error**2 for error in errors)), errors[ceil(0.95 * len(errors)) - 1]
@@ -151,15 +160,6 @@ def report(matches: Sequence[PlayedMatch], marks: str = histogram.BLOCKS) -> Ite
         yield from ("", "matches by points", *histogram.rows(points, marks))
     yield ""
     yield from _to_look_at(matches)
-
-
-def _line(figure: Figure, spread: Spread | None) -> str:
-    if spread is None:
-        return f"{figure.name:<22} {'none':>8}"
-    quartiles = (spread.lower, spread.median, spread.upper)
-    least, *middle, most = (f"{each:8.{figure.decimals}f}" for each in (spread.least, *quartiles, spread.most))
-    mean = f"{spread.mean:8.{max(figure.decimals, 1)}f}"
-    return f"{figure.name:<22} {mean} {least} {spread.least_seed:>6} {' '.join(middle)} {most} {spread.most_seed:>6}"
 
 
 def _to_look_at(matches: Sequence[PlayedMatch]) -> Iterator[str]:

@@ -37,7 +37,7 @@ def load(file: Path) -> Strategy:
     """Return the `play` of a Python file, which may import what stands beside it.
 
     What the file prints while it is loaded goes to standard error. Raises LocalError, with the line of the file, if it
-    cannot be read, is no Python, raises, or has no coroutine function `play` that takes the core.
+    cannot be read, is not Python, raises, or has no coroutine function `play` that takes the core.
     """
     play = getattr(python_file.load(file), "play", None)
     if play is None:

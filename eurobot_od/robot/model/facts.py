@@ -27,7 +27,7 @@ class Wheels(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Body:
+class RobotShape:
     """What our robot is: the `radius` of the circle around the middle between its wheels, mm.
 
     `outline` has the corners of its true shape within that circle, x ahead and y to the left; none if it is round.
@@ -108,7 +108,7 @@ class Field:
 # Barriers
 
 
-class Shape(Enum):
+class BarrierShape(Enum):
     """What a barrier looks like from above."""
 
     DISC = "disc"
@@ -116,7 +116,7 @@ class Shape(Enum):
     SQUARE = "square"
 
 
-AROUND = {Shape.DISC: 2, Shape.TRIANGLE: math.sqrt(3), Shape.SQUARE: math.sqrt(2)}
+AROUND = {BarrierShape.DISC: 2, BarrierShape.TRIANGLE: math.sqrt(3), BarrierShape.SQUARE: math.sqrt(2)}
 """A shape's size, its diameter or side, as a multiple of the radius of the circle around it."""
 
 
@@ -124,7 +124,7 @@ class BarrierKind(NamedTuple):
     """A kind of barrier: its shape and size in mm (diameter or side), and whether a robot pushes it along."""
 
     name: str
-    shape: Shape
+    shape: BarrierShape
     size: float
     pushed: bool = False
 
@@ -166,7 +166,7 @@ class Facts:
     `red_tasks` are the tasks of the red team by name, `others` the other robots by whom our navigation takes them for.
     """
 
-    body: Body
+    body: RobotShape
     field: Field
     barriers: tuple[Barrier, ...]
     red_tasks: Mapping[str, Task]

@@ -18,7 +18,7 @@ class Angle(Kind):
     modulus: int = 360
 
     def read(self, raw: int, limits: Limits) -> Any:
-        # Ten bits can hold 1023: what is no angle is kept raw and flagged, not reduced modulo 360 as a caller's is.
+        # Ten bits can hold 1023: what is not an angle is kept raw and flagged, not reduced modulo 360 as a caller's is.
         return super().read(raw, Limits(0, self.modulus - 1))
 
     def write(self, value: Any, limits: Limits) -> int:

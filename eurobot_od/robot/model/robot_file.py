@@ -21,11 +21,11 @@ from eurobot_od.robot.model.facts import (
     NO_TREES,
     Barrier,
     BarrierKind,
-    Body,
+    BarrierShape,
     Facts,
     Field,
     OtherRobot,
-    Shape,
+    RobotShape,
     Start,
     Trees,
     Wheels,
@@ -212,13 +212,13 @@ CORNER = _tuple(Point, _real("x", -1000, 1000), _real("y", -1000, 1000))
 WHEELS = record(Wheels, {"track": _real("track", 1, 2000), "diameter": _real("diameter", 1, 1000)}, {})
 
 
-def _body(radius: float | None = None, outline: tuple[Point, ...] = (), wheels: Wheels | None = None) -> Body:
+def _body(radius: float | None = None, outline: tuple[Point, ...] = (), wheels: Wheels | None = None) -> RobotShape:
     # Rounded up: a circle smaller than the outline by a fraction of a millimetre would be refused below.
     around = max((math.hypot(*corner) for corner in outline), default=0.0)
-    return Body(math.ceil(around) if radius is None else radius, outline, wheels)
+    return RobotShape(math.ceil(around) if radius is None else radius, outline, wheels)
 
 
-def _wrong_body(body: Body) -> str | None:
+def _wrong_body(body: RobotShape) -> str | None:
     if not body.radius:
         return "key 'radius' is missing, or 'outline'"
     if body.outline and len(body.outline) < 3:
@@ -263,7 +263,7 @@ FIELD = _checked(
 
 KIND: NodeReader[dict[str, Any]] = record(
     dict,
-    {"shape": _one_of("shape", {each.value: each for each in Shape}), "size": _real("size", 1, 5000)},
+    {"shape": _one_of("shape", {each.value: each for each in BarrierShape}), "size": _real("size", 1, 5000)},
     {"pushed": _one_of("pushed", YES_OR_NO)},
 )
 BARRIER: NodeReader[dict[str, Any]] = record(
@@ -317,7 +317,7 @@ ROBOTS = record(
 
 
 def _facts(
-    body: Body,
+    body: RobotShape,
     match: int,
     field: Field,
     barriers: dict[str, Any],

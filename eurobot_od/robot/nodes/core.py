@@ -66,7 +66,7 @@ from eurobot_od.robot.nodes.goto import (
     drive_position,
     until_ended,
 )
-from eurobot_od.robot.nodes.identity import DialectMismatch, SdoChannel
+from eurobot_od.robot.nodes.identity import DialectMismatch, SdoClientParameter
 from eurobot_od.robot.nodes.node import Handlers, Objects
 from eurobot_od.robot.nodes.recovery import LOST_PLACE, PlaceLost, find_place
 from eurobot_od.robot.nodes.sightings import DriveAnswer, Seen, Sighting, Track, Twins
@@ -664,7 +664,7 @@ class Core(CallingNode):
 
     def _is(self, node: str, node_id: int) -> bool:
         # Only the EDS says which node has which ID: its SDO client parameters (CiA 301, 7.5.2.34).
-        channel = SdoChannel.to(node, self.device)
+        channel = SdoClientParameter.to(node, self.device)
         return channel is not None and channel.node_id == node_id
 
     def _goes_on_without(self, node_id: int, why: str) -> bool:

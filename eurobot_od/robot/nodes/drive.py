@@ -25,7 +25,7 @@ from eurobot_od.robot.model.places import Point, Pose
 from eurobot_od.robot.model.values import Barriers, Direction, GotoFault, Obstacle, Passage, RobotError, Route, Source
 from eurobot_od.robot.nodes.estimate import Estimate
 from eurobot_od.robot.nodes.kalman import Tuning
-from eurobot_od.robot.nodes.motion import AT_REST, Braking, Chassis, Command, IdealChassis, Motion, MotionLimits
+from eurobot_od.robot.nodes.motion import AT_REST, Braking, Chassis, IdealChassis, Motion, MotionLimits, WheelCommand
 from eurobot_od.robot.nodes.navigation import Fix
 from eurobot_od.robot.nodes.node import FollowingNode, Handlers, Objects
 from eurobot_od.robot.nodes.route import Clearances, find_route
@@ -218,7 +218,7 @@ class Drive(FollowingNode):
     # Motion
 
     @property
-    def _rolling(self) -> Command:
+    def _rolling(self) -> WheelCommand:
         return self._motion.command if self._motion else AT_REST
 
     def _brake(self) -> None:

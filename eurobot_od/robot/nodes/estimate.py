@@ -13,7 +13,7 @@ A navigation that goes on saying where it saw the robot once agrees with itself 
 to the bit while the robot moves, so one that is repeated although the wheels have moved says nothing.
 
 Latency. Of a position that is known to be old the odometer says how the robot has moved since. It follows the wheels
-alone and is never corrected, so that a correction is no movement.
+alone and is never corrected, so that a correction is not a movement.
 """
 
 from __future__ import annotations

@@ -47,7 +47,7 @@ def _eds(node: str, revision: int) -> str:
     return f"an EDS of revision 0x{revision:08X}" + (f" ({known[0]})" if known else "")
 
 
-class SdoChannel(NamedTuple):
+class SdoClientParameter(NamedTuple):
     """How a device reaches another one by SDO (CiA 301, 7.5.2.34)."""
 
     request: int
@@ -55,7 +55,7 @@ class SdoChannel(NamedTuple):
     node_id: int
 
     @classmethod
-    def to(cls, node: str, device: Device) -> SdoChannel | None:
+    def to(cls, node: str, device: Device) -> SdoClientParameter | None:
         """Return the way to a node, None if the device's EDS knows none."""
         try:
             index, _ = device.dictionary.address(CHANNEL_NAME.format(node))

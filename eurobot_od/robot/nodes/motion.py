@@ -65,14 +65,14 @@ STEERED = 20.0
 # What the wheels are told and what they do
 
 
-class Command(NamedTuple):
+class WheelCommand(NamedTuple):
     """What the wheels are told until the next step: mm/s, negative tail first; deg/s, counter-clockwise positive."""
 
     speed: float
     turn: float
 
 
-AT_REST = Command(0.0, 0.0)
+AT_REST = WheelCommand(0.0, 0.0)
 
 FOLLOWED = 0.1
 """Share of what they are told that wheels do at least, unless they are blocked."""
@@ -88,13 +88,13 @@ class Odometry(NamedTuple):
     distance: float
     turn: float
 
-    def follows(self, command: Command, dt: float) -> bool:
+    def follows(self, command: WheelCommand, dt: float) -> bool:
         """Tell whether the wheels did something of what they were told for `dt` seconds."""
         driven = abs(self.distance) >= FOLLOWED * abs(command.speed) * dt > 0.0
         turned = abs(self.turn) >= FOLLOWED * abs(command.turn) * dt > 0.0
         return driven or turned or command == AT_REST
 
-    def falls_short(self, command: Command, dt: float) -> bool:
+    def falls_short(self, command: WheelCommand, dt: float) -> bool:
         """Tell whether the wheels drove much less than they were told for `dt` seconds."""
         return abs(self.distance) < SHORT * abs(command.speed) * dt
 
@@ -102,14 +102,14 @@ class Odometry(NamedTuple):
 class Chassis(Protocol):
     """The wheels, real or not."""
 
-    def advance(self, command: Command, dt: float) -> Odometry:
+    def advance(self, command: WheelCommand, dt: float) -> Odometry:
         """Obey `command` for `dt` seconds and report what the wheels measured."""
 
 
 class IdealChassis:
     """Wheels that do exactly what they are told; the default where there is no hardware."""
 
-    def advance(self, command: Command, dt: float) -> Odometry:
+    def advance(self, command: WheelCommand, dt: float) -> Odometry:
         """Return the commanded movement as the measured one."""
         return Odometry(command.speed * dt, command.turn * dt)
 
@@ -198,7 +198,7 @@ class MotionLimits(NamedTuple):
         """How far off its straight legs the robot may drive, as far as it knows its own place, mm."""
         return max(self.position_tolerance, PASSED)
 
-    def standing(self, pose: Pose, rolling: Command) -> Pose:
+    def standing(self, pose: Pose, rolling: WheelCommand) -> Pose:
         """Return where a robot comes to stand that brakes now."""
         return pose.moved(rolling.speed * abs(rolling.speed) / (2 * self.braking), 0.0)
 
@@ -262,7 +262,7 @@ class Motion:
         final_angle: float,
         speed_percent: float,
         backward: bool = False,
-        rolling: Command = AT_REST,
+        rolling: WheelCommand = AT_REST,
     ) -> None:
         share = speed_percent / 100.0
         self._straight, self._turning = limits.straight(share), limits.turning(share)
@@ -277,7 +277,7 @@ class Motion:
         """Whether the robot came to rest at the goal, within the tolerances."""
         return self._phase is Phase.ARRIVED
 
-    def step(self, pose: Pose, dt: float) -> Command:
+    def step(self, pose: Pose, dt: float) -> WheelCommand:
         """Decide, from the estimated pose, what the wheels do for the next `dt` seconds."""
         # First the phase, then the command: otherwise one more control period would do what the old phase wanted.
         self._phase = _BEHAVIOUR[self._phase].following(self, pose, dt)
@@ -315,6 +315,7 @@ class Motion:
 
     def _after_aim(self, pose: Pose, dt: float) -> Phase:
         view = self._view(pose)
+        # A robot that rolls and looks the right way need not stop to aim: each new goto would cost a stand.
         if self.command.speed:
             return Phase.DRIVE if self._in_line(view) else Phase.AIM
         if view.distance <= self._reach(self._points[0]):
@@ -346,18 +347,18 @@ class Motion:
 
     # What the wheels do
 
-    def _pivot(self, left: float, dt: float) -> Command:
+    def _pivot(self, left: float, dt: float) -> WheelCommand:
         """Stop first, then turn on the spot."""
         # Turning while it rolls would carry the robot along an arc, off the leg that keeps clear of barriers.
         if speed := self._straight.slower(self.command.speed, dt):
-            return Command(speed, self._turning.slower(self.command.turn, dt))
-        return Command(0.0, self._turning.next_rate(self.command.turn, left, dt))
+            return WheelCommand(speed, self._turning.slower(self.command.turn, dt))
+        return WheelCommand(0.0, self._turning.next_rate(self.command.turn, left, dt))
 
-    def _drive(self, pose: Pose, dt: float) -> Command:
+    def _drive(self, pose: Pose, dt: float) -> WheelCommand:
         # Profiles know only one direction: ahead. Tail first, speed is counted backwards going in and coming out.
         view = self._view(pose)
         speed = self._straight.next_rate(view.sense * self.command.speed, view.ahead, dt)
-        return Command(view.sense * speed, self._turning.next_rate(self.command.turn, view.steer, dt))
+        return WheelCommand(view.sense * speed, self._turning.next_rate(self.command.turn, view.steer, dt))
 
     # How long it takes
 
@@ -401,7 +402,7 @@ class Behaviour(NamedTuple):
     """What a phase does: which phase follows, what the wheels do, and the seconds until arrival."""
 
     following: Callable[[Motion, Pose, float], Phase]
-    command: Callable[[Motion, Pose, float], Command]
+    command: Callable[[Motion, Pose, float], WheelCommand]
     seconds: Callable[[Motion, Pose], float]
 
 
@@ -427,12 +428,12 @@ _BEHAVIOUR = {
 class Braking:
     """The defined braking after a stop (document 2.1): from what the wheels were told to rest, going straight on."""
 
-    def __init__(self, limits: MotionLimits, rolling: Command) -> None:
+    def __init__(self, limits: MotionLimits, rolling: WheelCommand) -> None:
         self._straight, self._turning = limits.straight(), limits.turning()
         self.command = rolling
 
-    def step(self, _pose: Pose, dt: float) -> Command:
+    def step(self, _pose: Pose, dt: float) -> WheelCommand:
         """Decide what the wheels do for the next `dt` seconds; the pose does not matter."""
         speed, rate = self._straight.slower(self.command.speed, dt), self._turning.slower(self.command.turn, dt)
-        self.command = Command(speed, rate)
+        self.command = WheelCommand(speed, rate)
         return self.command

@@ -144,6 +144,7 @@ def _cheapest(start: Point, goal: Point, corners: list[Point], discs: list[Disc]
                 heappush(frontier, (estimate + toll, cost + toll, way, True))
             continue
         if here == goal:
+            # A robot that stands at its goal has no leg to drive, and still needs a place to turn at.
             return way[1:] or (goal,)
         settled.add(here)
         for point in {goal, *corners} - settled:

@@ -1,6 +1,6 @@
 """Where the robots are: the positions that came last, and where another robot really is by all that came of it.
 
-The beacons now and then see a robot somewhere else, take it for another one, or do not see it. What they say of the
+The beacons now and then see a robot somewhere else, take it for another one, or do not see it. What they say about the
 others is not filtered on its way. So a place that is further from the last one than a robot can have driven meanwhile
 is believed only when the next one agrees with it, and one that is unknown changes nothing.
 
@@ -62,7 +62,7 @@ class Track:
 
 
 TOGETHER = 0.002
-"""Answers to one question come within this time, s; what a drive says of itself hardly changes meanwhile."""
+"""Answers to one question come within this time, s; what a drive says about itself hardly changes meanwhile."""
 
 SURE = 3
 """How often in a row they have to differ: once may be a goto that begins just then, or a correction."""

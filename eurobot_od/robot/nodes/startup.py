@@ -14,7 +14,7 @@ from eurobot_od.errors import DictionaryError, NoAnswer
 from eurobot_od.od.standard import REVISION
 from eurobot_od.pdo.message import Message
 from eurobot_od.robot.model import messages
-from eurobot_od.robot.nodes.identity import DialectMismatch, SdoChannel, revision_in
+from eurobot_od.robot.nodes.identity import DialectMismatch, SdoClientParameter, revision_in
 from eurobot_od.robot.nodes.node import RobotNode
 
 NODE_CHECKS: tuple[tuple[str, Message, type[Message]], ...] = (
@@ -77,7 +77,7 @@ def check_nodes(core: RobotNode, checked: set[str], without: Collection[str] = (
 
 def _compare(core: RobotNode, node: str) -> Script[None]:
     """Make sure that a node speaks our dialect, if it can be asked."""
-    channel = SdoChannel.to(node, core.device)
+    channel = SdoClientParameter.to(node, core.device)
     if channel is None:
         return
     with suppress(NoAnswer):  # the 2014 robot's own nodes know no SDO
@@ -130,7 +130,7 @@ def tell_navigation(core: RobotNode, configuration: messages.StartConfigurationS
     A Start Configuration Set would send the drive's estimate back to its start place, so each sub-index is written by
     SDO; a navigation without SDO goes without.
     """
-    channel = SdoChannel.to("navigation", core.device)
+    channel = SdoClientParameter.to("navigation", core.device)
     if channel is not None:
         with suppress(NoAnswer, DictionaryError):  # no SDO; a file that has the configuration in other pieces
             for name, value in zip(CONFIGURED, configuration):

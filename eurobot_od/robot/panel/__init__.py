@@ -1,6 +1,6 @@
 """The robot on the page: the playing field with everybody on it, and the match as events.
 
-What the messages say of the match is worked out by `picture.recording`, as for the static picture; `field.js` draws it.
+What the messages say about the match is worked out by `picture.recording`, as for the picture; `field.js` draws it.
 """
 
 from __future__ import annotations
@@ -70,7 +70,7 @@ class FieldPanel(Panel):
 
     def __init__(self) -> None:
         self._recorder = Recorder()
-        # The drive keeps a margin besides, by how well it knows where it is.
+        # The drive also keeps a margin, by how well it knows where it is.
         self._clearances = Clearances.of(self.facts(), self.facts().body.radius, 0.0)
         self._told: dict[str, PageEvent] = {}
         self._routes: dict[int, list[Point]] = {}

@@ -7,7 +7,7 @@ from itertools import pairwise
 from math import dist
 from typing import TypeVar
 
-from eurobot_od.robot.model.facts import Body, Facts
+from eurobot_od.robot.model.facts import Facts, RobotShape
 from eurobot_od.robot.model.messages import SOURCES, PositionResponse
 from eurobot_od.robot.model.places import Pose
 from eurobot_od.robot.model.values import Outcome
@@ -109,7 +109,7 @@ def field_drawing(recording: Recording, facts: Facts) -> str:
     )
 
 
-def _ours(sheet: Sheet, body: Body, where: PathPoint, colour: str) -> str:
+def _ours(sheet: Sheet, body: RobotShape, where: PathPoint, colour: str) -> str:
     """Draw our robot: by its outline, with its wheels, if it has some and its heading is known."""
     centre = sheet.place(where.x, where.y)
     # Before the first position with a heading, as after a boot: a body drawn at an angle would be a guess.

@@ -88,7 +88,7 @@ def _stroke(colour: str, width: float, dashes: str | None) -> str:
 
 
 class TableColumn(NamedTuple):
-    """A column: where it stands, how it is aligned, its heading, and what it says of a row."""
+    """A column: where it stands, how it is aligned, its heading, and what it says about a row."""
 
     x: int
     anchor: str

@@ -14,8 +14,7 @@ from functools import partial
 from itertools import pairwise
 from typing import NamedTuple
 
-from eurobot_od.robot.model.facts import Barrier, Field
-from eurobot_od.robot.model.facts import Body as RobotShape
+from eurobot_od.robot.model.facts import Barrier, Field, RobotShape
 from eurobot_od.robot.model.places import Point, Pose
 
 BORDER = "border"
@@ -56,6 +55,7 @@ class Contact(NamedTuple):
         """Work out how a disc meets an outline."""
         near = nearest_on(corners, centre)
         x, y, apart = centre.x - near.x, centre.y - near.y, math.dist(centre, near)
+        # With the centre inside of the outline the nearest edge is the way out, so that the direction turns round.
         outwards = -1.0 if contains(corners, centre) else 1.0
         if not apart:  # the centre on the edge: any direction is as good
             return cls(1.0, 0.0, -radius)
@@ -171,6 +171,8 @@ def nearest_on(corners: list[Point], point: Point) -> Point:
 
 def contains(corners: list[Point], point: Point) -> bool:
     """Tell whether a point is inside of an outline: a ray from it crosses an odd number of sides."""
+    # A corner just at the height of the point counts for one of its two sides only: the ray crosses the outline there
+    # once.
     sides = [side for side in pairwise([*corners, corners[0]]) if (side[0].y > point.y) != (side[1].y > point.y)]
     crossings = (one.x + (point.y - one.y) / (two.y - one.y) * (two.x - one.x) for one, two in sides)
     return sum(x > point.x for x in crossings) % 2 == 1

@@ -53,7 +53,7 @@ class WorldAddress(NamedTuple):
         return cls(parse(address), token)
 
 
-class Field(NamedTuple):
+class RequestField(NamedTuple):
     """What a field of a request may be, in words and as a test; one without a default has to be given."""
 
     allowed: str
@@ -61,12 +61,14 @@ class Field(NamedTuple):
     default: Any = None
 
 
-def _number(low: float, high: float, unit: str, default: float | None = None) -> Field:
-    return Field(f"{low:g}..{high:g} {unit}", lambda value: type(value) is float and low <= value <= high, default)
+def _number(low: float, high: float, unit: str, default: float | None = None) -> RequestField:
+    return RequestField(
+        f"{low:g}..{high:g} {unit}", lambda value: type(value) is float and low <= value <= high, default
+    )
 
 
-_WHOM = Field(", ".join(WHOM), lambda value: value in tuple(WHOM))
-_TASK = Field("the name of a task", lambda value: isinstance(value, str))
+_WHOM = RequestField(", ".join(WHOM), lambda value: value in tuple(WHOM))
+_TASK = RequestField("the name of a task", lambda value: isinstance(value, str))
 
 
 class _Asked(NamedTuple):
@@ -100,7 +102,7 @@ class _Asked(NamedTuple):
 class Request(NamedTuple):
     """A request: its fields, and what answers it."""
 
-    fields: dict[str, Field]
+    fields: dict[str, RequestField]
     answer: Callable[[_Asked], Any]
 
 

@@ -99,6 +99,7 @@ class Contacts:
             pose = Pose(*self._meet(body, pose, each), wanted.angle)
         # Light things are left out: they have been pushed already, and hold nobody up.
         heavy = [each for each in near if each.weight is not Weight.LIGHT] if met else []
+        # Between two bodies: where the one lets it out, the other holds it.
         if any(body.gap(pose, each) < -WEDGED for each in heavy):
             # A disc can always turn on the spot; the corner of an outline would turn into what holds it.
             return Pose(*body.point, body.angle if body.shape else wanted.angle)

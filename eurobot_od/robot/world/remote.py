@@ -116,7 +116,7 @@ class RemoteVehicle:
         with self._lock:
             self._connection.close()
 
-    # What the world says of itself
+    # What the world says about itself
 
     def hello(self, patience: float = 0.0) -> MatchOptions:
         """Ask which match it is, for up to `patience` seconds; raises WorldError, LocalError for another version."""

@@ -6,7 +6,7 @@ import math
 import random
 
 from eurobot_od.robot.model.options import Errors
-from eurobot_od.robot.nodes.motion import Command, Odometry
+from eurobot_od.robot.nodes.motion import Odometry, WheelCommand
 from eurobot_od.robot.world.vehicle import Vehicle
 
 BLOCKED = 0.5
@@ -25,7 +25,7 @@ class SimulatedWheels:
         # Drawn once, as tyres and track do not change in a match; the drive's filter learns the first of the two.
         self._scale, self._bias = chance.gauss(1, errors.wheel_scale), chance.gauss(1, errors.wheel_turn)
 
-    def advance(self, command: Command, dt: float) -> Odometry:
+    def advance(self, command: WheelCommand, dt: float) -> Odometry:
         """Obey `command` for `dt` seconds and report what the wheels counted."""
         told = Odometry(command.speed * dt, command.turn * dt)
         wanted = self._rolled(told)

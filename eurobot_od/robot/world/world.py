@@ -138,6 +138,7 @@ class World:
         """Move a robot along an arc as far as nothing is in the way; return how far it came, mm."""
         self._catch_up()
         body = self.robots[name]
+        # As it is driven, not as it gets on: a robot that pushes against another one is at fault although it stands.
         body.speed = wanted.distance / dt if dt else 0.0
         before, there = body.pose, body.pose.moved(*wanted)
         self._go(body, there)
@@ -158,6 +159,7 @@ class World:
 
     def _catch_up(self) -> None:
         """Bring the robots on their rounds up to the present."""
+        # In steps of their own: what they do must not depend on how often somebody asks where they are.
         while self._now + PACE <= self.clock():
             self._now += PACE
             for name, patrol in self._patrols.items():

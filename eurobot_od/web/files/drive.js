@@ -1,7 +1,7 @@
 "use strict";
 // Drives of CiA 402: the state machine with the state that a drive is in, where it is and how fast, and its buttons.
 //
-// Rule of this file: a jog goes on only while its button is held, and the server is told so again and again.
+// Rule of this file: a jog goes on only while its button is held, and the page keeps telling the server so.
 
 const driven = live ? sources[0].nodes.filter(each => each.drive) : [];
 

@@ -513,7 +513,7 @@ class Plot {
   }
 }
 
-const WATCHED = 5000;                       // ms after which the server is told that an object is still plotted
+const WATCHED = 5000;                       // ms after which the page tells the server that an object is still plotted
 
 const plots = {
   all: [], chosen: null, zoomed: null, window: 30, list: h("div", {class: "plots"}),

@@ -22,7 +22,7 @@ from tests.check.conformance.devices import IO_MODULE, NODE_ID, of_kind, suites
 
 @cache
 def report(fault: str = "guarding-toggle-stuck") -> DeviceRun:
-    """What there is to say of an I/O module with a fault: of the chapter that finds it."""
+    """What there is to say about an I/O module with a fault: of the chapter that finds it."""
     kind = FAULTS[fault].given_to(SimulatedDevice)
     chosen = [each for each in suites(IO_MODULE) if "error-control" in each.tags]
     results = [run_simulated(each, RunOptions(keep_going=True), of_kind(kind)) for each in chosen]

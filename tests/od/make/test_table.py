@@ -1,4 +1,4 @@
-"""A bad table is told by its places, all of them at once."""
+"""The faults of a bad table are reported with their places, all at once."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ KEYS = (
     "known: file, vendor, serial_number, hardware_version, software_version, bit_rate, bit_rates, heartbeat, "
     "heartbeat_timeout, nodes, settings, objects, messages, dialects, traffic"
 )
-# Each row: a text of the table, what replaces it (with ^ before the place of the problem), what is said of it.
+# Each row: a text of the table, what replaces it (with ^ before the place of the problem), what is said about it.
 INVALID = {
     # no YAML, or not the one document that is wanted
     "not YAML": ("bit_rates: [500]", "bit_rates: [500\nheartbeat^: 9]", "a list in [ ] lacks a comma, or its ]"),

@@ -8,7 +8,7 @@ from eurobot_od.device.simulated import SimulatedDevice
 from eurobot_od.robot import dialects
 from eurobot_od.robot.model.values import Source
 from eurobot_od.robot.nodes import Core, Drive, Navigation
-from eurobot_od.robot.nodes.motion import Command
+from eurobot_od.robot.nodes.motion import WheelCommand
 from eurobot_od.robot.plugin import ROBOT
 
 DICTIONARIES = {each.name: each for each in dialects.load_all()}
@@ -22,7 +22,7 @@ def test_all_nodes_are_in_one_world_and_only_the_core_has_a_program() -> None:
     assert navigation.node.beacons is not None
     before = navigation.node.beacons.locate(Source.INTERNAL, 0.0)
     for _ in range(10):
-        drive.node.chassis.advance(Command(500.0, 0.0), 0.1)
+        drive.node.chassis.advance(WheelCommand(500.0, 0.0), 0.1)
     after = navigation.node.beacons.locate(Source.INTERNAL, 0.0)
     assert before is not None
     assert after is not None

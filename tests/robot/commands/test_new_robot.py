@@ -98,7 +98,7 @@ def test_a_folder_that_is_not_empty_is_left_alone(made: Path) -> None:
 
 
 FAULTS = [
-    # a fault of one of its messages, and what is said of it
+    # a fault of one of its messages, and what is said about it
     ("lift-confirm-not-sent", "no Lift Confirm within 200 ms"),
     ("lift-confirm-sent-twice", "Lift Confirm"),
     ("lift-state-response-reversed", "Lift State Response"),

@@ -1,4 +1,4 @@
-"""A match that a core leads alone: what it says of the truth when the world cannot be asked."""
+"""A match that a core leads alone: what it says about the truth when the world cannot be asked."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is told of a core's gotos and tasks, however they end."""
+"""What is reported of a core's gotos and tasks, however they end."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ DICTIONARY = dialects.load("core")
 
 
 def told(what: GotoXY | str, end: object, *, is_wanted: bool = True) -> list[MatchEvent]:
-    """Return what is told of something from 1 s to 3 s: a result, an exception, or None if it was cancelled."""
+    """Return what is reported of something from 1 s to 3 s: a result, an exception, or None if it was cancelled."""
     events: list[MatchEvent] = []
     now, call = [1.0], Call[Any]()
     core = Core(DICTIONARY)

@@ -92,7 +92,7 @@ def test_a_goto_that_the_mushroom_ended_was_stopped() -> None:
     ("events", "ends"),
     [
         ([], []),
-        ([GOTO], []),  # no end was told
+        ([GOTO], []),  # no end was reported
         ([GOTO, given_up("not possible", None)], ["not possible"]),
         ([GOTO, given_up("blocked", None), GOTO], ["blocked"]),
         ([GOTO, given_up("stopped", "enemy ahead")], ["stopped: enemy ahead"]),

@@ -17,7 +17,7 @@ from eurobot_od.robot.model.messages import EmergencyShutdown, GotoXY, StartConf
 from eurobot_od.robot.model.options import Errors
 from eurobot_od.robot.model.values import TeamColour
 from eurobot_od.robot.nodes import Drive
-from eurobot_od.robot.nodes.motion import Command
+from eurobot_od.robot.nodes.motion import WheelCommand
 from eurobot_od.robot.protocol import EurobotProtocol
 from eurobot_od.robot.world import World
 from eurobot_od.robot.world.world import OURS, RIVAL
@@ -215,7 +215,7 @@ def test_the_instruments_of_two_robots_err_each_in_its_own_way() -> None:
         _, (_, drive, _) = cast_for(MatchOptions(enemies=1), EdsFiles.read(MatchOptions()), world, name)
         before = world.robots[name].pose
         assert isinstance(drive, Drive)
-        drive.chassis.advance(Command(300.0, 0.0), 1.0)
+        drive.chassis.advance(WheelCommand(300.0, 0.0), 1.0)
         return world.robots[name].pose.distance(before.point)
 
     assert rolled(OURS) == rolled(OURS)

@@ -9,7 +9,7 @@ import pytest
 from eurobot_od.errors import UnknownName
 from eurobot_od.robot import dialects
 from eurobot_od.robot.model import robot_file
-from eurobot_od.robot.model.facts import Body, Wheels
+from eurobot_od.robot.model.facts import RobotShape, Wheels
 from eurobot_od.robot.model.places import Point, Pose
 from eurobot_od.robot.model.values import Barriers, Passage, TeamColour
 
@@ -71,14 +71,14 @@ def test_a_start_place_is_in_its_zone() -> None:
 
 
 def test_wheels_stand_left_and_right() -> None:
-    body = Body(150.0, wheels=Wheels(180, 70))
+    body = RobotShape(150.0, wheels=Wheels(180, 70))
     (back, front), right = body.tracks(Pose(1000, 500, 0))
     assert (back, front) == ((965, 590), (1035, 590))
     assert right == ((965, 410), (1035, 410))
 
 
 def test_an_outline_turns_with_the_robot() -> None:
-    body = Body(150.0, (Point(100, 50), Point(-100, 0), Point(100, -50)))
+    body = RobotShape(150.0, (Point(100, 50), Point(-100, 0), Point(100, -50)))
     assert body.corners(Pose(1000, 500, 90)) == [
         pytest.approx(Point(950, 600)),
         pytest.approx(Point(1000, 400)),

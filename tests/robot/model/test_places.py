@@ -14,7 +14,7 @@ ANGLES = [
     (360.0, 0.0),
     (-90.0, 270.0),
     (725.0, 5.0),
-    (-1e-17, 0.0),  # rounds up to a full circle, which is no angle below 360
+    (-1e-17, 0.0),  # rounds up to a full circle, which is not an angle below 360
 ]
 
 TURNS = [

@@ -28,7 +28,7 @@ from eurobot_od.robot.model.messages import (
 from eurobot_od.robot.model.places import Pose
 from eurobot_od.robot.model.values import Source, TeamColour
 from eurobot_od.robot.nodes import ROLES, Core, Drive, Navigation, Node
-from eurobot_od.robot.nodes.motion import Command, Odometry
+from eurobot_od.robot.nodes.motion import Odometry, WheelCommand
 from eurobot_od.robot.nodes.navigation import Fix
 from eurobot_od.robot.protocol import EurobotProtocol
 from eurobot_od.simulation import loop
@@ -68,9 +68,9 @@ class Wheels:
     """Ideal wheels that remember every command."""
 
     def __init__(self) -> None:
-        self.commands: list[Command] = []
+        self.commands: list[WheelCommand] = []
 
-    def advance(self, command: Command, dt: float) -> Odometry:
+    def advance(self, command: WheelCommand, dt: float) -> Odometry:
         self.commands.append(command)
         return Odometry(command.speed * dt, command.turn * dt)
 

@@ -35,7 +35,7 @@ from eurobot_od.robot.model.places import Point, Pose
 from eurobot_od.robot.model.values import Barriers, Direction, GotoFault, Obstacle, Passage, Route, Source, TeamColour
 from eurobot_od.robot.nodes.drive import Drive
 from eurobot_od.robot.nodes.estimate import PUSHED, Estimate
-from eurobot_od.robot.nodes.motion import AT_REST, Command, Odometry
+from eurobot_od.robot.nodes.motion import AT_REST, Odometry, WheelCommand
 from eurobot_od.robot.protocol import EurobotProtocol
 from tests.robot.nodes.harness import DICTIONARIES, RED, TUNING, Wheels
 
@@ -58,7 +58,7 @@ class TrueWheels(Wheels):
         self._scale, self._bias = chance.gauss(1.0, noise / 2), chance.gauss(1.0, noise / 5)
         self.path = [START]
 
-    def advance(self, command: Command, dt: float) -> Odometry:
+    def advance(self, command: WheelCommand, dt: float) -> Odometry:
         distance, turned = super().advance(command, dt)
         distance *= self._scale * self._chance.gauss(1.0, self._random)
         self.path.append(self.path[-1].moved(distance, turned * self._bias * self._chance.gauss(1.0, self._random)))
@@ -296,7 +296,7 @@ def test_a_goto_that_is_not_possible_stops_the_one_before() -> None:
 class HeldWheels(Wheels):
     """Wheels that something holds."""
 
-    def advance(self, command: Command, dt: float) -> Odometry:
+    def advance(self, command: WheelCommand, dt: float) -> Odometry:
         return super().advance(command._replace(speed=command.speed * 0.3), dt)
 
 
@@ -307,7 +307,7 @@ class SlippingWheels(Wheels):
         super().__init__()
         self._steps = 0
 
-    def advance(self, command: Command, dt: float) -> Odometry:
+    def advance(self, command: WheelCommand, dt: float) -> Odometry:
         self._steps += 1
         moved = super().advance(command, dt)
         return moved if self._steps % 8 == 0 else Odometry(0.0, 0.0)

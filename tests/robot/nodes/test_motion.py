@@ -14,12 +14,12 @@ from eurobot_od.robot.nodes.estimate import Estimate
 from eurobot_od.robot.nodes.motion import (
     AT_REST,
     Braking,
-    Command,
     IdealChassis,
     Motion,
     MotionLimits,
     Odometry,
     Profile,
+    WheelCommand,
 )
 from eurobot_od.robot.nodes.navigation import Fix
 from tests.robot.nodes.harness import TUNING
@@ -43,7 +43,9 @@ def undisturbed(pose: Pose) -> Pose:
     return pose
 
 
-def drive(motion: Motion, start: Pose, disturb: Callable[[Pose], Pose] = undisturbed) -> Iterator[tuple[Pose, Command]]:
+def drive(
+    motion: Motion, start: Pose, disturb: Callable[[Pose], Pose] = undisturbed
+) -> Iterator[tuple[Pose, WheelCommand]]:
     """Yield the pose after each step and the command that led there, until the motion has arrived."""
     pose, chassis = start, IdealChassis()
     for _ in range(PATIENCE):
@@ -153,19 +155,23 @@ def test_speed_zero_does_not_move_and_never_arrives() -> None:
 # A moving robot is taken over by a new goto
 
 TAKEOVERS = [
-    ([Point(2000.0, 1000.0)], False, Command(800.0, 0.0)),  # straight on
-    ([Point(2000.0, 1000.0)], False, Command(-800.0, 0.0)),  # comes back
-    ([Point(0.0, 1000.0)], False, Command(800.0, 0.0)),  # has to turn round
-    ([Point(0.0, 1000.0)], True, Command(800.0, 0.0)),  # changes over to tail first
-    ([Point(1020.0, 1000.0)], False, Command(800.0, 0.0)),  # cannot stop in time
-    ([Point(1500.0, 1500.0)], False, Command(0.0, -240.0)),  # is turning the other way
-    ([Point(1500.0, 1500.0)], False, Command(400.0, 120.0)),  # is in a curve
-    ([Point(200.0, 1070.0)], False, Command(0.0, -200.0)),  # is turning the other way, which becomes the shorter one
+    ([Point(2000.0, 1000.0)], False, WheelCommand(800.0, 0.0)),  # straight on
+    ([Point(2000.0, 1000.0)], False, WheelCommand(-800.0, 0.0)),  # comes back
+    ([Point(0.0, 1000.0)], False, WheelCommand(800.0, 0.0)),  # has to turn round
+    ([Point(0.0, 1000.0)], True, WheelCommand(800.0, 0.0)),  # changes over to tail first
+    ([Point(1020.0, 1000.0)], False, WheelCommand(800.0, 0.0)),  # cannot stop in time
+    ([Point(1500.0, 1500.0)], False, WheelCommand(0.0, -240.0)),  # is turning the other way
+    ([Point(1500.0, 1500.0)], False, WheelCommand(400.0, 120.0)),  # is in a curve
+    (
+        [Point(200.0, 1070.0)],
+        False,
+        WheelCommand(0.0, -200.0),
+    ),  # is turning the other way, which becomes the shorter one
 ]
 
 
 @pytest.mark.parametrize(("way_points", "backward", "rolling"), TAKEOVERS)
-def test_a_new_goto_takes_over_without_a_jerk(way_points: list[Point], backward: bool, rolling: Command) -> None:
+def test_a_new_goto_takes_over_without_a_jerk(way_points: list[Point], backward: bool, rolling: WheelCommand) -> None:
     motion = Motion(LIMITS, way_points, 90.0, 100, backward, rolling)
     steps = list(drive(motion, START))
     first = steps[0][1]
@@ -175,7 +181,7 @@ def test_a_new_goto_takes_over_without_a_jerk(way_points: list[Point], backward:
 
 
 def test_a_goto_repeated_on_the_way_does_not_stop_the_robot() -> None:
-    motion = Motion(LIMITS, [Point(2000.0, 1020.0)], 0.0, 100, rolling=Command(800.0, 0.0))
+    motion = Motion(LIMITS, [Point(2000.0, 1020.0)], 0.0, 100, rolling=WheelCommand(800.0, 0.0))
     poses_and_commands = list(drive(motion, START))
     fast = [command.speed for pose, command in poses_and_commands if pose.x < 1800.0]
     assert min(fast) == pytest.approx(800.0)
@@ -246,7 +252,7 @@ def test_remaining_time_is_honest_and_falls(way_points: list[Point], angle: floa
 
 
 @pytest.mark.parametrize(("way_points", "backward", "rolling"), TAKEOVERS)
-def test_remaining_time_counts_what_is_rolling(way_points: list[Point], backward: bool, rolling: Command) -> None:
+def test_remaining_time_counts_what_is_rolling(way_points: list[Point], backward: bool, rolling: WheelCommand) -> None:
     motion = Motion(LIMITS, way_points, 90.0, 100, backward, rolling)
     expected = motion.remaining(START)
     assert expected == pytest.approx(DT * len(list(drive(motion, START))), rel=0.1, abs=0.1)
@@ -281,15 +287,15 @@ def test_seconds_of_a_trapezoidal_movement(left: float, rate: float, expected: f
 
 ROLLING = [
     (AT_REST, 0),
-    (Command(800.0, 0.0), 34),  # 1/3 s
-    (Command(-800.0, 0.0), 34),
-    (Command(0.0, 240.0), 34),  # 1/3 s
-    (Command(240.0, -7.2), 10),
+    (WheelCommand(800.0, 0.0), 34),  # 1/3 s
+    (WheelCommand(-800.0, 0.0), 34),
+    (WheelCommand(0.0, 240.0), 34),  # 1/3 s
+    (WheelCommand(240.0, -7.2), 10),
 ]
 
 
 @pytest.mark.parametrize(("rolling", "steps"), ROLLING)
-def test_braking_ends_at_rest_after_the_shortest_time(rolling: Command, steps: int) -> None:
+def test_braking_ends_at_rest_after_the_shortest_time(rolling: WheelCommand, steps: int) -> None:
     braking = Braking(LIMITS, rolling)
     commands = [rolling]
     while braking.command != AT_REST:

@@ -47,7 +47,7 @@ from eurobot_od.robot.model.values import Barriers, GotoFault, Obstacle, Outcome
 from eurobot_od.robot.nodes import ROLES, Core, Drive, Navigation
 from eurobot_od.robot.nodes.estimate import Estimate
 from eurobot_od.robot.nodes.goto import GotoReport
-from eurobot_od.robot.nodes.motion import Command, Odometry
+from eurobot_od.robot.nodes.motion import Odometry, WheelCommand
 from eurobot_od.robot.nodes.navigation import Fix
 from eurobot_od.robot.nodes.node import Handlers
 from eurobot_od.robot.nodes.standstill import NotStanding, Standstill
@@ -94,7 +94,7 @@ def drive_off(bench: Bench, goto: GotoXY = FAR, seconds: float = 2.0) -> Future[
 
 
 def nmt(bench: Bench, command: NmtCommand, node_id: int) -> None:
-    """Have a master, which is no node of this bus, send an NMT command to one node."""
+    """Have a master, which is not a node of this bus, send an NMT command to one node."""
     for station in bench.stations.values():
         station.gatekeeper.receive(Frame(NMT_COB_ID, bytes([command, node_id])), bench.now)
 
@@ -349,7 +349,7 @@ def configured(bench: Bench, _: Future[GotoReport]) -> None:
 
 
 def asleep(bench: Bench, _: Future[GotoReport]) -> None:
-    """Nobody hears what the drive says of its goto."""
+    """Nobody hears what the drive says about its goto."""
     bench.lose(GotoStateResponse)
     bench.run(3.3)
     bench.lose()
@@ -520,7 +520,7 @@ def test_14_no_stop_is_sent_for_a_goto_that_is_replaced(bench: Bench) -> None:
 class Stuck:
     """Wheels that do nothing."""
 
-    def advance(self, _command: Command, _dt: float) -> Odometry:
+    def advance(self, _command: WheelCommand, _dt: float) -> Odometry:
         return Odometry(0.0, 0.0)
 
 
@@ -672,7 +672,7 @@ class TrueRobot:
     def __init__(self, pose: Pose) -> None:
         self.pose, self.clear = pose, True
 
-    def advance(self, command: Command, dt: float) -> Odometry:
+    def advance(self, command: WheelCommand, dt: float) -> Odometry:
         self.pose = self.pose.moved(command.speed * dt, command.turn * dt)
         return Odometry(command.speed * dt, command.turn * dt)
 

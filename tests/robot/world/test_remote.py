@@ -18,7 +18,7 @@ from eurobot_od.robot.model import robot_file
 from eurobot_od.robot.model.options import NOISE_ONLY, MatchOptions
 from eurobot_od.robot.model.places import Pose
 from eurobot_od.robot.model.values import Source, TeamColour
-from eurobot_od.robot.nodes.motion import Command, Odometry
+from eurobot_od.robot.nodes.motion import Odometry, WheelCommand
 from eurobot_od.robot.world import World, remote
 from eurobot_od.robot.world.beacons import SimulatedBeacons
 from eurobot_od.robot.world.channel import VERSION, Channel, WorldAddress
@@ -141,7 +141,7 @@ def test_without_the_world_nothing_moves_and_nothing_is_seen_and_that_is_said_on
         wheels = SimulatedWheels(vehicle, OPTIONS.errors, random.Random(1))
         sensor = Sensor(vehicle, OPTIONS.errors, random.Random(1))
         for _ in range(3):
-            assert wheels.advance(Command(400.0, 30.0), 0.01) == Odometry(0.0, 0.0)
+            assert wheels.advance(WheelCommand(400.0, 30.0), 0.01) == Odometry(0.0, 0.0)
             assert sensor.look(0.0) is None
             assert (
                 SimulatedBeacons(vehicle, FACTS.field, OPTIONS.errors, lambda: (0.0, 0.0), "1").locate(

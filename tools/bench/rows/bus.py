@@ -43,7 +43,7 @@ class Endless:
 
 
 def carried(count: int, bit_errors: Sequence[BitErrors]) -> Figures:
-    """Have a bus carry so many frames; raises Wrong if there were fewer."""
+    """Have a bus carry `count` frames; raises Wrong if there were fewer."""
     ended = 0
 
     def end(frame: Frame, senders: Sequence[Controller], _: Sequence[Controller]) -> None:

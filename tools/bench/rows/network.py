@@ -32,7 +32,7 @@ ANSWER_DELAY = 0.002
 """Seconds from a request to its answer: the frames of both, and a control loop of the drive between them."""
 
 PATIENCE = 10.0
-"""Seconds that both masters wait for an answer: a busy machine is no lost node."""
+"""Seconds that both masters wait for an answer: a busy machine is not a lost node."""
 
 PERIOD = 0.01
 LOOK = 0.002

@@ -45,7 +45,7 @@ PATIENCE = 30.0
 
 
 def received_gotos(number: int) -> list[can.Message]:
-    """Return so many frames of Goto XY with random values, as a bus gives them."""
+    """Return a number of Goto XY frames with random values, as a bus gives them."""
     binding, chance, channel = protocol().binding(GotoXY), random.Random(1), new_channel()
     make = maker(binding)
     with new_bus(channel) as sender, new_bus(channel) as receiver:
@@ -108,7 +108,7 @@ KINDS: dict[str, Register] = {
 
 
 def live(register: Register, others: int, bus: Any) -> AbstractContextManager[object]:
-    """Read with a gatekeeper that has a listener on Goto XY and so many on other messages."""
+    """Read with a gatekeeper that has a listener on Goto XY and others on other messages."""
     keeper = Gatekeeper(protocol())
     register(keeper)
     types = [binding.type for binding in protocol().bindings if binding.type is not GotoXY]
@@ -138,7 +138,7 @@ def check_messages(frames: list[can.Message]) -> None:
 
 @contextmanager
 def opened(different: int, scale: Scale) -> Iterator[Mapping[str, Contender]]:
-    """Give the readers; of the frames that wait so many are different."""
+    """Give the readers; `different` is how many of the waiting frames differ."""
     frames = received_gotos(scale.of(different, 50)) * scale.of(WAITING // different, 1)
     check_messages(frames[:1000])
     readers: dict[str, Reader] = {name: partial(live, register, 1) for name, register in KINDS.items()}

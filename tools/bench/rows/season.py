@@ -22,7 +22,7 @@ from eurobot_od.export.dbc import dbc_text
 
 FULL, SHORT = 1_000_000, 300
 TIMES = 10
-"""The long log has so many times the lines of the short one."""
+"""How many times as many lines as the short log the long one has."""
 
 
 def archived(log: Path, count: int) -> Figures:
