@@ -82,6 +82,14 @@ def test_with_other_eds_files_it_is_another_run(log: Path, tmp_path: Path) -> No
     assert len(runs) == len(table_rows(season)) == 2
 
 
+def test_with_another_node_id_it_is_another_run(log: Path, tmp_path: Path) -> None:
+    """The identifiers in the log then mean another device, though file and name are the same."""
+    text = (DEVICE_TYPE + variable("2000", "Speed", "INTEGER16")).encode()
+    devices = [Dictionary.read(text, Path("servo.eds"), node_id, "servo") for node_id in (5, 6)]
+    runs = {Archiver(tmp_path / "season", DecodedNetwork((each,), CATALOGUE))(log).run for each in devices}
+    assert len(runs) == 2
+
+
 def test_a_run_that_was_broken_off_is_done_again(log: Path, tmp_path: Path) -> None:
     season = tmp_path / "season"
     run = Archiver(season, NETWORK)(log).run
@@ -202,6 +210,26 @@ def test_the_row_of_a_log_is_in_place_last(log: Path, tmp_path: Path, monkeypatc
     Archiver(tmp_path / "season", NETWORK)(log)
     assert len(placed) > 3
     assert placed.index("runs") == len(placed) - 1
+
+
+def test_what_is_put_in_place_is_on_the_disk(log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    synced: set[int] = set()
+    placed: list[bool] = []
+    fsync, replace = os.fsync, Path.replace
+
+    def sync(descriptor: int) -> None:
+        fsync(descriptor)
+        synced.add(os.fstat(descriptor).st_ino)
+
+    def put(made: Path, target: Path) -> Path:
+        placed.append(made.stat().st_ino in synced)
+        return replace(made, target)
+
+    monkeypatch.setattr(os, "fsync", sync)
+    monkeypatch.setattr(Path, "replace", put)
+    Archiver(tmp_path / "season", NETWORK)(log)
+    assert len(placed) > 3
+    assert all(placed)
 
 
 @pytest.mark.skipif(os.name != "posix", reason="the locks are POSIX's")

@@ -468,6 +468,17 @@ def test_14_the_time_out_is_a_setting(bench: Bench) -> None:
     assert not bench.drive.moving
 
 
+def test_14_the_time_of_a_goto_that_has_ended_is_no_limit_for_the_next_one(bench: Bench) -> None:
+    slow = FAR._replace(speed=10)
+    first = bench.core.goto(*slow, timeout=2.0)
+    bench.run(1.0)
+    second = bench.core.goto(*slow)
+    bench.run(2.0)
+    assert first.result(0).outcome is Outcome.REPLACED
+    assert bench.drive.moving
+    assert not second.done()
+
+
 async def waits_for_too_short(core: Core) -> None:
     with pytest.raises(asyncio.TimeoutError):
         await asyncio.wait_for(core.goto(*FAR), 1.0)
