@@ -121,6 +121,6 @@ def test_a_driver_that_takes_no_frame_for_a_second_ends_it() -> None:
     group = NodeGroup([SimulatedDevice(Dictionary.read(BEATING.encode(), Path("a.eds"), 5))])
     with (
         LiveGroup(Full(), group, lambda: next(seconds)) as live,
-        pytest.raises(BusError, match="has taken no frame for 1.0 s: no room"),
+        pytest.raises(BusError, match=r"has taken no frame for 1\.0 s: no room"),
     ):
         live.run(inf)

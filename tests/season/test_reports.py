@@ -115,6 +115,13 @@ def test_two_channels_are_two_buses(tmp_path: Path) -> None:
         (0.3, "can1", messages.GotoConfirm()),
         (1.0, "can0", GOTO),
         (1.1, "can1", GOTO),
+        (1.4, "can0", messages.GotoStateResponse(0)),
+        (1.5, "can1", KalmanPositionResponse(2000, 2000, 0, Source.INTERNAL)),
+        (1.6, "can0", KalmanPositionResponse(1003, 1004, 0, Source.INTERNAL)),
+        (1.7, "can1", NaviPositionResponse(2000, 2000, 0, Source.INTERNAL)),
+        (1.8, "can0", NaviPositionResponse(1000, 1010, 0, Source.INTERNAL)),
+        (2.0, "can0", messages.EmergencyStop(Obstacle.ENEMY)),
+        (2.2, "can1", messages.EmergencyStop(Obstacle.ENEMY)),
     )
     log.write_text("".join(f"({time:.6f}) {channel} {PROTOCOL.encode(message)}\n" for time, channel, message in lines))
     Archiver(tmp_path / "season", NETWORK)(log)
@@ -124,6 +131,8 @@ def test_two_channels_are_two_buses(tmp_path: Path) -> None:
     columns = ("answer", "requests", "answered", "least_ms", "most_ms")
     assert rows(season, "answers", *columns) == [("Goto Confirm", 4, 2, 150.0, 200.0)]
     assert rows(season, "latency", "confirmed", "least_ms", "most_ms") == [(2, 150.0, 200.0)]
+    assert rows(season, "arrivals", "arrivals", "mean_s", "mean_mm", "beacons_mm") == [(1, 0.4, 5.0, 10.0)]
+    assert rows(season, "stops", "reason", "stops", "frames") == [("Emergency Stop: enemy", 2, 2)]
 
 
 def test_load_counts_bits_without_and_with_all_stuff_bits(season: Season) -> None:
