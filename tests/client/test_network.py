@@ -207,6 +207,7 @@ def test_nmt_commands_are_followed_and_heartbeats_tell() -> None:
         drive.nmt.reset()
         assert drive.state == NmtState.INITIALISING
         network.nmt.stop()
+        assert drive.state is None  # what it said before counts no more
         assert drive.heartbeat() is NmtState.STOPPED
         drive.nmt.reset()
         drive["Producer heartbeat time"].value = 0

@@ -75,6 +75,11 @@ EXCHANGES: list[tuple[list[str], list[str], str]] = [
     (["c2081000 01000000", "81 41", "d9"], ["a4081000 7f000000", "a2017f00 00000000", "a1000000 00000000"], "no CRC"),
     (["40081000", "40002001"], ["41081000 0c000000", "4b002001 34120000"], "a new transfer replaces the one under way"),
     (["40081000", "80081000", "40002001"], ["41081000 0c000000", "4b002001 34120000"], "the client aborts"),
+    (
+        ["c4081000", "80081000", "40002001"],
+        ["a4081000 7f000000", "4b002001 34120000"],
+        "the client aborts a block download: what follows is no segment of it",
+    ),
 ]
 
 

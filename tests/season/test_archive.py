@@ -22,7 +22,7 @@ from eurobot_od.robot import dialects
 from eurobot_od.robot.model.messages import CATALOGUE
 from eurobot_od.season import writing
 from eurobot_od.season.archive import BEGUN, Archived, Archiver, _begun, archive
-from eurobot_od.season.tables import table_names
+from eurobot_od.season.tables import is_whole, table_names
 from eurobot_od.season.writing import DecodedNetwork
 from tests.eds_text import DEVICE_TYPE, pdo, variable
 from tests.season.seasons import table, write_log
@@ -65,6 +65,14 @@ def table_rows(season: Path) -> list[dict[str, object]]:
     import polars as pl
 
     return pl.read_parquet(season / "runs" / "*.parquet").rows(named=True)
+
+
+def test_a_run_lasts_from_its_first_entry_to_its_last_whatever_they_are(tmp_path: Path) -> None:
+    log = tmp_path / "some.log"
+    log.write_text("(0.500000) can0 123##1AB\n(0.600000) can0 008#\n(0.700000) can0 123##1AB\n")
+    Archiver(tmp_path / "season", NETWORK)(log)
+    (row,) = table_rows(tmp_path / "season")
+    assert (row["start"], row["end"]) == (0.5, 0.7)
 
 
 def test_a_log_is_known_by_its_content_under_any_name(log: Path, tmp_path: Path) -> None:
@@ -196,6 +204,25 @@ def test_nothing_is_done_if_a_format_is_not_known(log: Path, tmp_path: Path) -> 
 )
 def test_tables_have_names_of_their_own(messages: list[str], tables: list[str]) -> None:
     assert list(table_names(messages).values()) == tables
+
+
+@pytest.mark.parametrize(
+    ("content", "whole"),
+    [
+        (b"PAR1" + bytes(8) + b"\x08\0\0\0PAR1", True),
+        (b"PAR1" + bytes(8) + b"\x09\0\0\0PAR1", False),  # its description is said to be longer than the file
+        (b"PAR1" + bytes(8) + b"\x08\0\0\0PAR2", False),
+        (b"PAR2" + bytes(8) + b"\x08\0\0\0PAR1", False),
+        (b"PAR1", False),
+        (b"", False),
+    ],
+)
+def test_a_file_is_whole_with_its_beginning_its_end_and_its_description(
+    tmp_path: Path, content: bytes, whole: bool
+) -> None:
+    file = tmp_path / "a.parquet"
+    file.write_bytes(content)
+    assert is_whole(file) is whole
 
 
 def test_the_row_of_a_log_is_in_place_last(log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

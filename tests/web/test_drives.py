@@ -197,6 +197,14 @@ def test_a_jog_whose_answer_is_lost_is_halted_all_the_same(jogged: tuple[Simulat
     assert network[5].drive402.velocity == 0
 
 
+def test_a_command_ends_a_jog(jogged: tuple[SimulatedNetwork, Drives]) -> None:
+    network, drives = jogged
+    drives.jog(AXIS, 500)
+    drives.command(AXIS, "halt")
+    network.sleep(HELD)
+    assert not drives.overdue(), "it has been halted, and need not be once more"
+
+
 def test_stop_is_a_quick_stop_and_ends_a_jog(tmp_path: Path, window: Page) -> None:
     with bench(tmp_path) as scene:
         scene.drive_to("enable")
