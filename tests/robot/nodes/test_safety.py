@@ -226,6 +226,21 @@ def test_13_a_robot_that_does_not_stand_is_told_and_shut_down_until_it_does() ->
     assert len(bench.times(EmergencyShutdown)) == sent
 
 
+def test_13_a_start_configuration_ends_the_emergency_and_the_next_goto_is_left_alone(bench: Bench) -> None:
+    drive_off(bench)
+    bench.lose(GotoStateResponse)
+    call = bench.core.stop()
+    bench.run(2.4)
+    assert isinstance(call.exception(0), NotStanding)
+    bench.lose()
+    bench.configure()
+    begun = bench.now
+    bench.core.goto(*FAR)
+    bench.run(2.0)
+    assert bench.drive.moving
+    assert commands(bench, begun) == [FAR]
+
+
 def test_13_a_drive_that_says_it_stopped_and_rolls_on_is_not_believed(half: Bench) -> None:
     call = half.core.stop()
     for step in range(20):
