@@ -51,9 +51,13 @@ def test_who_waits_without_an_end_hears_that_the_bus_is_lost() -> None:
     cable, waits, heard = Cable(new_channel()), threading.Event(), list[BusError]()
     master = ThreadedMaster(OwnFeed(cable.open))
 
+    def never() -> bool:
+        waits.set()
+        return False
+
     def wait() -> None:
         try:
-            master.pump(inf, lambda: bool(waits.set()))
+            master.pump(inf, never)
         except BusError as error:
             heard.append(error)
 
