@@ -124,7 +124,8 @@ class NodeWatch:
         if state not in set(NmtState):
             return
         node = self._node(node_id)
-        if node_id in self._guarded and data[0] & TOGGLE == node.toggle:
+        # A boot-up is no answer, and comes with the toggle bit 0 whatever the last answer had.
+        if state and node_id in self._guarded and data[0] & TOGGLE == node.toggle:
             return  # an answer heard twice, or a node that is stuck: no sign of life
         # A boot-up begins anew: the first answer after it has the toggle bit 0 (CiA 301, 7.2.8.3.2.1).
         node.toggle = data[0] & TOGGLE if state and node_id in self._guarded else None

@@ -12,24 +12,27 @@ from eurobot_od.robot.model.messages import CATALOGUE
 from eurobot_od.season.reports import Chart, ChartKind, SeasonReport, spread
 
 LATENCIES = """
-SELECT min(c.t - g.t) AS latency FROM goto_confirm c ASOF JOIN goto_xy g ON c.run = g.run AND c.line >= g.line
+SELECT min(c.t - g.t) AS latency
+FROM goto_confirm c ASOF JOIN goto_xy g ON c.run = g.run AND c.channel = g.channel AND c.line >= g.line
 GROUP BY g.run, g.line"""
 
 LATENCY = f"SELECT count(*) AS confirmed, {spread('latency')} FROM ({LATENCIES})"
 
 ARRIVALS = """
 WITH ends AS (
-    SELECT g.run, g.line AS goto_line, g.t AS asked, g.x, g.y, min(s.line) AS line, min(s.t) AS t
-    FROM goto_state_response s ASOF JOIN goto_xy g ON s.run = g.run AND s.line >= g.line
+    SELECT g.run, g.channel, g.line AS goto_line, g.t AS asked, g.x, g.y, min(s.line) AS line, min(s.t) AS t
+    FROM goto_state_response s ASOF JOIN goto_xy g ON s.run = g.run AND s.channel = g.channel AND s.line >= g.line
     WHERE s.time = 0 GROUP BY ALL
 ),
 believed AS (
     SELECT e.*, sqrt((k.x - e.x) ** 2 + (k.y - e.y) ** 2) AS error
-    FROM ends e ASOF JOIN kalman_position_response k ON e.run = k.run AND e.line <= k.line
+    FROM ends e ASOF JOIN kalman_position_response k
+        ON e.run = k.run AND e.channel = k.channel AND e.line <= k.line
 ),
 arrivals AS (
     SELECT b.*, sqrt((n.x - b.x) ** 2 + (n.y - b.y) ** 2) AS beacons
-    FROM believed b ASOF LEFT JOIN navi_position_response n ON b.run = n.run AND b.line <= n.line
+    FROM believed b ASOF LEFT JOIN navi_position_response n
+        ON b.run = n.run AND b.channel = n.channel AND b.line <= n.line
 )"""
 
 ERRORS = f"""{ARRIVALS}
@@ -45,22 +48,22 @@ APART = 1.0
 
 STOPS = f"""
 WITH codes AS (
-    SELECT f.run, f.line, f.t, CAST('0x' || hex(f.data)[3:4] || hex(f.data)[1:2] AS INTEGER) AS code
+    SELECT f.run, f.channel, f.line, f.t, CAST('0x' || hex(f.data)[3:4] || hex(f.data)[1:2] AS INTEGER) AS code
     FROM frames f JOIN runs r ON f.run = r.run
     WHERE cob_id BETWEEN 129 AND 255 AND octet_length(data) = 8
         AND cob_id NOT IN (SELECT m.cob_id FROM messages m WHERE m.eds = r.eds)
 ),
 sent AS (
-    SELECT run, line, t, 'Emergency Stop: ' || obstacle AS reason FROM emergency_stop
-    UNION ALL SELECT run, line, t, 'Stop Drive' FROM stop_drive
-    UNION ALL SELECT run, line, t, 'Emergency Shutdown' FROM emergency_shutdown
-    UNION ALL SELECT run, line, t, 'goto ' || time_flag FROM goto_state_response
+    SELECT run, channel, line, t, 'Emergency Stop: ' || obstacle AS reason FROM emergency_stop
+    UNION ALL SELECT run, channel, line, t, 'Stop Drive' FROM stop_drive
+    UNION ALL SELECT run, channel, line, t, 'Emergency Shutdown' FROM emergency_shutdown
+    UNION ALL SELECT run, channel, line, t, 'goto ' || time_flag FROM goto_state_response
         WHERE time_flag IN ('blocked', 'not possible')
     UNION ALL
-    SELECT run, line, t, 'EMCY ' || CASE code {CODES} ELSE printf('0x%04X', code) END
+    SELECT run, channel, line, t, 'EMCY ' || CASE code {CODES} ELSE printf('0x%04X', code) END
     FROM codes WHERE code <> 0
 ),
-told AS (SELECT *, t - lag(t) OVER (PARTITION BY run, reason ORDER BY line) AS gap FROM sent)
+told AS (SELECT *, t - lag(t) OVER (PARTITION BY run, channel, reason ORDER BY line) AS gap FROM sent)
 SELECT reason, count(*) FILTER (gap IS NULL OR gap > {APART}) AS stops, count(*) AS frames,
     count(DISTINCT t.run) AS logs, arg_min(log, log) AS first_log, arg_min(line, (log, line)) AS first_line
 FROM told t JOIN runs r ON t.run = r.run GROUP BY reason ORDER BY stops DESC, reason"""

@@ -66,7 +66,8 @@ FROM gaps GROUP BY message ORDER BY message"""
 ANSWERS = f"""{NAMED}, asked AS (SELECT * FROM named WHERE message IN (SELECT answers FROM messages)),
 answered AS (
     SELECT a.message AS answer, q.run, q.line, min(a.t - q.t) AS latency
-    FROM named a ASOF JOIN asked q ON a.run = q.run AND a.answers = q.message AND a.line >= q.line
+    FROM named a ASOF JOIN asked q
+        ON a.run = q.run AND a.channel = q.channel AND a.answers = q.message AND a.line >= q.line
     WHERE a.answers <> '' GROUP BY ALL
 ),
 counted AS (SELECT message, count(*) AS requests FROM asked GROUP BY message)

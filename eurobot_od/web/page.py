@@ -25,6 +25,12 @@ SCRIPTS = ("uplot.js", "page.js", "drive.js")  # in this order: each uses those 
 PART = re.compile(r"\{\{(\w+)\}\}")
 """A place of `page.html` that is filled in."""
 
+POLICY = re.compile(r'<meta http-equiv="Content-Security-Policy" content="([^"]*)">')
+"""Where a page says what may be loaded and run in it."""
+
+NOTHING = "default-src 'none'; base-uri 'none'; form-action 'none'"
+"""The policy of a page in which nothing may be loaded or run."""
+
 
 def page(
     title: str, sources: Sequence[Mapping[str, Any]], panels: Sequence[type[Panel]] = (), **settings: object
@@ -36,7 +42,7 @@ def page(
     # By hashes: with 'unsafe-inline' whatever slipped into the page could run as well.
     allowed = f"script-src {_hashes(scripts)}; style-src {_hashes(styles)}; img-src data: blob:; connect-src 'self'"
     parts = {
-        "policy": f"default-src 'none'; {allowed}; base-uri 'none'; form-action 'none'",
+        "policy": f"{NOTHING}; {allowed}",
         "title": escape(title),
         "icon": base64.b64encode((FILES / "icon.svg").read_bytes()).decode(),
         "styles": "\n".join(f"<style>{each}</style>" for each in styles),
@@ -46,6 +52,12 @@ def page(
     }
     # In one pass: a content with `{{title}}` in it stays as it is.
     return PART.sub(lambda found: parts[found[1]], _read(FILES / "page.html"))
+
+
+def policy_of(text: str) -> str:
+    """Return a page's own content security policy, for the server to send with it."""
+    found = POLICY.search(text)
+    return found[1] if found else NOTHING
 
 
 def _read(file: Path) -> str:

@@ -17,6 +17,7 @@ from aiohttp import WSMsgType, web
 
 from eurobot_od.errors import LocalError
 from eurobot_od.web.access import TOKEN, AccessRules
+from eurobot_od.web.page import NOTHING, policy_of
 from eurobot_od.web.requests import Requests
 
 PERIOD = 0.05
@@ -36,16 +37,19 @@ LONGEST_REQUEST = 1 << 16
 SILENCE = 20.0
 """Seconds after which a browser that answers no ping is gone."""
 
+UNFRAMED = "frame-ancestors 'none'"
+"""The part of a policy that only a header can say, not the page itself."""
+
 HEADERS = {
     "Cache-Control": "no-store",
-    "Content-Security-Policy": "frame-ancestors 'none'",
+    "Content-Security-Policy": f"{NOTHING}; {UNFRAMED}",
     "Cross-Origin-Opener-Policy": "same-origin",
     "Cross-Origin-Resource-Policy": "same-origin",
     "Referrer-Policy": "no-referrer",
     "X-Content-Type-Options": "nosniff",
     "X-Frame-Options": "DENY",
 }
-"""No other page may show, embed or read this one."""
+"""No other page may show, embed or read this one, and nothing runs in an answer that is not the page."""
 
 Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 
@@ -100,7 +104,8 @@ class _Server:
             application.router.add_get("/recording/{name}", self._recording)
 
         async def add_headers(_: web.Request, response: web.StreamResponse) -> None:
-            response.headers.update(HEADERS)
+            for name, value in HEADERS.items():
+                response.headers.setdefault(name, value)
 
         async def say_goodbye(_: web.Application) -> None:
             # Of a copy: each that is closed takes itself out.
@@ -133,7 +138,8 @@ class _Server:
 
     async def _show(self, request: web.Request) -> web.StreamResponse:
         if TOKEN not in request.query:
-            return web.Response(text=self._page, content_type="text/html")
+            policy = {"Content-Security-Policy": f"{policy_of(self._page)}; {UNFRAMED}"}
+            return web.Response(text=self._page, content_type="text/html", headers=policy)
         # kept by the browser where no script gets at it, and out of its address line and history
         response = web.Response(status=303, headers={"Location": "/"})
         response.set_cookie(TOKEN, self._access.token, httponly=True, samesite="Strict")

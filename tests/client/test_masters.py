@@ -6,6 +6,7 @@ import asyncio
 import threading
 from collections.abc import Callable
 from functools import partial
+from math import inf
 
 import can
 import pytest
@@ -44,6 +45,29 @@ def test_a_bus_that_is_lost_is_told_and_opened_again_and_what_was_periodic_goes_
             pass
         assert other.recv(0.05) is None
     assert all(bus.closed for bus in cable.buses)
+
+
+def test_who_waits_without_an_end_hears_that_the_bus_is_lost() -> None:
+    cable, waits, heard = Cable(new_channel()), threading.Event(), list[BusError]()
+    master = ThreadedMaster(OwnFeed(cable.open))
+
+    def never() -> bool:
+        waits.set()
+        return False
+
+    def wait() -> None:
+        try:
+            master.pump(inf, never)
+        except BusError as error:
+            heard.append(error)
+
+    thread = threading.Thread(target=wait, daemon=True)
+    thread.start()
+    assert waits.wait(LONG)
+    cable.error = OSError("pulled out")
+    thread.join(LONG)
+    assert [str(each) for each in heard] == [str(master.failure)] != ["None"]
+    master.close()
 
 
 def test_threads_take_turns_at_one_node() -> None:

@@ -207,6 +207,7 @@ def test_nmt_commands_are_followed_and_heartbeats_tell() -> None:
         drive.nmt.reset()
         assert drive.state == NmtState.INITIALISING
         network.nmt.stop()
+        assert drive.state is None  # what it said before counts no more
         assert drive.heartbeat() is NmtState.STOPPED
         drive.nmt.reset()
         drive["Producer heartbeat time"].value = 0
@@ -483,3 +484,10 @@ def test_devices_without_a_node_id_are_found_and_given_one() -> None:
         with pytest.raises(RemoteError, match="no device without a node-ID answers"):
             network.lss.assign(9)
     assert [(slave.node_id, slave.state) for slave in slaves] == [(8, WAITING), (7, WAITING)]
+
+
+def test_a_device_that_refuses_its_bit_rate_does_not_obey_the_next_command() -> None:
+    slave = LssSlave(Identity(1, 2, 3, 4), errors={0x13: (1, 0)})
+    with Network(wired(slave)) as network, pytest.raises(RemoteError, match="refuses to configure bit timing"):
+        network.lss.assign(7, bit_rate=250)
+    assert slave.state == WAITING

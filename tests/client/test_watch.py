@@ -56,7 +56,9 @@ class Beating:
         return []
 
     def tick(self, now: float) -> list[Frame]:
-        return [Frame(0x705, self._beats.pop(0)[1])]
+        _, data = self._beats.pop(0)
+        self._toggle = 0 if data == b"\0" else self._toggle
+        return [Frame(0x705, data)]
 
     def asked(self, cob_id: int, now: float) -> list[Frame]:
         if cob_id != 0x705 or int(now) not in self._alive:
@@ -107,6 +109,8 @@ def test_a_node_that_has_to_be_there_is_lost_if_it_is_not_heard() -> None:
         (Beating([], range(4)), [(0.0, FOUND), (5.0, LOST)]),  # asked at 3 s for the last time with an answer
         (Beating([], range(5, 9)), [(2.0, LOST), (5.0, BACK)]),
         (Beating([], range(10), stuck=True), [(0.0, FOUND), (2.0, LOST)]),
+        # The answer at 3 s, the first after its boot-up, has the toggle bit 0 as the one at 2 s had.
+        (Beating([(2.5, b"\0")], range(4)), [(0.0, FOUND), (2.5, BOOTED), (5.0, LOST)]),
     ],
 )
 def test_a_guarded_node_is_asked_and_has_to_toggle(station: Beating, happened: list[tuple[float, NodeChange]]) -> None:

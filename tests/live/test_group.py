@@ -7,6 +7,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from datetime import datetime
+from itertools import count
 from math import inf
 from pathlib import Path
 
@@ -97,5 +98,29 @@ def test_a_bus_that_fails_ends_it_in_one_line() -> None:
     with (
         LiveGroup(Lost(), NodeGroup([SimulatedDevice(Dictionary.read(GUARDED.encode(), Path("a.eds"), 5))])) as live,
         pytest.raises(BusError, match=r"^the bus lost failed: .*No such device$"),
+    ):
+        live.run(inf)
+
+
+class Full(Lost):
+    """A bus whose driver has no room for a frame."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.tries = 0
+
+    def send(self, msg: can.Message, timeout: float | None = None) -> None:
+        self.tries += 1
+        if self.tries == 100:
+            raise OSError("tried for ever")
+        raise can.CanOperationError("no room")
+
+
+def test_a_driver_that_takes_no_frame_for_a_second_ends_it() -> None:
+    seconds = count(0.0, 0.25)
+    group = NodeGroup([SimulatedDevice(Dictionary.read(BEATING.encode(), Path("a.eds"), 5))])
+    with (
+        LiveGroup(Full(), group, lambda: next(seconds)) as live,
+        pytest.raises(BusError, match=r"has taken no frame for 1\.0 s: no room"),
     ):
         live.run(inf)

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 
 import pytest
 from can.interfaces.virtual import VirtualBus
@@ -121,19 +122,12 @@ def core(channel: str) -> Iterator[tuple[Live, Core]]:
         yield live, node
 
 
-@pytest.mark.skipif(not hasattr(os, "fork"), reason="nothing forks here")
-@pytest.mark.filterwarnings("ignore:.*fork.*:DeprecationWarning")
-def test_a_forked_child_is_refused(core: tuple[Live, Core]) -> None:
-    live, node = core
-    calls = (
-        lambda: live.send(CheckDriveRequest()),
-        node.check_nodes,
-        lambda: node.goto(1, 1, 1, 1),
-        node.stop,
-        live.stop,
-    )
+def child_says(calls: Sequence[Callable[[], object]], monkeypatch: pytest.MonkeyPatch) -> bytes:
+    """Fork, and return what the child says of its calls: R for one that is refused, and ! for an error in the fork."""
     read, write = os.pipe()
-    child = os.fork()
+    with monkeypatch.context() as patch:
+        patch.setattr(sys, "unraisablehook", lambda _: os.write(write, b"!"))
+        child = os.fork()
     if child == 0:
         for call in calls:
             try:
@@ -144,6 +138,41 @@ def test_a_forked_child_is_refused(core: tuple[Live, Core]) -> None:
         os._exit(0)
     os.close(write)
     _, status = os.waitpid(child, 0)
+    assert status == 0
     with os.fdopen(read, "rb") as answers:
-        assert (answers.read(), status) == (b"RRRR-", 0)
-    live.send(CheckDriveRequest())  # here it goes on
+        return answers.read()
+
+
+FORKS = [
+    pytest.mark.skipif(not hasattr(os, "fork"), reason="nothing forks here"),
+    pytest.mark.filterwarnings("ignore:.*fork.*:DeprecationWarning"),
+]
+
+
+class TestForkedChild:
+    """A child has the objects of its parent, and none of the threads."""
+
+    pytestmark = FORKS
+
+    def test_a_node_is_refused(self, core: tuple[Live, Core], monkeypatch: pytest.MonkeyPatch) -> None:
+        live, node = core
+        calls = (
+            lambda: live.send(CheckDriveRequest()),
+            node.check_nodes,
+            lambda: node.goto(1, 1, 1, 1),
+            node.stop,
+            live.stop,
+        )
+        assert child_says(calls, monkeypatch) == b"RRRR-"
+        live.send(CheckDriveRequest())  # here it goes on
+
+    def test_who_has_no_node_is_refused(self, channel: str, monkeypatch: pytest.MonkeyPatch) -> None:
+        with Live(VirtualBus(channel), Gatekeeper(PROTOCOL)) as live:
+            assert child_says([lambda: live.send(CheckDriveRequest()), live.stop], monkeypatch) == b"R-"
+            live.send(CheckDriveRequest())
+
+    def test_who_is_gone_is_no_error(self, channel: str, monkeypatch: pytest.MonkeyPatch) -> None:
+        with Live(VirtualBus(channel), Gatekeeper(PROTOCOL)):
+            pass
+        gc.collect()
+        assert child_says([], monkeypatch) == b""

@@ -13,6 +13,7 @@ import can
 import pytest
 from can.interfaces.virtual import VirtualBus
 
+from eurobot_od.device.simulated import SimulatedDevice
 from eurobot_od.errors import BusError, FieldError, StateError
 from eurobot_od.frame import Frame
 from eurobot_od.gatekeeper import Event as What
@@ -21,6 +22,7 @@ from eurobot_od.gatekeeper.mailboxes import MAILBOX_WAIT
 from eurobot_od.live import FrameReader, Live, open_bus
 from eurobot_od.live.reader import ENDURED, POLL
 from eurobot_od.live.sender import FIRST_PAUSE, LONGEST_PAUSE
+from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.pdo.message import Message
 from eurobot_od.robot import dialects
 from eurobot_od.robot.model.messages import (
@@ -38,6 +40,7 @@ from eurobot_od.robot.model.messages import (
 from eurobot_od.robot.model.values import Obstacle
 from eurobot_od.robot.nodes import Core, Drive, Navigation
 from eurobot_od.robot.protocol import EurobotProtocol
+from tests.eds_text import DEVICE_TYPE, variable
 from tests.live.loose import LONG, Reports
 
 PROTOCOL = EurobotProtocol.load()
@@ -664,6 +667,20 @@ def test_a_listener_that_raises_does_not_stop_the_node(channel: str) -> None:
 
 def test_a_keeper_with_nothing_to_do_looks_now_and_then(driver: Driver) -> None:
     assert Live(driver, Gatekeeper(PROTOCOL), clock=lambda: 5.0)._next_look() == 5.0 + POLL
+
+
+def test_what_a_frame_makes_due_does_not_wait_for_the_next_look(channel: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The keeper, who is asleep, hears that the heartbeat is switched on."""
+    monkeypatch.setattr("eurobot_od.live.live.POLL", 10 * LONG)
+    text = DEVICE_TYPE + variable("1017", "Producer heartbeat time", "UNSIGNED16", "0")
+    device = SimulatedDevice(Dictionary.read(text.encode(), Path("a.eds"), 5))
+    with VirtualBus(channel) as other, Live.node(VirtualBus(channel), device):
+        other.send(can.Message(arbitration_id=0x605, data=b"\x2b\x17\x10\0\x14\0\0\0", is_extended_id=False))
+        came: set[int] = set()
+        while not came & {0x04, 0x05, 0x7F}:
+            message = other.recv(LONG)
+            assert message is not None
+            came |= {message.data[0]} if message.arbitration_id == 0x705 else set()
 
 
 def test_what_waits_and_no_thread_is_at_is_looked_at_now(driver: Driver) -> None:

@@ -75,6 +75,11 @@ EXCHANGES: list[tuple[list[str], list[str], str]] = [
     (["c2081000 01000000", "81 41", "d9"], ["a4081000 7f000000", "a2017f00 00000000", "a1000000 00000000"], "no CRC"),
     (["40081000", "40002001"], ["41081000 0c000000", "4b002001 34120000"], "a new transfer replaces the one under way"),
     (["40081000", "80081000", "40002001"], ["41081000 0c000000", "4b002001 34120000"], "the client aborts"),
+    (
+        ["c4081000", "80081000", "40002001"],
+        ["a4081000 7f000000", "4b002001 34120000"],
+        "the client aborts a block download: what follows is no segment of it",
+    ),
 ]
 
 
@@ -105,6 +110,7 @@ WRONG: list[tuple[list[str], Address, AbortCode, str]] = [
     (["a4081000 7f", "a3", "a20200"], TEXT, AbortCode.BLOCK_SIZE, "no segments in the next block"),
     (["c6081000 08", "00 41"], TEXT, AbortCode.SEQUENCE_NUMBER, "segment number 0"),
     (["c6002001 02", "01", "82"], NUMBER, AbortCode.TOO_LONG, "block download: more sent than announced"),
+    (["c2081000 02", "81 41424344454647", "c1"], TEXT, AbortCode.TOO_LONG, "block download: all of a segment counts"),
     (["c4081000", "81 41", "d9 0000"], TEXT, AbortCode.CRC, "block download: the CRC is another one"),
     (["c6081000 08", "81 41", "c1"], TEXT, AbortCode.CRC, "block download: cut off"),
     (["c2081000 09", "81 41424344454647", "c1"], TEXT, AbortCode.TOO_SHORT, "block download: less than announced"),

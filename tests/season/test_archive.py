@@ -22,7 +22,7 @@ from eurobot_od.robot import dialects
 from eurobot_od.robot.model.messages import CATALOGUE
 from eurobot_od.season import writing
 from eurobot_od.season.archive import BEGUN, Archived, Archiver, _begun, archive
-from eurobot_od.season.tables import table_names
+from eurobot_od.season.tables import is_whole, table_names
 from eurobot_od.season.writing import DecodedNetwork
 from tests.eds_text import DEVICE_TYPE, pdo, variable
 from tests.season.seasons import table, write_log
@@ -67,6 +67,14 @@ def table_rows(season: Path) -> list[dict[str, object]]:
     return pl.read_parquet(season / "runs" / "*.parquet").rows(named=True)
 
 
+def test_a_run_lasts_from_its_first_entry_to_its_last_whatever_they_are(tmp_path: Path) -> None:
+    log = tmp_path / "some.log"
+    log.write_text("(0.500000) can0 123##1AB\n(0.600000) can0 008#\n(0.700000) can0 123##1AB\n")
+    Archiver(tmp_path / "season", NETWORK)(log)
+    (row,) = table_rows(tmp_path / "season")
+    assert (row["start"], row["end"]) == (0.5, 0.7)
+
+
 def test_a_log_is_known_by_its_content_under_any_name(log: Path, tmp_path: Path) -> None:
     season, other = tmp_path / "season", tmp_path / "copy.log"
     shutil.copy(log, other)
@@ -80,6 +88,14 @@ def test_with_other_eds_files_it_is_another_run(log: Path, tmp_path: Path) -> No
     other = DecodedNetwork(dialects.load_all(dialects.names()[-1]), CATALOGUE)
     runs = {Archiver(season, network)(log).run for network in (NETWORK, other)}
     assert len(runs) == len(table_rows(season)) == 2
+
+
+def test_with_another_node_id_it_is_another_run(log: Path, tmp_path: Path) -> None:
+    """The identifiers in the log then mean another device, though file and name are the same."""
+    text = (DEVICE_TYPE + variable("2000", "Speed", "INTEGER16")).encode()
+    devices = [Dictionary.read(text, Path("servo.eds"), node_id, "servo") for node_id in (5, 6)]
+    runs = {Archiver(tmp_path / "season", DecodedNetwork((each,), CATALOGUE))(log).run for each in devices}
+    assert len(runs) == 2
 
 
 def test_a_run_that_was_broken_off_is_done_again(log: Path, tmp_path: Path) -> None:
@@ -190,6 +206,25 @@ def test_tables_have_names_of_their_own(messages: list[str], tables: list[str]) 
     assert list(table_names(messages).values()) == tables
 
 
+@pytest.mark.parametrize(
+    ("content", "whole"),
+    [
+        (b"PAR1" + bytes(8) + b"\x08\0\0\0PAR1", True),
+        (b"PAR1" + bytes(8) + b"\x09\0\0\0PAR1", False),  # its description is said to be longer than the file
+        (b"PAR1" + bytes(8) + b"\x08\0\0\0PAR2", False),
+        (b"PAR2" + bytes(8) + b"\x08\0\0\0PAR1", False),
+        (b"PAR1", False),
+        (b"", False),
+    ],
+)
+def test_a_file_is_whole_with_its_beginning_its_end_and_its_description(
+    tmp_path: Path, content: bytes, whole: bool
+) -> None:
+    file = tmp_path / "a.parquet"
+    file.write_bytes(content)
+    assert is_whole(file) is whole
+
+
 def test_the_row_of_a_log_is_in_place_last(log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     placed: list[str] = []
     replace = Path.replace
@@ -202,6 +237,26 @@ def test_the_row_of_a_log_is_in_place_last(log: Path, tmp_path: Path, monkeypatc
     Archiver(tmp_path / "season", NETWORK)(log)
     assert len(placed) > 3
     assert placed.index("runs") == len(placed) - 1
+
+
+def test_what_is_put_in_place_is_on_the_disk(log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    synced: set[int] = set()
+    placed: list[bool] = []
+    fsync, replace = os.fsync, Path.replace
+
+    def sync(descriptor: int) -> None:
+        fsync(descriptor)
+        synced.add(os.fstat(descriptor).st_ino)
+
+    def put(made: Path, target: Path) -> Path:
+        placed.append(made.stat().st_ino in synced)
+        return replace(made, target)
+
+    monkeypatch.setattr(os, "fsync", sync)
+    monkeypatch.setattr(Path, "replace", put)
+    Archiver(tmp_path / "season", NETWORK)(log)
+    assert len(placed) > 3
+    assert all(placed)
 
 
 @pytest.mark.skipif(os.name != "posix", reason="the locks are POSIX's")

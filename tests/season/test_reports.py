@@ -105,6 +105,36 @@ def test_periods_are_from_a_frame_to_the_next_of_its_message(season: Season) -> 
     assert found["Navi Position Response"] == (1, None, None, None)
 
 
+def test_two_channels_are_two_buses(tmp_path: Path) -> None:
+    """A log may hold several: of each a message has its own period, and a request its own answer."""
+    log = tmp_path / "two.log"
+    lines = (
+        (0.0, "can0", GOTO),
+        (0.1, "can1", GOTO),
+        (0.15, "can0", messages.GotoConfirm()),
+        (0.3, "can1", messages.GotoConfirm()),
+        (1.0, "can0", GOTO),
+        (1.1, "can1", GOTO),
+        (1.4, "can0", messages.GotoStateResponse(0)),
+        (1.5, "can1", KalmanPositionResponse(2000, 2000, 0, Source.INTERNAL)),
+        (1.6, "can0", KalmanPositionResponse(1003, 1004, 0, Source.INTERNAL)),
+        (1.7, "can1", NaviPositionResponse(2000, 2000, 0, Source.INTERNAL)),
+        (1.8, "can0", NaviPositionResponse(1000, 1010, 0, Source.INTERNAL)),
+        (2.0, "can0", messages.EmergencyStop(Obstacle.ENEMY)),
+        (2.2, "can1", messages.EmergencyStop(Obstacle.ENEMY)),
+    )
+    log.write_text("".join(f"({time:.6f}) {channel} {PROTOCOL.encode(message)}\n" for time, channel, message in lines))
+    Archiver(tmp_path / "season", NETWORK)(log)
+    season = Season.open(tmp_path / "season")
+    periods = {row[0]: row[1:] for row in rows(season, "periods", "message", "frames", "least_ms", "most_ms")}
+    assert periods["Goto XY"] == (4, 1000.0, 1000.0)
+    columns = ("answer", "requests", "answered", "least_ms", "most_ms")
+    assert rows(season, "answers", *columns) == [("Goto Confirm", 4, 2, 150.0, 200.0)]
+    assert rows(season, "latency", "confirmed", "least_ms", "most_ms") == [(2, 150.0, 200.0)]
+    assert rows(season, "arrivals", "arrivals", "mean_s", "mean_mm", "beacons_mm") == [(1, 0.4, 5.0, 10.0)]
+    assert rows(season, "stops", "reason", "stops", "frames") == [("Emergency Stop: enemy", 2, 2)]
+
+
 def test_load_counts_bits_without_and_with_all_stuff_bits(season: Season) -> None:
     found = {
         row[0]: row[1:] for row in rows(season, "load", "log", "frames", "seconds", "load_%", "most_%", "peak_second")

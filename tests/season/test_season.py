@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import threading
 from collections.abc import Callable
 from pathlib import Path
@@ -46,6 +47,16 @@ def test_a_field_that_only_some_logs_have_is_null_for_the_others(season: Season)
     lazy = season.frames("goto_xy").sort("t").collect()["route"]
     assert lazy.cast(pl.String).to_list() == [None, "planned"]
     assert season.sql("SELECT route FROM goto_xy ORDER BY t")["route"].to_list() == [None, "planned"]
+
+
+def test_a_run_that_is_being_moved_in_is_not_counted_yet(tmp_path: Path) -> None:
+    log = write_log(tmp_path / "a.log", [(1.0, EurobotProtocol.load().encode(GOTO))])
+    Archiver(tmp_path / "season", DecodedNetwork(dialects.load_all(), CATALOGUE))(log)
+    [file] = (tmp_path / "season" / "goto_xy").iterdir()
+    shutil.copy(file, file.with_stem("0123456789abcdef"))  # its row in `runs` comes last
+    found = Season.open(tmp_path / "season")
+    assert len(found.frames("goto_xy").collect()) == 1
+    assert found.sql("SELECT count(*) FROM goto_xy").item() == 1
 
 
 def test_sql_joins_messages_and_runs(season: Season) -> None:

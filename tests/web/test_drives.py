@@ -11,18 +11,26 @@ from typing import Any, NamedTuple
 
 import pytest
 
+from eurobot_od.client.network import SimulatedNetwork, simulated
 from eurobot_od.device.drive import SimulatedDrive
+from eurobot_od.errors import NoAnswer
 from eurobot_od.faults.drive import FAULTS
+from eurobot_od.frame import Frame
 from eurobot_od.live import Live, open_bus
 from eurobot_od.logs.meaning import Decoder
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.profiles.cia402 import State
-from eurobot_od.web.drives import HELD, axes_of
+from eurobot_od.simulation.network import ON_TIME
+from eurobot_od.web.drives import HELD, Axis, Drives, axes_of
 from tests.client.servo import EDS, SERVO
 from tests.conftest import EDS as ROBOTS
 from tests.web.browser import Page
 from tests.web.scene import Served, channel, live_page
 from tests.web.test_server import answer, talk
+
+AXIS = Axis(5, 1)
+REQUESTS, TURNS = 0x605, bytes.fromhex("2B4060000F000000")
+"""Where the drive is asked, and the request by which it begins to turn."""
 
 NETWORK = Decoder([Dictionary.load(EDS, 5, "servo")])
 
@@ -145,6 +153,56 @@ def test_a_jog_whose_page_has_gone_is_halted(tmp_path: Path) -> None:
         until(lambda: scene.velocity > 0)
         until(lambda: abs(scene.velocity) < 0.001)
         assert scene.state is State.ENABLED
+
+
+@pytest.fixture
+def jogged() -> Iterator[tuple[SimulatedNetwork, Drives]]:
+    """A drive in simulated time that is enabled, and what has it jog."""
+    with simulated(SimulatedDrive(SERVO)) as network:
+        network[5].drive402.enable()
+        yield network, Drives(network.master, [SERVO], network.master.clock)
+
+
+def test_a_drive_that_has_not_heard_its_halt_is_halted_again(jogged: tuple[SimulatedNetwork, Drives]) -> None:
+    network, drives = jogged
+    drives.jog(AXIS, 500)
+    network.sleep(HELD)
+    network.simulation.disturb = lambda _, frame: () if frame.cob_id == REQUESTS else ON_TIME
+    drives.end_overdue()
+    assert drives.overdue()
+    network.simulation.disturb = lambda *_: ON_TIME
+    assert network[5].drive402.velocity > 0
+    drives.end_overdue()
+    assert not drives.overdue()
+    network.sleep(1)
+    assert network[5].drive402.velocity == 0
+
+
+def test_a_jog_whose_answer_is_lost_is_halted_all_the_same(jogged: tuple[SimulatedNetwork, Drives]) -> None:
+    network, drives = jogged
+    simulation = network.simulation
+
+    def hang(now: float, frame: Frame) -> None:
+        if frame == Frame(REQUESTS, TURNS):  # it hears that, and neither answers nor hears the halt that follows
+            simulation.plan(now + 1e-6, lambda: simulation.freeze(network.stations[5], now + 3.0))
+
+    simulation.observers.append(hang)
+    with pytest.raises(NoAnswer):
+        drives.jog(AXIS, 500)
+    simulation.observers.remove(hang)
+    network.sleep(3)
+    assert network[5].drive402.velocity > 0
+    drives.end_overdue()
+    network.sleep(1)
+    assert network[5].drive402.velocity == 0
+
+
+def test_a_command_ends_a_jog(jogged: tuple[SimulatedNetwork, Drives]) -> None:
+    network, drives = jogged
+    drives.jog(AXIS, 500)
+    drives.command(AXIS, "halt")
+    network.sleep(HELD)
+    assert not drives.overdue(), "it has been halted, and need not be once more"
 
 
 def test_stop_is_a_quick_stop_and_ends_a_jog(tmp_path: Path, window: Page) -> None:

@@ -140,10 +140,21 @@ def test_every_answer_says_that_no_other_page_may_have_it(local: Served) -> None
     for path in ("/", "/nothing"):
         headers = ask(local, path).headers
         assert headers["X-Frame-Options"] == "DENY"
-        assert headers["Content-Security-Policy"] == "frame-ancestors 'none'"
+        assert "frame-ancestors 'none'" in headers["Content-Security-Policy"]
         assert headers["X-Content-Type-Options"] == "nosniff"
         assert headers["Referrer-Policy"] == "no-referrer"
         assert headers["Cross-Origin-Resource-Policy"] == "same-origin"
+
+
+def test_every_answer_has_a_policy_by_which_nothing_foreign_runs(local: Served) -> None:
+    nothing = "default-src 'none'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+    assert ask(local, "/nothing").headers["Content-Security-Policy"] == nothing
+    assert ask(local, Host="evil.example").headers["Content-Security-Policy"] == nothing
+    page = ask(local)
+    own, _, framing = page.headers["Content-Security-Policy"].rpartition("; ")
+    assert f'content="{own}"' in page.text
+    assert "script-src 'sha256-" in own
+    assert framing == "frame-ancestors 'none'"
 
 
 def test_a_body_of_100_megabytes_is_not_kept(local: Served) -> None:
@@ -264,6 +275,15 @@ def test_an_nmt_command_goes_to_a_node_or_to_all(tmp_path: Path, node: str, data
         assert (heard.arbitration_id, heard.data.hex().upper()) == (0, data)
 
 
+def test_stop_is_sent_again_when_who_leads_is_held(tmp_path: Path) -> None:
+    """What the core had in its mailbox when it heard of the stop leaves after the first one."""
+    name = channel()
+    with open_bus("virtual", name) as other, live_page(name, tmp_path) as served:
+        talk(served, lambda opened: answer(opened, json.dumps({"id": 1, "do": "stop"})))
+        heard = [message for _ in range(3) if (message := other.recv(LONG))]
+    assert [(each.arbitration_id, bytes(each.data)) for each in heard] == [(4, b""), (0, b"\x80\1"), (4, b"")]
+
+
 def test_an_object_is_read_and_its_value_shown(tmp_path: Path) -> None:
     name = channel()
     with robot(name), live_page(name, tmp_path) as served:
@@ -299,6 +319,22 @@ def test_no_more_browsers_than_a_server_has_room_for(local: Served) -> None:
 
     assert asyncio.run(asyncio.wait_for(crowd(), LONG)) == [503]
     assert talk(local, snapshot)["turn"] > 0, "there is room again"
+
+
+def test_a_browser_that_is_gone_without_a_word_keeps_no_place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(server, "SILENCE", 0.2)
+
+    async def say_nothing(address: str) -> None:
+        origin = address.rstrip("/")
+        async with (
+            aiohttp.ClientSession() as http,
+            http.ws_connect(f"{origin}/live", origin=origin, autoping=False) as opened,
+        ):
+            while not (await opened.receive()).type.name.startswith("CLOS"):
+                pass
+
+    with live_page(channel(), tmp_path) as served:
+        asyncio.run(asyncio.wait_for(say_nothing(served.address), LONG))
 
 
 def test_a_browser_that_confirms_nothing_is_left_out_and_told(tmp_path: Path) -> None:

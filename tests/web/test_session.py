@@ -18,14 +18,16 @@ from can.interfaces.virtual import VirtualBus
 from eurobot_od.errors import BusError
 from eurobot_od.frame import Frame
 from eurobot_od.live import Driver, open_bus
+from eurobot_od.pdo.message import Message
 from eurobot_od.robot.model.messages import StopDrive
 from eurobot_od.robot.panel import FieldPanel
 from eurobot_od.robot.protocol import decoder
 from eurobot_od.web import session as module
+from eurobot_od.web.panel import PageEvent, Panel
 from eurobot_od.web.session import Session
 from tests.web.scene import channel
 
-BEAT = Frame(0x702, b"\x05")
+BEAT, NMT = Frame(0x702, b"\x05"), Frame(0x000, b"\1\2")
 
 
 class Restarting(VirtualBus):
@@ -106,8 +108,25 @@ def test_events_make_room_for_newer_ones(
     session, send = bus
     monkeypatch.setattr(module, "MOST_EVENTS", 3)
     for _ in range(5):
-        send(Frame(0x000, b"\1\2"))
+        send(NMT)
     assert [each["key"] for each in snapshot(session)["events"]] == ["NMT 3", "NMT 4", "NMT 5"]
+
+
+class Lasting(Panel):
+    """Has one event, which changes with each message."""
+
+    def take(self, time: float, message: Message) -> Iterator[PageEvent]:
+        yield PageEvent("lasting", "stop", 0.0, type(message).__name__, end=time)
+
+
+def test_an_event_that_has_changed_is_as_new_as_its_change(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "MOST_EVENTS", 2)
+    session = Session(partial(open_bus, "virtual", channel()), decoder(), 500_000, [Lasting])
+    for frame in (STOP, NMT, STOP, NMT):
+        session.tap.send_frame(frame)
+        session.poll()
+    assert [each["key"] for each in snapshot(session)["events"]] == ["lasting", "NMT 4"]
+    session.close()
 
 
 def test_a_recording_ends_by_itself_when_it_is_long(

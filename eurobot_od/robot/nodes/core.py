@@ -534,7 +534,7 @@ class Core(CallingNode):
         try:
             here = yield from find_place(self, there, self.facts.start(configuration.team_colour))
         except PlaceLost:
-            self._lost, self._place = LOST_PLACE, there  # so that the next goto looks again
+            self._lost = LOST_PLACE  # so that the next goto looks again
             raise
         self._astray = False
         return here

@@ -306,6 +306,14 @@ def test_the_check_of_a_node_that_boots_counts_no_longer(booted: str) -> None:
     assert refused(bench.core) == f"no goto yet: the {booted} must answer a check: call check_nodes(); {NOT_CONFIGURED}"
 
 
+def test_nodes_that_do_not_answer_their_next_check_count_as_checked_no_longer(bench: Bench) -> None:
+    bench.configure()
+    call = bench.core.check_nodes()
+    bench.run(30.0)
+    assert isinstance(call.exception(0), NoAnswer)
+    assert refused(bench.core) == f"no goto yet: {NOT_CHECKED}"
+
+
 # Position polling (document 4.2.2, 5.2; periods and offsets of the 2014 robot)
 
 OFFSETS: dict[type[Message], float] = {
@@ -839,3 +847,13 @@ def test_what_the_core_can_neither_send_nor_receive_is_told_with_its_file(bench:
             receive()
     bench.run(0.1)
     assert bench.messages() == []
+
+
+def test_a_call_of_a_core_that_is_off_ends_at_once() -> None:
+    """Nobody calls its `tick` any more: it would wait for ever."""
+    core = Core(DICTIONARIES["core"])
+    core.switched_off()
+    for call in (core.position(), core.check_nodes()):
+        with pytest.raises(StateError, match="the core is being switched off"):
+            call.result(timeout=0)
+    assert core.open_calls == 0

@@ -226,6 +226,21 @@ def test_13_a_robot_that_does_not_stand_is_told_and_shut_down_until_it_does() ->
     assert len(bench.times(EmergencyShutdown)) == sent
 
 
+def test_13_a_start_configuration_ends_the_emergency_and_the_next_goto_is_left_alone(bench: Bench) -> None:
+    drive_off(bench)
+    bench.lose(GotoStateResponse)
+    call = bench.core.stop()
+    bench.run(2.4)
+    assert isinstance(call.exception(0), NotStanding)
+    bench.lose()
+    bench.configure()
+    begun = bench.now
+    bench.core.goto(*FAR)
+    bench.run(2.0)
+    assert bench.drive.moving
+    assert commands(bench, begun) == [FAR]
+
+
 def test_13_a_drive_that_says_it_stopped_and_rolls_on_is_not_believed(half: Bench) -> None:
     call = half.core.stop()
     for step in range(20):
@@ -466,6 +481,17 @@ def test_14_the_time_out_is_a_setting(bench: Bench) -> None:
     bench.run(1.1 + BRAKED)
     assert call.result(0).outcome is Outcome.TIMED_OUT
     assert not bench.drive.moving
+
+
+def test_14_the_time_of_a_goto_that_has_ended_is_no_limit_for_the_next_one(bench: Bench) -> None:
+    slow = FAR._replace(speed=10)
+    first = bench.core.goto(*slow, timeout=2.0)
+    bench.run(1.0)
+    second = bench.core.goto(*slow)
+    bench.run(2.0)
+    assert first.result(0).outcome is Outcome.REPLACED
+    assert bench.drive.moving
+    assert not second.done()
 
 
 async def waits_for_too_short(core: Core) -> None:
