@@ -21,14 +21,14 @@ from eurobot_od.logs.meaning import Decoder
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.profiles.cia402 import State
 from eurobot_od.simulation.network import ON_TIME
-from eurobot_od.web.drives import HELD, Axis, Drives, axes_of
+from eurobot_od.web.drives import HELD, AxisAddress, Drives, axes_of
 from tests.client.servo import EDS, SERVO
 from tests.conftest import EDS as ROBOTS
 from tests.web.browser import Page
 from tests.web.scene import Served, channel, live_page
 from tests.web.test_server import answer, talk
 
-AXIS = Axis(5, 1)
+AXIS = AxisAddress(5, 1)
 REQUESTS, TURNS = 0x605, bytes.fromhex("2B4060000F000000")
 """Where the drive is asked, and the request by which it begins to turn."""
 
