@@ -278,6 +278,22 @@ def test_a_device_whose_file_moves_its_sdo_server_is_served_there(
     assert said.out.endswith("\nits SDO server is at 0x650, answers at 0x5D5, as its file says (0x1200)\n")
 
 
+def test_of_several_devices_each_says_where_its_sdo_server_was_moved_to(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    server = record(0x1200, "SDO server", (0, "UNSIGNED8", "2"), (1, "UNSIGNED32", "0x650"), (2, "UNSIGNED32", "0x5D5"))
+    (tmp_path / "moved.eds").write_text(DEVICE_TYPE + server)
+    (tmp_path / "plain.eds").write_text(DEVICE_TYPE)
+    (tmp_path / "network.yaml").write_text(
+        "nodes: {a: {file: plain.eds, node_id: 5}, b: {file: moved.eds, node_id: 6}}"
+    )
+    said = run(
+        capsys, "node", "--network", str(tmp_path / "network.yaml"), "--duration", "1 ms", "-i", "virtual"
+    ).out.splitlines()
+    assert "a (5), b (6); Ctrl-C" in said[0]
+    assert said[1:] == ["b: its SDO server is at 0x650, answers at 0x5D5, as its file says (0x1200)"]
+
+
 @pytest.mark.usefixtures("eds")
 def test_a_device_of_a_network_is_named(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     file = tmp_path / "network.yaml"
