@@ -178,16 +178,18 @@ def test_a_core_that_is_killed_is_noticed_in_its_heartbeat_time_and_the_drive_st
     port = free_port()
     with bus_server(port), node("drive", *shared(port)), node("navigation", *shared(port)):
         watching = process(sys.executable, "-m", "eurobot_od", "monitor", "--plain", *shared(port))
-        with watching as monitor, process(*strategy(port)) as core, joined(port) as bus:
-            core.line("goto")
-            wait_for(bus, PROTOCOL.cob_id(GotoConfirm))
-            wait_for(bus, 0x701)  # a heartbeat: from now on the drive misses them
-            core.signal(signal.SIGKILL)
-            wait_for(bus, EMCY_OF_DRIVE, HEARTBEAT_LOST)
-            assert "heartbeat lost" in monitor.line("0x8130")
-            deadline = time.monotonic() + 30.0
-            while place(bus) != place(bus):
-                assert time.monotonic() < deadline
+        with watching as monitor:
+            monitor.line("Heartbeat")  # from now on it sees everything
+            with process(*strategy(port)) as core, joined(port) as bus:
+                core.line("goto")
+                wait_for(bus, PROTOCOL.cob_id(GotoConfirm))
+                wait_for(bus, 0x701)  # a heartbeat: from now on the drive misses them
+                core.signal(signal.SIGKILL)
+                wait_for(bus, EMCY_OF_DRIVE, HEARTBEAT_LOST)
+                assert "heartbeat lost" in monitor.line("0x8130")
+                deadline = time.monotonic() + 30.0
+                while place(bus) != place(bus):
+                    assert time.monotonic() < deadline
 
 
 def test_a_drive_that_is_killed_and_restarted_is_checked_configured_and_joins_by_itself() -> None:
