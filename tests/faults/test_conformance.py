@@ -9,7 +9,7 @@ from eurobot_od.check.results import Status
 from eurobot_od.device.simulated import SimulatedDevice
 from eurobot_od.faults import conformance, device
 from eurobot_od.faults.fault import Fault
-from tests.check.conformance.devices import MODULE, steps
+from tests.check.conformance.devices import MODULE, steps, suites
 
 FOUND: dict[str, tuple[Fault, str]] = {
     **{name: (fault, fault.caught_by.step) for name, fault in conformance.FAULTS.items()},
@@ -17,14 +17,33 @@ FOUND: dict[str, tuple[Fault, str]] = {
 }
 
 
+def first_red(fault: Fault, chapter: str | None = None) -> str:
+    """Return the name of the first step that is red on a device with a fault, of all chapters or of one."""
+    kind = fault.given_to(SimulatedDevice)
+    done = steps(MODULE, kind, tier=Tier.DESTRUCTIVE, keep_going=False, chapter=chapter)
+    return next(each.name for each in done if each.status is Status.FAILED)
+
+
+def chapter_of(step: str) -> str:
+    """Return the word of the chapter that has a step."""
+    return next(
+        each.tags[-1]
+        for each in suites(MODULE, tier=Tier.DESTRUCTIVE)
+        if any(one.name.startswith(step) for one in (*each.setup, *each.steps))
+    )
+
+
+@pytest.mark.parametrize("name", FOUND)
+def test_the_first_red_step_of_its_chapter_is_the_one_that_the_fault_names(name: str) -> None:
+    fault, step = FOUND[name]
+    assert first_red(fault, chapter_of(step)).startswith(step)
+
+
+@pytest.mark.long
 @pytest.mark.parametrize("name", FOUND)
 def test_the_first_red_step_is_the_one_that_the_fault_names(name: str) -> None:
     fault, step = FOUND[name]
-    done = steps(MODULE, fault.given_to(SimulatedDevice), tier=Tier.DESTRUCTIVE, keep_going=False)
-    red = (each for each in done if each.status is Status.FAILED)
-    first = next(red, None)
-    assert first is not None
-    assert first.name.startswith(step)
+    assert first_red(fault).startswith(step)
 
 
 def test_there_are_faults_of_every_chapter() -> None:
