@@ -21,6 +21,7 @@ def _nothing_kept() -> None:
     frame_fuzz.healthy.cache_clear()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("number", range(4), ids=["canopen", "canopen any", "firmware2014", "firmware2014 any"])
 def test_what_the_nodes_are_there_for_goes_on_unchanged(number: int) -> None:
     result = frame_fuzz.attempt(Trial(seed=19, number=number, frames=SHORT))
@@ -49,6 +50,7 @@ def test_a_drive_with_a_defect_is_found(monkeypatch: pytest.MonkeyPatch, doubt: 
     assert frame_fuzz.attempt(Trial(seed=19, number=0, frames=SHORT)).wrong
 
 
+@pytest.mark.long
 def test_nodes_that_do_not_reset_are_found(monkeypatch: pytest.MonkeyPatch) -> None:
     frame_fuzz.healthy(dialects.DEFAULT, SHORT * frame_fuzz.PERIOD, is_reset=True)
     monkeypatch.setattr(frame_fuzz, "RESET", Frame(0x000, b"\x01\x00"))
@@ -63,6 +65,7 @@ def test_every_kind_makes_frames_that_a_bus_can_carry(maker: frame_fuzz.Maker) -
     assert len(set(made)) > 5
 
 
+@pytest.mark.long
 def test_the_exit_status_and_the_last_line_tell_how_it_went(capsys: pytest.CaptureFixture[str]) -> None:
     assert frame_fuzz.main(["--frames", "1", "--jobs", "1"]) == frame_fuzz.FINE
     assert capsys.readouterr().out.splitlines()[-1].startswith("20000 frames in 1 trials, ")

@@ -13,6 +13,7 @@ from eurobot_od.lint.rules import lint
 INPUTS = range(1200)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("part", range(4), ids=[each.__name__ for each in lint_fuzz.MAKERS])
 def test_no_input_makes_the_checker_fail(part: int) -> None:
     for number in INPUTS[part::4]:
