@@ -12,7 +12,7 @@ from eurobot_od.cli import output as files
 from eurobot_od.cli.options import left_out
 from eurobot_od.cli.remote import TARGET, Target, print_readings
 from eurobot_od.cli.table import JSON, CommandRow, option, with_emcy
-from eurobot_od.errors import LocalError
+from eurobot_od.errors import LocalError, UnknownName
 from eurobot_od.od.objects import address_of, encode, find, find_one, is_described, label, parse, shown
 from eurobot_od.profiles.words import written
 from eurobot_od.support.amounts import amount
@@ -131,11 +131,13 @@ def pdo(target: Target, action: str | None, name: str | None, objects: Sequence[
         found = _present_pdos(node, dictionary)
         if action:
             known = {each.title.replace(" ", ""): each for each in found}
-            chosen = known.get((name or "").upper().replace(" ", ""))
-            if chosen is None or not objects:
+            if not (name and objects):
                 raise LocalError(
                     f"map into which PDO, and what? Write `map TPDO1 OBJECT...`; known: {', '.join(known)}"
                 )
+            chosen = known.get(name.upper().replace(" ", ""))
+            if chosen is None:
+                raise UnknownName("PDO", name, known)
             map_objects(node, dictionary, chosen, [find_one(each, dictionary.objects) for each in objects])
             found = [each for each in _present_pdos(node, dictionary) if each.index == chosen.index]
     if as_json:

@@ -62,6 +62,9 @@ class ErrorCode(IntEnum):
     VALUE_OUT_OF_RANGE = 0xFF00
 
 
+NAMED = frozenset(ErrorCode) - {ErrorCode.VALUE_OUT_OF_RANGE}
+"""The codes that mean the same in any device; 0xFF00 of a foreign one is whatever its maker says."""
+
 CLASSES = {
     0x00: "no error", 0x10: "generic error", 0x20: "current", 0x21: "current, device input side",
     0x22: "current inside the device", 0x23: "current, device output side", 0x30: "voltage", 0x31: "mains voltage",
@@ -80,7 +83,7 @@ def error_words(code: int, own: Mapping[int, str], profile: int = 0) -> str:
     """
     if code in own:
         return own[code]
-    if code in set(ErrorCode):
+    if code in NAMED:
         return ErrorCode(code).name.lower().replace("_", " ")
     if found := profile_words(profile, code):
         return found
@@ -90,7 +93,7 @@ def error_words(code: int, own: Mapping[int, str], profile: int = 0) -> str:
 class ErrorWords(NamedTuple):
     """The words for the error codes of a network's devices: for those of `all`, of some by node-ID, and their profiles.
 
-    The words of a node go before those of all, and these before the profile's.
+    The words of a node go before all others. Those of `all` are for devices without a profile.
     """
 
     all: Mapping[int, str]
@@ -109,8 +112,11 @@ class ErrorWords(NamedTuple):
 
     def of(self, node_id: int) -> Callable[[int], str]:
         """Return what gives the words for a code of a node."""
-        own = {**self.all, **self.nodes.get(ALL_NODES, {}), **self.nodes.get(node_id, {})}
-        return partial(error_words, own=own, profile=self.profiles.get(node_id, 0))
+        profile = self.profiles.get(node_id, 0)
+        # A device with a profile is nobody's own: codes from 0xFF00 on mean what its maker says.
+        ours = {} if profile else self.all
+        own = {**ours, **self.nodes.get(ALL_NODES, {}), **self.nodes.get(node_id, {})}
+        return partial(error_words, own=own, profile=profile)
 
 
 REGISTER_BIT = {0x5000: 0, 0x6000: 0, 0x8000: COMMUNICATION, 0xF000: MANUFACTURER}

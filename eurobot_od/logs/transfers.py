@@ -155,6 +155,19 @@ class Running:
             self.tail = self.taken[number]
         self.taken.clear()
 
+    def take_rest(self) -> None:
+        """Take over what came of a transfer that is given up, as far as it was announced."""
+        self.take_over()
+        left = SEGMENT_SIZE if self.announced is None else self.announced - self.size
+        self.add(self.tail[: max(0, left)])
+        self.tail = b""
+
+    def count_lost(self) -> None:
+        """Count the segments that the size announced says are missing, when all that came was taken over."""
+        if self.announced is not None and self.size < self.announced and not self.lost:
+            # Rounded up: the last segment may have fewer bytes than the others.
+            self.lost = -(-(self.announced - self.size) // SEGMENT_SIZE)
+
     def ends_with(self, data: bytes) -> bool:
         """Whether this is no segment but the end: that comes after a last segment, and a block never begins like it."""
         command = ServerCommand.BLOCK_UPLOAD if self.is_upload else ClientCommand.BLOCK_DOWNLOAD
@@ -218,6 +231,7 @@ class Transfers:
         before, self._running[key] = self._running.get(key), running
         if before is None:
             return NOTHING
+        before.take_rest()
         ended = before.ended(running.began, is_whole=False)
         if before.how is How.EXPEDITED:  # a question without an answer: nobody has to be there
             return Said(ended=ended)
@@ -229,9 +243,7 @@ class Transfers:
         """End a transfer with the frame that has come."""
         running = self._running.pop(key)
         what = "value of" if running.is_upload else "written"
-        if running.announced is not None and running.size < running.announced and not running.lost:
-            # Rounded up: the last segment may have fewer bytes than the others.
-            running.lost = -(-(running.announced - running.size) // SEGMENT_SIZE)
+        running.count_lost()
         is_whole = running.address is not None
         return Said(running.words(what, time), lost=running.missing, ended=running.ended(time, is_whole=is_whole))
 
@@ -240,6 +252,7 @@ class Transfers:
         abort = Initiate.of(data)
         if running is None:
             return NOTHING
+        running.take_rest()
         name = running.object if abort.address == NO_TRANSFER else object_words(end.dictionary, abort.address)
         by = "the server" if end.is_answer else "the client"
         text = f"abort {name}: {code_and_reason(abort.number)}"
@@ -354,6 +367,7 @@ class Transfers:
         running.in_block = False
         running.take_over()  # what is left: its acknowledgement is not in the log
         running.add(running.tail[: SEGMENT_SIZE - unused_in(data)])
+        running.count_lost()
         running.verdict = running.compare(crc_in(data))
         return Said(more=f", {running.verdict}")
 

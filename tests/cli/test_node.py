@@ -387,5 +387,7 @@ def test_the_pdos_of_a_device_are_listed_and_mapped(capsys: pytest.CaptureFixtur
         said = run(capsys, "pdo", "5", "--json", "--eds", motor, *bus)
         assert [each["name"] for each in json.loads(said.out)[1]["mapping"]] == ["Motor.Current", "Motor.Speed"]
         said = run(capsys, "pdo", "5", "map", "TPDO9", "Motor.Speed", "--eds", motor, *bus)
+        assert said.complaint.endswith("unknown PDO 'TPDO9'; did you mean TPDO1?")
+        said = run(capsys, "pdo", "5", "map", "TPDO1", "--eds", motor, *bus)
         assert said.complaint.endswith("Write `map TPDO1 OBJECT...`; known: RPDO1, TPDO1")
         device.send_signal(signal.SIGTERM)

@@ -6,7 +6,7 @@ from math import inf
 
 import pytest
 
-from eurobot_od.device.emergency import HISTORY, PASSING, WAITING, Emergencies, ErrorCode, error_words
+from eurobot_od.device.emergency import HISTORY, PASSING, WAITING, Emergencies, ErrorCode, ErrorWords, error_words
 from eurobot_od.device.nmt import NmtCommand
 from eurobot_od.frame import Frame
 from eurobot_od.robot.model.messages import GotoXY
@@ -160,8 +160,22 @@ def test_what_the_controller_reports_becomes_an_emergency() -> None:
         (0x2310, "current, device output side"),  # CiA 301's classes
         (0x5530, "device hardware"),  # of a class without a finer one
         (0xFF77, "device specific"),
+        (0xFF00, "device specific"),  # ours means a value out of range by it, a foreign device something else
         (0xA000, "reserved"),
     ],
 )
 def test_an_error_has_a_name(code: int, text: str) -> None:
     assert error_words(code, {0xFF02: "drive blocked"}) == text
+
+
+@pytest.mark.parametrize(
+    ("node_id", "text"),
+    [
+        (5, "drive blocked"),  # without a profile: a node of whoever has the words
+        (6, "device specific"),  # a drive of CiA 402, of another maker
+        (7, "fan blocked"),  # its maker's table, whatever the profile
+    ],
+)
+def test_own_words_are_not_for_devices_of_a_profile(node_id: int, text: str) -> None:
+    words = ErrorWords({0xFF02: "drive blocked"}, {7: {0xFF02: "fan blocked"}}, {5: 0, 6: 402, 7: 402})
+    assert words.of(node_id)(0xFF02) == text

@@ -205,6 +205,33 @@ def test_aborts_say_how_far_it_had_come(decoder: Decoder) -> None:
     assert (last.transfer.aborted, last.transfer.size) == (0x08000022, 14)
 
 
+def test_an_abort_in_a_block_counts_the_segments_of_that_block(decoder: Decoder) -> None:
+    frames = recorded(lambda: block_upload(OBJECT, WAIT), content_of(60))[:6]  # the third segment is the last of them
+    abort = Frame(REQUESTS, bytes.fromhex("8000300104000405"))
+    meaning = decoded(decoder, [*frames, abort])[-1]
+    assert meaning.text.endswith("0x05040004 CRC error, by the client after 21 bytes in 6 ms")
+    assert meaning.transfer is not None
+    assert meaning.transfer.size == 21
+
+
+def test_a_read_in_blocks_that_does_not_end_counts_the_segments_of_its_last_block(decoder: Decoder) -> None:
+    frames = recorded(lambda: block_upload(OBJECT, WAIT), content_of(60))
+    again = decoded(decoder, [*frames[:6], frames[0]])[-1]
+    assert [defect.text.partition(": ")[2] for defect in again.defects] == [
+        "the read of 0x3000:01 before did not end; 21 bytes came"
+    ]
+
+
+def test_the_crc_of_a_read_that_lacks_segments_is_not_called_wrong(decoder: Decoder) -> None:
+    """Without the acknowledgement only the size that was announced tells that segments are missing."""
+    frames = recorded(lambda: block_upload(OBJECT, WAIT), content_of(60))
+    acknowledged = next(number for number, each in enumerate(frames) if each.data[0] == 0xA2)
+    lacking = [each for number, each in enumerate(frames) if number not in (5, 6, acknowledged)]
+    last = decoded(decoder, lacking)[-1]
+    assert "which cannot be checked" in last.text
+    assert [defect.text.partition(": ")[2] for defect in last.defects] == ["2 segments of it not in the log"]
+
+
 def test_an_abort_without_an_object_is_of_the_one_that_is_transferred(decoder: Decoder) -> None:
     frames = recorded(lambda: upload(OBJECT, WAIT), content_of(60))[:4]
     last = decoded(decoder, [*frames, Frame(REQUESTS, bytes.fromhex("8000000000000405"))])[-1]

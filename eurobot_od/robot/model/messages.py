@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Annotated, NamedTuple, TypeAlias
 
+from eurobot_od.device.emergency import ErrorCode
 from eurobot_od.errors import FieldError
 from eurobot_od.pdo.catalogue import Catalogue
 from eurobot_od.pdo.kinds import Choice, Kind, OutOfRange, words_of
@@ -51,7 +52,7 @@ __all__ = [
     "StopDrive",
 ]
 
-CATALOGUE = Catalogue({code.value: words_of(code) for code in RobotError})
+CATALOGUE = Catalogue({code.value: words_of(code) for code in (ErrorCode.VALUE_OUT_OF_RANGE, *RobotError)})
 """The message types of this file by the names of their PDOs, and the words for the nodes' own error codes."""
 
 GTP, ELP, GIP = "GTP", "ELP", "GIP"
