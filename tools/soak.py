@@ -721,6 +721,8 @@ def self_test(transport: Callable[[], Remote | SocketCan], seed: int) -> Iterato
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run it and print the report."""
     options = parser().parse_args(arguments)
+    # Ignored in what a script starts in the background, and in all that this starts: the monitor is ended by it.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     transport = Remote if options.remote or not Path("/sys/class/net", INTERFACE).exists() else SocketCan
     if options.self_test:
         found = []
