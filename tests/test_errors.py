@@ -74,6 +74,7 @@ ERRORS: list[tuple[EurobotError, type[EurobotError], str]] = [
     # a peer's, or the wire's
     (UnknownIdentifier(0x7), RemoteError, "no message has the identifier 0x007"),
     (FrameLengthError("Goto XY", 8, 7, "6 or 8"), RemoteError, "Goto XY (0x008): 7 bytes of data, expected 6 or 8"),
+    (FrameLengthError("TPDO1", 0x38012345, 2, "8"), RemoteError, "TPDO1 (0x18012345): 2 bytes of data, expected 8"),
     (NoAnswer("GotoXY", "GotoConfirm", 6, 0.5), RemoteError, "no GotoConfirm after 6 x GotoXY (500 ms each)"),
     (
         NodeRefused(2, "write 0x1017:0", 0x06090030, "value range exceeded"),
