@@ -117,6 +117,15 @@ def test_the_state_machine_can_be_read(tmp_path: Path, window: Page, width: int)
         assert window.run("document.documentElement.scrollWidth - innerWidth") == 0
 
 
+def test_on_a_phone_that_is_turned_nothing_is_wider_than_the_page(tmp_path: Path, window: Page) -> None:
+    with bench(tmp_path) as drive:
+        window.size(820)
+        open_drives(window, drive.served)
+        window.wait("document.querySelector('.drive canvas, .drive .plot svg')")
+        window.size(390)
+        window.wait("document.documentElement.scrollWidth === 390")  # not as wide as the plots were
+
+
 def test_a_jog_turns_while_its_button_is_held_and_the_plots_show_it(tmp_path: Path, window: Page) -> None:
     with bench(tmp_path) as scene:
         scene.drive_to("enable")
