@@ -143,11 +143,12 @@ class UnknownIdentifier(RemoteError):
 
     def __init__(self, cob_id: int) -> None:
         self.cob_id = cob_id
-        super().__init__(f"no message has the identifier {_identifier(cob_id)}")
+        super().__init__(f"no message has the identifier {shown_identifier(cob_id)}")
 
 
-def _identifier(cob_id: int) -> str:
-    return f"0x{cob_id & 0x1FFF_FFFF:03X}"  # without the bit that says that it has 29 bits
+def shown_identifier(cob_id: int) -> str:
+    """Write an identifier as errors do, one of 29 bits without the bit that marks it."""
+    return f"0x{cob_id & 0x1FFF_FFFF:03X}"
 
 
 class FrameLengthError(RemoteError):
@@ -155,7 +156,7 @@ class FrameLengthError(RemoteError):
 
     def __init__(self, message: str, cob_id: int, length: int, expected: str) -> None:
         self.message, self.cob_id, self.length, self.expected = message, cob_id, length, expected
-        super().__init__(f"{message} ({_identifier(cob_id)}): {length} bytes of data, expected {expected}")
+        super().__init__(f"{message} ({shown_identifier(cob_id)}): {length} bytes of data, expected {expected}")
 
 
 class NoAnswer(RemoteError):

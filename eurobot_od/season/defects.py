@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import polars as pl
 
+from eurobot_od.errors import shown_identifier
 from eurobot_od.frame import identifier_text
 from eurobot_od.logs.entries import Damage
 from eurobot_od.logs.services import CanopenService
@@ -45,7 +46,7 @@ class MessageChecks:
 def _checks(binding: Binding) -> Iterator[Check]:
     length = binding.layout.length
     expected = " or ".join(map(str, binding.lengths))
-    start, got = pl.lit(f"{binding.name} (0x{binding.cob_id:03X}): "), pl.col(LENGTH).cast(pl.String)
+    start, got = pl.lit(f"{binding.name} ({shown_identifier(binding.cob_id)}): "), pl.col(LENGTH).cast(pl.String)
     for is_so, end in (
         (~readable(binding), expected),
         (pl.col(LENGTH) > length, f"{length}; read all the same"),
