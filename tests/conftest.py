@@ -19,7 +19,7 @@ from eurobot_od.od.dictionary import Dictionary
 # stays green. Everywhere else they are other ones each time.
 CI = os.environ.get("CI") == "true"
 untimed = settings(deadline=None, derandomize=CI, suppress_health_check=[HealthCheck.too_slow])
-settings.register_profile("suite", untimed, max_examples=40)
+settings.register_profile("suite", untimed, max_examples=16)
 settings.register_profile("campaign", untimed, max_examples=300)  # pytest --hypothesis-profile=campaign
 settings.load_profile("suite")
 

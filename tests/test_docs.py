@@ -212,6 +212,7 @@ def shell(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Shell]:
         yield Shell(monkeypatch, leaving)
 
 
+@pytest.mark.long
 @pytest.mark.posix
 @pytest.mark.usefixtures("bus")
 @pytest.mark.parametrize("page", [page for page, blocks in BLOCKS.items() if any(each.runs for each in blocks)])

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+import pytest
 from mypy import api
 
 PAGE = Path(__file__).parents[1] / "docs" / "python.md"
@@ -16,6 +17,7 @@ OPTIONS = (
 )
 
 
+@pytest.mark.long
 def test_the_examples_are_typed(tmp_path: Path) -> None:
     file = tmp_path / "examples.py"
     file.write_text("\n\n".join(re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)))

@@ -184,9 +184,11 @@ def test_only_the_command_line_prints() -> None:
 def arguments_about_dialects(file: Path) -> Iterator[str]:
     """Give the texts that calls which load something, or speak of dialects, have as their arguments."""
     for node in ast.walk(tree(file)):
-        if isinstance(node, ast.Call) and re.search("load|dialect", ast.unparse(node)):
+        if isinstance(node, ast.Call):
             given = [*node.args, *(keyword.value for keyword in node.keywords)]
-            yield from (each.value for each in given if isinstance(each, ast.Constant) and isinstance(each.value, str))
+            texts = [each.value for each in given if isinstance(each, ast.Constant) and isinstance(each.value, str)]
+            if texts and re.search("load|dialect", ast.unparse(node)):
+                yield from texts
 
 
 # A dialect that is named as a library is may be in comments, imports and other texts; another may be nowhere.
@@ -203,7 +205,10 @@ def test_no_file_names_a_dialect_but_the_one_that_lists_them() -> None:
 
 
 def identifiers_in(file: Path) -> set[int]:
-    tokens = tokenize.generate_tokens(io.StringIO(file.read_text(encoding="utf-8")).readline)
+    text = file.read_text(encoding="utf-8")
+    if not IDENTIFIER_FORM.search(text):
+        return set()
+    tokens = tokenize.generate_tokens(io.StringIO(text).readline)
     return {int(token.string, 0) for token in tokens if IDENTIFIER_FORM.fullmatch(token.string)} & IDENTIFIERS
 
 

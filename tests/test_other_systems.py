@@ -58,6 +58,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("words", "status", "says"), COMMANDS, ids=[" ".join(words) for words, _, _ in COMMANDS])
 def test_a_command_runs_without_what_only_posix_has(
     words: tuple[str, ...], status: int | None, says: str, folder: Path
@@ -76,6 +77,7 @@ def test_a_command_runs_without_what_only_posix_has(
     assert "Traceback" not in done.stderr
 
 
+@pytest.mark.long
 def test_what_only_posix_has_is_not_imported_with_the_package() -> None:
     assert [(str(file), name) for file in sorted((ROOT / "eurobot_od").rglob("*.py")) for name in at_once(file)] == []
 

@@ -220,6 +220,7 @@ def test_a_bus_of_a_test_is_of_that_test_alone(pytester: pytest.Pytester, monkey
     pytester.runpytest_inprocess(*PLUGIN).assert_outcomes(passed=1)
 
 
+@pytest.mark.long
 def test_it_costs_nothing_where_nobody_uses_it(pytester: pytest.Pytester) -> None:
     pytester.path.joinpath("docker-compose.yaml").write_text("services: {}\n")
     pytester.makepyfile(

@@ -223,6 +223,7 @@ def test_a_conformance_suite_runs_like_any_other(capsys: pytest.CaptureFixture[s
     assert said.out.splitlines()[0] == "clean.yaml: CiA 301, emergencies (simulated, seed 1)"
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("folder")
 def test_a_conformance_suite_goes_on_behind_a_red_step(capsys: pytest.CaptureFixture[str]) -> None:
     words = f"--conformance {MODULE} --reversible --simulate --tag pdo --fault sync-ignored --json"
@@ -249,6 +250,7 @@ def test_reports_say_why_a_step_is_skipped(capsys: pytest.CaptureFixture[str]) -
     assert "    only with --destructive" in run(capsys, *words.split(), "-v").out.splitlines()
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("folder")
 def test_a_conformance_suite_is_kept_and_run_again(capsys: pytest.CaptureFixture[str]) -> None:
     assert run(capsys, "check", "--conformance", *MODULE.split(), "-o", "kept.yaml").status == 0
@@ -257,6 +259,7 @@ def test_a_conformance_suite_is_kept_and_run_again(capsys: pytest.CaptureFixture
     assert kept[-1] == made[-1]
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("folder")
 def test_a_report_and_the_lines_of_the_tool(capsys: pytest.CaptureFixture[str]) -> None:
     words = f"check --conformance {MODULE} --simulate --tag objects --ctt --report clean.html"
@@ -329,6 +332,7 @@ def test_a_suite_whose_nodes_have_to_share_a_world_is_skipped_by_name_on_a_bus(
     assert "skipped: its nodes have to share a world (--shared-world: they do)" in done.out
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("form", [[], ["--json"]])
 def test_seeds_at_once_come_to_the_same_as_one_after_the_other(
     form: list[str], capsys: pytest.CaptureFixture[str]
@@ -339,6 +343,7 @@ def test_seeds_at_once_come_to_the_same_as_one_after_the_other(
     assert without_seconds(other.out) == without_seconds(one.out)
 
 
+@pytest.mark.long
 def test_kept_results_are_not_checked_again(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     pytest.importorskip("pyarrow", reason="the extra `cluster` is not installed")
     words = ["check", "bytes", "--simulate", "--fault", "position-byte-order", "--jobs", "1"]

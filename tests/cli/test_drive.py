@@ -85,6 +85,7 @@ def test_every_action_is_one_that_the_command_line_takes(capsys: pytest.CaptureF
 # The device's side
 
 
+@pytest.mark.long
 @pytest.mark.live
 def test_ctrl_c_stops_a_jog(capsys: pytest.CaptureFixture[str]) -> None:
     with serve_bus("test-drive") as shared:

@@ -52,6 +52,7 @@ def test_no_picture(
     assert not log.with_suffix(suffix).exists()
 
 
+@pytest.mark.long
 def test_the_points_of_a_match_are_in_what_is_drawn_of_its_log(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

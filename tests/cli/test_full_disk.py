@@ -60,6 +60,7 @@ def complaint(done: subprocess.CompletedProcess[str]) -> str:
     return done.stderr.splitlines()[-1]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("words", WRITING, ids=lambda words: " ".join(words.split()[:2]))
 def test_a_full_disk_is_one_line_and_status_3(words: str, tmp_path: Path) -> None:
     file = tmp_path / ("out.svg" if "field" in words else "out.log" if "--log" in words else "out")
@@ -70,6 +71,7 @@ def test_a_full_disk_is_one_line_and_status_3(words: str, tmp_path: Path) -> Non
     assert not list(tmp_path.glob("*.new"))
 
 
+@pytest.mark.long
 @pytest.mark.skipif(not Path("/proc/self").exists(), reason="a folder in which not even root can write")
 @pytest.mark.parametrize("words", WRITING, ids=lambda words: words.split()[0])
 def test_a_read_only_folder_is_one_line_and_status_3(words: str, tmp_path: Path) -> None:

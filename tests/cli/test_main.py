@@ -137,6 +137,7 @@ def test_the_package_runs_as_a_program() -> None:
     assert len(done.stdout.splitlines()) == 1 + len(EurobotProtocol.load().bindings)
 
 
+@pytest.mark.long
 def test_a_reader_that_leaves_is_no_error() -> None:
     with subprocess.Popen(
         [sys.executable, "-m", "eurobot_od", "show"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
@@ -159,6 +160,7 @@ STREAMS = [
 ]
 
 
+@pytest.mark.long
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="a shell, and a device that is always full")
 @pytest.mark.parametrize(("words", "status", "said"), STREAMS)
 def test_a_closed_or_full_stream_is_one_line_and_no_traceback(words: str, status: int, said: str) -> None:

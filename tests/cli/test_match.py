@@ -45,6 +45,7 @@ def test_a_person_reads_timeline_and_summary(capsys: pytest.CaptureFixture[str])
     assert "\x1b" not in said.out
 
 
+@pytest.mark.long
 def test_a_reader_that_leaves_ends_neither_the_match_nor_its_log(tmp_path: Path) -> None:
     words, log = [*SCRIPT, *SHORT, "--log", "match.log"], tmp_path / "match.log"
     unbuffered = os.environ | {"PYTHONUNBUFFERED": "1"}
@@ -123,6 +124,7 @@ def count(log: Path) -> int:
         return sum(1 for _ in reader)
 
 
+@pytest.mark.long
 def test_a_log_has_every_frame_of_a_whole_match(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     log = tmp_path / "match.db"  # the format whose writer drops its backlog when it is stopped
     said = run(capsys, "match", "--log", str(log))
@@ -428,6 +430,7 @@ def test_many_seeds_are_told_as_one_table(capsys: pytest.CaptureFixture[str], mi
     assert lines[-1] == "3 matches, seeds 2 to 4: nothing went wrong"
 
 
+@pytest.mark.long
 def test_json_of_many_seeds_is_an_object_a_line_the_same_on_any_number_of_processes(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
@@ -448,6 +451,7 @@ def test_a_seed_that_went_wrong_is_listed(capsys: pytest.CaptureFixture[str], sp
     assert last == "2 matches, seeds 1 to 2: something went wrong in 2"
 
 
+@pytest.mark.long
 @pytest.mark.posix
 def test_ctrl_c_ends_many_seeds_without_a_word() -> None:
     words = [*SCRIPT, "match", "--duration", "3", "--seeds", "1000", "--jobs", "2", "--json"]

@@ -51,6 +51,7 @@ def test_a_drive_and_send_meet_on_a_shared_bus(capsys: pytest.CaptureFixture[str
         assert drive.wait(PATIENCE) == 130
 
 
+@pytest.mark.long
 def test_a_core_starts_up_with_the_others_and_ends_in_time(shared_bus: str) -> None:
     bus = ["-i", "remote", "-c", shared_bus]
     with node("drive", *bus) as drive, node("navigation", *bus) as navigation:
@@ -86,6 +87,7 @@ def test_each_line_is_there_for_another_program_at_once(monkeypatch: pytest.Monk
     assert pipe.flushed == pipe.getvalue().count("\n") + 1, "and at the end"
 
 
+@pytest.mark.long
 @pytest.mark.posix
 def test_a_terminated_node_ends_as_an_interrupted_one(shared_bus: str) -> None:
     with node("navigation", "-i", "remote", "-c", shared_bus) as navigation:
@@ -133,6 +135,7 @@ def is_on_its_way(drive: Drive) -> bool:
     return drive.goto is not None and pose is not None and pose.distance(FACTS.start(TeamColour.RED).point) > 10
 
 
+@pytest.mark.long
 @pytest.mark.posix
 @pytest.mark.parametrize(("told", "status"), [(signal.SIGTERM, 128 + signal.SIGTERM), (signal.SIGINT, -signal.SIGINT)])
 def test_a_script_that_is_told_to_end_leaves_a_robot_that_stands(
@@ -146,6 +149,7 @@ def test_a_script_that_is_told_to_end_leaves_a_robot_that_stands(
         assert drive.stopped_by == StopDrive()  # said, and not only missed later
 
 
+@pytest.mark.long
 def test_a_script_that_is_killed_leaves_a_robot_that_stands_soon(shared_bus: str) -> None:
     with partners(shared_bus) as drive, killed_if_it_hangs([sys.executable, "-c", SCRIPT, shared_bus]) as script:
         wait_for(lambda: is_on_its_way(drive))
@@ -154,6 +158,7 @@ def test_a_script_that_is_killed_leaves_a_robot_that_stands_soon(shared_bus: str
         assert 0x8130 in drive.device.emergencies.errors.values()
 
 
+@pytest.mark.long
 @pytest.mark.posix
 def test_a_drill_that_is_terminated_leaves_a_robot_that_stands(shared_bus: str) -> None:
     with partners(shared_bus) as drive, node("core", "--drill", "-i", "remote", "-c", shared_bus) as core:
@@ -199,6 +204,7 @@ def test_a_node_that_cannot_run_says_why_in_one_line(
     assert said.err.count("\n") == 1
 
 
+@pytest.mark.long
 @pytest.mark.posix
 def test_what_a_master_has_stored_survives_a_restart(
     capsys: pytest.CaptureFixture[str], shared_bus: str, tmp_path: Path

@@ -142,6 +142,7 @@ def damaged(file: Path, how: str) -> None:
     file.write_bytes({"cut off": content[: len(content) // 2], "empty": b"", "other": b"x" * len(content)}[how])
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("table", "how"), [("frames", "cut off"), ("goto_xy", "empty"), ("runs", "other")])
 def test_a_damaged_file_is_named_and_left_out_and_mended_by_the_next_archive(
     season: str, tmp_path: Path, table: str, how: str, capsys: pytest.CaptureFixture[str]

@@ -50,6 +50,7 @@ def test_without_its_extra(capsys: pytest.CaptureFixture[str], monkeypatch: pyte
     assert said.complaint == f"eurobot-od: {extras.missing('aiohttp', 'web')}"
 
 
+@pytest.mark.long
 @pytest.mark.posix
 @pytest.mark.parametrize("end", [signal.SIGINT, signal.SIGTERM])
 def test_a_log_is_served_until_it_is_told_to_end(log: Path, end: signal.Signals) -> None:
@@ -64,6 +65,7 @@ def test_a_log_is_served_until_it_is_told_to_end(log: Path, end: signal.Signals)
     assert "Traceback" not in err
 
 
+@pytest.mark.long
 @pytest.mark.skipif(sys.platform == "win32", reason="signals are POSIX's")
 def test_in_the_background_of_a_script_sigterm_ends_it(log: Path) -> None:
     with in_background("serve", str(log), "--listen", "127.0.0.1:0") as process:
@@ -73,6 +75,7 @@ def test_in_the_background_of_a_script_sigterm_ends_it(log: Path) -> None:
     assert process.returncode == 0
 
 
+@pytest.mark.long
 @pytest.mark.posix
 def test_a_bus_is_served_until_it_is_told_to_end() -> None:
     with command("serve", "-i", "virtual", "-c", "test-serve", "--listen", "127.0.0.1:0") as process:
@@ -85,6 +88,7 @@ def test_a_bus_is_served_until_it_is_told_to_end() -> None:
     assert "Traceback" not in err
 
 
+@pytest.mark.long
 @pytest.mark.posix
 def test_other_machines_need_a_token_that_is_printed_once(log: Path) -> None:
     with command("serve", str(log), "--listen", "0.0.0.0:0") as process:

@@ -76,6 +76,7 @@ def lead(served: Scene, folder: Path, strategy: str, duration: str) -> subproces
         return subprocess.CompletedProcess(core.args, core.returncode, out, err)
 
 
+@pytest.mark.long
 def test_four_processes_play_a_match_to_its_end(served: Scene, tmp_path: Path) -> None:
     robot = RemoteVehicle(served.address, pytest.fail)
     before = robot.truth().pose
@@ -104,6 +105,7 @@ def test_the_instruments_of_a_node_err_by_the_seed_of_the_world(served: Scene) -
     vehicle.close()
 
 
+@pytest.mark.long
 def test_a_strategy_that_raises_ends_the_match_with_its_last_lines(served: Scene, tmp_path: Path) -> None:
     core = lead(served, tmp_path, RAISES, "1 s")
     assert core.returncode == 1
@@ -127,6 +129,7 @@ async def play(core):
 """
 
 
+@pytest.mark.long
 def test_a_core_whose_bus_fails_in_a_match_says_so(served: Scene, tmp_path: Path) -> None:
     file = tmp_path / "mine.py"
     file.write_text(WAITS, encoding="utf-8")

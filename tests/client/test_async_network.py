@@ -55,6 +55,7 @@ async def azip(items: Any, count: int) -> Any:
         yield await items.__anext__(), number
 
 
+@pytest.mark.long
 def test_many_devices_are_configured_at_once_without_a_thread_each(tmp_path: Any) -> None:
     nodes = range(1, 7)
     for node_id in nodes:

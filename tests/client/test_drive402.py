@@ -46,6 +46,7 @@ def test_it_moves_and_is_there_when_the_call_returns() -> None:
         assert axis.position == pytest.approx(19_000, abs=50)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("method", [None, 35, 24, 18])
 def test_it_homes(method: int | None) -> None:
     with drive(travel=(-5, 5)) as network:

@@ -60,6 +60,7 @@ class Chatter(Peer):
         self.at(now + self._pause, self.chat)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("load", [0.0, 0.5], ids=["alone", "beside a load of 50 %"])
 @pytest.mark.parametrize("bitrate", [50_000, 125_000, 250_000])
 def test_a_block_upload_delays_no_heartbeat_by_more_than_its_block(bitrate: int, load: float) -> None:

@@ -82,6 +82,7 @@ class Expected:
         return self._data
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("drive")
 def test_a_master_reads_the_eds_rewrites_all_pdos_and_hears_the_boot_up(network: canopen.Network) -> None:
     remote: Any = network.add_node(2, upload_eds=True)
@@ -93,6 +94,7 @@ def test_a_master_reads_the_eds_rewrites_all_pdos_and_hears_the_boot_up(network:
     assert boot_up.data() == b"\x00"
 
 
+@pytest.mark.long
 def test_a_changed_identifier_is_live_on_the_bus(network: canopen.Network, drive: Live) -> None:
     remote: Any = network.add_node(2, upload_eds=True)
     remote.rpdo.read()

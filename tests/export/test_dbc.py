@@ -190,6 +190,7 @@ def c_case(number: int, message: Message) -> str:
         }}"""
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("dialect", dialects.names())
 def test_c_code_compiles_without_warning_and_agrees_with_the_codec(dialect: str, tmp_path: Path) -> None:
     messages = [each for each in database(dialect).messages if each.signals]

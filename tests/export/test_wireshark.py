@@ -22,6 +22,7 @@ FRAMES = 50
 needs_tshark = pytest.mark.skipif(shutil.which("tshark") is None, reason="no tshark")
 
 
+@pytest.mark.long
 @needs_tshark
 @pytest.mark.parametrize("dialect", dialects.names())
 def test_tshark_reads_the_robot_s_frames_as_we_do(dialect: str, tmp_path: Path) -> None:

@@ -45,6 +45,7 @@ def test_a_healthy_drive_is_green() -> None:
     assert len(done) > 300
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", FAULTS)
 def test_the_first_red_step_is_the_one_that_the_fault_names(name: str) -> None:
     done = steps(FAULTS[name].given_to(SimulatedDrive), suite(), keep_going=False)

@@ -69,6 +69,7 @@ def test_it_fails_as_the_page_says_and_is_green_when_mended(folder: Path) -> Non
     assert red(folder) == ([], "1 suite: 121 ok")
 
 
+@pytest.mark.long
 def test_it_allocates_nothing_and_knows_no_floats(folder: Path) -> None:
     subprocess.run(["cc", "-std=c99", "-Os", "-c", "drive.c"], cwd=folder, check=True)
     undefined = subprocess.run(["nm", "-u", "drive.o"], cwd=folder, capture_output=True, text=True, check=True).stdout

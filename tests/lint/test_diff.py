@@ -203,6 +203,7 @@ def test_a_node_that_is_not_there_is_told() -> None:
         read_bytes(master.node(9), [(0x1000, 0)])
 
 
+@pytest.mark.long
 def test_memory_is_that_of_what_is_shown(tmp_path: Path) -> None:
     """A file of 4 MB may describe 12 million sub-indices."""
     file = tmp_path / "compact.eds"

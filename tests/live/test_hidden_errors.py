@@ -76,6 +76,7 @@ def test_a_report_that_cannot_be_written_is_kept_and_the_bus_read_on(channel: st
     assert live.failure is None
 
 
+@pytest.mark.long
 @pytest.mark.live
 def test_a_closed_report_pipe_ends_a_node_and_is_no_failed_bus() -> None:
     port = free_port()

@@ -33,6 +33,7 @@ pytestmark = pytest.mark.live
 EUROBOT_OD = sys.executable, "-m", "eurobot_od"
 
 
+@pytest.mark.long
 def test_a_bus_server_that_is_restarted_is_found_again() -> None:
     port = free_port()
     with bus_server(port) as first, node("drive", *shared(port)) as drive, node("core", *shared(port)) as core:
@@ -55,6 +56,7 @@ async def play(core):
 """
 
 
+@pytest.mark.long
 def test_a_match_that_a_core_leads_goes_on_when_the_bus_server_is_restarted(tmp_path: Path) -> None:
     file, port = tmp_path / "mine.py", free_port()
     file.write_text(MATCH, encoding="utf-8")
@@ -83,6 +85,7 @@ def _collected() -> Iterator[None]:
 LEAKING = pytest.mark.filterwarnings("ignore:unclosed <socket:ResourceWarning")
 
 
+@pytest.mark.long
 @LEAKING
 @pytest.mark.usefixtures("_collected")
 def test_a_page_goes_on_when_the_bus_server_is_restarted() -> None:
@@ -124,6 +127,7 @@ def test_a_check_has_its_teardown_when_the_bus_server_is_restarted() -> None:
     assert [step.status for step in result.steps] == [Status.PASSED, Status.BUS_FAILED, Status.PASSED]
 
 
+@pytest.mark.long
 def test_without_reconnection_a_lost_bus_ends_a_node_with_status_3() -> None:
     port = free_port()
     with bus_server(port) as server, node("drive", "--no-reconnect", *shared(port)) as drive:
@@ -174,6 +178,7 @@ def place(bus: can.BusABC) -> bytes:
     return wait_for(bus, 0x100)
 
 
+@pytest.mark.long
 def test_a_core_that_is_killed_is_noticed_in_its_heartbeat_time_and_the_drive_stopped() -> None:
     port = free_port()
     with bus_server(port), node("drive", *shared(port)), node("navigation", *shared(port)):
@@ -192,6 +197,7 @@ def test_a_core_that_is_killed_is_noticed_in_its_heartbeat_time_and_the_drive_st
                     assert time.monotonic() < deadline
 
 
+@pytest.mark.long
 def test_a_drive_that_is_killed_and_restarted_is_checked_configured_and_joins_by_itself() -> None:
     port = free_port()
     server, navigation, drive = bus_server(port), node("navigation", *shared(port)), node("drive", *shared(port))
@@ -206,6 +212,7 @@ def test_a_drive_that_is_killed_and_restarted_is_checked_configured_and_joins_by
                 wait_for(bus, PROTOCOL.cob_id(message))
 
 
+@pytest.mark.long
 def test_a_drive_that_was_frozen_carries_out_no_stale_goto() -> None:
     port = free_port()
     with bus_server(port), node("drive", *shared(port)) as drive, joined(port) as bus:

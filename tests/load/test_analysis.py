@@ -271,6 +271,7 @@ def test_a_further_message_makes_nothing_earlier(
     assert none_is_earlier(Analysis(apart, errors, boxes), Analysis(more, errors, boxes))
 
 
+@pytest.mark.long
 @given(sets, error_rates)
 def test_mailboxes_and_errors_make_nothing_earlier(found: list[Message], errors: BitErrors) -> None:
     plain = Analysis(found)

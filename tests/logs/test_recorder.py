@@ -124,6 +124,7 @@ def frames_on_disk(file: Path) -> list[Frame]:
         return [raw for *_, raw in formats.read(opened) if isinstance(raw, Frame)]
 
 
+@pytest.mark.long
 @pytest.mark.posix
 @pytest.mark.parametrize("end", ["SIGKILL", "SIGTERM"])
 def test_a_log_can_be_read_after_any_death(tmp_path: Path, end: str) -> None:

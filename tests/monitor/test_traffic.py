@@ -166,6 +166,7 @@ def test_plain_table(busy: Traffic) -> None:
     assert beat.split() == ["702", "Heartbeat", "drive", "1", "0.0", "drive,", "operational"]
 
 
+@pytest.mark.long
 def test_frames_that_are_always_new_take_no_memory_for_ever(traffic: Traffic) -> None:
     """It grew to 110 MB, as the lengths of frames on the wire were remembered with all their bits."""
     taken = []

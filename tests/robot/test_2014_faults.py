@@ -92,6 +92,7 @@ def test_2014_start_configuration_sent_once_its_confirm_never_awaited() -> None:
     assert bench.core.configuration == RED
 
 
+@pytest.mark.long
 def test_2014_position_periods_other_than_configured_because_a_counter_wrapped() -> None:
     bench = Bench()
     bench.configure()

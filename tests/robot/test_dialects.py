@@ -130,6 +130,7 @@ def test_a_new_dialect_needs_no_python(made_up: Path) -> None:
     assert protocol.decode(*protocol.encode(place)) == place
 
 
+@pytest.mark.long
 def test_a_new_dialect_is_found_and_plays_a_match(made_up: Path) -> None:
     shutil.copytree(
         ROOT / "eurobot_od", made_up.parents[1] / "eurobot_od", ignore=shutil.ignore_patterns("__pycache__")

@@ -64,10 +64,12 @@ def _result(cell: Any) -> str | None:
     return next((each.data["text/plain"] for each in cell.outputs if each.output_type == "execute_result"), None)
 
 
+@pytest.mark.long
 def test_strategies_and_blocking_calls_in_a_notebook() -> None:
     assert run(*(text for text, _ in CELLS)) == [result for _, result in CELLS]
 
 
+@pytest.mark.long
 def test_a_strategy_that_hangs_there_is_ended() -> None:
     with pytest.raises(CellExecutionError, match=r"ProgramFailed.*does not give way"):
         run(HANGING)

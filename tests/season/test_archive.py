@@ -160,6 +160,7 @@ def test_remote_frames_and_those_with_29_bits_have_the_decoders_words(tmp_path: 
     assert remote == [number for number, each in enumerate(ODD_FRAMES, 1) if "#R" in each]
 
 
+@pytest.mark.long
 def test_several_at_once_come_to_the_same(tmp_path: Path) -> None:
     logs = [write_log(tmp_path / f"{n}.log", [(n + time, frame) for time, frame in FRAMES]) for n in range(4)]
     one, other = tmp_path / "one", tmp_path / "other"

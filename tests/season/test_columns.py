@@ -67,6 +67,7 @@ def robot(dialect: str) -> DecodedNetwork:
     return DecodedNetwork(dialects.load_all(dialect), CATALOGUE)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("dialect", dialects.names())
 def test_every_row_of_a_match_is_what_the_protocol_says(dialect: str, tmp_path: Path) -> None:
     frames: list[Timed] = []
@@ -77,6 +78,7 @@ def test_every_row_of_a_match_is_what_the_protocol_says(dialect: str, tmp_path: 
     assert_equal_to_protocol(season, frames, robot(dialect))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("dialect", dialects.names())
 def test_every_row_of_random_frames_is_what_the_protocol_says(dialect: str, tmp_path: Path) -> None:
     network = robot(dialect)
@@ -102,6 +104,7 @@ def _is_nan(protocol: Protocol, timed: Timed) -> bool:
         return False
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("dialect", dialects.names())
 def test_all_defects_are_those_of_the_decoder(dialect: str, tmp_path: Path) -> None:
     network = robot(dialect)

@@ -47,6 +47,7 @@ def test_without_a_rate_there_is_no_error() -> None:
     assert list(Noise(0.0)(attempt())) == []
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("rate", [0.001, 0.1, 0.5])
 def test_of_many_bits_the_rate_is_struck(rate: float) -> None:
     bits = 1_000_000

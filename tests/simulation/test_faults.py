@@ -98,6 +98,7 @@ def test_what_a_node_tells_of_its_controller(times: int, codes: list[ErrorCode])
     assert wire.heard("core", FRAME) == 1
 
 
+@pytest.mark.long
 def test_a_node_that_is_off_too_long_is_missed() -> None:
     wire = Wire()
     wire.run(1.0)  # it is watched from its first heartbeat on

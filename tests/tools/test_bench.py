@@ -207,6 +207,7 @@ def test_figures_that_cannot_be_written_are_told(tmp_path: Path, capsys: pytest.
     assert capsys.readouterr().err == f"bench: {tmp_path}/no folder/bench.json: No such file or directory\n"
 
 
+@pytest.mark.long
 def test_it_is_one_command() -> None:
     done = subprocess.run([sys.executable, "tools/bench", "--list"], cwd=ROOT, capture_output=True, text=True)
     assert (done.returncode, done.stderr) == (0, "")

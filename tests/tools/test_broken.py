@@ -25,6 +25,7 @@ def test_every_decision_is_broken_once() -> None:
     assert numbers == set(range(1, 20))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("test", "verdict"),
     [

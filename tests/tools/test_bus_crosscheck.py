@@ -51,6 +51,7 @@ def test_the_worst_frame_that_is_found_is_nearly_the_longest(identifier: int, le
     assert 0.85 * longest_frame(length) <= frame_bits(frame) <= longest_frame(length)
 
 
+@pytest.mark.long
 def test_the_command(capsys: pytest.CaptureFixture[str]) -> None:
     assert bus_crosscheck.main(["--frames", "100", "--sets", "1", "--jobs", "1"]) == bus_crosscheck.FINE
     assert "frames of 10 sets: 0 response times over their bound" in capsys.readouterr().out

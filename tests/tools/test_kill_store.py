@@ -13,6 +13,7 @@ from eurobot_od.device.storage import FileStore
 from eurobot_od.robot import dialects
 
 
+@pytest.mark.long
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="kills a forked process")
 def test_every_restart_finds_a_whole_configuration(tmp_path: Path) -> None:
     assert kill_store.run(times=15, seed=3, folder=tmp_path) == []

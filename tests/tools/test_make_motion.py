@@ -65,6 +65,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", [make_motion.PAGE, make_motion.PICTURE])
 def test_the_documentation_has_what_the_tool_makes(made: Path, name: str) -> None:
     assert (made / name).read_text(encoding="utf-8") == (DOCS / name).read_text(encoding="utf-8")

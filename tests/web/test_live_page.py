@@ -405,6 +405,7 @@ def wait_for(port: int) -> None:
     raise AssertionError("no bus server")
 
 
+@pytest.mark.long
 def test_the_bus_server_is_killed_and_back(window: Page) -> None:
     with socket.create_server(("127.0.0.1", 0)) as free:
         port = free.getsockname()[1]

@@ -198,6 +198,7 @@ def test_zooming_is_one_for_all_plots(page: Page) -> None:
     page.wait(f"{scales}[1][1] > 5")
 
 
+@pytest.mark.long
 def test_two_logs_side_by_side_on_one_time_axis(logs: list[Path], window: Page, served_logs: str) -> None:
     window.open(served_logs)
     window.wait("document.querySelectorAll('.lane').length === 2")
@@ -348,6 +349,7 @@ def test_the_numbers_of_the_axes_are_off_the_border(page: Page, width: int) -> N
     assert min(gaps) >= 2
 
 
+@pytest.mark.long
 def test_a_served_log_has_what_lies_beside_it(logs: list[Path], window: Page, served_logs: str) -> None:
     assert [each.with_name(f"{each.name}.truth.json").is_file() for each in logs] == [True, True]
     window.open(served_logs)

@@ -53,11 +53,8 @@ class ProfileClause(Generic[TestedT]):
 
     def named(self, tested: TestedT) -> Iterator[Data]:
         """Give the steps with their names."""
-        for step in (
-            self.steps(tested)
-            if self.needs in tested.allowed
-            else [skip("not done", f"only with --{self.needs.value}")]
-        ):
+        not_done = [skip("not done", f"only with --{self.needs.value}")]
+        for step in self.steps(tested) if self.needs in tested.allowed else not_done:
             yield {**step, "name": str(StepName(self.number, self.topic, step["name"], self.needs.value))}
 
 

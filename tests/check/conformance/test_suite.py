@@ -53,6 +53,7 @@ def test_no_step_is_red_on_a_device_that_is_its_file(file: Path) -> None:
     assert [each.name for each in steps(file) if each.status is Status.FAILED] == []
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("file", MADE, ids=lambda file: file.stem)
 def test_nor_on_a_makers_device_with_everything_that_may_be_asked(file: Path) -> None:
     assert [each.name for each in asked_for_everything(file) if each.status is Status.FAILED] == []
@@ -64,6 +65,7 @@ def test_nor_on_a_node_that_acts_on_what_is_written() -> None:
     assert [each.name for each in steps(dictionary.file) if each.status is Status.FAILED] == []
 
 
+@pytest.mark.long
 def test_each_step_begins_with_its_clause_and_says_why_it_is_skipped() -> None:
     for each in steps(MODULE):
         assert CLAUSE.match(each.name)
@@ -84,6 +86,7 @@ ASKED = [
 ]
 
 
+@pytest.mark.long
 def test_a_device_with_everything_is_asked_for_everything() -> None:
     passed = [each.name for each in asked_for_everything(MODULE) if each.status is Status.PASSED]
     assert [each for each in ASKED if each not in passed] == []
@@ -176,6 +179,7 @@ def test_the_makers_own_defaults_are_restored_only_by_their_number() -> None:
         suite.text(dictionary, Tier.DESTRUCTIVE, [9])
 
 
+@pytest.mark.long
 def test_a_step_is_named_once_within_its_suite() -> None:
     for each in suites(MODULE):
         names = Counter(step.name for step in each.steps)
@@ -217,6 +221,7 @@ def test_nothing_is_stored_unless_it_is_asked_for() -> None:
         assert found & commands == (commands if tier is Tier.DESTRUCTIVE else set())
 
 
+@pytest.mark.long
 def test_reading_writes_nothing_but_the_heartbeat_time_and_commands_nobody() -> None:
     device = SimulatedDevice.load(MODULE, NODE_ID)
     asked = []
@@ -237,6 +242,7 @@ def all_steps(each: Suite) -> Iterator[Step]:
         yield step
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("tier", [Tier.READING, Tier.REVERSIBLE])
 def test_a_run_proves_itself_that_all_is_as_it_was(tier: Tier) -> None:
     """The device sets another object whenever its heartbeat time is written, and keeps that over resets."""
@@ -267,6 +273,7 @@ def test_a_destructive_suite_is_green_and_leaves_the_defaults() -> None:
     assert any(each.name.startswith("7.4.5 Writable: 0x2006:0 Enabled: another value") for each in done)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("requests", "answers"),
     [
@@ -305,6 +312,7 @@ def only_says(address: bytes) -> type[SimulatedDevice]:
     return OnlySays
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("address", "red"), [(b"\x10\x10\1", "it is kept"), (b"\x11\x10\1", "the default is back")])
 def test_a_device_that_only_says_that_it_stores_or_restores_is_red(address: bytes, red: str) -> None:
     done = steps(MODULE, only_says(address), tier=Tier.DESTRUCTIVE, chapter="storage")

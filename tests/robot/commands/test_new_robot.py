@@ -62,6 +62,7 @@ def test_the_commands_of_a_newcomer_work(made: Path) -> None:
         assert printed in said.stdout, words
 
 
+@pytest.mark.long
 def test_in_its_folder_it_needs_no_name_and_pytest_finds_its_checks(made: Path) -> None:
     assert "Lift Set" in command(made, ["show"]).stdout
     said = command(made, ["-q", "-p", "no:cacheprovider"], "pytest")
@@ -107,6 +108,7 @@ FAULTS = [
 ]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("fault", "printed"), FAULTS)
 def test_its_checks_find_the_faults_of_its_messages(fault: str, printed: str, made: Path) -> None:
     said = command(made, ["check", "lift.check", "--simulate", "--fault", fault])
@@ -114,6 +116,7 @@ def test_its_checks_find_the_faults_of_its_messages(fault: str, printed: str, ma
     assert printed in said.stdout
 
 
+@pytest.mark.long
 def test_a_match_with_a_faulty_lift_ends_with_what_the_strategy_got(made: Path) -> None:
     said = command(made, ["match", "--duration", "3", "--fault", "lift-confirm-not-sent"])
     assert said.returncode == 1

@@ -121,6 +121,7 @@ async def start(core: Core) -> None:
     await core.position()
 
 
+@pytest.mark.long
 def test_radius_of_the_body_is_that_of_contact() -> None:
     touched = [touches(f"{radius}") for radius in (140, 250)]
     assert touched[0] != touched[1]

@@ -37,11 +37,13 @@ def run(program: str, last: int) -> list[str]:
     return subprocess.run(words, capture_output=True, text=True, check=True).stdout.splitlines()
 
 
+@pytest.mark.long
 def test_each_seed_is_played_once_and_in_order() -> None:
     matches = list(play_many(SHORT, range(3, 6)))
     assert matches == [play(MatchOptions(seed=seed, duration=3.0), EdsFiles.read(MatchOptions())) for seed in (3, 4, 5)]
 
 
+@pytest.mark.long
 def test_several_processes_come_to_the_same() -> None:
     assert run("for match in matches: print(match)", 6) == [str(each) for each in play_many(SHORT, range(1, 6))]
 

@@ -62,6 +62,7 @@ SHORT = MatchOptions(duration=8.0)
 # A whole match
 
 
+@pytest.mark.long
 def test_a_normal_match_sends_all_messages_but_the_emergency_shutdown() -> None:
     summary = play(NORMAL).summary
     assert [name for name in NAMES if not summary.frames[name]] == ["Emergency Shutdown"]
@@ -112,6 +113,7 @@ def test_events_come_in_the_order_of_startup_and_match() -> None:
     assert times == sorted(times)
 
 
+@pytest.mark.long
 def test_the_confirms_of_drive_and_navigation_are_two_frames_or_merge_with_the_seed() -> None:
     matches = [play(MatchOptions(seed=seed, duration=0.1)) for seed in range(1, 21)]
     assert {match.summary.frames["Start Configuration Confirm"] for match in matches} == {1, 2}
@@ -127,6 +129,7 @@ def test_on_a_bus_with_bit_errors_nodes_report_them_and_the_robot_still_arrives(
 # The mushroom
 
 
+@pytest.mark.long
 def test_an_emergency_sends_the_last_message_too() -> None:
     match = play(EMERGENCY)
     assert all(match.summary.frames[name] for name in NAMES)

@@ -377,6 +377,7 @@ def told_and_true(seed: int, noise: float, beacons: float) -> Iterator[list[tupl
         yield [(seconds, end - 0.1 * number) for number, seconds in enumerate(told)]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("noise", "beacons", "least"),
     [

@@ -265,6 +265,7 @@ def tour(seed: int, noise: float, squares: Squares) -> None:
             squares.add(estimate, fix, reckoned, truth)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("noise", [0.0, 5.0, 30.0, 60.0])
 def test_it_is_better_than_beacons_alone_and_than_wheels_alone(noise: float) -> None:
     squares = Squares()

@@ -1147,6 +1147,7 @@ ROUNDS = 300
 """How often the calls meet, a millisecond or less apart."""
 
 
+@pytest.mark.long
 def test_a_shutdown_that_races_gotos_always_wins_and_every_call_ends() -> None:
     channel, calls = new_channel(), list[Future[Any]]()
     core, drive, navigation = (role(DICTIONARIES[name]) for name, role in ROLES.items())

@@ -45,6 +45,7 @@ def test_held_up_it_turns_round_after_a_while() -> None:
     assert walk(patrol, 0.1).angle == pytest.approx(270, abs=1)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("source", list(FACTS.others))
 @pytest.mark.parametrize("team", TeamColour)
 def test_the_others_stay_on_the_field_and_off_the_pools(source: Source, team: TeamColour) -> None:

@@ -56,6 +56,7 @@ def test_the_scale_differs_from_seed_to_seed_and_stays_the_same_for_one() -> Non
     assert statistics.stdev(ways) == pytest.approx(0.01, rel=0.2)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seconds", [0.25, 1.0])
 def test_random_errors_grow_with_the_root_of_the_way(seconds: float) -> None:
     ways = []
@@ -66,6 +67,7 @@ def test_random_errors_grow_with_the_root_of_the_way(seconds: float) -> None:
     assert statistics.stdev(ways) == pytest.approx(3.0 * (0.4 * seconds) ** 0.5, rel=0.15)
 
 
+@pytest.mark.long
 def test_a_turn_on_the_spot_is_off_by_its_own_error() -> None:
     angles = []
     for seed in range(300):
