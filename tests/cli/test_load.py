@@ -43,6 +43,7 @@ def test_mailboxes_of_every_node(capsys: pytest.CaptureFixture[str]) -> None:
     )
 
 
+@pytest.mark.long
 def test_a_sweep(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     """One for all that it writes, as it takes seconds: JSON, a chart, how far it is; the documentation quotes it."""
     terminal = Terminal()

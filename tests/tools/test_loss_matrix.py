@@ -25,6 +25,7 @@ KINDS = (
 )
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("dialect", dialects.names())
 @pytest.mark.parametrize("cell", KINDS, ids=lambda cell: f"{cell.what} {cell.how}")
 def test_the_robot_stands_and_every_call_ends(cell: Cell, dialect: str) -> None:

@@ -71,6 +71,7 @@ def test_the_documentation_has_what_the_tool_makes(made: Path, name: str) -> Non
     assert (made / name).read_text(encoding="utf-8") == (DOCS / name).read_text(encoding="utf-8")
 
 
+@pytest.mark.long
 def test_the_picture_has_a_panel_for_each_motion(made: Path) -> None:
     text = (made / make_motion.PICTURE).read_text(encoding="utf-8")
     assert text.count("translate(") == len(make_motion.PANELS) == 8

@@ -42,6 +42,7 @@ def left(node: Node) -> Left:
     )
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("suite", SUITES, ids=lambda suite: suite.name)
 def test_a_suite_puts_back_what_it_changes(suite: Suite) -> None:
     nodes: list[Node] = []

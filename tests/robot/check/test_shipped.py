@@ -82,6 +82,7 @@ def names(suite: Suite) -> list[str]:
     return [step.name for step in suite.steps]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("dialect", "name"), SUITES)
 def test_a_suite_is_green_without_a_fault(dialect: str, name: str) -> None:
     assert [fault_matrix.do(Run(dialect, name, None, seed)).red for seed in (1, 2)] == [(), ()]
