@@ -35,7 +35,7 @@ class TrafficOutput(Output):
 
         def take(_line: int, time: float, _channel: str, meaning: Meaning) -> str:
             assert isinstance(meaning.raw, Frame)  # see `row`
-            seen.take(time, meaning.raw, meaning.name or "?", meaning.nodes[0] if meaning.nodes else "")
+            seen.take(time, meaning.raw, meaning.name or "?", meaning.sender)
             if meaning.transfer:
                 transfers.add(meaning.transfer)
             return ""

@@ -254,6 +254,18 @@ def test_statistics_of_several_logs_and_of_some_messages(tmp_path: Path, capsys:
     assert lines[2].split()[:4] == ["00C", "Goto", "Confirm", "drive"]
 
 
+def test_statistics_call_the_master_by_the_name_that_the_network_file_gives_it(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    log, eds, network = (tmp_path / name for name in ("nmt.log", "io.eds", "net.yaml"))
+    log.write_text("(1.0) can0 000#0100\n")
+    eds.write_text(DEVICE_TYPE)
+    network.write_text("nodes: {io: {file: io.eds, node_id: 5}}\nmaster: PC\n")
+    for words, master in ((["--network", str(network)], "PC"), (["--eds", f"5={eds}"], "master")):
+        assert cli.main(["decode", str(log), "--statistics", *words]) == 0
+        assert capsys.readouterr().out.splitlines()[1].split()[:3] == ["000", "NMT", master]
+
+
 def test_statistics_tell_what_is_wrong(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file = tmp_path / "wrong.log"
     file.write_text("(1.000000) can0 123#01\n")
