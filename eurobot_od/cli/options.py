@@ -303,7 +303,7 @@ class Devices(NamedTuple):
         from eurobot_od.device.emergency import ErrorWords
 
         known = self.load() if self.files() or self.robot.dialects.names() else ()
-        return ErrorWords.of_devices(known, self.robot.catalogue().errors, self.own_errors())
+        return ErrorWords.of_devices(known, self.robot.catalogue(), self.own_errors())
 
     def asking_decoder(self, open_bus: Opener) -> Decoder:
         """Return a decoder for the PDOs as the devices on the bus are set now; complains of those that do not answer.

@@ -120,7 +120,7 @@ class Decoder:
         """The words for the devices' emergency error codes."""
         from eurobot_od.device.emergency import ErrorWords
 
-        return ErrorWords.of_devices(self.dictionaries, self.protocol.catalogue.errors, self._own_errors)
+        return ErrorWords.of_devices(self.dictionaries, self.protocol.catalogue, self._own_errors)
 
     @cached_property
     def _unmapped(self) -> Unmapped:
