@@ -16,8 +16,8 @@ from typing import NamedTuple
 
 from eurobot_od.device.nmt import ALL_NODES
 from eurobot_od.frame import Frame
-from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od import values
+from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.emcy_codes import profile_words
 from eurobot_od.od.standard import device_profile
 from eurobot_od.od.values import Address, Value
@@ -95,8 +95,8 @@ def error_words(code: int, own: Mapping[int, str], profile: int = 0) -> str:
 class ErrorWords(NamedTuple):
     """The words for the error codes of a network's devices: those of a robot, of some by node-ID, and their profiles.
 
-    The words of a node go before all others. Those of the `robot` are for its own devices, by their node-IDs: codes from
-    0xFF00 on of any other device mean what its maker says.
+    The words of a node go before all others. Those of the `robot` are for its `own` devices, by their node-IDs: codes
+    from 0xFF00 on of any other device mean what its maker says.
     """
 
     robot: Mapping[int, str]
