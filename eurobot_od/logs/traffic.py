@@ -42,6 +42,9 @@ class TrafficOutput(Output):
 
         return take
 
+    def cut(self, transfer: SdoTransfer) -> None:
+        self._transfers.add(transfer)
+
     def footer(self) -> str:
         return "".join(f"{line}\n" for line in (*self._heading, *table(self._seen), *self._transfers.report()))
 
