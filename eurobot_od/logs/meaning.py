@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from eurobot_od.errors import FrameLengthError
 from eurobot_od.frame import Frame, RemoteFrame
-from eurobot_od.logs.entries import REMEMBERED, Damage, Foreign, Raw
+from eurobot_od.logs.entries import MASTER, REMEMBERED, Damage, Foreign, Raw
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.pdos import OnRefused, fatal
 from eurobot_od.pdo.binding import Binding
@@ -32,9 +32,6 @@ CANOPEN = "CANopen"
 
 REQUEST = "remote frame: asks for it"
 """What a remote frame says."""
-
-MASTER = "master"
-"""Who leads a network, if it is none of its devices and nobody says another name."""
 
 
 class Defect(NamedTuple):

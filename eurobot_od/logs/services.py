@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 from eurobot_od.device.emergency import ErrorWords
 from eurobot_od.logs import network_words as words
-from eurobot_od.logs.meaning import MASTER
+from eurobot_od.logs.entries import MASTER
 from eurobot_od.logs.sdo_words import ANSWERS, REQUESTS, frame_words
 from eurobot_od.od import lss, values
 from eurobot_od.od.dictionary import Dictionary
