@@ -87,7 +87,7 @@ def boot(master: Master, path: str, devices: Devices) -> ExitStatus:
     The slaves are those of the network file, in its order; a DCF is loaded, unless 0x1020 says that the slave has it.
     Exit status 1 if a slave does not boot: then none is started.
     """
-    from eurobot_od.client.boot import boot_slave, start_slave
+    from eurobot_od.client.boot import hear_slave, order_start, prepare_slave, started_state
     from eurobot_od.client.description import described
     from eurobot_od.od.dictionary import Dictionary
 
@@ -97,9 +97,10 @@ def boot(master: Master, path: str, devices: Devices) -> ExitStatus:
     order = [Dictionary.load(*each).node_id for each in named.nodes]
     slaves = [loaded[each] for each in order if loaded[each].name != named.master]
     with master:
+        nodes = [master.node(each.node_id) for each in slaves]
+        prepared = [prepare_slave(node, described(each), datetime.now()) for node, each in zip(nodes, slaves)]
         booted = []
-        for each in slaves:
-            slave = boot_slave(master.node(each.node_id), described(each), datetime.now())
+        for slave in map(hear_slave, nodes, prepared):
             words = "; ".join([*slave.done, *([str(slave.failed)] if slave.failed else [])])
             print(one_line(f"node {slave.node_id} {slave.name}: {words}"), flush=True)
             booted.append(slave)
@@ -107,7 +108,11 @@ def boot(master: Master, path: str, devices: Devices) -> ExitStatus:
         if missing:
             print(one_line(f"not started: {', '.join(missing)} did not boot"))
             return ExitStatus.FOUND
-        states = {each.name: start_slave(master.node(each.node_id), slave, each) for each, slave in zip(slaves, booted)}
+        speaking = [*map(order_start, nodes, booted, slaves)]
+        states = {
+            slave.name: started_state(node, slave) if speaks else None
+            for node, slave, speaks in zip(nodes, booted, speaking)
+        }
     for name, state in states.items():
         print(one_line(f"{name}: {'started; it says no state' if state is None else STATE_NAMES[state]}"))
     is_fine = all(state in (None, NmtState.OPERATIONAL) for state in states.values())
@@ -170,7 +175,7 @@ def watch(
     Exit status 1 if a node is lost at the end.
     """
     from eurobot_od.client.master import Master
-    from eurobot_od.client.watch import NodeWatch, watch_nodes
+    from eurobot_od.client.watch import NodeWatch, watch_nodes, without_heartbeat
 
     # The devices' files are read only if they are named, or a node is: most watch by number.
     is_named = bool(devices.files()) or not all(each.isdecimal() for each in nodes)
@@ -190,7 +195,8 @@ def watch(
             told,
             expected=expected,
             patience=within,
-            guarded=dict.fromkeys(expected, guard) if guard else {},
+            # One with a heartbeat does not answer: it is watched by that.
+            guarded=dict.fromkeys(without_heartbeat(master, expected), guard) if guard else {},
         )
         with suppress(KeyboardInterrupt):  # the usual way to end it
             watch_nodes(master, watched, started + span, options.guard(reopen, master))

@@ -14,8 +14,10 @@ from eurobot_od.cli.remote import print_readings
 from eurobot_od.cli.table import DECODED, DEVICES, CommandRow, option
 from eurobot_od.errors import DictionaryError, LocalError, MappingError
 from eurobot_od.od import network
+from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.formats import SUFFIXES
 from eurobot_od.od.network_file import NodeFile
+from eurobot_od.od.values import NODE_IDS
 from eurobot_od.support import extras
 from eurobot_od.support.amounts import amount
 from eurobot_od.support.files import check_writable, write_whole
@@ -73,20 +75,42 @@ def mcap(log: str, output: Path, reading: logs.ReadOptions, devices: Devices) ->
     print(f"{output}: {amount(messages, 'message')}, {amount(poses, 'pose')}, {damage} damaged")
 
 
-def xdd(file: str, output: Path | None) -> None:
-    """Write the device description in XML (CiA 311) of an EDS or DCF: every object with all the file says about it."""
+def named(file: str | None, path: str | None) -> str:
+    """Return the file or the network that a form is made of; raises LocalError unless it is just one."""
+    if (file is None) is (path is None):
+        raise LocalError("name a FILE, or a network by --network")
+    if path is not None:
+        network.read_network(path)  # which says what is wrong with it: any other file would be taken for a device's
+    return file or path or ""
+
+
+def xdd(file: str | None, path: str | None, output: Path | None) -> None:
+    """Write the device description in XML (CiA 311) of an EDS or DCF: every object with all the file says about it.
+
+    Of a network the descriptions of all nodes are written, into a folder.
+    """
     from eurobot_od.export import xdd
 
-    files.write(output, xdd.xdd_text(xdd.load(file)))
+    if not network.is_network(source := named(file, path)):
+        files.write(output, xdd.xdd_text(xdd.load(source)))
+        return
+    if output is None:
+        raise LocalError("of a network -o names the folder that the files are written to")
+    output.mkdir(exist_ok=True)
+    for each in network.read_network(source).nodes:
+        # Any node-ID will do, as values keep `$NODEID`; the node's modules and patches belong to the device.
+        dictionary = Dictionary.load(*each._replace(node_id=each.node_id or NODE_IDS[0]))
+        files.write(output / f"{each.name or Path(each.file).stem}.xdd", xdd.xdd_text(dictionary))
 
 
-def cdcf(file: str, output: Path | None, eds: str | None, node_id: int | None) -> None:
+def cdcf(file: str | None, path: str | None, output: Path | None, eds: str | None, node_id: int | None) -> None:
     """Write the concise DCF of a DCF, or show what a concise DCF writes, or turn it into a DCF again.
 
     The suffix of the file says which way; of a network the DCF files of all nodes are written, into a folder. The
     writes are in the order of CiA 301's PDO procedure (7.5.2.36): a PDO is off while it is mapped.
     """
     # By the suffix: four bytes of a count are no mark by which bytes could be recognised.
+    file = named(file, path)
     if network.is_network(file):
         nodes = network.read_network(file).nodes
         if node_id is not None:
@@ -155,6 +179,10 @@ def read_concise(file: str, output: Path | None, eds: str | None, node_id: int |
         print(f"{output}: for node {description.dictionary.node_id}")
 
 
+NETWORK = option(
+    "--network", dest="path", metavar="PATH", help="network file or folder, whose nodes are all written to a folder"
+)
+
 FORMS = {
     "c": CommandRow(c, OUTPUT, NAME, DEVICES),
     "dbc": CommandRow(dbc, OUTPUT, DEVICES),
@@ -172,10 +200,21 @@ FORMS = {
         logs.READING,
         DECODED,
     ),
-    "xdd": CommandRow(xdd, option("file", metavar="FILE", help="an EDS or DCF"), OUTPUT),
+    "xdd": CommandRow(
+        xdd,
+        option("file", nargs="?", metavar="FILE", help="an EDS or DCF, or a network"),
+        NETWORK,
+        option("-o", "--output", type=Path, metavar="FILE", help="default: standard output; of a network a folder"),
+    ),
     "cdcf": CommandRow(
         cdcf,
-        option("file", metavar="FILE", help="[NODE-ID=]DCF to turn into a concise DCF, a network, or a concise DCF"),
+        option(
+            "file",
+            nargs="?",
+            metavar="FILE",
+            help="[NODE-ID=]DCF, a network, or a concise DCF",
+        ),
+        NETWORK,
         option("-o", "--output", type=Path, metavar="FILE", help="default: print the writes; of a network a folder"),
         option("--eds", metavar="[NODE-ID=]FILE", help="EDS of the device that a concise DCF is for"),
         option("--node-id", type=int, metavar="N", help="node-ID (default: the file's)"),

@@ -245,16 +245,25 @@ class Devices(NamedTuple):
         """The robot that the command line is about; raises UnknownName, LocalError, DictionaryError."""
         return plugin.find(self.robot_name)
 
+    @property
+    def _described(self) -> NetworkFile:
+        """What the network file says, if there is one; raises DictionaryError."""
+        path = self.network
+        # What is named on the command line replaces the folder's own network; the two are never mixed.
+        if not self.dialect and not self.eds and path is None and os.path.isfile(network.DEFAULT):  # noqa: PTH113
+            path = network.DEFAULT
+        return network.read_network(path) if path else NetworkFile()
+
+    @property
+    def master(self) -> str:
+        """Who leads the network, if its file says it; raises DictionaryError."""
+        return self._described.master
+
     def files(self) -> list[NodeFile]:
         """Return the files that are named, none for a dialect; raises LocalError, DictionaryError."""
         if self.dialect and (self.eds or self.network):
             raise LocalError("--dialect is a network of its own: leave out --eds and --network, or leave it out")
-        files = [network.node_file(text) for text in self.eds]
-        path = self.network
-        # What is named on the command line replaces the folder's own network; the two are never mixed.
-        if not self.dialect and not files and path is None and os.path.isfile(network.DEFAULT):  # noqa: PTH113
-            path = network.DEFAULT
-        named = [*files, *network.read_network(path).nodes] if path else files
+        named = [*map(network.node_file, self.eds), *self._described.nodes]
         return with_patches(with_modules(named, self.modules), self.patches)
 
     def load(self) -> tuple[Dictionary, ...]:
@@ -278,7 +287,7 @@ class Devices(NamedTuple):
 
     def decoder(self) -> Decoder:
         """Return the decoder of these devices' frames; complains of PDOs that are left out. Raises as `load`."""
-        return decoder_of(self.load_and_complain(), self.robot, self.own_errors())
+        return decoder_of(self.load_and_complain(), self.robot, self.own_errors(), self.master)
 
     def own_errors(self) -> dict[int, dict[int, str]]:
         """Return the words of --emcy by node-ID, 0 for all nodes; raises DictionaryError."""
@@ -294,7 +303,7 @@ class Devices(NamedTuple):
         from eurobot_od.device.emergency import ErrorWords
 
         known = self.load() if self.files() or self.robot.dialects.names() else ()
-        return ErrorWords.of_devices(known, self.robot.catalogue().errors, self.own_errors())
+        return ErrorWords.of_devices(known, self.robot.catalogue(), self.own_errors())
 
     def asking_decoder(self, open_bus: Opener) -> Decoder:
         """Return a decoder for the PDOs as the devices on the bus are set now; complains of those that do not answer.
@@ -313,7 +322,7 @@ class Devices(NamedTuple):
                 except RemoteError as error:  # one node that is off must not keep the others from being decoded
                     complain(f"{dictionary.name}: PDOs as in {dictionary.file}: {error}")
                     asked.append(dictionary)
-        return decoder_of(asked, self.robot, self.own_errors())
+        return decoder_of(asked, self.robot, self.own_errors(), self.master)
 
     def promised(self, decoder: Decoder) -> MessageSet:
         """Return what a decoder's devices send, and how often; nothing if a period is missing."""
@@ -386,16 +395,19 @@ def complain_of_repairs(dictionaries: Iterable[Dictionary]) -> None:
 
 
 def decoder_of(
-    dictionaries: Iterable[Dictionary], robot: Plugin, errors: Mapping[int, Mapping[int, str]] = MappingProxyType({})
+    dictionaries: Iterable[Dictionary],
+    robot: Plugin,
+    errors: Mapping[int, Mapping[int, str]] = MappingProxyType({}),
+    master: str = "",
 ) -> Decoder:
     """Return the decoder of some devices' frames; complains of PDOs that are left out.
 
-    `errors` are words for emergency error codes, by node-ID.
+    `errors` are words for emergency error codes, by node-ID; `master` is who leads the network, if a file says it.
     """
     from eurobot_od.logs.meaning import Decoder
 
     with left_out() as refused:
-        return Decoder(dictionaries, robot.catalogue(), refused, errors)
+        return Decoder(dictionaries, robot.catalogue(), refused, errors, master)
 
 
 @contextmanager

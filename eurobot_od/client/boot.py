@@ -3,6 +3,10 @@
 Theory of operation. A slave boots in the standard's order: reset communication and its boot-up message; device type
 (0x1000) and identity (0x1018) as its file has them; its configuration, which 0x1020 says to be the DCF's or which is
 loaded; its heartbeat, if it has one. Only when every slave is there are they started, in the order of the network.
+
+Of many slaves, each step that waits for a heartbeat is for all at once: `prepare_slave` of each, then `hear_slave` of
+each, and `order_start` of each, then `started_state`. So a network waits for the slowest heartbeat, and not for all of
+them one after the other.
 """
 
 from __future__ import annotations
@@ -78,6 +82,12 @@ class BootedSlave(NamedTuple):
 @Procedure
 async def boot_slave(node: RemoteNode, description: Description, now: datetime) -> BootedSlave:
     """Boot one slave up to its start; `now` is what is written to verify its configuration. Raises BusError."""
+    return await hear_slave.steps(node, await prepare_slave.steps(node, description, now))
+
+
+@Procedure
+async def prepare_slave(node: RemoteNode, description: Description, now: datetime) -> BootedSlave:
+    """Reset, check and configure one slave as `boot_slave` does: all but its heartbeat. Raises BusError."""
     dictionary, done = description.dictionary, list[str]()
     failed, heartbeat = None, 0
     node.master.follow(dictionary)
@@ -90,11 +100,25 @@ async def boot_slave(node: RemoteNode, description: Description, now: datetime) 
         done.append("reset")
         done.append(await _identified(node, description))
         done.append(await _configured(node, description, now))
-        heartbeat = await _heard(node)
-        done.append(f"heartbeat every {heartbeat} ms" if heartbeat else "no heartbeat")
+        heartbeat = await _number(node, HEARTBEAT_TIME, BootError.NO_HEARTBEAT) or 0
+        # Heartbeats from now on count, also those that come while other slaves are prepared.
+        node.master.states.pop(node.node_id, None)
     except BootFailed as error:
         failed = error
     return BootedSlave(dictionary.name, node.node_id, tuple(done), failed, heartbeat)
+
+
+@Procedure
+async def hear_slave(node: RemoteNode, slave: BootedSlave) -> BootedSlave:
+    """Wait for the heartbeat that a prepared slave is set to, if it has one. Raises BusError."""
+    period = slave.heartbeat
+    if slave.failed:
+        return slave
+    if not period:
+        return slave._replace(done=(*slave.done, "no heartbeat"))
+    if await node.master.pump.steps(2 * period / 1000 + MARGIN, lambda: node.last_state is not None):
+        return slave._replace(done=(*slave.done, f"heartbeat every {period} ms"))
+    return slave._replace(failed=BootFailed(BootError.NO_HEARTBEAT, f"no heartbeat in twice its {period} ms"))
 
 
 async def _identified(node: RemoteNode, description: Description) -> str:
@@ -131,14 +155,6 @@ async def _configured(node: RemoteNode, description: Description, now: datetime)
     return f"configured: {amount(result.changed, 'object')} changed" if result.changed else "configured already"
 
 
-async def _heard(node: RemoteNode) -> int:
-    """Wait for the heartbeat that the slave is set to, and return its period in ms, 0 for none."""
-    period = await _number(node, HEARTBEAT_TIME, BootError.NO_HEARTBEAT)
-    if period and await node.state.steps(2 * period / 1000 + MARGIN) is None:
-        raise BootFailed(BootError.NO_HEARTBEAT, f"no heartbeat in twice its {period} ms")
-    return period or 0
-
-
 async def _number(node: RemoteNode, address: tuple[int, int], error: BootError) -> int | None:
     """Read a number; None if the slave does not have the object."""
     try:
@@ -151,9 +167,14 @@ async def _number(node: RemoteNode, address: tuple[int, int], error: BootError) 
 
 @Procedure
 async def start_slave(node: RemoteNode, slave: BootedSlave, dictionary: Dictionary) -> NmtState | None:
-    """Start a slave, and return the state in its next heartbeat, or in its answer to node guarding if it has that.
+    """Start a slave, and return its state, as `order_start` and `started_state` do for many."""
+    return await started_state.steps(node, slave) if order_start(node, slave, dictionary) else None
 
-    None for a slave with neither, or none that came, or that may not be guarded just once.
+
+def order_start(node: RemoteNode, slave: BootedSlave, dictionary: Dictionary) -> bool:
+    """Start a slave, and return whether it will say its state: in its next heartbeat, or in answer to node guarding.
+
+    It does not if it has neither, or may not be guarded just once.
     """
     node.command(NmtCommand.START)
     if not slave.heartbeat:
@@ -161,7 +182,13 @@ async def start_slave(node: RemoteNode, slave: BootedSlave, dictionary: Dictiona
         # life guarding: a device with a life time would go back to PRE-OPERATIONAL, as nobody is left to ask again.
         has_life_time = dictionary.number(GUARD_TIME) and dictionary.number(LIFE_TIME_FACTOR)
         if GUARD_TIME[0] not in dictionary.members or has_life_time:
-            return None
+            return False
         node.master.request(ERROR_CONTROL_BASE + node.node_id)
+    return True
+
+
+@Procedure
+async def started_state(node: RemoteNode, slave: BootedSlave) -> NmtState | None:
+    """Wait until a slave that was started says that it is OPERATIONAL; return its last state, None if it said none."""
     await node.wait_for.steps(NmtState.OPERATIONAL, 2 * slave.heartbeat / 1000 + MARGIN)
     return node.last_state

@@ -14,9 +14,12 @@ from math import inf
 from statistics import median_low
 from typing import TYPE_CHECKING, NamedTuple
 
+from eurobot_od.client.procedure import Procedure
 from eurobot_od.client.reconnecting import Guard, unguarded
 from eurobot_od.device.guarding import TOGGLE
 from eurobot_od.device.nmt import NmtState
+from eurobot_od.errors import RemoteError
+from eurobot_od.od.standard import HEARTBEAT_TIME
 from eurobot_od.od.values import ERROR_CONTROL_BASE, NODE_IDS
 
 if TYPE_CHECKING:
@@ -169,6 +172,23 @@ class NodeWatch:
 
     def _tell(self, now: float, node_id: int, change: NodeChange) -> None:
         self._report(NodeEvent(now, node_id, change, self.nodes[node_id].state))
+
+
+@Procedure
+async def without_heartbeat(master: Master, node_ids: Iterable[int]) -> list[int]:
+    """Return the nodes that do not say that they produce a heartbeat (0x1017). Raises BusError.
+
+    A device with a heartbeat does not answer node guarding: it has one of them at a time (CiA 301, 7.2.8.2.2).
+    """
+    found = []
+    for node_id in node_ids:
+        try:
+            period = await master.node(node_id).upload.steps(HEARTBEAT_TIME)
+        except RemoteError:  # it is not there yet, or does not have the object
+            period = b""
+        if not any(period):
+            found.append(node_id)
+    return found
 
 
 def watch_nodes(master: Master, watch: NodeWatch, end: float = inf, guard: Guard = unguarded) -> None:

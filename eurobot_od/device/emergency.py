@@ -16,10 +16,12 @@ from typing import NamedTuple
 
 from eurobot_od.device.nmt import ALL_NODES
 from eurobot_od.frame import Frame
+from eurobot_od.od import values
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.emcy_codes import profile_words
 from eurobot_od.od.standard import device_profile
 from eurobot_od.od.values import Address, Value
+from eurobot_od.pdo.catalogue import Catalogue
 from eurobot_od.sdo.wire import Abort, AbortCode
 
 HISTORY = 8
@@ -91,32 +93,39 @@ def error_words(code: int, own: Mapping[int, str], profile: int = 0) -> str:
 
 
 class ErrorWords(NamedTuple):
-    """The words for the error codes of a network's devices: for those of `all`, of some by node-ID, and their profiles.
+    """The words for the error codes of a network's devices: those of a robot, of some by node-ID, and their profiles.
 
-    The words of a node go before all others. Those of `all` are for devices without a profile.
+    The words of a node go before all others. Those of the `robot` are for its `own` devices, by their node-IDs: codes
+    from 0xFF00 on of any other device mean what its maker says.
     """
 
-    all: Mapping[int, str]
+    robot: Mapping[int, str]
     nodes: Mapping[int, Mapping[int, str]]
     profiles: Mapping[int, int]
+    own: frozenset[int] = frozenset()
 
     @classmethod
     def of_devices(
         cls,
         dictionaries: Iterable[Dictionary],
-        own: Mapping[int, str],
+        catalogue: Catalogue,
         nodes: Mapping[int, Mapping[int, str]] = MappingProxyType({}),
     ) -> ErrorWords:
-        """Return the words for devices that are described by these files."""
-        return cls(own, nodes, {each.node_id: device_profile(each.number) for each in dictionaries})
+        """Return the words for devices that are described by these files; those are own that speak the catalogue."""
+        devices = tuple(dictionaries)
+        own = frozenset(each.node_id for each in devices if any(map(catalogue.find, pdo_names(each))))
+        return cls(catalogue.errors, nodes, {each.node_id: device_profile(each.number) for each in devices}, own)
 
     def of(self, node_id: int) -> Callable[[int], str]:
         """Return what gives the words for a code of a node."""
-        profile = self.profiles.get(node_id, 0)
-        # A device with a profile is nobody's own: codes from 0xFF00 on mean what its maker says.
-        ours = {} if profile else self.all
-        own = {**ours, **self.nodes.get(ALL_NODES, {}), **self.nodes.get(node_id, {})}
-        return partial(error_words, own=own, profile=profile)
+        robot = self.robot if node_id in self.own else {}
+        own = {**robot, **self.nodes.get(ALL_NODES, {}), **self.nodes.get(node_id, {})}
+        return partial(error_words, own=own, profile=self.profiles.get(node_id, 0))
+
+
+def pdo_names(dictionary: Dictionary) -> list[str]:
+    """Return the names of a device's PDOs, by which a catalogue knows them."""
+    return [dictionary.objects[index].name for index in values.COMMUNICATIONS.intersection(dictionary.members)]
 
 
 REGISTER_BIT = {0x5000: 0, 0x6000: 0, 0x8000: COMMUNICATION, 0xF000: MANUFACTURER}

@@ -57,11 +57,14 @@ class SeenMessage:
 
 
 class SeenTraffic:
-    """What was seen on a bus of `bit_rate` bit/s, `promised` what should be."""
+    """What was seen on a bus of `bit_rate` bit/s, `promised` what should be.
+
+    `messages` are by identifier and whether they are remote frames: those have another sender.
+    """
 
     def __init__(self, bit_rate: int, promised: MessageSet = NOTHING) -> None:
         self.bit_rate = bit_rate
-        self.messages: dict[int, SeenMessage] = {}
+        self.messages: dict[tuple[int, bool], SeenMessage] = {}
         self._promised: dict[int, BoundRow] = {}
         self._answers: dict[int, set[int]] = {}
         rows = load_report(promised, bit_rate).rows
@@ -77,10 +80,11 @@ class SeenTraffic:
     def take(self, time: float, frame: Frame, name: str, node: str) -> int:
         """Count a frame that ended at a time in s, of a message of `node`; return how many bits it took."""
         identifier, bits = frame.cob_id, frame_bits(frame)
-        seen = self.messages.get(identifier)
+        key = identifier, frame.is_remote
+        seen = self.messages.get(key)
         if seen is None:
-            row = self._promised.get(identifier)
-            seen = self.messages[identifier] = SeenMessage(identifier, name, row.message.node if row else node)
+            row = None if frame.is_remote else self._promised.get(identifier)
+            seen = self.messages[key] = SeenMessage(identifier, name, row.message.node if row else node)
             if row is not None:
                 seen.period = row.message.period / MICROSECONDS
                 # Of an answer only: when another message fell due, its frame does not say.

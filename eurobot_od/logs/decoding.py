@@ -53,5 +53,8 @@ class Decoding:
             shown = shown_time(time)
             if row is not None and shown is not None:
                 yield write(number, shown, channel, row)
+        for last, transfer in follow.unfinished():
+            if self._show(last)[0] is not None:
+                self._output.cut(transfer)
         if footer := self._output.footer():
             yield footer

@@ -13,6 +13,9 @@ from typing import BinaryIO, NamedTuple, TypeAlias, TypeVar
 
 from eurobot_od.frame import EXTENDED, HIGHEST_EXTENDED, HIGHEST_IDENTIFIER, MOST_BYTES, Frame, RemoteFrame
 
+MASTER = "master"
+"""Who leads a network, if it is none of its devices and nobody says another name."""
+
 REMEMBERED = 256
 """Distinct frames, or values of a field, whose meaning is cached."""
 

@@ -7,13 +7,14 @@ Rule of this file: all other frames pass with the meaning that the decoder kept;
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from functools import lru_cache
 
 from eurobot_od.device.guarding import TOGGLE
 from eurobot_od.frame import Frame
 from eurobot_od.logs import network_words
 from eurobot_od.logs.entries import REMEMBERED, Damage, Raw
-from eurobot_od.logs.meaning import CANOPEN, Decoder, Defect, Meaning
+from eurobot_od.logs.meaning import CANOPEN, Decoder, Defect, Meaning, SdoTransfer
 from eurobot_od.logs.services import GUARDING, HEARTBEAT, SDO
 from eurobot_od.logs.transfers import Transfers
 
@@ -33,6 +34,7 @@ class Follower:
         self._decoder = decoder
         self._transfers = Transfers()
         self._asked: set[tuple[str, int]] = set()
+        self._last: dict[tuple[str, int], Meaning] = {}
 
     def __call__(self, time: float, channel: str, meaning: Meaning) -> Meaning:
         """Return what a frame of a log's channel means after those before it; the time is in s."""
@@ -43,12 +45,18 @@ class Follower:
         end = self._decoder.services[frame.cob_id].end
         if end is None or frame.is_remote:
             return meaning
+        self._last[channel, end.channel] = meaning
         said = self._transfers.take(time, channel, end, frame.data)
         if not any(said):
             return meaning
         text = f"{meaning.nodes[0]}, {said.text}" if said.text else meaning.text
         defects = (Defect(Damage.INCOMPLETE, f"{meaning.raw}: {said.lost}"),) if said.lost else ()
         return meaning._replace(text=f"{text}{said.more}", defects=defects, transfer=said.ended)
+
+    def unfinished(self) -> Iterator[tuple[Meaning, SdoTransfer]]:
+        """Yield the transfers that the end of the log cuts off, each with the meaning of its last frame."""
+        for key, transfer in self._transfers.unfinished():
+            yield self._last[key], transfer
 
     def _guarded(self, channel: str, frame: Frame, meaning: Meaning) -> Meaning:
         """Name what a node answers to a remote frame: only by its toggle bit would it be told from a heartbeat."""

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from eurobot_od.errors import FrameLengthError
 from eurobot_od.frame import Frame, RemoteFrame
-from eurobot_od.logs.entries import REMEMBERED, Damage, Foreign, Raw
+from eurobot_od.logs.entries import MASTER, REMEMBERED, Damage, Foreign, Raw
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.pdos import OnRefused, fatal
 from eurobot_od.pdo.binding import Binding
@@ -61,8 +61,8 @@ class SdoTransfer(NamedTuple):
 class Meaning(NamedTuple):
     """What a frame means: message or service `name`, its `group`, the `nodes` that send or receive it, and in words.
 
-    `message` is None for a service and for what could not be decoded. `name` is empty if nothing is known. `transfer`
-    is the SDO transfer that this frame ends, as far as `following` knows it.
+    `message` is None for a service and for what could not be decoded. `name` is empty if nothing is known, `sender` if
+    nothing says who sent it. `transfer` is the SDO transfer that this frame ends, as far as `following` knows it.
     """
 
     raw: Raw
@@ -73,6 +73,7 @@ class Meaning(NamedTuple):
     text: str
     defects: tuple[Defect, ...] = ()
     transfer: SdoTransfer | None = None
+    sender: str = ""
 
 
 def with_defects(meaning: Meaning) -> str:
@@ -86,7 +87,8 @@ def with_defects(meaning: Meaning) -> str:
 class Decoder:
     """Decodes frames by the EDS files of the nodes on the bus and the catalogue of their messages.
 
-    `errors` are words for emergency error codes of single nodes, by node-ID; 0 stands for all nodes.
+    `errors` are words for emergency error codes of single nodes, by node-ID; 0 stands for all nodes. `master` is the
+    name of who leads the network.
     """
 
     def __init__(
@@ -95,10 +97,11 @@ class Decoder:
         catalogue: Catalogue = NOTHING,
         refused: OnRefused = fatal,
         errors: Mapping[int, Mapping[int, str]] = MappingProxyType({}),
+        master: str = MASTER,
     ) -> None:
         self.dictionaries = tuple(dictionaries)
         self.protocol = Protocol.of_devices(self.dictionaries, catalogue, refused, listening=True)
-        self._own_errors = errors
+        self._own_errors, self._master = errors, master or MASTER
         self._bindings = {each.cob_id: each for each in self.protocol.bindings}
         self._readers: dict[int | Damage, Callable[[Any], Meaning]] = {}
 
@@ -107,14 +110,14 @@ class Decoder:
         """The services by identifier; made late, as many logs have none."""
         from eurobot_od.logs.services import services
 
-        return services(self.dictionaries, self.errors)
+        return services(self.dictionaries, self.errors, self._master)
 
     @cached_property
     def errors(self) -> ErrorWords:
         """The words for the devices' emergency error codes."""
         from eurobot_od.device.emergency import ErrorWords
 
-        return ErrorWords.of_devices(self.dictionaries, self.protocol.catalogue.errors, self._own_errors)
+        return ErrorWords.of_devices(self.dictionaries, self.protocol.catalogue, self._own_errors)
 
     @cached_property
     def _unmapped(self) -> Unmapped:
@@ -145,9 +148,9 @@ class Decoder:
         if found.lengths and len(frame.data) not in found.lengths:
             text = f"{len(frame.data)} bytes of data, expected {found.expected}"
             defect = Defect(Damage.WRONG_LENGTH, f"{found.name} {frame}: {text}")
-            return Meaning(frame, found.name, CANOPEN, nodes, None, text, (defect,))
+            return Meaning(frame, found.name, CANOPEN, nodes, None, text, (defect,), sender=found.sender)
         text = ", ".join(filter(None, (found.node, found.text(frame.data))))
-        return Meaning(frame, found.name, CANOPEN, nodes, None, text)
+        return Meaning(frame, found.name, CANOPEN, nodes, None, text, sender=found.sender)
 
     def _nodes(self, service: CanopenService) -> tuple[str, ...]:
         return (service.node,) if service.node else tuple(each.name for each in self.dictionaries)
@@ -159,8 +162,14 @@ class Decoder:
         defects = (Defect(damage, f"{frame}{why}"),) if damage else ()
         if found is None or not found.name:
             return Meaning(frame, "", "", (), None, str(frame), defects)
-        text = REQUEST if frame.is_remote else found.text(frame.data)
-        return Meaning(frame, found.name, "", found.nodes, None, text, defects)
+        if frame.is_remote:
+            return Meaning(frame, found.name, "", found.nodes, None, REQUEST, defects)
+        if found.length not in (None, len(frame.data)):
+            text = str(FrameLengthError(found.name, frame.cob_id, len(frame.data), str(found.length)))
+            defects = (Defect(Damage.WRONG_LENGTH, text),)
+        else:
+            text = found.text(frame.data)
+        return Meaning(frame, found.name, "", found.nodes, None, text, defects, sender=found.sender)
 
     def _request(self, frame: RemoteFrame) -> Meaning:
         """Return the meaning of a remote frame: it asks for the frame of its identifier."""
@@ -173,14 +182,15 @@ class Decoder:
         # Only of error control a remote frame has a meaning of its own (CiA 301, 7.2.8.2.2.1).
         from eurobot_od.logs.services import GUARDING, HEARTBEAT
 
-        name = GUARDING if found.name == HEARTBEAT else found.name
+        name, sender = (GUARDING, self._master) if found.name == HEARTBEAT else (found.name, "")
         text = ", ".join(filter(None, (found.node, REQUEST)))
-        return Meaning(frame, name, CANOPEN, self._nodes(found), None, text)
+        return Meaning(frame, name, CANOPEN, self._nodes(found), None, text, sender=sender)
 
 
 def _reader(binding: Binding) -> Callable[[Frame], Meaning]:
     """Return the function that decodes the frames of one message."""
     name, group, nodes = binding.name, binding.group, (*binding.senders, *binding.receivers)
+    sender = next(iter(binding.senders), "")
     # As candump's frames, a Meaning is made without the named tuple's own constructor.
     length, decode, write, new = binding.layout.length, binding.decode, _fields_writer(binding), tuple.__new__
     allowed = lru_cache(None)(lambda field: binding.kinds[field].allowed(binding.limits[field]))
@@ -190,12 +200,13 @@ def _reader(binding: Binding) -> Callable[[Frame], Meaning]:
         try:
             message = decode(data)
         except FrameLengthError as error:
-            return Meaning(frame, name, group, nodes, None, str(error), (Defect(Damage.WRONG_LENGTH, str(error)),))
+            defect = Defect(Damage.WRONG_LENGTH, str(error))
+            return Meaning(frame, name, group, nodes, None, str(error), (defect,), sender=sender)
         defects: tuple[Defect, ...] = ()
         # Asked of every message, and hardly ever true: so a look at the types in C, and not at each field.
         if len(data) > length or OutOfRange in map(type, message):
             defects = tuple(_defects(frame, message, binding, allowed))
-        return new(Meaning, (frame, name, group, nodes, message, write(message), defects, None))
+        return new(Meaning, (frame, name, group, nodes, message, write(message), defects, None, sender))
 
     return read
 

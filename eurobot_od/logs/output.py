@@ -10,7 +10,7 @@ from collections.abc import Callable
 from functools import lru_cache
 from typing import Any, TypeAlias
 
-from eurobot_od.logs.meaning import Meaning, with_defects
+from eurobot_od.logs.meaning import Meaning, SdoTransfer, with_defects
 from eurobot_od.support.escaping import one_line
 
 NAME_WIDTH = 29
@@ -35,6 +35,9 @@ class Output:
     def writer(self, log: str) -> WriteLine:
         """Return the function that writes the lines of a log with this name."""
         raise NotImplementedError
+
+    def cut(self, transfer: SdoTransfer) -> None:
+        """Take in an SDO transfer that the end of a log cuts off."""
 
     def footer(self) -> str:
         """Return what comes after the lines of a log."""

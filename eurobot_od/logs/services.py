@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 from eurobot_od.device.emergency import ErrorWords
 from eurobot_od.logs import network_words as words
+from eurobot_od.logs.entries import MASTER
 from eurobot_od.logs.sdo_words import ANSWERS, REQUESTS, frame_words
 from eurobot_od.od import lss, values
 from eurobot_od.od.dictionary import Dictionary
@@ -25,6 +26,7 @@ from eurobot_od.od.standard import (
     SRDO_INVERTED,
     SRDOS,
     SYNC,
+    SYNC_PRODUCER,
     TIME,
 )
 
@@ -39,6 +41,9 @@ NO_WORDS = ErrorWords({}, {}, {})
 
 ANY_LENGTH: tuple[int, ...] = ()
 
+SENT = 1
+"""The direction of an SRDO that its device sends (CiA 304); 2: it receives it."""
+
 
 class SdoEnd(NamedTuple):
     """Which end of an SDO channel sends under an identifier; the `channel` is called by that of its requests."""
@@ -49,12 +54,16 @@ class SdoEnd(NamedTuple):
 
 
 class CanopenService(NamedTuple):
-    """What an identifier is for: the service's name, its node, the frame's `lengths` (none: any), and its words."""
+    """What an identifier is for: the service's name, its node, the frame's `lengths` (none: any), and its words.
+
+    `sender` is who sends it; empty if that cannot be known.
+    """
 
     name: str
     node: str
     lengths: tuple[int, ...]
     text: Callable[[bytes], str]
+    sender: str = ""
     end: SdoEnd | None = None
 
     @property
@@ -73,30 +82,34 @@ class KnownNode(NamedTuple):
 Services = dict[int, CanopenService]
 
 
-def services(dictionaries: Iterable[Dictionary], errors: ErrorWords = NO_WORDS) -> Services:
+def services(dictionaries: Iterable[Dictionary], errors: ErrorWords = NO_WORDS, master: str = MASTER) -> Services:
     """Return the services by identifier: the predefined ones of all node-IDs, then what the EDS files say.
 
-    `errors` are the words for the devices' emergency error codes.
+    `errors` are the words for the devices' emergency error codes, `master` is the name of who leads the network.
     """
     known = {each.node_id: KnownNode(each.name, each) for each in dictionaries}
-    found = _broadcast({node_id: node.name for node_id, node in known.items()})
+    found = _broadcast({node_id: node.name for node_id, node in known.items()}, master)
     emcy = {}
     for node_id in values.NODE_IDS:
         node = known.get(node_id, KnownNode(f"node {node_id}"))
-        emcy[node_id] = CanopenService(EMCY_NAME, node.name, (8,), partial(words.emcy, errors.of(node_id)))
+        emcy[node_id] = CanopenService(EMCY_NAME, node.name, (8,), partial(words.emcy, errors.of(node_id)), node.name)
         found[values.EMCY_BASE + node_id] = emcy[node_id]
-        found |= _sdo(node, values.SDO_REQUEST_BASE + node_id, values.SDO_RESPONSE_BASE + node_id)
-        found[values.ERROR_CONTROL_BASE + node_id] = CanopenService(HEARTBEAT, node.name, (1,), words.heartbeat)
-    for node_id, node in known.items():  # after the predefined ones: what a node's file says is what it does
-        assert node.dictionary is not None
-        found |= _moved(node.dictionary, found, emcy[node_id]) | _safety(node.dictionary)
-    for dictionary in (each.dictionary for each in known.values()):
-        for server, request, answer in sdo_channels(dictionary) if dictionary else ():
-            found |= _sdo(known.get(server, KnownNode(f"node {server}")), request, answer)
+        found |= _sdo(node, values.SDO_REQUEST_BASE + node_id, values.SDO_RESPONSE_BASE + node_id, master)
+        found[values.ERROR_CONTROL_BASE + node_id] = CanopenService(
+            HEARTBEAT, node.name, (1,), words.heartbeat, node.name
+        )
+    devices = [each.dictionary for each in known.values() if each.dictionary]
+    for device in devices:  # after the predefined ones: what a node's file says is what it does
+        found |= _moved(device, found, emcy[device.node_id]) | _safety(device)
+    for device in devices:  # after all have said where SYNC and TIME are: a producer names itself
+        found |= _produced(device, found)
+        for server, client, request, answer in sdo_channels(device):
+            asks = known.get(client, KnownNode(f"node {client}")).name if client else master
+            found |= _sdo(known.get(server, KnownNode(f"node {server}")), request, answer, asks)
     return found
 
 
-def _broadcast(names: Mapping[int, str]) -> Services:
+def _broadcast(names: Mapping[int, str], master: str) -> Services:
     """Return the services that belong to no node."""
     plainly = {
         0x072: "negotiation of a new master",
@@ -106,30 +119,31 @@ def _broadcast(names: Mapping[int, str]) -> Services:
         0x076: "negotiation of a new master is forced",
     }
     return {
-        values.NMT_COB_ID: CanopenService(NMT, "", (2,), partial(words.nmt, names)),
+        values.NMT_COB_ID: CanopenService(NMT, "", (2,), partial(words.nmt, names), master),
         0x001: CanopenService(GFC, "", (0,), words.said_plainly("all devices into their safe state")),
-        0x071: CanopenService(FLYING_MASTER, "", (2,), partial(words.active_master, names)),
+        0x071: CanopenService(FLYING_MASTER, "", (2,), partial(words.active_master, names), master),
         **{
             cob_id: CanopenService(FLYING_MASTER, "", ANY_LENGTH, words.said_plainly(what))
             for cob_id, what in plainly.items()
         },
-        values.SYNC_COB_ID: CanopenService(SYNC_NAME, "", (0, 1), words.sync),
-        values.TIME_COB_ID: CanopenService(TIME_NAME, "", (6,), words.time),
-        lss.REQUESTS: CanopenService(LSS, "", (lss.LENGTH,), words.lss_request),
+        values.SYNC_COB_ID: CanopenService(SYNC_NAME, "", (0, 1), words.sync, master),
+        values.TIME_COB_ID: CanopenService(TIME_NAME, "", (6,), words.time, master),
+        lss.REQUESTS: CanopenService(LSS, "", (lss.LENGTH,), words.lss_request, master),
         lss.ANSWERS: CanopenService(LSS, "", (lss.LENGTH,), words.lss_answer),
     }
 
 
-def _sdo(node: KnownNode, request: int, answer: int) -> Services:
+def _sdo(node: KnownNode, request: int, answer: int, client: str) -> Services:
     return {
         cob_id: CanopenService(
             SDO,
             node.name,
             (8,),
             partial(frame_words, commands, node.dictionary),
+            sender,
             SdoEnd(request, commands is ANSWERS, node.dictionary),
         )
-        for cob_id, commands in ((request, REQUESTS), (answer, ANSWERS))
+        for cob_id, commands, sender in ((request, REQUESTS, client), (answer, ANSWERS, node.name))
     }
 
 
@@ -149,12 +163,21 @@ def _moved(dictionary: Dictionary, predefined: Services, emcy: CanopenService) -
     }
 
 
+def _produced(dictionary: Dictionary, known: Services) -> Services:
+    """Return what a device sends itself, and not the master: SYNC and TIME, if its file says that it produces them."""
+    entries = (dictionary.number(each) or 0 for each in (SYNC, TIME))
+    produced = [values.identifier(entry) for entry in entries if entry & SYNC_PRODUCER]  # of TIME the same bit
+    return {cob_id: known[cob_id]._replace(sender=dictionary.name) for cob_id in produced}
+
+
 def _safety(dictionary: Dictionary) -> Services:
     """Return the safety-relevant data objects of a device: its data, and the same with all bits inverted (CiA 304)."""
     found = {}
     for index in (each for each in SRDOS if each in dictionary.members):
-        if dictionary.number((index, SRDO_DIRECTION)):  # 0: it is not valid
+        if direction := dictionary.number((index, SRDO_DIRECTION)):  # 0: it is not valid
             for sub, text in ((SRDO_DATA, words.plain), (SRDO_INVERTED, words.inverted)):
                 if entry := dictionary.number((index, sub)):
-                    found[values.identifier(entry)] = CanopenService(SRDO, dictionary.name, ANY_LENGTH, text)
+                    found[values.identifier(entry)] = CanopenService(
+                        SRDO, dictionary.name, ANY_LENGTH, text, dictionary.name if direction == SENT else ""
+                    )
     return found

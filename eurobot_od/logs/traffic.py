@@ -35,12 +35,15 @@ class TrafficOutput(Output):
 
         def take(_line: int, time: float, _channel: str, meaning: Meaning) -> str:
             assert isinstance(meaning.raw, Frame)  # see `row`
-            seen.take(time, meaning.raw, meaning.name or "?", meaning.nodes[0] if meaning.nodes else "")
+            seen.take(time, meaning.raw, meaning.name or "?", meaning.sender)
             if meaning.transfer:
                 transfers.add(meaning.transfer)
             return ""
 
         return take
+
+    def cut(self, transfer: SdoTransfer) -> None:
+        self._transfers.add(transfer)
 
     def footer(self) -> str:
         return "".join(f"{line}\n" for line in (*self._heading, *table(self._seen), *self._transfers.report()))

@@ -12,7 +12,7 @@ is, and a log that lacks frames costs no other transfer.
 from __future__ import annotations
 
 from binascii import crc_hqx
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from enum import Enum
 from typing import NamedTuple, TypeAlias
@@ -212,6 +212,12 @@ class Transfers:
         specifier = data[0] >> 5
         step = steps.get((specifier, data[0] & masks.get(specifier, 0)))
         return step(self, key, end, time, data) if step else NOTHING
+
+    def unfinished(self) -> Iterator[tuple[tuple[str, int], SdoTransfer]]:
+        """Yield the transfers that the end of the log cuts off, each with its channel of the log and of the SDO."""
+        for key, running in self._running.items():
+            running.take_rest()
+            yield key, running.ended(running.began, is_whole=False)
 
     # How a transfer begins and ends
 

@@ -27,13 +27,23 @@ DEFAULT_PDOS = tuple(each for each in values.PREDEFINED if each.is_per_node)
 
 
 class OtherPdo(NamedTuple):
-    """What a frame is: a name, the nodes, its words; `damage` and `why` if that is wrong or not certain."""
+    """What a frame is: a name, the nodes, its words; `damage` and `why` if that is wrong or not certain.
+
+    Without `is_sent` its one node receives it. `length` is what it has to have, in bytes; None if nothing says it.
+    """
 
     name: str
     nodes: tuple[str, ...]
     text: Callable[[bytes], str]
+    is_sent: bool
     damage: Damage | None = None
     why: str = ""
+    length: int | None = None
+
+    @property
+    def sender(self) -> str:
+        """Who sends it; empty if that is not known."""
+        return self.nodes[0] if self.is_sent else ""
 
 
 class Unmapped:
@@ -54,14 +64,17 @@ class Unmapped:
         ]
         known: dict[int, OtherPdo] = {}
         for device, pdo in pdos:
+            is_sent = pdo.direction is PdoDirection.TPDO
             if not pdo.valid:
                 why = f": {pdo.title} of {device.name}, off in its {device.file.suffix.lstrip('.').upper() or 'file'}"
-                known[pdo.cob_id] = OtherPdo(pdo.title, (device.name,), plain, Damage.SWITCHED_OFF, why)
+                known[pdo.cob_id] = OtherPdo(pdo.title, (device.name,), plain, is_sent, Damage.SWITCHED_OFF, why)
         # Senders last, as they know what they send.
         for device, pdo in sorted(pdos, key=lambda each: each[1].direction is PdoDirection.TPDO):
+            is_sent = pdo.direction is PdoDirection.TPDO
             if pdo.valid and pdo.multiplex is not None:
                 name = f"{device.name}.{pdo.title.replace(' ', '')}"
-                known[pdo.cob_id] = OtherPdo(name, (device.name,), partial(_mpdo_words, devices))
+                text = partial(_mpdo_words, devices)
+                known[pdo.cob_id] = OtherPdo(name, (device.name,), text, is_sent, length=MPDO_LENGTH)
         return cls(known, {node_id: each.name for node_id, each in devices.items()})
 
     def get(self, cob_id: int) -> OtherPdo | None:
@@ -72,10 +85,11 @@ class Unmapped:
             node_id = found.node_id(cob_id)
             node = self._nodes.get(node_id or 0, f"node {node_id}")
             why = f": in no file; a guess by its identifier: {found.owner} of {node}"
-            return OtherPdo(found.owner, (node,), plain, Damage.UNKNOWN_IDENTIFIER, why)
+            is_sent = PdoDirection.RPDO.name not in found.owner
+            return OtherPdo(found.owner, (node,), plain, is_sent, Damage.UNKNOWN_IDENTIFIER, why)
         if found := values.owner(cob_id, values.RESERVED):
             why = f": in no file; its identifier is reserved for {found.owner}"
-            return OtherPdo("", (), plain, Damage.UNKNOWN_IDENTIFIER, why)
+            return OtherPdo("", (), plain, False, Damage.UNKNOWN_IDENTIFIER, why)
         return None
 
     def defect(self, cob_id: int) -> tuple[Damage | None, str]:
@@ -85,14 +99,15 @@ class Unmapped:
         return (Damage.EXTENDED if cob_id & EXTENDED else Damage.UNKNOWN_IDENTIFIER), ""
 
 
+MPDO_LENGTH = values.MAX_BITS // 8
+"""Bytes of a PDO whose frames name their object: node-ID, index, sub-index and four bytes of value."""
+
 DESTINATION = 1 << 7
 """Bit of an MPDO's first byte: the node after it is who is meant, and not who sends (CiA 301, 7.2.2.6.2)."""
 
 
 def _mpdo_words(devices: Mapping[int, Dictionary], data: bytes) -> str:
-    """Say which object of which node has which value (CiA 301, 7.2.2.6)."""
-    if len(data) != values.MAX_BITS // 8:
-        return f"{len(data)} bytes of data, expected {values.MAX_BITS // 8}"
+    """Say which object of which node has which value (CiA 301, 7.2.2.6); data of MPDO_LENGTH."""
     node_id, address, octets = data[0] & ~DESTINATION, (data[1] | data[2] << 8, data[3]), data[4:]
     device = devices.get(node_id)
     node = device.name if device else f"node {node_id}"

@@ -110,7 +110,7 @@ class Traffic:
         row.count += 1
         row.times.append(time)
         if isinstance(raw, Frame):
-            self._bits += self.seen.take(time, raw, row.name, meaning.nodes[0] if meaning.nodes else "")
+            self._bits += self.seen.take(time, raw, row.name, meaning.sender)
         if meaning.defects:
             row.wrong += 1
             self.damage.add("frame", self.frames, meaning.defects)

@@ -55,12 +55,16 @@ def moved_server(device: Dictionary) -> str:
     return f"its SDO server is at 0x{at.requests:03X}, answers at 0x{at.answers:03X}, as its file says (0x1200){others}"
 
 
-def sdo_channels(dictionary: Dictionary) -> Iterator[tuple[int, int, int]]:
-    """Yield node-ID of the server, identifiers of requests and answers, of each channel that a file describes."""
-    yield dictionary.node_id, *SdoChannel.of(dictionary)
+def sdo_channels(dictionary: Dictionary) -> Iterator[tuple[int, int, int, int]]:
+    """Yield node-IDs of server and client, identifiers of requests and answers, of each channel that a file describes.
+
+    The client's is 0 if no file names it: of the default channel it is the master (CiA 301, 7.5.2.33).
+    """
+    yield dictionary.node_id, 0, *SdoChannel.of(dictionary)
     records = [index for index in (*SDO_SERVERS[1:], *SDO_CLIENTS) if index in dictionary.members]
     for index in records:
         request, answer, other = (dictionary.number((index, sub)) for sub in (1, 2, 3))
-        server = dictionary.node_id if index in SDO_SERVERS else other
+        own = dictionary.node_id
+        server, client = (own, other or 0) if index in SDO_SERVERS else (other, own)
         if request and answer and server and not (request | answer) & NOT_VALID:
-            yield server, identifier(request), identifier(answer)
+            yield server, client, identifier(request), identifier(answer)

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, TypeAlias
 from typing import Protocol as Interface
 
-from eurobot_od.errors import MappingError, UnknownIdentifier, UnknownName
+from eurobot_od.errors import MappingError, UnknownIdentifier, UnknownName, shown_identifier
 from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.network import READERS, load, read_network
@@ -114,7 +114,7 @@ class Protocol:
         if binding is None:
             if other := self._by_cob_id.get(pdo.cob_id):
                 where = f"{other.name} ({other.file.name} 0x{other.pdo.index:04X})"
-                what = f"COB-ID 0x{pdo.cob_id:03X} is already that of {where}"
+                what = f"COB-ID {shown_identifier(pdo.cob_id)} is already that of {where}"
                 raise MappingError(dictionary.file, pdo.index, f"{pdo.name}: {what}")
             binding = Binding(dictionary.file, pdo, name, entry)
             self._bindings[name] = self._by_cob_id[pdo.cob_id] = binding
@@ -219,7 +219,7 @@ def _refuse_difference(known: Binding, dictionary: Dictionary, other: Binding, r
     Outside the catalogue only the COB-ID says that it is one message.
     """
     if known.cob_id != other.cob_id:
-        what = f"COB-ID 0x{other.cob_id:03X}, but 0x{known.cob_id:03X} in {known.file.name}"
+        what = f"COB-ID {shown_identifier(other.cob_id)}, but {shown_identifier(known.cob_id)} in {known.file.name}"
         raise MappingError(dictionary.file, other.pdo.index, f"{other.name}: {what}")
     if known.layout.bits != other.layout.bits if renamed else known.layout.slots != other.layout.slots:
         what = f"mapping differs from that in {known.file.name} 0x{known.pdo.mapping_index:04X}"

@@ -254,6 +254,29 @@ def test_statistics_of_several_logs_and_of_some_messages(tmp_path: Path, capsys:
     assert lines[2].split()[:4] == ["00C", "Goto", "Confirm", "drive"]
 
 
+def test_statistics_call_the_master_by_the_name_that_the_network_file_gives_it(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    log, eds, network = (tmp_path / name for name in ("nmt.log", "io.eds", "net.yaml"))
+    log.write_text("(1.0) can0 000#0100\n")
+    eds.write_text(DEVICE_TYPE)
+    network.write_text("nodes: {io: {file: io.eds, node_id: 5}}\nmaster: PC\n")
+    for words, master in ((["--network", str(network)], "PC"), (["--eds", f"5={eds}"], "master")):
+        assert cli.main(["decode", str(log), "--statistics", *words]) == 0
+        assert capsys.readouterr().out.splitlines()[1].split()[:3] == ["000", "NMT", master]
+
+
+@pytest.mark.parametrize(("options", "said"), [([], 1), (["--message", "SDO"], 1), (["--message", "NMT"], 0)])
+def test_a_transfer_that_the_end_of_the_log_cuts_off_is_counted(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], options: list[str], said: int
+) -> None:
+    log = tmp_path / "cut.log"
+    log.write_text("(1.0) can0 000#0100\n(1.1) can0 605#4008100000000000\n(1.2) can0 585#4108100009000000\n")
+    assert cli.main(["decode", str(log), "--statistics", *options]) == 0
+    lines = [line for line in capsys.readouterr().out.splitlines() if line.startswith("SDO")]
+    assert lines == ["SDO transfers: 1 read; 0 aborted, 1 without an end, 0 bytes"] * said
+
+
 def test_statistics_tell_what_is_wrong(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file = tmp_path / "wrong.log"
     file.write_text("(1.000000) can0 123#01\n")

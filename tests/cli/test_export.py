@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from eurobot_od import cli
 from eurobot_od.cli.export import FORMS
 from eurobot_od.robot import dialects
 from tests.cli.console import run
@@ -77,7 +78,9 @@ MISTAKES = [
     (["c", "-o", "nowhere/bus.h"], 3, "No such file or directory"),
     (["docs", "-o", "bus.pdf"], 2, "unknown document format '.pdf'"),
     (["docs", "--format", "pdf"], 2, "invalid choice"),
-    (["xdd"], 2, "required: FILE"),
+    (["xdd"], 2, "name a FILE, or a network by --network"),
+    (["cdcf", DRIVE, "--network", "net.yaml"], 2, "name a FILE, or a network by --network"),
+    (["cdcf", "--network", DRIVE], 2, "not a network: neither a folder nor one of"),
     (["xdd", "none.eds"], 2, "none.eds: No such file or directory"),
     (["xdd", __file__], 2, "not an EDS: it describes no object"),
     (["nonsense"], 2, "invalid choice"),
@@ -112,3 +115,14 @@ def test_a_log_becomes_mcap(tmp_path: Path, capsys: pytest.CaptureFixture[str]) 
     said = run(capsys, "export", "mcap", str(log), "-o", str(file))
     assert said == (0, f"{file}: 1 message, 1 pose, 1 damaged\n", "")
     assert file.read_bytes().startswith(b"\x89MCAP")
+
+
+@pytest.mark.parametrize("form", ["xdd", "cdcf"])
+@pytest.mark.parametrize("words", [["net.yaml"], ["--network", "net.yaml"]])
+def test_of_a_network_each_node_has_a_file(
+    form: str, words: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("net.yaml").write_text(f"nodes: {{left: {{file: {DRIVE}, node_id: 5}}, right: {{file: {DRIVE}, node_id: 6}}}}")
+    assert cli.main(["export", form, *words, "-o", "made"]) == 0
+    assert sorted(each.name for each in Path("made").iterdir()) == [f"left.{form}", f"right.{form}"]

@@ -9,7 +9,15 @@ from pathlib import Path
 
 import pytest
 
-from eurobot_od.client.boot import BootedSlave, boot_slave, start_slave
+from eurobot_od.client.boot import (
+    BootedSlave,
+    boot_slave,
+    hear_slave,
+    order_start,
+    prepare_slave,
+    start_slave,
+    started_state,
+)
 from eurobot_od.client.description import described
 from eurobot_od.client.master import RemoteNode
 from eurobot_od.client.network import SimulatedNetwork
@@ -118,3 +126,20 @@ def test_a_slave_that_is_not_there_does_not_boot() -> None:
         found = boot_slave(absent, described(Dictionary.read(TEXT.encode(), Path("a.eds"), 9)), NOW)
     assert str(found.failed).startswith("error B: ")
     assert found.done == ()
+
+
+def test_many_slaves_are_waited_for_at_once() -> None:
+    """The wait for heartbeats does not grow with the number of slaves, as it would one after the other."""
+    dictionary = Dictionary.read(TEXT.encode(), Path("a.eds"), 5)
+    with SimulatedNetwork() as network:
+        for node_id in range(1, 31):
+            network.simulate(Dictionary.read(TEXT.encode(), Path("a.eds"), node_id))
+        nodes = [network[each]._node for each in range(1, 31)]
+        clock = nodes[0].master.clock
+        slaves = [prepare_slave(each, described(dictionary), NOW) for each in nodes]
+        began = clock()
+        assert not any(slave.failed for slave in map(hear_slave, nodes, slaves))
+        assert [order_start(*each, dictionary) for each in zip(nodes, slaves)] == [True] * 30
+        states = {*map(started_state, nodes, slaves)}
+        assert states == {NmtState.OPERATIONAL}
+        assert clock() - began < 0.3  # each has a heartbeat in 100 ms

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 from math import inf
+from pathlib import Path
 
 import pytest
 
-from eurobot_od.client.watch import Heartbeats, NodeChange, NodeEvent, NodeWatch, watch_nodes
+from eurobot_od.client.network import SimulatedNetwork
+from eurobot_od.client.watch import Heartbeats, NodeChange, NodeEvent, NodeWatch, watch_nodes, without_heartbeat
 from eurobot_od.device.nmt import NmtState
 from eurobot_od.frame import Frame
+from eurobot_od.od.dictionary import Dictionary
 from tests.client.wired import wired
+from tests.eds_text import DEVICE_TYPE, variable
 
 FOUND, BOOTED, LOST, BACK = NodeChange.FOUND, NodeChange.BOOTED, NodeChange.LOST, NodeChange.BACK
 
@@ -115,6 +119,22 @@ def test_a_node_that_has_to_be_there_is_lost_if_it_is_not_heard() -> None:
 )
 def test_a_guarded_node_is_asked_and_has_to_toggle(station: Beating, happened: list[tuple[float, NodeChange]]) -> None:
     assert seen(station, 6.5, guarded={5: 1.0}) == happened
+
+
+def test_a_node_with_a_heartbeat_is_not_guarded() -> None:
+    """It does not answer: guarded, it would be lost between two heartbeats."""
+    heartbeat = DEVICE_TYPE + variable("1017", "Producer heartbeat time", "UNSIGNED16", "1000")
+    texts = {5: heartbeat, 6: DEVICE_TYPE, 7: heartbeat.replace("=1000", "=0")}
+    events: list[NodeEvent] = []
+    with SimulatedNetwork() as network:
+        for node_id, text in texts.items():
+            network.simulate(Dictionary.read(text.encode(), Path("a.eds"), node_id))
+        master = network[5]._node.master
+        guarded = without_heartbeat(master, [*texts, 8])
+        watch = NodeWatch(events.append, expected=[5], guarded=dict.fromkeys(guarded, 0.2))
+        watch_nodes(master, watch, master.clock() + 4)
+    assert guarded == [6, 7, 8]
+    assert [event.change for event in events if event.node_id == 5] == [FOUND]
 
 
 def test_an_event_has_the_last_state() -> None:

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from math import inf
+from pathlib import Path
 
 import pytest
 
 from eurobot_od.device.emergency import HISTORY, PASSING, WAITING, Emergencies, ErrorCode, ErrorWords, error_words
 from eurobot_od.device.nmt import NmtCommand
 from eurobot_od.frame import Frame
-from eurobot_od.robot.model.messages import GotoXY
+from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.robot.model.messages import CATALOGUE, GotoXY
 from tests.device.master import wired
+from tests.eds_text import DEVICE_TYPE, pdo
 
 COB_ID = 0x082
 
@@ -171,11 +174,23 @@ def test_an_error_has_a_name(code: int, text: str) -> None:
 @pytest.mark.parametrize(
     ("node_id", "text"),
     [
-        (5, "drive blocked"),  # without a profile: a node of whoever has the words
+        (5, "drive blocked"),  # a device of the robot, by the name of its PDO
         (6, "device specific"),  # a drive of CiA 402, of another maker
         (7, "fan blocked"),  # its maker's table, whatever the profile
+        (8, "device specific"),  # of another maker, without a profile
+        (9, "device specific"),  # of which there is no file
     ],
 )
-def test_own_words_are_not_for_devices_of_a_profile(node_id: int, text: str) -> None:
-    words = ErrorWords({0xFF02: "drive blocked"}, {7: {0xFF02: "fan blocked"}}, {5: 0, 6: 402, 7: 402})
+def test_the_robots_words_are_for_its_own_devices(node_id: int, text: str) -> None:
+    goto = pdo(0x1800, "0x20000010", cob_id="0x185", name="Goto XY")
+    devices = [
+        Dictionary.read(text.encode(), Path("any.eds"), node_id)
+        for node_id, text in {
+            5: DEVICE_TYPE + goto,
+            6: DEVICE_TYPE.replace("Value=0", "Value=402"),
+            7: DEVICE_TYPE.replace("Value=0", "Value=402"),
+            8: DEVICE_TYPE + pdo(0x1800, "0x20000010", cob_id="0x185"),
+        }.items()
+    ]
+    words = ErrorWords.of_devices(devices, CATALOGUE, {7: {0xFF02: "fan blocked"}})
     assert words.of(node_id)(0xFF02) == text

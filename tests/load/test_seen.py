@@ -30,18 +30,18 @@ def seen() -> SeenTraffic:
 
 
 def test_gaps_and_jitter_against_the_promised_period(seen: SeenTraffic) -> None:
-    ask = seen.messages[0x010]
+    ask = seen.messages[0x010, False]
     assert (ask.count, ask.node, ask.period) == (2, "a", 0.1)
     assert [ask.longest, ask.jitter] == pytest.approx([0.13, 0.03])
 
 
 def test_a_gap_that_is_too_short_is_jitter_too(seen: SeenTraffic) -> None:
     seen.take(1.14, ASK, "", "")
-    assert seen.messages[0x010].jitter == pytest.approx(0.09)
+    assert seen.messages[0x010, False].jitter == pytest.approx(0.09)
 
 
 def test_the_worst_response_beside_its_bound(seen: SeenTraffic) -> None:
-    ask, answer = seen.messages[0x010], seen.messages[0x011]
+    ask, answer = seen.messages[0x010, False], seen.messages[0x011, False]
     assert (ask.answered, ask.bound) == (None, None)
     assert answer.answered == pytest.approx(0.0045)
     assert answer.bound == (load_report(PROMISED, RATE).rows[1].response or 0) / 1_000_000
@@ -50,11 +50,11 @@ def test_the_worst_response_beside_its_bound(seen: SeenTraffic) -> None:
 def test_an_answer_that_was_lost_is_not_taken_for_a_late_one(seen: SeenTraffic) -> None:
     for time, frame in ((3.0, ASK), (4.0, ASK), (4.001, ANSWER)):
         seen.take(time, frame, "", "")
-    assert seen.messages[0x011].answered == pytest.approx(0.0045)
+    assert seen.messages[0x011, False].answered == pytest.approx(0.0045)
 
 
 def test_what_nobody_promised_is_counted_all_the_same(seen: SeenTraffic) -> None:
-    other = seen.messages[0x100]
+    other = seen.messages[0x100, False]
     assert (other.name, other.node, other.period, other.longest, other.jitter) == (
         "name 256",
         "whoever",
@@ -86,4 +86,4 @@ def test_of_two_senders_of_one_identifier_the_one_that_may_be_later_counts() -> 
     later = PROMISED.messages[1]._replace(name="Answer too", node="c", jitter=5_000)
     seen = SeenTraffic(RATE, PROMISED._replace(messages=(*PROMISED.messages, later)))
     seen.take(1.0, ANSWER, "", "")
-    assert seen.messages[0x011].node == "c"
+    assert seen.messages[0x011, False].node == "c"

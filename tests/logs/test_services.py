@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
 from eurobot_od.frame import Frame, RemoteFrame
 from eurobot_od.logs.entries import Damage
 from eurobot_od.logs.following import Following
 from eurobot_od.logs.meaning import Decoder
+from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.robot import dialects
 from eurobot_od.robot.protocol import decoder as robot_decoder
+from tests.eds_text import DEVICE_TYPE, pdo, record, variable
 
 SERVICES = [
     # NMT: to all, to a known node, to another one, an unknown command
@@ -161,3 +165,50 @@ def test_a_broadcast_service_of_another_length(cob_id: int, data: str, expected:
 
 def test_a_message_goes_before_the_service_of_node_64(decoder: Decoder) -> None:
     assert decoder(Frame(0x0C0)).name == "Kalman Position Request"
+
+
+SENDERS = (
+    record(0x1280, "SDO client", (1, "UNSIGNED32", "0x640"), (2, "UNSIGNED32", "0x5C0"), (3, "UNSIGNED8", "6"))
+    + variable("1005", "COB-ID SYNC", "UNSIGNED32", "0x40000080")
+    + variable("1012", "COB-ID TIME", "UNSIGNED32", "0xC0000101")
+)
+
+
+@pytest.mark.parametrize(
+    ("frame", "sender"),
+    [
+        (Frame(0x000, b"\1\0"), "PC"),
+        (Frame(0x7E5, bytes(8)), "PC"),
+        (Frame(0x7E4, bytes(8)), ""),  # whichever device is selected
+        (Frame(0x606, bytes(8)), "PC"),
+        (Frame(0x586, bytes(8)), "io"),
+        (Frame(0x640, bytes(8)), "plc"),  # a channel of its own to the same server
+        (Frame(0x5C0, bytes(8)), "io"),
+        (Frame(0x606), "PC"),  # of a wrong length
+        (Frame(0x706, b"\5"), "io"),
+        (RemoteFrame(0x706), "PC"),  # node guarding
+        (Frame(0x709, b"\5"), "node 9"),
+        (Frame(0x080), "plc"),  # it says that it produces them
+        (Frame(0x101, bytes(6)), "plc"),
+        (Frame(0x100, bytes(6)), "PC"),  # where nobody produces it
+        (Frame(0x185), "io"),
+        (RemoteFrame(0x185), ""),  # whoever wants it
+        (Frame(0x205), ""),
+        (Frame(0x285), "node 5"),  # guesses
+        (Frame(0x305), ""),
+    ],
+)
+def test_who_sends_it(frame: Frame, sender: str) -> None:
+    io = DEVICE_TYPE + variable("2000", "Speed", "INTEGER16", "0") + pdo(0x1800, "0x20000010", cob_id="0x185")
+    devices = [
+        Dictionary.read(text.encode(), Path(f"{name}.eds"), node_id)
+        for node_id, name, text in (
+            (6, "io", io + pdo(0x1400, "0x20000010", cob_id="0x205")),
+            (7, "plc", DEVICE_TYPE + SENDERS),
+        )
+    ]
+    assert Decoder(devices, master="PC")(frame).sender == sender
+
+
+def test_without_a_name_it_is_the_master() -> None:
+    assert Decoder(())(Frame(0x080)).sender == "master"

@@ -76,11 +76,19 @@ def test_an_11_bit_identifier_is_another_one(decoder: Decoder) -> None:
         # who is meant (DAM): one node, or all
         (Frame(0x205, bytes.fromhex("86 0020 00 0500 0000")), "0x2000:00 Speed to io = 5"),
         (Frame(0x205, bytes.fromhex("80 0020 00 01020304")), "0x2000:00 to all nodes = 01 02 03 04"),
-        (Frame(0x205, bytes(3)), "3 bytes of data, expected 8"),
     ],
 )
 def test_multiplexed_pdos(decoder: Decoder, frame: Frame, text: str) -> None:
     assert (decoder(frame).text, decoder(frame).defects) == (text, ())
+
+
+def test_a_multiplexed_pdo_of_another_length_is_damage(decoder: Decoder) -> None:
+    meaning = decoder(Frame(0x205, bytes(3)))
+    assert (meaning.name, meaning.defects) == (
+        "epos4.RPDO1",
+        ((Damage.WRONG_LENGTH, "epos4.RPDO1 (0x205): 3 bytes of data, expected 8"),),
+    )
+    assert decoder(RemoteFrame(0x205)).defects == ()
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,7 @@ import tracemalloc
 
 import pytest
 
-from eurobot_od.frame import Frame
+from eurobot_od.frame import Frame, RemoteFrame
 from eurobot_od.logs.entries import Damage, Foreign
 from eurobot_od.monitor.cells import HEADINGS, health, plain_table
 from eurobot_od.monitor.traffic import SORTS, MeanPeriod, Traffic, selected
@@ -67,6 +67,12 @@ def test_load_is_that_of_the_last_second(traffic: Traffic) -> None:
     for n in range(100):
         traffic.take(n / 100, GOTO)
     assert [traffic.load(second)[1] for second in (1.0, 2.0, 3.0)] == [100.0, 0.0, 0.0]
+
+
+def test_a_frame_is_counted_to_who_sent_it(traffic: Traffic) -> None:
+    for frame in (Frame(0x000, b"\1\0"), Frame(0x602, bytes(8)), Frame(0x582, bytes(8)), RemoteFrame(0x702), BEAT):
+        traffic.take(1.0, frame)
+    assert [each.node for each in traffic.seen.messages.values()] == ["master", "master", "drive", "master", "drive"]
 
 
 def test_load_before_any_time_has_passed(traffic: Traffic) -> None:
