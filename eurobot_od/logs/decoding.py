@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from functools import lru_cache
 from typing import Any, BinaryIO
 
@@ -26,16 +26,17 @@ class Decoding:
         self.damage = DamageCounts()
         self._output, self._window = output, window
 
-        def show(meaning: Meaning) -> tuple[Any, tuple[Defect, ...]]:
-            return output.row(meaning) if wanted is None or wanted(meaning) else None, meaning.defects
+        row: Callable[[Meaning], Any] = output.row
+        if wanted is not None:
+            row = lambda meaning: output.row(meaning) if wanted(meaning) else None  # noqa: E731
 
         # Most frames on a bus are requests and confirms without data: what is made from them is kept.
         @lru_cache(REMEMBERED)
         def known(raw: Raw) -> tuple[Any, tuple[Defect, ...], Meaning | None]:
             meaning = decoder(raw)
-            return *show(meaning), meaning if is_followed(meaning) else None
+            return row(meaning), meaning.defects, meaning if is_followed(meaning) else None
 
-        self._decoder, self._show, self._known = decoder, show, known
+        self._decoder, self._row, self._known = decoder, row, known
 
     def lines(self, file: BinaryIO, log: str, form: str | None = None, largest: int = LARGEST) -> Iterator[str]:
         """Yield the lines of output for an open log named `log`; errors as `formats.read`.
@@ -47,7 +48,7 @@ class Decoding:
         for number, time, channel, raw in formats.read(file, form, largest):
             row, defects, followed = known(raw)
             if followed and (said := follow(time, channel, followed)) is not followed:
-                row, defects = self._show(said)
+                row, defects = self._row(said), said.defects
             if defects:
                 self.damage.add(log, number, defects)
             shown = shown_time(time)

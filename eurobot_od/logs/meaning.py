@@ -196,7 +196,7 @@ def _reader(binding: Binding) -> Callable[[Frame], Meaning]:
     allowed = lru_cache(None)(lambda field: binding.kinds[field].allowed(binding.limits[field]))
 
     def read(frame: Frame) -> Meaning:
-        _, data = frame
+        data = frame[1]  # to unpack a named tuple takes an iterator
         try:
             message = decode(data)
         except FrameLengthError as error:

@@ -57,7 +57,7 @@ class TextOutput(Output):
         name, text = meaning.name, meaning.text
         if meaning.defects:
             name, text = name or "?", with_defects(meaning)
-        return one_line(f"{name:{NAME_WIDTH}} {text}" if text else name)
+        return one_line(f"{name.ljust(NAME_WIDTH)} {text}" if text else name)
 
     def writer(self, log: str) -> WriteLine:
         start, shown = one_line(f"{log}:") if self._several else "", lru_cache(one_line)

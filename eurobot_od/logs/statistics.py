@@ -6,14 +6,15 @@ Constant memory; of each kind of damage the first entry is kept, of the others t
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from typing import NamedTuple
+from dataclasses import dataclass
 
 from eurobot_od.logs.entries import Damage
 from eurobot_od.logs.meaning import Defect
 from eurobot_od.support.escaping import one_line
 
 
-class DamageCount(NamedTuple):
+@dataclass
+class DamageCount:
     """How often one kind of damage was met, in which log and line first, and what exactly was wrong there."""
 
     log: str
@@ -31,8 +32,10 @@ class DamageCounts:
     def add(self, log: str, line: int, defects: Iterable[Defect]) -> None:
         """Count what is wrong with the entry at a line of a log."""
         for damage, text in defects:
-            count = self.counts.get(damage) or DamageCount(log, line, text)
-            self.counts[damage] = count._replace(number=count.number + 1)
+            count = self.counts.get(damage)
+            if count is None:
+                count = self.counts[damage] = DamageCount(log, line, text)
+            count.number += 1
 
     @property
     def total(self) -> int:
