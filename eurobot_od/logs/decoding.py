@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from functools import lru_cache
 from typing import Any, BinaryIO
 
@@ -26,9 +26,8 @@ class Decoding:
         self.damage = DamageCounts()
         self._output, self._window = output, window
 
-        row: Callable[[Meaning], Any] = output.row
-        if wanted is not None:
-            row = lambda meaning: output.row(meaning) if wanted(meaning) else None  # noqa: E731
+        def row(meaning: Meaning) -> Any:
+            return output.row(meaning) if wanted is None or wanted(meaning) else None
 
         # Most frames on a bus are requests and confirms without data: what is made from them is kept.
         @lru_cache(REMEMBERED)
@@ -55,7 +54,7 @@ class Decoding:
             if row is not None and shown is not None:
                 yield write(number, shown, channel, row)
         for last, transfer in follow.unfinished():
-            if self._show(last)[0] is not None:
+            if self._row(last) is not None:
                 self._output.cut(transfer)
         if footer := self._output.footer():
             yield footer
