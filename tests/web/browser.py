@@ -17,7 +17,7 @@ from typing import Any
 
 import aiohttp
 
-PATIENCE = 10.0
+PATIENCE = 30.0
 """Seconds after which a page that does not do what it is to do fails the test."""
 
 NAMES = ("chromium", "chromium-browser", "google-chrome")
