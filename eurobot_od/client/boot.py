@@ -147,6 +147,8 @@ async def _configured(node: RemoteNode, description: Description, now: datetime)
     dictionary = description.dictionary
     if dictionary.commissioned_node_id is None:
         return "an EDS: its own configuration"
+    if not any(map(dictionary.has_own_value, dictionary.addresses())):
+        return "no ParameterValue: its own configuration"
     stamps = [dictionary.default(each) for each in VERIFY_CONFIGURATION]
     # A date or time of 0 says that no configuration is stored (CiA 301, 7.5.2.23).
     if all(stamps) and stamps == [await _number(node, each, BootError.CONFIGURATION) for each in VERIFY_CONFIGURATION]:

@@ -111,6 +111,12 @@ def test_a_dcf_is_loaded_into_a_slave_without_it() -> None:
         assert node.upload((0x2000, 0)) == b"\7\0"
 
 
+def test_an_eds_that_is_commissioned_for_another_node_is_an_eds() -> None:
+    """Editors leave the section in an EDS; without a ParameterValue there is nothing in it to load."""
+    wanted = TEXT + LISTS + COMMISSIONED.replace("NodeID=5", "NodeID=9")
+    assert booted(TEXT, wanted).done[2] == "no ParameterValue: its own configuration"
+
+
 def test_a_slave_whose_0x1020_is_the_dcfs_is_not_configured_again() -> None:
     assert STAMPED.count("ParameterValue") == 3
     stamped = STAMPED.replace("ParameterValue=7\n", "").replace(COMMISSIONED, "").replace(LISTS, "")
