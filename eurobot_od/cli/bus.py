@@ -108,11 +108,8 @@ def boot(master: Master, path: str, devices: Devices) -> ExitStatus:
         if missing:
             print(one_line(f"not started: {', '.join(missing)} did not boot"))
             return ExitStatus.FOUND
-        speaking = [*map(order_start, nodes, booted, slaves)]
-        states = {
-            slave.name: started_state(node, slave) if speaks else None
-            for node, slave, speaks in zip(nodes, booted, speaking)
-        }
+        started = [*map(order_start, nodes, booted, slaves)]
+        states = {each.name: one and started_state(node, one) for node, each, one in zip(nodes, slaves, started)}
     for name, state in states.items():
         print(one_line(f"{name}: {'started; it says no state' if state is None else STATE_NAMES[state]}"))
     is_fine = all(state in (None, NmtState.OPERATIONAL) for state in states.values())

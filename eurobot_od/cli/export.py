@@ -8,7 +8,7 @@ from pathlib import Path
 
 from eurobot_od.cli import logs
 from eurobot_od.cli import output as files
-from eurobot_od.cli.options import Devices, left_out
+from eurobot_od.cli.options import Devices, complain_of_repairs, left_out
 from eurobot_od.cli.output import OUTPUT
 from eurobot_od.cli.remote import print_readings
 from eurobot_od.cli.table import DECODED, DEVICES, CommandRow, option
@@ -92,7 +92,9 @@ def xdd(file: str | None, path: str | None, output: Path | None) -> None:
     from eurobot_od.export import xdd
 
     if not network.is_network(source := named(file, path)):
-        files.write(output, xdd.xdd_text(xdd.load(source)))
+        dictionary = xdd.load(source)
+        complain_of_repairs([dictionary])
+        files.write(output, xdd.xdd_text(dictionary))
         return
     if output is None:
         raise LocalError("of a network -o names the folder that the files are written to")
@@ -100,6 +102,7 @@ def xdd(file: str | None, path: str | None, output: Path | None) -> None:
     for each in network.read_network(source).nodes:
         # Any node-ID will do, as values keep `$NODEID`; the node's modules and patches belong to the device.
         dictionary = Dictionary.load(*each._replace(node_id=each.node_id or NODE_IDS[0]))
+        complain_of_repairs([dictionary])
         files.write(output / f"{each.name or Path(each.file).stem}.xdd", xdd.xdd_text(dictionary))
 
 

@@ -89,7 +89,7 @@ def run(arguments: argparse.Namespace) -> None:
         source: Source
         if arguments.logs:
             read = entries(arguments.logs, ReadOptions.of(arguments), is_watched=False)
-            source = LogSource(((time, raw) for _, (_, time, _, raw) in read), arguments.speed)
+            source = LogSource(read, arguments.speed)
         else:
             source = BusSource(open_bus(), opener=options.reopener(arguments))
         stack.enter_context(closing(source))
@@ -120,7 +120,7 @@ class Monitor(NamedTuple):
         with keys() as wait:
             while self.controls.running and not self.source.ended:
                 for time, raw in self.source.poll():
-                    took(time, self.traffic.take(time, raw))
+                    took(time, self.traffic.take(time, raw, self.source.place))
                 # A key may be the one that ends the pause, or that scrolls in it.
                 if pressed or not self.controls.paused:
                     refresh()

@@ -12,6 +12,7 @@ them one after the other.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from datetime import datetime
 from enum import Enum
 from typing import NamedTuple
@@ -36,6 +37,9 @@ from eurobot_od.support.amounts import amount
 
 MARGIN = 0.2
 """Seconds that a heartbeat may be late on a busy machine."""
+
+LENT = 100
+"""Period in ms of a heartbeat that is turned on only to see the state that a slave was started to."""
 
 
 class BootError(Enum):
@@ -69,7 +73,7 @@ class BootFailed(RemoteError):
 class BootedSlave(NamedTuple):
     """A slave that has booted or not: what was done, in words, and `failed` if it is not there as it should be.
 
-    `heartbeat` is its period in ms, 0 for none.
+    `heartbeat` is its period in ms, 0 for none; `is_lent` says that its own is off, and has to be again.
     """
 
     name: str
@@ -77,6 +81,7 @@ class BootedSlave(NamedTuple):
     done: Sequence[str]
     failed: BootFailed | None = None
     heartbeat: int = 0
+    is_lent: bool = False
 
 
 @Procedure
@@ -142,6 +147,8 @@ async def _configured(node: RemoteNode, description: Description, now: datetime)
     dictionary = description.dictionary
     if dictionary.commissioned_node_id is None:
         return "an EDS: its own configuration"
+    if not any(map(dictionary.has_own_value, dictionary.addresses())):
+        return "no ParameterValue: its own configuration"
     stamps = [dictionary.default(each) for each in VERIFY_CONFIGURATION]
     # A date or time of 0 says that no configuration is stored (CiA 301, 7.5.2.23).
     if all(stamps) and stamps == [await _number(node, each, BootError.CONFIGURATION) for each in VERIFY_CONFIGURATION]:
@@ -168,27 +175,43 @@ async def _number(node: RemoteNode, address: tuple[int, int], error: BootError) 
 @Procedure
 async def start_slave(node: RemoteNode, slave: BootedSlave, dictionary: Dictionary) -> NmtState | None:
     """Start a slave, and return its state, as `order_start` and `started_state` do for many."""
-    return await started_state.steps(node, slave) if order_start(node, slave, dictionary) else None
+    started = await order_start.steps(node, slave, dictionary)
+    return await started_state.steps(node, started) if started else None
 
 
-def order_start(node: RemoteNode, slave: BootedSlave, dictionary: Dictionary) -> bool:
-    """Start a slave, and return whether it will say its state: in its next heartbeat, or in answer to node guarding.
+@Procedure
+async def order_start(node: RemoteNode, slave: BootedSlave, dictionary: Dictionary) -> BootedSlave | None:
+    """Start a slave, and return it if it will say its state: in its next heartbeat, or in answer to node guarding.
 
-    It does not if it has neither, or may not be guarded just once.
+    A slave that may not be guarded just once is lent a heartbeat, if it has one that is off. Raises BusError.
     """
     node.command(NmtCommand.START)
-    if not slave.heartbeat:
-        # Without a heartbeat its state comes only when it is asked for (CiA 301, 7.2.8.3.2.1). The first request begins
-        # life guarding: a device with a life time would go back to PRE-OPERATIONAL, as nobody is left to ask again.
-        has_life_time = dictionary.number(GUARD_TIME) and dictionary.number(LIFE_TIME_FACTOR)
-        if GUARD_TIME[0] not in dictionary.members or has_life_time:
-            return False
+    if slave.heartbeat:
+        return slave
+    # Without a heartbeat its state comes only when it is asked for (CiA 301, 7.2.8.3.2.1). The first request begins
+    # life guarding: a device with a life time would go back to PRE-OPERATIONAL, as nobody is left to ask again.
+    has_life_time = dictionary.number(GUARD_TIME) and dictionary.number(LIFE_TIME_FACTOR)
+    if GUARD_TIME[0] in dictionary.members and not has_life_time:
         node.master.request(ERROR_CONTROL_BASE + node.node_id)
-    return True
+        return slave
+    return slave._replace(heartbeat=LENT, is_lent=True) if await _beats(node, LENT) else None
 
 
 @Procedure
 async def started_state(node: RemoteNode, slave: BootedSlave) -> NmtState | None:
-    """Wait until a slave that was started says that it is OPERATIONAL; return its last state, None if it said none."""
+    """Wait until a slave that was started says that it is OPERATIONAL; return its last state, None if it said none.
+
+    A heartbeat that was lent is off again. Raises BusError.
+    """
     await node.wait_for.steps(NmtState.OPERATIONAL, 2 * slave.heartbeat / 1000 + MARGIN)
+    if slave.is_lent:
+        await _beats(node, 0)
     return node.last_state
+
+
+async def _beats(node: RemoteNode, period: int) -> bool:
+    """Set the period of a slave's heartbeat in ms; return whether it took that."""
+    with suppress(NodeRefused, NoAnswer):
+        await node.download.steps(HEARTBEAT_TIME, period.to_bytes(2, "little"))
+        return True
+    return False

@@ -15,8 +15,9 @@ from pathlib import Path
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
-from eurobot_od.od.description import SIMPLE, DescribedVariable, ObjectCode
+from eurobot_od.od.description import SIMPLE, DescribedDevice, DescribedVariable, ObjectCode
 from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.formats import read
 from eurobot_od.od.values import COMMUNICATION_RECORDS, DOMAIN, DUMMIES, NODE_IDS, PdoDirection
 
 SCHEMA = "http://www.canopen.org/xml/1.1"
@@ -79,6 +80,8 @@ class _Writer:
 
     def __init__(self, dictionary: Dictionary) -> None:
         self._dictionary, self._device = dictionary, dictionary.device
+        # The normal form has neither types nor values that only a maker knows; an XDD can say both.
+        self._said = DescribedDevice(read(dictionary.content))
 
     def text(self) -> str:
         names = {"xmlns:co": SCHEMA, "xmlns:xsi": INSTANCE}
@@ -198,7 +201,7 @@ class _Writer:
         access, mapping = MAPPED_ACCESS.get(variable.access, (variable.access, "optional"))
         flags = variable.number("objflags")
         return {
-            "dataType": f"{(variable.type or DOMAIN).code:02X}",
+            "dataType": self._type(variable),
             "accessType": access if access in SAME_ACCESS else None,
             "PDOmapping": mapping if variable.is_mappable else "no",
             **{name: self._value(variable, key) for name, key in LIMITS_AND_VALUES.items()},
@@ -206,11 +209,20 @@ class _Writer:
             "objFlags": f"{flags.value:04X}" if flags and 0 <= flags.value <= 0xFFFF else None,
         }
 
+    def _type(self, variable: DescribedVariable) -> str:
+        """Write the code of a data type: the file's own, which may be a maker's, or else the basic one."""
+        said = self._said.variable(variable.index, variable.sub)
+        own = said.number("datatype") if said and said.type is None else None
+        if own and not own.relative and 0 < own.value <= 0xFFFF:
+            return f"{own.value:04X}"
+        return f"{(variable.type or DOMAIN).code:02X}"
+
     def _value(self, variable: DescribedVariable, key: str) -> str | None:
         """Write an entry: a whole number in the form of CiA 306, anything else unchanged."""
         entry = variable.section.entries.get(key)
         if entry is None:
-            return None
+            said = self._said.variable(variable.index, variable.sub)
+            return (said and said.section.text(key)) or None
         text = entry.value  # which may be empty: a text of no letters is a value
         number = variable.number(key) if variable.type and variable.type.is_integer else None
         if number is None or number.relative:

@@ -195,9 +195,22 @@ def _value(variable: DescribedVariable, node_id: int | None) -> str:
     return text
 
 
+def _type(variable: DescribedVariable) -> str:
+    """Write a variable's type: the name of a basic one, the number of any other."""
+    number = variable.number("datatype")
+    if variable.type or number is None:
+        return variable.type.name if variable.type else variable.section.text("datatype").lower() or ABSENT
+    return f"0x{number.value:04X}"
+
+
+_UNDIRECTED = {"rwr": "rw", "rww": "rw"}
+"""Access types that say in which direction an object goes in PDOs, and what they say of one that goes in none."""
+
 ASPECTS: Mapping[str, Aspect] = {
-    "type": lambda each, _: each.type.name if each.type else each.section.text("datatype").lower() or ABSENT,
-    "access": lambda each, _: each.access or ABSENT,
+    "type": lambda each, _: _type(each),
+    "access": lambda each, _: (
+        (each.access if each.is_mappable else _UNDIRECTED.get(each.access, each.access)) or ABSENT
+    ),
     "low limit": _limit_of("lowlimit"),
     "high limit": _limit_of("highlimit"),
     "value": _value,

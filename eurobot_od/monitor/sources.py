@@ -15,13 +15,16 @@ from eurobot_od.errors import BusError
 from eurobot_od.frame import Frame
 from eurobot_od.live import FrameReader, Opener
 from eurobot_od.logs.binary import of_message
-from eurobot_od.logs.entries import Damage, Foreign, Raw, shortened
+from eurobot_od.logs.entries import Damage, Foreign, LogEntry, Raw, shortened
 
 if TYPE_CHECKING:
     import can
 
 Timed: TypeAlias = tuple[float, Raw]
 """A time in s, and what came then."""
+
+Place: TypeAlias = tuple[str, int]
+"""A log, and a line of it."""
 
 AT_ONCE = 20_000
 """Entries of a log that are played without a refresh of the screen between them."""
@@ -35,6 +38,7 @@ class BusSource:
     """
 
     ended = False
+    place: Place | None = None
 
     def __init__(
         self, bus: can.BusABC, clock: Callable[[], float] = time.monotonic, opener: Opener | None = None
@@ -121,18 +125,25 @@ class BusSource:
 
 
 class LogSource:
-    """Entries of logs, played `speed` times faster than they were recorded."""
+    """Entries of logs, with the logs' names, played `speed` times faster than they were recorded.
+
+    `place` is where the entry stands that `poll` gave last.
+    """
 
     notes: Sequence[str] = ()
 
     def __init__(
-        self, entries: Generator[Timed, None, None], speed: float, clock: Callable[[], float] = time.monotonic
+        self,
+        entries: Generator[tuple[str, LogEntry], None, None],
+        speed: float,
+        clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self.ended = False
+        self.place: Place | None = None
         self._entries, self._speed, self._clock = entries, speed, clock
         self._started = clock()
-        self._next: Timed | None = next(entries, None)
-        self._first = self._last = self._next[0] if self._next else 0.0
+        self._next = next(entries, None)
+        self._first = self._last = self._next[1][1] if self._next else 0.0
 
     @property
     def now(self) -> float:
@@ -153,9 +164,10 @@ class LogSource:
         """Return the entries whose time has come."""
         until = float("inf") if self._speed == float("inf") else self.now
         for _ in range(AT_ONCE):
-            if self._next is None or self._next[0] > until:
+            if self._next is None or self._next[1][1] > until:
                 break
-            self._last = self._next[0]
-            yield self._next
+            log, (line, self._last, _, raw) = self._next
+            self.place = log, line
+            yield self._last, raw
             self._next = next(self._entries, None)
         self.ended = self._next is None

@@ -98,8 +98,8 @@ class Traffic:
         self._marks: deque[tuple[float, int, int]] = deque()
         self._following = Following(decoder)
 
-    def take(self, time: float, raw: Raw) -> Meaning:
-        """Take in a frame and return what it means."""
+    def take(self, time: float, raw: Raw, place: tuple[str, int] | None = None) -> Meaning:
+        """Take in a frame, with the log and the line where it stands, and return what it means."""
         meaning = self._following(time, "", raw)
         self.now = time
         self.frames += 1
@@ -113,7 +113,7 @@ class Traffic:
             self._bits += self.seen.take(time, raw, row.name, meaning.sender)
         if meaning.defects:
             row.wrong += 1
-            self.damage.add("frame", self.frames, meaning.defects)
+            self.damage.add(*(place or ("frame", self.frames)), meaning.defects)
         if meaning.name in (HEARTBEAT, GUARDING, EMCY_NAME) and not meaning.defects:
             self._note_health(time, meaning)
         return meaning

@@ -138,7 +138,7 @@ COMMISSIONED = {
     "CANopenManager": "CANopenManager",
 }
 DUMMY = re.compile(r"(Dummy[0-9A-Fa-f]{4})=([01])")
-BREAKS = re.compile(r"[\x00-\x1f\x7f]")
+BREAKS = re.compile(r"[\x00-\x08\x0a-\x1f\x7f]")
 BOOLEANS = {"true": "1", "false": "0"}
 MAPPED_ACCESS = {("rw", "TPDO"): "rwr", ("rw", "RPDO"): "rww"}
 """Access types of an EDS by access and mapping, which CiA 311 has apart."""

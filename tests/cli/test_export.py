@@ -117,6 +117,12 @@ def test_a_log_becomes_mcap(tmp_path: Path, capsys: pytest.CaptureFixture[str]) 
     assert file.read_bytes().startswith(b"\x89MCAP")
 
 
+def test_an_xdd_says_what_was_repaired_for_it(capsys: pytest.CaptureFixture[str]) -> None:
+    said = run(capsys, "export", "xdd", "tests/lint/samples/broken_by_hand.eds")
+    assert said.status == 0
+    assert ["repaired to be read" in said.err, "left out: line 820: 0x1A01" in said.err] == [True, True]
+
+
 @pytest.mark.parametrize("form", ["xdd", "cdcf"])
 @pytest.mark.parametrize("words", [["net.yaml"], ["--network", "net.yaml"]])
 def test_of_a_network_each_node_has_a_file(

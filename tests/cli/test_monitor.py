@@ -41,6 +41,14 @@ def test_filter_and_sort(log: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert [line.split()[0] for line in lines] == ["10.000000", "10.500000", "ID", "702", "00C"]
 
 
+def test_damage_is_named_by_its_log_and_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    logs = [tmp_path / name for name in ("a.log", "b.log")]
+    logs[0].write_text("(1.0) can0 080#\n")
+    logs[1].write_text("(2.0) can0 080#\n(2.1) can0 nothing\n")
+    assert cli.main(["monitor", *map(str, logs), "--speed", "max"]) == 0
+    assert f"first at {logs[1]}:2: " in capsys.readouterr().err
+
+
 def test_statistics_at_the_end(log: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.main(["monitor", str(log), "--speed", "max", "--statistics"]) == 0
     *_, load = capsys.readouterr().out.splitlines()

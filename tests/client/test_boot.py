@@ -23,6 +23,7 @@ from eurobot_od.client.master import RemoteNode
 from eurobot_od.client.network import SimulatedNetwork
 from eurobot_od.device.nmt import NmtState
 from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.standard import HEARTBEAT_TIME
 from tests.eds_text import record, variable
 
 NOW = datetime(2026, 11, 1, 12)
@@ -77,6 +78,24 @@ def test_a_slave_without_heartbeat_and_guarding_says_no_state() -> None:
         assert start_slave(node, found, dictionary) is None
 
 
+OFF = TEXT.replace("DefaultValue=100\n", "DefaultValue=0\n")
+
+
+@pytest.mark.parametrize(
+    ("access", "state"),
+    [("rw", NmtState.OPERATIONAL), ("const", None)],  # a constant of 0 stays 0
+)
+def test_a_heartbeat_that_is_off_is_lent_to_see_the_state(access: str, state: NmtState | None) -> None:
+    before, after = OFF.partition("[1017]")[::2]
+    text = f"{before}[1017]{after.replace('AccessType=rw', f'AccessType={access}', 1)}"
+    with slave(text) as node:
+        dictionary = Dictionary.read(text.encode(), Path("a.eds"), 5)
+        found = boot_slave(node, described(dictionary), NOW)
+        assert (found.done[-1], found.heartbeat) == ("no heartbeat", 0)
+        assert start_slave(node, found, dictionary) is state
+        assert node.upload(HEARTBEAT_TIME) == bytes(2)
+
+
 CONFIGURED = TEXT.replace("DefaultValue=5\n", "DefaultValue=5\nParameterValue=7\n") + LISTS + COMMISSIONED
 STAMPED = CONFIGURED.replace("Entry 1\nDataType=0x0007\nAccessType=rw\nPDOMapping=1\nDefaultValue=0\n",
     "Entry 1\nDataType=0x0007\nAccessType=rw\nPDOMapping=1\nDefaultValue=0\nParameterValue=15\n").replace(
@@ -90,6 +109,12 @@ def test_a_dcf_is_loaded_into_a_slave_without_it() -> None:
         assert found.failed is None
         assert found.done[2] == "configured: 1 object changed"
         assert node.upload((0x2000, 0)) == b"\7\0"
+
+
+def test_an_eds_that_is_commissioned_for_another_node_is_an_eds() -> None:
+    """Editors leave the section in an EDS; without a ParameterValue there is nothing in it to load."""
+    wanted = TEXT + LISTS + COMMISSIONED.replace("NodeID=5", "NodeID=9")
+    assert booted(TEXT, wanted).done[2] == "no ParameterValue: its own configuration"
 
 
 def test_a_slave_whose_0x1020_is_the_dcfs_is_not_configured_again() -> None:
@@ -139,7 +164,7 @@ def test_many_slaves_are_waited_for_at_once() -> None:
         slaves = [prepare_slave(each, described(dictionary), NOW) for each in nodes]
         began = clock()
         assert not any(slave.failed for slave in map(hear_slave, nodes, slaves))
-        assert [order_start(*each, dictionary) for each in zip(nodes, slaves)] == [True] * 30
+        assert [order_start(*each, dictionary) for each in zip(nodes, slaves)] == slaves
         states = {*map(started_state, nodes, slaves)}
         assert states == {NmtState.OPERATIONAL}
         assert clock() - began < 0.3  # each has a heartbeat in 100 ms

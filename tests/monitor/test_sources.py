@@ -10,12 +10,12 @@ import pytest
 
 from eurobot_od.errors import BusError
 from eurobot_od.frame import EXTENDED, Frame, RemoteFrame
-from eurobot_od.logs.entries import Foreign
+from eurobot_od.logs.entries import Foreign, LogEntry
 from eurobot_od.monitor.sources import BusSource, LogSource, Timed
 
 
-def entries() -> Generator[tuple[float, Frame], None, None]:
-    yield from ((float(time), Frame(time)) for time in range(100, 110))
+def entries() -> Generator[tuple[str, LogEntry], None, None]:
+    yield from (("a.log", (time - 99, float(time), "", Frame(time))) for time in range(100, 110))
 
 
 @pytest.mark.parametrize(
@@ -33,11 +33,12 @@ def test_a_log_is_played_at_its_speed(speed: float, polls: list[tuple[float, int
         now[0] = 50.0 + after
         assert len(list(source.poll())) == count
         assert source.now == shown
+        assert source.place == ("a.log", int(shown) - 99)
     assert source.ended
 
 
 def test_an_empty_log_ends_at_once() -> None:
-    nothing: list[tuple[float, Frame]] = []
+    nothing: list[tuple[str, LogEntry]] = []
     source = LogSource((each for each in nothing), 1.0)
     assert list(source.poll()) == []
     assert source.ended

@@ -59,6 +59,52 @@ def test_its_dictionary_has_the_same_values(file: Path) -> None:
     assert pdos[0] == pdos[1]
 
 
+ODD = """\
+[1000]
+ParameterName=Device type
+DataType=7
+AccessType=ro
+DefaultValue=0
+[2000]
+ParameterName=A type of the maker's own
+DataType=0x40
+AccessType=RW
+LowLimit=0x3
+DefaultValue=0x0
+[2001]
+ParameterName=No bytes
+DataType=0x000F
+AccessType=rw
+DefaultValue=@ABCD
+[2002]
+ParameterName=Tab
+DataType=9
+AccessType=rw
+DefaultValue=a\tb
+[2003]
+ParameterName=Both ways, but in no PDO
+DataType=7
+AccessType=rww
+PDOMapping=0
+[2004]
+ParameterName=Into the process
+DataType=7
+AccessType=rww
+PDOMapping=1
+[2005]
+ParameterName=From the process
+DataType=7
+AccessType=rwr
+PDOMapping=1
+"""
+
+
+def test_what_a_file_says_oddly_stays_as_it_is() -> None:
+    made = xdd_text(Dictionary.read(ODD.encode(), Path("odd.eds"), 1))
+    assert compare(load(ODD.encode(), "odd.eds"), load(made.encode(), "odd.xdd"), with_names=True) == []
+    assert made.count('PDOmapping="RPDO"') == made.count('PDOmapping="TPDO"') == 1
+
+
 # As other programs write it: no name space prefixes, parameters of an application process, XML's own booleans
 
 PROCESS = """\
