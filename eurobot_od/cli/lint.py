@@ -140,7 +140,7 @@ def _fix(files: Sequence[str], output: str | None) -> ExitStatus:
         if output is None and is_xml(before):
             raise LocalError(f"{file} is a device description in XML; -o FILE.eds writes the EDS that says the same")
         data, changes = in_normal_form(before, file)  # refuses a file before any of it is written
-        for line, what, _ in changes:
+        for line, what, *_ in changes:
             print(one_line(f"{file}:{line}: {what}"))
         if data != before or output:
             write_whole(Path(output or file), data)

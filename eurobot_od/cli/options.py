@@ -378,7 +378,9 @@ def complain_of_repairs(dictionaries: Iterable[Dictionary]) -> None:
 
     # By file: two nodes may share one, and it was repaired once.
     for file, each in {each.file: each for each in dictionaries}.items():
-        repaired = [f"line {line}: {what}" for line, what, _ in each.changes]
+        # A guess first: what follows may be hidden behind "and 4 more".
+        changes = sorted(each.changes, key=lambda change: not change.guessed)
+        repaired = [f"line {change.line}: {change.what}" for change in changes]
         for done, found, lister in (
             ("repaired to be read", repaired, "lint --fix"),
             ("left out", [str(refusal) for refusal in each.left_out], "lint"),

@@ -38,12 +38,14 @@ NO_VALUE = (ObjectCode.NULL, ObjectCode.DEFTYPE)
 class Change(NamedTuple):
     """What is written differently from the file: the line it is about, and what was done.
 
-    `standard` tells that CiA 306 allows what stood there; the others mend what it does not.
+    `standard` tells that CiA 306 allows what stood there; the others mend what it does not. `guessed` tells that the
+    file does not say what is meant.
     """
 
     line: int
     what: str
     standard: bool = False
+    guessed: bool = False
 
 
 class Refusal(NamedTuple):
@@ -480,9 +482,10 @@ class _Writer:
         if "parametername" not in section.entries:  # canopen raises KeyError without one
             self._out.append("ParameterName=")
         if not section.text("datatype"):
-            self._changes.append(
-                Change(section.line, f"[{name}]: DataType=0x{type_.code:04X} added", whole.code is ObjectCode.DOMAIN)
-            )
+            is_domain = whole.code is ObjectCode.DOMAIN
+            is_guessed = type_ is values.DOMAIN and not is_domain
+            what = "no DataType, read as DOMAIN" if is_guessed else f"DataType=0x{type_.code:04X} added"
+            self._changes.append(Change(section.line, f"[{name}]: {what}", is_domain, is_guessed))
             self._out.append(f"DataType=0x{type_.code:04X}")
         if not each.access:
             self._refusals.append(Refusal(each.index, sub, section.line, f"sub {each.sub} has no AccessType"))

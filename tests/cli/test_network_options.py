@@ -185,3 +185,13 @@ def test_modules_without_a_device_are_wrong_usage(capsys: pytest.CaptureFixture[
 def test_a_coupler_without_modules_says_how_to_plug_them_in(capsys: pytest.CaptureFixture[str]) -> None:
     said = run(capsys, "show", "--eds", f"5={COUPLER}")
     assert "none of its modules is connected; --module takes 1 (8 inputs), 2 (4 inputs)," in said.err
+
+
+def test_a_guess_is_said_before_other_repairs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = tmp_path / "compact.eds"
+    file.write_text(
+        "[1000]\nParameterName=Type\nDataType=7\nAccessType=ro\nDefaultValue=zero\n"
+        "[2200]\nParameterName=Compact\nObjectType=8\nCompactSubObj=3\nAccessType=rw\nDefaultValue=1\n"
+    )
+    said = run(capsys, "show", "--eds", f"5={file}", "--objects").err
+    assert "repaired to be read: line 6: [2200sub1]: no DataType, read as DOMAIN, and " in said
