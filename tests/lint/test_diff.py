@@ -53,6 +53,8 @@ DIFFERENT = [
     ("2000", "AccessType=ro", "AccessType=rwr", ["0x2000 sub 0 Measured value: access: ro -> rwr"]),
     ("2000", "PDOMapping=1", "PDOMapping=0", ["0x2000 sub 0 Measured value: mappable: yes -> no"]),
     ("2007", "HighLimit=100", "HighLimit=0x65", ["0x2007 sub 0 Set value: high limit: 0x0064 -> 0x0065"]),
+    ("1017", "AccessType=rw", "AccessType=rww", []),  # it goes in no PDO, and so in no direction
+    ("2000", "DataType=0x0007", "DataType=0x40", ["0x2000 sub 0 Measured value: type: UNSIGNED32 -> 0x0040"]),
     ("1017", "DefaultValue=500", "DefaultValue=600", ["0x1017 sub 0 Producer heartbeat time: value: 500 -> 600"]),
     ("2008", "DefaultValue=mm", "DefaultValue=cm", ["0x2008 sub 0 Unit: value: mm -> cm"]),
     ("2002", "ObjectType=0x8", "ObjectType=0x9", ["0x2002 Channels: object: ARRAY -> RECORD"]),
