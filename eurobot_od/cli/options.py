@@ -291,10 +291,12 @@ class Devices(NamedTuple):
 
     def own_errors(self) -> dict[int, dict[int, str]]:
         """Return the words of --emcy by node-ID, 0 for all nodes; raises DictionaryError."""
+        if not self.emcy:
+            return {}  # most commands start without YAML
+        from eurobot_od.od.emcy_file import read_error_words
+
         found: dict[int, dict[int, str]] = {}
         for file, node_id in (network.node_file(text)[:2] for text in self.emcy):
-            from eurobot_od.od.emcy_file import read_error_words  # most commands start without YAML
-
             found.setdefault(node_id or 0, {}).update(read_error_words(file))
         return found
 

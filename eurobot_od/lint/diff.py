@@ -197,10 +197,10 @@ def _value(variable: DescribedVariable, node_id: int | None) -> str:
 
 def _type(variable: DescribedVariable) -> str:
     """Write a variable's type: the name of a basic one, the number of any other."""
+    if variable.type:
+        return variable.type.name
     number = variable.number("datatype")
-    if variable.type or number is None:
-        return variable.type.name if variable.type else variable.section.text("datatype").lower() or ABSENT
-    return f"0x{number.value:04X}"
+    return f"0x{number.value:04X}" if number else variable.section.text("datatype").lower() or ABSENT
 
 
 _UNDIRECTED = {"rwr": "rw", "rww": "rw"}
