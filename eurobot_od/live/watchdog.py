@@ -8,11 +8,12 @@ raises `Hang` in the watched thread. It does so only while a function of the pro
 asyncio or this package, so that what is ended is the program and nothing else; and again and again until the loop
 moves, as a bare `except:` swallows it.
 
-Python delivers such an exception between two instructions of the watched thread. A thread that is blocked in a system
-call, as in `time.sleep`, has to be woken for it, which takes a signal, and works in the main thread of a POSIX system
-only. Its signal is SIGURG, which nobody else uses and which does nothing by default. What cannot be ended: a function
-written in C that neither returns nor looks for signals. With Python 3.10 neither can a `try` with a bare `except:`
-right in a loop: that Python looks for what is raised only within the `try`.
+In the main thread of a POSIX system it raises from a signal's handler, which sees where the thread is right then, and
+which wakes a thread that is blocked in a system call, as in `time.sleep`. Its signal is SIGURG, which nobody else uses
+and which does nothing by default. In any other thread Python delivers the exception some instructions after the look,
+perhaps in asyncio: that ends the loop, and the program with it. What cannot be ended: a function written in C that
+neither returns nor looks for signals. With Python 3.10 neither can a `try` with a bare `except:` right in a loop: that
+Python looks for what is raised only within the `try`.
 """
 
 from __future__ import annotations
@@ -90,6 +91,18 @@ def place(frame: FrameType) -> tuple[str, str]:
     return f"{file}:{number}", linecache.getline(file, number).strip()
 
 
+def innermost(frame: FrameType | None) -> FrameType | None:
+    """Return the innermost call of the program at this place, None if it is not there, or in a debugger."""
+    found = None
+    # From asyncio's call of what is ready outwards there is no program any more.
+    while frame is not None and frame.f_code is not asyncio.Handle._run.__code__:
+        if frame.f_globals.get("__name__") in DEBUGGERS:
+            return None
+        found = found or (None if frame.f_code.co_filename.startswith(OWN_CODE) else frame)
+        frame = frame.f_back
+    return None if frame is None else found
+
+
 def caller() -> str:
     """Return the file with the line in which a program calls this package; raises nothing."""
     frame = sys._getframe()
@@ -116,6 +129,7 @@ class Watchdog:
     def __init__(self, has_moved: Callable[[], bool], warn: Callable[[str], object] = lambda _: None) -> None:
         self.hang = ""
         self._has_moved, self._report = has_moved, warn
+        self._hang: type[Hang] | None = None
         self._warned: set[str] = set()
         self._ended = threading.Event()
 
@@ -123,7 +137,7 @@ class Watchdog:
         self._watched = threading.current_thread()
         self._signalled = self._watched is threading.main_thread() and hasattr(signal, "SIGURG")
         if self._signalled:
-            self._before = signal.signal(signal.SIGURG, lambda *_: None)
+            self._before = signal.signal(signal.SIGURG, lambda _signal, frame: self._end(frame))
         self._thread = threading.Thread(target=self._watch, name="watchdog", daemon=True)
         self._thread.start()
         return self
@@ -159,25 +173,34 @@ class Watchdog:
                     self._report(f"{where}: `{line}` blocks: {hint(line)}")
 
     def _end_program(self) -> None:
+        if not self.hang:
+            self._hang = None  # a program that has gone on by itself may hang elsewhere now
         while not (self._ended.wait(AGAIN) or self._has_moved()):
-            frame = self._program()
-            if frame is not None:
-                where, line = place(frame)
-                self.hang = self.hang or f"{where}: `{line}` does not give way: {hint(line)}"
-                raise_in(self._watched, type(Hang.__name__, (Hang,), {"text": self.hang}))
-                if self._signalled and self._watched.ident is not None:
-                    signal.pthread_kill(self._watched.ident, signal.SIGURG)
+            if self._hang is None:
+                self._look()
+            elif self._signalled:
+                signal.pthread_kill(self._watched.ident or 0, signal.SIGURG)
+            elif self._program() is not None:
+                self.hang = self._hang.text
+                raise_in(self._watched, self._hang)
+
+    def _look(self) -> None:
+        """Note at which line the program hangs, if it is there."""
+        frame = self._program()
+        if frame is not None:
+            where, line = place(frame)
+            text = f"{where}: `{line}` does not give way: {hint(line)}"
+            self._hang = type(Hang.__name__, (Hang,), {"text": text})
+
+    def _end(self, frame: FrameType | None) -> None:
+        """End the program, if it is there now; called by the signal in the watched thread."""
+        if self._hang is not None and innermost(frame) is not None:
+            self.hang = self._hang.text
+            raise self._hang
 
     def _program(self) -> FrameType | None:
-        """Return the innermost call of the program in the watched thread, None if it is not there, or in a debugger."""
-        frame, found = sys._current_frames().get(self._watched.ident or 0), None
-        # From asyncio's call of what is ready outwards there is no program any more.
-        while frame is not None and frame.f_code is not asyncio.Handle._run.__code__:
-            if frame.f_globals.get("__name__") in DEBUGGERS:
-                return None
-            found = found or (None if frame.f_code.co_filename.startswith(OWN_CODE) else frame)
-            frame = frame.f_back
-        return None if frame is None else found
+        """Return where the program is in the watched thread, as `innermost` does."""
+        return innermost(sys._current_frames().get(self._watched.ident or 0))
 
 
 def give_up(program: object) -> None:
