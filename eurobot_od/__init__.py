@@ -15,6 +15,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from eurobot_od.bus.live import Live as Live
+    from eurobot_od.bus.live import open_bus as open_bus
+    from eurobot_od.bus.simulated.network import Simulation as Simulation
     from eurobot_od.client.emergencies import Emergency as Emergency
     from eurobot_od.client.network import AsyncNetwork as AsyncNetwork
     from eurobot_od.client.network import Network as Network
@@ -29,8 +32,6 @@ if TYPE_CHECKING:
     from eurobot_od.device.simulated import SimulatedDevice as SimulatedDevice
     from eurobot_od.frame import Frame as Frame
     from eurobot_od.gatekeeper import Gatekeeper as Gatekeeper
-    from eurobot_od.live import Live as Live
-    from eurobot_od.live import open_bus as open_bus
     from eurobot_od.od.dictionary import Dictionary as Dictionary
     from eurobot_od.pdo.protocol import Protocol as Protocol
     from eurobot_od.robot.facade import Robot as Robot
@@ -42,7 +43,6 @@ if TYPE_CHECKING:
     from eurobot_od.robot.nodes import Navigation as Navigation
     from eurobot_od.robot.plugin import own_robot as own_robot
     from eurobot_od.season.season import Season as Season
-    from eurobot_od.simulation.network import Simulation as Simulation
 
 _HOMES = {
     "AsyncNetwork": "client.network",
@@ -53,7 +53,7 @@ _HOMES = {
     "Emergency": "client.emergencies",
     "Frame": "frame",
     "Gatekeeper": "gatekeeper",
-    "Live": "live",
+    "Live": "bus.live",
     "Navigation": "robot.nodes",
     "Network": "client.network",
     "NodeEvent": "client.watch",
@@ -66,9 +66,9 @@ _HOMES = {
     "SimulatedDevice": "device.simulated",
     "SimulatedDrive": "device.drive",
     "SimulatedModule": "device.module",
-    "Simulation": "simulation.network",
+    "Simulation": "bus.simulated.network",
     "messages": "robot.model.messages",
-    "open_bus": "live",
+    "open_bus": "bus.live",
     "own_robot": "robot.plugin",
     "rehearse": "robot.match",
     "rehearse_async": "robot.match",

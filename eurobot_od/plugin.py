@@ -30,15 +30,15 @@ from eurobot_od.od.dialects import Dialects
 if TYPE_CHECKING:
     import argparse
 
+    from eurobot_od.bus.live import Live
     from eurobot_od.check.results import SuiteResult
     from eurobot_od.check.runner import RunOptions
     from eurobot_od.check.simulated import NodeUnderTest
     from eurobot_od.check.suite import Suite
     from eurobot_od.check.vocabulary import Networks
+    from eurobot_od.device.faults.fault import Fault
     from eurobot_od.device.node import Node
     from eurobot_od.export.mcap import Drawings
-    from eurobot_od.faults.fault import Fault
-    from eurobot_od.live import Live
     from eurobot_od.od.dictionary import Dictionary
     from eurobot_od.od.values import Address
     from eurobot_od.pdo.catalogue import Catalogue
@@ -176,9 +176,9 @@ class Plugin(NamedTuple):
     def all_faults(self) -> Faults:
         """Return the faults of the robot's nodes, and those that any device can have."""
         from eurobot_od.device.drive import SimulatedDrive
+        from eurobot_od.device.faults import conformance, device, drive, module
         from eurobot_od.device.module import SimulatedModule
         from eurobot_od.device.node import Node
-        from eurobot_od.faults import conformance, device, drive, module
 
         own = dict(self.faults())
         every = {**device.FAULTS, **own.get(Node, {}), **conformance.FAULTS}

@@ -200,7 +200,7 @@ def _run(config: pytest.Config, suite: Suite, faults: Iterable[str] = (), seed: 
 
 def _open_bus(config: pytest.Config, otherwise: str = "") -> can.BusABC:
     """Open the bus of the options, or else one inside the process; raises BusError."""
-    from eurobot_od.live import open_bus
+    from eurobot_od.bus.live import open_bus
 
     interface = config.getoption("eurobot_interface")
     if not interface:  # a channel of each test's own, so that no frame of one reaches another

@@ -27,9 +27,9 @@ from canopen.sdo.client import SdoClient
 from interop_rows.bench import PATIENCE, live, open_bus
 
 from eurobot_od import cli
+from eurobot_od.bus.live import Live
 from eurobot_od.device.drive import SimulatedDrive
 from eurobot_od.device.simulated import SimulatedDevice
-from eurobot_od.live import Live
 from tests.processes import free_port, process
 
 ROOT = Path(__file__).parents[1]

@@ -24,14 +24,14 @@ LAYERS = (
     {"errors", "frame"},
     {"support"},
     {"od"},
-    {"profiles"},
-    {"pdo"},
-    {"sdo"},
-    {"device", "gatekeeper"},
-    {"live", "simulation", "faults", "campaign"},
-    {"client", "lint", "logs", "export", "load"},
-    {"monitor", "check", "season", "compare"},
-    {"web"},
+    {"pdo", "sdo", "lint"},
+    {"gatekeeper"},
+    {"device"},
+    {"bus"},
+    {"client"},
+    {"traffic"},
+    {"season", "export"},
+    {"check", "web"},
     {"plugin"},
     {"cli", "pytest_plugin"},
     {"robot"},
@@ -58,7 +58,7 @@ ROBOT_LAYER = {name: number for number, names in enumerate(ROBOT_LAYERS) for nam
 # Identifiers that are also numbers of CiA 301 and 304: bases of the predefined connection set, and GFC.
 CIA_NUMBERS = {0x001, *range(0x080, 0x580, 0x080)}
 # Other numbers in the form of an identifier: where they stand, and what they are.
-NO_IDENTIFIERS = {("live.live", 0x004): "a class bit of Linux's error frames"}
+NO_IDENTIFIERS = {("bus.live.live", 0x004): "a class bit of Linux's error frames"}
 IDENTIFIER_FORM = re.compile(r"0[xX][0-7][0-9a-fA-F]{2}")
 IDENTIFIERS = {each.cob_id for each in EurobotProtocol.load(dialects.DEFAULT).bindings} - CIA_NUMBERS
 

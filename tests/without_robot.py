@@ -12,8 +12,8 @@ from pathlib import Path
 
 import eurobot_od
 from eurobot_od import cli
+from eurobot_od.bus.live import Live, open_bus
 from eurobot_od.device.simulated import SimulatedDevice
-from eurobot_od.live import Live, open_bus
 from eurobot_od.od.dictionary import Dictionary
 
 BUS = ["-i", "virtual", "-c", "can0"]

@@ -28,15 +28,22 @@ from random import Random
 from statistics import median
 from typing import NamedTuple
 
+from eurobot_od.bus.simulated.bit_errors import Attempt, Flip
+from eurobot_od.bus.simulated.bits import frame_bits
+from eurobot_od.bus.simulated.network import Simulation
 from eurobot_od.cli.load import of_robot
 from eurobot_od.device.node import Node
 from eurobot_od.frame import Frame
-from eurobot_od.load.message_set import MICROSECONDS, ErrorRate, MessageSet, PeriodicMessage, analysed, by_urgency
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.robot.plugin import ROBOT
-from eurobot_od.simulation.bit_errors import Attempt, Flip
-from eurobot_od.simulation.bits import frame_bits
-from eurobot_od.simulation.network import Simulation
+from eurobot_od.traffic.load.message_set import (
+    MICROSECONDS,
+    ErrorRate,
+    MessageSet,
+    PeriodicMessage,
+    analysed,
+    by_urgency,
+)
 
 FINE, WRONG = 0, 1
 

@@ -13,8 +13,6 @@ from functools import cache, partial
 from importlib import import_module
 from typing import TYPE_CHECKING, NamedTuple
 
-from eurobot_od.campaign import blocks
-from eurobot_od.campaign.executors import Workers
 from eurobot_od.check.reader import SuiteReader
 from eurobot_od.check.results import Status
 from eurobot_od.check.runner import RunOptions
@@ -24,9 +22,11 @@ from eurobot_od.cli import campaign
 from eurobot_od.robot import dialects
 from eurobot_od.robot.nodes import ROLES
 from eurobot_od.robot.plugin import ROBOT
+from eurobot_od.season.campaign import blocks
+from eurobot_od.season.campaign.executors import Workers
 
 if TYPE_CHECKING:
-    from eurobot_od.campaign.results import Results
+    from eurobot_od.season.campaign.results import Results
 
 FINE, NOT_FOUND = 0, 1
 
@@ -85,7 +85,7 @@ def named_red(fault: str, outcome: Outcome) -> bool:
 
 
 def robot_faults() -> list[str]:
-    """Return the faults that a shipped suite finds; the others are found by a conformance suite (tests/faults)."""
+    """Return the faults that a shipped suite finds; a conformance suite finds the others (tests/device/faults)."""
     return [name for name in ROBOT.fault_names() if ROBOT.find_fault(name)[1].caught_by.suite in ROBOT.shipped_suites()]
 
 

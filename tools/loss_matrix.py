@@ -25,7 +25,8 @@ from functools import cache
 from importlib import import_module
 from typing import NamedTuple
 
-from eurobot_od.campaign import blocks
+from eurobot_od.bus.simulated import loop
+from eurobot_od.bus.simulated.network import ON_TIME, Simulation, processing_time
 from eurobot_od.cli import campaign
 from eurobot_od.device.station import Station
 from eurobot_od.errors import EurobotError
@@ -40,8 +41,7 @@ from eurobot_od.robot.nodes.motion import AT_REST, Chassis, Odometry, WheelComma
 from eurobot_od.robot.world import World
 from eurobot_od.robot.world.assembly import equip
 from eurobot_od.robot.world.timeline import EventKind, MatchEvent, Timeline
-from eurobot_od.simulation import loop
-from eurobot_od.simulation.network import ON_TIME, Simulation, processing_time
+from eurobot_od.season.campaign import blocks
 
 FINE, WRONG = 0, 1
 

@@ -14,15 +14,15 @@ from pathlib import Path
 from rich.console import Console
 
 from eurobot_od.frame import Frame
-from eurobot_od.logs.meaning import Decoder
-from eurobot_od.monitor.controls import Controls
-from eurobot_od.monitor.screen import Size, screen
-from eurobot_od.monitor.traffic import Traffic
 from eurobot_od.robot.match.drawing import recorded
 from eurobot_od.robot.match.stage import play_simulated
 from eurobot_od.robot.model.options import MatchOptions
 from eurobot_od.robot.picture.picture import picture
 from eurobot_od.robot.protocol import decoder as robot_decoder
+from eurobot_od.traffic.meaning import Decoder
+from eurobot_od.traffic.monitor.controls import Controls
+from eurobot_od.traffic.monitor.screen import Size, screen
+from eurobot_od.traffic.monitor.traffic import Traffic
 
 DOCS = Path(__file__).parents[1] / "docs"
 OPTIONS = MatchOptions(seed=1)

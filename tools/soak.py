@@ -48,11 +48,11 @@ import frame_fuzz
 from programs import SERVER, Program, free_port
 from soak_node import NUMBERED, Numbers
 
+from eurobot_od.bus.live import Live, open_bus
 from eurobot_od.client.master import Master
 from eurobot_od.errors import EurobotError
 from eurobot_od.frame import Frame
 from eurobot_od.gatekeeper import Gatekeeper
-from eurobot_od.live import Live, open_bus
 from eurobot_od.od.standard import SIGNATURES, STORE
 from eurobot_od.robot import dialects
 from eurobot_od.robot.model.messages import GotoConfirm

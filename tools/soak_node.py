@@ -17,10 +17,10 @@ from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
 
+from eurobot_od.bus.live import Live, open_bus
 from eurobot_od.device.storage import FileStore
 from eurobot_od.errors import EurobotError
 from eurobot_od.frame import Frame
-from eurobot_od.live import Live, open_bus
 from eurobot_od.od.values import Address, Value
 from eurobot_od.robot import dialects
 from eurobot_od.robot.model.values import TeamColour

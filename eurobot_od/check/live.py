@@ -12,7 +12,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import TYPE_CHECKING
 
-from eurobot_od import live as runtime
+from eurobot_od.bus import live as runtime
 from eurobot_od.check.results import SuiteResult
 from eurobot_od.check.runner import Runner, RunOptions
 from eurobot_od.check.suite import Suite

@@ -15,11 +15,11 @@ from eurobot_od.check.shapes import Schema
 from eurobot_od.check.suite import Suite
 from eurobot_od.check.vocabulary import Networks, Vocabulary, saved_names, texts_at
 from eurobot_od.errors import DictionaryError, LocalError, UnknownName
-from eurobot_od.logs.meaning import Decoder
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.support import bounded
 from eurobot_od.support.escaping import one_line
 from eurobot_od.support.yaml_places import START, Problem, Problems, ReadError, compose_all, refuse_aliases
+from eurobot_od.traffic.meaning import Decoder
 
 
 class SuiteError(LocalError):

@@ -13,6 +13,8 @@ import asyncio
 from collections.abc import Callable, Coroutine, Mapping, Sequence
 from typing import Any, NamedTuple, TypeAlias
 
+from eurobot_od.bus.simulated import loop
+from eurobot_od.bus.simulated.network import Simulation, processing_time
 from eurobot_od.check.results import SuiteResult
 from eurobot_od.check.runner import Runner, RunOptions
 from eurobot_od.check.suite import Suite
@@ -22,8 +24,6 @@ from eurobot_od.device.node import Node
 from eurobot_od.errors import RemoteError
 from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.simulation import loop
-from eurobot_od.simulation.network import Simulation, processing_time
 
 POWER_UP = 0.1
 """Seconds after which all nodes are up; then the suite begins, and the programs of the nodes."""

@@ -24,7 +24,6 @@ from eurobot_od.check.values import ValueProblem
 from eurobot_od.device.emergency import HISTORY, REGISTER_BITS, error_words
 from eurobot_od.errors import BusError, NoAnswer
 from eurobot_od.frame import Frame
-from eurobot_od.logs.meaning import Decoder
 from eurobot_od.od import objects
 from eurobot_od.od.standard import ERROR_FIELD, ERROR_REGISTER
 from eurobot_od.od.values import NMT_COB_ID
@@ -41,6 +40,7 @@ from eurobot_od.sdo.client import (
 from eurobot_od.sdo.wire import LENGTH, code_and_reason
 from eurobot_od.support import durations
 from eurobot_od.support.amounts import amount
+from eurobot_od.traffic.meaning import Decoder
 
 if TYPE_CHECKING:
     pass

@@ -12,12 +12,12 @@ from typing import NamedTuple
 import yaml
 
 from eurobot_od.check.values import Scale, Values
-from eurobot_od.logs.meaning import Decoder
 from eurobot_od.od import network
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.pdos import OnRefused, fatal
 from eurobot_od.pdo.catalogue import NOTHING, Catalogue
 from eurobot_od.pdo.protocol import Protocol
+from eurobot_od.traffic.meaning import Decoder
 
 
 class Networks(NamedTuple):

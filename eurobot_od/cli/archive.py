@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Describe the command line."""
-    from eurobot_od.logs.formats import FORMATS
+    from eurobot_od.traffic.formats import FORMATS
 
     parser.add_argument("logs", nargs="+", type=Path, metavar="LOG", help="logs in any format, packed with gzip or not")
     parser.add_argument("-o", "--output", type=Path, required=True, metavar="SEASON", help="folder of the season")
@@ -33,7 +33,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> None:
     """Archive all logs; print a line for each."""
-    from eurobot_od.campaign import executors
+    from eurobot_od.season.campaign import executors
     from eurobot_od.support.progress import bar, counted, unwatched
 
     with extras.needed("season"):

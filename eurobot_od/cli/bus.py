@@ -24,11 +24,11 @@ from eurobot_od.support.escaping import one_line
 from eurobot_od.support.tables import columns
 
 if TYPE_CHECKING:
+    from eurobot_od.bus.live.connection import Opener
     from eurobot_od.cli.options import Devices
     from eurobot_od.client.master import Master
     from eurobot_od.client.scan import Found
     from eurobot_od.client.watch import NodeEvent
-    from eurobot_od.live.connection import Opener
 
 
 def scan(master: Master, devices: Devices, listen: float, as_json: bool) -> ExitStatus:

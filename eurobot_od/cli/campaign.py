@@ -15,8 +15,8 @@ from eurobot_od.support import extras, progress
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from eurobot_od.campaign.executors import Workers
-    from eurobot_od.campaign.results import Results
+    from eurobot_od.season.campaign.executors import Workers
+    from eurobot_od.season.campaign.results import Results
 
 OPTIONS = ("jobs", "executor", "results", "resume")
 
@@ -48,7 +48,7 @@ def refuse(arguments: argparse.Namespace, option: str) -> None:
 @contextmanager
 def workers(arguments: argparse.Namespace, things: int) -> Iterator[Workers]:
     """Give the workers for a number of things; raises LocalError."""
-    from eurobot_od.campaign import executors
+    from eurobot_od.season.campaign import executors
 
     if arguments.executor and arguments.jobs:
         raise LocalError("--jobs is for processes of this machine, and does not go with --executor")
@@ -68,7 +68,7 @@ def results(
             raise LocalError("--resume needs --results: the folder of the run to continue")
         return None
     with extras.needed("cluster"):
-        from eurobot_od.campaign.results import Results
+        from eurobot_od.season.campaign.results import Results
     return Results(arguments.results, record, settings(), arguments.resume)
 
 

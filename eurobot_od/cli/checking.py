@@ -20,16 +20,16 @@ from eurobot_od.support.escaping import one_line
 from eurobot_od.support.terminal import in_colour
 
 if TYPE_CHECKING:
-    from eurobot_od.campaign.executors import Workers
-    from eurobot_od.campaign.results import Results
+    from eurobot_od.bus.live.connection import Opener
     from eurobot_od.check.conformance.drive import MotionBounds
     from eurobot_od.check.conformance.page import DeviceRun
     from eurobot_od.check.conformance.subject import Tier
     from eurobot_od.check.suite import Suite
-    from eurobot_od.live.connection import Opener
     from eurobot_od.od.dictionary import Dictionary
     from eurobot_od.od.pdos import OnRefused
     from eurobot_od.od.values import Address
+    from eurobot_od.season.campaign.executors import Workers
+    from eurobot_od.season.campaign.results import Results
 
 
 class Checks(NamedTuple):
@@ -263,7 +263,7 @@ def many_results(
     kept: Results[CheckedSeed] | None,
 ) -> Iterator[SuiteResult]:
     """Run the suites for all seeds by several workers, and print what `results_of` prints, seed by seed."""
-    from eurobot_od.campaign import blocks
+    from eurobot_od.season.campaign import blocks
 
     done = blocks.run(checks.run_seed, seeds, workers, kept)
     for seed, results in campaign.counted(done, len(seeds), "seeds", workers, hidden=not printer.silent):

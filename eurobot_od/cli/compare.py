@@ -42,7 +42,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> ExitStatus:
     """Compare; print the differences in the order of time, and how many there are."""
-    from eurobot_od.compare import Tolerances, compare
+    from eurobot_od.traffic.compare import Tolerances, compare
 
     decoder = options.Devices.of(arguments).decoder()
     fields = tolerances(options.assignments("--tolerance", "FIELD=NUMBER", arguments.tolerance), decoder.protocol)

@@ -14,9 +14,9 @@ from eurobot_od.cli import ExitStatus, options
 from eurobot_od.cli.logs import add_log, opened
 
 if TYPE_CHECKING:
-    from eurobot_od.logs.filters import Wanted
-    from eurobot_od.logs.meaning import Decoder
-    from eurobot_od.logs.output import Output
+    from eurobot_od.traffic.filters import Wanted
+    from eurobot_od.traffic.meaning import Decoder
+    from eurobot_od.traffic.output import Output
 
 BIT_RATE = 500_000
 
@@ -72,14 +72,14 @@ def add_filters(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> ExitStatus:
     """Decode all logs; report what is wrong in them."""
-    from eurobot_od.logs.decoding import Decoding
-    from eurobot_od.logs.filters import Window
+    from eurobot_od.traffic.decoding import Decoding
+    from eurobot_od.traffic.filters import Window
 
     devices = options.Devices.of(arguments)
     decoder = devices.decoder()
     several = len(arguments.logs) > 1
     if arguments.statistics:
-        from eurobot_od.logs.traffic import TrafficOutput
+        from eurobot_od.traffic.traffic import TrafficOutput
 
         output: Output = TrafficOutput(arguments.bitrate, devices.promised(decoder), several)
     else:
@@ -97,11 +97,11 @@ def run(arguments: argparse.Namespace) -> ExitStatus:
 
 
 def _output(decoder: Decoder, as_json: bool, as_csv: bool, several: bool) -> Output:
-    from eurobot_od.logs.output import TextOutput
+    from eurobot_od.traffic.output import TextOutput
 
     if not (as_json or as_csv):
         return TextOutput(several)  # the usual case starts without the modules of the others
-    from eurobot_od.logs.records import CsvOutput, JsonOutput
+    from eurobot_od.traffic.formats.records import CsvOutput, JsonOutput
 
     fields = (field for each in decoder.protocol.bindings for field in each.kinds)
     return JsonOutput() if as_json else CsvOutput(fields)
@@ -121,7 +121,7 @@ class Filters(NamedTuple):
 
     def wanted(self, decoder: Decoder) -> Wanted | None:
         """Return the filter, None for none; raises LocalError for a name or a value that cannot be."""
-        from eurobot_od.logs.filters import by_name, by_node, by_value
+        from eurobot_od.traffic.filters import by_name, by_node, by_value
 
         wanted: list[Wanted] = [by_value(text, decoder.protocol) for text in self.conditions]
         if self.messages:

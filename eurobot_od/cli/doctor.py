@@ -32,9 +32,9 @@ def add_arguments(_: argparse.ArgumentParser) -> None:
 
 def run(_: argparse.Namespace) -> ExitStatus:
     """Print what there is; 1 if something is wrong."""
-    from eurobot_od.live.adapters import plugged_in
-    from eurobot_od.live.interfaces import drivers, here, refused
-    from eurobot_od.live.links import INSTEAD, links, troubles, without_socketcan
+    from eurobot_od.bus.live.adapters import plugged_in
+    from eurobot_od.bus.live.interfaces import drivers, here, refused
+    from eurobot_od.bus.live.links import INSTEAD, links, troubles, without_socketcan
 
     wrong = [*(trouble for link in links() for trouble in troubles(link)), *denied(refused())]
     loaded = drivers()

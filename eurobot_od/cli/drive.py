@@ -123,7 +123,7 @@ COMMANDS = {
 
 def as_data(status: DriveStatus) -> dict[str, Any]:
     """Return how a drive is as plain data."""
-    from eurobot_od.profiles.cia402 import MODE_WORDS
+    from eurobot_od.od.profiles.cia402 import MODE_WORDS
 
     state = status.state.words if status.state else None
     return {**status._asdict(), "state": state, "mode": MODE_WORDS.get(status.mode, f"mode {status.mode}")}

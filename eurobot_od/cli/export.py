@@ -162,9 +162,9 @@ def write_concise(node: NodeFile, output: Path | None) -> None:
 
 def read_concise(file: str, output: Path | None, eds: str | None, node_id: int | None) -> None:
     """Print a concise DCF, or write the DCF that says the same; raises DictionaryError, LocalError, UnknownName."""
+    from eurobot_od.bus.live import BITRATE
     from eurobot_od.client.description import from_file
     from eurobot_od.client.reading import dcf_of_writes, decoded
-    from eurobot_od.live import BITRATE
     from eurobot_od.od.concise import Truncated, unpack
 
     try:

@@ -11,7 +11,7 @@ from eurobot_od.cli import options
 from eurobot_od.errors import UnknownName
 
 if TYPE_CHECKING:
-    from eurobot_od.faults.fault import Fault
+    from eurobot_od.device.faults.fault import Fault
 
 
 OWNERS = {"Node": "any node", "SimulatedDrive": "any drive of CiA 402", "SimulatedModule": "any I/O module of CiA 401"}

@@ -16,10 +16,10 @@ from eurobot_od.cli import ExitStatus, options
 from eurobot_od.errors import LocalError
 
 if TYPE_CHECKING:
-    from eurobot_od.load.message_set import ErrorRate, MessageSet
     from eurobot_od.od.dictionary import Dictionary
     from eurobot_od.od.network_file import NetworkFile
     from eurobot_od.plugin import Plugin
+    from eurobot_od.traffic.load.message_set import ErrorRate, MessageSet
 
 BIT_RATE = 500_000
 """bit/s where neither the option nor the file says it."""
@@ -53,8 +53,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _errors(text: str) -> ErrorRate:
-    from eurobot_od.load.message_set import ErrorRate
     from eurobot_od.support import durations
+    from eurobot_od.traffic.load.message_set import ErrorRate
 
     number, slash, time = text.partition("/")
     try:
@@ -69,10 +69,10 @@ def _errors(text: str) -> ErrorRate:
 def run(arguments: argparse.Namespace) -> ExitStatus:
     """Print the table, and write the chart."""
     from eurobot_od.cli.output import write
-    from eurobot_od.load.chart import chart
-    from eurobot_od.load.report import as_data, load_report, table, too_slow
-    from eurobot_od.load.sweep import SEARCHES, limits, sentences
     from eurobot_od.support import progress
+    from eurobot_od.traffic.load.chart import chart
+    from eurobot_od.traffic.load.report import as_data, load_report, table, too_slow
+    from eurobot_od.traffic.load.sweep import SEARCHES, limits, sentences
 
     if arguments.path and arguments.network:
         raise LocalError("one network: name it by NETWORK or by --network")
@@ -121,8 +121,8 @@ def of_robot(robot: Plugin, dialect: str | None = None) -> MessageSet:
 
 
 def _of_dictionaries(dictionaries: Sequence[Dictionary], network: NetworkFile, path: str, robot: Plugin) -> MessageSet:
-    from eurobot_od.load.network_set import network_set
     from eurobot_od.pdo.protocol import Protocol
+    from eurobot_od.traffic.load.network_set import network_set
 
     with options.left_out() as refused:
         bindings = Protocol.of_devices(dictionaries, robot.catalogue(), refused).bindings

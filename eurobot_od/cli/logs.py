@@ -17,9 +17,9 @@ from eurobot_od.cli.table import Parameter
 from eurobot_od.errors import LocalError
 
 if TYPE_CHECKING:
-    from eurobot_od.logs.entries import LogEntry
-    from eurobot_od.logs.meaning import Decoder, Meaning
-    from eurobot_od.logs.statistics import DamageCounts
+    from eurobot_od.traffic.entries import LogEntry
+    from eurobot_od.traffic.meaning import Decoder, Meaning
+    from eurobot_od.traffic.statistics import DamageCounts
 
 STANDARD_INPUT = "-"
 CHUNK = 1 << 16
@@ -34,8 +34,8 @@ def add_log(parser: argparse.ArgumentParser) -> None:
 
 def add_reading(parser: argparse.ArgumentParser) -> None:
     """Add the format of the logs, and the bound of what is read."""
-    from eurobot_od.logs.entries import LARGEST
-    from eurobot_od.logs.formats import FORMATS
+    from eurobot_od.traffic.entries import LARGEST
+    from eurobot_od.traffic.formats import FORMATS
 
     parser.add_argument(
         "--format",
@@ -73,7 +73,7 @@ def entries(
 
     With `is_watched` a terminal shows how far a long log has been read.
     """
-    from eurobot_od.logs import formats
+    from eurobot_od.traffic import formats
 
     for log in logs:
         with opened(log, is_watched) as file:
@@ -85,7 +85,7 @@ def meanings(
     logs: Iterable[str], reading: ReadOptions, decoder: Decoder, damage: DamageCounts, is_watched: bool = True
 ) -> Iterator[tuple[float, Meaning]]:
     """Give the times in s and meanings of the entries of logs; count in `damage` what is wrong. Errors as `entries`."""
-    from eurobot_od.logs.following import Following
+    from eurobot_od.traffic.following import Following
 
     before, following = "", Following(decoder)
     for log, (line, time, channel, raw) in entries(logs, reading, is_watched):

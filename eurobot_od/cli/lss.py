@@ -14,9 +14,9 @@ from eurobot_od.support import durations
 from eurobot_od.support.progress import SHORT, Unit, bar
 
 if TYPE_CHECKING:
+    from eurobot_od.bus.live.connection import Opener
     from eurobot_od.client.description import Identity
     from eurobot_od.client.lss import LssSteps
-    from eurobot_od.live.connection import Opener
 
 REQUESTS = Unit("requests", "requests/s")
 

@@ -22,10 +22,10 @@ from eurobot_od.support import extras
 from eurobot_od.support.terminal import redraws
 
 if TYPE_CHECKING:
-    from eurobot_od.logs.meaning import Meaning
-    from eurobot_od.monitor.controls import Controls
-    from eurobot_od.monitor.sources import BusSource, LogSource
-    from eurobot_od.monitor.traffic import Traffic
+    from eurobot_od.traffic.meaning import Meaning
+    from eurobot_od.traffic.monitor.controls import Controls
+    from eurobot_od.traffic.monitor.sources import BusSource, LogSource
+    from eurobot_od.traffic.monitor.traffic import Traffic
 
     Source: TypeAlias = BusSource | LogSource
     Took: TypeAlias = Callable[[float, Meaning], None]
@@ -37,7 +37,7 @@ REFRESH = 0.2
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Describe the command line."""
-    from eurobot_od.monitor.traffic import SORTS
+    from eurobot_od.traffic.monitor.traffic import SORTS
 
     parser.add_argument("logs", nargs="*", metavar="LOG", help="logs to play (default: watch a bus)")
     add_reading(parser)
@@ -67,12 +67,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> None:
     """Watch until the logs or the user end it; print the table once more."""
-    from eurobot_od import live as runtime
-    from eurobot_od.load.seen import NOTHING, table
-    from eurobot_od.monitor.cells import plain_table
-    from eurobot_od.monitor.controls import Controls
-    from eurobot_od.monitor.sources import BusSource, LogSource
-    from eurobot_od.monitor.traffic import Traffic, selected
+    from eurobot_od.bus import live as runtime
+    from eurobot_od.traffic.load.seen import NOTHING, table
+    from eurobot_od.traffic.monitor.cells import plain_table
+    from eurobot_od.traffic.monitor.controls import Controls
+    from eurobot_od.traffic.monitor.sources import BusSource, LogSource
+    from eurobot_od.traffic.monitor.traffic import Traffic, selected
 
     if arguments.ask and arguments.logs:
         raise LocalError("--ask is for a bus: a log has no devices to ask")
@@ -138,8 +138,8 @@ class Monitor(NamedTuple):
 @contextmanager
 def _lines(monitor: Monitor) -> Iterator[tuple[Took, Refresh]]:
     """Print each frame as a line."""
-    from eurobot_od.logs.output import TextOutput
-    from eurobot_od.monitor.traffic import named
+    from eurobot_od.traffic.monitor.traffic import named
+    from eurobot_od.traffic.output import TextOutput
 
     output = TextOutput()
     write = output.writer("")
@@ -165,7 +165,7 @@ def on_screen(monitor: Monitor) -> Iterator[tuple[Took, Refresh]]:
     """Show the table on the whole screen."""
     from rich.live import Live
 
-    from eurobot_od.monitor.screen import Size, screen
+    from eurobot_od.traffic.monitor.screen import Size, screen
 
     with Live(screen=True, auto_refresh=False) as live:  # without its thread: the loop above refreshes
 

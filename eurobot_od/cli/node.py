@@ -23,9 +23,9 @@ from eurobot_od.support.escaping import one_line
 if TYPE_CHECKING:
     import can
 
+    from eurobot_od.bus.live import Live
     from eurobot_od.device.node import Node
     from eurobot_od.frame import Frame
-    from eurobot_od.live import Live
     from eurobot_od.od.dictionary import Dictionary
     from eurobot_od.od.values import Address
     from eurobot_od.plugin import Scene
@@ -88,8 +88,8 @@ FARTHEST = 1_000_000
 
 def run(arguments: argparse.Namespace) -> ExitStatus | None:
     """Run the node until its time is over, an interrupt, or the bus's failure; raises BusError, WorldError."""
+    from eurobot_od.bus.live import Live
     from eurobot_od.device.station import OnError
-    from eurobot_od.live import Live
     from eurobot_od.od.sdo_channel import moved_server
 
     everybody = _all(arguments) if arguments.node is None else []
@@ -137,8 +137,8 @@ def _all(arguments: argparse.Namespace) -> list[Node]:
 
 def _run_all(bus: can.BusABC, nodes: list[Node], duration: float | None) -> None:
     """Run several devices on one bus until the time is over, or an interrupt; raises BusError."""
+    from eurobot_od.bus.live.group import LiveGroup
     from eurobot_od.device.group import NodeGroup
-    from eurobot_od.live.group import LiveGroup
     from eurobot_od.od.sdo_channel import moved_server
 
     for node in nodes:

@@ -14,7 +14,7 @@ from eurobot_od.cli.remote import TARGET, Target, print_readings
 from eurobot_od.cli.table import JSON, CommandRow, option, with_emcy
 from eurobot_od.errors import LocalError, UnknownName
 from eurobot_od.od.objects import address_of, encode, find, find_one, is_described, label, parse, shown
-from eurobot_od.profiles.words import written
+from eurobot_od.od.profiles.words import written
 from eurobot_od.support.amounts import amount
 from eurobot_od.support.escaping import one_line
 from eurobot_od.support.files import write_whole
@@ -104,8 +104,8 @@ def export_dcf(target: Target, output: Path | None) -> ExitStatus:
     What no line of a DCF can hold, and every DOMAIN, is written to files beside it, which `configure` reads back. Exit
     status 1 if the node refuses objects of its EDS, which are left out.
     """
+    from eurobot_od.bus.live import BITRATE
     from eurobot_od.client.reading import dcf_of_node, parameters
-    from eurobot_od.live import BITRATE
 
     with target.opened() as node:
         dictionary = target.needed_description(node).dictionary

@@ -13,29 +13,29 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
 from eurobot_od import plugin
-from eurobot_od.campaign import MOST_JOBS
 from eurobot_od.cli import complain
 from eurobot_od.errors import DictionaryError, LocalError, MappingError, RemoteError
-from eurobot_od.logs.recorder import END, GO_ON
 from eurobot_od.od import network
 from eurobot_od.od.dialects import DIALECT_VARIABLE
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.network_file import NetworkFile, NodeFile
 from eurobot_od.od.values import NODE_IDS
 from eurobot_od.plugin import Plugin
+from eurobot_od.season.campaign import MOST_JOBS
 from eurobot_od.support.address import parse
+from eurobot_od.traffic.recorder import END, GO_ON
 
 if TYPE_CHECKING:
     import can
 
+    from eurobot_od.bus.live.connection import Opener
     from eurobot_od.client.master import Master
     from eurobot_od.client.reconnecting import Guard
     from eurobot_od.device.emergency import ErrorWords
-    from eurobot_od.live.connection import Opener
-    from eurobot_od.load.message_set import MessageSet
-    from eurobot_od.logs.meaning import Decoder
     from eurobot_od.od.pdos import OnRefused
     from eurobot_od.pdo.protocol import Protocol
+    from eurobot_od.traffic.load.message_set import MessageSet
+    from eurobot_od.traffic.meaning import Decoder
 
 
 T = TypeVar("T")
@@ -94,7 +94,7 @@ address = argument_of(parse)
 
 def open_bus(arguments: argparse.Namespace) -> can.BusABC:
     """Open the bus that the options, or python-can's configuration, name; raises LocalError, BusError."""
-    from eurobot_od import live as runtime
+    from eurobot_od.bus import live as runtime
 
     # Asked first: without a name python-can would complain of its configuration file, of which few users know.
     if not runtime.is_named(arguments.interface):
@@ -328,8 +328,8 @@ class Devices(NamedTuple):
 
     def promised(self, decoder: Decoder) -> MessageSet:
         """Return what a decoder's devices send, and how often; nothing if a period is missing."""
-        from eurobot_od.load.network_set import network_set
-        from eurobot_od.load.seen import NOTHING
+        from eurobot_od.traffic.load.network_set import network_set
+        from eurobot_od.traffic.load.seen import NOTHING
 
         try:
             file = self.network or network.DEFAULT if self.files() else str(self.robot.dialects.network_file())
@@ -408,7 +408,7 @@ def decoder_of(
 
     `errors` are words for emergency error codes, by node-ID; `master` is who leads the network, if a file says it.
     """
-    from eurobot_od.logs.meaning import Decoder
+    from eurobot_od.traffic.meaning import Decoder
 
     with left_out() as refused:
         return Decoder(dictionaries, robot.catalogue(), refused, errors, master)

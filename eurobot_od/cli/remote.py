@@ -16,16 +16,16 @@ from eurobot_od.cli.options import Devices
 from eurobot_od.cli.table import Parameter
 from eurobot_od.errors import LocalError, UnknownName
 from eurobot_od.od.objects import address_of, data_type, is_described
+from eurobot_od.od.profiles.words import words, written
 from eurobot_od.od.values import label
-from eurobot_od.profiles.words import words, written
 from eurobot_od.support import durations
 from eurobot_od.support.tables import columns
 
 if TYPE_CHECKING:
+    from eurobot_od.bus.live.connection import Opener
     from eurobot_od.client.description import Description
     from eurobot_od.client.master import Master, RemoteNode
     from eurobot_od.client.reading import ObjectReading
-    from eurobot_od.live.connection import Opener
 
 
 def add_node(parser: argparse.ArgumentParser) -> None:

@@ -108,7 +108,7 @@ def _words(protocol: Protocol, message: Message) -> str:
 
 def transmit(bus: can.BusABC, frame: Frame) -> None:
     """Give a frame to the driver; raises BusError."""
-    from eurobot_od.live import Driver
+    from eurobot_od.bus.live import Driver
 
     if not Driver(bus).send(frame, PATIENCE):
         raise BusError("the bus did not take the frame")
@@ -121,7 +121,7 @@ def exchange(bus: can.BusABC, question: Frame, expected: Frame, within: float) -
 
     Raises BusError.
     """
-    from eurobot_od.live import FrameReader
+    from eurobot_od.bus.live import FrameReader
 
     came: SimpleQueue[tuple[float, Frame] | BusError] = SimpleQueue()
 

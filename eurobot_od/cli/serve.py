@@ -23,8 +23,8 @@ from eurobot_od.errors import EurobotError, LocalError
 from eurobot_od.support import extras
 
 if TYPE_CHECKING:
-    from eurobot_od.logs.meaning import Decoder
     from eurobot_od.support.address import Address
+    from eurobot_od.traffic.meaning import Decoder
     from eurobot_od.web.panel import Panel
     from eurobot_od.web.requests import Requests
     from eurobot_od.web.session import Session
@@ -56,7 +56,7 @@ def run(arguments: argparse.Namespace) -> None:
     """Serve until Ctrl-C."""
     with extras.needed("web"):  # asked here, so that no log is read before the package is found missing
         import aiohttp  # noqa: F401
-    from eurobot_od.live import BITRATE
+    from eurobot_od.bus.live import BITRATE
 
     logs: list[str] = arguments.logs
     if len(logs) > MOST_LOGS:
@@ -103,7 +103,7 @@ def _source(
     log: str, reading: ReadOptions, decoder: Decoder, bitrate: int, panels: Sequence[type[Panel]]
 ) -> dict[str, Any]:
     """Read a log as a source of the page, with what is kept beside it."""
-    from eurobot_od.logs.statistics import DamageCounts
+    from eurobot_od.traffic.statistics import DamageCounts
     from eurobot_od.web.columns import Columns
 
     # No bar: it would share the terminal with the address and with what is wrong in the log.

@@ -18,10 +18,10 @@ from eurobot_od.client.procedure import finished
 from eurobot_od.errors import DriveError, LocalError
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.objects import data_type
+from eurobot_od.od.profiles import cia402
+from eurobot_od.od.profiles.cia402 import DriveCommand, Mode, State
+from eurobot_od.od.profiles.homing import METHODS
 from eurobot_od.od.values import DATA_TYPES, UNSIGNED16, UNSIGNED32, DataType
-from eurobot_od.profiles import cia402
-from eurobot_od.profiles.cia402 import DriveCommand, Mode, State
-from eurobot_od.profiles.homing import METHODS
 
 POLL = 0.01
 """Seconds between two questions to a drive that is waited for."""

@@ -13,10 +13,10 @@ from collections.abc import Callable, Iterator
 from contextlib import AbstractAsyncContextManager, AbstractContextManager, contextmanager, nullcontext
 from typing import TYPE_CHECKING, Protocol, TypeAlias
 
+from eurobot_od.bus.live.buses import failure
 from eurobot_od.client.procedure import Procedure
 from eurobot_od.device.nmt import COMMAND_NAMES, NmtCommand, NmtState
 from eurobot_od.errors import NamedObject, NoAnswer, NodeRefused, RemoteError, WrongAnswer
-from eurobot_od.live.buses import failure
 from eurobot_od.od.sdo_channel import SdoChannel
 from eurobot_od.od.values import (
     ERROR_CONTROL_BASE,

@@ -21,16 +21,16 @@ from math import inf
 from queue import SimpleQueue
 from typing import TYPE_CHECKING, Any, Protocol
 
+from eurobot_od.bus.live.buses import Driver, failure
+from eurobot_od.bus.live.reader import FrameReader
 from eurobot_od.client.master import ANSWER_WAIT, Master
 from eurobot_od.errors import BusError, LocalError
 from eurobot_od.frame import HIGHEST_IDENTIFIER, Frame
-from eurobot_od.live.buses import Driver, failure
-from eurobot_od.live.reader import FrameReader
 
 if TYPE_CHECKING:
     import can
 
-    from eurobot_od.live.connection import Opener
+    from eurobot_od.bus.live.connection import Opener
 
 SEND_WAIT = 0.5
 """Seconds that a driver may take to accept a frame."""

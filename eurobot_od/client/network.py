@@ -16,6 +16,7 @@ from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, TypeAlias, TypeVar
 
+from eurobot_od.bus.live import open_bus
 from eurobot_od.client import lss
 from eurobot_od.client.description import Identity
 from eurobot_od.client.lss import LssSteps, Result
@@ -28,7 +29,6 @@ from eurobot_od.client.scan import LISTEN, Found, scan
 from eurobot_od.client.watch import LOST_AFTER, NodeEvent, NodeWatch
 from eurobot_od.device.nmt import ALL_NODES, NmtCommand
 from eurobot_od.errors import LocalError, StateError, UnknownName
-from eurobot_od.live import open_bus
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.lss import LssState
 from eurobot_od.od.network import DEFAULT, load, read_network
@@ -39,9 +39,9 @@ if TYPE_CHECKING:
     import canopen
     from typing_extensions import Self
 
+    from eurobot_od.bus.simulated.network import Simulation
     from eurobot_od.device.simulated import SimulatedDevice
     from eurobot_od.device.station import Station
-    from eurobot_od.simulation.network import Simulation
 
 BusName: TypeAlias = "str | can.BusABC | canopen.Network | None"
 """An interface as python-can names it, a bus that is open, or somebody else's network, whose bus is shared."""
@@ -425,8 +425,8 @@ class SimulatedNetwork(Network):
     """
 
     def __init__(self, simulation: Simulation | None = None) -> None:
-        from eurobot_od.simulation.network import Simulation
-        from eurobot_od.simulation.simulated_bus import SimulatedBus
+        from eurobot_od.bus.simulated.network import Simulation
+        from eurobot_od.bus.simulated.simulated_bus import SimulatedBus
 
         self.simulation = simulation or Simulation()
         self.devices: dict[int, SimulatedDevice] = {}

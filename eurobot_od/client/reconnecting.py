@@ -8,9 +8,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING, TypeAlias
 
+from eurobot_od.bus.live import Driver, Opener
+from eurobot_od.bus.live.connection import Connection
 from eurobot_od.errors import BusError
-from eurobot_od.live import Driver, Opener
-from eurobot_od.live.connection import Connection
 
 if TYPE_CHECKING:
     from eurobot_od.client.master import Master

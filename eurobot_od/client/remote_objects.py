@@ -33,8 +33,8 @@ from eurobot_od.od.objects import (
     parse,
     written,
 )
+from eurobot_od.od.profiles.words import with_words, words
 from eurobot_od.od.values import Address, Value
-from eurobot_od.profiles.words import with_words, words
 from eurobot_od.support.progress import Progress, unwatched
 
 if TYPE_CHECKING:

@@ -12,16 +12,16 @@ from typing import Any, ClassVar
 from eurobot_od.device.bound import Application
 from eurobot_od.device.device_values import DeviceValues, ProfileDevice
 from eurobot_od.device.objects import OnTold
+from eurobot_od.device.profiles.axis import DriveAxis
+from eurobot_od.device.profiles.modes import MODES
+from eurobot_od.device.profiles.motion import STEP, Plant
+from eurobot_od.device.profiles.values import AxisValues
 from eurobot_od.errors import Cause, Refused
 from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.profiles import cia402
 from eurobot_od.od.standard import SYNC_PERIOD
 from eurobot_od.od.values import Address, Value
-from eurobot_od.profiles import cia402
-from eurobot_od.profiles.axis import DriveAxis
-from eurobot_od.profiles.modes import MODES
-from eurobot_od.profiles.motion import STEP, Plant
-from eurobot_od.profiles.values import AxisValues
 
 BEAT = 0.005
 """Seconds between two looks at an axis that moves, for TPDOs that go on a change; a frame finds the values of now."""

@@ -10,9 +10,9 @@ from eurobot_od.device.drive import SimulatedDrive
 from eurobot_od.device.module import SimulatedModule
 from eurobot_od.device.simulated import SimulatedDevice
 from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.profiles import cia401, cia402
+from eurobot_od.od.profiles.words import profile_of
 from eurobot_od.od.values import Address
-from eurobot_od.profiles import cia401, cia402
-from eurobot_od.profiles.words import profile_of
 
 KINDS: Mapping[int, type[SimulatedDevice]] = {cia401.PROFILE: SimulatedModule, cia402.PROFILE: SimulatedDrive}
 """The classes by the low word of 0x1000."""

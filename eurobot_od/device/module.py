@@ -11,15 +11,15 @@ from typing import Any, ClassVar
 
 from eurobot_od.device.bound import Application
 from eurobot_od.device.device_values import DeviceValues, ProfileDevice
+from eurobot_od.device.profiles.inputs_outputs import Inputs, Outputs
+from eurobot_od.device.profiles.values import ProfileValues
 from eurobot_od.device.waveforms import fitted
 from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.objects import data_type
+from eurobot_od.od.profiles import cia401
 from eurobot_od.od.values import Address, DataType, Value
 from eurobot_od.pdo.binding import Binding
-from eurobot_od.profiles import cia401
-from eurobot_od.profiles.inputs_outputs import Inputs, Outputs
-from eurobot_od.profiles.values import ProfileValues
 
 
 class SimulatedModule(ProfileDevice):

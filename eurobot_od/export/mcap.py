@@ -13,11 +13,11 @@ from typing import IO, Any, NamedTuple
 from mcap.writer import Writer
 
 from eurobot_od.frame import identifier_text
-from eurobot_od.logs.entries import LogEntry
-from eurobot_od.logs.following import Following
-from eurobot_od.logs.meaning import Decoder, Meaning, with_defects
 from eurobot_od.pdo.kinds import ColumnForm
 from eurobot_od.pdo.message import Message, plain
+from eurobot_od.traffic.entries import LogEntry
+from eurobot_od.traffic.following import Following
+from eurobot_od.traffic.meaning import Decoder, Meaning, with_defects
 
 NANOSECONDS = 1_000_000_000
 END_OF_TIME = float(1 << 64) // NANOSECONDS

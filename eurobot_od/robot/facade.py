@@ -14,11 +14,11 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Concatenate, ParamSpec, cast
 
-from eurobot_od import live as runtime
 from eurobot_od import plugin
+from eurobot_od.bus import live as runtime
+from eurobot_od.bus.live.event_loop import apart, run
+from eurobot_od.bus.live.signals import EndedBySigterm
 from eurobot_od.device.flow import Call, Result
-from eurobot_od.live.event_loop import apart, run
-from eurobot_od.live.signals import EndedBySigterm
 from eurobot_od.pdo.message import Message, MessageT
 from eurobot_od.robot.nodes.core import Core
 from eurobot_od.robot.nodes.equipment import Actuators, DistanceSensor

@@ -10,7 +10,7 @@ from eurobot_od.robot import dialects
 from eurobot_od.robot.model.messages import CATALOGUE
 
 if TYPE_CHECKING:
-    from eurobot_od.logs.meaning import Decoder
+    from eurobot_od.traffic.meaning import Decoder
 
 
 class EurobotProtocol(Protocol):
@@ -26,6 +26,6 @@ class EurobotProtocol(Protocol):
 
 def decoder(dialect: str | Path | None = None) -> Decoder:
     """Return what tells the meaning of frames by the EDS files of a dialect; raises UnknownName, DictionaryError."""
-    from eurobot_od.logs.meaning import Decoder  # `show` does without
+    from eurobot_od.traffic.meaning import Decoder  # `show` does without
 
     return Decoder(dialects.load_all(dialect), CATALOGUE)

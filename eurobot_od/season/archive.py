@@ -22,12 +22,12 @@ from typing import Any, BinaryIO, NamedTuple
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from eurobot_od.campaign import blocks
-from eurobot_od.campaign.executors import BLOCK, HERE, Workers
-from eurobot_od.logs import formats
 from eurobot_od.season import tables
 from eurobot_od.season.batches import batches
+from eurobot_od.season.campaign import blocks
+from eurobot_od.season.campaign.executors import BLOCK, HERE, Workers
 from eurobot_od.season.writing import DecodedNetwork, NetworkDecoding, RunTables
+from eurobot_od.traffic import formats
 
 HASHED = 1 << 20
 BEGUN = ".begun"

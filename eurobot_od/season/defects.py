@@ -12,11 +12,11 @@ import polars as pl
 
 from eurobot_od.errors import shown_identifier
 from eurobot_od.frame import identifier_text
-from eurobot_od.logs.entries import Damage
-from eurobot_od.logs.services import CanopenService
-from eurobot_od.logs.unmapped import Unmapped
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.season.columns import LENGTH, flagged, readable
+from eurobot_od.traffic.entries import Damage
+from eurobot_od.traffic.services import CanopenService
+from eurobot_od.traffic.unmapped import Unmapped
 
 PLACE = ("line", "t", "channel")
 

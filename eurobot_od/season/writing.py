@@ -16,8 +16,6 @@ import polars as pl
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from eurobot_od.logs.services import services
-from eurobot_od.logs.unmapped import Unmapped
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.catalogue import Catalogue
@@ -25,6 +23,8 @@ from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.season import defects, tables
 from eurobot_od.season.batches import FOREIGN, Batch
 from eurobot_od.season.columns import FROM_DATA, LENGTH, WORD, message_columns, readable
+from eurobot_od.traffic.services import services
+from eurobot_od.traffic.unmapped import Unmapped
 
 VERSION = b"2"
 """To be raised when the same log would give other tables, so that it is archived again."""

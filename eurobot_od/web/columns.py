@@ -8,11 +8,11 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from typing import Any
 
+from eurobot_od.bus.simulated.bits import frame_bits
 from eurobot_od.frame import Frame
-from eurobot_od.logs.entries import Damage
-from eurobot_od.logs.meaning import Decoder, Meaning
-from eurobot_od.monitor.traffic import MonitorRow
-from eurobot_od.simulation.bits import frame_bits
+from eurobot_od.traffic.entries import Damage
+from eurobot_od.traffic.meaning import Decoder, Meaning
+from eurobot_od.traffic.monitor.traffic import MonitorRow
 from eurobot_od.web.content import defects, described, event_data, values
 from eurobot_od.web.panel import PageEvent, Panel, service_events
 

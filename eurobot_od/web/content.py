@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-from eurobot_od.logs.meaning import Decoder, Meaning
 from eurobot_od.od.standard import IDENTITY
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.message import kinds
+from eurobot_od.traffic.meaning import Decoder, Meaning
 from eurobot_od.web.drives import axes_of, drive_data, machine_data
 from eurobot_od.web.panel import PageEvent, Panel
 

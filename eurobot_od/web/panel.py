@@ -7,9 +7,9 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, ClassVar, NamedTuple
 
-from eurobot_od.logs.meaning import Meaning
 from eurobot_od.pdo.message import Message
 from eurobot_od.pdo.protocol import Protocol
+from eurobot_od.traffic.meaning import Meaning
 
 
 class PageEvent(NamedTuple):

@@ -14,12 +14,12 @@ from typing import TYPE_CHECKING, Any
 
 from eurobot_od.errors import LocalError
 from eurobot_od.frame import Frame
-from eurobot_od.logs.entries import Damage, Raw
-from eurobot_od.logs.meaning import Decoder
-from eurobot_od.logs.recorder import recording
-from eurobot_od.monitor.sources import BusSource
-from eurobot_od.monitor.traffic import Traffic
 from eurobot_od.od.sdo_channel import SdoChannel
+from eurobot_od.traffic.entries import Damage, Raw
+from eurobot_od.traffic.meaning import Decoder
+from eurobot_od.traffic.monitor.sources import BusSource
+from eurobot_od.traffic.monitor.traffic import Traffic
+from eurobot_od.traffic.recorder import recording
 from eurobot_od.web.content import defects, event_data, values
 from eurobot_od.web.panel import PageEvent, Panel, service_events
 from eurobot_od.web.polled import PolledObject

@@ -9,7 +9,7 @@ from itertools import count
 import can
 import pytest
 
-from eurobot_od import live as runtime
+from eurobot_od.bus import live as runtime
 from eurobot_od.check.live import run_live
 from eurobot_od.check.results import Status, StepResult, SuiteResult
 from eurobot_od.check.runner import Interrupt, RunOptions

@@ -8,7 +8,7 @@ from pathlib import Path
 import can
 import pytest
 
-from eurobot_od import live as runtime
+from eurobot_od.bus import live as runtime
 from eurobot_od.check.live import run_live
 from eurobot_od.check.reader import SuiteReader
 from eurobot_od.check.results import Status, SuiteResult

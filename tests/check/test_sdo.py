@@ -9,7 +9,7 @@ import pytest
 from eurobot_od.check.results import Reason, Status
 from eurobot_od.check.runner import RunOptions
 from eurobot_od.check.simulated import run_simulated
-from eurobot_od.faults.hooks import leaving, sdo_answer
+from eurobot_od.device.faults.hooks import leaving, sdo_answer
 from eurobot_od.frame import Frame
 from eurobot_od.robot.nodes import Drive
 from eurobot_od.robot.plugin import ROBOT

@@ -125,7 +125,7 @@ import contextlib, io, sys
 from eurobot_od import cli
 with contextlib.redirect_stdout(io.StringIO()):
     cli.main(["show"])
-print("eurobot_od.live" in sys.modules)
+print("eurobot_od.bus.live" in sys.modules)
 """
     assert python(code) == "False"
 

@@ -14,9 +14,9 @@ from pathlib import Path
 import pytest
 
 from eurobot_od import cli
+from eurobot_od.bus.live import Live, open_bus
 from eurobot_od.device.simulated import SimulatedDevice
 from eurobot_od.frame import Frame
-from eurobot_od.live import Live, open_bus
 from eurobot_od.robot import dialects
 from eurobot_od.robot.model import robot_file
 from eurobot_od.robot.model.messages import StopDrive

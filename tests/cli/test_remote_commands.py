@@ -10,11 +10,11 @@ from pathlib import Path
 import can
 import pytest
 
+from eurobot_od.bus.live import Live
 from eurobot_od.cli import main
 from eurobot_od.device.emergency import ErrorCode
 from eurobot_od.device.node import Node
 from eurobot_od.device.simulated import SimulatedDevice
-from eurobot_od.live import Live
 from eurobot_od.od import dcf
 from eurobot_od.od.description import DescribedDevice
 from eurobot_od.od.dictionary import Dictionary

@@ -8,10 +8,10 @@ from contextlib import contextmanager
 import can
 import pytest
 
+from eurobot_od.bus.live import Live, open_bus
 from eurobot_od.cli.send import exchange
 from eurobot_od.errors import BusError
 from eurobot_od.frame import Frame
-from eurobot_od.live import Live, open_bus
 from eurobot_od.robot import dialects
 from eurobot_od.robot.nodes import Drive
 from tests.cli.console import Said, run

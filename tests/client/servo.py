@@ -9,9 +9,9 @@ from typing import Any
 
 from interop_rows.bench import new_channel, open_bus
 
+from eurobot_od.bus.live import Live
 from eurobot_od.client.network import SimulatedNetwork, simulated
 from eurobot_od.device.simulated import SimulatedDevice
-from eurobot_od.live import Live
 from eurobot_od.od.dictionary import Dictionary
 
 DOCS = Path(__file__).parents[2] / "docs"

@@ -9,12 +9,12 @@ from typing import Any
 
 import pytest
 
+from eurobot_od.bus.live import Live
 from eurobot_od.client.network import AsyncNetwork, SimulatedNetwork, simulated
 from eurobot_od.device.drive import SimulatedDrive
+from eurobot_od.device.faults.drive import FAULTS
 from eurobot_od.errors import DriveError, LocalError, NodeRefused
-from eurobot_od.faults.drive import FAULTS
-from eurobot_od.live import Live
-from eurobot_od.profiles.cia402 import State
+from eurobot_od.od.profiles.cia402 import State
 from tests.client.peers import new_channel, open_bus
 from tests.client.servo import SERVO
 

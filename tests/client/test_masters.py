@@ -15,9 +15,9 @@ from eurobot_od.client.masters import LoopMaster, OwnFeed, PeriodicTask, SharedF
 from eurobot_od.device.nmt import NmtCommand, NmtState
 from eurobot_od.errors import BusError
 from eurobot_od.frame import Frame
+from tests.bus.live.loose import LONG, Cable
 from tests.client.peers import new_channel, open_bus
 from tests.client.servo import live_servos
-from tests.live.loose import LONG, Cable
 
 
 def test_a_bus_that_is_lost_is_told_and_opened_again_and_what_was_periodic_goes_on() -> None:

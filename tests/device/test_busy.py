@@ -7,13 +7,13 @@ from itertools import pairwise
 
 import pytest
 
+from eurobot_od.bus.simulated.network import Simulation
 from eurobot_od.device.node import Node
 from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.robot.nodes import Drive
 from eurobot_od.sdo.client import block_upload
 from eurobot_od.sdo.wire import BLOCK_SEGMENTS
-from eurobot_od.simulation.network import Simulation
 from tests.robot.nodes.harness import DICTIONARIES, Peer
 
 PERIODS = {0x702: 1.0, 0x701: 0.2}

@@ -8,14 +8,14 @@ import pytest
 
 from eurobot_od.client.network import SimulatedNetwork, simulated
 from eurobot_od.device.drive import SimulatedDrive
+from eurobot_od.device.faults.drive import FAULTS
 from eurobot_od.device.kinds import simulated_kind
 from eurobot_od.device.nmt import NmtCommand, NmtState
 from eurobot_od.device.simulated import SimulatedDevice
 from eurobot_od.errors import NodeRefused
-from eurobot_od.faults.drive import FAULTS
 from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.profiles.cia402 import State, state_of
+from eurobot_od.od.profiles.cia402 import State, state_of
 from tests.client.servo import DOCS, EDS, SERVO
 from tests.device.master import NodeWire
 

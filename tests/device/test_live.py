@@ -12,9 +12,9 @@ import canopen
 import pytest
 from can.interfaces.virtual import VirtualBus
 
+from eurobot_od.bus.live import Live
 from eurobot_od.device.simulated import SimulatedDevice
 from eurobot_od.gatekeeper import Report
-from eurobot_od.live import Live
 from eurobot_od.robot import dialects
 from eurobot_od.robot.model.messages import CheckDriveRequest
 from eurobot_od.robot.nodes import ROLES

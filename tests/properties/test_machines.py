@@ -22,11 +22,11 @@ pytest.importorskip("polars", reason="the extra `season` is not installed")
 
 import pyarrow.parquet as pq
 
+from eurobot_od.bus.live import Driver
+from eurobot_od.bus.live.connection import Connection
 from eurobot_od.client.program import load
 from eurobot_od.device.storage import FileStore
 from eurobot_od.errors import BusError, DictionaryError, ProgramError
-from eurobot_od.live import Driver
-from eurobot_od.live.connection import Connection
 from eurobot_od.od.values import Address, Value
 from eurobot_od.robot import dialects
 from eurobot_od.robot.model.messages import CATALOGUE

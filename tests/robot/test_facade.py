@@ -12,9 +12,9 @@ from typing import Any
 
 import pytest
 
+from eurobot_od.bus.live import FrameReader, Live
 from eurobot_od.errors import NoAnswer, StateError
 from eurobot_od.frame import Frame
-from eurobot_od.live import FrameReader, Live
 from eurobot_od.pdo.message import Message
 from eurobot_od.robot import dialects
 from eurobot_od.robot.facade import Robot

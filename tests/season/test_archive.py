@@ -12,18 +12,18 @@ import pytest
 pytest.importorskip("polars", reason="the extra `season` is not installed")
 pytest.importorskip("pyarrow", reason="the extra `season` is not installed")
 
-from eurobot_od.campaign.executors import local
 from eurobot_od.errors import UnknownName
 from eurobot_od.frame import Frame
-from eurobot_od.logs import formats
-from eurobot_od.logs.meaning import Decoder
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.robot import dialects
 from eurobot_od.robot.model.messages import CATALOGUE
 from eurobot_od.season import writing
 from eurobot_od.season.archive import BEGUN, Archived, Archiver, _begun, archive
+from eurobot_od.season.campaign.executors import local
 from eurobot_od.season.tables import is_whole, table_names
 from eurobot_od.season.writing import DecodedNetwork
+from eurobot_od.traffic import formats
+from eurobot_od.traffic.meaning import Decoder
 from tests.eds_text import DEVICE_TYPE, pdo, variable
 from tests.season.seasons import table, write_log
 

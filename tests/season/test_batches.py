@@ -12,10 +12,10 @@ import pytest
 pytest.importorskip("polars", reason="the extra `season` is not installed")
 
 from eurobot_od.frame import Frame, RemoteFrame
-from eurobot_od.logs import formats
-from eurobot_od.logs.entries import Foreign, LogEntry
 from eurobot_od.season import batches as module
 from eurobot_od.season.batches import batches
+from eurobot_od.traffic import formats
+from eurobot_od.traffic.entries import Foreign, LogEntry
 
 LINES = (
     b"(1.500000) can0 008#D27423592C01C3A5\n",

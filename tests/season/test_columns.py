@@ -14,8 +14,6 @@ import pyarrow.parquet as pq
 
 from eurobot_od.errors import EurobotError
 from eurobot_od.frame import Frame
-from eurobot_od.logs.entries import Damage
-from eurobot_od.logs.meaning import Decoder
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.pdo.catalogue import NOTHING
 from eurobot_od.pdo.protocol import Protocol
@@ -24,6 +22,8 @@ from eurobot_od.robot.match import MatchOptions
 from eurobot_od.robot.match.stage import play_simulated
 from eurobot_od.robot.model.messages import CATALOGUE
 from eurobot_od.season.writing import DecodedNetwork
+from eurobot_od.traffic.entries import Damage
+from eurobot_od.traffic.meaning import Decoder
 from tests.eds_text import DEVICE_TYPE, pdo, variable
 from tests.season.seasons import Timed, archived, assert_equal_to_protocol, protocol_of, random_frames, table, write_log
 

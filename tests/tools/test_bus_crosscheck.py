@@ -8,10 +8,10 @@ import bus_crosscheck
 import pytest
 from bus_crosscheck import attempt, crosscheck, random_set, summary, worst_frame, wrong
 
-from eurobot_od.load import analysis, frames
-from eurobot_od.load.frames import longest_frame
-from eurobot_od.load.message_set import ErrorRate
-from eurobot_od.simulation.bits import frame_bits
+from eurobot_od.bus.simulated.bits import frame_bits
+from eurobot_od.traffic.load import analysis, frames
+from eurobot_od.traffic.load.frames import longest_frame
+from eurobot_od.traffic.load.message_set import ErrorRate
 
 
 @pytest.mark.parametrize("rate", bus_crosscheck.RATES)

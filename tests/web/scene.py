@@ -12,8 +12,7 @@ from functools import partial
 from itertools import count
 from pathlib import Path
 
-from eurobot_od.live import Live, open_bus
-from eurobot_od.logs.meaning import Decoder
+from eurobot_od.bus.live import Live, open_bus
 from eurobot_od.robot import dialects
 from eurobot_od.robot.match.settings import stores
 from eurobot_od.robot.model.options import MatchOptions
@@ -23,6 +22,7 @@ from eurobot_od.robot.panel import FieldPanel
 from eurobot_od.robot.protocol import decoder
 from eurobot_od.robot.world import World
 from eurobot_od.robot.world.assembly import assemble
+from eurobot_od.traffic.meaning import Decoder
 from eurobot_od.web.access import AccessRules
 from eurobot_od.web.content import described, stop_message
 from eurobot_od.web.page import page

@@ -11,16 +11,16 @@ from typing import Any, NamedTuple
 
 import pytest
 
+from eurobot_od.bus.live import Live, open_bus
+from eurobot_od.bus.simulated.network import ON_TIME
 from eurobot_od.client.network import SimulatedNetwork, simulated
 from eurobot_od.device.drive import SimulatedDrive
+from eurobot_od.device.faults.drive import FAULTS
 from eurobot_od.errors import NoAnswer
-from eurobot_od.faults.drive import FAULTS
 from eurobot_od.frame import Frame
-from eurobot_od.live import Live, open_bus
-from eurobot_od.logs.meaning import Decoder
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.profiles.cia402 import State
-from eurobot_od.simulation.network import ON_TIME
+from eurobot_od.od.profiles.cia402 import State
+from eurobot_od.traffic.meaning import Decoder
 from eurobot_od.web.drives import HELD, AxisAddress, Drives, axes_of
 from tests.client.servo import EDS, SERVO
 from tests.conftest import EDS as ROBOTS

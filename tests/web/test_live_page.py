@@ -16,18 +16,18 @@ from typing import NamedTuple
 
 import pytest
 
+from eurobot_od.bus.live import Driver, open_bus
 from eurobot_od.device.nmt import NmtCommand
 from eurobot_od.errors import EurobotError
 from eurobot_od.frame import Frame
-from eurobot_od.live import Driver, open_bus
-from eurobot_od.logs.formats import read
-from eurobot_od.logs.meaning import Decoder
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.robot.model.messages import StartConfigurationSet
 from eurobot_od.robot.model.values import TeamColour
 from eurobot_od.robot.nodes import Core
 from eurobot_od.robot.protocol import EurobotProtocol
 from eurobot_od.robot.world import World
+from eurobot_od.traffic.formats import read
+from eurobot_od.traffic.meaning import Decoder
 from tests.cli.processes import command, line
 from tests.conftest import EDS, with_entry
 from tests.web.browser import Browser, Page

@@ -11,13 +11,13 @@ from pathlib import Path
 
 import pytest
 
+from eurobot_od.bus.live import Live, open_bus
 from eurobot_od.device.simulated import SimulatedDevice
 from eurobot_od.errors import LocalError
-from eurobot_od.live import Live, open_bus
-from eurobot_od.logs.meaning import Decoder
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.objects import find_one
 from eurobot_od.robot.protocol import decoder
+from eurobot_od.traffic.meaning import Decoder
 from eurobot_od.web import polled
 from eurobot_od.web.polled import PolledObject
 from eurobot_od.web.requests import Requests

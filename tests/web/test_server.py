@@ -18,8 +18,8 @@ from urllib.parse import urlsplit
 import aiohttp
 import pytest
 
+from eurobot_od.bus.live import Driver, Live, open_bus
 from eurobot_od.frame import Frame
-from eurobot_od.live import Driver, Live, open_bus
 from eurobot_od.robot import dialects
 from eurobot_od.robot.model.values import TeamColour
 from eurobot_od.robot.nodes import ROLES, Core

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
+from eurobot_od.bus.live import Driver, open_bus
 from eurobot_od.errors import BusError
 from eurobot_od.frame import Frame
-from eurobot_od.live import Driver, open_bus
 from eurobot_od.web.tap import MOST_WAITING, Tap
 from tests.web.scene import channel
 

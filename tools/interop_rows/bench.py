@@ -16,7 +16,7 @@ import can
 import canopen
 from canopen.sdo.client import SdoClient
 
-from eurobot_od.live import Live
+from eurobot_od.bus.live import Live
 from eurobot_od.robot import dialects
 from eurobot_od.robot.nodes import ROLES
 

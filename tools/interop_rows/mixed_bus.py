@@ -11,9 +11,9 @@ from collections import Counter
 from collections.abc import Mapping
 from pathlib import Path
 
-from eurobot_od.logs import services
-from eurobot_od.logs.following import Following
-from eurobot_od.logs.meaning import Decoder, Meaning
+from eurobot_od.traffic import services
+from eurobot_od.traffic.following import Following
+from eurobot_od.traffic.meaning import Decoder, Meaning
 from interop_rows.row import Answer, agree
 from interop_rows.tools import run
 
@@ -21,7 +21,7 @@ ROOT = str(Path(__file__).resolve().parents[2])
 if ROOT not in sys.path:
     sys.path.insert(0, ROOT)  # the bus is the tests'
 
-from tests.logs.mixed_bus import dictionaries, log_text, recorded  # noqa: E402
+from tests.traffic.mixed_bus import dictionaries, log_text, recorded  # noqa: E402
 
 OURS: Mapping[str, tuple[str, ...]] = {
     "Default-SDO": (services.SDO,),

@@ -17,7 +17,7 @@ import can
 
 from eurobot_od import cli
 from eurobot_od.frame import Frame
-from eurobot_od.logs import formats
+from eurobot_od.traffic import formats
 from interop_rows.bench import SHORT_GOTO, collect, open_bus, robot
 from interop_rows.row import Answer, agree
 from interop_rows.tools import run

@@ -15,10 +15,10 @@ from eurobot_od.check.conformance.writing import Data, documents, hexadecimal
 from eurobot_od.check.format import VERSION
 from eurobot_od.device.nmt import NmtState
 from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.profiles import cia402
+from eurobot_od.od.profiles.cia402 import ARROWS, POWERED, DriveCommand, Mode, State
 from eurobot_od.od.standard import CONSUMED_HEARTBEATS
 from eurobot_od.od.values import ERROR_CONTROL_BASE, Address
-from eurobot_od.profiles import cia402
-from eurobot_od.profiles.cia402 import ARROWS, POWERED, DriveCommand, Mode, State
 from eurobot_od.sdo.wire import ClientCommand, initiate
 
 TAG = "profile"

@@ -37,10 +37,10 @@ from eurobot_od.errors import LocalError
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.objects import encode
 from eurobot_od.od.pdos import Pdo
+from eurobot_od.od.profiles import cia401
+from eurobot_od.od.profiles.cia401 import AnalogueInputs, AnalogueOutputs, DigitalInputs, DigitalOutputs
 from eurobot_od.od.standard import CONSUMED_HEARTBEATS, DEVICE_TYPE
 from eurobot_od.od.values import ERROR_CONTROL_BASE, Address, PdoDirection, label
-from eurobot_od.profiles import cia401
-from eurobot_od.profiles.cia401 import AnalogueInputs, AnalogueOutputs, DigitalInputs, DigitalOutputs
 from eurobot_od.sdo.wire import ClientCommand, carrying
 
 TAG = "profile"

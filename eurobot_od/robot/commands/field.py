@@ -14,8 +14,8 @@ from eurobot_od.cli.logs import ReadOptions, add_log, entries
 from eurobot_od.errors import EurobotError, RemoteError
 
 if TYPE_CHECKING:
-    from eurobot_od.logs.meaning import Meaning
     from eurobot_od.robot.picture.recording import Truth
+    from eurobot_od.traffic.meaning import Meaning
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -29,10 +29,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> None:
     """Draw the match; say what was wrong in the log."""
-    from eurobot_od.logs.entries import REMEMBERED
-    from eurobot_od.logs.statistics import DamageCounts
     from eurobot_od.robot.model.options import MatchOptions
     from eurobot_od.robot.panel.files import SeenMatch, form, save
+    from eurobot_od.traffic.entries import REMEMBERED
+    from eurobot_od.traffic.statistics import DamageCounts
 
     form(arguments.output)  # complains of a suffix before the logs are read
     robot, damage = options.robot(arguments), DamageCounts()

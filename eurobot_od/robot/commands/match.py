@@ -117,9 +117,9 @@ def _strategies(arguments: argparse.Namespace) -> StrategyFiles:
 
 def _run_one(arguments: argparse.Namespace, options: MatchOptions) -> ExitStatus:
     """Play, print the timeline as it happens and the summary at the end; status 1 if the strategy raised."""
-    from eurobot_od import live
-    from eurobot_od.logs.recorder import recording
+    from eurobot_od.bus import live
     from eurobot_od.robot.match import stage
+    from eurobot_od.traffic.recorder import recording
 
     _refuse_what_does_not_go_with_one_match(arguments)
     # Loaded before the log is opened: a mistake in the strategy must not leave an empty log behind.
@@ -172,7 +172,7 @@ def _keep_truth(log: Path, world: World, began: float) -> None:
 
 def _bus(arguments: argparse.Namespace) -> Callable[[], can.BusABC]:
     """Return what opens the bus of a live match; complain of a bit rate that is too slow for the robot's messages."""
-    from eurobot_od.live import open_bus
+    from eurobot_od.bus.live import open_bus
 
     slow = too_slow(shared.robot(arguments), arguments.dialect, arguments.bitrate) if arguments.bitrate else ""
     # Said and not refused: a team may have no faster bus, and most messages are in time on it.
@@ -184,7 +184,7 @@ def _bus(arguments: argparse.Namespace) -> Callable[[], can.BusABC]:
 def too_slow(robot: Plugin, dialect: str | None, bit_rate: int) -> str:
     """Say of a bit rate, bit/s, at which a stop or another message can be late that it is too slow; '' of others."""
     from eurobot_od.cli.load import of_robot
-    from eurobot_od.load.report import load_report, summary
+    from eurobot_od.traffic.load.report import load_report, summary
 
     report = load_report(of_robot(robot, dialect), bit_rate)
     return "" if report.holds else f"this bus is too slow: {summary(report)}; see `eurobot-od load -b {bit_rate}`"

@@ -19,8 +19,8 @@ from eurobot_od.robot.commands.world import world_address
 from eurobot_od.robot.model.values import TeamColour
 
 if TYPE_CHECKING:
+    from eurobot_od.bus.live import Live
     from eurobot_od.device.node import Node
-    from eurobot_od.live import Live
     from eurobot_od.od.dictionary import Dictionary
     from eurobot_od.robot.match.referee import Strategy
     from eurobot_od.robot.model.options import MatchOptions
@@ -143,7 +143,7 @@ def _play(
     arguments: argparse.Namespace,
 ) -> ExitStatus:
     """Play the match; status 1 if the strategy raised."""
-    from eurobot_od.live import FrameReader
+    from eurobot_od.bus.live import FrameReader
     from eurobot_od.pdo.protocol import Protocol
     from eurobot_od.robot.match.apart import Led
     from eurobot_od.robot.match.summary import FrameCounter

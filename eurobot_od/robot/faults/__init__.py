@@ -1,4 +1,4 @@
-"""Faults of the robot's nodes, besides those of any device; see `eurobot_od.faults`.
+"""Faults of the robot's nodes, besides those of any device; see `eurobot_od.device.faults`.
 
 Every fault names the step of the shipped suite that finds it; `tools/fault_matrix.py` proves it for all of them, which
 shows that the suites would find such a fault in a real node.

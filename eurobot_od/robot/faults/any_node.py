@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from eurobot_od.device.faults.fault import Caught
 from eurobot_od.device.nmt import NmtState
 from eurobot_od.device.node import Node
-from eurobot_od.faults.fault import Caught
 from eurobot_od.frame import Frame
 
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
+from eurobot_od.device.faults import hooks
+from eurobot_od.device.faults.fault import Caught
+from eurobot_od.device.faults.messages import MOVED, NOT_SENT, REVERSED, TWICE, sent_late
 from eurobot_od.device.flow import Call
-from eurobot_od.faults import hooks
-from eurobot_od.faults.fault import Caught
-from eurobot_od.faults.messages import MOVED, NOT_SENT, REVERSED, TWICE, sent_late
 from eurobot_od.frame import Frame
 from eurobot_od.pdo.message import Message
 from eurobot_od.robot.faults.message_faults import message_faults

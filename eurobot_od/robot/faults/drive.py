@@ -7,11 +7,11 @@ from contextlib import suppress
 from functools import partial
 from typing import Any, ClassVar
 
+from eurobot_od.device.faults import hooks
+from eurobot_od.device.faults.fault import Caught
+from eurobot_od.device.faults.messages import MOVED, NOT_ANSWERED, NOT_SENT, READ_REVERSED, REVERSED, TWICE, sent_late
 from eurobot_od.device.node import Node
 from eurobot_od.errors import Refused
-from eurobot_od.faults import hooks
-from eurobot_od.faults.fault import Caught
-from eurobot_od.faults.messages import MOVED, NOT_ANSWERED, NOT_SENT, READ_REVERSED, REVERSED, TWICE, sent_late
 from eurobot_od.frame import Frame
 from eurobot_od.pdo.message import Message
 from eurobot_od.robot.faults.message_faults import DRIVES_ON, message_faults, replaced_by

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable
 from functools import cache
 
+from eurobot_od.device.faults.fault import Caught, Fault
+from eurobot_od.device.faults.hooks import FrameChange, arriving, leaving, lost
+from eurobot_od.device.faults.messages import Wrong, words
 from eurobot_od.device.node import Node
-from eurobot_od.faults.fault import Caught, Fault
-from eurobot_od.faults.hooks import FrameChange, arriving, leaving, lost
-from eurobot_od.faults.messages import Wrong, words
 from eurobot_od.frame import Frame
 from eurobot_od.pdo.message import Message
 from eurobot_od.robot.protocol import EurobotProtocol

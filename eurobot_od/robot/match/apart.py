@@ -8,9 +8,9 @@ from dataclasses import replace
 from math import isnan, nan
 from typing import Any
 
+from eurobot_od.bus.live import BITRATE, Live
+from eurobot_od.bus.live.event_loop import run
 from eurobot_od.errors import WorldError
-from eurobot_od.live import BITRATE, Live
-from eurobot_od.live.event_loop import run
 from eurobot_od.robot.match.observer import Observer
 from eurobot_od.robot.match.referee import Referee, Strategy
 from eurobot_od.robot.match.summary import FrameCounter, Summary

@@ -10,8 +10,8 @@ from concurrent.futures import CancelledError, Future
 from functools import partial
 from typing import Any
 
+from eurobot_od.bus.live.watchdog import caller
 from eurobot_od.device.flow import Call
-from eurobot_od.live.watchdog import caller
 from eurobot_od.robot.model.messages import GotoXY, KalmanPositionResponse
 from eurobot_od.robot.model.places import Point, Pose
 from eurobot_od.robot.model.values import Outcome

@@ -16,7 +16,6 @@ from pathlib import Path
 from typing import Any, NamedTuple, TextIO
 
 from eurobot_od.errors import ProgramFailed, RemoteError
-from eurobot_od.logs.recorder import recording
 from eurobot_od.robot.match.stage import EdsFiles, play_simulated
 from eurobot_od.robot.match.strategies import Players
 from eurobot_od.robot.match.summary import Summary
@@ -26,6 +25,7 @@ from eurobot_od.robot.model.values import Outcome, Passage
 from eurobot_od.robot.world.contact import Touch
 from eurobot_od.robot.world.timeline import EventKind, MatchEvent
 from eurobot_od.robot.world.world import OURS
+from eurobot_od.traffic.recorder import recording
 
 ARRIVED = Outcome.ARRIVED.value
 UNMEANT = tuple(outcome.value for outcome in (Outcome.NOT_POSSIBLE, Outcome.REPLACED, Outcome.LOST))

@@ -13,10 +13,10 @@ from math import ceil, inf
 from pathlib import Path
 from typing import Any, TypeAlias
 
+from eurobot_od.bus.live.event_loop import exited
+from eurobot_od.bus.live.signals import Terminated
+from eurobot_od.bus.live.watchdog import Hang
 from eurobot_od.errors import LocalError, ProgramFailed, RemoteError, StateError
-from eurobot_od.live.event_loop import exited
-from eurobot_od.live.signals import Terminated
-from eurobot_od.live.watchdog import Hang
 from eurobot_od.robot.model.messages import DIAMETERS, KalmanPositionResponse
 from eurobot_od.robot.model.options import MatchOptions
 from eurobot_od.robot.model.places import Pose

@@ -10,17 +10,17 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from eurobot_od.bus.live.event_loop import apart
+from eurobot_od.bus.live.watchdog import Watchdog, passing
+from eurobot_od.bus.simulated import loop
 from eurobot_od.device.flow import Result
 from eurobot_od.errors import ProgramFailed
 from eurobot_od.frame import Frame
-from eurobot_od.live.event_loop import apart
-from eurobot_od.live.watchdog import Watchdog, passing
-from eurobot_od.logs.recorder import recording
 from eurobot_od.robot.match.stage import POWER_UP, EdsFiles, bus, cast_for, switch_on
 from eurobot_od.robot.model.options import MatchOptions
 from eurobot_od.robot.nodes import Core
 from eurobot_od.robot.world import World
-from eurobot_od.simulation import loop
+from eurobot_od.traffic.recorder import recording
 
 DEFAULTS = MatchOptions(falling=False)
 

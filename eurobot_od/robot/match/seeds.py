@@ -13,18 +13,18 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from eurobot_od import plugin
-from eurobot_od.campaign import blocks
-from eurobot_od.campaign.executors import HERE, Workers
 from eurobot_od.robot.match.played import PlayedMatch, play
 from eurobot_od.robot.match.stage import EdsFiles, Performance
 from eurobot_od.robot.match.strategies import Players, StrategyFiles
 from eurobot_od.robot.model.options import MatchOptions
 from eurobot_od.robot.model.robot_file import file_for
 from eurobot_od.robot.world import World
+from eurobot_od.season.campaign import blocks
+from eurobot_od.season.campaign.executors import HERE, Workers
 from eurobot_od.support.files import digest_of
 
 if TYPE_CHECKING:
-    from eurobot_od.campaign.results import Results
+    from eurobot_od.season.campaign.results import Results
 
 SHIPPED = StrategyFiles()
 

@@ -12,14 +12,18 @@ from contextlib import ExitStack
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
-from eurobot_od import live as runtime
 from eurobot_od import plugin
+from eurobot_od.bus import live as runtime
+from eurobot_od.bus.live.event_loop import run_in, watched_loop
+from eurobot_od.bus.live.signals import EndedBySigterm
+from eurobot_od.bus.live.watchdog import Watchdog, passing
+from eurobot_od.bus.simulated import loop as simulated_loop
+from eurobot_od.bus.simulated.bit_errors import Noise
+from eurobot_od.bus.simulated.network import Simulation, processing_time
+from eurobot_od.bus.simulated.several import Several
 from eurobot_od.errors import LocalError
 from eurobot_od.frame import Frame
 from eurobot_od.gatekeeper import Report
-from eurobot_od.live.event_loop import run_in, watched_loop
-from eurobot_od.live.signals import EndedBySigterm
-from eurobot_od.live.watchdog import Watchdog, passing
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.robot.match import strategy as shipped
@@ -38,10 +42,6 @@ from eurobot_od.robot.world.assembly import equip
 from eurobot_od.robot.world.contact import Touch
 from eurobot_od.robot.world.timeline import EventKind, MatchEvent, Timeline
 from eurobot_od.robot.world.world import OURS, RIVAL
-from eurobot_od.simulation import loop as simulated_loop
-from eurobot_od.simulation.bit_errors import Noise
-from eurobot_od.simulation.network import Simulation, processing_time
-from eurobot_od.simulation.several import Several
 
 if TYPE_CHECKING:
     import can

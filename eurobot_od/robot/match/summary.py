@@ -6,12 +6,12 @@ from collections import Counter
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
+from eurobot_od.bus.simulated.bits import frame_bits
 from eurobot_od.device.nmt import NmtState
 from eurobot_od.errors import UnknownIdentifier
 from eurobot_od.frame import Frame
-from eurobot_od.logs.services import services
 from eurobot_od.pdo.protocol import Protocol
-from eurobot_od.simulation.bits import frame_bits
+from eurobot_od.traffic.services import services
 
 
 @dataclass(frozen=True)

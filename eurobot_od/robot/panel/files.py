@@ -8,12 +8,12 @@ from types import ModuleType
 from typing import NamedTuple
 
 from eurobot_od.errors import UnknownName
-from eurobot_od.logs.meaning import Decoder, Meaning
 from eurobot_od.robot.model.facts import Facts
 from eurobot_od.robot.picture.picture import PAGE, picture
 from eurobot_od.robot.picture.recording import NOTHING, Recording, Truth, record
 from eurobot_od.support import extras
 from eurobot_od.support.files import write_whole
+from eurobot_od.traffic.meaning import Decoder, Meaning
 
 
 class SeenMatch(NamedTuple):
@@ -39,7 +39,7 @@ def _renderer() -> ModuleType:
 
 
 def _html(match: SeenMatch, title: str) -> bytes:
-    from eurobot_od.live import BITRATE
+    from eurobot_od.bus.live import BITRATE
     from eurobot_od.robot.panel import field_panel, true_path, truth_events
     from eurobot_od.web.columns import Columns
     from eurobot_od.web.page import page

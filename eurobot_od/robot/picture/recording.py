@@ -11,11 +11,11 @@ from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple, get_args
 
 from eurobot_od.frame import Frame
-from eurobot_od.logs.meaning import Decoder
 from eurobot_od.pdo.message import Message, is_flagged, kinds
 from eurobot_od.robot.model import messages
 from eurobot_od.robot.model.places import Point, Pose
 from eurobot_od.robot.model.values import FAULT_OUTCOME, GotoFault, Outcome, Passage, TeamColour
+from eurobot_od.traffic.meaning import Decoder
 
 
 class PathPoint(NamedTuple):

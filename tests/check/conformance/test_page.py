@@ -13,9 +13,9 @@ from eurobot_od.check.conformance.page import DeviceRun
 from eurobot_od.check.conformance.subject import Tier
 from eurobot_od.check.runner import RunOptions
 from eurobot_od.check.simulated import run_simulated
+from eurobot_od.device.faults.conformance import FAULTS
 from eurobot_od.device.simulated import SimulatedDevice
 from eurobot_od.errors import UnknownName
-from eurobot_od.faults.conformance import FAULTS
 from eurobot_od.od.dictionary import Dictionary
 from tests.check.conformance.devices import IO_MODULE, NODE_ID, of_kind, suites
 

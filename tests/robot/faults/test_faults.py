@@ -6,10 +6,10 @@ import re
 
 import pytest
 
+from eurobot_od.device.faults import hooks
+from eurobot_od.device.faults.hooks import Mixin
 from eurobot_od.device.nmt import NmtCommand
 from eurobot_od.errors import LocalError, UnknownName
-from eurobot_od.faults import hooks
-from eurobot_od.faults.hooks import Mixin
 from eurobot_od.frame import Frame
 from eurobot_od.od.values import NMT_COB_ID
 from eurobot_od.pdo.message import Message

@@ -4,8 +4,17 @@ from __future__ import annotations
 
 import pytest
 
-from eurobot_od.faults.fault import Caught
-from eurobot_od.faults.messages import MOVED, NOT_ANSWERED, NOT_SENT, READ_REVERSED, REVERSED, TWICE, Wrong, sent_late
+from eurobot_od.device.faults.fault import Caught
+from eurobot_od.device.faults.messages import (
+    MOVED,
+    NOT_ANSWERED,
+    NOT_SENT,
+    READ_REVERSED,
+    REVERSED,
+    TWICE,
+    Wrong,
+    sent_late,
+)
 from eurobot_od.frame import Frame
 from eurobot_od.pdo.message import Message
 from eurobot_od.robot import dialects

@@ -7,7 +7,7 @@ from contextlib import ExitStack
 
 import pytest
 
-from eurobot_od.live import Live
+from eurobot_od.bus.live import Live
 from eurobot_od.robot import dialects
 from eurobot_od.robot.match.apart import Led
 from eurobot_od.robot.match.summary import FrameCounter

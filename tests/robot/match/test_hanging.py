@@ -11,7 +11,7 @@ from textwrap import dedent
 
 import pytest
 
-from eurobot_od.live import open_bus
+from eurobot_od.bus.live import open_bus
 from eurobot_od.robot.match import stage
 from eurobot_od.robot.match.seeds import play_many
 from eurobot_od.robot.match.strategies import StrategyFiles, load

@@ -6,11 +6,11 @@ from dataclasses import replace
 
 import pytest
 
+from eurobot_od.bus.simulated.bits import frame_bits
 from eurobot_od.frame import Frame
 from eurobot_od.robot.match.summary import FrameCounter, Summary
 from eurobot_od.robot.model.messages import GotoXY, StopDrive
 from eurobot_od.robot.protocol import EurobotProtocol
-from eurobot_od.simulation.bits import frame_bits
 
 PROTOCOL = EurobotProtocol.load()
 GOTO = PROTOCOL.encode(GotoXY(1500, 1000, 90, 80))

@@ -9,6 +9,8 @@ import itertools
 from collections.abc import Coroutine
 from typing import Any, NamedTuple, TypeVar
 
+from eurobot_od.bus.simulated import loop
+from eurobot_od.bus.simulated.network import ON_TIME, Simulation
 from eurobot_od.device.nmt import NmtCommand
 from eurobot_od.device.station import Station
 from eurobot_od.errors import RemoteError
@@ -31,8 +33,6 @@ from eurobot_od.robot.nodes import ROLES, Core, Drive, Navigation, Node
 from eurobot_od.robot.nodes.motion import Odometry, WheelCommand
 from eurobot_od.robot.nodes.navigation import Fix
 from eurobot_od.robot.protocol import EurobotProtocol
-from eurobot_od.simulation import loop
-from eurobot_od.simulation.network import ON_TIME, Simulation
 
 Result = TypeVar("Result")
 

@@ -10,10 +10,11 @@ import can
 import canopen
 import pytest
 
+from eurobot_od.bus.live import Live
+from eurobot_od.bus.simulated.network import Simulation
 from eurobot_od.device.nmt import NmtCommand
 from eurobot_od.errors import FieldError
 from eurobot_od.frame import Frame
-from eurobot_od.live import Live
 from eurobot_od.od.values import Address
 from eurobot_od.pdo.message import Message
 from eurobot_od.robot import dialects
@@ -43,7 +44,6 @@ from eurobot_od.robot.nodes import ROLES, Core, Drive, Navigation
 from eurobot_od.robot.nodes.navigation import Fix
 from eurobot_od.robot.protocol import EurobotProtocol
 from eurobot_od.sdo.wire import AbortCode
-from eurobot_od.simulation.network import Simulation
 from tests.device.master import SYNC_COB_ID, NodeWire, dictionary_with_sync
 from tests.robot.nodes.harness import DICTIONARIES, RED, Peer, as_if_started
 

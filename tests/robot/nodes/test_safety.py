@@ -17,10 +17,10 @@ from typing import Any, ClassVar
 
 import pytest
 
+from eurobot_od.bus.live import Live
 from eurobot_od.device.nmt import NmtCommand
 from eurobot_od.errors import NoAnswer, StateError
 from eurobot_od.frame import Frame
-from eurobot_od.live import Live
 from eurobot_od.od.values import NMT_COB_ID
 from eurobot_od.pdo.message import Message
 from eurobot_od.robot.model.messages import (

@@ -9,6 +9,7 @@ from concurrent.futures import Future
 
 import pytest
 
+from eurobot_od.bus.simulated.network import ON_TIME, Simulation
 from eurobot_od.frame import Frame
 from eurobot_od.robot import dialects
 from eurobot_od.robot.model.messages import StopDrive
@@ -17,7 +18,6 @@ from eurobot_od.robot.nodes import Core, Drive, Navigation
 from eurobot_od.robot.nodes.goto import GotoReport
 from eurobot_od.robot.nodes.node import RobotNode
 from eurobot_od.robot.protocol import EurobotProtocol
-from eurobot_od.simulation.network import ON_TIME, Simulation
 from tests.robot.document import NAMES
 from tests.robot.nodes.harness import put
 

@@ -14,9 +14,9 @@ import struct
 import sys
 import time
 
+from eurobot_od.bus.simulated.bits import frame_bits
 from eurobot_od.frame import Frame
 from eurobot_od.robot.protocol import EurobotProtocol
-from eurobot_od.simulation.bits import frame_bits
 
 DIFFERENT = 1000
 """Different frames; they are sent again and again."""

@@ -11,10 +11,10 @@ from contextlib import contextmanager
 from functools import partial
 
 from bench.measure import Claim, Contender, Figures, Quantity, Scale, Series, Way, Wrong
+from eurobot_od.bus.simulated.bit_errors import BitErrors, Noise
+from eurobot_od.bus.simulated.bus import Bus
+from eurobot_od.bus.simulated.controller import Controller
 from eurobot_od.frame import Frame
-from eurobot_od.simulation.bit_errors import BitErrors, Noise
-from eurobot_od.simulation.bus import Bus
-from eurobot_od.simulation.controller import Controller
 
 BITRATE = 1_000_000
 CONTROLLERS = 3

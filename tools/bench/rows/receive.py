@@ -23,9 +23,9 @@ import can
 from bench.measure import Claim, Contender, Figures, Quantity, Scale, Series, Way, Wrong
 from bench.shared import new_bus, new_channel, protocol
 from bench.traffic import maker
+from eurobot_od.bus.live import Live
 from eurobot_od.frame import Frame
 from eurobot_od.gatekeeper import Gatekeeper
-from eurobot_od.live import Live
 from eurobot_od.robot.model.messages import GotoXY
 
 OTHERS = (100, 10_000)

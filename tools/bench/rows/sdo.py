@@ -18,9 +18,9 @@ import canopen
 
 from bench.measure import Claim, Contender, Figures, Quantity, Scale, Series, Way, Wrong
 from bench.shared import new_bus, new_channel
+from eurobot_od.bus.live import Live
 from eurobot_od.client.master import Master
 from eurobot_od.device.node import Node
-from eurobot_od.live import Live
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.sdo.client import Transfer, block_download, block_upload, download
 

@@ -20,8 +20,8 @@ import can
 from bench.measure import Claim, Contender, Figures, NotHere, Quantity, Scale, Series, Way, Wrong
 from bench.process import ENVIRONMENT, PROGRAMS, PYTHON, started
 from bench.shared import protocol
+from eurobot_od.bus.live import Live
 from eurobot_od.gatekeeper import Gatekeeper, MessageQueue
-from eurobot_od.live import Live
 from eurobot_od.pdo.message import Message
 
 CHANNEL = "vcan0"

@@ -1,0 +1,215 @@
+"""python-can's buses: opening one, handing it a frame, and what its driver can do.
+
+Rule of this file: whatever a driver raises becomes a BusError of one line.
+"""
+
+from __future__ import annotations
+
+import errno
+import socket
+import sys
+from collections.abc import Callable
+from contextlib import suppress
+from typing import TYPE_CHECKING, Any
+
+from eurobot_od.bus.live.links import BITRATE, INSTEAD, ONLY_LINUX, remedy
+from eurobot_od.errors import BusError, UnknownName
+from eurobot_od.frame import EXTENDED, HIGHEST_EXTENDED, Frame
+
+if TYPE_CHECKING:
+    import can
+
+SOCKETCAN = "socketcan"
+"""python-can's name of Linux's own CAN interfaces."""
+
+INTERFACE_KEYS = {"interface", "bustype"}
+"""What python-can's configuration calls the interface."""
+
+DEFAULT_BUS = {"interface": "virtual", "channel": "eurobot"}
+"""The in-process bus, where neither caller nor python-can's configuration names one."""
+
+RETRY = 0.001
+"""Seconds that a driver may take to accept a frame; one that does not is given the frame again later."""
+
+FILTERING = (SOCKETCAN, "etas")
+"""Interfaces with a driver that takes as many receive filters as there are identifiers."""
+
+PROMPT = (SOCKETCAN, "virtual")
+"""Interfaces whose `send` really does not wait when its timeout is 0."""
+
+SERIAL = ("slcan",)
+"""Interfaces that write to a serial port: it has room for hundreds of frames, but a write that took longer than it may
+counts as failed even when all is written."""
+
+SERIAL_WAIT = 0.2
+"""Seconds that a write to a serial port may take: on a busy machine a thread may have to wait for its turn."""
+
+FULL = (errno.ENOBUFS, errno.EAGAIN, errno.EWOULDBLOCK, errno.ETIMEDOUT)
+"""What an operating system says when there is no room for a frame; any other error of it means that the bus is lost."""
+
+SO_MEMINFO, DROPS = 55, slice(32, 36)
+"""A socket's counters (Linux 4.12), and where among them is how many frames have found no room in its receive queue.
+
+SO_RXQ_OVFL gives the same count with each frame, which python-can neither reads nor copes with.
+"""
+
+# python-can has no way to ask a bus for either. So its documentation and its code (4.6) were asked once, and
+# these are the answers; an interface that is not listed still works. Kvaser, Vector and Systec filter in the driver as
+# long as there is one filter; with more of them python-can compares each frame with each filter, in our thread, for
+# what the gatekeeper finds by one look into a dictionary. `send(timeout=0)` is left to each driver, and few keep to it.
+
+
+def open_bus(interface: str | None = None, channel: str | None = None, bitrate: int | None = None) -> can.BusABC:
+    """Open a python-can bus; what is not given comes from python-can's own configuration files and variables.
+
+    Raises BusError in one line, whatever the driver had to say.
+    """
+    import can
+    from can import util
+    from can.interfaces import BACKENDS
+
+    silence_logs()
+    if interface == SOCKETCAN and not hasattr(socket, "AF_CAN"):
+        raise BusError(f"cannot open the {interface} bus {channel or ''}: {ONLY_LINUX}; {INSTEAD}")
+    asked = {"interface": interface, "channel": channel, "bitrate": bitrate}
+    given = {key: value for key, value in asked.items() if value is not None}
+    try:
+        said = _named(given)
+        # Our bus by default goes with our channel: neither completes an interface that somebody else has named.
+        defaults = {key: value for key, value in DEFAULT_BUS.items() if key not in said}
+        config = util.load_config(config=({} if said & INTERFACE_KEYS else defaults) | given)
+        return can.Bus(ignore_config=True, **({"bitrate": BITRATE} | dict(config)))  # it has been read just now
+    except Exception as error:  # drivers raise OSError, ImportError, ValueError, CanError, ...
+        name = f"{interface or 'configured'} bus {channel or ''}".strip()
+        why = _with_remedy(error, channel if interface == SOCKETCAN else None)
+        if interface is not None and interface not in BACKENDS:
+            why = str(UnknownName("interface", interface, sorted(BACKENDS)))
+        raise BusError(f"cannot open the {name}: {why}") from error
+
+
+def _with_remedy(error: BaseException, name: str | None) -> str:
+    """Return an error in one line, with what helps if it is one with the SocketCAN interface of a name."""
+    helps = remedy(_number(error), name) if name else ""
+    return f"{_one_line(error)}; {helps}" if helps else _one_line(error)
+
+
+def _number(error: BaseException) -> int | None:
+    """Return the operating system's number of an error, its own, python-can's or its cause's."""
+    known: int | None = getattr(error, "error_code", None) or getattr(error, "errno", None)
+    return known if known or error.__cause__ is None else _number(error.__cause__)
+
+
+def is_named(interface: str | None) -> bool:
+    """Tell whether a caller or python-can's configuration names an interface, so that it is not our default."""
+    return bool(_named({"interface": interface} if interface else {}) & INTERFACE_KEYS)
+
+
+def silence_logs() -> None:
+    """Keep drivers' log lines off the terminal unless the program has set up logging: errors are raised anyway."""
+    import logging
+
+    for name in ("can", "can_remote", "seeedbus"):
+        if not logging.getLogger(name).handlers:
+            logging.getLogger(name).addHandler(logging.NullHandler())
+
+
+def _named(given: dict[str, Any]) -> set[str]:
+    """Return the keys that have a value from the caller, python-can's variables or its files."""
+    from can import rc, util
+
+    sources = (given, rc, util.load_environment_config(), util.load_file_config())
+    return {key for source in sources for key, value in source.items() if value}
+
+
+def _one_line(error: BaseException) -> str:
+    return " ".join(str(error).split()) or type(error).__name__
+
+
+def shut_down(bus: can.BusABC) -> None:
+    """Shut a bus down; raises whatever its driver raises, and python-can does not try again when the bus is deleted."""
+    import can
+
+    try:
+        bus.shutdown()
+    except BaseException:
+        can.BusABC.shutdown(bus)
+        raise
+
+
+class Driver:
+    """A bus, and what its driver can do: whether it `filters`, and whether its `send` returns `prompt`ly.
+
+    `refusal` is what the driver said when it did not take a frame. `bus` changes when a lost one is opened again.
+    """
+
+    def __init__(self, bus: can.BusABC) -> None:
+        import can
+
+        self._message, self._refused = can.Message, can.CanError
+        self.refusal = ""
+        self._adopt(bus)
+
+    def _adopt(self, bus: can.BusABC) -> None:
+        self.bus = bus
+        self.filters = any(_is_of(bus, interface) for interface in FILTERING)
+        self.prompt = any(_is_of(bus, interface) for interface in PROMPT)
+        serial = any(_is_of(bus, interface) for interface in SERIAL)
+        self._wait = 0.0 if self.prompt else SERIAL_WAIT if serial else RETRY
+        self._socket = getattr(bus, "socket", None) if _is_of(bus, SOCKETCAN) else None
+
+    def replace(self, opener: Callable[[], can.BusABC]) -> None:
+        """Shut the bus down, which has failed, and open it again; raises BusError."""
+        with suppress(Exception):  # of a bus that has failed, what its end has to say is only a consequence
+            shut_down(self.bus)
+        self._adopt(opener())
+
+    def send(self, frame: Frame, timeout: float | None = None) -> bool:
+        """Hand over a frame; False if the driver does not take it in `timeout` seconds. Raises BusError if it failed.
+
+        Without a timeout it is as short as the driver allows. A driver that is not `prompt` may wait longer.
+        """
+        # by their places: by their names the arguments take half as long again
+        identifier, extended = frame.cob_id & HIGHEST_EXTENDED, frame.cob_id >= EXTENDED
+        message = self._message(0.0, identifier, extended, frame.is_remote, False, None, len(frame.data), frame.data)
+        bus = self.bus
+        try:
+            bus.send(message, timeout=self._wait if timeout is None else timeout)
+        except self._refused as error:
+            if isinstance(error.__cause__, OSError) and error.__cause__.errno not in FULL:
+                raise failure(bus, error) from error
+            self.refusal = _one_line(error)
+            return False
+        except Exception as error:  # OSError, ctypes' errors, ...: unlike CanError, they do not mean "try again"
+            if bus is not self.bus:  # it was opened again meanwhile: that the old one failed is known
+                return False
+            raise failure(bus, error) from error
+        return True
+
+    @property
+    def overflow(self) -> int:
+        """How many received frames have found no room since the bus was opened; only SocketCAN tells."""
+        if not isinstance(self._socket, socket.socket):
+            return 0
+        try:
+            counters = self._socket.getsockopt(socket.SOL_SOCKET, SO_MEMINFO, DROPS.stop)
+        except OSError:  # an older kernel; or the bus is being shut down
+            return 0
+        return int.from_bytes(counters[DROPS], sys.byteorder)
+
+    def stuck(self, seconds: float) -> BusError:
+        """Return the error for a driver that has taken no frame for some seconds."""
+        return BusError(f"the bus {self.bus.channel_info} has taken no frame for {seconds:.1f} s: {self.refusal}")
+
+
+def _is_of(bus: can.BusABC, interface: str) -> bool:
+    """Tell whether a bus is of an interface of python-can, without importing the drivers of the others."""
+    from can.interfaces import BACKENDS
+
+    module, name = BACKENDS[interface]
+    return module in sys.modules and isinstance(bus, getattr(sys.modules[module], name))
+
+
+def failure(bus: can.BusABC, error: BaseException) -> BusError:
+    """Return an error of a driver in one line."""
+    name = str(getattr(bus, "channel", "")) if _is_of(bus, SOCKETCAN) else None
+    return BusError(f"the bus {bus.channel_info} failed: {_with_remedy(error, name)}")

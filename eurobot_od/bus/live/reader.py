@@ -1,0 +1,198 @@
+"""Reading a bus in a thread: the loop that every received frame goes through."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from contextlib import nullcontext, suppress
+from math import inf
+from struct import error as StructError  # noqa: N812
+from typing import TYPE_CHECKING
+
+from eurobot_od.bus.live.buses import Driver, failure, shut_down
+from eurobot_od.bus.live.connection import Connection, Opener
+from eurobot_od.errors import BusError
+from eurobot_od.frame import HIGHEST_IDENTIFIER, MOST_BYTES, Data, Frame
+
+if TYPE_CHECKING:
+    import can
+
+POLL = 0.1
+"""Longest time in seconds that a thread waits before it looks whether it is to end."""
+
+
+MALFORMED = (ValueError, TypeError, LookupError, AssertionError, StructError)
+"""What drivers raise about a frame of which they can make no sense; about a bus they raise other errors."""
+
+ENDURED = 100
+"""This many in a row are no garbled frames any more: the bus has failed."""
+
+
+OLD = 1.0
+"""Seconds that a frame may have waited in the driver's queue."""
+
+
+class Backlog:
+    """Finds old frames by the driver's time stamps; `ended` gets their number after each standstill.
+
+    Frames that came while the process stood still (SIGSTOP, a suspended computer) are too old to be acted on. Only
+    after a standstill can a frame be old, until one is fresh or none is waiting: so setting the clock makes no node
+    deaf.
+
+    `longest` is the longest time in seconds that a running reader takes from one call to the next.
+    """
+
+    def __init__(self, longest: float, ended: Callable[[int], object]) -> None:
+        self._longest, self._ended = longest, ended
+        self._last, self._usual = inf, inf
+        self._waits, self._count = False, 0
+
+    def is_old(self, now: float, stamp: float) -> bool:
+        """Return whether a frame read `now` has waited too long; `stamp` is 0.0 if the driver gives none."""
+        self._waits = self._waits or now - self._last > self._longest
+        self._last = now
+        if self._waits and stamp:
+            if now - stamp > self._usual + OLD:
+                self._count += 1
+                return True
+            self._end()
+        self._usual = now - stamp
+        return False
+
+    def is_empty(self, now: float) -> None:
+        """Note that no frame is waiting."""
+        stood_still = now - self._last > self._longest
+        self._last = now
+        if stood_still:
+            self._waits = True  # the wait for a frame has run out meanwhile: those that have come are still to be read
+        elif self._waits:
+            self._end()
+
+    def _end(self) -> None:
+        self._waits, count, self._count = False, self._count, 0
+        if count:
+            self._ended(count)
+
+
+class Reader:
+    """Gives each classic data frame with an 11-bit identifier to `receive`, and any other frame to `foreign`.
+
+    `receive` takes the COB-ID, the data in the driver's buffer, and when the frame was read, in seconds of `clock`;
+    without one the driver's time stamps count, which start anywhere. `foreign` gets None for a frame of which the
+    driver can make no sense. `missed` gets how many frames were passed over because they came while the process stood
+    still; those whose COB-ID `lasts` are never.
+    """
+
+    def __init__(
+        self,
+        connection: Connection,
+        receive: Callable[[int, Data, float], object],
+        clock: Callable[[], float] | None,
+        foreign: Callable[[can.Message | None], object],
+        missed: Callable[[int], object] | None = None,
+        lasts: Callable[[int], bool] = lambda _: False,
+    ) -> None:
+        self._connection, self._receive, self._clock, self._foreign = connection, receive, clock, foreign
+        self._backlog = None if missed is None else Backlog(POLL + OLD, missed)
+        self._lasts = lasts
+
+    def read(self) -> None:
+        """Read in this thread until the connection is closed, or lost for good."""
+        connection, going_on = self._connection, True
+        while going_on:
+            bus = connection.driver.bus
+            try:
+                self._read(bus)
+            except BaseException as error:  # drivers raise OSError, CanError, ctypes' errors, ...
+                connection.fail(failure(bus, error))
+            going_on = connection.reopen()
+
+    def _read(self, bus: can.BusABC) -> None:
+        """Read as long as the connection is up; raises whatever the driver raises."""
+        connection, recv, receive, clock = self._connection, bus.recv, self._receive, self._clock
+        nonsense, backlog, now = 0, self._backlog, 0.0
+        while connection.up:
+            try:
+                message = recv(POLL)
+            except MALFORMED:
+                nonsense += 1
+                if nonsense == ENDURED:
+                    raise
+                self._foreign(None)
+                continue
+            nonsense = 0  # garbled frames are no failure unless nothing else comes
+            if connection.failure is not None:
+                connection.works()
+            now = clock() if clock else 0.0
+            if message is None:
+                if backlog is not None:
+                    backlog.is_empty(now)
+                continue
+            if message.is_extended_id or message.is_remote_frame or message.is_error_frame or message.is_fd:
+                self._foreign(message)
+            elif len(message.data) > MOST_BYTES or not 0 <= message.arbitration_id <= HIGHEST_IDENTIFIER:
+                self._foreign(message)  # what an adapter cannot receive, a peer behind a network can send
+            elif backlog is None or not backlog.is_old(now, message.timestamp) or self._lasts(message.arbitration_id):
+                receive(message.arbitration_id, message.data, now if clock else message.timestamp)
+
+
+class FrameReader:
+    """Calls `seen` with the time and every classic base data frame on a bus; a context manager.
+
+    `clock` and `foreign` are those of the Reader, `opener`, `failed` and `back` the Connection's.
+    """
+
+    def __init__(
+        self,
+        bus: can.BusABC,
+        seen: Callable[[float, Frame], object],
+        clock: Callable[[], float] | None,
+        failed: Callable[[BusError], object] = lambda _: None,
+        foreign: Callable[[can.Message | None], object] = lambda _: None,
+        opener: Opener | None = None,
+        back: Callable[[float], object] = lambda _: None,
+    ) -> None:
+        def receive(cob_id: int, data: Data, now: float) -> None:
+            seen(now, Frame(cob_id, bytes(data)))
+
+        self._connection = Connection(
+            Driver(bus), opener, time.monotonic, lambda why, _: failed(why), lambda: None, back
+        )
+        reader = Reader(self._connection, receive, clock, foreign)
+        self._thread = threading.Thread(target=reader.read, name=f"{bus.channel_info} watch", daemon=True)
+
+    @property
+    def bus(self) -> can.BusABC:
+        """The bus as it is opened now."""
+        return self._connection.driver.bus
+
+    @property
+    def name(self) -> str:
+        """What the driver calls the bus."""
+        return str(self.bus.channel_info)
+
+    def send(self, frame: Frame, timeout: float | None = None) -> bool:
+        """Hand a frame to the driver, as `Driver.send` does; when that fails, the bus is opened again as well."""
+        try:
+            return self._connection.driver.send(frame, timeout)
+        except BusError as failed:
+            self._connection.fail(failed)
+            raise
+
+    def overflow(self) -> int:
+        """Return how many frames have found no room in the driver's queue so far; 0 if it does not tell."""
+        self._connection.count_overflow()
+        return self._connection.overflow
+
+    def __enter__(self) -> FrameReader:
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._connection.close()
+        self._connection.count_overflow()  # while there is a socket to ask
+        self._thread.join(10 * POLL)
+        # The end of a bus that has failed can only fail for the same reason.
+        with suppress(Exception) if self._connection.failure else nullcontext():
+            shut_down(self._connection.driver.bus)

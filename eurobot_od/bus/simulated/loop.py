@@ -1,0 +1,78 @@
+"""An asyncio event loop whose clock is the simulated bus's: `await asyncio.sleep(90)` takes no time at all.
+
+Rule of this file: the loop never waits. Where an ordinary loop would sleep, events of the network are run until one
+of them wakes a task, or the time has come that the loop would have slept to.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import selectors
+from collections.abc import Callable, Coroutine
+from contextvars import Context
+from math import inf
+from typing import Any
+
+from eurobot_od.bus.live.event_loop import run_in
+from eurobot_od.bus.simulated.several import Simulated
+from eurobot_od.device.flow import Result
+from eurobot_od.errors import EurobotError
+
+
+class NothingHappens(EurobotError):
+    """Every task waits and no node has anything planned: in simulated time that would last for ever."""
+
+
+class _Selector(selectors.DefaultSelector):
+    """Runs the network instead of sleeping, until it is `woken` or a file that somebody registered is ready."""
+
+    def __init__(self, network: Simulated) -> None:
+        super().__init__()
+        self._network = network
+        self.woken = False
+
+    def select(self, timeout: float | None = None) -> list[tuple[selectors.SelectorKey, int]]:
+        until = inf if timeout is None else self._network.now + timeout
+        ready = self._ready()
+        while not (ready or self.woken) and self._network.now < until:
+            # Refused rather than waited for: no event is left that could end the wait.
+            if timeout is None and self._network.next_event == inf:
+                raise NothingHappens("every task waits, and no node has anything to do")
+            self._network.advance(until)
+            ready = self._ready()
+        self.woken = False
+        return ready
+
+    def _ready(self) -> list[tuple[selectors.SelectorKey, int]]:
+        """Ask for ready files, but not for asyncio's own pipe alone: that would cost a system call for each event."""
+        return super().select(0) if len(self.get_map()) > 1 else []
+
+
+class SimulatedLoop(asyncio.SelectorEventLoop):
+    """An event loop on the clock of `network`."""
+
+    def __init__(self, network: Simulated) -> None:
+        self._simulated = _Selector(network)
+        super().__init__(self._simulated)
+        self._network = network
+
+    def call_soon_threadsafe(  # type: ignore[override]  # typeshed ties the arguments to the callback's
+        self, callback: Callable[..., object], *args: Any, context: Context | None = None
+    ) -> asyncio.Handle:
+        """Have a callback run before the next event, as the nodes do with those who await them."""
+        # A node's answer wakes its task within the same event: another event first would put a time between the two
+        # that no real program has.
+        self._simulated.woken = True
+        return self.call_soon(callback, *args, context=context)
+
+    def time(self) -> float:
+        """Return the simulated time in seconds."""
+        return self._network.now
+
+
+def run(network: Simulated, main: Coroutine[Any, Any, Result]) -> Result:
+    """Run a coroutine to its end in simulated time, as `live.event_loop.run` does in real time.
+
+    Raises ProgramFailed if it calls `sys.exit`; whether it hangs is for a watchdog to see.
+    """
+    return run_in(SimulatedLoop(network), main)

@@ -1,0 +1,304 @@
+"""Stations on a simulated CAN bus: who hears what and when, what goes wrong on demand, and the order of all events.
+
+Rule of this file: one event after the other, each at its time. What the bus makes of the frames is in `bus`: the lowest
+COB-ID in all mailboxes wins it, and frames that are equal to the bit go out as one.
+
+A frame's way: its node leaves it to the mailboxes; it wins the arbitration; after its bits it has ended. At that moment
+the mailboxes of its senders are free and the observers are called, whatever becomes of it next; the bus is free after
+the intermission. Then `disturb` says when it reaches the stations that have received it, and each of them looks at it
+after its own `processing` time. A station that is silent at any of these times has lost it.
+
+What is to come stands in one queue: looks, starts, and the moments at which somebody may send again. Only what is under
+way on the bus, which `cut` may take back, and the nodes' own wake-ups, which stand in their plans and may change at any
+time, are looked up each time. Ties go: the bus, the queue in the order of planning, the stations in the order of
+attaching.
+
+A bus that is cut in two is two buses (`split`) until they are joined; all other stations are on the whole one.
+"""
+
+from __future__ import annotations
+
+import heapq
+import itertools
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from functools import partial
+from math import inf
+from random import Random
+from typing import TypeAlias
+
+from eurobot_od.bus.simulated.bit_errors import BitErrors
+from eurobot_od.bus.simulated.bits import frame_bits
+from eurobot_od.bus.simulated.bus import Bus, regroup
+from eurobot_od.bus.simulated.confinement import ErrorState
+from eurobot_od.bus.simulated.controller import Babble, Controller, FrameSource, Nothing
+from eurobot_od.device.emergency import ErrorCode
+from eurobot_od.device.node import Node
+from eurobot_od.device.station import Station
+from eurobot_od.frame import Frame
+from eurobot_od.gatekeeper import Report
+from eurobot_od.gatekeeper.mailboxes import Mailboxes
+
+PROCESSING_TIMES = (50e-6, 100e-6, 150e-6, 200e-6)
+"""How long a node may take until it looks at a frame, s: about as long as a frame takes at 500 kbit/s.
+
+Two nodes that give the same answer to one message, as the robot's drive and navigation confirm a start configuration,
+are two frames on the bus if their times differ, and one merged frame if not. With so few times both are frequent, and
+the node that asks has to cope with either."""
+
+ON_TIME = (0.0,)
+"""What `Simulation.disturb` says for a frame that reaches everyone as it should."""
+
+Disturb: TypeAlias = Callable[[float, Frame], Sequence[float]]
+"""Says for a frame that has ended at a time, s, after which delays, s, it reaches the receivers: once for each."""
+
+
+def processing_time(seed: int, name: str) -> float:
+    """Return how long a node takes until it looks at a frame, in seconds, from the seed of all chance."""
+    return Random(f"{seed} processing {name}").choice(PROCESSING_TIMES)
+
+
+REPORTED = {
+    (ErrorState.ACTIVE, ErrorState.PASSIVE): ErrorCode.ERROR_PASSIVE,
+    (ErrorState.OFF, ErrorState.ACTIVE): ErrorCode.RECOVERED_FROM_BUS_OFF,
+}
+"""What a controller reports to its node when its state changes; nobody hears a node that is bus-off."""
+
+
+@dataclass
+class Attachment:
+    """A station's place on the bus; it looks at a frame `processing` seconds after that came."""
+
+    station: Station
+    mailboxes: Mailboxes
+    controller: Controller
+    processing: float
+
+    @property
+    def wakeup(self) -> float:
+        """When the station may want to tick, in seconds: not before it says, and not while it is silent."""
+        return max(self.station.plan.soonest, self.controller.silent_until)
+
+    def ask(self) -> float:
+        """Ask the node when it wants to tick, which holds until something comes or it plans something sooner."""
+        return self.station.next_wakeup
+
+
+class Simulation:
+    """A simulated bus at `bitrate` bit/s with its stations; `now` is the simulated time in seconds.
+
+    `reports` are the gatekeepers' reports. `observers` are called with each frame and the time, in seconds, at which
+    its transmission ended. `disturb` may be set to lose, double and delay frames; `bit_errors` spoil them on the wire.
+    A `monitored` bus has a controller that only listens, and acknowledges what it hears, so that the first node that
+    boots is not alone. Without it, one that is alone sends its frame again and again.
+    """
+
+    def __init__(self, bitrate: int = 500_000, *, monitored: bool = True) -> None:
+        self.bitrate = bitrate
+        self.now = 0.0
+        self.observers: list[Callable[[float, Frame], None]] = []
+        self.reports: list[Report] = []
+        # Apart from `bit_errors`: this is what a driver or a program loses, of which the sender's controller knows
+        # nothing.
+        self.disturb: Disturb = lambda _now, _frame: ON_TIME
+        self.bit_errors: list[BitErrors] = []
+        self._places: dict[Station, Attachment] = {}
+        self._stations: dict[Controller, Station] = {}
+        self._queue: list[tuple[float, int, Callable[[], None]]] = []
+        self._order = itertools.count()
+        self._buses: list[Bus] = []
+        self._whole = self._add_bus()
+        if monitored:
+            self._whole.controllers.append(Controller(Nothing()))
+
+    # Stations and their lives
+
+    def attach(self, node: Node, start: float = 0.0, processing: float = 0.0) -> Station:
+        """Connect a node that is switched on at `start` and looks at a frame `processing` after it came, in seconds."""
+        station = Station(node, report=self.reports.append, clock=lambda: self.now)
+        station.gatekeeper.start()
+        node.wake = partial(station.plan.at, -inf)  # called from outside, it has its time asked for at once
+        mailboxes = station.gatekeeper.mailboxes
+        # Silent until it has started: a node that is off does not acknowledge either.
+        controller = Controller(mailboxes, silent_until=inf)
+        self._places[station] = Attachment(station, mailboxes, controller, processing)
+        self._stations[controller] = station
+        self._whole.controllers.append(controller)
+        self.plan(start, partial(self._start, station))
+        return station
+
+    def detach(self, station: Station) -> None:
+        """End a station's life: it neither receives, ticks nor sends any more. A frame of it on the wire ends."""
+        controller = self._places.pop(station).controller
+        del self._stations[controller]
+        self._remove(controller)
+
+    def freeze(self, station: Station, until: float) -> None:
+        """Have a station neither receive, tick nor send until a time in seconds; what comes meanwhile is lost for it.
+
+        A frame of it on the wire ends. Afterwards it goes on with what it had, its mailboxes as well.
+        """
+        controller = self.controller(station)
+        # The longer one counts: a node that hangs twice at once is not back sooner for the second time.
+        controller.silent_until = max(controller.silent_until, until)
+        self.plan(until, _look_around)
+
+    def cut(self, until: float) -> None:
+        """Switch the bus off until a time in seconds: a frame on the wire is lost, and begins anew afterwards."""
+        for bus in self._buses:
+            bus.drop(self.now)
+            bus.off_until = max(bus.off_until, until)
+        self.plan(until, _look_around)
+
+    def split(self, stations: Iterable[Station], until: float = inf) -> None:
+        """Cut the bus in two until a time in seconds: these stations, and the others with the monitor.
+
+        Neither part hears the other; a frame on the wire goes on where its sender is. One station alone has been pulled
+        off, and is plugged in again at that time.
+        """
+        moved = [self.controller(station) for station in stations]
+        torn = [bus for bus in self._buses if not set(bus.controllers).isdisjoint(moved)]
+        left = [(bus, [each for each in bus.controllers if each not in moved]) for bus in torn]
+        part = self._add_bus()
+        regroup(self.now, torn, [*left, (part, moved)])
+        self.plan(until, partial(self._join, part))
+
+    def babble(self, frame: Frame, until: float) -> Controller:
+        """Have one more controller send the same frame again and again until a time in seconds; return it."""
+        controller = Controller(Babble(frame))
+        self._whole.controllers.append(controller)
+        self.plan(self.now, _look_around)
+        self.plan(until, partial(self._remove, controller))
+        return controller
+
+    def join(self, source: FrameSource) -> Callable[[], None]:
+        """Connect a source of frames that is not a station; call what is returned when it has a new frame."""
+        self._whole.controllers.append(Controller(source))
+        return lambda: self.plan(self.now, _look_around)
+
+    def request(self, frame: Frame) -> None:
+        """Have a remote frame reach all stations; it takes as long as on a free bus, and part in no arbitration."""
+        # CiA 301 advises against remote frames (7.2.2.5.2), and few controllers are alike in them; what a device
+        # answers is what matters here, not who wins the bus against its question.
+        heard = self.now + frame_bits(Frame(frame.cob_id)) / self.bitrate
+        for station, place in self._places.items():
+            self.plan(heard + place.processing, partial(self._reach, station, partial(station.requested, frame.cob_id)))
+
+    def controller(self, station: Station) -> Controller:
+        """Return a station's CAN controller, which has its error counters and state."""
+        return self._places[station].controller
+
+    def _add_bus(self) -> Bus:
+        bus = Bus(self.bitrate, self.bit_errors, self._has_ended, self._has_changed)
+        # A part that is split off a bus without power has no power either.
+        bus.off_until = max((each.off_until for each in self._buses), default=0.0)
+        self._buses.append(bus)
+        return bus
+
+    def _join(self, part: Bus) -> None:
+        """Have a part of the bus, and the whole, hear each other again."""
+        self._buses.remove(part)
+        order = {each: number for number, each in enumerate(self._stations)}
+        # In the order of attaching, so that a cut leaves no trace in the order of later events.
+        together = sorted([*self._whole.controllers, *part.controllers], key=lambda each: order.get(each, -1))
+        regroup(self.now, [self._whole, part], [(self._whole, together)])
+
+    def _remove(self, controller: Controller) -> None:
+        for bus in self._buses:
+            if controller in bus.controllers:
+                bus.controllers.remove(controller)
+
+    def _start(self, station: Station) -> None:
+        if station in self._places:
+            # From now on it acknowledges: until then its controller is without power, and one neighbour alone on the
+            # bus repeats its boot-up message for ever.
+            self.controller(station).silent_until = self.now
+            station.start(self.now)
+            self._places[station].ask()
+
+    # Time
+
+    @property
+    def next_event(self) -> float:
+        """Time of the next event, infinite if nothing will ever happen."""
+        times = [place.wakeup for place in self._places.values()]
+        times += [bus.next_event for bus in self._buses]
+        times += [time for time, _, _ in self._queue[:1]]
+        waiting = [place for place in self._places.values() if place.mailboxes.waits]
+        # Asked at each event; nearly always no frame waits, and the buses need not be looked at.
+        for bus in self._buses if waiting else ():
+            # A frame was submitted from outside, between two events, and may be sent now.
+            free = [place.controller for place in waiting if place.controller.may_send(self.now)]
+            if bus.is_free(self.now) and not set(free).isdisjoint(bus.controllers):
+                times.append(self.now)
+        return max(min(times, default=inf), self.now)
+
+    def advance(self, until: float) -> bool:
+        """Run the next event if it is due by `until`; otherwise let the time pass and return False."""
+        event = self.next_event
+        if event > until or event == inf:
+            self.now = max(self.now, until)
+            return False
+        self.now = event
+        # A copy: an observer of a frame that ends may split the bus, or join it.
+        for bus in tuple(self._buses):
+            bus.advance(event)
+        while self._queue and self._queue[0][0] <= event:  # also what becomes due meanwhile
+            heapq.heappop(self._queue)[-1]()
+        for place in tuple(self._places.values()):
+            if place.wakeup <= event:
+                place.station.tick(event)
+                place.ask()
+        for place in self._places.values():
+            if place.mailboxes.waits and place.controller.silent_until <= event:
+                place.mailboxes.load(event)
+        # Last of all, so that what the nodes have just sent takes part in this arbitration.
+        for bus in self._buses:
+            bus.arbitrate(event)
+        return True
+
+    def run(self, until: float) -> None:
+        """Run all events up to a time."""
+        while self.advance(until):
+            pass
+
+    def plan(self, time: float, action: Callable[[], None]) -> None:
+        """Have something done at a time, in seconds, before what the stations do then."""
+        # The number breaks ties by the order of planning, and keeps the heap from comparing functions.
+        heapq.heappush(self._queue, (time, next(self._order), action))
+
+    # The bus
+
+    def _is_awake(self, station: Station) -> bool:
+        """Tell whether a station takes part."""
+        return station in self._places and self.controller(station).silent_until <= self.now
+
+    def _has_ended(self, frame: Frame, senders: Sequence[Controller], receivers: Sequence[Controller]) -> None:
+        """Free the mailboxes of a frame that has ended, and plan when who looks at it."""
+        for controller in senders:
+            # Several may have sent the same bits at once; for each of them it is transmit-complete.
+            controller.source.complete(frame)
+        for observer in self.observers:
+            observer(self.now, frame)
+        stations = [self._stations[each] for each in receivers if each in self._stations]
+        # The frame is through for its senders, whatever the receivers then make of it: a program may be slow or frozen.
+        for delay in self.disturb(self.now, frame):
+            for station in filter(self._is_awake, stations):
+                look = self.now + delay + self._places[station].processing
+                self.plan(look, partial(self._reach, station, partial(station.gatekeeper.receive, frame)))
+
+    def _has_changed(self, controller: Controller, before: ErrorState, after: ErrorState) -> None:
+        """Pass on to a node what its controller reports."""
+        station, code = self._stations.get(controller), REPORTED.get((before, after))
+        if station is not None and code is not None and self._is_awake(station):
+            station.bus_error(code, self.now)
+
+    def _reach(self, station: Station, act: Callable[[float], object]) -> None:
+        """Have a station act on a frame that has come, if it still can: it may have been detached meanwhile."""
+        if self._is_awake(station):
+            act(self.now)
+            self._places[station].ask()
+
+
+def _look_around() -> None:
+    """Do nothing but be an event: after each one the bus is arbitrated, and now someone may send again."""

@@ -1,0 +1,139 @@
+"""Faults that any device can have: network management, heartbeat, emergencies, SDO."""
+
+from __future__ import annotations
+
+from eurobot_od.device.emergency import ErrorCode
+from eurobot_od.device.faults import hooks
+from eurobot_od.device.faults.fault import Caught
+from eurobot_od.device.nmt import NmtCommand, NmtState
+from eurobot_od.device.node import Node
+from eurobot_od.frame import Frame
+from eurobot_od.od.values import NMT_COB_ID
+from eurobot_od.sdo.wire import ABORT, LENGTH, AbortCode, ClientCommand, Initiate, ServerCommand, aborted, initiate
+
+BOOT_UP = NmtState.INITIALISING
+
+BOOTED = 1
+"""The number of the boot-up message among the heartbeats; the first heartbeat is the next one."""
+
+
+class AlwaysOperational(Node):
+    """Goes on with its work in every NMT state."""
+
+    def receive(self, frame: Frame, now: float) -> list[Frame]:
+        state = self.device.state
+        # It hears commands and says its true state: what is wrong is only what it does in that state.
+        if frame.cob_id == NMT_COB_ID or state is NmtState.INITIALISING:
+            return super().receive(frame, now)
+        self.device.state = NmtState.OPERATIONAL
+        answers = super().receive(frame, now)
+        self.device.state = state
+        return answers
+
+
+class WritesForgotten(Node):
+    """Confirms what is written by SDO and forgets it."""
+
+    def receive(self, frame: Frame, now: float) -> list[Frame]:
+        is_request = frame.cob_id == hooks.sdo_request(self) and len(frame.data) == LENGTH
+        if is_request and frame.data[0] >> 5 == ClientCommand.DOWNLOAD:
+            address = Initiate.of(frame.data).address
+            return [Frame(hooks.sdo_answer(self), initiate(ServerCommand.DOWNLOAD << 5, address))]
+        return super().receive(frame, now)
+
+
+def _babble(node: Node) -> None:
+    # an error that lasts is reported once; one that comes and goes, each time it comes and each time it goes
+    node.raise_error(ErrorCode.PDO_TOO_LONG, "babble")
+    node.clear_error("babble")
+
+
+FAULTS = {
+    "boot-up-missing": Caught("canopen", "7.2.8.3.3 NMT: boot-up after a reset").fault(
+        "sends no boot-up message", hooks.leaving(hooks.heartbeat, hooks.only(lambda data: data[0] != BOOT_UP))
+    ),
+    "reset-ignored": Caught("canopen", "7.2.8.3.3 NMT: boot-up after a reset").fault(
+        "ignores the command to reset",
+        hooks.arriving(hooks.nmt, hooks.only(lambda data: data[:1] != bytes([NmtCommand.RESET_NODE]))),
+    ),
+    "heartbeat-missing": Caught("canopen", "7.2.8.3.2 Heartbeat: OPERATIONAL by itself, as 0x1F80 says").fault(
+        "sends no heartbeat", hooks.leaving(hooks.heartbeat, hooks.only(lambda data: data[0] == BOOT_UP))
+    ),
+    "heartbeat-stops": Caught("canopen", "7.2.8.3.2 Heartbeat: every second").fault(
+        "sends two heartbeats and then no more",
+        hooks.numbered(hooks.heartbeat, lambda number: hooks.kept if number <= BOOTED + 2 else hooks.lost),
+    ),
+    "heartbeat-every-other": Caught("canopen", "7.2.8.3.2 Heartbeat: every second").fault(
+        "sends only every other heartbeat",
+        hooks.numbered(
+            hooks.heartbeat, lambda number: hooks.kept if number == BOOTED or number % 2 == 0 else hooks.lost
+        ),
+    ),
+    "heartbeat-of-another-node": Caught("canopen", "7.2.8.3.3 NMT: boot-up after a reset").fault(
+        "sends boot-up and heartbeat under the next node's identifier", hooks.leaving(hooks.heartbeat, hooks.moved(1))
+    ),
+    "heartbeat-always-operational": Caught("canopen", "7.2.8.3.2 Heartbeat: PRE-OPERATIONAL").fault(
+        "says OPERATIONAL in every state",
+        # the boot-up has the same COB-ID, and is another fault's
+        hooks.leaving(
+            hooks.heartbeat, hooks.data(lambda data: data if data[0] == BOOT_UP else bytes([NmtState.OPERATIONAL]))
+        ),
+    ),
+    "nmt-ignored": Caught("canopen", "7.2.8.3.3 NMT: boot-up after a reset").fault(
+        "hears no NMT command", hooks.arriving(hooks.nmt, hooks.lost)
+    ),
+    "nmt-stop-ignored": Caught("canopen", "7.2.8.3.2 Heartbeat: STOPPED").fault(
+        "does not hear the NMT command Stop",
+        hooks.arriving(hooks.nmt, hooks.only(lambda data: data[:1] != bytes([NmtCommand.STOP]))),
+    ),
+    "nmt-of-others-heeded": Caught("canopen", "7.2.8.2.1 NMT: another node's command does not matter").fault(
+        "carries out the NMT commands of other nodes",
+        hooks.arriving(
+            hooks.nmt, lambda node, frame: [Frame(frame.cob_id, frame.data[:1] + bytes([node.device.node_id]))]
+        ),
+    ),
+    "works-when-stopped": Caught("canopen", "7.3.2.2.4 NMT: no PDOs in PRE-OPERATIONAL").fault(
+        "answers messages in every NMT state", AlwaysOperational
+    ),
+    "emcy-missing": Caught("canopen", "7.2.7 EMCY: a frame that is too short").fault(
+        "sends no EMCY", hooks.leaving(hooks.emcy, hooks.lost)
+    ),
+    "emcy-twice": Caught("canopen", "7.2.7 EMCY: an error is reported once").fault(
+        "sends each EMCY twice", hooks.leaving(hooks.emcy, hooks.twice)
+    ),
+    "emcy-code-wrong": Caught("canopen", "7.2.7 EMCY: a frame that is too short").fault(
+        "sends the bytes of the emergency error code the wrong way round",
+        hooks.leaving(hooks.emcy, hooks.data(lambda data: data[1::-1] + data[2:])),
+    ),
+    "emcy-not-cleared": Caught("canopen", "7.2.7 EMCY: the error is gone").fault(
+        "does not say that an error is gone",
+        hooks.leaving(hooks.emcy, hooks.only(lambda data: data[:2] != ErrorCode.NO_ERROR.to_bytes(2, "little"))),
+    ),
+    "sdo-not-answered": Caught("canopen", "7.5.2.1 SDO: the device type is readable").fault(
+        "answers no SDO request", hooks.arriving(hooks.sdo_request, hooks.lost)
+    ),
+    "sdo-value-reversed": Caught("canopen", "7.5.2.20 SDO: the heartbeat time is 1000 ms").fault(
+        "sends the bytes of values the wrong way round",
+        # bytes 4 to 7 are the value of an expedited answer, filled up with zeros: 1000 comes as 0xE8030000
+        hooks.leaving(hooks.sdo_answer, hooks.data(lambda data: data[:4] + data[:3:-1])),
+    ),
+    "sdo-write-forgotten": Caught("canopen", "7.2.4.2.3 SDO: what is written is read back").fault(
+        "confirms what is written and forgets it", WritesForgotten
+    ),
+    "sdo-abort-general": Caught("canopen", "7.2.4.3.17 SDO: an object that is not there").fault(
+        "refuses everything with the code for a general error",
+        hooks.leaving(
+            hooks.sdo_answer,
+            hooks.data(
+                lambda data: aborted(Initiate.of(data).address, AbortCode.GENERAL) if data[0] == ABORT else data
+            ),
+        ),
+    ),
+    "sdo-abort-silent": Caught("canopen", "7.2.4.3.17 SDO: an object that is not there").fault(
+        "does not answer a request that it refuses",
+        hooks.leaving(hooks.sdo_answer, hooks.only(lambda data: data[0] != ABORT)),
+    ),
+    "babbling": Caught("canopen", "7.2.7 EMCY: none without an error").fault(
+        "sends emergencies all the time", hooks.every(0.001, _babble)
+    ),
+}

@@ -1,0 +1,437 @@
+"""The modes of operation of a drive (CiA 402-2, clauses 9 to 16): each leads the demand, and has bits of both words.
+
+Rule of this file: a mode sees its axis through `Leads`; it changes the demand and nothing else of it, but homing, which
+moves the origin.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from math import inf, sqrt
+from typing import ClassVar, NamedTuple, Protocol
+
+from eurobot_od.device.profiles.motion import ROUND, STEP, Demand, Motor, Units
+from eurobot_od.device.profiles.values import AxisValues
+from eurobot_od.od.profiles import cia402, homing
+from eurobot_od.od.profiles.cia402 import BIT_12, BIT_13, TARGET_REACHED, Mode
+from eurobot_od.od.profiles.homing import LIMITS, Seek
+
+
+class Leads(Protocol):
+    """What a mode sees of its axis."""
+
+    values: AxisValues
+    units: Units
+    demand: Demand
+    motor: Motor
+    limited: bool
+    following_error: bool
+    sync_period: float
+
+    def velocity(self, index: int, sub: int = 0, default: float = inf) -> float:
+        """Return a velocity in position units/s; `default` if the axis does not have the object."""
+
+    def acceleration(self, index: int) -> float:
+        """Return an acceleration in position units/s², never 0."""
+
+    @property
+    def stands(self) -> bool:
+        """Whether motor and demand stand."""
+
+
+class ModeOfOperation:
+    """A mode in which nothing moves; the others say what is different in them."""
+
+    controls_position: ClassVar = True
+    """Whether the position is controlled, so that there is a following error."""
+
+    def __init__(self, axis: Leads) -> None:
+        self.axis = axis
+        self.begin()
+
+    def begin(self) -> None:
+        """Begin with operation: what was commanded before no longer counts."""
+
+    def command(self, word: int, rising: int) -> None:
+        """Take in a controlword, and which bits are newly set in it."""
+
+    def step(self) -> None:
+        """Lead the demand for a step of time."""
+        ramp = self.axis.acceleration(cia402.PROFILE_DECELERATION)
+        self.axis.demand.to_velocity(0.0, ramp, ramp)
+
+    def halted(self) -> None:
+        """Do what a stand after halt means."""
+
+    @property
+    def bits(self) -> int:
+        """The mode's own bits of the statusword."""
+        return 0
+
+    @property
+    def halt_bits(self) -> int:
+        """The same while the axis is halted: it has reached its target when it stands."""
+        return self.bits & ~TARGET_REACHED | TARGET_REACHED * self.axis.stands
+
+    @property
+    def settled(self) -> bool:
+        """Whether nothing changes until something new is commanded."""
+        return self.axis.demand.velocity == 0
+
+
+class TargetWindow:
+    """Tells whether something has been so for a time in seconds."""
+
+    def __init__(self) -> None:
+        self.lasted = 0.0
+
+    def look(self, inside: bool) -> None:
+        """Look once a step."""
+        self.lasted = self.lasted + STEP if inside else 0.0
+
+
+class SetPoint(NamedTuple):
+    """Where to, and how fast."""
+
+    target: float
+    velocity: float
+
+
+class ProfilePosition(ModeOfOperation):
+    """Moves to set-points, one after the other or at once (CiA 402-2, clause 10)."""
+
+    def begin(self) -> None:
+        self._target: SetPoint | None = None
+        self._next: SetPoint | None = None
+        self._acknowledged = self._commanded = False
+        self._window = TargetWindow()
+
+    def command(self, word: int, rising: int) -> None:
+        self._commanded = bool(word & cia402.NEW_SET_POINT)
+        # Bit 4 acts by its edge, so that a controlword sent again is no second set-point. There is room for one at work
+        # and one that waits (CiA 402-2, clause 10).
+        if rising & cia402.NEW_SET_POINT and self._next is None:
+            found = self._set_point(bool(word & cia402.RELATIVE))
+            self._acknowledged = True
+            if self._target is None or word & cia402.AT_ONCE or self._arrived:
+                self._begin_move(found)
+            else:
+                self._next = found
+        self._release()
+
+    def _set_point(self, relative: bool) -> SetPoint:
+        axis = self.axis
+        target: float = axis.values.get(cia402.TARGET_POSITION)
+        if relative:
+            last = self._next or self._target
+            # To the set-point before, not to where the axis is: so a row of them does not add up what it was off.
+            target += last.target if last else axis.demand.position
+        low, high = software_limits(axis.values)
+        # Cut and flagged (bit 11 of the statusword): the PDO it came in has been taken, so that nothing can be refused.
+        axis.limited = not low <= target <= high
+        fastest = min(axis.velocity(cia402.MAX_PROFILE_VELOCITY), axis.velocity(cia402.MAX_MOTOR_SPEED))
+        velocity = min(axis.velocity(cia402.PROFILE_VELOCITY, default=axis.units.turn), fastest)
+        return SetPoint(min(max(target, low), high), velocity)
+
+    def _begin_move(self, set_point: SetPoint) -> None:
+        self._target, self._window = set_point, TargetWindow()
+
+    def _release(self) -> None:
+        # A set-point is acknowledged until the bit is taken back and there is room for another one.
+        if not self._commanded and self._next is None:
+            self._acknowledged = False
+
+    @property
+    def _arrived(self) -> bool:
+        return self._target is None or self.axis.demand.position == self._target.target
+
+    def step(self) -> None:
+        axis = self.axis
+        if self._target is None:
+            super().step()
+            return
+        ramps = (axis.acceleration(each) for each in (cia402.PROFILE_ACCELERATION, cia402.PROFILE_DECELERATION))
+        axis.demand.to_position(*self._target, *ramps)
+        # Without a window it is there within one unit: the motor's place is not a whole number.
+        window = axis.values.get(cia402.POSITION_WINDOW, default=0) or 1
+        # The demand has to be there, too: on the way a motor that lags may pass through the window.
+        self._window.look(self._arrived and abs(self._target.target - axis.motor.position) <= window)
+        if self._next is not None and self._arrived:
+            self._begin_move(self._next)
+            self._next = None
+            self._release()
+
+    @property
+    def _reached(self) -> bool:
+        time = self.axis.values.get(cia402.POSITION_WINDOW_TIME) / 1000
+        return self._target is None or self._window.lasted > time
+
+    @property
+    def bits(self) -> int:
+        return (
+            TARGET_REACHED * (self._reached and self._next is None)
+            | BIT_12 * self._acknowledged
+            | BIT_13 * self.axis.following_error
+        )
+
+    @property
+    def settled(self) -> bool:
+        return super().settled and self._reached and self._arrived
+
+
+class VelocityMode(ModeOfOperation):
+    """Turns at the sum of the objects `TARGETS`, but no faster than any of the objects `MOST` allows."""
+
+    controls_position = False
+    TARGETS: ClassVar[tuple[int, ...]] = (cia402.TARGET_VELOCITY,)
+    MOST: ClassVar[tuple[int, ...]] = (cia402.MAX_MOTOR_SPEED,)
+
+    @property
+    def _wanted(self) -> float:
+        axis = self.axis
+        wanted = sum(axis.velocity(each, default=0.0) for each in self.TARGETS)
+        # Infinite for an object that the drive does not have: it limits nothing.
+        fastest = min(axis.velocity(each) for each in self.MOST)
+        return within_limits(axis, min(max(wanted, -fastest), fastest))
+
+    @property
+    def settled(self) -> bool:
+        return super().settled and self._wanted == 0
+
+
+class ProfileVelocity(VelocityMode):
+    """Turns at a velocity (CiA 402-2, clause 14)."""
+
+    MOST = (cia402.MAX_PROFILE_VELOCITY, cia402.MAX_MOTOR_SPEED)
+
+    def step(self) -> None:
+        axis = self.axis
+        ramps = (axis.acceleration(each) for each in (cia402.PROFILE_ACCELERATION, cia402.PROFILE_DECELERATION))
+        axis.demand.to_velocity(self._wanted, *ramps)
+
+    def _near(self, velocity: float, window: int) -> bool:
+        # Without the object: what rounding leaves of a velocity that is reached.
+        allowed = self.axis.velocity(window, default=self.axis.units.velocity)
+        return abs(self.axis.motor.velocity - velocity) <= max(allowed, self.axis.units.velocity)
+
+    @property
+    def bits(self) -> int:
+        wanted = self.axis.velocity(cia402.TARGET_VELOCITY, default=0.0)
+        # Bit 12 is "speed is 0" in this mode, which has no acknowledge (CiA 402-2, clause 14).
+        reached = self._near(wanted, cia402.VELOCITY_WINDOW)
+        return TARGET_REACHED * reached | BIT_12 * self._near(0.0, cia402.VELOCITY_THRESHOLD)
+
+
+class CyclicPosition(ModeOfOperation):
+    """Follows a target that comes with each SYNC (CiA 402-2, clause 15)."""
+
+    def begin(self) -> None:
+        self._target = self.axis.demand.position
+        self._rate, self._left = 0.0, 0.0
+        # What stands in the object was meant for another time: only a new target moves the axis.
+        self._seen = self.axis.values.get(cia402.TARGET_POSITION)
+
+    def command(self, word: int, rising: int) -> None:
+        axis, target = self.axis, self.axis.values.get(cia402.TARGET_POSITION)
+        if target != self._seen:
+            self._seen = target
+            low, high = software_limits(axis.values)
+            wanted = target + axis.values.get(cia402.POSITION_OFFSET)
+            self._target = min(max(wanted, low), high)
+            axis.limited = wanted != self._target
+            # On a straight line, so that the target is reached when the next one comes.
+            self._left = max(interpolation_time(axis), STEP)
+            self._rate = (self._target - axis.demand.position) / self._left
+
+    def step(self) -> None:
+        demand = self.axis.demand
+        self._left -= STEP
+        if self._left > STEP / 2:
+            demand.velocity = self._rate
+            demand.position += self._rate * STEP
+        else:  # the velocity stays until a target has failed to come: otherwise it would fall at each of them
+            demand.velocity = self._rate if self._left > -STEP else 0.0
+            demand.position = self._target
+
+    @property
+    def bits(self) -> int:
+        return BIT_12 | BIT_13 * self.axis.following_error
+
+    @property
+    def settled(self) -> bool:
+        return super().settled and self.axis.demand.position == self._target
+
+
+class CyclicVelocity(VelocityMode):
+    """Turns at a velocity that comes with each SYNC (CiA 402-2, clause 16)."""
+
+    # The offset is added to each target; a drive need not have it (CiA 402-2, clause 16).
+    TARGETS = (cia402.TARGET_VELOCITY, cia402.VELOCITY_OFFSET)
+
+    def step(self) -> None:
+        limit = self.axis.acceleration(cia402.MAX_ACCELERATION)
+        self.axis.demand.to_velocity(self._wanted, limit, limit)
+
+    @property
+    def bits(self) -> int:
+        return BIT_12
+
+
+class CyclicTorque(ModeOfOperation):
+    """Turns with a torque that comes with each SYNC (CiA 402-2, clause 17)."""
+
+    controls_position = False
+
+    @property
+    def wanted(self) -> float:
+        """The torque that is commanded, as a share of what the motor has, within what it may have."""
+        values = self.axis.values
+        # Both objects count in per mille of the rated torque, which is all that this motor has.
+        per_mille = values.get(cia402.TARGET_TORQUE) + values.get(cia402.TORQUE_OFFSET)
+        most = min(values.get(cia402.MAX_TORQUE, default=1000), 1000)
+        return min(max(per_mille, -most), most) / 1000
+
+    def step(self) -> None:
+        self.axis.demand.to_torque(self.wanted, inf)
+
+    @property
+    def bits(self) -> int:
+        return BIT_12
+
+    @property
+    def settled(self) -> bool:
+        plant = self.axis.motor.plant
+        held = abs(self.wanted) * plant.acceleration <= plant.friction  # else it only turns round
+        return super().settled and held and self.axis.demand.torque == self.wanted
+
+
+class ProfileTorque(CyclicTorque):
+    """Turns with a torque, which changes along a slope (CiA 402-2, clause 13)."""
+
+    def step(self) -> None:
+        slope = self.axis.values.get(cia402.TORQUE_SLOPE) / 1000
+        self.axis.demand.to_torque(self.wanted, slope or inf)  # without a slope at once
+
+    @property
+    def bits(self) -> int:
+        return TARGET_REACHED * (self.axis.demand.torque == self.wanted)
+
+
+FARTHEST = 2 * ROUND
+"""Turns after which an axis without ends gives up: it has seen everything."""
+
+
+class Homing(ModeOfOperation):
+    """Finds where it is, by the method of 0x6098 (CiA 402-2, clause 11)."""
+
+    def begin(self) -> None:
+        self._steps: Iterator[Seek] = iter(())
+        self._seek: Seek | None = None
+        self._turned = 0
+        self._home: float | None = None
+        self._runs = self._attained = self._failed = False
+
+    def command(self, word: int, rising: int) -> None:
+        if rising & cia402.HOMING_START:
+            self.begin()
+            method = homing.METHODS.get(self.axis.values.get(cia402.HOMING_METHOD))
+            self._failed, self._runs = method is None, method is not None
+            self._steps = iter(method.steps if method else ())
+            self._go_on()
+        # The bit taken back interrupts it (CiA 402-2, clause 11).
+        elif self._runs and not word & cia402.HOMING_START:
+            self._runs, self._seek = False, None
+
+    def _go_on(self) -> None:
+        self._seek, self._turned = next(self._steps, None), 0
+        self._index, self._begun = self.axis.motor.index, self.axis.motor.position
+
+    def step(self) -> None:
+        axis = self.axis
+        ramp = axis.acceleration(cia402.HOMING_ACCELERATION)
+        seek = self._seek
+        if seek is None:
+            axis.demand.to_velocity(0.0, ramp, ramp)
+            if self._runs and axis.stands:
+                self._arrive()
+            return
+        direction = -seek.direction if self._turned % 2 else seek.direction
+        speed = axis.velocity(cia402.HOMING_SPEEDS, seek.speed.value, default=axis.units.turn)
+        axis.demand.to_velocity(direction * speed, ramp, ramp)
+        self._look(seek, direction)
+
+    def _look(self, seek: Seek, direction: int) -> None:
+        motor, switch = self.axis.motor, seek.switch
+        is_there = motor.index != self._index if switch is None else bool(motor.switches & switch) is seek.active
+        if self.axis.demand.velocity * direction <= 0:  # it turns round: what it passes meanwhile is not what is sought
+            self._index = motor.index
+        elif is_there:
+            self._home = motor.position
+            self._go_on()
+        elif motor.switches & LIMITS[direction]:
+            self._turned += 1
+            if not seek.turns or self._turned > 1:  # both ends seen, and the switch was nowhere
+                self._fail()
+        elif motor.plant.travel is None and abs(motor.position - self._begun) > FARTHEST * motor.turn:
+            self._fail()
+
+    def _fail(self) -> None:
+        self._failed, self._runs, self._seek = True, False, None
+
+    def _arrive(self) -> None:
+        """Call the place that was found home: the position there is what the home offset says (clause 11.4.1)."""
+        axis = self.axis
+        home = axis.motor.position if self._home is None else self._home
+        # Position 0 is the home offset away from home.
+        by = -axis.values.get(cia402.HOME_OFFSET) - home
+        axis.motor.shift(by)
+        axis.demand.position += by
+        self._runs, self._attained = False, True
+
+    @property
+    def bits(self) -> int:
+        stands = self.axis.stands
+        if self._failed:
+            return BIT_13 | TARGET_REACHED * stands
+        if self._attained:
+            return BIT_12 | TARGET_REACHED * stands
+        return 0 if self._runs else TARGET_REACHED  # not started, or interrupted
+
+    @property
+    def settled(self) -> bool:
+        return super().settled and not self._runs
+
+
+MODES: Mapping[int, type[ModeOfOperation]] = {
+    Mode.NONE: ModeOfOperation,
+    Mode.PROFILE_POSITION: ProfilePosition,
+    Mode.PROFILE_VELOCITY: ProfileVelocity,
+    Mode.PROFILE_TORQUE: ProfileTorque,
+    Mode.HOMING: Homing,
+    Mode.CYCLIC_POSITION: CyclicPosition,
+    Mode.CYCLIC_VELOCITY: CyclicVelocity,
+    Mode.CYCLIC_TORQUE: CyclicTorque,
+}
+"""The modes that a simulated drive has, as far as its file has them."""
+
+
+def software_limits(values: AxisValues) -> tuple[float, float]:
+    """Return the least and the greatest position; infinite where the file has no limits, or none with a way between."""
+    low, high = (values.get(cia402.SOFTWARE_LIMIT, sub) for sub in (1, 2))
+    return (low, high) if low < high else (-inf, inf)
+
+
+def within_limits(axis: Leads, velocity: float) -> float:
+    """Return a velocity with which the axis can still stop before the software limit in its way; note if it is less."""
+    low, high = software_limits(axis.values)
+    way = high - axis.demand.position if velocity > 0 else axis.demand.position - low
+    ramp = axis.acceleration(cia402.PROFILE_DECELERATION)
+    most = sqrt(2 * ramp * max(way, 0.0))
+    axis.limited = most < abs(velocity)
+    return max(min(velocity, most), -most)
+
+
+def interpolation_time(axis: Leads) -> float:
+    """Return the seconds from one cyclic target to the next: 0x60C2, or else the period of SYNC."""
+    value, exponent = (axis.values.get(cia402.INTERPOLATION_TIME, sub) for sub in (1, 2))
+    return value * 10.0**exponent if value else axis.sync_period

@@ -1,0 +1,204 @@
+"""A motor with a load, the ramps that lead it, and the units it is commanded in.
+
+Rule of this file: positions are in position units of the device, velocities in those per second, whatever the device
+calls its velocity; only `Units` converts. Time goes in steps of `STEP`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import copysign, sqrt
+from typing import NamedTuple
+
+from eurobot_od.device.profiles.values import AxisValues
+from eurobot_od.od.profiles import cia402
+from eurobot_od.od.profiles.homing import Switch
+
+STEP = 0.001
+"""Seconds of a step."""
+
+TURN = 4096
+"""Position units of a turn where the file does not say it."""
+
+REVOLUTION, MINUTE = 0xB4, 0x47
+"""Numbers of the SI unit "revolution" and of "minute" in 0x60A9 (CiA 303-2)."""
+
+RPM = ("rpm", "rev/min", "1/min", "min-1")
+"""How files write it."""
+
+
+class Units(NamedTuple):
+    """Position units in a `turn` of the motor, and position units per second in one unit of `velocity`."""
+
+    turn: float
+    velocity: float
+
+    @classmethod
+    def of(cls, values: AxisValues) -> Units:
+        """Take them from the objects: the factor group, unit of velocity 0x60A9, or the unit that the file writes.
+
+        A feed constant 0x6092 is for a turn of the shaft behind the gear 0x6091; without one a turn of the motor is the
+        encoder's resolution 0x608F. The velocity factor 0x6096 makes units of velocity of position units per second.
+        """
+        turn = _ratio(values, cia402.ENCODER_RESOLUTION) or TURN
+        feed = _ratio(values, cia402.FEED_CONSTANT)
+        # A feed of 1 is what files have in which nobody has set one.
+        turn = feed / (_ratio(values, cia402.GEAR_RATIO) or 1.0) if feed and feed != 1 else turn
+        unit = values.get(cia402.SI_VELOCITY)
+        if (unit >> 16 & 0xFF, unit >> 8 & 0xFF) == (REVOLUTION, MINUTE):
+            prefix = unit >> 24
+            return cls(turn, turn / 60 * 10.0 ** (prefix - 0x100 if prefix > 0x7F else prefix))  # 0xFD is milli
+        factor = _ratio(values, cia402.VELOCITY_FACTOR)
+        if factor and factor != 1:
+            return cls(turn, 1 / factor)
+        written = {values.unit(index).lower() for index in (cia402.TARGET_VELOCITY, cia402.PROFILE_VELOCITY)}
+        return cls(turn, turn / 60 if written & {*RPM} else 1.0)
+
+
+def _ratio(values: AxisValues, index: int) -> float:
+    """Return numerator by divisor of a factor; 0 if the axis does not have it, or if it is none."""
+    numerator, divisor = (values.get(index, sub) for sub in (1, 2))
+    return numerator / divisor if numerator > 0 and divisor > 0 else 0.0
+
+
+# What leads the motor
+
+
+@dataclass
+class Demand:
+    """Where the motor is to be, and how fast; or with which share of its torque, -1 to 1, if that leads it."""
+
+    position: float = 0.0
+    velocity: float = 0.0
+    torque: float | None = None
+
+    def to_velocity(self, wanted: float, acceleration: float, deceleration: float) -> None:
+        """Take a step that brings the velocity nearer to what is wanted; accelerations are those of a ramp, above 0."""
+        self.torque = None
+        # The way round leads through a stand: down by the one ramp, and then up by the other.
+        wanted = 0.0 if wanted * self.velocity < 0 else wanted
+        slower = abs(wanted) < abs(self.velocity)
+        most = (deceleration if slower else acceleration) * STEP
+        self.velocity += min(max(wanted - self.velocity, -most), most)
+        self.position += self.velocity * STEP
+
+    def to_position(self, target: float, velocity: float, acceleration: float, deceleration: float) -> None:
+        """Take a step on a trapezoid whose top is `velocity`, and that ends at the target."""
+        way = target - self.position
+        # So fast that the ramp still ends at the target, in steps of finite length.
+        half = deceleration * STEP / 2
+        braking = sqrt(half * half + 2 * deceleration * abs(way)) - half
+        wanted = copysign(min(velocity, braking), way)
+        # Near and slow enough to be there with this step: by ramps alone it would go to and fro around the target.
+        if abs(way) <= abs(wanted) * STEP + 1e-6 and abs(self.velocity) <= 2 * deceleration * STEP + abs(wanted):
+            self.position, self.velocity = target, 0.0
+        else:
+            self.to_velocity(wanted, acceleration, deceleration)
+
+    def to_torque(self, wanted: float, slope: float) -> None:
+        """Take a step that brings the torque nearer to what is wanted; `slope` is its most change in a second."""
+        present, most = self.torque or 0.0, slope * STEP
+        near = abs(wanted - present) <= most
+        self.torque = wanted if near else present + copysign(most, wanted - present)
+
+
+# The motor
+
+
+ROUND = 10
+"""Turns of the motor in one of a round table."""
+
+
+class Plant(NamedTuple):
+    """The machine that the motor moves: what is where, in turns from where it is switched on.
+
+    `travel` are the ends, where the limit switches are; None for a round table, which has none and is back where it was
+    after `ROUND` turns. The home switch is active between the places of `home`. `acceleration` is what the motor has
+    torque for, in turns/s²; `friction` brakes it alone. It turns no faster than `fastest`, in turns/s.
+    """
+
+    travel: tuple[float, float] | None = None
+    home: tuple[float, float] = (2.0, 3.0)
+    acceleration: float = 2000.0
+    friction: float = 50.0
+    fastest: float = 200.0
+
+    def switches(self, turns: float) -> int:
+        """Return the bits of the switches that are active at a place."""
+        place = turns % ROUND if self.travel is None else turns
+        active = Switch.HOME if self.home[0] <= place <= self.home[1] else 0
+        if self.travel is not None:
+            active |= Switch.NEGATIVE_LIMIT if turns <= self.travel[0] else 0
+            active |= Switch.POSITIVE_LIMIT if turns >= self.travel[1] else 0
+        return active
+
+
+GAIN = 100.0
+"""Of the position controller: velocity for each position unit of following error, in 1/s."""
+
+
+CREEP = 0.01
+"""Turns/s below which friction is not shown: a position that is held swings by less."""
+
+
+@dataclass
+class Motor:
+    """The motor: `position` as the encoder says it, and the `velocity`; `torque` is the share of what it has, -1 to 1.
+
+    `origin` is the position 0 of the machine, which homing moves.
+    """
+
+    plant: Plant
+    turn: float
+    position: float = 0.0
+    velocity: float = 0.0
+    torque: float = 0.0
+    origin: float = 0.0
+
+    def follow(self, demand: Demand, controls_position: bool) -> None:
+        """Take a step after what leads it, as far as its torque goes."""
+        # The demand is a step ahead: the motor is to be there at the end of this one.
+        lag = demand.position - demand.velocity * STEP - self.position
+        wanted = demand.velocity + GAIN * lag * controls_position
+        self._turn(wanted, self.plant.acceleration * self.turn)
+
+    def push(self, torque: float, fastest: float) -> None:
+        """Take a step with a share of its torque against friction, no faster than `fastest`."""
+        brake, most = self.plant.friction * self.turn * STEP, min(fastest, self.plant.fastest * self.turn)
+        free = self.velocity + torque * self.plant.acceleration * self.turn * STEP
+        moves = copysign(min(max(abs(free) - brake, 0.0), most), free)
+        # At its most it needs no more than friction takes.
+        self.torque = copysign(self.plant.friction / self.plant.acceleration, free) if abs(moves) == most else torque
+        self.velocity = moves
+        self.position += self.velocity * STEP
+
+    def coast(self) -> None:
+        """Take a step without torque."""
+        self._turn(0.0, self.plant.friction * self.turn)
+        self.torque = 0.0
+
+    def _turn(self, wanted: float, acceleration: float) -> None:
+        most = acceleration * STEP
+        change = min(max(wanted - self.velocity, -most), most)
+        # The mean of the step: where the velocity changes its sign, friction of either end would be the wrong one.
+        during = self.velocity + change / 2
+        rubs = copysign(self.plant.friction / self.plant.acceleration, during) * (abs(during) > CREEP * self.turn)
+        self.velocity += change
+        self.torque = min(max(change / most + rubs, -1.0), 1.0)
+        self.position += self.velocity * STEP
+
+    @property
+    def switches(self) -> int:
+        """The bits of the switches that are active now."""
+        return self.plant.switches((self.position - self.origin) / self.turn)
+
+    @property
+    def index(self) -> int:
+        """Which turn of the encoder it is: it changes at each index pulse."""
+        return int((self.position - self.origin) // self.turn)
+
+    def shift(self, by: float) -> None:
+        """Call the place where it stands another one."""
+        self.position += by
+        # The machine has not moved: its switches and index pulses stay where they are.
+        self.origin += by

@@ -1,0 +1,203 @@
+"""Two logs that should be the same: which frames differ, are missing, are late.
+
+Theory of operation: the frames of each identifier are two rows that are walked side by side. Frames that agree in time
+and values, within the tolerances, are a pair. Where two do not, there are three explanations: they are a pair anyway
+(one is late, or its values have changed), or the first log has frames that the second lacks, up to the time of the
+other's next one, or the second has. The explanation after which most of the next frames agree is taken; in doubt, that
+they are a pair. So one frame that is missing among a hundred equal ones is one difference, not a hundred late frames.
+
+Rule of this file: times count from the logs' common beginning, so that two recordings can be compared; it is found from
+the frames that are in both.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_left
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from enum import Enum
+from functools import lru_cache
+from itertools import islice
+from operator import attrgetter
+from statistics import median_low
+from types import MappingProxyType
+from typing import Any, NamedTuple
+
+from eurobot_od.frame import Frame, identifier_text
+from eurobot_od.pdo.message import kinds
+from eurobot_od.traffic.entries import REMEMBERED, Raw
+from eurobot_od.traffic.meaning import Decoder, Meaning, with_defects
+
+Timed = tuple[float, Raw]
+"""A time in s, and what came then."""
+
+AHEAD = 8
+"""How many of the next frames decide which explanation is taken."""
+
+ALIGNED_BY = 100
+"""How many different frames' first appearances are used to find how far the two clocks are apart."""
+
+TIME = 0.001
+"""Default tolerance of times, s."""
+
+
+class DifferenceKind(Enum):
+    """How two logs differ; the value is the word for it."""
+
+    MISSING = "missing"
+    EXTRA = "extra"
+    LATE = "late"
+    EARLY = "early"
+    CHANGED = "changed"
+
+
+class Difference(NamedTuple):
+    """One difference: `time` in s since the beginning, the message's `name`, and what it is in words.
+
+    The time is that of the frame in the first log; of one that is extra, that in the second.
+    """
+
+    time: float
+    kind: DifferenceKind
+    name: str
+    text: str
+
+
+class Tolerances(NamedTuple):
+    """How far times may be apart, s, and the values of fields, by the names of message and field."""
+
+    time: float = TIME
+    fields: Mapping[tuple[str, str], float] = MappingProxyType({})
+
+    def allow(self, field: tuple[str, str], modulus: int | None, old: Any, new: Any) -> bool:
+        """Tell whether two values of a field count as equal."""
+        if old == new or not isinstance(old, (int, float)) or not isinstance(new, (int, float)):
+            return bool(old == new)
+        apart, tolerance = abs(old - new), self.fields.get(field, 0.0)
+        # 359 and 1 degree are 2 apart
+        return min(apart, abs(modulus - apart)) <= tolerance if modulus else apart <= tolerance
+
+
+def compare(
+    first: Sequence[Timed], second: Sequence[Timed], decode: Decoder, tolerances: Tolerances
+) -> list[Difference]:
+    """Return how the second log differs from the first, in the order of time."""
+    comparison = _Comparison(lru_cache(REMEMBERED)(decode), tolerances)
+    rows, others = _by_identifier(first, 0.0), _by_identifier(second, _apart(first, second))
+    begin = min((row[0].time for row in (*rows.values(), *others.values())), default=0.0)
+    found = [
+        difference._replace(time=round(difference.time - begin, 6))
+        for key in rows.keys() | others.keys()
+        for difference in comparison.differences(rows.get(key, []), others.get(key, []))
+    ]
+    return sorted(found, key=lambda each: (each.time, each.name, each.kind.value))
+
+
+class _Seen(NamedTuple):
+    time: float
+    raw: Raw
+
+
+_time = attrgetter("time")
+
+
+def _by_identifier(entries: Iterable[Timed], apart: float) -> dict[object, list[_Seen]]:
+    """Return the entries by identifier, or by their damage; `apart` is what their clock is ahead."""
+    rows: dict[object, list[_Seen]] = {}
+    for time, raw in entries:
+        rows.setdefault(raw[0], []).append(_Seen(time - apart, raw))
+    return rows
+
+
+def _apart(first: Sequence[Timed], second: Sequence[Timed]) -> float:
+    """Return how far the second log's clock is ahead of the first one's, s."""
+    begins, others = _first_times(first), _first_times(second)
+    common = islice((others[raw] - time for raw, time in begins.items() if raw in others), ALIGNED_BY)
+    differences = list(common)
+    # The median: a frame that is missing at the beginning of one log moves its own difference, but not this.
+    return median_low(differences) if differences else 0.0
+
+
+def _first_times(entries: Iterable[Timed]) -> dict[Raw, float]:
+    found: dict[Raw, float] = {}
+    for time, raw in entries:
+        found.setdefault(raw, time)
+    return found
+
+
+class _Comparison:
+    """Compares rows of frames with one identifier."""
+
+    def __init__(self, decode: Callable[[Raw], Meaning], tolerances: Tolerances) -> None:
+        self._decode, self._tolerances = decode, tolerances
+
+    def differences(self, first: Sequence[_Seen], second: Sequence[_Seen]) -> Iterator[Difference]:
+        """Walk two rows and yield what differs."""
+        one = other = 0
+        while one < len(first) and other < len(second):
+            step = (1, 1)
+            if not self._agree(first[one], second[other]):
+                step = self._explanation(first, second, one, other)
+                yield from self._explained(first[one : one + step[0]], second[other : other + step[1]])
+            one, other = one + step[0], other + step[1]
+        yield from self._explained(first[one:], []) if one < len(first) else self._explained([], second[other:])
+
+    def _explanation(self, first: Sequence[_Seen], second: Sequence[_Seen], one: int, other: int) -> tuple[int, int]:
+        """Return by how many frames to go on in each row: a pair, or one or more that only one of them has."""
+        slack = self._tolerances.time
+        up_to = bisect_left(first, second[other].time - slack, one, key=_time) - one
+        other_up_to = bisect_left(second, first[one].time - slack, other, key=_time) - other
+        steps = ((1, 1), (1, 0), (0, 1), (max(up_to, 1), 0), (0, max(other_up_to, 1)))
+
+        def agreeing(step: tuple[int, int]) -> int:
+            """Count how many of the next frames agree if the rows go on so."""
+            place, other_place = one + step[0], other + step[1]
+            return sum(map(self._agree, first[place : place + AHEAD], second[other_place : other_place + AHEAD]))
+
+        # `max` takes the first of equals: in doubt a pair.
+        return max(steps, key=agreeing)
+
+    def _explained(self, ones: Sequence[_Seen], others: Sequence[_Seen]) -> Iterator[Difference]:
+        if not (ones and others):
+            yield from (self._alone(DifferenceKind.MISSING, seen) for seen in ones)
+            yield from (self._alone(DifferenceKind.EXTRA, seen) for seen in others)
+            return
+        one, other = ones[0], others[0]
+        late = other.time - one.time
+        name = self._name(one.raw)
+        if not self._is_in_time(one, other):
+            kind = DifferenceKind.LATE if late > 0 else DifferenceKind.EARLY
+            yield Difference(one.time, kind, name, f"by {abs(late) * 1000:.3f} ms")
+        if changes := self._changes(one.raw, other.raw):
+            yield Difference(one.time, DifferenceKind.CHANGED, name, ", ".join(changes))
+
+    def _agree(self, one: _Seen, other: _Seen) -> bool:
+        return self._is_in_time(one, other) and not self._changes(one.raw, other.raw)
+
+    def _is_in_time(self, one: _Seen, other: _Seen) -> bool:
+        return abs(other.time - one.time) <= self._tolerances.time + 1e-9  # times are decimals of a microsecond
+
+    def _alone(self, kind: DifferenceKind, seen: _Seen) -> Difference:
+        meaning = self._decode(seen.raw)
+        text = with_defects(meaning) if meaning.defects else meaning.text
+        return Difference(seen.time, kind, self._name(seen.raw), text)
+
+    def _name(self, raw: Raw) -> str:
+        """Return what a frame is called: its message, its identifier, or what is wrong with it."""
+        identifier = f"0x{identifier_text(raw.cob_id)}" if isinstance(raw, Frame) else raw.damage.value
+        return self._decode(raw).name or identifier
+
+    # Values
+
+    def _changes(self, one: Raw, other: Raw) -> list[str]:
+        """Say which values have changed."""
+        if one == other:
+            return []
+        was, now = self._decode(one), self._decode(other)
+        if was.message is None or now.message is None:
+            return [f"{was.text or one} -> {now.text or other}"]
+        fields = kinds(type(was.message)).items()
+        return [
+            f"{field} = {kind.text(old)} -> {kind.text(new)}"
+            for (field, kind), old, new in zip(fields, was.message, now.message)
+            if not self._tolerances.allow((was.name, field), kind.modulus, old, new)
+        ]

@@ -1,0 +1,142 @@
+"""Which entries of a log are wanted: by message, group, node, field value and time.
+
+Rule of this file: names and values are checked when a filter is made; a filter itself never raises.
+"""
+
+from __future__ import annotations
+
+import operator
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from typing import Any, NamedTuple, TypeAlias
+
+from eurobot_od.errors import FieldError, LocalError, UnknownName
+from eurobot_od.pdo.binding import Binding
+from eurobot_od.pdo.catalogue import plain_name
+from eurobot_od.pdo.message import Message
+from eurobot_od.pdo.protocol import Protocol
+from eurobot_od.traffic.meaning import CANOPEN, Meaning
+
+Wanted: TypeAlias = Callable[[Meaning], bool]
+"""Tells whether a frame with this meaning is wanted."""
+
+OPERATORS: Mapping[str, Callable[[Any, Any], bool]] = {
+    "=": operator.eq,
+    "!=": operator.ne,
+    "<": operator.lt,
+    "<=": operator.le,
+    ">": operator.gt,
+    ">=": operator.ge,
+}
+CONDITION = re.compile(
+    r"\s*(?:(?P<message>[^<>=!]+)\.)?(?P<field>\w+)\s*(?P<operator>[<>!]?=|[<>])\s*(?P<value>.+?)\s*"
+)
+
+
+def by_name(names: Iterable[str], protocol: Protocol) -> Wanted:
+    """Want messages and services of these names, and those of a group of the catalogue or of the group CANopen.
+
+    Raises UnknownName.
+    """
+    from eurobot_od.traffic import services  # here: few filters are by name
+
+    known = {
+        plain_name(name): name for name in (*protocol.names(), *services.NAMES, *protocol.catalogue.groups, CANOPEN)
+    }
+    wanted = {known_name(name, known, "message") for name in names}
+    return lambda meaning: meaning.name in wanted or meaning.group in wanted
+
+
+def by_node(nodes: Iterable[str], known: Iterable[str]) -> Wanted:
+    """Want what these nodes send or receive; raises UnknownName."""
+    names = {plain_name(name): name for name in known}
+    wanted = {known_name(node, names, "node") for node in nodes}
+    return lambda meaning: not wanted.isdisjoint(meaning.nodes)
+
+
+def known_name(name: str, known: Mapping[str, str], kind: str) -> str:
+    """Return which of the names `known`, by their plain forms, is meant by one; raises UnknownName."""
+    try:
+        return known[plain_name(name)]
+    except KeyError:
+        raise UnknownName(kind, name, known.values()) from None
+
+
+class Condition(NamedTuple):
+    """A comparison of one field of one message type with a value."""
+
+    field: str
+    compare: Callable[[Any, Any], bool]
+    value: Any
+
+    def holds(self, message: Message) -> bool:
+        """Return whether it holds; "unknown" is neither less nor greater than anything."""
+        found = getattr(message, self.field)
+        # None, for "unknown", would raise if it were compared by its order.
+        if found is None or self.value is None:
+            return self.compare(found, self.value) if self.compare in (operator.eq, operator.ne) else False
+        return self.compare(found, self.value)
+
+
+def by_value(text: str, protocol: Protocol) -> Wanted:
+    """Want messages with a field whose value satisfies `text`: `x>1000`, `Goto XY.speed<=20`, `source=internal`.
+
+    Raises LocalError for a text that is not a comparison, UnknownName for a message or field, FieldError for a value.
+    """
+    match = CONDITION.fullmatch(text)
+    if match is None:
+        raise LocalError(f"{text!r} is not a comparison such as `x>1000` or `MESSAGE.x>1000`")
+    bindings = [protocol.binding(match["message"].strip())] if match["message"] else protocol.bindings
+    having = [each for each in bindings if match["field"] in each.kinds]
+    if not having:
+        raise UnknownName("field", match["field"], dict.fromkeys(field for each in bindings for field in each.kinds))
+    conditions = dict(_conditions(having, match))
+
+    def wanted(meaning: Meaning) -> bool:
+        condition = conditions.get(type(meaning.message)) if meaning.message is not None else None
+        return condition is not None and meaning.message is not None and condition.holds(meaning.message)
+
+    return wanted
+
+
+def _conditions(bindings: Iterable[Binding], match: re.Match[str]) -> Iterator[tuple[type[Message], Condition]]:
+    """Yield the condition for each message whose field can have the value; raises FieldError if none can."""
+    field, refused, found = match["field"], None, False
+    for each in bindings:
+        kind = each.kinds[field]
+        try:
+            value = kind.parse(match["value"])
+        except (ValueError, LookupError, UnknownName):
+            # Only an error if no other message takes it: fields of one name may be of different kinds.
+            allowed = kind.allowed(each.limits[field]) if field in each.limits else "the field is not mapped"
+            refused = FieldError(each.name, field, match["value"], allowed)
+        else:
+            found = True
+            yield each.type, Condition(field, OPERATORS[match["operator"]], value)
+    if refused and not found:
+        raise refused
+
+
+# Time
+
+
+class Window(NamedTuple):
+    """The time that is wanted, in s; `relative` counts from the first entry of the log."""
+
+    since: float = 0.0
+    until: float = float("inf")
+    relative: bool = False
+
+    def clock(self) -> Callable[[float], float | None]:
+        """Return the function from an entry's time to the time shown, None for one not wanted."""
+        if self == Window():
+            return float  # a float is given back as it is, and without a call of Python code for each entry
+        start: list[float] = [] if self.relative else [0.0]
+
+        def shown(time: float) -> float | None:
+            if not start:
+                start.append(time)
+            elapsed = time - start[0]
+            return elapsed if self.since <= elapsed <= self.until else None
+
+        return shown

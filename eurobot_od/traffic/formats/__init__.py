@@ -1,0 +1,134 @@
+"""The log formats, recognised by a log's first bytes or else by its suffix; gzip is unpacked on the way.
+
+Rule of this file: a log is opened once, read forwards, and never held in memory.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from contextlib import suppress
+from importlib import import_module
+from pathlib import PurePath
+from typing import Any, BinaryIO, cast
+
+from eurobot_od.errors import LocalError, UnknownName
+from eurobot_od.traffic.entries import LARGEST, Damage, Entries, Foreign, Read
+from eurobot_od.traffic.formats.lines import read_lines
+
+STANDARD_INPUT = CANDUMP = "log"
+"""Format of standard input, unless its first bytes or an option name another."""
+
+
+FORMATS = {
+    CANDUMP: ("candump", "CandumpFormat"),
+    "candump": ("candump", "CandumpFormat"),
+    "asc": ("asc", "AscFormat"),
+    "csv": ("csv", "CsvFormat"),
+    "trc": ("trc", "TrcFormat"),
+    "blf": ("blf", "read_blf"),
+    "db": ("binary", "read_table"),
+    "mf4": ("binary", "read_messages"),
+    "pcap": ("pcap", "read_pcap"),
+    "pcapng": ("pcap", "read_pcapng"),
+}
+"""Formats by suffix: a module of this package, and in it a LineFormat or a function; imported when they are needed."""
+
+BY_NAME = ("db", "mf4")
+"""Formats that are not read from front to back."""
+
+CONTENT = re.compile(
+    rb"(?P<blf>LOGG)|(?P<db>SQLite format 3\0)|(?P<mf4>MDF {5})|(?P<pcapng>\n\r\r\n)"
+    rb"|(?P<pcap>\xd4\xc3\xb2\xa1|\xa1\xb2\xc3\xd4|\x4d\x3c\xb2\xa1|\xa1\xb2\x3c\x4d)"
+    rb"|(?P<log>\(\d+\.\d+\) )|(?P<asc>date |base +(?:hex|dec))|(?P<trc>;\$)|(?P<csv>timestamp,)"
+)
+"""First bytes that identify a format."""
+
+PACKED = b"\x1f\x8b"
+"""First bytes of a gzip file (RFC 1952)."""
+
+BEGINNING = 64
+"""Number of first bytes that are looked at."""
+
+
+def read(file: BinaryIO, form: str | None = None, largest: int = LARGEST) -> Entries:
+    """Yield the entries of an open log; of a line or record with more than `largest` bytes the rest is not read.
+
+    `form` is the suffix of its format; left out, the first bytes decide, or else the name. Raises UnknownName for a
+    suffix that stands for no format, LocalError for a pipe where only a file will do.
+    """
+    name, beginning = getattr(file, "name", None), _beginning(file)
+    if beginning.startswith(PACKED):
+        return _read_packed(file, form, name, largest)
+    return _reader(form or _said_by(beginning, name), name)(file, largest)
+
+
+def form_of(file: BinaryIO, form: str | None = None) -> tuple[str, bool]:
+    """Return the suffix of the format of a log that can be rewound, and whether it is packed; errors as `read`."""
+    name, beginning = getattr(file, "name", None), _beginning(file)
+    packed = beginning.startswith(PACKED)
+    if packed:
+        import gzip
+        import zlib
+
+        with suppress(EOFError, zlib.error, gzip.BadGzipFile):
+            beginning = _beginning(cast("BinaryIO", gzip.GzipFile(fileobj=file)))
+        file.seek(0)  # it has been read from
+    suffix = form or _said_by(beginning, name)
+    _reader(suffix, name)  # complains
+    return suffix, packed
+
+
+def _beginning(file: BinaryIO) -> bytes:
+    """Return the first bytes of a log without taking them away; none if it cannot be peeked at."""
+    peek: Callable[[int], bytes] | None = getattr(file, "peek", None)
+    return peek(BEGINNING) if peek else b""
+
+
+def _said_by(beginning: bytes, name: object) -> str:
+    """Return the suffix of a format, or what stands for one in the name of a file.
+
+    Standard input and other files without a name are read as candump's.
+    """
+    found = CONTENT.match(beginning)
+    if found is not None and found.lastgroup is not None:
+        return found.lastgroup
+    if not isinstance(name, str):
+        return STANDARD_INPUT
+    suffixes = PurePath(name.lower()).suffixes
+    # Of `match.asc.gz` it is `asc`; `match.gz` says nothing of its content.
+    return "".join(suffixes[:-1][-1:] if suffixes[-1:] == [".gz"] else suffixes[-1:]).lstrip(".")
+
+
+def _reader(suffix: str, name: object) -> Read:
+    if suffix not in FORMATS:
+        raise UnknownName("log format", suffix or str(name), FORMATS)
+    if suffix in BY_NAME and not isinstance(name, str):  # SQLite and asammdf open the file themselves
+        raise LocalError(f"a log in the format {suffix} must be a file")
+    module, function = FORMATS[suffix]
+    found: Any = getattr(import_module(f"eurobot_od.traffic.formats.{module}"), function)
+    return (lambda file, largest: read_lines(file, found(), largest)) if isinstance(found, type) else found
+
+
+def _read_packed(file: BinaryIO, form: str | None, name: object, largest: int) -> Entries:
+    """Read a packed log; if it cannot be unpacked to its end, the last entry says so. Errors as `read`."""
+    import gzip
+    import zlib
+
+    unpacking = (EOFError, zlib.error, gzip.BadGzipFile)
+    content = cast("BinaryIO", gzip.GzipFile(fileobj=file))
+    try:
+        beginning = _beginning(content)
+    except unpacking:
+        beginning = b""
+    # A generator apart: this function is to complain of a format now, not when the first entry is asked for.
+    return _until_it_breaks(_reader(form or _said_by(beginning, name), name)(content, largest), unpacking)
+
+
+def _until_it_breaks(entries: Entries, unpacking: tuple[type[Exception], ...]) -> Entries:
+    line, time = 0, 0.0
+    try:
+        for line, time, channel, raw in entries:
+            yield line, time, channel, raw
+    except unpacking as error:
+        yield line + 1, time, "", Foreign(Damage.CUT_OFF, str(error))

@@ -1,0 +1,185 @@
+"""Captures of a SocketCAN interface, as Wireshark, tshark and tcpdump write them: pcap and pcapng.
+
+Packets of other interfaces are not frames of the bus, and are skipped. The layouts are
+those of the IETF's drafts for pcap and pcapng, and of the link type SocketCAN (227) of www.tcpdump.org.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from functools import partial
+from struct import Struct
+from struct import error as StructError  # noqa: N812 (a class with a small name)
+from typing import BinaryIO, NamedTuple, TypeAlias
+
+from eurobot_od.traffic.entries import LARGEST, Damage, Entries, Foreign, Raw, foreign, frame, read_each, seconds
+
+SOCKETCAN = 227
+"""The link type; its packets are an identifier with flags, length, FD flags, two bytes, and the data."""
+
+PACKET = Struct(">LBBxx")  # the identifier is big-endian, whatever the byte order of the file
+ERROR, REMOTE, EXTENDED, FD = 1 << 29, 1 << 30, 1 << 31, 0x04
+IDENTIFIER = (1 << 29) - 1
+CLASSIC = 16
+"""Most bytes of a packet with a classic frame: not every Linux sets the flag of FD frames, which have 72."""
+
+ORDERS = {b"\xd4\xc3\xb2\xa1": ("<", 1e-6), b"\xa1\xb2\xc3\xd4": (">", 1e-6),
+          b"\x4d\x3c\xb2\xa1": ("<", 1e-9), b"\xa1\xb2\x3c\x4d": (">", 1e-9)}  # fmt: skip
+"""First bytes of a pcap file: its byte order, and the unit of fractions of a second."""
+
+SECTION, INTERFACE, SIMPLE, ENHANCED = 0x0A0D0D0A, 1, 3, 6
+"""Types of pcapng's blocks; all others are skipped."""
+
+BYTE_ORDER_MARK = b"\x4d\x3c\x2b\x1a"
+"""The byte order mark of a little-endian section."""
+
+NAME_OPTION, RESOLUTION_OPTION = 2, 9
+DEFAULT_RESOLUTION = 6
+"""An interface's name, and how its times count: in powers of 10, or of 2 if the highest bit is set."""
+
+
+class Packet(NamedTuple):
+    """A captured packet: its time in s, its interface's name, and its bytes."""
+
+    time: float
+    channel: str
+    data: bytes
+
+    def entry(self) -> tuple[float, str, Raw]:
+        """Return the frame in it, or why it has none; raises ValueError for one that contradicts itself."""
+        identifier, length, fd_flags = PACKET.unpack_from(self.data)
+        data = self.data[PACKET.size : PACKET.size + length]
+        flags = {Damage.ERROR_FRAME: identifier & ERROR, Damage.FD: fd_flags & FD or len(self.data) > CLASSIC}
+        damage = next((each for each, is_set in flags.items() if is_set), None)
+        if damage is not None:
+            return seconds(self.time), self.channel, foreign(damage, identifier & IDENTIFIER, data)
+        remote = length if identifier & REMOTE else None
+        if remote is None and len(data) != length:
+            raise ValueError(f"{identifier:03X}#{data.hex().upper()} with length {length}")
+        made = frame(identifier & IDENTIFIER, b"" if identifier & REMOTE else data, identifier & EXTENDED, remote)
+        return seconds(self.time), self.channel, made
+
+
+class Interface(NamedTuple):
+    """What a pcapng file says about an interface; a tick of its times is `tick` seconds."""
+
+    link_type: int
+    name: str
+    tick: float
+
+
+Packets: TypeAlias = Iterator[Packet]
+
+
+def read_pcap(file: BinaryIO, largest: int = LARGEST) -> Entries:
+    """Read a pcap file; if it is not one, or is cut off, its last entry says so."""
+    return _entries(partial(_pcap_packets, file, largest))
+
+
+def read_pcapng(file: BinaryIO, largest: int = LARGEST) -> Entries:
+    """Read a pcapng file; as `read_pcap`."""
+    return _entries(partial(_pcapng_packets, file, largest))
+
+
+def _entries(packets: Callable[[], Packets]) -> Entries:
+    number, time = 0, 0.0
+    try:
+        for number, time, channel, raw in read_each(packets(), Packet.entry):
+            yield number, time, channel, raw
+    except (EOFError, StructError):
+        yield number + 1, time, "", Foreign(Damage.CUT_OFF, "the file ends in the middle of a packet")
+    except ValueError as error:
+        yield number + 1, time, "", Foreign(Damage.UNREADABLE, str(error))
+
+
+def _taken(file: BinaryIO, size: int, largest: int) -> bytes:
+    """Read a part of a file; raises ValueError for one that is too large, EOFError for one that is not there."""
+    if not 0 <= size <= largest:
+        raise ValueError(f"a packet of {size} bytes; at most {largest} are read")
+    data = file.read(size)
+    if len(data) < size:
+        raise EOFError
+    return data
+
+
+# pcap
+
+
+def _pcap_packets(file: BinaryIO, largest: int) -> Packets:
+    magic = file.read(4)
+    if magic not in ORDERS:
+        raise ValueError("not a pcap file")
+    order, tick = ORDERS[magic]
+    # The lower half only: above it are flags and the length of a frame check sequence.
+    link_type = Struct(f"{order}16xL").unpack(file.read(20))[0] & 0xFFFF
+    if link_type != SOCKETCAN:
+        raise ValueError(f"link type {link_type}; only {SOCKETCAN}, SocketCAN, is read")
+    head = Struct(f"{order}LLL4x")
+    while data := file.read(head.size):
+        whole, fraction, size = head.unpack(data)
+        yield Packet(whole + fraction * tick, "", _taken(file, size, largest))
+
+
+# pcapng
+
+
+def _pcapng_packets(file: BinaryIO, largest: int) -> Packets:
+    order, interfaces = "<", list[Interface]()
+    for kind, section_order, body in _blocks(file, largest):
+        if kind == SECTION:  # each section counts its interfaces from 0, in its own byte order
+            order, interfaces = section_order, []
+        elif kind == INTERFACE:
+            interfaces.append(_interface(order, body))
+        elif kind in PACKETS:
+            interface, time, data = PACKETS[kind](order, body, interfaces)
+            if interface.link_type == SOCKETCAN:
+                yield Packet(time, interface.name, data)
+    if SOCKETCAN not in (each.link_type for each in interfaces):
+        raise ValueError(f"no interface of link type {SOCKETCAN}, SocketCAN")
+
+
+def _blocks(file: BinaryIO, largest: int) -> Iterator[tuple[int, str, bytes]]:
+    """Yield the blocks: type, byte order, and what stands between the two lengths."""
+    order = ""
+    while head := file.read(8):
+        kind = Struct(f"{order or '<'}L").unpack_from(head)[0]
+        mark = b""
+        if kind == SECTION:  # its length can be read only when the mark behind it has told the byte order
+            mark = _taken(file, 4, largest)
+            order = "<" if mark == BYTE_ORDER_MARK else ">"
+            if mark not in (BYTE_ORDER_MARK, BYTE_ORDER_MARK[::-1]):
+                raise ValueError("not a pcapng file")
+        elif not order:
+            raise ValueError("not a pcapng file")
+        size = Struct(f"{order}4xL").unpack(head)[0]
+        body = _taken(file, size - 12 - len(mark), largest)
+        _taken(file, 4, largest)  # the length again, for those who read backwards
+        yield kind, order, body
+
+
+def _interface(order: str, body: bytes) -> Interface:
+    head, options, rest = Struct(f"{order}HH"), dict[int, bytes](), body[8:]
+    while len(rest) >= head.size:
+        code, size = head.unpack_from(rest)
+        if code == 0:
+            break
+        options[code] = rest[head.size : head.size + size]
+        rest = rest[head.size + size + -size % 4 :]  # values are padded to a multiple of 4
+    resolution = options.get(RESOLUTION_OPTION, bytes([DEFAULT_RESOLUTION]))[0]
+    tick = 2.0 ** -(resolution & 0x7F) if resolution & 0x80 else 10.0**-resolution
+    name = options.get(NAME_OPTION, b"").decode("utf-8", "replace")
+    return Interface(Struct(f"{order}H").unpack_from(body)[0], name, tick)
+
+
+def _enhanced(order: str, body: bytes, interfaces: list[Interface]) -> tuple[Interface, float, bytes]:
+    head = Struct(f"{order}LLLL4x")
+    number, high, low, size = head.unpack_from(body)
+    interface = interfaces[number]
+    return interface, (high << 32 | low) * interface.tick, body[head.size : head.size + size]
+
+
+PACKETS: Mapping[int, Callable[[str, bytes, list[Interface]], tuple[Interface, float, bytes]]] = {
+    # It says neither its time nor its interface, which has to be the section's first.
+    SIMPLE: lambda _order, body, interfaces: (interfaces[0], 0.0, body[4:]),
+    ENHANCED: _enhanced,
+}

@@ -1,0 +1,343 @@
+"""Worst-case response times on a CAN bus, in bit times.
+
+Source: Davis, Burns, Bril, Lukkien, "Controller Area Network (CAN) schedulability analysis: refuted, revisited and
+revised", Real-Time Systems 35, 2007. The test of 1994 looks at one instance of a message; as a frame cannot be
+interrupted, a later instance in the same busy period can be later still, first of all that of the least urgent ones.
+
+For a message m with longest frame C, period T and release jitter J:
+
+    B    = max C(k) of the less urgent k                                          blocking
+    t    = E(t) + B + sum over k as urgent as m, m itself too, of ceil((t + J(k)) / T(k)) C(k)      busy period
+    w(q) = E(w + C) + B + q C + sum over the other k of ceil((w + J(k) + 1) / T(k)) C(k)     instance q = 0, 1, ...
+    R    = max over the q with q T < t + J of  J + w(q) - q T + C                 response time
+
+Each equation has the least value that solves it. `E(t)` is the time that errors cost (Tindell, Burns, Wellings 1995;
+Broster 2003): `Errors.within(t)` of them, each with the longest recovery and the longest frame as urgent as m, which is
+sent again. R is counted from the moment the message falls due and ends with the intermission behind its frame.
+
+Limited transmit mailboxes without abort (Khan, Davis, Navet 2011 treat the same case the same way, as jitter). While
+all mailboxes of a node hold less urgent frames, m has to wait, and frames less urgent than m win the bus: priority
+inversion. It ends for good with the first of these frames that is sent: from then on one of the node's mailboxes holds
+m, or a frame that is more urgent. So the bus serves the messages in the order of their urgency, as the equations ask,
+if m counts as released when that wait ends: as m with further jitter. The wait is no longer than k, the most urgent of
+the frames in the mailboxes, is ready to be sent, which is at most w(q) - max(0, q T - J) + C for k: its instance q is
+released neither before the busy period nor before it falls due. Nor is it longer than
+
+    a = E(a + C(k)) + B(k) + sum over j of other nodes, as urgent as k, of ceil((a + R(j) + 1) / T(j)) C(j),
+
+and C(k): what the node itself has that is more urgent waits for a mailbox, too, and of j only instances that fell due
+less than R(j) before the wait can be sent in it. The lesser of the two counts. A message of which at most one instance
+is on its way (R <= T) takes one mailbox; if any of the node's can be later than its next instance, every less urgent
+one may fill them all.
+
+An answer is released by the message that it answers, at the latest when that has its response time and the node its own
+time (Tindell and Clark's holistic analysis, 1994): its jitter is the sum of both, and its response time is counted from
+the moment the request fell due.
+
+Rule of this file: bit times and whole numbers only, every sum grows with every jitter, and so the loop over all of them
+starts from the messages' own jitter and ends at the least solution. What finds none is "no bound": a bus that is full,
+a time over `HORIZON`, more than `INSTANCES` in a busy period, and a jitter that still grows after `ROUNDS`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from fractions import Fraction
+from functools import cached_property
+from math import lcm
+from types import MappingProxyType
+from typing import NamedTuple, TypeAlias
+
+from eurobot_od.traffic.load.frames import RECOVERY_BITS
+
+HORIZON = 10**7
+"""Bit times after which a busy period counts as endless: 10 s at 1 Mbit/s."""
+
+INSTANCES = 1000
+"""More instances of a message in one busy period are not looked at, and taken for endless."""
+
+ROUNDS = 256
+"""Iterations over all jitters, after which they are assumed to grow for ever."""
+
+FULL = 1
+"""From this share of the bus on nothing is bounded; without blocking, jitter and errors that share itself could be."""
+
+BIT = 1
+"""A frame that is ready within the first bit of another's arbitration still takes part in it."""
+
+
+class Message(NamedTuple):
+    """A message as the bus sees it: `bits` of its longest frame; `period`, `jitter` and `deadline` in bit times.
+
+    `node` sends it. `answers` is the place, in the list of messages, of the one that it answers; then `jitter` is what
+    the node takes for it.
+    """
+
+    identifier: int
+    bits: int
+    period: int
+    deadline: int
+    jitter: int = 0
+    node: str = ""
+    answers: int | None = None
+
+
+class BitErrors(NamedTuple):
+    """At most `number` bit errors in any interval of that many bit times."""
+
+    number: int = 0
+    interval: int = 1
+
+    def within(self, time: int) -> int:
+        """Return how many errors there can be in a time."""
+        return self.number * _ceil(time, self.interval)
+
+
+NO_ERRORS = BitErrors()
+
+
+class Bound(NamedTuple):
+    """What is proved of a message, in bit times; None without a bound.
+
+    `response` is counted from when the message falls due, `waiting` from its release, `busy` is the busy period.
+    `blocking` is the place of the less urgent message that can hold the bus when it falls due, `inversion` that of the
+    message of its own node that can fill the last mailbox; None if there is no such message.
+    """
+
+    response: int | None
+    waiting: int | None
+    busy: int | None
+    blocking: int | None
+    inversion: int | None = None
+
+
+class Interference(NamedTuple):
+    """What the messages as urgent as one of them, or more urgent, do to it.
+
+    `load` is the share of the bus that they and the errors take, `load_of_others` without the message itself;
+    `blocking` is the longest less urgent message and `blocked` its bits; `recovery` is what an error costs.
+    """
+
+    message: Message
+    others: tuple[int, ...]
+    blocking: int | None
+    blocked: int
+    load: Fraction
+    load_of_others: Fraction
+    recovery: int
+
+
+Waits: TypeAlias = tuple[int, int, int]
+"""Of a message that another has to wait for: bits, period, and how long before it an instance may have fallen due."""
+
+
+class Times(NamedTuple):
+    """The times of a Bound."""
+
+    response: int | None = None
+    waiting: int | None = None
+    busy: int | None = None
+
+
+NO_TIMES = Times()
+
+
+class Analysis:
+    """The analysis of a list of messages; `mailboxes` says how many a node has; a node that is not named has enough."""
+
+    def __init__(
+        self,
+        messages: Sequence[Message],
+        errors: BitErrors = NO_ERRORS,
+        mailboxes: Mapping[str, int] = MappingProxyType({}),
+    ) -> None:
+        self.messages, self.errors, self.mailboxes = tuple(messages), errors, mailboxes
+
+    @cached_property
+    def load(self) -> Fraction:
+        """Share of the bus that all messages take, errors not counted."""
+        return self._share(self.messages)
+
+    @cached_property
+    def bounds(self) -> tuple[Bound, ...]:
+        """What is proved of each message, in the order of the list."""
+        late: frozenset[str] = frozenset()
+        while True:  # at most once for each node
+            solution = _Solution(self, late)
+            if solution.late <= late:
+                return solution.bounds()
+            late |= solution.late
+
+    @cached_property
+    def holds(self) -> bool:
+        """Whether every message is bound to meet its deadline."""
+        pairs = zip(self.messages, self.bounds)
+        return all(bound.response is not None and bound.response <= each.deadline for each, bound in pairs)
+
+    @cached_property
+    def levels(self) -> tuple[Interference, ...]:
+        """What each message has to wait for."""
+        return tuple(map(self._level, range(len(self.messages))))
+
+    def _level(self, place: int) -> Interference:
+        message = self.messages[place]
+        # `<=`, as two nodes may send one identifier: each then waits for the other.
+        others = tuple(
+            n for n, each in enumerate(self.messages) if each.identifier <= message.identifier and n != place
+        )
+        less = [n for n, each in enumerate(self.messages) if each.identifier > message.identifier]
+        # One of them at most: it has begun before the message falls due, and the next arbitration is the message's.
+        blocking = max(less, key=lambda n: self.messages[n].bits, default=None)
+        blocked = 0 if blocking is None else self.messages[blocking].bits
+        level = [message, *(self.messages[n] for n in others)]
+        recovery = RECOVERY_BITS + max(each.bits for each in level)
+        load = self._share(self.messages[n] for n in others) + Fraction(
+            self.errors.number * recovery, self.errors.interval
+        )
+        return Interference(message, others, blocking, blocked, load + self._share([message]), load, recovery)
+
+    def _share(self, messages: Iterable[Message]) -> Fraction:
+        """Return the share of the bus that messages take, exactly, as FULL is a sharp limit."""
+        return Fraction(sum(each.bits * (self._hyperperiod // each.period) for each in messages), self._hyperperiod)
+
+    @cached_property
+    def _hyperperiod(self) -> int:
+        return lcm(*(each.period for each in self.messages))
+
+    def rivals(self, place: int, late: bool) -> list[int]:
+        """Return the messages that can be the most urgent in their node's mailboxes while all are less urgent than one.
+
+        `late`: one message may take more than one mailbox.
+        """
+        node, identifier = self.messages[place].node, self.messages[place].identifier
+        if node not in self.mailboxes:
+            return []
+        less = [n for n, each in enumerate(self.messages) if each.node == node and each.identifier > identifier]
+        less.sort(key=lambda n: self.messages[n].identifier, reverse=True)
+        # The most urgent of n frames in n mailboxes cannot be among the n - 1 least urgent that there are.
+        return less if late else less[self.mailboxes[node] - 1 :]
+
+
+class _Solution:
+    """The least jitters and times that agree with each other.
+
+    `late` names the nodes in whose mailboxes there may be more than one instance of a message.
+    """
+
+    def __init__(self, analysis: Analysis, late: frozenset[str]) -> None:
+        self._messages, self._levels, self._errors = analysis.messages, analysis.levels, analysis.errors
+        self._rivals = [analysis.rivals(n, each.node in late) for n, each in enumerate(self._messages)]
+        self._jitters: list[int | None] = [each.jitter for each in self._messages]
+        self._solve()
+        rounds = 0
+        while (jitters := [self._jitter(n) for n in range(len(self._messages))]) != self._jitters:
+            rounds += 1
+            kept = [new if rounds <= ROUNDS or new == old else None for new, old in zip(jitters, self._jitters)]
+            self._jitters = kept
+            self._solve()
+
+    def _solve(self) -> None:
+        self._times = []
+        for level, own in zip(self._levels, self._jitters):
+            others = [(self._messages[n], jitter) for n in level.others if (jitter := self._jitters[n]) is not None]
+            if own is None or len(others) < len(level.others) or level.load >= FULL:
+                self._times.append(NO_TIMES)  # no bound either where a more urgent message has none
+            else:
+                waits = [(each.bits, each.period, jitter) for each, jitter in others]
+                self._times.append(_times(level, own, waits, self._errors))
+        self._in_mailbox = {n: self._mailbox_time(n) for n in {each for rivals in self._rivals for each in rivals}}
+
+    @property
+    def late(self) -> frozenset[str]:
+        """The nodes with a message that may be on its way when its next instance falls due."""
+        pairs = zip(self._messages, self._times)
+        return frozenset(m.node for m, times in pairs if times.response is None or times.response > m.period)
+
+    def bounds(self) -> tuple[Bound, ...]:
+        """Return what is proved."""
+        return tuple(
+            Bound(*times, level.blocking, max(rivals, key=self._waiting, default=None))
+            for times, level, rivals in zip(self._times, self._levels, self._rivals)
+        )
+
+    def _jitter(self, place: int) -> int | None:
+        """Return a message's jitter: its own, what it answers, and how long it may wait for a mailbox."""
+        if self._jitters[place] is None:  # for good: nothing ever gets better
+            return None
+        message = self._messages[place]
+        answered = 0 if message.answers is None else _or_never(self._times[message.answers].response)
+        jitter = message.jitter + answered + max(map(self._waiting, self._rivals[place]), default=0)
+        return jitter if jitter <= HORIZON else None
+
+    def _waiting(self, place: int) -> int:
+        """Return how long a message may be in its mailbox while its node has nothing more urgent in the others."""
+        return min(_or_never(self._times[place].waiting), _or_never(self._in_mailbox[place]))
+
+    def _mailbox_time(self, place: int) -> int | None:
+        level = self._levels[place]
+        outside = [n for n in level.others if self._messages[n].node != level.message.node]
+        others = [(self._messages[n], response) for n in outside if (response := self._times[n].response) is not None]
+        if len(others) < len(outside) or level.load >= FULL:
+            return None
+        waits = [(each.bits, each.period, response) for each, response in others]
+        queued = _least(_queued(level, 0, waits, self._errors), level.blocked, 0, level.load)
+        return None if queued is None else queued + level.message.bits
+
+
+def _times(level: Interference, jitter: int, others: Sequence[Waits], errors: BitErrors) -> Times:
+    """Solve the equations of one message."""
+    bits, period = level.message.bits, level.message.period
+    behind = sum(j * c // t for c, t, j in others)  # rounded down, so that no search starts beyond its solution
+
+    def in_busy_period(time: int) -> int:
+        work = sum(_ceil(time + j, t) * c for c, t, j in (*others, (bits, period, jitter)))
+        return errors.within(time) * level.recovery + level.blocked + work
+
+    busy = _least(in_busy_period, bits, level.blocked + behind, level.load)
+    if busy is None or busy + jitter > INSTANCES * period:
+        return NO_TIMES
+    response = waiting = queued = 0
+    for instance in range(_ceil(busy + jitter, period)):
+        ahead = instance * bits
+        found = _least(
+            _queued(level, ahead, others, errors), queued, level.blocked + ahead + behind, level.load_of_others
+        )
+        if found is None:
+            return NO_TIMES
+        queued = found  # w grows with the instance, so the search for the next one starts here
+        sent, due = queued + bits, instance * period - jitter
+        response, waiting = max(response, sent - due), max(waiting, sent - max(due, 0))
+    return Times(response, waiting, busy)
+
+
+def _queued(level: Interference, ahead: int, others: Sequence[Waits], errors: BitErrors) -> Callable[[int], int]:
+    """Return the function whose least solution is how long a message waits until its frame begins for good."""
+
+    def until_sent(time: int) -> int:
+        waits = sum(_ceil(time + j + BIT, t) * c for c, t, j in others)
+        return errors.within(time + level.message.bits) * level.recovery + level.blocked + ahead + waits
+
+    return until_sent
+
+
+def _least(function: Callable[[int], int], start: int, least: int, load: Fraction) -> int | None:
+    """Return the least solution of time = function(time), None over the horizon; `start` is no later than it.
+
+    As function(time) is at least `least` + `load` * time, no solution is earlier than `least` / (1 - `load`): to begin
+    there keeps the loop short near a full bus.
+    """
+    time = max(start, least * load.denominator // (load.denominator - load.numerator))
+    while time <= HORIZON:
+        later = function(time)
+        if later <= time:
+            return time
+        time = later
+    return None
+
+
+def _or_never(time: int | None) -> int:
+    return HORIZON + 1 if time is None else time
+
+
+def _ceil(dividend: int, divisor: int) -> int:
+    return -(-dividend // divisor)

@@ -1,0 +1,198 @@
+"""The messages of a network of devices: what their EDS files say, and what a network file says about the rest.
+
+A TPDO with an event timer or a SYNC falls due by itself, no more often than its inhibit time; so do heartbeats
+(0x1017), SYNC (0x1006), and EMCY with an inhibit time (0x1015). All else has a row in the network file's `traffic`.
+
+A message without a known period is refused, as no bound holds without it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from typing import NamedTuple
+
+from eurobot_od.errors import DictionaryError, LocalError
+from eurobot_od.od import standard, values
+from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.network_file import NetworkFile, TrafficEntry
+from eurobot_od.od.pdos import Pdo
+from eurobot_od.od.sdo_channel import SdoChannel
+from eurobot_od.od.values import PdoDirection
+from eurobot_od.support import durations
+from eurobot_od.traffic.load.message_set import MessageSet, PeriodicMessage, by_urgency
+
+SERVER_NODE_ID = 3
+"""Sub-index of an SDO client's record (CiA 301, 7.5.2.34)."""
+MAILBOXES = "Transmit.Mailboxes"
+"""A setting of a device that says how many mailboxes it has."""
+
+MS, INHIBIT_UNIT = 1000, 100
+"""Microseconds of a millisecond, and of the unit of inhibit times."""
+
+SYNC, EMCY, SDO = "SYNC", "EMCY", "SDO"
+
+
+class NodeFrame(NamedTuple):
+    """A frame that a node may send: its name, identifier, length in bytes, who sends it, and what it always answers.
+
+    `row` is the name of its row in a network file: its own, or that of the service.
+    """
+
+    row: str
+    name: str
+    identifier: int
+    length: int
+    node: str
+    answers: str = ""
+
+    def sent(self, period: int, reason: str) -> PeriodicMessage:
+        """Return what is sent every `period`, us, with that for a deadline."""
+        return PeriodicMessage(
+            self.name, self.identifier, self.length, period, period, self.node, answers=self.answers, reason=reason
+        )
+
+
+def network_set(
+    dictionaries: Iterable[Dictionary], names: Mapping[int, str], network: NetworkFile, file: str
+) -> MessageSet:
+    """Return the messages of some devices; `names` are those of the PDOs by COB-ID, `file` is the network file's name.
+
+    Raises DictionaryError for a row of the network file that does not hold, LocalError for messages without a period.
+    """
+    devices = tuple(dictionaries)
+    reader = _Rows(devices, network.traffic, file)
+    senders = [_pdo_sender(device, each, names) for device in devices for each in _sent_pdos(device)]
+    services = [each for device in devices for each in _services(device, devices)]
+    reader.refuse_unknown({each.row for each in (*senders, *services)})
+    by_itself = [each for device in devices for each in _by_itself(device, devices, names)]
+    by_rows = [each for sender in (*senders, *services) for each in reader.sent(sender)]
+    known = {(each.identifier, each.node) for each in (*by_itself, *by_rows)}
+    missing = dict.fromkeys(each.name for each in senders if (each.identifier, each.node) not in known)
+    if missing:
+        raise LocalError(f"no period is known of {', '.join(missing)}; say it in `traffic` of the network file")
+    mailboxes = {device.name: count for device in devices if (count := _mailboxes(device))}
+    bit_rate = None if network.bit_rate is None else network.bit_rate * 1000
+    rates = [set(device.objects.device_information.allowed_baudrates) for device in devices]
+    offered = tuple(sorted(set.intersection(*rates))) if rates else ()
+    # What several nodes send by one name is told apart by the node.
+    sent = [each.name for each in by_rows]
+    apart = [e._replace(name=f"{e.name} {e.node}") if sent.count(e.name) > 1 else e for e in by_rows]
+    return MessageSet(by_urgency([*by_itself, *apart]), mailboxes, bit_rate=bit_rate, offered=offered)
+
+
+def _mailboxes(device: Dictionary) -> int | None:
+    try:
+        return device.number(device.address(MAILBOXES))
+    except DictionaryError:  # no device has to have such a setting
+        return None
+
+
+# What the EDS files say
+
+
+def _sent_pdos(device: Dictionary) -> Iterator[Pdo]:
+    return (each for each in device.pdos if each.direction is PdoDirection.TPDO and each.valid)
+
+
+def _pdo_sender(device: Dictionary, pdo: Pdo, names: Mapping[int, str]) -> NodeFrame:
+    length = -(-sum(each.bits for each in pdo.mapping) // 8)  # a byte that is begun is sent
+    name = names.get(pdo.cob_id, f"{device.name}.{pdo.name}")
+    return NodeFrame(name, name, pdo.cob_id, length, device.name)
+
+
+def _by_itself(
+    device: Dictionary, devices: Iterable[Dictionary], names: Mapping[int, str]
+) -> Iterator[PeriodicMessage]:
+    """Give what a device sends by timer or SYNC, or whenever its inhibit time allows."""
+    cycle = next((number for each in devices if (number := each.number(standard.SYNC_PERIOD))), 0)
+    for pdo in _sent_pdos(device):
+        sender, inhibit = _pdo_sender(device, pdo, names), pdo.inhibit_time * INHIBIT_UNIT
+        if pdo.is_synchronous and cycle:  # type 0, with the next SYNC if it has changed, may be as often as type 1
+            yield sender.sent(cycle * max(pdo.transmission_type, 1), f"transmission type {pdo.transmission_type}")
+        elif inhibit:  # before the event timer, which only says how seldom it may be sent
+            yield sender.sent(inhibit, "inhibit time")
+        elif pdo.event_timer:
+            yield sender.sent(pdo.event_timer * MS, "event timer")
+    if heartbeat := device.number(standard.HEARTBEAT_TIME):
+        name, identifier = f"Heartbeat {device.name}", values.ERROR_CONTROL_BASE + device.node_id
+        yield NodeFrame(name, name, identifier, 1, device.name).sent(heartbeat * MS, "0x1017")
+    if (device.number(standard.SYNC) or 0) & standard.SYNC_PRODUCER and (own := device.number(standard.SYNC_PERIOD)):
+        yield NodeFrame(SYNC, SYNC, values.SYNC_COB_ID, 0, device.name).sent(own, "0x1006")
+    if pause := device.number(standard.EMCY_INHIBIT_TIME):
+        yield _emcy(device).sent(pause * INHIBIT_UNIT, "0x1015")
+
+
+def _emcy(device: Dictionary) -> NodeFrame:
+    identifier = device.cob_id(standard.EMCY, values.EMCY_BASE)
+    return NodeFrame(EMCY, f"{EMCY} {device.name}", identifier, 8, device.name)
+
+
+def _services(device: Dictionary, devices: Iterable[Dictionary]) -> Iterator[NodeFrame]:
+    """Give the services that a row may be about: EMCY without an inhibit time, and SDO if a client is there."""
+    if not device.number(standard.EMCY_INHIBIT_TIME):
+        yield _emcy(device)
+    for client in devices:
+        if any(client.number((index, SERVER_NODE_ID)) == device.node_id for index in standard.SDO_CLIENTS):
+            at, request = SdoChannel.of(device), f"{SDO} request {device.name}"
+            yield NodeFrame(SDO, request, at.requests, 8, client.name)
+            yield NodeFrame(SDO, f"{SDO} answer {device.name}", at.answers, 8, device.name, request)
+
+
+# What the network file says
+
+
+class _Rows:
+    """The rows of a network file's traffic, with the settings of the devices."""
+
+    def __init__(self, devices: tuple[Dictionary, ...], rows: Mapping[str, TrafficEntry], file: str) -> None:
+        self._devices, self._rows, self._file = devices, rows, file
+
+    def refuse_unknown(self, known: set[str]) -> None:
+        """Refuse a row of a message that no node sends."""
+        for name in self._rows:
+            if name not in known:
+                raise self._error(name, f"traffic of {name!r}, which no node sends")
+
+    def sent(self, sender: NodeFrame) -> Iterator[PeriodicMessage]:
+        """Give what is sent by the row of a message, if it has one."""
+        row = self._rows.get(sender.row)
+        if row is not None:
+            sent = sender.sent(self._period(sender.row, row), row.reason)
+            yield sent._replace(
+                deadline=self._time(row.deadline, sender.node) if row.deadline else sent.period,
+                jitter=self._time(row.jitter, sender.node) if row.jitter else 0,
+                answers=row.answers or sender.answers,
+            )
+
+    def _period(self, name: str, row: TrafficEntry) -> int:
+        met = {name}
+        while row.answers:  # an answer is as frequent as what it answers; in a circle nothing has a period
+            if row.answers in met or row.answers not in self._rows:
+                raise self._error(row.answers, f"{name!r} answers {row.answers!r}, which has no period")
+            met.add(row.answers)
+            row = self._rows[row.answers]
+        period = self._time(row.every, "") if row.every else 0
+        if not period:
+            raise self._error(
+                row.every or name, f"{name!r} has a period of 0" if row.every else f"{name!r} has no period"
+            )
+        return period
+
+    def _time(self, text: str, node: str) -> int:
+        """Return the us of a duration, or of a setting in ms: the node's own before another's."""
+        if durations.is_duration(text):
+            return durations.microseconds(text)
+        for device in sorted(self._devices, key=lambda each: each.name != node):
+            try:
+                number = device.number(device.address(text))
+            except DictionaryError:
+                continue
+            if number is not None:
+                return number * MS
+        raise self._error(text, f"{text!r} is neither a duration nor a setting of a device")
+
+    def _error(self, at: str, what: str) -> DictionaryError:
+        """Return the error at a text of the network file, which knows its place."""
+        known = next((name for name in self._rows if name == at), at)  # the file's own text, with its place
+        place = getattr(at, "place", None) or getattr(known, "place", None)
+        return DictionaryError(f"{self._file}:{place.line}:{place.column}" if place else self._file, None, what)

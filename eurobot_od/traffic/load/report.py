@@ -1,0 +1,156 @@
+"""Results of the analysis for each message, in usual units: as a table and as plain data."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from fractions import Fraction
+from typing import Any, NamedTuple
+
+from eurobot_od.support.tables import columns
+from eurobot_od.traffic.load.message_set import MICROSECONDS, MessageSet, PeriodicMessage, analysed
+
+NO_BOUND = "no bound"
+MISSED = "MISSED"
+
+
+class BoundRow(NamedTuple):
+    """A message and what is proved of it, times in us: `response` is None without a bound.
+
+    `blocking` names the less urgent message that can hold the bus, `inversion` the one of its own node that can keep it
+    out of the mailboxes; empty if there is none.
+    """
+
+    message: PeriodicMessage
+    response: int | None
+    blocking: str
+    inversion: str
+
+    @property
+    def margin(self) -> int | None:
+        """What is left of the deadline, us; negative if it can be missed, None without a bound."""
+        return None if self.response is None else self.message.deadline - self.response
+
+    @property
+    def holds(self) -> bool:
+        """Whether the deadline is always met."""
+        return self.margin is not None and self.margin >= 0
+
+
+class LoadReport(NamedTuple):
+    """A set at a bit rate, bit/s: share `load` of the bus, longest `busy` period in us, None if it has no end."""
+
+    bit_rate: int
+    load: Fraction
+    busy: int | None
+    rows: tuple[BoundRow, ...]
+
+    @property
+    def holds(self) -> bool:
+        """Whether all deadlines are always met."""
+        return all(row.holds for row in self.rows)
+
+
+def load_report(messages: MessageSet, bit_rate: int) -> LoadReport:
+    """Analyse a set at a bit rate in bit/s."""
+    analysis = analysed(messages, bit_rate)
+
+    def name(place: int | None) -> str:
+        return "" if place is None else messages.messages[place].name
+
+    def microseconds(bits: int | None) -> int | None:
+        # Rounded up: a bound must not get shorter on its way.
+        return None if bits is None else -(-bits * MICROSECONDS // bit_rate)
+
+    rows = tuple(
+        BoundRow(message, microseconds(bound.response), name(bound.blocking), name(bound.inversion))
+        for message, bound in zip(messages.messages, analysis.bounds)
+    )
+    periods = [bound.busy for bound in analysis.bounds]
+    longest = None if None in periods else max((each for each in periods if each is not None), default=0)
+    return LoadReport(bit_rate, analysis.load, microseconds(longest), rows)
+
+
+# As text
+
+HEADINGS = ("ID", "message", "from", "period", "response", "deadline", "margin", "held up by")
+
+
+def table(report: LoadReport) -> Iterator[str]:
+    """Write a line for each message, times in ms, and what is to be said about all of them."""
+    lines: list[tuple[str, ...]] = [HEADINGS]
+    for row in report.rows:
+        message, left = row.message, row.margin
+        lines.append(
+            (
+                f"{message.identifier:03X}",
+                message.name,
+                message.node,
+                ms(message.period),
+                NO_BOUND if row.response is None else ms(row.response),
+                ms(message.deadline),
+                MISSED if left is None else f"{MISSED} {ms(left)}" if left < 0 else ms(left),
+                held_up_by(row),
+            )
+        )
+    yield from columns(lines, "lllrrrr")
+    yield ""
+    yield summary(report)
+
+
+def summary(report: LoadReport) -> str:
+    """Say in one line how full the bus is, and whether all deadlines are met."""
+    missed = sum(not row.holds for row in report.rows)
+    verdict = f"{missed} of {len(report.rows)} deadlines can be missed" if missed else "all deadlines are met"
+    busy = "without end" if report.busy is None else f"at most {ms(report.busy)} ms at a stretch"
+    return f"{report.bit_rate / 1000:g} kbit/s, load {float(report.load):.1%}, busy {busy}: {verdict}"
+
+
+def too_slow(messages: MessageSet) -> Iterator[str]:
+    """Say of each bit rate that the EDS files offer, and at which deadlines can be missed, what is missed."""
+    for report in (load_report(messages, each) for each in messages.offered):
+        if not report.holds:
+            yield f"the EDS files offer a bit rate that is too slow: {summary(report)}"
+
+
+def held_up_by(row: BoundRow) -> str:
+    """Say which less urgent frames a message may have to wait for."""
+    parts = [row.blocking] if row.blocking else []
+    parts += [f"{row.inversion} in the mailboxes"] if row.inversion else []
+    return ", ".join(parts)
+
+
+def ms(microseconds: int) -> str:
+    """Write microseconds as milliseconds."""
+    return f"{microseconds / 1000:.2f}"
+
+
+# As data
+
+
+def as_data(report: LoadReport) -> dict[str, Any]:
+    """Return all of it as plain data; times in us."""
+    return {
+        "bit_rate": report.bit_rate,
+        "load": round(float(report.load), 6),
+        "busy_us": report.busy,
+        "deadlines_met": report.holds,
+        "messages": [
+            {
+                "name": row.message.name,
+                "identifier": row.message.identifier,
+                "node": row.message.node,
+                "length": row.message.length,
+                "bits": row.message.bits,
+                "period_us": row.message.period,
+                "jitter_us": row.message.jitter,
+                "answers": row.message.answers or None,
+                "deadline_us": row.message.deadline,
+                "response_us": row.response,
+                "margin_us": row.margin,
+                "blocking": row.blocking or None,
+                "inversion": row.inversion or None,
+                "reason": row.message.reason,
+            }
+            for row in report.rows
+        ],
+    }

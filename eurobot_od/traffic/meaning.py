@@ -1,0 +1,250 @@
+"""What a frame means: a message of the protocol, a CANopen service, or damage.
+
+Rule of this file: nothing raises, whatever the frame; what is wrong with it is part of its meaning.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from functools import cached_property, lru_cache, partial
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from eurobot_od.errors import FrameLengthError
+from eurobot_od.frame import Frame, RemoteFrame
+from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.pdos import OnRefused, fatal
+from eurobot_od.pdo.binding import Binding
+from eurobot_od.pdo.catalogue import NOTHING, Catalogue
+from eurobot_od.pdo.codec import compiled
+from eurobot_od.pdo.kinds import OutOfRange
+from eurobot_od.pdo.message import Message, flagged_fields
+from eurobot_od.pdo.protocol import Protocol
+from eurobot_od.traffic.entries import MASTER, REMEMBERED, Damage, Foreign, Raw
+
+if TYPE_CHECKING:
+    from eurobot_od.device.emergency import ErrorWords
+    from eurobot_od.traffic.services import CanopenService
+    from eurobot_od.traffic.unmapped import Unmapped
+
+CANOPEN = "CANopen"
+"""The group of the services, as messages have theirs in the catalogue."""
+
+REQUEST = "remote frame: asks for it"
+"""What a remote frame says."""
+
+
+class Defect(NamedTuple):
+    """One thing that is wrong with a frame, and what exactly."""
+
+    damage: Damage
+    text: str
+
+
+class SdoTransfer(NamedTuple):
+    """An SDO transfer that has ended: the object, what happened to it, how, and how much it was in how many seconds.
+
+    `aborted` is the abort code, None if it was not; `lost` counts the segments that the log does not have. Without the
+    end in the log it is not `whole`.
+    """
+
+    object: str
+    is_upload: bool
+    how: str
+    size: int
+    seconds: float
+    aborted: int | None = None
+    lost: int = 0
+    is_whole: bool = True
+
+
+class Meaning(NamedTuple):
+    """What a frame means: message or service `name`, its `group`, the `nodes` that send or receive it, and in words.
+
+    `message` is None for a service and for what could not be decoded. `name` is empty if nothing is known, `sender` if
+    nothing says who sent it. `transfer` is the SDO transfer that this frame ends, as far as `following` knows it.
+    """
+
+    raw: Raw
+    name: str
+    group: str
+    nodes: tuple[str, ...]
+    message: Message | None
+    text: str
+    defects: tuple[Defect, ...] = ()
+    transfer: SdoTransfer | None = None
+    sender: str = ""
+
+
+def with_defects(meaning: Meaning) -> str:
+    """Write a damaged frame as far as it could be read, and after `!` what is wrong with it."""
+    wrong = "; ".join(f"{damage.value}: {text}" for damage, text in meaning.defects)
+    # A frame before which others are missing says all the same what it says.
+    is_read = meaning.message is not None or all(each.damage is Damage.INCOMPLETE for each in meaning.defects)
+    return f"{meaning.text}  ! {wrong}" if is_read else f"! {wrong}"
+
+
+class Decoder:
+    """Decodes frames by the EDS files of the nodes on the bus and the catalogue of their messages.
+
+    `errors` are words for emergency error codes of single nodes, by node-ID; 0 stands for all nodes. `master` is the
+    name of who leads the network.
+    """
+
+    def __init__(
+        self,
+        dictionaries: Iterable[Dictionary],
+        catalogue: Catalogue = NOTHING,
+        refused: OnRefused = fatal,
+        errors: Mapping[int, Mapping[int, str]] = MappingProxyType({}),
+        master: str = MASTER,
+    ) -> None:
+        self.dictionaries = tuple(dictionaries)
+        self.protocol = Protocol.of_devices(self.dictionaries, catalogue, refused, listening=True)
+        self._own_errors, self._master = errors, master or MASTER
+        self._bindings = {each.cob_id: each for each in self.protocol.bindings}
+        self._readers: dict[int | Damage, Callable[[Any], Meaning]] = {}
+
+    @cached_property
+    def services(self) -> Mapping[int, CanopenService]:
+        """The services by identifier; made late, as many logs have none."""
+        from eurobot_od.traffic.services import services
+
+        return services(self.dictionaries, self.errors, self._master)
+
+    @cached_property
+    def errors(self) -> ErrorWords:
+        """The words for the devices' emergency error codes."""
+        from eurobot_od.device.emergency import ErrorWords
+
+        return ErrorWords.of_devices(self.dictionaries, self.protocol.catalogue, self._own_errors)
+
+    @cached_property
+    def _unmapped(self) -> Unmapped:
+        """What PDOs there are besides the messages; asked only for what is neither a message nor a service."""
+        from eurobot_od.traffic.unmapped import Unmapped
+
+        return Unmapped.of(self.dictionaries)
+
+    def __call__(self, raw: Raw) -> Meaning:
+        """Return the meaning of a frame."""
+        if raw.__class__ is RemoteFrame:
+            return self._request(raw)
+        read = self._readers.get(raw[0])  # by COB-ID; a Damage is never found
+        if read:
+            return read(raw)
+        if isinstance(raw, Foreign):
+            return Meaning(raw, "", "", (), None, raw.text, (Defect(raw.damage, raw.text),))
+        # The reader of an identifier is made at its first frame: a log has few of a network's messages.
+        binding = self._bindings.get(raw.cob_id)
+        read = self._readers[raw.cob_id] = _reader(binding) if binding else self._service
+        return read(raw)
+
+    def _service(self, frame: Frame) -> Meaning:
+        found = self.services.get(frame.cob_id)
+        if found is None:
+            return self._pdo(frame)
+        nodes = self._nodes(found)
+        if found.lengths and len(frame.data) not in found.lengths:
+            text = f"{len(frame.data)} bytes of data, expected {found.expected}"
+            defect = Defect(Damage.WRONG_LENGTH, f"{found.name} {frame}: {text}")
+            return Meaning(frame, found.name, CANOPEN, nodes, None, text, (defect,), sender=found.sender)
+        text = ", ".join(filter(None, (found.node, found.text(frame.data))))
+        return Meaning(frame, found.name, CANOPEN, nodes, None, text, sender=found.sender)
+
+    def _nodes(self, service: CanopenService) -> tuple[str, ...]:
+        return (service.node,) if service.node else tuple(each.name for each in self.dictionaries)
+
+    def _pdo(self, frame: Frame) -> Meaning:
+        """Return the meaning of a frame that is neither a message nor a service, as far as there is one."""
+        found = self._unmapped.get(frame.cob_id)
+        damage, why = self._unmapped.defect(frame.cob_id)
+        defects = (Defect(damage, f"{frame}{why}"),) if damage else ()
+        if found is None or not found.name:
+            return Meaning(frame, "", "", (), None, str(frame), defects)
+        if frame.is_remote:
+            return Meaning(frame, found.name, "", found.nodes, None, REQUEST, defects)
+        if found.length not in (None, len(frame.data)):
+            text = str(FrameLengthError(found.name, frame.cob_id, len(frame.data), str(found.length)))
+            defects = (Defect(Damage.WRONG_LENGTH, text),)
+        else:
+            text = found.text(frame.data)
+        return Meaning(frame, found.name, "", found.nodes, None, text, defects, sender=found.sender)
+
+    def _request(self, frame: RemoteFrame) -> Meaning:
+        """Return the meaning of a remote frame: it asks for the frame of its identifier."""
+        if binding := self._bindings.get(frame.cob_id):
+            nodes = (*binding.senders, *binding.receivers)
+            return Meaning(frame, binding.name, binding.group, nodes, None, REQUEST)
+        found = self.services.get(frame.cob_id)
+        if found is None:
+            return self._pdo(frame)
+        # Only of error control a remote frame has a meaning of its own (CiA 301, 7.2.8.2.2.1).
+        from eurobot_od.traffic.services import GUARDING, HEARTBEAT
+
+        name, sender = (GUARDING, self._master) if found.name == HEARTBEAT else (found.name, "")
+        text = ", ".join(filter(None, (found.node, REQUEST)))
+        return Meaning(frame, name, CANOPEN, self._nodes(found), None, text, sender=sender)
+
+
+def _reader(binding: Binding) -> Callable[[Frame], Meaning]:
+    """Return the function that decodes the frames of one message."""
+    name, group, nodes = binding.name, binding.group, (*binding.senders, *binding.receivers)
+    sender = next(iter(binding.senders), "")
+    # As candump's frames, a Meaning is made without the named tuple's own constructor.
+    length, decode, write, new = binding.layout.length, binding.decode, _fields_writer(binding), tuple.__new__
+    allowed = lru_cache(None)(lambda field: binding.kinds[field].allowed(binding.limits[field]))
+
+    def read(frame: Frame) -> Meaning:
+        data = frame[1]  # to unpack a named tuple takes an iterator
+        try:
+            message = decode(data)
+        except FrameLengthError as error:
+            defect = Defect(Damage.WRONG_LENGTH, str(error))
+            return Meaning(frame, name, group, nodes, None, str(error), (defect,), sender=sender)
+        defects: tuple[Defect, ...] = ()
+        # Asked of every message, and hardly ever true: so a look at the types in C, and not at each field.
+        if len(data) > length or OutOfRange in map(type, message):
+            defects = tuple(_defects(frame, message, binding, allowed))
+        return new(Meaning, (frame, name, group, nodes, message, write(message), defects, None, sender))
+
+    return read
+
+
+def _fields_writer(binding: Binding) -> Callable[[Any], str]:
+    """Generate `write(message) -> text`, the mapped fields for a person.
+
+    Nearly all values are plain numbers, seldom the same twice; they are written without a call. Other values, such as
+    an enum's or an unknown angle, take several calls, but there are few of them: their texts are kept. Goto XY's
+    function is, shortened to two fields:
+
+        def write(message):
+            v0, v4, = message
+            return f"{f'{name0}{v0}{unit0}' if type(v0) is int else text0(v0)}, {text4(v4)}"
+    """
+    if not binding.kinds:
+        return lambda _: ""
+    names: dict[str, Any] = {}
+    parts = []
+    for n, (field, kind) in enumerate(binding.kinds.items()):
+        if field in binding.limits:
+            is_plain = kind.numbers(binding.limits[field]) and not kind.says_more
+            number = f"f'{{name{n}}}{{v{n}}}{{unit{n}}}' if type(v{n}) is int else "
+            parts.append(f"{{{number if is_plain else ''}text{n}(v{n})}}")
+            text = lru_cache(REMEMBERED)(partial(lambda field, kind, value: f"{field}={kind.text(value)}", field, kind))
+            names |= {f"name{n}": f"{field}=", f"unit{n}": f" {kind.unit}".rstrip(), f"text{n}": text}
+    source = f"""
+def write(message):
+    {"".join(f"v{n}, " for n in range(len(binding.kinds)))} = message
+    return f"{", ".join(parts)}"
+"""
+    return compiled("write", source, names)
+
+
+def _defects(frame: Frame, message: Message, binding: Binding, allowed: Callable[[str], str]) -> Iterator[Defect]:
+    if len(frame.data) > binding.layout.length:
+        error = FrameLengthError(binding.name, frame.cob_id, len(frame.data), str(binding.layout.length))
+        yield Defect(Damage.WRONG_LENGTH, f"{error}; read all the same")
+    for field in flagged_fields(message):
+        value = int(getattr(message, field))
+        yield Defect(Damage.OUT_OF_RANGE, f"{binding.name}: {field} = {value}, allowed: {allowed(field)}")

@@ -1,0 +1,163 @@
+"""Records frames in a log file; the suffix says the format, which is one of python-can's.
+
+Rule of this file: a second after a frame was written it is on the disk, whatever happens then; otherwise that is
+reported at once. Formats of lines go to the disk as they are. The others (BLF, SQLite, MF4) cannot be read before they
+are closed: their frames go to a journal beside the log, `match.blf.log` in candump's format, from which the log is made
+at the end. If that end does not come, or the disk has no room for both, the journal stays.
+"""
+
+from __future__ import annotations
+
+import os
+import threading
+from _thread import interrupt_main
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from eurobot_od.errors import LocalError
+
+if TYPE_CHECKING:
+    from can.io.generic import MessageWriter
+
+    from eurobot_od.frame import Frame
+
+PERIOD = 0.5
+"""Seconds between two syncs of the file to the disk."""
+
+TABLE = ".db"
+"""Suffix of an SQLite file. python-can's writer of it loses its last frames, and its errors come up in a thread."""
+
+GO_ON, END = "go-on", "end"
+"""When a log can no longer be written, its program goes on without it or is interrupted."""
+
+
+@contextmanager
+def recording(
+    file: Path | None, on_failure: str = GO_ON, tell: Callable[[str], object] = print
+) -> Iterator[Callable[[float, Frame], None]]:
+    """Give a function that writes a frame and its time in seconds to a new file, or nowhere if that is None.
+
+    It may be called on any thread, and never fails: `tell` is called with what goes wrong at once. It is raised as
+    OSError at the end of the block, unless an error ends it. Raises LocalError for a format that python-can cannot
+    write, OSError for a file that cannot be written.
+    """
+    if file is None:
+        yield lambda _time, _frame: None
+        return
+    lines, finish = _opened(file, on_failure == END, tell)
+    try:
+        yield lines.write
+    except KeyboardInterrupt:
+        if lines.failure is None:  # otherwise it is ours: `_try` has interrupted the program
+            raise
+    finally:
+        lines.end(finish)
+    if lines.failure is not None:
+        raise OSError(f"{lines.trouble}: the log is not whole") from lines.failure
+
+
+def _opened(file: Path, ends: bool, tell: Callable[[str], object]) -> tuple[Lines, Callable[[], object]]:
+    """Return the lines to write to, and what makes the log of them when they are complete."""
+    from can.io.generic import TextIOMessageWriter
+
+    if file.suffix.lower() == TABLE:
+        file.write_bytes(b"")  # to know at once whether it can be written
+    else:
+        log = _writer(file)
+        if isinstance(log, TextIOMessageWriter):
+            return Lines(file, log, ends, tell), lambda: None
+        log.stop()  # it can be written: that is what had to be known before the end
+    journal = file.with_name(f"{file.name}.log")
+    return Lines(journal, _writer(journal), ends, tell), partial(_finish, file, journal)
+
+
+def _writer(file: Path) -> MessageWriter:
+    import can
+
+    try:
+        return can.Logger(file)
+    except (ValueError, NotImplementedError) as error:
+        raise LocalError(f"{file}: {error}") from error
+
+
+def _finish(file: Path, journal: Path) -> None:
+    """Make the log of its journal, which is then removed."""
+    import can
+
+    from eurobot_od.traffic.formats.binary import write_table
+
+    with can.LogReader(journal) as messages:
+        if file.suffix.lower() == TABLE:
+            write_table(file, messages)
+        else:
+            with _writer(file) as log:
+                for message in messages:
+                    log(message)
+    journal.unlink()  # last: until the log is whole, the journal is all there is
+
+
+class Lines:
+    """Writes frames to a `file` of lines, and keeps it on the disk; `failure` is what went wrong first.
+
+    `tell` is called with it; with `ends` the main thread is interrupted then.
+    """
+
+    def __init__(self, file: Path, writer: Any, ends: bool, tell: Callable[[str], object]) -> None:
+        self._file, self._writer, self._ends, self._tell = file, writer, ends, tell
+        self.failure: OSError | None = None
+        self._lock, self._over = threading.Lock(), threading.Event()
+        self._thread = threading.Thread(target=self._keep_on_disk, name="log", daemon=True)
+        self._thread.start()
+
+    @property
+    def trouble(self) -> str:
+        """What went wrong, and with which file."""
+        return f"{self._file}: {self.failure and (self.failure.strerror or self.failure)}"
+
+    def write(self, time: float, frame: Frame) -> None:
+        """Write a frame, unless writing has failed."""
+        from can import Message
+
+        from eurobot_od.frame import EXTENDED, HIGHEST_EXTENDED
+
+        message = Message(
+            timestamp=time,
+            arbitration_id=frame.cob_id & HIGHEST_EXTENDED,
+            is_extended_id=frame.cob_id >= EXTENDED,
+            is_remote_frame=frame.is_remote,
+            dlc=len(frame.data),
+            data=None if frame.is_remote else frame.data,
+        )
+        with self._lock:
+            if self.failure is None and not self._over.is_set():
+                self._try(lambda: self._writer(message))
+
+    def end(self, finish: Callable[[], object]) -> None:
+        """Close the file, and `finish` if all that was written is there."""
+        self._over.set()
+        self._thread.join()
+        self._try(self._writer.stop)
+        if self.failure is None:
+            self._try(finish)
+
+    def _keep_on_disk(self) -> None:
+        while self.failure is None and not self._over.wait(PERIOD):
+            with self._lock:  # Python's text files are not safe for two threads at once
+                self._try(self._writer.file.flush)
+            if self.failure is None and self._file.is_file():  # a pipe has no disk
+                # without the lock: a disk may take its time, and the bus does not wait for it
+                self._try(lambda: os.fsync(self._writer.file.fileno()))
+
+    def _try(self, step: Callable[[], object]) -> None:
+        try:
+            step()
+        except OSError as error:
+            if self.failure is not None:
+                return
+            self.failure = error
+            self._tell(f"{self.trouble}: nothing more is logged")
+            if self._ends and not self._over.is_set():
+                interrupt_main()

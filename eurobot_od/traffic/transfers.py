@@ -1,0 +1,410 @@
+"""SDO transfers put together from their frames: segments, blocks, aborts, what a log lacks of them (CiA 301, 7.2.4).
+
+Theory of operation: a channel, on one bus, has one transfer at a time. Its frames move a `Running` on; the frame that
+ends it says object, value, size, time and CRC. In the middle of a block nothing but the frames before tells a segment
+from a command. A log that begins there, or lacks the beginning, is understood from the second segment on: only
+segments of a block come one after the other from one end, numbered.
+
+Rule of this file: no clock; frames and their times go in. A transfer takes no more memory than KEPT, however long it
+is, and a log that lacks frames costs no other transfer.
+"""
+
+from __future__ import annotations
+
+from binascii import crc_hqx
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from enum import Enum
+from typing import NamedTuple, TypeAlias
+
+from eurobot_od.od.values import Address
+from eurobot_od.sdo.wire import (
+    ABORT,
+    ANSWER_SUB_COMMAND,
+    BLOCK_CRC,
+    BLOCK_LAST,
+    BLOCK_SIZE_GIVEN,
+    EXPEDITED,
+    LAST,
+    NO_TRANSFER,
+    REQUEST_SUB_COMMAND,
+    SEGMENT_SIZE,
+    TOGGLE,
+    Block,
+    ClientCommand,
+    Initiate,
+    ServerCommand,
+    code_and_reason,
+    crc_in,
+    part_in,
+    unused_in,
+)
+from eurobot_od.support.amounts import amount
+from eurobot_od.support.durations import text as duration
+from eurobot_od.traffic.entries import shortened
+from eurobot_od.traffic.meaning import SdoTransfer
+from eurobot_od.traffic.sdo_words import object_words, value_words
+from eurobot_od.traffic.services import SdoEnd
+
+KEPT = 4096
+"""Bytes of a content that are kept for its value; of a longer one only size and CRC are said."""
+
+LONGEST_VALUE = 100
+"""Most characters of a value in a line."""
+
+
+class How(Enum):
+    """How a transfer goes; the value is the word for it."""
+
+    EXPEDITED = "expedited"
+    SEGMENTED = "segmented"
+    BLOCKS = "in blocks"
+
+
+class Said(NamedTuple):
+    """What a frame says in its transfer.
+
+    `text` stands in place of its own words, `more` behind them; `lost` is what the log lacks. `ended` is a transfer
+    that ends here.
+    """
+
+    text: str = ""
+    more: str = ""
+    lost: str = ""
+    ended: SdoTransfer | None = None
+
+
+NOTHING = Said()
+
+
+@dataclass
+class Running:
+    """A transfer that goes on: what came of it, up to the last frame.
+
+    `end` is that of its requests; `taken` are the segments of the present block, `tail` the last segment that was
+    acknowledged, whose unused bytes only the end of the transfer tells. Without an `address` its beginning is missing.
+    """
+
+    end: SdoEnd
+    address: Address | None
+    is_upload: bool
+    began: float
+    how: How = How.EXPEDITED
+    announced: int | None = None
+    content: bytearray = field(default_factory=bytearray)
+    size: int = 0
+    crc: int = 0
+    lost: int = 0
+    is_last: bool = False
+    toggle: int = 0
+    has_crc: bool = False
+    in_block: bool = False
+    expected: int = 1
+    taken: dict[int, bytes] = field(default_factory=dict)
+    tail: bytes = b""
+    verdict: str = ""
+
+    def add(self, part: bytes) -> None:
+        """Take in a part of the content."""
+        self.content += part[: max(0, KEPT - self.size)]
+        self.size += len(part)
+        self.crc = crc_hqx(part, self.crc)
+
+    def words(self, what: str, time: float) -> str:
+        """Say what was done to the object, with value, size and time."""
+        value = ""
+        if self.address is not None and self.size <= KEPT and not self.lost:
+            value = shortened(value_words(self.end.dictionary, self.address, bytes(self.content)), LONGEST_VALUE)
+        parts = [f"{self.object}{f' = {value}' if value else ''}", amount(self.size, "byte"), f"in {_took(self, time)}"]
+        return f"{what} {', '.join(filter(None, (*parts, self.verdict)))}"
+
+    @property
+    def object(self) -> str:
+        """The object with its name."""
+        return "an object" if self.address is None else object_words(self.end.dictionary, self.address)
+
+    @property
+    def missing(self) -> str:
+        """What the log lacks of it, in words."""
+        if self.address is None:
+            return "its beginning is not in the log"
+        return f"{amount(self.lost, 'segment')} of it not in the log" if self.lost else ""
+
+    def ended(self, time: float, aborted: int | None = None, is_whole: bool = True) -> SdoTransfer:
+        """Return what the transfer was, for the count of all."""
+        seconds = time - self.began
+        return SdoTransfer(
+            self.object, self.is_upload, self.how.value, self.size, seconds, aborted, self.lost, is_whole
+        )
+
+    def take_segment(self, data: bytes) -> Said:
+        """Take in a segment of a block."""
+        number, part = data[0] & ~BLOCK_LAST, data[1:]
+        if number < self.expected:  # a next block; the acknowledgement between is not in the log
+            self.take_over()
+        self.taken[number] = part
+        self.expected = number + 1
+        self.is_last = bool(data[0] & BLOCK_LAST)
+        return Said(text=f"block segment {number}{', the last' * self.is_last}")
+
+    def take_over(self) -> None:
+        """Take over the segments of a block that nobody is seen to acknowledge."""
+        for number in sorted(self.taken):
+            # One segment behind: only the end of the transfer tells how much of the last one counts.
+            self.add(self.tail)
+            self.tail = self.taken[number]
+        self.taken.clear()
+
+    def take_rest(self) -> None:
+        """Take over what came of a transfer that is given up, as far as it was announced."""
+        self.take_over()
+        left = SEGMENT_SIZE if self.announced is None else self.announced - self.size
+        self.add(self.tail[: max(0, left)])
+        self.tail = b""
+
+    def count_lost(self) -> None:
+        """Count the segments that the size announced says are missing, when all that came was taken over."""
+        if self.announced is not None and self.size < self.announced and not self.lost:
+            # Rounded up: the last segment may have fewer bytes than the others.
+            self.lost = -(-(self.announced - self.size) // SEGMENT_SIZE)
+
+    def ends_with(self, data: bytes) -> bool:
+        """Whether this is no segment but the end: that comes after a last segment, and a block never begins like it."""
+        command = ServerCommand.BLOCK_UPLOAD if self.is_upload else ClientCommand.BLOCK_DOWNLOAD
+        is_possible = self.is_last or not self.taken
+        return is_possible and data[0] >> 5 == command and bool(data[0] & Block.END)
+
+    def compare(self, crc: int) -> str:
+        """Say whether the CRC at the end of the blocks is that of the content."""
+        if not self.has_crc:
+            return "no CRC"
+        if self.missing:
+            return f"CRC 0x{crc:04X}, which cannot be checked"
+        return f"CRC 0x{crc:04X} is right" if self.crc == crc else f"CRC 0x{crc:04X} is wrong: it is 0x{self.crc:04X}"
+
+
+def _took(running: Running, time: float) -> str:
+    return duration(round(max(0.0, time - running.began), 6))
+
+
+Step: TypeAlias = "Callable[[Transfers, tuple[str, int], SdoEnd, float, bytes], Said]"
+
+
+class Transfers:
+    """The transfers on all buses of a log, by channel of the log and of the SDO."""
+
+    def __init__(self) -> None:
+        self._running: dict[tuple[str, int], Running] = {}
+        self._before: dict[tuple[str, int], tuple[bool, bytes]] = {}
+
+    def take(self, time: float, channel: str, end: SdoEnd, data: bytes) -> Said:
+        """Take in an SDO frame of 8 bytes, and return what it says in its transfer."""
+        key = channel, end.channel
+        running = self._running.get(key)
+        before, self._before[key] = self._before.get(key), (end.is_answer, data)
+        if before and before[0] is end.is_answer and (running is None or running.how is not How.BLOCKS):
+            running = self._begun_before(key, end, time, before[1], data) or running
+        if data[0] == ABORT:
+            return self._aborted(key, end, time, data)
+        if running and running.in_block and end.is_answer is running.is_upload and not running.ends_with(data):
+            return running.take_segment(data)
+        steps, masks = (OF_ANSWERS, ANSWER_SUB_COMMAND) if end.is_answer else (OF_REQUESTS, REQUEST_SUB_COMMAND)
+        specifier = data[0] >> 5
+        step = steps.get((specifier, data[0] & masks.get(specifier, 0)))
+        return step(self, key, end, time, data) if step else NOTHING
+
+    def unfinished(self) -> Iterator[tuple[tuple[str, int], SdoTransfer]]:
+        """Yield the transfers that the end of the log cuts off, each with its channel of the log and of the SDO."""
+        for key, running in self._running.items():
+            running.take_rest()
+            yield key, running.ended(running.began, is_whole=False)
+
+    # How a transfer begins and ends
+
+    def _begun_before(
+        self, key: tuple[str, int], end: SdoEnd, time: float, before: bytes, data: bytes
+    ) -> Running | None:
+        """Begin in the middle of a block, if two frames from one end are its segments; else there is none."""
+        number = before[0] & ~BLOCK_LAST
+        if before[0] & BLOCK_LAST or number == 0 or data[0] & ~BLOCK_LAST != number + 1:
+            return None
+        running = Running(end, None, end.is_answer, time, How.BLOCKS, in_block=True, taken={number: before[1:]})
+        self._running[key] = running
+        return running
+
+    def _begin(self, key: tuple[str, int], running: Running) -> Said:
+        """Begin a transfer; one that has not ended was given up, or its end is not in the log."""
+        before, self._running[key] = self._running.get(key), running
+        if before is None:
+            return NOTHING
+        before.take_rest()
+        ended = before.ended(running.began, is_whole=False)
+        if before.how is How.EXPEDITED:  # a question without an answer: nobody has to be there
+            return Said(ended=ended)
+        what = "read" if before.is_upload else "write"
+        lost = f"the {what} of {before.object} before did not end; {amount(before.size, 'byte')} came"
+        return Said(lost=lost, ended=ended)
+
+    def _finish(self, key: tuple[str, int], time: float) -> Said:
+        """End a transfer with the frame that has come."""
+        running = self._running.pop(key)
+        what = "value of" if running.is_upload else "written"
+        running.count_lost()
+        is_whole = running.address is not None
+        return Said(running.words(what, time), lost=running.missing, ended=running.ended(time, is_whole=is_whole))
+
+    def _aborted(self, key: tuple[str, int], end: SdoEnd, time: float, data: bytes) -> Said:
+        running = self._running.pop(key, None)
+        abort = Initiate.of(data)
+        if running is None:
+            return NOTHING
+        running.take_rest()
+        name = running.object if abort.address == NO_TRANSFER else object_words(end.dictionary, abort.address)
+        by = "the server" if end.is_answer else "the client"
+        text = f"abort {name}: {code_and_reason(abort.number)}"
+        if running.how is not How.EXPEDITED:
+            text += f", by {by} after {amount(running.size, 'byte')} in {_took(running, time)}"
+        return Said(text=text, ended=running.ended(time, abort.number))
+
+    # Requests
+
+    def _download(self, key: tuple[str, int], end: SdoEnd, time: float, data: bytes) -> Said:
+        initiate = Initiate.of(data)
+        running = Running(end, initiate.address, is_upload=False, began=time)
+        if initiate.command & EXPEDITED:
+            running.add(initiate.rest[: initiate.size])
+        else:
+            running.how, running.announced = How.SEGMENTED, initiate.size
+        return self._begin(key, running)
+
+    def _upload(self, key: tuple[str, int], end: SdoEnd, time: float, data: bytes) -> Said:
+        return self._begin(key, Running(end, Initiate.of(data).address, is_upload=True, began=time))
+
+    def _block(self, key: tuple[str, int], end: SdoEnd, time: float, data: bytes) -> Said:
+        initiate = Initiate.of(data)
+        is_upload = initiate.command >> 5 == ClientCommand.BLOCK_UPLOAD
+        # A client that reads knows no size: the server says it in its answer (CiA 301, 7.2.4.3.12).
+        size = initiate.number if initiate.command & BLOCK_SIZE_GIVEN and not is_upload else None
+        has_crc = bool(initiate.command & BLOCK_CRC)
+        return self._begin(key, Running(end, initiate.address, is_upload, time, How.BLOCKS, size, has_crc=has_crc))
+
+    def _start(self, key: tuple[str, int], _end: SdoEnd, _time: float, _data: bytes) -> Said:
+        if running := self._running.get(key):
+            running.in_block = running.how is How.BLOCKS
+        return NOTHING
+
+    # Segments
+
+    def _segment(self, key: tuple[str, int], end: SdoEnd, time: float, data: bytes) -> Said:
+        """Take in a segment; of a read the last one is the end."""
+        running = self._running.get(key)
+        if running is None or running.how is not How.SEGMENTED or running.is_upload is not end.is_answer:
+            return NOTHING
+        lost = "" if data[0] & TOGGLE == running.toggle else "a segment before this one is not in the log"
+        running.lost += bool(lost)
+        running.toggle = data[0] & TOGGLE ^ TOGGLE
+        running.add(part_in(data))
+        running.is_last = bool(data[0] & LAST)
+        if running.is_last and running.is_upload:
+            return self._finish(key, time)
+        return Said(lost=lost)
+
+    def _segment_taken(self, key: tuple[str, int], _end: SdoEnd, time: float, _data: bytes) -> Said:
+        running = self._running.get(key)
+        return self._finish(key, time) if running and running.is_last else NOTHING
+
+    # Answers to the first request
+
+    def _value(self, key: tuple[str, int], _end: SdoEnd, time: float, data: bytes) -> Said:
+        running, initiate = self._running.get(key), Initiate.of(data)
+        if running is None or not running.is_upload or running.address != initiate.address:
+            return NOTHING
+        # A server may answer a read in blocks like any other (CiA 301, 7.2.4.3.12).
+        if initiate.command & EXPEDITED:
+            running.how = How.EXPEDITED
+            running.add(initiate.rest[: initiate.size])
+            return Said(ended=self._running.pop(key).ended(time))
+        running.how, running.announced = How.SEGMENTED, initiate.size
+        return NOTHING
+
+    def _written(self, key: tuple[str, int], _end: SdoEnd, time: float, data: bytes) -> Said:
+        running = self._running.get(key)
+        if running is None or running.is_upload or running.address != Initiate.of(data).address:
+            return NOTHING
+        return Said(ended=self._running.pop(key).ended(time)) if running.how is How.EXPEDITED else NOTHING
+
+    def _blocks_begin(self, key: tuple[str, int], _end: SdoEnd, _time: float, data: bytes) -> Said:
+        running, initiate = self._running.get(key), Initiate.of(data)
+        if running is None or running.how is not How.BLOCKS:
+            return NOTHING
+        running.has_crc = running.has_crc and bool(initiate.command & BLOCK_CRC)
+        if running.is_upload:
+            running.announced = initiate.number if initiate.command & BLOCK_SIZE_GIVEN else None
+        else:
+            running.in_block = True
+        return NOTHING
+
+    # Blocks
+
+    def _acknowledged(self, key: tuple[str, int], _end: SdoEnd, _time: float, data: bytes) -> Said:
+        """Take over the segments of a block up to the one that the receiver names; those behind it come again."""
+        running = self._running.get(key)
+        if running is None or running.how is not How.BLOCKS:
+            return NOTHING
+        highest, missing = data[1], 0
+        sent = max(running.taken, default=0)
+        for number in range(1, highest + 1):
+            part = running.taken.get(number)
+            missing += part is None
+            running.add(running.tail)
+            running.tail = bytes(SEGMENT_SIZE) if part is None else part
+        running.lost += missing
+        running.is_last = running.is_last and sent <= highest
+        running.taken.clear()
+        running.expected = 1
+        again = f", {amount(sent - highest, 'segment')} to be sent again" if sent > highest else ""
+        return Said(more=again, lost=f"{amount(missing, 'segment')} of the block not in the log" if missing else "")
+
+    def _blocks_end(self, key: tuple[str, int], _end: SdoEnd, _time: float, data: bytes) -> Said:
+        """Take over the last segment, and compare the CRC."""
+        running = self._running.get(key)
+        if running is None or running.how is not How.BLOCKS:
+            return NOTHING
+        running.in_block = False
+        running.take_over()  # what is left: its acknowledgement is not in the log
+        running.add(running.tail[: SEGMENT_SIZE - unused_in(data)])
+        running.count_lost()
+        running.verdict = running.compare(crc_in(data))
+        return Said(more=f", {running.verdict}")
+
+    def _blocks_end_taken(self, key: tuple[str, int], _end: SdoEnd, time: float, _data: bytes) -> Said:
+        running = self._running.get(key)
+        return self._finish(key, time) if running and running.how is How.BLOCKS and running.verdict else NOTHING
+
+
+# What each frame does
+
+
+OF_REQUESTS: Mapping[tuple[int, int], Step] = {
+    (ClientCommand.DOWNLOAD, 0): Transfers._download,
+    (ClientCommand.UPLOAD, 0): Transfers._upload,
+    (ClientCommand.DOWNLOAD_SEGMENT, 0): Transfers._segment,
+    (ClientCommand.BLOCK_DOWNLOAD, Block.INITIATE): Transfers._block,
+    (ClientCommand.BLOCK_DOWNLOAD, Block.END): Transfers._blocks_end,
+    (ClientCommand.BLOCK_UPLOAD, Block.INITIATE): Transfers._block,
+    (ClientCommand.BLOCK_UPLOAD, Block.START): Transfers._start,
+    (ClientCommand.BLOCK_UPLOAD, Block.ACKNOWLEDGE): Transfers._acknowledged,
+    (ClientCommand.BLOCK_UPLOAD, Block.END): Transfers._blocks_end_taken,
+}
+
+OF_ANSWERS: Mapping[tuple[int, int], Step] = {
+    (ServerCommand.UPLOAD, 0): Transfers._value,
+    (ServerCommand.DOWNLOAD, 0): Transfers._written,
+    (ServerCommand.UPLOAD_SEGMENT, 0): Transfers._segment,
+    (ServerCommand.DOWNLOAD_SEGMENT, 0): Transfers._segment_taken,
+    (ServerCommand.BLOCK_DOWNLOAD, Block.INITIATE): Transfers._blocks_begin,
+    (ServerCommand.BLOCK_DOWNLOAD, Block.ACKNOWLEDGE): Transfers._acknowledged,
+    (ServerCommand.BLOCK_DOWNLOAD, Block.END): Transfers._blocks_end_taken,
+    (ServerCommand.BLOCK_UPLOAD, Block.INITIATE): Transfers._blocks_begin,
+    (ServerCommand.BLOCK_UPLOAD, Block.END): Transfers._blocks_end,
+}

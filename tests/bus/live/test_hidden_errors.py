@@ -1,0 +1,179 @@
+"""Errors that used to hide: each is seen, and none takes the place of another."""
+
+from __future__ import annotations
+
+import gc
+import os
+import sys
+from collections.abc import Callable, Iterator, Sequence
+
+import pytest
+from can.interfaces.virtual import VirtualBus
+
+from eurobot_od.bus.live import Live
+from eurobot_od.errors import BusError, EurobotError, StateError
+from eurobot_od.gatekeeper import Event, Gatekeeper, Report
+from eurobot_od.robot import dialects
+from eurobot_od.robot.model.messages import CheckDriveRequest, CheckDriveResponse, StopDrive
+from eurobot_od.robot.nodes import Core, Drive
+from eurobot_od.robot.protocol import EurobotProtocol
+from tests.bus.live.loose import LONG, Reports
+from tests.processes import bus_server, free_port, process, shared
+
+PROTOCOL = EurobotProtocol.load()
+
+
+@pytest.fixture
+def channel(request: pytest.FixtureRequest) -> str:
+    """A bus of the test's own."""
+    name: str = request.node.name
+    return name
+
+
+class StuckBus(VirtualBus):
+    """A bus whose driver raises when it is shut down."""
+
+    def shutdown(self) -> None:
+        super().shutdown()
+        raise OSError("no answer")
+
+
+class StubbornDrive(Drive):
+    """Does not come to an end."""
+
+    def leave(self) -> None:
+        raise StateError("it does not stand")
+
+
+def test_an_error_at_shutdown_does_not_replace_the_cause(channel: str) -> None:
+    reports = Reports()
+    live = Live.node(StuckBus(channel), Drive(dialects.load("drive")), report=reports)
+    with pytest.raises(ZeroDivisionError), live:
+        raise ZeroDivisionError
+    assert reports.wait_for(Event.END_FAILED).text == str(live.failure) != "None"
+
+
+def test_of_two_errors_at_the_end_the_first_is_raised(channel: str) -> None:
+    live = Live.node(StuckBus(channel), StubbornDrive(dialects.load("drive")))
+    with pytest.raises(EurobotError, match="it does not stand"), live:
+        pass
+    assert isinstance(live.failure, BusError)
+
+
+def test_a_report_that_cannot_be_written_is_kept_and_the_bus_read_on(channel: str) -> None:
+    def closed(_: Report) -> None:
+        raise BrokenPipeError(32, "Broken pipe")
+
+    gatekeeper = Gatekeeper(PROTOCOL, report=closed)
+    gatekeeper.add_function(CheckDriveResponse, lambda *_: 1 / 0, "lamp")
+    queue = gatekeeper.add_queue(CheckDriveResponse)
+    with Live.node(VirtualBus(channel), Drive(dialects.load("drive"))), Live(VirtualBus(channel), gatekeeper) as live:
+        for _ in range(2):
+            live.send(CheckDriveRequest())
+            assert queue.get(LONG) is not None
+    assert [report.event for report in gatekeeper.reports].count(Event.LISTENER_FAILED) == 2
+    assert isinstance(gatekeeper.report_failure, BrokenPipeError)
+    assert live.failure is None
+
+
+@pytest.mark.long
+@pytest.mark.live
+def test_a_closed_report_pipe_ends_a_node_and_is_no_failed_bus() -> None:
+    port = free_port()
+    with (
+        bus_server(port) as server,
+        process(
+            "bash", "-c", f"{sys.executable} -m eurobot_od node drive {' '.join(shared(port))} > >(head -n 1)"
+        ) as drive,
+    ):
+        drive.line("Ctrl-C ends it")
+        server.kill()  # which is reported, to nobody
+        assert drive.wait() == 0
+        assert drive.told() == drive.said[:1]
+
+
+def test_send_after_the_end_says_so(channel: str) -> None:
+    with Live(VirtualBus(channel), Gatekeeper(PROTOCOL)) as live:
+        pass
+    with pytest.raises(StateError, match="the bus is closed; nothing is sent any more"):
+        live.send(StopDrive())
+
+
+def test_system_exit_in_a_listener_silences_it_for_one_message() -> None:
+    heard: list[float] = []
+
+    def leaves(_: object, timestamp: float) -> None:
+        heard.append(timestamp)
+        sys.exit("gone")
+
+    reports: list[Report] = []
+    gatekeeper = Gatekeeper(PROTOCOL, report=reports.append)
+    gatekeeper.add_function(StopDrive, leaves)
+    gatekeeper.start()
+    for now in (1.0, 2.0):
+        gatekeeper.receive(PROTOCOL.encode(StopDrive()), now)
+    assert heard == [1.0, 2.0]
+    assert [report.text for report in reports] == ["SystemExit: gone"] * 2
+
+
+@pytest.fixture
+def core(channel: str) -> Iterator[tuple[Live, Core]]:
+    node = Core(dialects.load("core"))
+    with Live.node(VirtualBus(channel), node) as live:
+        yield live, node
+
+
+def child_says(calls: Sequence[Callable[[], object]], monkeypatch: pytest.MonkeyPatch) -> bytes:
+    """Fork, and return what the child says of its calls: R for one that is refused, and ! for an error in the fork."""
+    read, write = os.pipe()
+    with monkeypatch.context() as patch:
+        patch.setattr(sys, "unraisablehook", lambda _: os.write(write, b"!"))
+        child = os.fork()
+    if child == 0:
+        for call in calls:
+            try:
+                call()
+                os.write(write, b"-")
+            except StateError:
+                os.write(write, b"R")
+        os._exit(0)
+    os.close(write)
+    _, status = os.waitpid(child, 0)
+    assert status == 0
+    with os.fdopen(read, "rb") as answers:
+        return answers.read()
+
+
+FORKS = [
+    pytest.mark.skipif(not hasattr(os, "fork"), reason="nothing forks here"),
+    pytest.mark.filterwarnings("ignore:.*fork.*:DeprecationWarning"),
+]
+
+
+class TestForkedChild:
+    """A child has the objects of its parent, and none of the threads."""
+
+    pytestmark = FORKS
+
+    def test_a_node_is_refused(self, core: tuple[Live, Core], monkeypatch: pytest.MonkeyPatch) -> None:
+        live, node = core
+        calls = (
+            lambda: live.send(CheckDriveRequest()),
+            node.check_nodes,
+            lambda: node.goto(1, 1, 1, 1),
+            node.stop,
+            live.stop,
+        )
+        assert child_says(calls, monkeypatch) == b"RRRR-"
+        live.send(CheckDriveRequest())  # here it goes on
+
+    def test_who_has_no_node_is_refused(self, channel: str, monkeypatch: pytest.MonkeyPatch) -> None:
+        with Live(VirtualBus(channel), Gatekeeper(PROTOCOL)) as live:
+            assert child_says([lambda: live.send(CheckDriveRequest()), live.stop], monkeypatch) == b"R-"
+            live.send(CheckDriveRequest())
+
+    def test_who_is_gone_is_no_error(self, channel: str, monkeypatch: pytest.MonkeyPatch) -> None:
+        with Live(VirtualBus(channel), Gatekeeper(PROTOCOL)):
+            pass
+        gc.collect()
+        assert child_says([], monkeypatch) == b""

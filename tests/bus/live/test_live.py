@@ -1,0 +1,703 @@
+"""Live operation: opening a bus, nodes on it, and drivers and listeners that do not behave."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+from queue import SimpleQueue
+from threading import Event
+from typing import Any
+
+import can
+import pytest
+from can.interfaces.virtual import VirtualBus
+
+from eurobot_od.bus.live import FrameReader, Live, open_bus
+from eurobot_od.bus.live.reader import ENDURED, POLL
+from eurobot_od.bus.live.sender import FIRST_PAUSE, LONGEST_PAUSE
+from eurobot_od.device.simulated import SimulatedDevice
+from eurobot_od.errors import BusError, FieldError, StateError
+from eurobot_od.frame import Frame
+from eurobot_od.gatekeeper import Event as What
+from eurobot_od.gatekeeper import Gatekeeper
+from eurobot_od.gatekeeper.mailboxes import MAILBOX_WAIT
+from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.pdo.message import Message
+from eurobot_od.robot import dialects
+from eurobot_od.robot.model.messages import (
+    CheckDriveRequest,
+    CheckDriveResponse,
+    CheckNaviRequest,
+    EmergencyShutdown,
+    EmergencyStop,
+    GotoConfirm,
+    GotoStateRequest,
+    GotoXY,
+    NaviPositionRequest,
+    StopDrive,
+)
+from eurobot_od.robot.model.values import Obstacle
+from eurobot_od.robot.nodes import Core, Drive, Navigation
+from eurobot_od.robot.protocol import EurobotProtocol
+from tests.bus.live.loose import LONG, Reports
+from tests.eds_text import DEVICE_TYPE, variable
+
+PROTOCOL = EurobotProtocol.load()
+
+
+@pytest.fixture
+def channel(request: pytest.FixtureRequest) -> str:
+    """A bus of the test's own."""
+    name: str = request.node.name
+    return name
+
+
+def virtual(channel: str) -> can.BusABC:
+    return can.Bus(channel, interface="virtual")
+
+
+# Opening a bus
+
+
+@pytest.fixture(autouse=True)
+def _no_configuration(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """Keep the user's own configuration of python-can away."""
+    for name in ("CAN_INTERFACE", "CAN_CHANNEL", "CAN_BITRATE", "CAN_CONFIG"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setenv("HOME", str(tmp_path))
+
+
+# What drivers raise when they do not open, by the channel.
+FAILURES: dict[str, Exception] = {
+    "unplugged": OSError(19, "No such device"),
+    "missing": ImportError("no driver:\n  install one"),
+    "mute": RuntimeError(),
+}
+
+
+class RecordingBus(VirtualBus):
+    """A driver that keeps what it is opened with, and fails on some channels."""
+
+    def __init__(self, channel: Any = None, **options: Any) -> None:
+        self.options = {"channel": channel} | options
+        if channel in FAILURES:
+            self._is_shutdown = True
+            raise FAILURES[channel]
+        super().__init__(channel)
+
+
+@pytest.fixture
+def _recording(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let python-can know the driver above as `recording`."""
+    monkeypatch.setitem(can.interfaces.BACKENDS, "recording", (__name__, RecordingBus.__name__))
+    monkeypatch.setattr("can.util.VALID_INTERFACES", can.VALID_INTERFACES | {"recording"})
+
+
+# Environment, configuration file (None: there is none), what the caller names, and what the driver is opened with.
+CONFIGURED: list[tuple[dict[str, str], str | None, dict[str, Any], dict[str, Any]]] = [
+    ({"CAN_INTERFACE": "recording", "CAN_CHANNEL": "a"}, None, {}, {"channel": "a", "bitrate": 500_000}),
+    ({"CAN_INTERFACE": "recording", "CAN_BITRATE": "250000"}, None, {}, {"channel": None, "bitrate": 250_000}),
+    ({"CAN_INTERFACE": "recording", "CAN_CHANNEL": "a"}, None, {"channel": "b"}, {"channel": "b", "bitrate": 500_000}),
+    (
+        {"CAN_BITRATE": "250000"},
+        None,
+        {"interface": "recording", "bitrate": 125_000},
+        {"channel": None, "bitrate": 125_000},
+    ),
+    (
+        {"CAN_INTERFACE": "virtual", "CAN_CHANNEL": "a"},
+        None,
+        {"interface": "recording"},
+        {"channel": "a", "bitrate": 500_000},
+    ),
+    (
+        {"CAN_CONFIG": '{"interface": "recording", "channel": "a", "extra": 1}'},
+        None,
+        {},
+        {"channel": "a", "bitrate": 500_000, "extra": 1},
+    ),
+    ({}, "interface = recording\nchannel = a\nbitrate = 100000", {}, {"channel": "a", "bitrate": 100_000}),
+    ({"CAN_CHANNEL": "b"}, "interface = recording\nchannel = a", {}, {"channel": "b", "bitrate": 500_000}),
+]
+
+
+@pytest.mark.usefixtures("_recording")
+@pytest.mark.parametrize(("environment", "file", "given", "opened"), CONFIGURED)
+def test_python_cans_configuration_is_honoured(
+    environment: dict[str, str],
+    file: str | None,
+    given: dict[str, Any],
+    opened: dict[str, Any],
+    monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path,
+) -> None:
+    for name, value in environment.items():
+        monkeypatch.setenv(name, value)
+    if file is not None:
+        (tmp_path / "can.conf").write_text(f"[default]\n{file}\n")
+    with open_bus(**given) as bus:
+        assert isinstance(bus, RecordingBus)
+        assert bus.options == opened
+
+
+# What is left is the in-process bus: environment, what the caller names, and the channel.
+BY_DEFAULT: list[tuple[dict[str, str], dict[str, Any], str]] = [
+    ({}, {}, "eurobot"),
+    ({}, {"channel": "a"}, "a"),
+    ({}, {"bitrate": 125_000}, "eurobot"),
+    ({"CAN_CHANNEL": "a"}, {}, "a"),
+    ({"CAN_CHANNEL": "a"}, {"channel": "b"}, "b"),
+    ({"CAN_INTERFACE": "virtual"}, {"channel": "b"}, "b"),
+]
+
+
+@pytest.mark.parametrize(("environment", "given", "channel"), BY_DEFAULT)
+def test_default_is_the_in_process_bus(
+    environment: dict[str, str], given: dict[str, Any], channel: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name, value in environment.items():
+        monkeypatch.setenv(name, value)
+    with open_bus(**given) as bus:
+        assert bus.channel_info == f"Virtual bus channel {channel}"
+
+
+NO_BUSES: list[tuple[dict[str, Any], str]] = [
+    ({"interface": "nosuch"}, "cannot open the nosuch bus: unknown interface 'nosuch'; known: "),
+    ({"interface": "nosuch", "channel": "x"}, "cannot open the nosuch bus x: unknown interface 'nosuch'; known: "),
+    ({"interface": "socketcan", "channel": "nosuch0"}, "cannot open the socketcan bus nosuch0: "),
+    ({"interface": "slcan", "channel": "/dev/nosuch"}, "cannot open the slcan bus /dev/nosuch: "),
+    ({"interface": "recording", "channel": "unplugged"}, "cannot open the recording bus unplugged: [Errno 19] No such"),
+    ({"interface": "recording", "channel": "missing"}, "cannot open the recording bus missing: no driver: install one"),
+    ({"interface": "recording", "channel": "mute"}, "cannot open the recording bus mute: RuntimeError"),
+]
+
+
+@pytest.mark.usefixtures("_recording")
+@pytest.mark.parametrize(("given", "told"), NO_BUSES)
+def test_bus_that_does_not_open_is_told_in_one_line(given: dict[str, Any], told: str) -> None:
+    with pytest.raises(BusError) as error:
+        open_bus(**given)
+    assert "\n" not in str(error.value)
+    assert str(error.value).startswith(told)
+
+
+@pytest.mark.parametrize(("name", "value"), [("CAN_CONFIG", "{"), ("CAN_INTERFACE", "nosuch")])
+def test_configuration_that_is_none_is_told_in_one_line(name: str, value: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("CAN_INTERFACE", "virtual")
+    monkeypatch.setenv(name, value)
+    with pytest.raises(BusError, match=r"^cannot open the configured bus: .+$"):
+        open_bus()
+
+
+# Nodes
+
+
+def test_two_nodes_answer_a_node_check(channel: str) -> None:
+    core = Core(dialects.load("core"))
+    with (
+        Live.node(virtual(channel), Drive(dialects.load("drive"))),
+        Live.node(virtual(channel), Navigation(dialects.load("navigation"))),
+        Live.node(virtual(channel), core),
+    ):
+        took = core.check_nodes().result(LONG)
+    assert list(took) == ["drive", "navigation"]
+
+
+def test_a_gatekeeper_talks_to_a_node(channel: str) -> None:
+    gatekeeper = Gatekeeper(PROTOCOL)
+    answers = gatekeeper.add_queue(CheckDriveResponse)
+    with Live.node(virtual(channel), Drive(dialects.load("drive"))), Live(virtual(channel), gatekeeper) as live:
+        live.send(CheckDriveRequest())
+        answer = answers.get(LONG)
+    assert answer is not None
+    assert answer.message == CheckDriveResponse()
+
+
+def test_a_value_out_of_range_is_the_callers_error_and_sends_nothing(channel: str) -> None:
+    with Live(virtual(channel), Gatekeeper(PROTOCOL)) as live:
+        with pytest.raises(FieldError, match="x = 5000"):
+            live.send(GotoXY(5000, 0, 0, 0))
+        assert live.gatekeeper.statistics().transmit.submitted == 0
+
+
+def test_a_node_sends_what_its_eds_has_as_tpdo_and_nothing_else(channel: str) -> None:
+    core = Core(dialects.load("core"))
+    with virtual(channel) as other, Live.node(virtual(channel), core) as live:
+        with pytest.raises(StateError, match="core has no TPDO for GotoConfirm"):
+            live.send(GotoConfirm())
+        with pytest.raises(StateError, match=r"GotoXY is sent by core\.goto"):
+            live.send(GotoXY(600, 0, 0, 0))
+        live.send(NaviPositionRequest())
+        while (message := other.recv(LONG)) is not None and message.arbitration_id == 0x701:
+            pass  # boot-up, heartbeats
+    assert message is not None
+    assert message.arbitration_id == PROTOCOL.cob_id(NaviPositionRequest)
+
+
+def test_what_is_no_classic_base_frame_is_counted_and_goes_no_further(channel: str) -> None:
+    gatekeeper = Gatekeeper(PROTOCOL)
+    queue = gatekeeper.add_queue(StopDrive)
+    cob_id = PROTOCOL.cob_id(StopDrive)
+    with virtual(channel) as other, Live(virtual(channel), gatekeeper) as live:
+        for options in ({"is_extended_id": True}, {"is_remote_frame": True}, {"is_error_frame": True}, {"is_fd": True}):
+            other.send(can.Message(arbitration_id=cob_id, **({"is_extended_id": False} | options)))
+        other.send(can.Message(arbitration_id=cob_id, is_extended_id=False))
+        assert queue.get(LONG) is not None
+    assert live.foreign == 4
+    assert queue.delivered == 1
+
+
+def test_a_driver_that_keeps_nobody_waiting_has_the_frame_when_send_returns(channel: str) -> None:
+    with virtual(channel) as other, Live(virtual(channel), Gatekeeper(PROTOCOL)) as live:
+        live.send(GotoStateRequest())
+        message = other.recv(0)
+        assert live.gatekeeper.statistics().transmit.completed == 1
+    assert message is not None
+    assert message.arbitration_id == PROTOCOL.cob_id(GotoStateRequest)
+
+
+class InterruptedBus(VirtualBus):
+    """A driver that is interrupted by Ctrl-C in its `send`, once."""
+
+    interrupts = 1
+
+    def send(self, msg: can.Message, timeout: float | None = None) -> None:
+        if self.interrupts:
+            self.interrupts -= 1
+            raise KeyboardInterrupt
+        super().send(msg, timeout)
+
+
+def test_an_interrupt_while_sending_keeps_no_later_frame_back(channel: str) -> None:
+    with virtual(channel) as other, Live(InterruptedBus(channel), Gatekeeper(PROTOCOL)) as live:
+        with pytest.raises(KeyboardInterrupt):
+            live.send(StopDrive())
+        live.send(EmergencyShutdown())
+        received = {message and message.arbitration_id for message in (other.recv(LONG), other.recv(LONG))}
+    assert received == {PROTOCOL.cob_id(EmergencyShutdown), PROTOCOL.cob_id(StopDrive)}
+
+
+def test_what_such_a_driver_has_no_room_for_is_sent_later(channel: str) -> None:
+    with (
+        can.Bus(channel, interface="virtual", rx_queue_size=1) as other,
+        Live(virtual(channel), Gatekeeper(PROTOCOL)) as live,
+    ):
+        for message in URGENT[:3]:  # as many as there are mailboxes
+            live.send(message)
+        received = [other.recv(LONG) for _ in range(3)]
+    assert [each and each.arbitration_id for each in received] == [PROTOCOL.encode(each).cob_id for each in URGENT[:3]]
+
+
+class FilteringBus(VirtualBus):
+    """A driver with filters of its own; `error` is what it raises once it does not take them any more."""
+
+    error: Exception | None = None
+
+    def _apply_filters(self, filters: Any) -> None:
+        if self.error is not None:
+            raise self.error
+        self.applied = filters
+
+
+@pytest.fixture
+def _filtering(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let python-can know the driver above as that of an interface which filters."""
+    monkeypatch.setitem(can.interfaces.BACKENDS, "socketcan", (__name__, FilteringBus.__name__))
+
+
+@pytest.mark.usefixtures("_filtering")
+def test_filters_are_for_drivers_that_filter_themselves(channel: str) -> None:
+    gatekeeper = Gatekeeper(PROTOCOL)
+    gatekeeper.add_queue(StopDrive)
+    with Live(FilteringBus(channel), gatekeeper) as live:
+        assert isinstance(live.bus, FilteringBus)
+        assert live.bus.applied == live.bus.filters == gatekeeper.filters() != []
+
+
+def test_without_such_a_driver_the_gatekeeper_alone_sorts_out(channel: str) -> None:
+    gatekeeper = Gatekeeper(PROTOCOL)
+    queue = gatekeeper.add_queue(StopDrive)
+    with virtual(channel) as other, Live(virtual(channel), gatekeeper) as live:
+        assert live.bus.filters is None
+        other.send(can.Message(arbitration_id=0x7FF, is_extended_id=False))
+        other.send(can.Message(arbitration_id=PROTOCOL.cob_id(StopDrive), is_extended_id=False))
+        assert queue.get(LONG) is not None
+    assert gatekeeper.statistics().unheard == 1
+
+
+@pytest.mark.usefixtures("_filtering")
+def test_a_driver_that_does_not_take_changed_filters_has_failed_and_is_read_on(channel: str) -> None:
+    gatekeeper, bus = Gatekeeper(PROTOCOL), FilteringBus(channel)
+    queue = gatekeeper.add_queue(StopDrive)
+    gatekeeper.add_node(lambda: (0x602,), lambda *_: gatekeeper.reroute(PROTOCOL), "master")
+    with virtual(channel) as other, Live(bus, gatekeeper) as live:
+        assert live.failure is None
+        bus.error = OSError("no room\nfor filters")
+        for cob_id in (0x602, PROTOCOL.cob_id(StopDrive)):
+            other.send(can.Message(arbitration_id=cob_id, is_extended_id=False))
+        assert queue.get(LONG) is not None
+    assert isinstance(live.failure, BusError)
+    assert str(live.failure) == f"the bus {bus.channel_info} failed: no room for filters"
+
+
+def test_a_watch_sees_every_frame(channel: str) -> None:
+    seen: list[tuple[float, Frame]] = []
+    done = Event()
+
+    def see(time: float, frame: Frame) -> None:
+        seen.append((time, frame))
+        if len(seen) == 2:
+            done.set()
+
+    with virtual(channel) as other, FrameReader(virtual(channel), see, lambda: 7.0):
+        other.send(can.Message(arbitration_id=0x123, data=b"\x01", is_extended_id=False))
+        other.send(can.Message(arbitration_id=0x123, is_extended_id=True))
+        other.send(can.Message(arbitration_id=0x7FF, is_extended_id=False))
+        assert done.wait(LONG)
+    assert seen == [(7.0, Frame(0x123, b"\x01")), (7.0, Frame(0x7FF))]
+
+
+HOSTILE = {
+    "300 bytes": can.Message(arbitration_id=0x008, data=bytes(300), dlc=44, is_extended_id=False),
+    "negative identifier": can.Message(arbitration_id=-1, is_extended_id=False),
+    "identifier too high": can.Message(arbitration_id=0x800, is_extended_id=False),
+}
+"""What a peer of python-can-remote can send, and no adapter can receive."""
+
+
+@pytest.mark.parametrize("message", HOSTILE.values(), ids=HOSTILE)
+def test_what_no_adapter_can_receive_is_counted_and_acted_on_by_nobody(channel: str, message: can.Message) -> None:
+    gatekeeper = Gatekeeper(PROTOCOL)
+    answers = gatekeeper.add_queue(CheckDriveResponse)
+    with (
+        virtual(channel) as other,
+        Live.node(virtual(channel), Drive(dialects.load("drive"))) as drive,
+        Live(virtual(channel), gatekeeper) as tester,
+    ):
+        other.send(message)
+        tester.send(CheckDriveRequest())
+        assert answers.get(LONG) is not None
+        assert drive.foreign == 1
+    assert drive.gatekeeper.statistics().listeners[0].failed == 0
+
+
+class Babble(VirtualBus):
+    """A driver that can make no sense of what comes, so many times, and as often again after each good frame."""
+
+    def __init__(self, channel: str, times: int) -> None:
+        self.left = self.times = times
+        super().__init__(channel)
+
+    def recv(self, timeout: float | None = None) -> can.Message | None:
+        if self.left:
+            self.left -= 1
+            raise ValueError("invalid frame")
+        message = super().recv(timeout)
+        self.left = 0 if message is None else self.times
+        return message
+
+
+def test_a_driver_that_can_make_no_sense_of_a_frame_is_read_on(channel: str) -> None:
+    gatekeeper = Gatekeeper(PROTOCOL)
+    queue = gatekeeper.add_queue(StopDrive)
+    with virtual(channel) as other, Live(Babble(channel, ENDURED - 1), gatekeeper) as live:
+        for count in (1, 2, 3):  # those between two good frames count, not all of them together
+            other.send(can.Message(arbitration_id=PROTOCOL.cob_id(StopDrive), is_extended_id=False))
+            assert queue.get(LONG) is not None
+            assert live.foreign >= count * (ENDURED - 1)
+        assert live.failure is None
+
+
+def test_a_driver_that_never_makes_sense_has_failed(channel: str) -> None:
+    reports = Reports()
+    with Live(Babble(channel, ENDURED), Gatekeeper(PROTOCOL, report=reports)):
+        assert reports.wait_for(What.BUS_FAILED).text.endswith("failed: invalid frame")
+
+
+def test_bus_off_is_told_with_what_helps_and_the_drive_brakes(channel: str) -> None:
+    reports, node = Reports(), Drive(dialects.load("drive"))
+    with virtual(channel) as other, Live.node(virtual(channel), node, report=reports) as live:
+        other.send(can.Message(arbitration_id=0x040, is_error_frame=True, is_extended_id=False, data=bytes(8)))
+        assert "restart-ms" in reports.wait_for(What.BUS_OFF).text
+        assert node.stopped_by == StopDrive()
+        assert live.failure is None
+
+
+# Drivers that do not behave
+
+
+class Clock:
+    """A clock that goes on only when told."""
+
+    def __init__(self) -> None:
+        self.now = 0.0
+
+    def __call__(self) -> float:
+        return self.now
+
+
+class Driver(can.BusABC):
+    """A driver without a wire: `error` is what sending raises, `broken` what reading and `stuck` what the end raises.
+
+    `tries` are the frames that it was given, `attempt` is set at each of them; it returns once it `may_go_on`.
+    `reader` is the thread that reads, once `entered` is set.
+    """
+
+    def __init__(self) -> None:
+        super().__init__(channel="nowhere")
+        self.channel_info = "nowhere"
+        self.error: Exception | None = None
+        self.broken: Exception | None = None
+        self.stuck: Exception | None = None
+        self.tries: list[Frame] = []
+        self.attempt, self.may_go_on, self.entered, self._never = Event(), Event(), Event(), Event()
+        self.may_go_on.set()
+        self.reader = threading.current_thread()
+
+    def send(self, msg: can.Message, timeout: float | None = None) -> None:
+        self.tries.append(Frame(msg.arbitration_id, bytes(msg.data)))
+        self.attempt.set()
+        self.may_go_on.wait(LONG)
+        if self.error is not None:
+            raise self.error
+
+    def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
+        self.reader = threading.current_thread()
+        self.entered.set()
+        if self.broken is not None:
+            raise self.broken
+        self._never.wait(timeout)
+        return None, False
+
+    def shutdown(self) -> None:
+        super().shutdown()
+        if self.stuck is not None:
+            raise self.stuck
+
+    def wait_for_tries(self, count: int) -> None:
+        """Wait until it has been given `count` frames more."""
+        wanted = len(self.tries) + count
+        while len(self.tries) < wanted:
+            self.attempt.clear()
+            if len(self.tries) < wanted:
+                assert self.attempt.wait(LONG)
+
+
+@pytest.fixture
+def driver() -> Iterator[Driver]:
+    bus = Driver()
+    yield bus
+    bus.shutdown()
+
+
+URGENT: list[Message] = [EmergencyStop(Obstacle.ENEMY), StopDrive(), GotoStateRequest(), CheckNaviRequest()]
+
+
+def test_a_driver_that_refuses_costs_a_frame_after_50_ms_and_says_so(driver: Driver) -> None:
+    clock, reports = Clock(), Reports()
+    driver.error = can.CanOperationError("transmit buffer full")
+    with Live(driver, Gatekeeper(PROTOCOL, report=reports), clock=clock) as live:
+        for message in URGENT:  # three find a mailbox, the fourth waits for one
+            live.send(message)
+        driver.wait_for_tries(3)
+        clock.now = 0.049
+        driver.wait_for_tries(3)
+        assert reports.empty()
+        clock.now = 0.050
+        report = reports.wait_for(What.FRAME_DROPPED)
+        counts = live.gatekeeper.statistics().transmit
+    assert (report.name, report.text) == ("0x340", "340# found no mailbox for 50 ms, 1 dropped so far")
+    assert (counts.submitted, counts.dropped, counts.loaded, counts.completed) == (4, 1, 3, 0)
+    assert live.failure is None  # a full buffer is not a failure of the bus
+
+
+def test_a_driver_that_blocks_keeps_no_caller_waiting_and_what_waits_leaves_by_urgency(driver: Driver) -> None:
+    first, *others = reversed(URGENT)
+    driver.may_go_on.clear()
+    with Live(driver, Gatekeeper(PROTOCOL)) as live:
+        live.send(first)
+        assert driver.attempt.wait(LONG)
+        for message in others:
+            live.send(message)  # returns although the driver has not
+        assert live.gatekeeper.statistics().transmit.submitted == len(URGENT)
+        assert len(driver.tries) == 1
+        driver.may_go_on.set()
+    assert driver.tries == [PROTOCOL.encode(first), *sorted(map(PROTOCOL.encode, others))]
+
+
+def test_a_frame_that_finds_a_mailbox_is_not_dropped_however_late_the_driver_is(driver: Driver) -> None:
+    clock, reports = Clock(), Reports()
+    driver.may_go_on.clear()
+    with Live(driver, Gatekeeper(PROTOCOL, report=reports), clock=clock) as live:
+        live.send(StopDrive())
+        assert driver.attempt.wait(LONG)
+        live.send(CheckNaviRequest())
+        clock.now = 1.0
+        driver.may_go_on.set()
+    assert driver.tries == [PROTOCOL.encode(StopDrive()), PROTOCOL.encode(CheckNaviRequest())]
+    assert reports.empty()
+
+
+def test_a_bus_that_fails_while_reading_is_a_bus_error_and_is_reported(driver: Driver) -> None:
+    reports = Reports()
+    driver.broken = OSError("adapter\nwas pulled out")
+    with Live(driver, Gatekeeper(PROTOCOL, report=reports)) as live:
+        report = reports.wait_for(What.BUS_FAILED)
+        assert isinstance(live.failure, BusError)
+    assert str(live.failure) == "the bus nowhere failed: adapter was pulled out"
+    assert str(report) == f"bus failed: nowhere: {live.failure}"
+
+
+def test_a_bus_that_fails_while_sending_is_reported_once_and_keeps_the_stop(driver: Driver) -> None:
+    reports = Reports()
+    driver.error = OSError("write failed")
+    with Live(driver, Gatekeeper(PROTOCOL, report=reports)) as live:
+        live.send(StopDrive())
+        driver.wait_for_tries(3)
+        assert reports.wait_for(What.BUS_FAILED).text == "the bus nowhere failed: write failed"
+        driver.error = None  # the adapter is back
+        driver.wait_for_tries(1)
+    assert live.gatekeeper.statistics().transmit.completed == 1
+    assert reports.empty()
+    assert str(live.failure) == "the bus nowhere failed: write failed"
+
+
+def test_a_bus_that_fails_at_the_end_is_a_bus_error(driver: Driver) -> None:
+    driver.stuck = OSError("no answer")
+    with pytest.raises(BusError, match="the bus nowhere failed: no answer"), Live(driver, Gatekeeper(PROTOCOL)):
+        pass
+    driver.stuck = None
+
+
+def test_a_bus_that_fails_at_the_end_does_not_replace_the_cause(driver: Driver) -> None:
+    driver.stuck = OSError("no answer")
+    with pytest.raises(ZeroDivisionError), Live(driver, Gatekeeper(PROTOCOL)):
+        raise ZeroDivisionError
+    driver.stuck = None
+
+
+def test_a_watch_tells_that_the_bus_has_failed(driver: Driver) -> None:
+    driver.broken = OSError("adapter was pulled out")
+    failures: list[BusError] = []
+    with FrameReader(driver, lambda *_: None, Clock(), failures.append):
+        assert driver.entered.wait(LONG)
+        driver.reader.join(LONG)
+    assert list(map(str, failures)) == ["the bus nowhere failed: adapter was pulled out"]
+
+
+def test_frames_that_wait_at_the_end_are_sent(driver: Driver) -> None:
+    with Live(driver, Gatekeeper(PROTOCOL)) as live:
+        for message in URGENT * 3:
+            live.send(message)
+    assert live.gatekeeper.statistics().transmit.completed == len(driver.tries) == 12
+
+
+def test_what_no_thread_has_sent_by_the_end_is_sent_by_whoever_ends_it(driver: Driver) -> None:
+    live = Live(driver, Gatekeeper(PROTOCOL))  # without its threads, as a keeper that has not had its turn
+    live.send(StopDrive())
+    assert driver.tries == []
+    live.stop()
+    assert [frame.cob_id for frame in driver.tries] == [PROTOCOL.cob_id(StopDrive)]
+
+
+# Listeners that do not behave
+
+
+def test_a_function_that_hangs_is_reported_and_stops_neither_node_nor_queue(channel: str) -> None:
+    entered, release, reports = Event(), Event(), Reports()
+
+    def stuck(*_: object) -> None:
+        entered.set()
+        release.wait(LONG)
+
+    drive = Live.node(virtual(channel), Drive(dialects.load("drive")), report=reports)
+    drive.gatekeeper.add_function(CheckDriveRequest, stuck, "stuck")
+    heard: SimpleQueue[float] = SimpleQueue()
+    drive.gatekeeper.add_function(CheckDriveRequest, lambda _, timestamp: heard.put(timestamp))
+    queue = drive.gatekeeper.add_queue(CheckDriveRequest)
+    gatekeeper = Gatekeeper(PROTOCOL)
+    answers = gatekeeper.add_queue(CheckDriveResponse)
+    with drive, Live(virtual(channel), gatekeeper) as live:
+        live.send(CheckDriveRequest())
+        assert entered.wait(LONG)
+        live.send(CheckDriveRequest())
+        assert None not in (answers.get(LONG), answers.get(LONG), queue.get(LONG), queue.get(LONG))
+        assert reports.wait_for(What.LISTENER_STUCK).name == "stuck"
+        assert heard.empty()
+        release.set()
+        assert heard.get(timeout=LONG) < heard.get(timeout=LONG)
+
+
+def test_a_function_that_hangs_does_not_keep_the_end(channel: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("eurobot_od.bus.live.functions.PATIENCE", 0.01)
+    entered, release = Event(), Event()
+
+    def stuck(*_: object) -> None:
+        entered.set()
+        release.wait(LONG)
+
+    gatekeeper = Gatekeeper(PROTOCOL)
+    gatekeeper.add_function(StopDrive, stuck)
+    with Live(virtual(channel), Gatekeeper(PROTOCOL)) as other, Live(virtual(channel), gatekeeper):
+        other.send(StopDrive())
+        assert entered.wait(LONG)
+    assert not release.is_set()
+    release.set()
+
+
+def test_a_listener_that_raises_does_not_stop_the_node(channel: str) -> None:
+    reports = Reports()
+
+    def broken(*_: object) -> None:
+        raise ValueError("lamp is gone")
+
+    drive = Live.node(virtual(channel), Drive(dialects.load("drive")), report=reports)
+    drive.gatekeeper.add_function(CheckDriveRequest, broken, "lamp")
+    gatekeeper = Gatekeeper(PROTOCOL)
+    answers = gatekeeper.add_queue(CheckDriveResponse)
+    with drive, Live(virtual(channel), gatekeeper) as live:
+        live.send(CheckDriveRequest())
+        assert answers.get(LONG) is not None
+        assert reports.wait_for(What.LISTENER_FAILED).name == "lamp"
+
+
+# When the keeper looks again
+
+
+def test_a_keeper_with_nothing_to_do_looks_now_and_then(driver: Driver) -> None:
+    assert Live(driver, Gatekeeper(PROTOCOL), clock=lambda: 5.0)._next_look() == 5.0 + POLL
+
+
+def test_what_a_frame_makes_due_does_not_wait_for_the_next_look(channel: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The keeper, who is asleep, hears that the heartbeat is switched on."""
+    monkeypatch.setattr("eurobot_od.bus.live.live.POLL", 10 * LONG)
+    text = DEVICE_TYPE + variable("1017", "Producer heartbeat time", "UNSIGNED16", "0")
+    device = SimulatedDevice(Dictionary.read(text.encode(), Path("a.eds"), 5))
+    with VirtualBus(channel) as other, Live.node(VirtualBus(channel), device):
+        other.send(can.Message(arbitration_id=0x605, data=b"\x2b\x17\x10\0\x14\0\0\0", is_extended_id=False))
+        came: set[int] = set()
+        while not came & {0x04, 0x05, 0x7F}:
+            message = other.recv(LONG)
+            assert message is not None
+            came |= {message.data[0]} if message.arbitration_id == 0x705 else set()
+
+
+def test_what_waits_and_no_thread_is_at_is_looked_at_now(driver: Driver) -> None:
+    gatekeeper = Gatekeeper(PROTOCOL)
+    live = Live(driver, gatekeeper, clock=lambda: 5.0)
+    gatekeeper.send(CheckDriveRequest(), 5.0)
+    assert live._next_look() == 5.0
+
+
+def test_what_the_driver_has_not_taken_is_tried_again_and_is_not_kept_for_too_long(driver: Driver) -> None:
+    driver.error = can.CanOperationError("transmit buffer full")
+    live = Live(driver, Gatekeeper(PROTOCOL), clock=lambda: 5.0)
+    live.send(CheckDriveRequest())
+    live._sender.retry()
+    assert live._next_look() == 5.0 + FIRST_PAUSE
+    for message in URGENT:
+        live.send(message)
+    while live._sender.pause < LONGEST_PAUSE:
+        live._sender.retry()
+    assert live._next_look() == 5.0 + MAILBOX_WAIT

@@ -1,0 +1,88 @@
+"""A receive queue that overflows: the kernel counts, as it does for SocketCAN, and nothing is lost without a word."""
+
+from __future__ import annotations
+
+import socket
+import sys
+from collections.abc import Iterator
+
+import can
+import pytest
+from can.interfaces.virtual import VirtualBus
+
+from eurobot_od.bus.live import Live
+from eurobot_od.device.emergency import ErrorCode
+from eurobot_od.gatekeeper import Event
+from eurobot_od.robot import dialects
+from eurobot_od.robot.nodes import Drive
+from eurobot_od.traffic.monitor.sources import BusSource
+from tests.bus.live.loose import Reports, wait_for
+
+pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the counters are Linux's")
+
+
+class CountingBus(VirtualBus):
+    """A bus with a socket of the kernel's whose queue holds little; `flood` fills it as a full bus does."""
+
+    def __init__(self, channel: str) -> None:
+        self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1)
+        self.socket.bind(("127.0.0.1", 0))
+        super().__init__(channel)
+
+    def flood(self, frames: int) -> None:
+        for _ in range(frames):
+            self.socket.sendto(bytes(16), self.socket.getsockname())
+
+    def shutdown(self) -> None:
+        super().shutdown()
+        self.socket.close()
+
+
+@pytest.fixture
+def bus(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Iterator[CountingBus]:
+    """Let python-can know the driver above as SocketCAN's."""
+    monkeypatch.setitem(can.interfaces.BACKENDS, "socketcan", (__name__, CountingBus.__name__))
+    monkeypatch.setitem(sys.modules, __name__, sys.modules[CountingBus.__module__])
+    with CountingBus(request.node.name) as bus:
+        yield bus
+
+
+def test_what_overflows_is_counted_reported_and_told_by_emcy(bus: CountingBus) -> None:
+    reports = Reports()
+    with VirtualBus(bus.channel_id) as other, Live.node(bus, Drive(dialects.load("drive")), report=reports) as live:
+        bus.flood(1000)
+        told = reports.wait_for(Event.FRAMES_LOST)
+        emergency = wait_for(other, 0x082)
+    assert int.from_bytes(emergency[:2], "little") == ErrorCode.OVERRUN
+    assert 0 < live.overflow < 1000
+    assert told.text.endswith(" received frames have found no room in the driver's queue so far")
+    *_, last = [told, *(report for report in reports.rest() if report.event is Event.FRAMES_LOST)]
+    assert last.text.startswith(f"{live.overflow} ")
+
+
+def test_what_overflows_while_the_node_is_switched_off_is_counted_too(bus: CountingBus) -> None:
+    class Late(Drive):
+        """Is switched off while the bus is full: when nobody reads it any more."""
+
+        def switched_off(self) -> None:
+            bus.flood(1000)
+
+    reports = Reports()
+    with Live.node(bus, Late(dialects.load("drive")), report=reports) as live:
+        pass
+    assert live.overflow > 0
+    assert [report.event for report in reports.rest()].count(Event.FRAMES_LOST) == 1
+
+
+def test_the_monitor_notes_what_is_missing(bus: CountingBus) -> None:
+    source = BusSource(bus)
+    assert list(source.poll()) == []
+    assert source.notes == []
+    bus.flood(1000)
+    assert list(source.poll()) == []
+    bus.flood(10)
+    source.close()
+    first, last = (int(note.partition(" ")[0]) for note in source.notes)
+    assert first > 0
+    assert last == first + 10

@@ -1,0 +1,113 @@
+"""Which of the frames that a driver gives are received, which are foreign, and which came too long ago."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import can
+import pytest
+
+from eurobot_od.bus.live import Driver
+from eurobot_od.bus.live.connection import Connection
+from eurobot_od.bus.live.reader import Reader
+
+AHEAD = 1_000_000.0
+"""The driver's clock is ahead of ours by that."""
+
+
+def message(cob_id: int = 0x123, stamp: float = AHEAD, data: bytes = b"\1", **flags: bool) -> can.Message:
+    return can.Message(stamp, cob_id, is_extended_id=flags.pop("extended", False), data=data, **flags)
+
+
+class Script(can.BusABC):
+    """A bus that gives messages at times, None where none came, and closes its connection at the end."""
+
+    channel_info = "script"
+
+    def __init__(self, *read: tuple[float, can.Message | Exception | None]) -> None:
+        self.left, self.now = list(read), 0.0
+        self.close: Callable[[], object] = lambda: None
+
+    def recv(self, timeout: float | None = None) -> can.Message | None:
+        if not self.left:
+            self.close()
+            return None
+        self.now, message = self.left.pop(0)
+        if isinstance(message, Exception):
+            raise message
+        return message
+
+    def send(self, msg: can.Message, timeout: float | None = None) -> None:
+        raise NotImplementedError
+
+    def shutdown(self) -> None:
+        self._is_shutdown = True
+
+
+class Scene:
+    """What a reader makes of a script."""
+
+    def __init__(self, *script: tuple[float, can.Message | Exception | None], clock: bool = True) -> None:
+        self.received: list[tuple[int, bytes, float]] = []
+        self.foreign: list[can.Message | None] = []
+        self.missed: list[int] = []
+        bus = Script(*script)
+        connection = Connection(Driver(bus), None, lambda: 0.0, lambda *_: None, lambda: None, lambda _: None)
+        bus.close = connection.close
+        Reader(
+            connection,
+            lambda cob_id, data, now: self.received.append((cob_id, bytes(data), now)),
+            (lambda: bus.now) if clock else None,
+            self.foreign.append,
+            self.missed.append,
+            lambda cob_id: cob_id == 0x001,
+        ).read()
+        self.failure = connection.failure
+
+
+def test_a_frame_has_the_time_of_our_clock_or_the_drivers() -> None:
+    script = (5.0, message(0x7FF, AHEAD, bytes(8)))
+    assert Scene(script).received == [(0x7FF, bytes(8), 5.0)]
+    assert Scene(script, clock=False).received == [(0x7FF, bytes(8), AHEAD)]
+
+
+@pytest.mark.parametrize(
+    "foreign",
+    [
+        message(extended=True),
+        message(is_remote_frame=True, data=b""),
+        message(is_error_frame=True),
+        message(is_fd=True),
+    ],
+)
+def test_what_is_no_classic_base_data_frame_is_foreign(foreign: can.Message) -> None:
+    scene = Scene((1.0, foreign), (1.0, message(0x005)))
+    assert scene.foreign == [foreign]
+    assert [cob_id for cob_id, *_ in scene.received] == [0x005]
+
+
+def test_nor_is_what_no_adapter_can_receive() -> None:
+    high, negative, long = message(), message(), message()
+    high.arbitration_id, negative.arbitration_id, long.data = 0x800, -1, bytearray(9)
+    scene = Scene(*((1.0, each) for each in (high, negative, long)))
+    assert (scene.foreign, scene.received) == ([high, negative, long], [])
+
+
+def test_what_came_while_the_process_stood_still_is_passed_over_and_counted_but_for_what_lasts() -> None:
+    scene = Scene(
+        (1.0, message(0x100, AHEAD + 1.0)),
+        (9.0, message(0x101, AHEAD + 2.0)),
+        (9.0, message(0x001, AHEAD + 2.5)),
+        (9.0, message(0x102, AHEAD + 3.0)),
+        (9.0, message(0x103, AHEAD + 9.0)),
+        (9.1, message(0x104, AHEAD + 9.1)),
+    )
+    assert [cob_id for cob_id, *_ in scene.received] == [0x100, 0x001, 0x103, 0x104]
+    assert scene.missed == [3]
+
+
+def test_a_pause_of_the_bus_is_no_standstill() -> None:
+    quiet = [(1.0 + n / 10, None) for n in range(80)]
+    scene = Scene((1.0, message(0x100, AHEAD + 1.0)), *quiet, (9.0, message(0x101, AHEAD + 2.0)))
+    assert [cob_id for cob_id, *_ in scene.received] == [0x100, 0x101]
+    assert scene.missed == []

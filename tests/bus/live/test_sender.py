@@ -1,0 +1,184 @@
+"""The sender: order, a driver that takes nothing, and an interrupt at any line."""
+
+from __future__ import annotations
+
+import errno
+import sys
+import threading
+from collections.abc import Iterator
+from types import FrameType
+from typing import Any
+
+import can
+import pytest
+
+from eurobot_od.bus.live import Driver
+from eurobot_od.bus.live import sender as sender_module
+from eurobot_od.bus.live.sender import FIRST_PAUSE, LONGEST_PAUSE, STUCK_AFTER, Sender
+from eurobot_od.errors import BusError
+from eurobot_od.frame import Frame
+from eurobot_od.gatekeeper import Mailboxes, Report, Stay
+from eurobot_od.gatekeeper import mailboxes as mailboxes_module
+
+FRAMES = [Frame(cob_id) for cob_id in (0x008, 0x004, 0x3C0, 0x002, 0x010)]
+"""More than there are mailboxes."""
+
+
+class Wire(can.BusABC):
+    """A bus that keeps what it is given, as long as it has no `error`."""
+
+    def __init__(self) -> None:
+        super().__init__(channel="wire")
+        self.channel_info = "wire"
+        self.error: Exception | None = None
+        self.sent: list[Frame] = []
+
+    def send(self, msg: can.Message, timeout: float | None = None) -> None:
+        if self.error is not None:
+            raise self.error
+        self.sent.append(Frame(msg.arbitration_id, bytes(msg.data)))
+
+
+class Scene:
+    """A sender with its mailboxes and its wire."""
+
+    def __init__(self) -> None:
+        self.wire = Wire()
+        self.reports: list[Report] = []
+        self.failures: list[BusError] = []
+        self.woken = 0
+        self.now = 0.0
+        self.mailboxes = Mailboxes(self.reports.append)
+        lock = threading.RLock()
+        self.sender = Sender(Driver(self.wire), self.mailboxes, lock, lambda: self.now, self.failures.append, self.wake)
+
+    def wake(self) -> None:
+        self.woken += 1
+
+    def submit(self, *frames: Frame) -> None:
+        for frame in frames:
+            self.mailboxes.submit(frame, 0.0, Stay.LASTING)
+
+
+@pytest.fixture
+def scene() -> Iterator[Scene]:
+    scene = Scene()
+    with scene.wire:
+        yield scene
+
+
+def test_all_frames_leave_the_most_urgent_first(scene: Scene) -> None:
+    scene.submit(*FRAMES)
+    scene.sender.pump()
+    assert scene.wire.sent == sorted(FRAMES)
+    assert (scene.sender.busy, scene.sender.blocked, scene.woken) == (False, False, 0)
+
+
+ERRORS = {"refused": can.CanOperationError("buffer full"), "failed": OSError("adapter was pulled out")}
+
+
+@pytest.mark.parametrize("error", ERRORS.values(), ids=ERRORS)
+def test_a_driver_that_takes_nothing_is_tried_after_growing_pauses_and_only_by_retry(
+    scene: Scene, error: Exception
+) -> None:
+    scene.wire.error = error
+    scene.submit(*FRAMES)
+    scene.sender.pump()
+    pauses = [scene.sender.pause]
+    for _ in range(9):
+        scene.sender.pump()  # nothing
+        scene.sender.retry()
+        pauses.append(scene.sender.pause)
+    assert pauses == [min(FIRST_PAUSE * 2**doublings, LONGEST_PAUSE) for doublings in range(10)]
+    assert (scene.sender.blocked, scene.woken, len(scene.failures)) == (True, 10, 10 * isinstance(error, OSError))
+    scene.wire.error = None
+    scene.sender.retry()
+    assert (scene.wire.sent, scene.sender.pause) == (sorted(FRAMES), 0.0)
+
+
+def test_a_driver_that_takes_no_frame_for_a_second_has_failed_in_its_words(scene: Scene) -> None:
+    scene.wire.error = can.CanOperationError("Transmit buffer full")
+    scene.submit(*FRAMES)
+    for now in (0.0, 0.5, 0.999):
+        scene.now = now
+        scene.sender.retry()
+    assert scene.failures == []
+    scene.now = STUCK_AFTER
+    scene.sender.retry()
+    assert [str(each) for each in scene.failures] == ["the bus wire has taken no frame for 1.0 s: Transmit buffer full"]
+
+
+def test_a_driver_that_takes_one_frame_in_between_has_not_failed(scene: Scene) -> None:
+    scene.submit(*FRAMES)
+    for now in (0.0, 0.9, 1.8):
+        scene.now, scene.wire.error = now, None
+        scene.submit(Frame(0x001))
+        scene.sender.retry()
+        scene.wire.error = can.CanOperationError("Transmit buffer full")
+        scene.submit(Frame(0x001))
+        scene.sender.retry()
+    assert scene.failures == []
+
+
+KERNEL = {
+    "no room": (OSError(errno.ENOBUFS, "No buffer space available"), False),
+    "down": (OSError(errno.ENETDOWN, "Network is down"), True),
+    "gone": (OSError(errno.ENODEV, "No such device"), True),
+}
+"""What the kernel says when SocketCAN sends, and whether the bus is lost then; python-can makes a CanError of both."""
+
+
+@pytest.mark.parametrize(("cause", "lost"), KERNEL.values(), ids=KERNEL)
+def test_what_the_kernel_says_tells_a_full_buffer_from_a_lost_bus(scene: Scene, cause: OSError, lost: bool) -> None:
+    scene.wire.error = can.CanOperationError(f"Failed to transmit: {cause.strerror}", cause.errno)
+    scene.wire.error.__cause__ = cause
+    scene.submit(*FRAMES)
+    scene.sender.pump()
+    assert [str(each).startswith("the bus wire failed: Failed to transmit") for each in scene.failures] == [True] * lost
+
+
+class Interrupt:
+    """Raises KeyboardInterrupt at a line of the sender or the mailboxes, counted from the first one that is run."""
+
+    FILES = (sender_module.__file__, mailboxes_module.__file__)
+
+    def __init__(self, line: int) -> None:
+        self.left = line
+
+    def __call__(self, frame: FrameType, event: str, _: Any) -> Interrupt | None:
+        if frame.f_code.co_filename not in self.FILES:
+            return None
+        if event == "line":
+            self.left -= 1
+            if self.left == 0:
+                raise KeyboardInterrupt
+        return self
+
+
+def interrupted(scene: Scene, line: int) -> bool:
+    """Pump, interrupted at a line; False if there are not that many."""
+    before = sys.gettrace()
+    sys.settrace(Interrupt(line))
+    try:
+        scene.sender.pump()
+    except KeyboardInterrupt:
+        return True
+    finally:
+        sys.settrace(before)
+    return False
+
+
+def test_an_interrupt_at_any_line_loses_no_frame_and_gives_the_turn_back() -> None:
+    line = 0
+    hit = True
+    while hit:
+        line += 1
+        scene = Scene()
+        scene.submit(*FRAMES)
+        with scene.wire:
+            hit = interrupted(scene, line)
+            scene.submit(Frame(0x001))
+            scene.sender.pump()
+        assert set(scene.wire.sent) == {*FRAMES, Frame(0x001)}, line
+        assert not scene.sender.busy, line
+    assert line > len(FRAMES)

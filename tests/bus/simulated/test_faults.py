@@ -1,0 +1,303 @@
+"""The bus of real nodes when something is wrong with it: what controllers report, parts of a bus, a babbling node."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import pytest
+
+from eurobot_od.bus.simulated.bit_errors import LAST_BUT_ONE, BitErrors, Noise, Strike
+from eurobot_od.bus.simulated.bits import frame_bits, on_wire
+from eurobot_od.bus.simulated.confinement import ErrorState
+from eurobot_od.bus.simulated.controller import Controller
+from eurobot_od.bus.simulated.network import Simulation
+from eurobot_od.device.emergency import ErrorCode
+from eurobot_od.frame import Frame
+from eurobot_od.robot.nodes import ROLES
+from tests.robot.nodes.harness import DICTIONARIES, Peer
+
+FRAME, OTHER = Frame(0x555, b"\x55\x0f"), Frame(0x6AB, b"\x02")
+EMERGENCY = 0x080
+BIT = 1 / 500_000
+
+
+class Ear(Peer):
+    """A node that says what it is told, and remembers what it has heard, and when."""
+
+    def __init__(self, name: str) -> None:
+        super().__init__(DICTIONARIES[name])
+        self.heard: list[tuple[float, Frame]] = []
+        self._own = self.device.identifiers
+        self.device.identifiers = [*range(0x800)]
+
+    def receive(self, frame: Frame, now: float) -> list[Frame]:
+        self.heard.append((now, frame))
+        return super().receive(frame, now) if frame.cob_id in self._own else []
+
+
+class Wire:
+    """The three nodes, idle at 0.1 s; `frames` are those on the bus since then but heartbeats."""
+
+    def __init__(self, *, monitored: bool = True) -> None:
+        self.network = Simulation(monitored=monitored)
+        self.nodes = {name: Ear(name) for name in ROLES}
+        self.stations = {name: self.network.attach(node) for name, node in self.nodes.items()}
+        self.network.run(0.1)
+        self.frames: list[tuple[float, Frame]] = []
+        self.network.observers.append(self._seen)
+
+    def _seen(self, time: float, frame: Frame) -> None:
+        if not 0x700 < frame.cob_id < 0x780:
+            self.frames.append((time, frame))
+
+    def say(self, name: str, *frames: Frame) -> None:
+        self.nodes[name].say(*frames)
+
+    def run(self, seconds: float) -> None:
+        self.network.run(self.network.now + seconds)
+
+    def controller(self, name: str) -> Controller:
+        return self.network.controller(self.stations[name])
+
+    def heard(self, name: str, frame: Frame) -> int:
+        return sum(each == frame for _, each in self.nodes[name].heard)
+
+    def emergencies(self, name: str) -> list[int]:
+        """Return the error codes that a node has told, in their order."""
+        cob_id = EMERGENCY + self.nodes[name].device.node_id
+        return [int.from_bytes(frame.data[:2], "little") for _, frame in self.frames if frame.cob_id == cob_id]
+
+
+# What controllers report
+
+
+def strike_senders(wire: Wire, name: str, times: int) -> None:
+    """Have a node see an error in each frame that it sends."""
+    own = wire.controller(name)
+    wire.network.bit_errors.append(Strike(30, lambda attempt: own in attempt.senders, own, times=times))
+
+
+REPORTED = {
+    "15 errors are nothing to report": (15, []),
+    "after 16 it is error passive": (16, [ErrorCode.ERROR_PASSIVE]),
+    "and that once": (25, [ErrorCode.ERROR_PASSIVE]),
+    # Error passive is reported when it is back: until then it sent nothing.
+    "after 32 it is bus-off, and comes back": (32, [ErrorCode.ERROR_PASSIVE, ErrorCode.RECOVERED_FROM_BUS_OFF]),
+}
+
+
+@pytest.mark.parametrize(("times", "codes"), REPORTED.values(), ids=REPORTED)
+def test_what_a_node_tells_of_its_controller(times: int, codes: list[ErrorCode]) -> None:
+    wire = Wire()
+    strike_senders(wire, "drive", times)
+    wire.say("drive", FRAME)
+    wire.run(0.5)
+    assert wire.emergencies("drive") == codes
+    assert wire.emergencies("core") == wire.emergencies("navigation") == []
+    assert wire.heard("core", FRAME) == 1
+
+
+@pytest.mark.long
+def test_a_node_that_is_off_too_long_is_missed() -> None:
+    wire = Wire()
+    wire.run(1.0)  # it is watched from its first heartbeat on
+    wire.network.split([wire.stations["drive"]], until=wire.network.now + 2.0)
+    wire.run(2.0)
+    assert ErrorCode.HEARTBEAT_LOST in wire.emergencies("core")
+
+
+# The doubled frame
+
+
+def test_an_error_in_the_last_bit_but_one_doubles_the_frame_for_who_did_not_see_it() -> None:
+    wire = Wire()
+    core = wire.controller("core")
+    wire.network.bit_errors.append(Strike(LAST_BUT_ONE, lambda attempt: attempt.frame == FRAME, core))
+    wire.say("drive", FRAME)
+    wire.run(0.1)
+    assert wire.heard("core", FRAME) == 1
+    assert wire.heard("navigation", FRAME) == 2
+    assert [frame for _, frame in wire.frames] == [FRAME, FRAME]  # as a monitor on the bus shows it
+
+
+# A bus in two parts
+
+
+class Cut(NamedTuple):
+    """When the bus is cut, in bits since the drive's frame began, and how often navigation and core hear the frame."""
+
+    bit: float
+    core: int
+    navigation: int
+
+
+CUTS = {
+    "before the frame": Cut(-1, 0, 1),
+    "within it, and it is acknowledged in its part": Cut(30.5, 0, 1),
+    "in the end of frame": Cut(on_wire(FRAME).end - 3.5, 1, 1),
+    "after it": Cut(frame_bits(FRAME) + 1, 1, 1),
+}
+"""The drive, which sends, and navigation are cut off from the core."""
+
+
+@pytest.mark.parametrize("cut", CUTS.values(), ids=CUTS)
+def test_a_bus_that_is_cut_within_a_frame(cut: Cut) -> None:
+    wire = Wire()
+    begin = wire.network.now
+    if cut.bit > 0:
+        wire.say("drive", FRAME)
+        wire.run(cut.bit * BIT)
+    wire.network.split([wire.stations["drive"], wire.stations["navigation"]], until=begin + 0.05)
+    if cut.bit < 0:
+        wire.say("drive", FRAME)
+    wire.run(0.04)
+    assert (wire.heard("core", FRAME), wire.heard("navigation", FRAME)) == (cut.core, cut.navigation)
+    wire.run(0.05)
+    wire.say("drive", OTHER)
+    wire.run(0.1)
+    assert wire.heard("core", OTHER) == wire.heard("navigation", OTHER) == 1
+
+
+def test_two_parts_have_two_frames_at_the_same_time() -> None:
+    wire = Wire()
+    wire.network.split([wire.stations["drive"], wire.stations["navigation"]], until=1.0)
+    wire.say("core", FRAME)
+    wire.say("drive", FRAME._replace(data=b"\x55\x0e"))
+    wire.run(0.1)
+    (first, _), (second, _) = wire.frames
+    assert first == second
+
+
+def test_parts_that_are_joined_within_frames_have_an_error_and_send_both_again() -> None:
+    wire = Wire()
+    begin = wire.network.now
+    wire.network.split([wire.stations["drive"], wire.stations["navigation"]], until=begin + 30.5 * BIT)
+    wire.say("core", FRAME)
+    wire.say("drive", OTHER)
+    wire.run(0.1)
+    assert [frame for _, frame in wire.frames] == [FRAME, OTHER]
+    assert wire.frames[0][0] > begin + (30 + on_wire(FRAME).end) * BIT
+    assert all(wire.heard(name, FRAME) == 1 for name in ("drive", "navigation"))
+    assert all(wire.heard(name, OTHER) == 1 for name in ("core", "navigation"))
+
+
+def test_a_node_that_is_pulled_off_sends_again_and_again_and_is_heard_when_it_is_plugged_in() -> None:
+    wire = Wire()
+    begin = wire.network.now
+    wire.network.split([wire.stations["drive"]], until=begin + 0.05)
+    wire.say("drive", FRAME)
+    wire.run(0.04)
+    assert wire.controller("drive").counters == (128, 0)
+    assert wire.frames == []
+    wire.run(0.2)
+    assert wire.emergencies("drive") == [ErrorCode.ERROR_PASSIVE]
+    assert wire.heard("core", FRAME) == 1
+    # It was plugged in within an attempt, which the others answered with an error flag; then two frames came through.
+    assert wire.controller("drive").counters == (128 + 8 - 2, 0)
+
+
+@pytest.mark.parametrize("bit", range(1, on_wire(FRAME).end + 4, 4))
+def test_a_sender_that_is_pulled_off_in_any_bit_is_heard_by_all_in_the_end(bit: int) -> None:
+    wire = Wire(monitored=False)
+    wire.say("drive", FRAME)
+    wire.run((bit + 0.5) * BIT)
+    wire.network.split([wire.stations["drive"]], until=wire.network.now + 0.01)
+    wire.run(0.1)
+    assert wire.heard("core", FRAME) == wire.heard("navigation", FRAME) == 1
+    assert not wire.stations["drive"].gatekeeper.mailboxes.holds(FRAME)
+
+
+def test_a_bus_may_be_cut_within_a_frame_again_and_again() -> None:
+    wire = Wire(monitored=False)
+    wire.say("drive", FRAME)
+    for name in ("core", "navigation", "core"):
+        wire.run(7 * BIT)
+        wire.network.split([wire.stations[name]], until=wire.network.now + 100 * BIT)
+    wire.run(0.5)
+    assert wire.heard("core", FRAME) == 1
+    assert wire.heard("navigation", FRAME) == 1
+
+
+def test_a_node_that_is_off_comes_back_after_its_bits_though_it_is_pulled_off() -> None:
+    wire = Wire()
+    strike_senders(wire, "drive", 32)
+    wire.say("drive", FRAME)
+    drive = wire.controller("drive")
+    while drive.state is not ErrorState.OFF:
+        wire.run(100 * BIT)
+    wire.network.split([wire.stations["drive"]])
+    wire.run(1200 * BIT)
+    assert drive.state is ErrorState.OFF
+    wire.run(300 * BIT)
+    assert drive.state is not ErrorState.OFF
+
+
+def test_a_node_may_be_detached_from_a_part() -> None:
+    wire = Wire()
+    wire.network.split([wire.stations["drive"]], until=1.0)
+    wire.network.detach(wire.stations["drive"])
+    wire.run(2.0)
+    assert wire.heard("core", FRAME) == 0
+
+
+# Nobody is there
+
+
+def test_a_first_node_is_heard_by_the_monitor_only() -> None:
+    seen: dict[bool, list[float]] = {}
+    for monitored in (True, False):
+        network, times = Simulation(monitored=monitored), list[float]()
+        network.observers.append(lambda time, _, times=times: times.append(time))  # type: ignore[misc]
+        network.attach(Ear("core"))
+        network.attach(Ear("drive"), start=0.05)
+        network.run(0.2)
+        seen[monitored] = times
+    assert seen[True][0] < 0.001
+    assert seen[False][0] > 0.05
+
+
+# A babbling node
+
+
+def test_a_babbling_node_takes_the_bus_from_all_with_higher_identifiers() -> None:
+    wire = Wire()
+    wire.network.babble(Frame(0x000), until=wire.network.now + 0.2)
+    wire.say("drive", FRAME)
+    wire.run(0.19)
+    assert wire.heard("core", FRAME) == 0
+    wire.run(0.1)
+    assert wire.heard("core", FRAME) == 1
+
+
+def test_a_babbling_node_with_a_high_identifier_harms_nobody() -> None:
+    wire = Wire()
+    wire.network.babble(Frame(0x7FF, bytes(8)), until=wire.network.now + 0.2)
+    wire.say("drive", FRAME)
+    wire.run(0.01)
+    assert wire.heard("core", FRAME) == 1
+
+
+def test_a_babbling_node_under_anothers_identifier_makes_it_error_passive() -> None:
+    wire = Wire()
+    wire.network.babble(FRAME._replace(data=b"\xff\xff"), until=wire.network.now + 0.2)
+    wire.say("drive", FRAME)
+    wire.run(0.3)
+    assert wire.heard("core", FRAME) == 1
+    assert wire.emergencies("drive")[:1] == [ErrorCode.ERROR_PASSIVE]
+
+
+# Determinism
+
+
+@pytest.mark.parametrize("make", [lambda: Noise(1e-3, 7), lambda: Noise(1e-2, 7)], ids=["1e-3", "1e-2"])
+def test_the_same_seed_gives_the_same_frames_at_the_same_times(make: Callable[[], BitErrors]) -> None:
+    def play() -> list[tuple[float, Frame]]:
+        wire = Wire()
+        wire.network.bit_errors.append(make())
+        for name in ROLES:
+            wire.say(name, FRAME, OTHER)
+        wire.run(2.0)
+        return wire.frames
+
+    assert play() == play()

@@ -1,0 +1,398 @@
+"""The simulated bus: arbitration, bit times, merged frames, losses, who hears what and when, and how stations live."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from math import inf
+from typing import NamedTuple
+
+import pytest
+
+from eurobot_od.bus.simulated.bits import frame_bits, on_wire
+from eurobot_od.bus.simulated.network import ON_TIME, PROCESSING_TIMES, Simulation, processing_time
+from eurobot_od.device.station import Station
+from eurobot_od.frame import Frame
+from eurobot_od.gatekeeper import Event
+from eurobot_od.robot.model.messages import (
+    CheckDriveRequest,
+    CheckDriveResponse,
+    EmergencyShutdown,
+    GotoConfirm,
+    GotoXY,
+    StopDrive,
+)
+from eurobot_od.robot.nodes import ROLES, Drive
+from tests.robot.nodes.harness import DICTIONARIES, PROTOCOL, Peer
+
+GOTO = PROTOCOL.encode(GotoXY(1500, 1000, 90, 80))
+
+GOTO_TIME = on_wire(GOTO).end / 500_000
+"""Seconds that it takes on the bus, to the end of frame."""
+
+
+class Ear(Peer):
+    """A stand-in that remembers what it has looked at, and when."""
+
+    def __init__(self, name: str) -> None:
+        super().__init__(DICTIONARIES[name])
+        self.heard: list[tuple[float, Frame]] = []
+
+    def receive(self, frame: Frame, now: float) -> list[Frame]:
+        self.heard.append((now, frame))
+        return []
+
+    def looks(self, frame: Frame) -> list[float]:
+        """Return when it has looked at such a frame."""
+        return [time for time, heard in self.heard if heard == frame]
+
+
+HEARTBEAT = Frame(0x701, b"\x05")
+
+
+class Wire:
+    """Stand-ins for the three nodes on a bus that is idle at 0.1 s, and the frames since but the core's heartbeats."""
+
+    def __init__(self, processing: float = 0.0) -> None:
+        self.network = Simulation()
+        self.core, self.drive, self.navigation = (Ear(name) for name in ROLES)
+        nodes = (self.core, self.drive, self.navigation)
+        self.stations = [self.network.attach(node, processing=processing) for node in nodes]
+        self.network.run(0.1)
+        for node in nodes:
+            node.heard.clear()
+        self.frames: list[tuple[float, Frame]] = []
+        self.network.observers.append(self._observe)
+
+    def _observe(self, time: float, frame: Frame) -> None:
+        if frame != HEARTBEAT:
+            self.frames.append((time, frame))
+
+    def run(self, until: float) -> list[Frame]:
+        self.network.run(until)
+        return [frame for _, frame in self.frames]
+
+    def sent(self, frame: Frame) -> list[float]:
+        """Return when such a frame has ended on the bus."""
+        return [time for time, each in self.frames if each == frame]
+
+
+# Arbitration
+
+
+@pytest.mark.parametrize("order", [(0, 1, 2), (2, 1, 0), (1, 2, 0)])
+def test_the_lowest_cob_id_of_all_mailboxes_wins(order: tuple[int, int, int]) -> None:
+    wire = Wire()
+    nodes = [wire.core, wire.drive, wire.navigation]
+    frames = [Frame(0x001), Frame(0x00C), Frame(0x380)]
+    for node, frame in zip((nodes[index] for index in order), frames):
+        node.say(frame)
+    assert wire.run(0.2) == frames
+
+
+def test_a_frame_on_the_wire_is_not_interrupted() -> None:
+    wire = Wire()
+    wire.core.say(GOTO)
+    wire.network.advance(0.1)
+    wire.network.run(0.1001)  # in the midst of it
+    wire.drive.say(Frame(0x001))
+    assert wire.run(0.2) == [GOTO, Frame(0x001)]
+
+
+def test_a_nodes_own_frames_leave_by_their_priority() -> None:
+    wire = Wire()
+    wire.core.say(CheckDriveRequest(), GOTO, EmergencyShutdown())
+    assert wire.run(0.2) == [PROTOCOL.encode(EmergencyShutdown()), GOTO, PROTOCOL.encode(CheckDriveRequest())]
+
+
+def test_equal_frames_merge_into_one_and_count_as_sent_by_both() -> None:
+    wire = Wire()
+    frame = Frame(0x300)
+    wire.drive.say(frame)
+    wire.navigation.say(frame)
+    before = [station.gatekeeper.mailboxes.statistics().completed for station in wire.stations]
+    assert wire.run(0.2) == [frame]
+    after = [station.gatekeeper.mailboxes.statistics().completed for station in wire.stations]
+    assert [later - earlier for earlier, later in zip(before, after)] == [0, 1, 1]
+
+
+def test_frames_of_one_identifier_and_other_data_are_bit_errors_until_their_senders_are_error_passive() -> None:
+    wire = Wire()
+    dominant, recessive = Frame(0x6F0, b"\x01"), Frame(0x6F0, b"\x02")
+    wire.drive.say(recessive)
+    wire.navigation.say(dominant)
+    assert [frame.cob_id for frame in wire.run(0.2)] == [0x082, 0x083, 0x6F0, 0x6F0]
+    assert wire.run(0.2)[2:] == [dominant, recessive]  # whose error flags are passive disturbs the other no more
+
+
+def test_equal_frames_of_one_node_both_go_out() -> None:
+    wire = Wire()
+    wire.core.say(StopDrive(), StopDrive())
+    assert len(wire.run(0.2)) == 2
+
+
+def test_a_frame_left_to_a_gatekeeper_from_outside_leaves_at_once() -> None:
+    wire = Wire()
+    wire.stations[0].gatekeeper.mailboxes.submit(GOTO, wire.network.now)
+    assert wire.network.next_event == wire.network.now
+    assert wire.run(0.101) == [GOTO]
+
+
+# Time
+
+
+@pytest.mark.parametrize("bitrate", [125_000, 500_000, 1_000_000])
+def test_a_frame_takes_its_bits_at_the_bitrate(bitrate: int) -> None:
+    network, times = Simulation(bitrate), list[float]()
+    peer = Peer(DICTIONARIES["core"])
+    network.attach(peer)
+    network.run(0.1)
+    network.observers.append(lambda time, _: times.append(time))
+    peer.say(GOTO, GOTO)
+    network.run(0.2)
+    end, free = on_wire(GOTO).end / bitrate, frame_bits(GOTO) / bitrate
+    assert times == pytest.approx([0.1 + end, 0.1 + free + end], abs=1e-9)
+
+
+def test_time_goes_on_without_events() -> None:
+    network = Simulation()
+    assert network.next_event == inf
+    assert not network.advance(5.0)
+    assert network.now == 5.0
+
+
+def test_time_never_goes_back() -> None:
+    network = Simulation()
+    network.run(5.0)
+    network.run(3.0)
+    assert network.now == 5.0
+
+
+def test_nodes_boot_when_they_are_switched_on_and_hear_nothing_before() -> None:
+    network, frames = Simulation(), list[tuple[float, Frame]]()
+    network.observers.append(lambda time, frame: frames.append((round(time, 3), frame)))
+    core, drive = Peer(DICTIONARIES["core"]), Drive(DICTIONARIES["drive"])
+    network.attach(core)
+    network.attach(drive, start=0.5)
+    network.run(0.1)
+    core.say(CheckDriveRequest())
+    network.run(0.6)
+    core.say(CheckDriveRequest())
+    network.run(0.7)
+    check, answer = PROTOCOL.encode(CheckDriveRequest()), PROTOCOL.encode(CheckDriveResponse())
+    assert frames == [
+        (0.0, Frame(0x701, b"\0")),
+        (0.1, check),
+        (0.25, Frame(0x701, b"\5")),
+        (0.5, Frame(0x701, b"\5")),
+        (0.5, Frame(0x702, b"\0")),
+        (0.6, check),
+        (0.6, answer),
+    ]
+
+
+def test_a_sender_does_not_hear_its_own_frame() -> None:
+    wire = Wire()
+    heard = [station.gatekeeper.statistics().unheard for station in wire.stations]
+    wire.core.say(Frame(0x6FF))
+    wire.run(0.2)
+    after = [station.gatekeeper.statistics().unheard for station in wire.stations]
+    assert [later - earlier for earlier, later in zip(heard, after)] == [0, 1, 1]
+
+
+# Losses
+
+
+def test_a_frame_that_finds_no_mailbox_for_50_ms_is_dropped_and_reported() -> None:
+    wire = Wire()
+    urgent = [Frame(0x680, bytes(8))] * 300
+    wire.core.say(*urgent, Frame(0x6FF))
+    wire.run(0.2)
+    drops = [report for report in wire.network.reports if report.event is Event.FRAME_DROPPED]
+    assert "0x6FF" in {report.name for report in drops}
+    assert {round(report.timestamp, 3) for report in drops} == {0.15}
+    assert len(wire.frames) + len(drops) == len(urgent) + 1
+
+
+@pytest.mark.parametrize("count", [1, 3, 100])
+def test_what_can_leave_in_50_ms_is_not_lost(count: int) -> None:
+    wire = Wire()
+    wire.core.say(*(Frame(0x680 + number, bytes(8)) for number in range(count)))
+    assert len(wire.run(0.2)) == count
+    assert wire.network.reports == []
+
+
+# When a frame is looked at
+
+LOOKS = {
+    "at once": (0.0, ON_TIME, [0.0]),
+    "after the processing time": (150e-6, ON_TIME, [150e-6]),
+    "never, as it is lost": (0.0, (), []),
+    "twice, as it is doubled": (0.0, (0.0, 0.001), [0.0, 0.001]),
+    "late": (0.0, (2.0,), [2.0]),
+    "late, and after the processing time": (200e-6, (2.0,), [2.0002]),
+}
+"""Processing time, what `disturb` says, and how long after the frame's end the receivers look at it."""
+
+
+@pytest.mark.parametrize(("processing", "delays", "looks"), LOOKS.values(), ids=LOOKS)
+def test_when_a_frame_is_looked_at(processing: float, delays: tuple[float, ...], looks: list[float]) -> None:
+    wire = Wire(processing)
+    wire.network.disturb = lambda _now, frame: delays if frame == GOTO else ON_TIME
+    wire.core.say(GOTO)
+    wire.run(0.9)
+    assert wire.sent(GOTO) == pytest.approx([0.1 + GOTO_TIME])  # whatever becomes of it
+    assert not wire.stations[0].gatekeeper.mailboxes.holds(GOTO)
+    wire.run(3.0)
+    (end,) = wire.sent(GOTO)
+    assert wire.drive.looks(GOTO) == pytest.approx([end + each for each in looks])
+    assert wire.core.looks(GOTO) == []
+
+
+def test_disturb_is_asked_with_the_end_of_each_frame() -> None:
+    wire, asked = Wire(), list[tuple[float, Frame]]()
+
+    def lose(now: float, frame: Frame) -> tuple[float, ...]:
+        asked.append((now, frame))
+        return ()
+
+    wire.network.disturb = lose
+    wire.core.say(GOTO, EmergencyShutdown())
+    wire.run(0.2)
+    assert asked == wire.frames
+    assert len(asked) == 2
+
+
+def test_frames_that_are_on_time_are_looked_at_in_their_order() -> None:
+    wire = Wire(max(PROCESSING_TIMES))
+    gotos = [PROTOCOL.encode(GotoXY(x, 1000, 90, 80)) for x in range(1000, 1010)]
+    wire.core.say(*gotos)
+    wire.run(0.2)
+    assert [frame for _, frame in wire.drive.heard] == gotos
+    times = [time + max(PROCESSING_TIMES) for time, _ in wire.frames]
+    assert [time for time, _ in wire.drive.heard] == pytest.approx(times)  # the bus does not wait for those who look
+
+
+def test_processing_times_come_from_the_seed_and_differ_from_node_to_node() -> None:
+    drawn = {(seed, name): processing_time(seed, name) for seed in range(1, 21) for name in ROLES}
+    assert set(drawn.values()) == set(PROCESSING_TIMES)
+    assert all(processing_time(*key) == time for key, time in drawn.items())
+    assert len({tuple(drawn[seed, name] for name in ROLES) for seed in range(1, 21)}) > 10
+
+
+# How stations live
+
+CONFIRM = PROTOCOL.encode(GotoConfirm())
+DRIVE_HEARTBEAT = Frame(0x702, b"\x05")
+
+
+class Silence(NamedTuple):
+    """What makes a station silent at 0.1 s, and until when."""
+
+    begin: Callable[[Simulation, Station], None]
+    until: float
+
+    def fits(self, times: list[float]) -> bool:
+        """Tell whether something came at these times that comes only from a station that is not silent."""
+        return all(time > self.until for time in times) and bool(times) == (self.until < inf)
+
+
+def freeze_twice(network: Simulation, station: Station) -> None:
+    network.freeze(station, 2.5)
+    network.freeze(station, 1.0)
+
+
+SILENCES = {
+    "detached": Silence(lambda network, station: network.detach(station), inf),
+    "frozen": Silence(lambda network, station: network.freeze(station, 2.5), 2.5),
+    "frozen, and again for a shorter time": Silence(freeze_twice, 2.5),
+}
+
+silences = pytest.mark.parametrize("silence", SILENCES.values(), ids=SILENCES)
+
+
+@silences
+def test_a_silent_station_sends_neither_heartbeats_nor_what_is_in_its_mailboxes(silence: Silence) -> None:
+    wire = Wire()
+    drive = wire.stations[1]
+    silence.begin(wire.network, drive)
+    for _ in range(5):  # more than it has mailboxes
+        drive.gatekeeper.mailboxes.submit(CONFIRM, wire.network.now)
+    wire.run(4.0)
+    for frame in (CONFIRM, DRIVE_HEARTBEAT):
+        assert silence.fits(wire.sent(frame))
+
+
+@silences
+def test_a_silent_station_hears_nothing(silence: Silence) -> None:
+    wire = Wire()
+    silence.begin(wire.network, wire.stations[1])
+    for time in (2.4, 2.6, 2.7):
+        wire.core.say(GOTO)
+        wire.run(time)
+    assert silence.fits(wire.drive.looks(GOTO))
+
+
+@silences
+def test_a_frame_on_the_wire_ends_when_its_sender_falls_silent(silence: Silence) -> None:
+    wire = Wire()
+    wire.drive.say(CONFIRM)
+    wire.network.advance(0.1)
+    silence.begin(wire.network, wire.stations[1])
+    assert wire.run(0.2) == [CONFIRM]
+    assert len(wire.core.looks(CONFIRM)) == 1
+    assert not wire.stations[1].gatekeeper.mailboxes.holds(CONFIRM)
+
+
+@silences
+def test_what_has_come_and_was_not_looked_at_yet_is_lost(silence: Silence) -> None:
+    wire = Wire(processing=200e-6)
+    wire.core.say(GOTO)
+    assert wire.run(0.1 + GOTO_TIME + 1e-6) == [GOTO]
+    silence.begin(wire.network, wire.stations[1])
+    wire.run(4.0)
+    assert wire.drive.looks(GOTO) == []
+
+
+def test_a_new_node_takes_the_place_of_a_detached_one() -> None:
+    wire, drive = Wire(), Ear("drive")
+    wire.network.detach(wire.stations[1])
+    wire.network.attach(drive, start=0.5)
+    wire.run(0.6)
+    wire.core.say(GOTO)
+    assert wire.run(0.7) == [Frame(0x702, b"\0"), GOTO]
+    assert len(drive.looks(GOTO)) == 1
+    assert wire.drive.heard == []
+
+
+def test_a_node_that_is_detached_before_its_start_never_starts() -> None:
+    wire = Wire()
+    station = wire.network.attach(Drive(DICTIONARIES["drive"]), start=0.5)
+    wire.network.detach(station)
+    assert wire.run(0.9) == []
+
+
+# The bus is off
+
+
+def test_a_frame_on_the_wire_when_the_bus_is_cut_begins_anew_afterwards() -> None:
+    wire = Wire()
+    wire.core.say(GOTO)
+    wire.network.run(0.1001)  # in the midst of it
+    wire.network.cut(0.5)
+    assert wire.run(0.4) == []
+    assert wire.stations[0].gatekeeper.mailboxes.holds(GOTO)
+    wire.run(0.6)
+    assert wire.sent(GOTO) == pytest.approx([0.5 + GOTO_TIME])
+    assert wire.drive.looks(GOTO) == wire.sent(GOTO)
+
+
+def test_what_is_said_while_the_bus_is_off_leaves_by_its_priority_or_is_dropped_for_want_of_a_mailbox() -> None:
+    wire = Wire()
+    wire.network.cut(0.5)
+    wire.network.cut(0.3)  # does not end the longer one
+    frames = [Frame(0x680 + number) for number in range(5)]
+    wire.core.say(*frames)
+    wire.drive.say(Frame(0x001))
+    assert wire.run(0.6) == [Frame(0x001), *frames[:3]]
+    assert wire.frames[0][0] > 0.5
+    assert [report.name for report in wire.network.reports] == ["0x683", "0x684"]  # a heartbeat waits

@@ -1,0 +1,122 @@
+"""Values in words: what a profile says of them, where values are printed, and what stays as it was."""
+
+from __future__ import annotations
+
+import pytest
+
+from eurobot_od.frame import Frame
+from eurobot_od.od import objects as od
+from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.profiles.words import words, written
+from eurobot_od.traffic.meaning import Decoder
+from tests.client.servo import DOCS, SERVO, servo
+
+# From CiA 402-2's figures of the two words; the bits that belong to no word are set here and there.
+STATUSWORDS = {
+    0x0000: "Not ready to switch on",
+    0x0040: "Switch on disabled",
+    0x0250: "Switch on disabled",
+    0x0021: "Ready to switch on",
+    0x0633: "Switched on, target reached",
+    0x0237: "Operation enabled",
+    0x1637: "Operation enabled, target reached, bit 12",  # which the drive's modes have four meanings for
+    0x0017: "Quick stop active",
+    0x002F: "Fault reaction active",
+    0x0088: "Fault, warning",
+    0x0837: "Operation enabled, internal limit active",
+    0x0001: "no state",  # the quick stop bit without what belongs to it
+}
+
+CONTROLWORDS = {
+    0x0000: "Disable voltage",
+    0x0006: "Shutdown",
+    0x0007: "Switch on",
+    0x000F: "Enable operation",
+    0x0002: "Quick stop",
+    0x000B: "Quick stop",
+    0x0009: "Disable voltage",
+    0x0080: "Fault reset",
+    0x008F: "Fault reset",
+    0x010F: "Enable operation, halt",
+    0x001F: "Enable operation, new set-point or start homing",
+}
+
+
+@pytest.mark.parametrize(("value", "text"), STATUSWORDS.items())
+def test_a_statusword_is_the_state_and_what_else_it_says(value: int, text: str) -> None:
+    assert words(od.at((0x6041, 0), SERVO.objects), value) == text
+
+
+@pytest.mark.parametrize(("value", "text"), CONTROLWORDS.items())
+def test_a_controlword_is_its_command(value: int, text: str) -> None:
+    assert words(od.at((0x6040, 0), SERVO.objects), value) == text
+
+
+OTHERS = {
+    (0x6060, 0): (6, "homing"),
+    (0x6061, 0): (-3, ""),  # a mode of the maker's
+    (0x605A, 0): (6, "quick stop ramp, stays in Quick stop active"),
+    (0x605D, 0): (1, "slow down ramp"),
+    (0x6098, 0): (35, "present position, obsolete number"),
+    (0x60FD, 0): (0x0001_0006, "positive limit switch, home switch"),
+    (0x6502, 0): (0x21, "profile position, homing"),
+    (0x6064, 0): (7, ""),  # a number is a number
+    (0x2012, 0): (7, ""),  # the maker's
+}
+
+
+@pytest.mark.parametrize(("address", "value", "text"), [(a, *said) for a, said in OTHERS.items()])
+def test_what_the_profile_lists_has_a_word(address: tuple[int, int], value: int, text: str) -> None:
+    assert words(od.at(address, SERVO.objects), value) == text
+
+
+def test_the_mode_bits_are_those_of_the_modes_that_the_drive_has() -> None:
+    text = (DOCS / "servo.eds").read_text(encoding="utf-8").replace("DefaultValue=0x000003AD", "DefaultValue=0x1")
+    drive = Dictionary.read(text.encode(), DOCS / "servo.eds", 5)
+    assert words(od.at((0x6040, 0), drive.objects), 0x3F) == "Enable operation, new set-point, at once"
+
+
+def test_a_second_axis_has_the_words_of_the_first() -> None:
+    drive = Dictionary.read(_axis_2().encode(), DOCS / "servo.eds", 5)
+    assert words(od.at((0x6841, 0), drive.objects), 0x40) == "Switch on disabled"
+
+
+def _axis_2() -> str:
+    text = (DOCS / "servo.eds").read_text(encoding="utf-8")
+    count = text.partition("[OptionalObjects]\nSupportedObjects=")[2].partition("\n")[0]
+    head = f"[OptionalObjects]\nSupportedObjects={int(count) + 1}\n{int(count) + 1}=0x6841\n"
+    listed = text.replace(f"[OptionalObjects]\nSupportedObjects={count}\n", head)
+    return listed + "\n[6841]\nParameterName=Statusword 2\nObjectType=7\nDataType=6\nAccessType=ro\nPDOMapping=1\n"
+
+
+def test_what_no_file_describes_has_no_words() -> None:
+    assert words(od.undescribed((0x6041, 0)), 0x40) == ""
+    assert written(od.undescribed((0x6041, 0)), 0x40) == "0x40"
+
+
+def test_a_device_of_another_profile_has_no_words_of_a_drive() -> None:
+    text = (DOCS / "servo.eds").read_text(encoding="utf-8").replace("DefaultValue=0x00020192", "DefaultValue=0")
+    assert words(od.at((0x6041, 0), Dictionary.read(text.encode(), DOCS / "servo.eds", 5).objects), 0x40) == ""
+
+
+# Where values are printed
+
+
+def test_a_pdo_is_decoded_with_words() -> None:
+    decode = Decoder([SERVO])
+    assert decode(Frame(0x305, bytes.fromhex("0F0040420F00"))).text.startswith("controlword=15 (Enable operation)")
+    assert (
+        "statusword=1591 (Operation enabled, target reached)"
+        in decode(Frame(0x285, bytes.fromhex("370600000000"))).text
+    )
+
+
+def test_an_sdo_is_decoded_with_words() -> None:
+    text = Decoder([SERVO])(Frame(0x605, bytes.fromhex("2B40600006000000"))).text
+    assert text == "servo, write 0x6040:00 Controlword = 6 (Shutdown)"
+
+
+def test_a_program_reads_the_words() -> None:
+    with servo() as network:
+        assert network[5]["Statusword"].text == "0x0240 (Switch on disabled)"
+        assert network[5]["Controlword"].value == 0  # a value stays a number

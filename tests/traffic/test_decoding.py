@@ -1,0 +1,159 @@
+"""Logs to lines: what is not regular in a log costs no other line; pieces, several logs, windows of time, filters."""
+
+from __future__ import annotations
+
+import io
+from typing import Any
+
+import pytest
+
+from eurobot_od.robot import dialects
+from eurobot_od.robot.protocol import decoder as robot_decoder
+from eurobot_od.traffic.decoding import Decoding
+from eurobot_od.traffic.filters import Window, by_name
+from eurobot_od.traffic.meaning import Decoder
+from eurobot_od.traffic.output import TextOutput
+
+FIRST, SECOND, THIRD = LINES = (
+    "(1396.001356) can0 180#1B796C2008\n",
+    "(1396.005961) can0 010#\n",
+    "(1396.013890) vcan1 014#730903\n",
+)
+REGULAR = "".join(LINES)
+TEXT = """\
+  1396.001356  can0  Enemy 1 Position Response     x=2331 mm, y=1735 mm, angle=32 deg, source=enemy 1
+  1396.005961  can0  Goto State Request
+  1396.013890  vcan1  Goto State Response           time=199027 ms
+"""
+UNREADABLE = "unreadable"
+
+
+class Pieces(io.RawIOBase):
+    """A file that gives at most `most` bytes at a time, as a pipe does."""
+
+    def __init__(self, content: bytes, most: int) -> None:
+        self._content, self._most = io.BytesIO(content), most
+
+    def readable(self) -> bool:
+        return True
+
+    def readinto(self, buffer: Any) -> int:
+        data = self._content.read(min(self._most, len(buffer)))
+        buffer[: len(data)] = data
+        return len(data)
+
+
+@pytest.fixture(scope="module")
+def decoder() -> Decoder:
+    return robot_decoder(dialects.DEFAULT)
+
+
+def decoded(decoding: Decoding, log: str, name: str = "bus.log") -> str:
+    return "".join(decoding.lines(io.BytesIO(log.encode()), name, "log"))
+
+
+@pytest.mark.parametrize(
+    ("log", "reason"),
+    [
+        (REGULAR, "all regular"),
+        (f"{FIRST}\n{SECOND}\n{THIRD}\n", "empty lines"),
+        (REGULAR[:-1], "no end of the last line"),
+        (REGULAR.replace("\n", " R\n"), "the direction, as python-can writes it"),
+        (REGULAR.replace("\n", " T\n", 2), "a direction at some of them"),
+        (REGULAR.replace("\n", "\r\n"), "line ends of Windows"),
+        (REGULAR.replace(" ", "  "), "more space"),
+        (REGULAR.replace(" ", "\t"), "other space"),
+        (REGULAR.replace("180#1B796C2008", "180#1b796c2008"), "small letters"),
+        (REGULAR.replace("(1396.", "(0001396."), "zeros before a time"),
+        (REGULAR.replace("1396.005961", "1396.0059610"), "more decimals"),
+    ],
+)
+def test_regular_lines_in_any_of_their_forms(decoder: Decoder, log: str, reason: str) -> None:
+    decoding = Decoding(decoder, TextOutput())
+    assert decoded(decoding, log) == TEXT, reason
+    assert decoding.damage.total == 0
+
+
+@pytest.mark.parametrize(
+    ("log", "damage", "text"),
+    [
+        # words that are not where they should be
+        (SECOND.replace(" 010#", " 010 #"), UNREADABLE, ""),
+        (SECOND.replace(" can0 010#", "#can0 010 "), UNREADABLE, ""),
+        (SECOND.replace(" 010#", "#010"), UNREADABLE, ""),
+        (SECOND.replace(" can0", "\x1ccan0"), UNREADABLE, ""),
+        (SECOND.replace(" can0", "\ncan0"), UNREADABLE, ""),
+        (SECOND.replace("\n", " ") + THIRD, UNREADABLE, ""),
+        (SECOND.replace("\n", " X\n"), UNREADABLE, ""),
+        # times
+        (SECOND.replace("(1396.005961)", "1396.005961"), UNREADABLE, ""),
+        (SECOND.replace("(", "(("), UNREADABLE, ""),
+        (SECOND.replace("(", "(1.5)("), UNREADABLE, ""),
+        (SECOND.replace("1396.", "1.5396."), UNREADABLE, ""),
+        (SECOND.replace("1396.", "-396."), UNREADABLE, ""),
+        (SECOND.replace("1396.", "100000000000."), UNREADABLE, ""),
+        # identifiers and data
+        (SECOND.replace("010#", "10#"), UNREADABLE, ""),
+        (SECOND.replace("010#", "XYZ#"), UNREADABLE, ""),
+        (SECOND.replace("010#", "010#0"), UNREADABLE, ""),
+        (FIRST.replace("#1B", "#GG"), UNREADABLE, ""),
+        ("x" * 50_000 + "\n", UNREADABLE, "xxx..."),
+        # frames of another kind, of no message, of another length
+        (SECOND.replace("010#", "010##1"), "FD frame", "010##1"),
+        (SECOND.replace("010#", "20000080#"), "error frame", "20000080#"),
+        (SECOND.replace("010#", "00000010#"), "extended frame", "00000010#"),
+        (SECOND.replace("010#", "7FE#"), "unknown identifier", "7FE#"),
+        (SECOND.replace("010#", "010#00"), "wrong length", "1 bytes of data, expected 0; read all the same"),
+        (FIRST.replace("#1B", "#"), "wrong length", "4 bytes of data, expected 5"),
+    ],
+)
+def test_what_is_wrong_is_said_and_costs_no_other_line(decoder: Decoder, log: str, damage: str, text: str) -> None:
+    decoding = Decoding(decoder, TextOutput())
+    before, *wrong, after = decoded(decoding, FIRST + log + THIRD).splitlines(keepends=True)
+    assert (before, after) == (TEXT.splitlines(keepends=True)[0], TEXT.splitlines(keepends=True)[2])
+    assert len(wrong) == log.count("\n")
+    assert all(f"! {damage}: " in line and text in line for line in wrong)
+    assert decoding.damage.total == len(wrong)
+
+
+def test_a_log_that_ends_within_a_line(decoder: Decoder) -> None:
+    decoding = Decoding(decoder, TextOutput())
+    assert decoded(decoding, REGULAR[:-8]).endswith("! cut off: (1396.013890) vcan1 014\n")
+    assert [report.split(" first at ")[1] for report in decoding.damage.report()] == [
+        "bus.log:3: (1396.013890) vcan1 014"
+    ]
+
+
+@pytest.mark.parametrize("most", [1, 37, 100_000])
+def test_the_pieces_of_a_pipe_do_not_matter(decoder: Decoder, most: int) -> None:
+    log = (REGULAR * 30).encode()
+    lines = Decoding(decoder, TextOutput()).lines(io.BufferedReader(Pieces(log, most), 64), "-", "log")
+    assert "".join(lines) == TEXT * 30
+
+
+def test_several_logs_have_their_names_before_their_lines(decoder: Decoder) -> None:
+    decoding = Decoding(decoder, TextOutput(several=True))
+    text = decoded(decoding, SECOND, "one.log") + decoded(decoding, "x\n" + SECOND, "two.log")
+    assert [line.split(":")[0] for line in text.splitlines()] == ["one.log", "two.log", "two.log"]
+    assert [report.split(" first at ")[1] for report in decoding.damage.report()] == ["two.log:1: x"]
+
+
+@pytest.mark.parametrize(
+    ("window", "shown"),
+    [
+        (Window(), ["1396.001356", "1396.005961", "1396.013890"]),
+        (Window(since=1396.005, until=1396.01), ["1396.005961"]),
+        (Window(relative=True), ["0.000000", "0.004605", "0.012534"]),
+        (Window(since=0.001, relative=True), ["0.004605", "0.012534"]),
+    ],
+)
+def test_windows_of_time_begin_anew_with_each_log(decoder: Decoder, window: Window, shown: list[str]) -> None:
+    decoding = Decoding(decoder, TextOutput(), window=window)
+    for _ in range(2):
+        assert [line.split()[0] for line in decoded(decoding, REGULAR).splitlines()] == shown
+
+
+def test_what_is_not_wanted_is_counted_all_the_same(decoder: Decoder) -> None:
+    decoding = Decoding(decoder, TextOutput(), by_name(["Goto State Request"], decoder.protocol))
+    assert decoded(decoding, f"{REGULAR}x\n") == TEXT.splitlines(keepends=True)[1]
+    assert decoding.damage.total == 1
