@@ -2,31 +2,29 @@
 
 A robot (see `plugin`) has commands of its own beside these.
 
-Rule of this package: a command is a module with `add_arguments(parser)` and `run(arguments)`, or a row of a table that
-has both (`table.CommandRow`). It calls a typed function of a lower layer, prints, and returns an `ExitStatus`, or None
-if all is fine. Its module is imported when the command is called and not before.
+Rule of this package: a command is a typed function with its name, whose parameters are its options (`signature`). It
+calls a typed function of a lower layer, prints, and returns an `ExitStatus`, or None if all is fine. Its module is
+imported when the command is called and not before.
 """
 
 from __future__ import annotations
 
-import argparse
 import errno
 import gc
 import os
 import sys
+from argparse import Action, ArgumentParser, Namespace, RawDescriptionHelpFormatter
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from enum import IntEnum
-from functools import partial
 from importlib import import_module
 from io import TextIOWrapper
-from typing import TYPE_CHECKING, Any, NoReturn, Protocol
+from typing import Annotated, NoReturn, TypeAlias
 
+from eurobot_od import plugin
+from eurobot_od.cli.signature import Command, Forms, Option, Parser, describe, summary
 from eurobot_od.errors import BusError, EurobotError, NodeFailed, ProgramFailed, RemoteError, UnknownName, WorldError
 from eurobot_od.support.escaping import one_line
-
-if TYPE_CHECKING:
-    from eurobot_od.plugin import Plugin
 
 COMMANDS = {
     "show": "show the messages as the EDS files map them, or one message's bits",
@@ -69,12 +67,17 @@ COMMANDS = {
 }
 
 
-TABLES = {
-    **dict.fromkeys(("read", "write", "dump", "pdo", "export-dcf", "emcy"), "objects"),
-    **dict.fromkeys(("configure", "store", "restore", "program"), "parameters"),
+MODULES = {
     **dict.fromkeys(("scan", "boot", "nmt", "watch", "sync", "time"), "bus"),
+    **dict.fromkeys(("read", "write", "dump", "pdo", "emcy"), "objects"),
+    **dict.fromkeys(("configure", "store", "restore", "export-dcf", "program"), "parameters"),
+    **dict.fromkeys(("decode", "compare"), "logs"),
+    **dict.fromkeys(("archive", "query"), "season"),
+    **dict.fromkeys(("export", "diff", "make-eds"), "files"),
+    "faults": "node",
+    "replay": "send",
 }
-"""The module of a command that is a row of a table; any other command has a module of its own."""
+"""The module of a command; one that is not here has a module of its own name."""
 
 ALLOCATIONS = 50_000
 """After this many new objects Python looks for garbage among them; 700 by default."""
@@ -103,40 +106,6 @@ STATUS_OF = {
     OSError: ExitStatus.TROUBLE,
 }
 """The exit status of an error is that of the first class that it belongs to."""
-
-
-class Parser(argparse.ArgumentParser):
-    """Reports what is wrong with a command line in one line; its help is as wide as the terminal.
-
-    `robot` is what `--robot` names, for options that only a robot has.
-    """
-
-    def __init__(
-        self,
-        prog: str,
-        kind: type[argparse.HelpFormatter] = argparse.HelpFormatter,
-        robot: str | None = None,
-        **options: Any,
-    ) -> None:
-        self.robot = robot
-        try:  # or else argparse asks `shutil`, which imports three compression libraries
-            width = int(os.environ.get("COLUMNS", 0)) or os.get_terminal_size().columns
-        except (ValueError, OSError):  # no number; no terminal
-            width = 80
-        super().__init__(prog, formatter_class=partial(kind, width=width - 2), **options)
-        self.register("type", int, _whole)  # under the name `int`, so that every `type=int` gets it
-
-    def error(self, message: str) -> NoReturn:
-        """Exit; raises SystemExit."""
-        self.exit(ExitStatus.WRONG_INPUT, f"{self.prog}: error: {message}; see {self.prog} --help\n")
-
-
-def _whole(text: str) -> int:
-    """Read a whole number; argparse's own message is `invalid int value`."""
-    try:
-        return int(text)
-    except ValueError:
-        raise argparse.ArgumentTypeError(f"{text} is not a whole number") from None
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -207,18 +176,17 @@ def _run(words: list[str]) -> int:
     gc.disable()
     try:
         found = find(command, robot)
-        parser = Parser(f"eurobot-od {command}", description=(found.__doc__ or "").partition("\n")[0], robot=robot)
-        found.add_arguments(parser)
-        add_robot(parser)
+        parser = Parser(f"eurobot-od {command}", description=summary(found), robot=robot)
+        describe(parser, with_robot)
+        call = describe(parser, found)
         # Only so may an option stand between positional arguments of which one can be left out.
-        parse = parser.parse_args if parser._subparsers else parser.parse_intermixed_args
-        arguments = parse(words[1:])
-        arguments.robot = robot
+        parse = parser.parse_args if isinstance(found, Forms) else parser.parse_intermixed_args
+        given = parse(words[1:], Namespace(**{"--robot": robot}))
     finally:
         gc.freeze()
         gc.set_threshold(ALLOCATIONS)
         gc.enable()
-    status = found.run(arguments)
+    status = call(given)
     sys.stdout.flush()  # here, where a reader that has left is not an error
     return status or ExitStatus.FINE
 
@@ -227,54 +195,43 @@ def _robot_in(words: list[str]) -> tuple[list[str], str | None]:
     """Take `--robot` out of the command line: the robot decides which commands and options there are."""
     if not any(each.partition("=")[0] == "--robot" for each in words):
         return words, None  # without a parser, whose help formatter imports three compression libraries
-    finder = argparse.ArgumentParser("eurobot-od", add_help=False, allow_abbrev=False)
+    finder = ArgumentParser("eurobot-od", add_help=False, allow_abbrev=False)
     finder.error = Parser.error.__get__(finder)  # type: ignore[method-assign]
     finder.add_argument("--robot")  # never abbreviated: a command may have an option that begins like it
     found, others = finder.parse_known_args(words)
     return others, found.robot
 
 
-def _find(robot: str | None) -> Plugin:
-    from eurobot_od import plugin  # most commands need none, or not yet
-
+def _find(robot: str | None) -> plugin.Plugin:
     return plugin.find(robot)
 
 
-def add_robot(parser: argparse.ArgumentParser) -> None:
-    """Add --robot, which every command has."""
-    parser.add_argument("--robot", metavar="ROBOT", help="robot to use: a name, a folder or a module")
+RobotName: TypeAlias = Annotated[
+    str | None, Option("--robot", metavar="ROBOT", is_file=True), "robot to use: a name, a folder or a module"
+]
 
 
-class Runnable(Protocol):
-    """A command: a module, or a row of a table. The first line of its docstring is what its help says."""
-
-    __doc__: str | None
-
-    def add_arguments(self, parser: argparse.ArgumentParser) -> None:
-        """Describe the command line."""
-
-    def run(self, arguments: argparse.Namespace) -> ExitStatus | None:
-        """Do what the command line says."""
+def with_robot(*, robot_name: RobotName = None) -> None:
+    """Describe what every command takes."""
 
 
-def find(command: str, robot: str | None = None) -> Runnable:
+def find(command: str, robot: str | None = None) -> Command:
     """Import a command, the workbench's or the robot's; raises UnknownName, and as `plugin.find`."""
     if command in COMMANDS:  # before the robot's: it cannot replace one of ours, and is not even looked for
-        name = f"eurobot_od.cli.{TABLES.get(command, command).replace('-', '_')}"
+        module = f"eurobot_od.cli.{MODULES.get(command, command)}"
     else:
         own = _find(robot).commands
         if command not in own:
             raise UnknownName("command", command, [*COMMANDS, *own])
-        name = own[command].module
-    module = import_module(name)
-    row: Runnable = vars(module).get("COMMANDS", {}).get(command, module)
-    return row
+        module = own[command].module
+    found: Command = getattr(import_module(module), command.replace("-", "_"))
+    return found
 
 
-class Version(argparse.Action):
+class Version(Action):
     """Prints the version; to find it takes 40 ms."""
 
-    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> NoReturn:
+    def __call__(self, parser: ArgumentParser, *_: object) -> NoReturn:
         print(version())
         parser.exit()
 
@@ -289,7 +246,7 @@ def version() -> str:
         return f"eurobot-od, not installed, from {__file__}, Python {sys.version.split()[0]}"
 
 
-def _overview(robot: Plugin) -> argparse.ArgumentParser:
+def _overview(robot: plugin.Plugin) -> ArgumentParser:
     own = {name: each.text for name, each in robot.commands.items()}
     width = max(map(len, (*COMMANDS, *own)))
 
@@ -301,9 +258,9 @@ def _overview(robot: Plugin) -> argparse.ArgumentParser:
         "eurobot-od",
         description="A CANopen workbench for any device's EDS, and for robots that are plugged in.",
         epilog="\n".join(["commands:", *listed(COMMANDS), *ours, "", "`eurobot-od COMMAND --help` explains it."]),
-        kind=argparse.RawDescriptionHelpFormatter,
+        kind=RawDescriptionHelpFormatter,
     )
     parser.add_argument("command", metavar="COMMAND", help="one of the commands below")
-    add_robot(parser)
+    describe(parser, with_robot)
     parser.add_argument("--version", action=Version, nargs=0, help="print the version and exit")
     return parser

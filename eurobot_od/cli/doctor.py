@@ -1,15 +1,14 @@
-"""Print what is installed, the CAN interfaces and their state, and the commands that fix what is wrong.
-
-Exit status 1 if something is wrong; an extra that is not installed is not an error.
-"""
+"""The command `doctor`: what is installed, the CAN interfaces and their state, and what fixes what is wrong."""
 
 from __future__ import annotations
 
-import argparse
 import platform
 import sys
 from collections.abc import Iterable, Iterator, Mapping
 
+from eurobot_od.bus.live.adapters import plugged_in
+from eurobot_od.bus.live.interfaces import drivers, here, refused
+from eurobot_od.bus.live.links import INSTEAD, links, troubles, without_socketcan
 from eurobot_od.cli import ExitStatus, version
 from eurobot_od.support import extras
 from eurobot_od.support.escaping import one_line
@@ -26,16 +25,11 @@ NEEDED = ("canopen", "python-can", "PyYAML", "typing-extensions")
 """What every installation has."""
 
 
-def add_arguments(_: argparse.ArgumentParser) -> None:
-    """Describe the command line."""
+def doctor() -> ExitStatus:
+    """Print what is installed, the CAN interfaces and their state, and the commands that fix what is wrong.
 
-
-def run(_: argparse.Namespace) -> ExitStatus:
-    """Print what there is; 1 if something is wrong."""
-    from eurobot_od.bus.live.adapters import plugged_in
-    from eurobot_od.bus.live.interfaces import drivers, here, refused
-    from eurobot_od.bus.live.links import INSTEAD, links, troubles, without_socketcan
-
+    Exit status 1 if something is wrong; an extra that is not installed is not an error.
+    """
     wrong = [*(trouble for link in links() for trouble in troubles(link)), *denied(refused())]
     loaded = drivers()
     lacks = without_socketcan()

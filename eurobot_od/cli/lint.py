@@ -1,100 +1,131 @@
-"""Check EDS, DCF, XDD and XDC files or folders of them, one by one or as a network.
-
-Exit status 0 nothing found, 1 something found (errors; with --strict warnings too), 2 a file that cannot be read.
-"""
+"""Check EDS, DCF, XDD and XDC files or folders of them, one by one or as a network."""
 
 from __future__ import annotations
 
 import gc
+import json
 import sys
-from argparse import ArgumentParser, Namespace
-from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, TypeAlias
 
 from eurobot_od.cli import ExitStatus, complain
+from eurobot_od.cli.options import Json
+from eurobot_od.cli.signature import Option
 from eurobot_od.errors import DictionaryError, LocalError, UnknownName
 from eurobot_od.lint.findings import Finding, Rule, Severity, chosen, count, summary, summed_up
 from eurobot_od.lint.model import load
-from eurobot_od.lint.rules import FILE_RULES, lint
+from eurobot_od.lint.rules import FILE_RULES
+from eurobot_od.lint.rules import lint as lint_file
 from eurobot_od.od.document import read_bytes
 from eurobot_od.od.formats import SUFFIXES, files_in, is_xml
+from eurobot_od.plugin import Plugin
+from eurobot_od.support import progress
 from eurobot_od.support.escaping import one_line
 
 if TYPE_CHECKING:
     from eurobot_od.lint.network import LintedNetwork
 
 
-def add_arguments(parser: ArgumentParser) -> None:
-    """Add the arguments of `eurobot-od lint`."""
-    parser.add_argument(
-        "files",
-        nargs="*",
-        metavar="FILE",
-        help="EDS, DCF, XDD, XDC or a folder; with --network also a network file",
-    )
-    parser.add_argument("--network", action="store_true", help="check the files as the nodes of one network")
-    form = parser.add_mutually_exclusive_group()
-    form.add_argument("--json", action="store_true", help="write one JSON object instead of lines")
-    form.add_argument(
-        "--format", choices=FORMATS, help="write annotations for GitHub Actions, or a SARIF log for code scanning"
-    )
+def _print_annotations(findings: Sequence[Finding]) -> None:
+    from eurobot_od.support.annotations import Level, annotation
 
-    def prefixes(text: str) -> tuple[str, ...]:
-        return tuple(each.strip().upper() for each in text.split(",") if each.strip())
-
-    codes: dict[str, Any] = {"type": prefixes, "default": (), "metavar": "CODES"}
-    parser.add_argument("--select", **codes, help="only rules whose codes start like this, such as E6,W447")
-    parser.add_argument("--ignore", **codes, help="no rules whose codes start like this, such as I")
-    parser.add_argument(
-        "-v", "--verbose", action="store_true", help="print every finding: infos and repeated ones, too"
-    )
-    parser.add_argument("--strict", action="store_true", help="warnings count as errors")
-    parser.add_argument(
-        "--fix",
-        action="store_true",
-        help="rewrite the files in the normal form that every tool reads, and list the changes",
-    )
-    parser.add_argument("-o", "--output", metavar="FILE", help="with --fix: the file to write (default: the same file)")
-    parser.add_argument("--explain", metavar="CODE", help="print what a rule demands, and its source")
+    levels = {Severity.ERROR: Level.ERROR, Severity.WARNING: Level.WARNING, Severity.INFO: Level.NOTICE}
+    for each in findings:
+        print(annotation(levels[each.severity], each.file, each.line, each.column, each.code, [each.message]))
 
 
-def run(arguments: Namespace) -> ExitStatus:
-    """Check, print, and return the exit status."""
-    prefixes = (*arguments.select, *arguments.ignore)
+def _print_sarif(findings: Sequence[Finding]) -> None:
+    from eurobot_od.lint.network import RULES
+    from eurobot_od.lint.sarif import sarif
+
+    json.dump(sarif(findings, (*FILE_RULES, *RULES)), sys.stdout, indent=1)
+    print()
+
+
+FORMATS = {"github": _print_annotations, "sarif": _print_sarif}
+"""How findings are written for another program."""
+
+
+def _codes(text: str) -> tuple[str, ...]:
+    """Read the beginnings of rules' codes."""
+    return tuple(each.strip().upper() for each in text.split(",") if each.strip())
+
+
+def _rules(_: Plugin | None = None) -> Mapping[str, Rule]:
+    """Return all rules by their codes."""
+    from eurobot_od.lint.network import RULES  # costs what most files do not need
+
+    return {each.code: each for each in (*FILE_RULES, *RULES)}
+
+
+Codes: TypeAlias = Annotated[tuple[str, ...], Option(metavar="CODES", read=_codes)]
+
+
+def lint(
+    files: Annotated[
+        Sequence[str],
+        Option(metavar="FILE", is_file=True),
+        "EDS, DCF, XDD, XDC or a folder; with --network also a network file",
+    ] = (),
+    *,
+    network: Annotated[bool, "check the files as the nodes of one network"] = False,
+    as_json: Annotated[Json, Option(either="form"), "write one JSON object instead of lines"] = False,
+    format: Annotated[
+        Callable[[Sequence[Finding]], None] | None,
+        Option(choices=FORMATS, either="form"),
+        "write annotations for GitHub Actions, or a SARIF log for code scanning",
+    ] = None,
+    select: Annotated[Codes, "only rules whose codes start like this, such as E6,W447"] = (),
+    ignore: Annotated[Codes, "no rules whose codes start like this, such as I"] = (),
+    verbose: Annotated[bool, Option("-v"), "print every finding: infos and repeated ones, too"] = False,
+    strict: Annotated[bool, "warnings count as errors"] = False,
+    fix: Annotated[bool, "rewrite the files in the normal form that every tool reads, and list the changes"] = False,
+    output: Annotated[
+        str | None,
+        Option("-o", metavar="FILE", is_file=True),
+        "with --fix: the file to write (default: the same file)",
+    ] = None,
+    explain: Annotated[
+        str | None, Option(metavar="CODE", suggest=_rules), "print what a rule demands, and its source"
+    ] = None,
+) -> ExitStatus:
+    """Check EDS, DCF, XDD and XDC files or folders of them, one by one or as a network.
+
+    Exit status 0 nothing found, 1 something found (errors; with --strict warnings too), 2 a file that cannot be read.
+    """
+    prefixes = (*select, *ignore)
     rules = _rules() if prefixes else {}
     for prefix in prefixes:
         if not any(code.startswith(prefix) for code in rules):  # it would select nothing, or ignore nothing
             raise UnknownName("rule", prefix, rules)
-    if arguments.explain:
-        print(explanation(arguments.explain.upper()))
+    if explain:
+        print(explanation(explain.upper()))
         return ExitStatus.FINE
-    if not arguments.files:
+    if not files:
         raise LocalError("no files to check")
-    if arguments.fix:  # one by one: a whole folder is not rewritten by mistake
-        return _fix(arguments.files, arguments.output)
-    files = arguments.files if arguments.network else _in_folders(arguments.files)
+    if fix:  # one by one: a whole folder is not rewritten by mistake
+        return _fix(files, output)
     unreadable: list[DictionaryError] = []
-    findings, number, identifiers = _found(files, arguments.network, unreadable)
-    wanted = chosen(findings, arguments.select, arguments.ignore)
-    if arguments.json:
+    findings, number, identifiers = _found(files if network else _in_folders(files), network, unreadable)
+    wanted = chosen(findings, select, ignore)
+    if as_json:
         _print_json(wanted, identifiers)
-    elif number and arguments.format:
+    elif number and format:
         # GitHub shows ten annotations of a step, and refuses a SARIF log of more than 25 000 results.
-        FORMATS[arguments.format](wanted if arguments.verbose else summed_up(wanted))
+        format(wanted if verbose else summed_up(wanted))
     elif number:
-        _print_lines(wanted, number, identifiers, arguments.verbose, bool(arguments.verbose or arguments.select))
+        _print_lines(wanted, number, identifiers, verbose, bool(verbose or select))
     for each in unreadable:
         complain(str(each))
     if unreadable:
         return ExitStatus.WRONG_INPUT
     errors, warnings = count(wanted, Severity.ERROR), count(wanted, Severity.WARNING)
-    return ExitStatus.FOUND if errors or (arguments.strict and warnings) else ExitStatus.FINE
+    return ExitStatus.FOUND if errors or (strict and warnings) else ExitStatus.FINE
 
 
 def _in_folders(paths: Sequence[str]) -> list[str]:
     """Return the files, and of a folder all device files in it."""
-    from pathlib import Path
-
     each_of = (map(str, files_in(path)) if Path(path).is_dir() else [path] for path in paths)
     return [file for files in each_of for file in files]
 
@@ -112,13 +143,11 @@ def _found(
             return lint_network(network), len(network.nodes), overview(network)
         counted: Iterable[str] = files
         if len(files) > 1:
-            from eurobot_od.support import progress
-
             counted = progress.counted(files, len(files), "files", at_once=1)
         findings: list[Finding] = []
         for file in counted:
             try:
-                findings += lint(read_bytes(file), file)
+                findings += lint_file(read_bytes(file), file)
             except DictionaryError as error:  # the other files are checked all the same
                 unreadable.append(error)
         return findings, len(files) - len(unreadable), ()
@@ -128,8 +157,6 @@ def _found(
 
 def _fix(files: Sequence[str], output: str | None) -> ExitStatus:
     """Write files in their normal form; what they leave out is not guessed."""
-    from pathlib import Path
-
     from eurobot_od.od.normal import in_normal_form
     from eurobot_od.support.files import write_whole
 
@@ -172,13 +199,6 @@ def explanation(code: str) -> str:
     return f"{rule.code} ({rule.severity.name.lower()}): {rule.demand}\nSource: {rule.clause}"
 
 
-def _rules() -> dict[str, Rule]:
-    """Return all rules by their codes."""
-    from eurobot_od.lint.network import RULES
-
-    return {each.code: each for each in (*FILE_RULES, *RULES)}
-
-
 def _print_lines(
     findings: Sequence[Finding], files: int, identifiers: Sequence[tuple[str, ...]], verbose: bool, infos: bool
 ) -> None:
@@ -190,8 +210,6 @@ def _print_lines(
 
 
 def _print_json(findings: Sequence[Finding], identifiers: Sequence[tuple[str, ...]]) -> None:
-    import json
-
     data: dict[str, object] = {
         "findings": [{**each._asdict(), "severity": each.severity.name.lower()} for each in findings],
         "counts": {each.name.lower(): count(findings, each) for each in Severity},
@@ -203,28 +221,6 @@ def _print_json(findings: Sequence[Finding], identifiers: Sequence[tuple[str, ..
         ]
     json.dump(data, sys.stdout, indent=1)
     print()
-
-
-def _print_annotations(findings: Sequence[Finding]) -> None:
-    from eurobot_od.support.annotations import Level, annotation
-
-    levels = {Severity.ERROR: Level.ERROR, Severity.WARNING: Level.WARNING, Severity.INFO: Level.NOTICE}
-    for each in findings:
-        print(annotation(levels[each.severity], each.file, each.line, each.column, each.code, [each.message]))
-
-
-def _print_sarif(findings: Sequence[Finding]) -> None:
-    import json
-
-    from eurobot_od.lint.network import RULES
-    from eurobot_od.lint.sarif import sarif
-
-    json.dump(sarif(findings, (*FILE_RULES, *RULES)), sys.stdout, indent=1)
-    print()
-
-
-FORMATS = {"github": _print_annotations, "sarif": _print_sarif}
-"""How findings are written for another program."""
 
 
 def _split(joined: str) -> list[str]:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-import argparse
 import os
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Annotated
 
-from eurobot_od.cli import options
+from eurobot_od import plugin
+from eurobot_od.cli import RobotName
+from eurobot_od.cli.signature import Option
 from eurobot_od.errors import LocalError
 
 FILES = Path(__file__).parents[1] / "new_robot"
@@ -18,22 +20,23 @@ NAME = "NAME"
 """What stands for the robot's name."""
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Describe the command line."""
-    parser.add_argument("folder", type=Path, metavar="FOLDER", help="where it goes: a new folder, or an empty one")
-    parser.add_argument("--name", help="what the robot is called; left out: the folder's name")
+def new_robot(
+    folder: Annotated[Path, Option(metavar="FOLDER"), "where it goes: a new folder, or an empty one"],
+    *,
+    name: Annotated[str | None, "what the robot is called; left out: the folder's name"] = None,
+    robot_name: RobotName = None,
+) -> None:
+    """Write a robot of your own that works at once: its table, EDS files, a node, a strategy and checks, to be changed.
 
-
-def run(arguments: argparse.Namespace) -> None:
-    """Write the files, and say what to do next; raises LocalError, OSError."""
-    folder: Path = arguments.folder
+    Raises LocalError, OSError.
+    """
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise LocalError(f"{folder}: it is there, and not empty")
-    name = arguments.name or folder.resolve().name
+    called = name or folder.resolve().name
     # It goes into YAML, Python and an EDS as it is: a quote would end a string there, and an EDS is ASCII.
-    if not (name.isprintable() and name.isascii()) or set(name) & set("\"'\\"):
-        raise LocalError(f"--name {name}: printable ASCII characters without quotes and backslashes")
-    for file, text in _texts(name, options.robot(arguments).table):
+    if not (called.isprintable() and called.isascii()) or set(called) & set("\"'\\"):
+        raise LocalError(f"--name {called}: printable ASCII characters without quotes and backslashes")
+    for file, text in _texts(called, plugin.find(robot_name).table):
         (folder / file).parent.mkdir(parents=True, exist_ok=True)
         (folder / file).write_text(text, encoding="utf-8")
         print(folder / file)
@@ -42,8 +45,7 @@ def run(arguments: argparse.Namespace) -> None:
 
 def _texts(name: str, table: Path | None) -> Iterator[tuple[str, str]]:
     """Give the files of a new robot, those that its table makes among them."""
-    from eurobot_od import plugin
-    from eurobot_od.od.make.files import make_files
+    from eurobot_od.od.make.files import make_files  # with canopen
     from eurobot_od.od.make.table import read_table
 
     for file in sorted(FILES.rglob(f"*{SUFFIX}")):

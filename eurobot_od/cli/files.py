@@ -1,0 +1,282 @@
+"""Commands that turn EDS and DCF files into other forms, compare them, and make them: `export`, `diff`, `make-eds`."""
+
+from __future__ import annotations
+
+import json
+import sys
+from io import BytesIO
+from pathlib import Path
+from typing import Annotated, Literal, TypeAlias
+
+from eurobot_od import plugin
+from eurobot_od.bus.live import BITRATE
+from eurobot_od.cli import ExitStatus
+from eurobot_od.cli.devices import Devices, complain_of_repairs, left_out
+from eurobot_od.cli.logs import Log, Reading, entries
+from eurobot_od.cli.objects import print_readings
+from eurobot_od.cli.options import Bus, EmcyFiles, Json, Output, check_node_id, write, write_dcf
+from eurobot_od.cli.signature import Forms, Option
+from eurobot_od.client.configure import all_writes, check_file, check_whole
+from eurobot_od.client.description import from_file
+from eurobot_od.client.master import Master
+from eurobot_od.client.pdo_order import pdo_of
+from eurobot_od.client.reading import dcf_of_writes, decoded, read_bytes
+from eurobot_od.errors import DictionaryError, LocalError, MappingError
+from eurobot_od.export.c import c_header
+from eurobot_od.export.dbc import dbc_text
+from eurobot_od.export.docs import docs_text
+from eurobot_od.export.forms import form_of
+from eurobot_od.export.wireshark import lua_text
+from eurobot_od.export.xdd import load, xdd_text
+from eurobot_od.lint.diff import compare, compare_live, place, read_device, readable
+from eurobot_od.od.concise import Truncated, pack, unpack
+from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.formats import SUFFIXES
+from eurobot_od.od.network import is_network, node_file, read_network
+from eurobot_od.od.network_file import NodeFile
+from eurobot_od.od.values import NODE_IDS
+from eurobot_od.support import bounded, extras
+from eurobot_od.support.amounts import amount
+from eurobot_od.support.files import check_writable, write_whole
+from eurobot_od.support.progress import passing
+
+# Other forms
+
+STEM = "pdo"
+"""Begins the identifiers in what goes to standard output."""
+
+Name: TypeAlias = Annotated[str | None, f"prefix of all identifiers (default: the output's name, or {STEM})"]
+Network: TypeAlias = Annotated[
+    str | None, Option(metavar="PATH", is_file=True), "network file or folder, whose nodes are all written to a folder"
+]
+
+
+def _stem(name: str | None, output: Path | None) -> str:
+    return name or (output.stem if output else STEM)
+
+
+def c(*, output: Output = None, name: Name = None, devices: Devices) -> None:
+    """Write the messages as a C99 header: identifiers, lengths, structs, functions that pack and unpack."""
+    write(output, c_header(devices.protocol(), _stem(name, output)))
+
+
+def dbc(*, output: Output = None, devices: Devices) -> None:
+    """Write the messages as a DBC file: identifiers, bits, units, limits, value tables, senders and receivers."""
+    write(output, dbc_text(devices.protocol()))
+
+
+def docs(
+    *,
+    output: Output = None,
+    format: Annotated[Literal["markdown", "html"] | None, "default: by FILE's suffix, else markdown"] = None,
+    devices: Devices,
+) -> None:
+    """Write messages and object dictionaries as a document to read: Markdown or HTML."""
+    form = format or (form_of(output) if output else "markdown")
+    write(output, docs_text(devices.protocol(), devices.load(), form))
+
+
+def wireshark(*, output: Output = None, name: Name = None, devices: Devices) -> None:
+    """Write a dissector for Wireshark and tshark, in Lua: names, fields, units, values with names."""
+    write(output, lua_text(devices.protocol(), _stem(name, output)))
+
+
+def mcap(
+    log: Annotated[Log, "log in any format; -: standard input"],
+    *,
+    output: Annotated[Path, Option("-o", metavar="FILE"), "the MCAP file"],
+    reading: Reading,
+    devices: Devices,
+    emcy: EmcyFiles = (),
+) -> None:
+    """Write a log as MCAP for Foxglove and PlotJuggler: a channel for each message, and poses if any."""
+    with extras.needed("mcap"):
+        from eurobot_od.export.mcap import write as write_mcap
+    decoder = devices.decoder(emcy)
+    check_writable(output)  # before a long log is decoded for nothing
+    file = BytesIO()  # what was there before stays if anything fails
+    logged = (entry for _, entry in entries([log], reading))
+    messages, poses, damage = write_mcap(file, logged, decoder, devices.robot.drawings(decoder.protocol))
+    write_whole(output, file.getvalue())
+    print(f"{output}: {amount(messages, 'message')}, {amount(poses, 'pose')}, {damage} damaged")
+
+
+def named(file: str | None, path: str | None) -> str:
+    """Return the file or the network that a form is made of; raises LocalError unless it is just one."""
+    if (file is None) is (path is None):
+        raise LocalError("name a FILE, or a network by --network")
+    if path is not None:
+        read_network(path)  # which says what is wrong with it: any other file would be taken for a device's
+    return file or path or ""
+
+
+def xdd(
+    file: Annotated[str | None, Option(metavar="FILE", is_file=True), "an EDS or DCF, or a network"] = None,
+    *,
+    network: Network = None,
+    output: Annotated[Output, "default: standard output; of a network a folder"] = None,
+) -> None:
+    """Write the device description in XML (CiA 311) of an EDS or DCF: every object with all the file says about it.
+
+    Of a network the descriptions of all nodes are written, into a folder.
+    """
+    if not is_network(source := named(file, network)):
+        dictionary = load(source)
+        complain_of_repairs([dictionary])
+        write(output, xdd_text(dictionary))
+        return
+    if output is None:
+        raise LocalError("of a network -o names the folder that the files are written to")
+    output.mkdir(exist_ok=True)
+    for each in read_network(source).nodes:
+        # Any node-ID will do, as values keep `$NODEID`; the node's modules and patches belong to the device.
+        dictionary = Dictionary.load(*each._replace(node_id=each.node_id or NODE_IDS[0]))
+        complain_of_repairs([dictionary])
+        write(output / f"{each.name or Path(each.file).stem}.xdd", xdd_text(dictionary))
+
+
+def cdcf(
+    file: Annotated[
+        str | None, Option(metavar="FILE", is_file=True), "[NODE-ID=]DCF, a network, or a concise DCF"
+    ] = None,
+    *,
+    network: Network = None,
+    output: Annotated[Output, "default: print the writes; of a network a folder"] = None,
+    eds: Annotated[
+        str | None, Option(metavar="[NODE-ID=]FILE", is_file=True), "EDS of the device that a concise DCF is for"
+    ] = None,
+    node_id: Annotated[int | None, Option(metavar="N"), "node-ID (default: the file's)"] = None,
+) -> None:
+    """Write the concise DCF of a DCF, or show what a concise DCF writes, or turn it into a DCF again.
+
+    The suffix of the file says which way; of a network the DCF files of all nodes are written, into a folder. The
+    writes are in the order of CiA 301's PDO procedure (7.5.2.36): a PDO is off while it is mapped.
+    """
+    # By the suffix: four bytes of a count are no mark by which bytes could be recognised.
+    source = named(file, network)
+    if is_network(source):
+        nodes = read_network(source).nodes
+        if node_id is not None:
+            raise LocalError("--node-id is for one file; a network says the node-IDs itself")
+        if output is not None:
+            output.mkdir(exist_ok=True)
+        for each in nodes:
+            name = each.name or Path(each.file).stem
+            if output is None:
+                print(f"{name}:")
+            write_concise(each, output / f"{name}.cdcf" if output else None)
+    elif Path(source).suffix.lower() in SUFFIXES:
+        node = node_file(source)
+        write_concise(node if node_id is None else node._replace(node_id=node_id), output)
+    else:
+        read_concise(source, output, eds, node_id)
+
+
+def write_concise(node: NodeFile, output: Path | None) -> None:
+    """Write or print the concise DCF of a DCF, without PDOs that do not hold; raises DictionaryError, LocalError."""
+    description, refused = from_file(node.file, node.node_id, node.modules, node.patch), list[MappingError]()
+    with left_out() as complained:
+
+        def leave_out(error: MappingError) -> None:
+            refused.append(error)
+            complained(error)
+
+        if node.node_id is None:
+            check_file(description, description.dictionary.node_id, leave_out)
+        else:  # who names a node-ID takes the file for that node, whichever it was made for
+            check_whole(description, leave_out)
+    bad = {pdo_of((error.index or 0, 0)) for error in refused}
+    writes = [each for each in all_writes(description) if pdo_of(each.address) not in bad - {None}]
+    if output is None:
+        print_readings(decoded(writes, description.dictionary), as_json=False)
+    else:
+        write_whole(output, pack(writes))
+        print(f"{output}: {len(writes)} writes for node {description.dictionary.node_id}")
+
+
+def read_concise(file: str, output: Path | None, eds: str | None, node_id: int | None) -> None:
+    """Print a concise DCF, or write the DCF that says the same; raises DictionaryError, LocalError, UnknownName."""
+    try:
+        writes = unpack(Path(file).read_bytes())
+    except Truncated as error:
+        raise DictionaryError(file, None, f"not a concise DCF: {error}") from error
+    named = node_file(eds) if eds else None
+    description = from_file(named.file, named.node_id if node_id is None else node_id) if named else None
+    if output is None:
+        print_readings(decoded(writes, description.dictionary if description else None), as_json=False)
+    elif description is None:
+        raise LocalError("a DCF is made from an EDS and a concise DCF: name the EDS by --eds")
+    else:
+        write_dcf(output, dcf_of_writes(description.dictionary, writes, BITRATE // 1000, output.stem))
+        print(f"{output}: for node {description.dictionary.node_id}")
+
+
+export = Forms(
+    "Turn EDS and DCF files into C, DBC, documents, a Wireshark dissector, XDD or concise DCF, and logs into MCAP.",
+    {"c": c, "dbc": dbc, "docs": docs, "wireshark": wireshark, "mcap": mcap, "xdd": xdd, "cdcf": cdcf},
+)
+
+
+# Comparing
+
+
+def diff(
+    left: Annotated[str, Option(metavar="A", is_file=True), "an EDS, DCF, XDD or XDC"],
+    right: Annotated[str | None, Option(metavar="B", is_file=True), "the file to compare it with"] = None,
+    *,
+    node: Annotated[int | None, Option(metavar="ID"), "node-ID: of the live node, or to fill in for $NODEID"] = None,
+    names: Annotated[bool, "compare the ParameterNames too"] = False,
+    as_json: Annotated[Json, "write a JSON list instead of lines"] = False,
+    bus: Bus,
+) -> ExitStatus:
+    """Compare two EDS, DCF, XDD or XDC files, or one with a live node.
+
+    Exit status 0 no difference, 1 differences or a node that does not answer, 2 a file that cannot be read, 3 bus
+    trouble.
+    """
+    if node is not None:
+        check_node_id(node)
+    device = read_device(left)
+    if right:
+        found = compare(device, read_device(right), node, names)
+    else:
+        node_id = node or device.node_id  # a DCF says for which node it is, an EDS does not
+        if node_id is None:
+            raise LocalError("nothing to compare with: name a second file, or a live node with --node")
+        with Master(bus.open()) as master, passing(f"node {node_id}", readable(device)) as addresses:
+            master.follow(Dictionary.load(left, node_id))
+            found = compare_live(device, read_bytes(master.node(node_id), addresses), node_id)
+    if as_json:
+        json.dump([{**each._asdict(), "where": place(each.where)} for each in found], sys.stdout, indent=1)
+        print()
+    else:
+        sys.stdout.writelines(f"{each}\n" for each in found)
+    return ExitStatus.FOUND if found else ExitStatus.FINE
+
+
+# Making
+
+
+def make_eds(
+    table: Annotated[Path, Option(metavar="TABLE"), "YAML in the form of eds/protocol.yaml"],
+    *,
+    output: Annotated[Path, Option("-o", metavar="FOLDER"), "folder to put the dialects' folders in"],
+    check: Annotated[bool, "write nothing; list the files that differ, with exit status 1 if any do"] = False,
+) -> ExitStatus:
+    """Make EDS files from a protocol table: a folder for each dialect, a file for each node, and the network file."""
+    from eurobot_od.od.make.files import differences, make_files, write_files  # with canopen
+    from eurobot_od.od.make.table import TableError, read_table
+
+    # What is not UTF-8 becomes a sign that the table refuses, with its line and column.
+    source = bounded.read(table).decode(errors="replace")
+    try:
+        texts = make_files(read_table(source, table, lambda robot: plugin.find(robot).table))
+    except TableError as error:  # a line for each problem, with its place: `complain` would make one line of them all
+        print(error, file=sys.stderr)
+        return ExitStatus.WRONG_INPUT
+    if not check:
+        write_files(texts, output)
+        return ExitStatus.FINE
+    found = differences(texts, output)
+    print("\n".join(found) or f"{output}: as the table says: {amount(len(texts), 'file')}")
+    return ExitStatus.FOUND if found else ExitStatus.FINE
