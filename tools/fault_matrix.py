@@ -6,19 +6,19 @@ The exit status says whether it is so: 0 yes, 1 no.
 
 from __future__ import annotations
 
-import argparse
 import sys
 from collections.abc import Iterable, Iterator, Sequence
 from functools import cache, partial
 from importlib import import_module
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 from eurobot_od.check.reader import SuiteReader
 from eurobot_od.check.results import Status
 from eurobot_od.check.runner import RunOptions
 from eurobot_od.check.simulated import run_simulated
 from eurobot_od.check.suite import Suite
-from eurobot_od.cli import campaign
+from eurobot_od.cli.campaign import Campaign, counted
+from eurobot_od.cli.signature import Group, Option, Parser, describe, summary
 from eurobot_od.robot import dialects
 from eurobot_od.robot.nodes import ROLES
 from eurobot_od.robot.plugin import ROBOT
@@ -148,30 +148,25 @@ def wrongly_red(outcomes: Iterable[Outcome]) -> Iterator[str]:
 
 
 def _done(runs: Sequence[Run], workers: Workers, kept: Results[Outcome] | None) -> list[Outcome]:
-    return list(campaign.counted(blocks.run(do, runs, workers, kept), len(runs), "runs", workers))
+    return list(counted(blocks.run(do, runs, workers, kept), len(runs), "runs", workers))
 
 
-def parser() -> argparse.ArgumentParser:
-    """Describe the command line."""
-    command = argparse.ArgumentParser(description="Run all shipped suites against all faults.")
-    command.add_argument("--dialect", action="append", help="EDS files (default: all dialects)")
-    command.add_argument("--fault", action="append", metavar="NAME", help="only this fault, may be given several times")
-    command.add_argument("--seeds", type=int, default=1, metavar="N", help="seeds for the runs without a fault")
-    campaign.add_campaign(command, "all of it")
-    return command
-
-
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Print the matrix for each dialect and what is not as it has to be."""
-    options = parser().parse_args(arguments)
+def run_all(
+    *,
+    dialect: Annotated[Sequence[str], "EDS files (default: all dialects)"] = (),
+    fault: Annotated[Sequence[str], Option(metavar="NAME"), "only this fault, may be given several times"] = (),
+    seeds: Annotated[int, Option(metavar="N"), "seeds for the runs without a fault"] = 1,
+    campaign: Annotated[Campaign, Group("many at once, with all of it")],
+) -> int:
+    """Run all shipped suites against all faults; print the matrix for each dialect and what is not as it has to be."""
     wrong: list[str] = []
     chosen = {
-        dialect: (fault_runs(dialect, options.fault or robot_faults()), healthy_runs(dialect, options.seeds))
-        for dialect in options.dialect or dialects.names()
+        each: (fault_runs(each, fault or robot_faults()), healthy_runs(each, seeds))
+        for each in dialect or dialects.names()
     }
     number = sum(len(runs) for both in chosen.values() for runs in both)
-    kept = campaign.results(options, Outcome, lambda: {"campaign": "faults"})
-    with campaign.workers(options, number) as workers:
+    kept = campaign.kept(Outcome, lambda: {"campaign": "faults"})
+    with campaign.workers(number) as workers:
         for dialect, both in chosen.items():
             found, healthy = (_done(runs, workers, kept) for runs in both)
             print(f"{dialect}: {UNTOUCHED!r} no such node, {GREEN} green, {RED} red, {NAMED} red as named\n")
@@ -183,6 +178,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
         f"{len(wrong)} findings" if wrong else "every fault is found by the step that it names, and nothing else is red"
     )
     return NOT_FOUND if wrong else FINE
+
+
+def main(words: Sequence[str] | None = None) -> int:
+    """Run what the words of a command line say, those of this process if None."""
+    parser = Parser("fault_matrix", description=summary(run_all))
+    status: int = describe(parser, run_all)(parser.parse_args(words))
+    return status
 
 
 if __name__ == "__main__":

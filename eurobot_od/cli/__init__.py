@@ -19,12 +19,14 @@ from contextlib import suppress
 from enum import IntEnum
 from importlib import import_module
 from io import TextIOWrapper
-from typing import Annotated, NoReturn, TypeAlias
+from typing import TYPE_CHECKING, Annotated, NoReturn, TypeAlias
 
-from eurobot_od import plugin
 from eurobot_od.cli.signature import Command, Forms, Option, Parser, describe, summary
 from eurobot_od.errors import BusError, EurobotError, NodeFailed, ProgramFailed, RemoteError, UnknownName, WorldError
 from eurobot_od.support.escaping import one_line
+
+if TYPE_CHECKING:
+    from eurobot_od.plugin import Plugin
 
 COMMANDS = {
     "show": "show the messages as the EDS files map them, or one message's bits",
@@ -71,11 +73,11 @@ MODULES = {
     **dict.fromkeys(("scan", "boot", "nmt", "watch", "sync", "time"), "bus"),
     **dict.fromkeys(("read", "write", "dump", "pdo", "emcy"), "objects"),
     **dict.fromkeys(("configure", "store", "restore", "export-dcf", "program"), "parameters"),
-    **dict.fromkeys(("decode", "compare"), "logs"),
     **dict.fromkeys(("archive", "query"), "season"),
-    **dict.fromkeys(("export", "diff", "make-eds"), "files"),
+    **dict.fromkeys(("export", "make-eds"), "files"),
+    **dict.fromkeys(("compare", "replay"), "decode"),
+    "diff": "lint",
     "faults": "node",
-    "replay": "send",
 }
 """The module of a command; one that is not here has a module of its own name."""
 
@@ -202,7 +204,9 @@ def _robot_in(words: list[str]) -> tuple[list[str], str | None]:
     return others, found.robot
 
 
-def _find(robot: str | None) -> plugin.Plugin:
+def _find(robot: str | None) -> Plugin:
+    from eurobot_od import plugin  # most commands need none, or not yet
+
     return plugin.find(robot)
 
 
@@ -246,7 +250,7 @@ def version() -> str:
         return f"eurobot-od, not installed, from {__file__}, Python {sys.version.split()[0]}"
 
 
-def _overview(robot: plugin.Plugin) -> ArgumentParser:
+def _overview(robot: Plugin) -> ArgumentParser:
     own = {name: each.text for name, each in robot.commands.items()}
     width = max(map(len, (*COMMANDS, *own)))
 

@@ -6,15 +6,17 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, TypeAlias, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, TypeAlias, TypeVar
 
 from eurobot_od.cli.options import whole
 from eurobot_od.cli.signature import Option
 from eurobot_od.errors import LocalError
-from eurobot_od.season.campaign import MOST_JOBS, executors
-from eurobot_od.season.campaign.executors import Workers
-from eurobot_od.season.campaign.results import Results
+from eurobot_od.season.campaign import MOST_JOBS
 from eurobot_od.support import extras, progress
+
+if TYPE_CHECKING:
+    from eurobot_od.season.campaign.executors import Workers
+    from eurobot_od.season.campaign.results import Results
 
 Thing = TypeVar("Thing")
 
@@ -45,6 +47,8 @@ class Campaign:
     @contextmanager
     def workers(self, things: int) -> Iterator[Workers]:
         """Give the workers for a number of things; raises LocalError."""
+        from eurobot_od.season.campaign import executors  # one thing is done without `multiprocessing`
+
         if self.executor and self.jobs:
             raise LocalError("--jobs is for processes of this machine, and does not go with --executor")
         with ExitStack() as stack:

@@ -6,12 +6,11 @@ import datetime
 import json
 import sys
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
 
-from eurobot_od.check import report as reports
-from eurobot_od.check.conformance import ctt as test_tool
-from eurobot_od.check.conformance import page
+from eurobot_od.check import report
 from eurobot_od.check.reader import SuiteError
 from eurobot_od.check.results import CheckedSeed, SuiteResult
 from eurobot_od.check.runner import Interrupt
@@ -28,38 +27,79 @@ AT_ONCE = "--simulate --repeat"
 """The options with which many things are done at once."""
 
 
+@dataclass(frozen=True, kw_only=True)
+class Report:
+    """What is said of a check: on standard output in one form, and in files."""
+
+    page: Annotated[
+        Path | None,
+        Option("--report", metavar="FILE"),
+        "conformance: write a page for the maker, as .html, .md or .json",
+    ] = None
+    junit: Annotated[Path | None, Option(metavar="FILE"), "write a JUnit XML report"] = None
+    as_json: Annotated[Json, Option(either="form")] = False
+    ctt: Annotated[bool, Option(either="form"), "conformance: print by the numbers of CiA's test tool"] = False
+    format: Annotated[Literal["github"] | None, Option(either="form"), "also print annotations for GitHub Actions"] = (
+        None
+    )
+    verbose: Annotated[bool, Option("-v", either="form"), "print every step, green and skipped ones too"] = False
+    quiet: Annotated[bool, Option("-q", either="form"), "print only the red steps and the last line"] = False
+
+    def check_files(self) -> None:
+        """Raise LocalError, OSError for a file that could not be written: before the check, not after it."""
+        if self.page is not None:
+            from eurobot_od.check.conformance.page import check_form
+
+            check_form(self.page)
+        for file in (self.junit, self.page):
+            if file is not None:
+                check_writable(file)
+
+    @property
+    def printer(self) -> Printer:
+        """What prints the suites as they run."""
+        return Printer(silent=self.as_json or self.ctt or self.quiet, verbose=self.verbose)
+
+    def give(self, checks: Checks, results: Sequence[SuiteResult]) -> None:
+        """Print the failures again and the summary, or the whole report in another form; write the files."""
+        if self.as_json:
+            print(json.dumps(report.as_data(results), indent=2))
+        elif self.ctt:
+            from eurobot_od.check.conformance.ctt import lines
+
+            for each in checks.made.device_runs(checks.devices.load(), results, ""):
+                print(each.dictionary.name, *lines(each.tests), sep="\n")
+        else:
+            sys.stdout.writelines(f"{line}\n" for line in report.failures(results))
+            print(report.summary(results))
+            sys.stdout.writelines(f"{line}\n" for line in report.github(results) if self.format)
+        if self.junit is not None:
+            write(self.junit, report.junit(results))
+        if self.page is not None:
+            from eurobot_od.check.conformance.page import text
+
+            made = f"{version()}, {datetime.date.today()}"
+            write(self.page, text(self.page, checks.made.device_runs(checks.devices.load(), results, made)))
+
+
 def check(
     checks: Checks,
     *,
     list: Annotated[bool, "list the robot's suites, or the given ones, and exit"] = False,
     schema: Annotated[bool, "print the JSON Schema of suites, for editors, and exit"] = False,
-    report: Annotated[
-        Path | None, Option(metavar="FILE"), "conformance: write a page for the maker, as .html, .md or .json"
-    ] = None,
     output: Annotated[Output, "conformance, profile: write the suites, and exit"] = None,
     repeat: Annotated[
         int, Option(metavar="N", read=whole(1, what="a number of times")), "run everything N times, seed by seed"
     ] = 1,
     seed: Annotated[int, "seed of everything random in the simulation (default: 1)"] = 1,
-    junit: Annotated[Path | None, Option(metavar="FILE"), "write a JUnit XML report"] = None,
-    as_json: Annotated[Json, Option(either="form")] = False,
-    ctt: Annotated[bool, Option(either="form"), "conformance: print by the numbers of CiA's test tool"] = False,
-    format: Annotated[
-        Literal["github"] | None, Option(either="form"), "also print annotations for GitHub Actions"
-    ] = None,
-    verbose: Annotated[bool, Option("-v", either="form"), "print every step, green and skipped ones too"] = False,
-    quiet: Annotated[bool, Option("-q", either="form"), "print only the red steps and the last line"] = False,
+    report: Report,
     campaign: Annotated[Campaign, Group(f"many at once, with {AT_ONCE}")],
 ) -> ExitStatus:
     """Check nodes with suites of steps: against real nodes on a CAN bus, or simulated ones."""
-    _refuse_what_does_not_go_together(checks, {"output": output, "report": report, "ctt": ctt})
+    _refuse_what_does_not_go_together(checks, {"output": output, "report": report.page, "ctt": report.ctt})
     if not checks.simulate:
         campaign.refuse(AT_ONCE)
-    if report is not None:
-        page.check_form(report)
-    for file in (junit, report):
-        if file is not None:
-            check_writable(file)
+    report.check_files()
     for name in checks.fault:
         checks.devices.robot.find_fault(name)  # complains of a name before the first suite, not in it
     with left_out() as refused:
@@ -79,33 +119,15 @@ def check(
         print(*listed(suites), sep="\n")
         return ExitStatus.FINE
     interrupt, seeds = Interrupt(), range(seed, seed + repeat)
-    printer = Printer(silent=as_json or quiet or ctt, verbose=verbose)
     with interrupt.by_ctrl_c():
         if campaign.given:
             kept = campaign.kept(CheckedSeed, lambda: checks.settings(suites))
             with campaign.workers(len(seeds)) as workers:
-                results = [*many_results(checks, suites, seeds, interrupt, printer, workers, kept)]
+                results = [*many_results(checks, suites, seeds, interrupt, report.printer, workers, kept)]
         else:
-            results = [*results_of(checks, suites, seeds, interrupt, printer)]
-    if as_json:
-        print(json.dumps(reports.as_data(results), indent=2))
-    elif ctt:
-        for each in checks.made.device_runs(checks.devices.load(), results, ""):
-            print(each.dictionary.name, *test_tool.lines(each.tests), sep="\n")
-    else:
-        sys.stdout.writelines(f"{line}\n" for line in reports.failures(results))
-        print(reports.summary(results))
-        print(*(f"{line}\n" for line in reports.github(results) if format), sep="", end="")
-    if junit is not None:
-        write(junit, reports.junit(results))
-    if report is not None:
-        made = checks.made.device_runs(checks.devices.load(), results, f"{version()}, {datetime.date.today()}")
-        write(report, page.text(report, made))
-    return _status(results, interrupt.requested)
-
-
-def _status(results: Sequence[SuiteResult], interrupted: bool) -> ExitStatus:
-    if interrupted:
+            results = [*results_of(checks, suites, seeds, interrupt, report.printer)]
+    report.give(checks, results)
+    if interrupt.requested:
         return ExitStatus.INTERRUPTED
     if any(result.error for result in results):
         return ExitStatus.TROUBLE

@@ -7,15 +7,9 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import KW_ONLY, dataclass
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Literal, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple
 
 from eurobot_od.check import report
-from eurobot_od.check.conformance import drive, module
-from eurobot_od.check.conformance import suite as chapters
-from eurobot_od.check.conformance.drive import MotionBounds
-from eurobot_od.check.conformance.page import DeviceRun
-from eurobot_od.check.conformance.subject import Tier
-from eurobot_od.check.live import run_live
 from eurobot_od.check.reader import SuiteReader
 from eurobot_od.check.results import CheckedSeed, StepResult, SuiteResult
 from eurobot_od.check.runner import Interrupt, RunOptions
@@ -30,25 +24,26 @@ from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.objects import numbered
 from eurobot_od.od.pdos import OnRefused
 from eurobot_od.od.values import MOST_SUBS, Address
-from eurobot_od.plugin import Plugin
-from eurobot_od.season.campaign import blocks
-from eurobot_od.season.campaign.executors import Workers
-from eurobot_od.season.campaign.results import Results
 from eurobot_od.support.escaping import one_line
 from eurobot_od.support.files import digest_of
 from eurobot_od.support.terminal import in_colour
+
+if TYPE_CHECKING:
+    from eurobot_od.check.conformance.page import DeviceRun
+    from eurobot_od.check.conformance.subject import Tier
+    from eurobot_od.season.campaign.executors import Workers
+    from eurobot_od.season.campaign.results import Results
 
 FIRST_OWN = 4
 """The first sub-index of 0x1011 that is the maker's (CiA 301, 7.5.2.14)."""
 
 
-def _motion(text: str) -> MotionBounds:
+def _motion(text: str) -> tuple[int, int]:
     """Read how far and how fast a motor may be moved; raises LocalError."""
-    way, _, velocity = text.partition("@")
-    limits = MotionBounds(*(int(each) if each.isdecimal() and len(each) < 10 else 0 for each in (way, velocity)))
-    if not (limits.way and limits.velocity):
+    way, _, velocity = (int(each) if each.isdecimal() and len(each) < 10 else 0 for each in text.partition("@"))
+    if not (way and velocity):
         raise LocalError(f"{text!r}: a way and a velocity above 0, such as 2000@100")
-    return limits
+    return way, velocity
 
 
 def _wire(text: str) -> tuple[Address, Address]:
@@ -70,7 +65,7 @@ class Made:
     conformance: Annotated[bool, "make the suites from the EDS files, by CiA 301"] = False
     profile: Annotated[Literal[401, 402] | None, "make the suites from the EDS files, by a device profile"] = None
     motion: Annotated[
-        MotionBounds | None,
+        tuple[int, int] | None,
         Option(metavar="WAY@VELOCITY", read=_motion),
         "profile 402: also move the motor, at most this far and this fast, in the drive's units",
     ] = None
@@ -114,22 +109,30 @@ class Made:
     @property
     def tier(self) -> Tier:
         """How far conformance suites may go."""
+        from eurobot_od.check.conformance.subject import Tier
+
         return Tier.DESTRUCTIVE if self.destructive else Tier.REVERSIBLE if self.reversible else Tier.READING
 
     def texts(self, dictionaries: Iterable[Dictionary]) -> dict[Path, str]:
         """Make the suites of each device, by what reports call their file; raises LocalError."""
+        from eurobot_od.check.conformance import drive, module  # files of suites run without
+        from eurobot_od.check.conformance import suite as chapters
+
         if self.conformance:
             make = partial(chapters.text, tier=self.tier, restore=self.restore)
         elif self.profile == 401:
             make = partial(module.text, reversible=self.reversible, outputs=self.outputs, wires=dict(self.wired))
         else:
-            make = partial(drive.text, reversible=self.reversible, motion=self.motion)
+            motion = drive.MotionBounds(*self.motion) if self.motion else None
+            make = partial(drive.text, reversible=self.reversible, motion=motion)
         return {file_of(each): make(each) for each in dictionaries}
 
     def device_runs(
         self, dictionaries: Iterable[Dictionary], results: Sequence[SuiteResult], made: str
     ) -> list[DeviceRun]:
         """Return what there is to say about each device; `made` says by what and when."""
+        from eurobot_od.check.conformance.page import DeviceRun
+
         of_device = {each: [result for result in results if result.file == file_of(each)] for each in dictionaries}
         return [DeviceRun(each, self.tier, own, made) for each, own in of_device.items()]
 
@@ -145,7 +148,7 @@ class Checks:
 
     files: Annotated[
         Sequence[str],
-        Option(metavar="FILE", is_file=True, suggest=Plugin.shipped_suites),
+        Option(metavar="FILE", is_file=True, suggest=lambda robot: robot.shipped_suites()),
         "suite files, or names of the robot's suites (--list)",
     ] = ()
     _: KW_ONLY
@@ -217,6 +220,8 @@ class Checks:
             return self.devices.robot.simulate(
                 suite, options, self.fault, seed, self.made.profile or 0, dict(self.made.wired)
             )
+        from eurobot_od.check.live import run_live
+
         return run_live(suite, options, self.bus.open)
 
     def run_seed(self, seed: int) -> CheckedSeed:
@@ -324,6 +329,8 @@ def many_results(
     kept: Results[CheckedSeed] | None,
 ) -> Iterator[SuiteResult]:
     """Run the suites for all seeds by several workers, and print what `results_of` prints, seed by seed."""
+    from eurobot_od.season.campaign import blocks
+
     done = blocks.run(checks.run_seed, seeds, workers, kept)
     for seed, results in counted(done, len(seeds), "seeds", workers, hidden=not printer.silent):
         for suite, result in zip(suites, results):

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
-from typing import Annotated, TypeAlias
+from typing import TYPE_CHECKING, Annotated, TypeAlias
 
 from eurobot_od import plugin
 from eurobot_od.cli import RobotName, complain
@@ -26,10 +26,10 @@ from eurobot_od.od.pdos import OnRefused
 from eurobot_od.od.sdo_channel import SdoChannel, moved_server
 from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.plugin import Plugin
-from eurobot_od.traffic.load.message_set import MessageSet
-from eurobot_od.traffic.load.network_set import network_set
-from eurobot_od.traffic.load.seen import NOTHING
-from eurobot_od.traffic.meaning import Decoder
+
+if TYPE_CHECKING:
+    from eurobot_od.traffic.load.message_set import MessageSet
+    from eurobot_od.traffic.meaning import Decoder
 
 Dialect: TypeAlias = Annotated[
     str | None,
@@ -143,6 +143,9 @@ class Devices:
 
     def promised(self, decoder: Decoder) -> MessageSet:
         """Return what a decoder's devices send, and how often; nothing if a period is missing."""
+        from eurobot_od.traffic.load.network_set import network_set  # most commands need no analysis
+        from eurobot_od.traffic.load.seen import NOTHING
+
         try:
             file = self.network or network.DEFAULT if self.files() else str(self.robot.dialects.network_file())
             rows = network.read_network(file) if os.path.exists(file) else NetworkFile()  # noqa: PTH110
@@ -228,6 +231,8 @@ def decoder_of(
 
     `errors` are words for emergency error codes, by node-ID; `master` is who leads the network, if a file says it.
     """
+    from eurobot_od.traffic.meaning import Decoder  # files are shown and exported without
+
     with left_out() as refused:
         return Decoder(dictionaries, robot.catalogue(), refused, errors, master)
 
@@ -245,7 +250,8 @@ def left_out() -> Iterator[OnRefused]:
 
 def object_names(robot: Plugin) -> Iterable[str]:
     """Give the indices of the robot's objects, and the names of those that a shell takes without quotes."""
-    for each in (each for node in robot.dialects.load_all() for each in all_objects(node.objects)):
+    known = robot.dialects.load_all() if robot.dialects.names() else ()
+    for each in (each for node in known for each in all_objects(node.objects)):
         yield f"0x{each.index:04X}"
         if re.fullmatch(r"[\w.-]+", each.qualname):
             yield each.qualname

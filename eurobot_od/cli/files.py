@@ -1,35 +1,19 @@
-"""Commands that turn EDS and DCF files into other forms, compare them, and make them: `export`, `diff`, `make-eds`."""
+"""Commands that write files of or for devices: `export` and `make-eds`."""
 
 from __future__ import annotations
 
-import json
 import sys
 from io import BytesIO
 from pathlib import Path
 from typing import Annotated, Literal, TypeAlias
 
 from eurobot_od import plugin
-from eurobot_od.bus.live import BITRATE
 from eurobot_od.cli import ExitStatus
 from eurobot_od.cli.devices import Devices, complain_of_repairs, left_out
 from eurobot_od.cli.logs import Log, Reading, entries
-from eurobot_od.cli.objects import print_readings
-from eurobot_od.cli.options import Bus, EmcyFiles, Json, Output, check_node_id, write, write_dcf
+from eurobot_od.cli.options import EmcyFiles, Output, write, write_dcf
 from eurobot_od.cli.signature import Forms, Option
-from eurobot_od.client.configure import all_writes, check_file, check_whole
-from eurobot_od.client.description import from_file
-from eurobot_od.client.master import Master
-from eurobot_od.client.pdo_order import pdo_of
-from eurobot_od.client.reading import dcf_of_writes, decoded, read_bytes
 from eurobot_od.errors import DictionaryError, LocalError, MappingError
-from eurobot_od.export.c import c_header
-from eurobot_od.export.dbc import dbc_text
-from eurobot_od.export.docs import docs_text
-from eurobot_od.export.forms import form_of
-from eurobot_od.export.wireshark import lua_text
-from eurobot_od.export.xdd import load, xdd_text
-from eurobot_od.lint.diff import compare, compare_live, place, read_device, readable
-from eurobot_od.od.concise import Truncated, pack, unpack
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.formats import SUFFIXES
 from eurobot_od.od.network import is_network, node_file, read_network
@@ -38,7 +22,6 @@ from eurobot_od.od.values import NODE_IDS
 from eurobot_od.support import bounded, extras
 from eurobot_od.support.amounts import amount
 from eurobot_od.support.files import check_writable, write_whole
-from eurobot_od.support.progress import passing
 
 # Other forms
 
@@ -57,11 +40,15 @@ def _stem(name: str | None, output: Path | None) -> str:
 
 def c(*, output: Output = None, name: Name = None, devices: Devices) -> None:
     """Write the messages as a C99 header: identifiers, lengths, structs, functions that pack and unpack."""
+    from eurobot_od.export.c import c_header  # each form starts without the others
+
     write(output, c_header(devices.protocol(), _stem(name, output)))
 
 
 def dbc(*, output: Output = None, devices: Devices) -> None:
     """Write the messages as a DBC file: identifiers, bits, units, limits, value tables, senders and receivers."""
+    from eurobot_od.export.dbc import dbc_text
+
     write(output, dbc_text(devices.protocol()))
 
 
@@ -72,12 +59,17 @@ def docs(
     devices: Devices,
 ) -> None:
     """Write messages and object dictionaries as a document to read: Markdown or HTML."""
+    from eurobot_od.export.docs import docs_text
+    from eurobot_od.export.forms import form_of
+
     form = format or (form_of(output) if output else "markdown")
     write(output, docs_text(devices.protocol(), devices.load(), form))
 
 
 def wireshark(*, output: Output = None, name: Name = None, devices: Devices) -> None:
     """Write a dissector for Wireshark and tshark, in Lua: names, fields, units, values with names."""
+    from eurobot_od.export.wireshark import lua_text
+
     write(output, lua_text(devices.protocol(), _stem(name, output)))
 
 
@@ -120,6 +112,8 @@ def xdd(
 
     Of a network the descriptions of all nodes are written, into a folder.
     """
+    from eurobot_od.export.xdd import load, xdd_text
+
     if not is_network(source := named(file, network)):
         dictionary = load(source)
         complain_of_repairs([dictionary])
@@ -174,6 +168,13 @@ def cdcf(
 
 def write_concise(node: NodeFile, output: Path | None) -> None:
     """Write or print the concise DCF of a DCF, without PDOs that do not hold; raises DictionaryError, LocalError."""
+    from eurobot_od.cli.objects import print_readings
+    from eurobot_od.client.configure import all_writes, check_file, check_whole
+    from eurobot_od.client.description import from_file
+    from eurobot_od.client.pdo_order import pdo_of
+    from eurobot_od.client.reading import decoded
+    from eurobot_od.od.concise import pack
+
     description, refused = from_file(node.file, node.node_id, node.modules, node.patch), list[MappingError]()
     with left_out() as complained:
 
@@ -196,6 +197,12 @@ def write_concise(node: NodeFile, output: Path | None) -> None:
 
 def read_concise(file: str, output: Path | None, eds: str | None, node_id: int | None) -> None:
     """Print a concise DCF, or write the DCF that says the same; raises DictionaryError, LocalError, UnknownName."""
+    from eurobot_od.bus.live import BITRATE
+    from eurobot_od.cli.objects import print_readings
+    from eurobot_od.client.description import from_file
+    from eurobot_od.client.reading import dcf_of_writes, decoded
+    from eurobot_od.od.concise import Truncated, unpack
+
     try:
         writes = unpack(Path(file).read_bytes())
     except Truncated as error:
@@ -215,46 +222,6 @@ export = Forms(
     "Turn EDS and DCF files into C, DBC, documents, a Wireshark dissector, XDD or concise DCF, and logs into MCAP.",
     {"c": c, "dbc": dbc, "docs": docs, "wireshark": wireshark, "mcap": mcap, "xdd": xdd, "cdcf": cdcf},
 )
-
-
-# Comparing
-
-
-def diff(
-    left: Annotated[str, Option(metavar="A", is_file=True), "an EDS, DCF, XDD or XDC"],
-    right: Annotated[str | None, Option(metavar="B", is_file=True), "the file to compare it with"] = None,
-    *,
-    node: Annotated[int | None, Option(metavar="ID"), "node-ID: of the live node, or to fill in for $NODEID"] = None,
-    names: Annotated[bool, "compare the ParameterNames too"] = False,
-    as_json: Annotated[Json, "write a JSON list instead of lines"] = False,
-    bus: Bus,
-) -> ExitStatus:
-    """Compare two EDS, DCF, XDD or XDC files, or one with a live node.
-
-    Exit status 0 no difference, 1 differences or a node that does not answer, 2 a file that cannot be read, 3 bus
-    trouble.
-    """
-    if node is not None:
-        check_node_id(node)
-    device = read_device(left)
-    if right:
-        found = compare(device, read_device(right), node, names)
-    else:
-        node_id = node or device.node_id  # a DCF says for which node it is, an EDS does not
-        if node_id is None:
-            raise LocalError("nothing to compare with: name a second file, or a live node with --node")
-        with Master(bus.open()) as master, passing(f"node {node_id}", readable(device)) as addresses:
-            master.follow(Dictionary.load(left, node_id))
-            found = compare_live(device, read_bytes(master.node(node_id), addresses), node_id)
-    if as_json:
-        json.dump([{**each._asdict(), "where": place(each.where)} for each in found], sys.stdout, indent=1)
-        print()
-    else:
-        sys.stdout.writelines(f"{each}\n" for each in found)
-    return ExitStatus.FOUND if found else ExitStatus.FINE
-
-
-# Making
 
 
 def make_eds(

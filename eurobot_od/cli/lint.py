@@ -1,4 +1,4 @@
-"""Check EDS, DCF, XDD and XDC files or folders of them, one by one or as a network."""
+"""Commands that judge device files, EDS, DCF, XDD and XDC: `lint` and `diff`."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, TypeAlias
 
 from eurobot_od.cli import ExitStatus, complain
-from eurobot_od.cli.options import Json
+from eurobot_od.cli.options import Bus, Json, check_node_id
 from eurobot_od.cli.signature import Option
 from eurobot_od.errors import DictionaryError, LocalError, UnknownName
 from eurobot_od.lint.findings import Finding, Rule, Severity, chosen, count, summary, summed_up
@@ -19,12 +19,12 @@ from eurobot_od.lint.rules import FILE_RULES
 from eurobot_od.lint.rules import lint as lint_file
 from eurobot_od.od.document import read_bytes
 from eurobot_od.od.formats import SUFFIXES, files_in, is_xml
-from eurobot_od.plugin import Plugin
-from eurobot_od.support import progress
+from eurobot_od.od.values import Address
 from eurobot_od.support.escaping import one_line
 
 if TYPE_CHECKING:
     from eurobot_od.lint.network import LintedNetwork
+    from eurobot_od.plugin import Plugin
 
 
 def _print_annotations(findings: Sequence[Finding]) -> None:
@@ -143,6 +143,8 @@ def _found(
             return lint_network(network), len(network.nodes), overview(network)
         counted: Iterable[str] = files
         if len(files) > 1:
+            from eurobot_od.support import progress
+
             counted = progress.counted(files, len(files), "files", at_once=1)
         findings: list[Finding] = []
         for file in counted:
@@ -225,3 +227,49 @@ def _print_json(findings: Sequence[Finding], identifiers: Sequence[tuple[str, ..
 
 def _split(joined: str) -> list[str]:
     return joined.split(", ") if joined else []
+
+
+def diff(
+    left: Annotated[str, Option(metavar="A", is_file=True), "an EDS, DCF, XDD or XDC"],
+    right: Annotated[str | None, Option(metavar="B", is_file=True), "the file to compare it with"] = None,
+    *,
+    node: Annotated[int | None, Option(metavar="ID"), "node-ID: of the live node, or to fill in for $NODEID"] = None,
+    names: Annotated[bool, "compare the ParameterNames too"] = False,
+    as_json: Annotated[Json, "write a JSON list instead of lines"] = False,
+    bus: Bus,
+) -> ExitStatus:
+    """Compare two EDS, DCF, XDD or XDC files, or one with a live node.
+
+    Exit status 0 no difference, 1 differences or a node that does not answer, 2 a file that cannot be read, 3 bus
+    trouble.
+    """
+    from eurobot_od.lint.diff import compare, compare_live, place, read_device, readable
+
+    if node is not None:
+        check_node_id(node)
+    device = read_device(left)
+    if right:
+        found = compare(device, read_device(right), node, names)
+    else:
+        node_id = node or device.node_id  # a DCF says for which node it is, an EDS does not
+        if node_id is None:
+            raise LocalError("nothing to compare with: name a second file, or a live node with --node")
+        found = compare_live(device, _live_bytes(bus, left, node_id, readable(device)), node_id)
+    if as_json:
+        json.dump([{**each._asdict(), "where": place(each.where)} for each in found], sys.stdout, indent=1)
+        print()
+    else:
+        sys.stdout.writelines(f"{each}\n" for each in found)
+    return ExitStatus.FOUND if found else ExitStatus.FINE
+
+
+def _live_bytes(bus: Bus, file: str, node_id: int, addresses: Iterable[Address]) -> Mapping[Address, bytes | int]:
+    """Read objects of a live node: their bytes, or the abort code; raises LocalError, BusError, NoAnswer."""
+    from eurobot_od.client.master import Master  # two files are compared without a bus
+    from eurobot_od.client.reading import read_bytes
+    from eurobot_od.od.dictionary import Dictionary
+    from eurobot_od.support.progress import passing
+
+    with Master(bus.open()) as master, passing(f"node {node_id}", addresses) as passed:
+        master.follow(Dictionary.load(file, node_id))
+        return read_bytes(master.node(node_id), passed)

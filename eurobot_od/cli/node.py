@@ -16,14 +16,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from eurobot_od import plugin
 from eurobot_od.bus.live import Live
-from eurobot_od.bus.live.group import LiveGroup
 from eurobot_od.cli import ExitStatus, RobotName
 from eurobot_od.cli.devices import Devices, complain_of_repairs
 from eurobot_od.cli.options import Bus, Json, NoReconnect, Seconds, assigned
 from eurobot_od.cli.signature import NOTHING, Chosen, Group, Hint, Option, Parser
 from eurobot_od.device.drive import SimulatedDrive
-from eurobot_od.device.faults.fault import Fault
-from eurobot_od.device.group import NodeGroup
 from eurobot_od.device.kinds import simulated_kind
 from eurobot_od.device.node import Node
 from eurobot_od.device.station import OnError
@@ -35,12 +32,15 @@ from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.objects import address_of, find_one, given
 from eurobot_od.od.sdo_channel import moved_server
 from eurobot_od.pdo.message import describe
-from eurobot_od.plugin import Plugin, Run, Scene, Stage
+from eurobot_od.plugin import Run, Scene, Stage
 from eurobot_od.support import bounded
 from eurobot_od.support.escaping import one_line
 
 if TYPE_CHECKING:
     pass
+
+if TYPE_CHECKING:
+    from eurobot_od.device.faults.fault import Fault
 
 FARTHEST = 1_000_000
 """Turns that a drive may travel."""
@@ -121,7 +121,7 @@ def node(
     verbose: Annotated[bool, Option("-v"), "print every message that the node receives"] = False,
     fault: Annotated[
         str | None,
-        Option(metavar="NAME", suggest=Plugin.fault_names),
+        Option(metavar="NAME", suggest=lambda robot: robot.fault_names()),
         "give the node a fault; `eurobot-od faults` lists them",
     ] = None,
     device: DeviceOptions,
@@ -243,6 +243,9 @@ def _all(devices: Devices, about_one: Iterable[str]) -> list[Node]:
 
 def _run_all(nodes: Sequence[Node], bus: Bus, duration: float | None) -> None:
     """Run several devices on one bus until the time is over, or an interrupt; raises BusError."""
+    from eurobot_od.bus.live.group import LiveGroup  # one node runs without
+    from eurobot_od.device.group import NodeGroup
+
     for node in nodes:
         node.alarm = partial(_alarm, node)
     signal.signal(signal.SIGTERM, signal.default_int_handler)

@@ -13,9 +13,7 @@ from eurobot_od.cli import complain
 from eurobot_od.cli.signature import Group, Option
 from eurobot_od.errors import LocalError
 from eurobot_od.od.values import NODE_IDS
-from eurobot_od.plugin import Plugin
 from eurobot_od.support import durations
-from eurobot_od.support.files import write_whole
 
 if TYPE_CHECKING:
     import can
@@ -24,6 +22,7 @@ if TYPE_CHECKING:
     from eurobot_od.client.master import Master
     from eurobot_od.client.reconnecting import Guard
     from eurobot_od.od.dcf import Dcf
+    from eurobot_od.plugin import Plugin
 
 # Readers of values
 
@@ -78,7 +77,7 @@ BitRate: TypeAlias = Annotated[int, Option("-b", read=whole(1000, 1_000_000, "in
 Json: TypeAlias = Annotated[bool, Option("--json"), "print as JSON"]
 Output: TypeAlias = Annotated[Path | None, Option("-o", metavar="FILE"), "default: standard output"]
 NoReconnect: TypeAlias = Annotated[bool, "end when the bus is lost, instead of opening it again"]
-Faults: TypeAlias = Annotated[Sequence[str], Option("--fault", metavar="NAME", suggest=Plugin.fault_names)]
+Faults: TypeAlias = Annotated[Sequence[str], Option(metavar="NAME", suggest=lambda robot: robot.fault_names())]
 EmcyFiles: TypeAlias = Annotated[
     Sequence[str],
     Option(metavar="[NODE-ID=]FILE", is_file=True),
@@ -134,12 +133,16 @@ def write(output: Path | None, text: str) -> None:
     if output is None:
         sys.stdout.write(text)
     else:
+        from eurobot_od.support.files import write_whole  # with `tempfile`, and what that needs
+
         write_whole(output, text.encode())
 
 
 def write_dcf(output: Path | None, dcf: Dcf) -> None:
     """Write a DCF, after the files beside it; raises as `write`, and LocalError where there is no place for those."""
     if output is not None:
+        from eurobot_od.support.files import write_whole
+
         # First, so that a DCF that is there is whole: it names them.
         for name, content in dcf.files.items():
             write_whole(output.with_name(name), content)

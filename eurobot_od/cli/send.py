@@ -1,4 +1,4 @@
-"""Commands that put frames on a bus: `send` and `replay`.
+"""The command `send`: one message or frame goes out on a CAN bus, and perhaps an answer is waited for.
 
 Rule of this file: the whole command line is checked against the EDS files before a bus is opened.
 """
@@ -13,20 +13,14 @@ from typing import TYPE_CHECKING, Annotated
 from eurobot_od.bus.live import Driver, FrameReader
 from eurobot_od.cli import ExitStatus
 from eurobot_od.cli.devices import Devices
-from eurobot_od.cli.logs import STANDARD_INPUT, Logs, Reading, entries
-from eurobot_od.cli.options import Bus, Seconds, positive
+from eurobot_od.cli.options import Bus, Seconds
 from eurobot_od.cli.signature import Option
-from eurobot_od.client.master import Master
-from eurobot_od.client.replay import LATE
-from eurobot_od.client.replay import replay as replay_frames
 from eurobot_od.errors import BusError, LocalError, RemoteError
 from eurobot_od.frame import Frame
 from eurobot_od.pdo.message import Message, describe
 from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.pdo.written import parse
-from eurobot_od.support.amounts import amount
 from eurobot_od.support.escaping import one_line
-from eurobot_od.traffic.senders import by_sender
 
 if TYPE_CHECKING:
     import can
@@ -138,32 +132,3 @@ def exchange(bus: can.BusABC, question: Frame, expected: Frame, within: float) -
         raise answer
     arrived, frame = answer
     return frame, arrived - started
-
-
-def replay(
-    logs: Logs = (STANDARD_INPUT,),
-    *,
-    reading: Reading,
-    speed: Annotated[float, Option(metavar="N", read=positive), "how many times faster (default: 1)"] = 1.0,
-    only: Annotated[
-        Sequence[str], Option(metavar="NODE", either="sender"), "only frames that this node sent; repeatable"
-    ] = (),
-    without: Annotated[
-        Sequence[str], Option("--except", metavar="NODE", either="sender"), "no frames that this node sent; repeatable"
-    ] = (),
-    devices: Devices,
-    bus: Bus,
-) -> None:
-    """Replay a log onto a bus with its recorded timing, so that one real node meets yesterday's others.
-
-    `--except drive` leaves out what the drive sent in the log: the drive on the bus sends it itself.
-    """
-    decoder = devices.decoder()
-    wanted = by_sender(decoder.dictionaries, decoder.protocol, only, without)
-    # What a log has besides frames is damage, which nobody can send.
-    timed = ((at, raw) for _, (_, at, _, raw) in entries(logs, reading) if isinstance(raw, Frame) and wanted(raw))
-    with Master(bus.open()) as master:
-        frames, late, worst = replay_frames(master, timed, speed)
-    print(
-        f"{amount(frames, 'frame')} sent, {late} of them later than {LATE * 1000:g} ms, {worst * 1000:.1f} ms at most"
-    )

@@ -136,6 +136,8 @@ def bus_name(interface: str | None, channel: str | None) -> str:
 
 
 async def _show_bus(session: Session, panels: Sequence[type[Panel]], name: str, control: bool, listen: Address) -> None:
+    from eurobot_od.web.requests import Requests  # with aiohttp
+
     about = {"name": name, "bitrate": session.bitrate, **described(session.decoder)}
     text = page(name, [about], panels, live=True)
     try:

@@ -21,6 +21,7 @@ from inspect import Parameter, signature
 from pathlib import Path
 from types import NoneType, UnionType
 from typing import (
+    TYPE_CHECKING,
     Annotated,
     Any,
     Literal,
@@ -35,7 +36,9 @@ from typing import (
 )
 
 from eurobot_od.errors import LocalError, UnknownName
-from eurobot_od.plugin import Plugin
+
+if TYPE_CHECKING:
+    from eurobot_od.plugin import Plugin
 
 Call: TypeAlias = Callable[[Namespace], Any]
 """Calls a function with what a command line says."""
@@ -227,7 +230,7 @@ def _settings(name: str, hint: Hint, is_needed: bool) -> dict[str, Any]:
         elif hint.several:
             settings["action"] = "append"
     else:
-        settings["nargs"] = NARGS[hint.several, is_needed]
+        settings |= {"nargs": NARGS[hint.several, is_needed], "default": None}  # or else "*" would be required
     metavar = f"{{{','.join(option.words)}}}" if option.words else name[2:].upper() if is_option else None
     return {**settings, "metavar": option.metavar or metavar, "type": partial(_read, hint)}
 

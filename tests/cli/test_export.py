@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from eurobot_od import cli
-from eurobot_od.cli.export import FORMS
+from eurobot_od.cli.files import export
 from eurobot_od.robot import dialects
 from tests.cli.console import run
 
@@ -101,7 +101,7 @@ def test_a_device_is_written_into_and_not_replaced(capsys: pytest.CaptureFixture
     assert Path(os.devnull).stat().st_ino == before
 
 
-@pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize("form", export.functions)
 def test_every_form_explains_itself(form: str, capsys: pytest.CaptureFixture[str]) -> None:
     said = run(capsys, "export", form, "--help")
     assert said.status == 0

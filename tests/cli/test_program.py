@@ -14,7 +14,7 @@ from tests.client.wired import WiredBus
 
 def program(capsys: pytest.CaptureFixture[str], patch: pytest.MonkeyPatch, device: FlashDevice, *words: str) -> Said:
     """Run the command on a bus with the device."""
-    patch.setattr("eurobot_od.cli.options.open_bus", lambda _: WiredBus(device))
+    patch.setattr("eurobot_od.cli.options.Bus.open", lambda _: WiredBus(device))
     return run(capsys, "program", *words)
 
 

@@ -24,7 +24,7 @@ from tests.eds_text import DEVICE_TYPE
 def bus(monkeypatch: pytest.MonkeyPatch) -> WiredBus:
     """A bus in simulated time, with node 5 on it for 3 s."""
     bus = WiredBus(Beating([(0.5, b"\0"), *beats(1, 2, 3)]))
-    monkeypatch.setattr("eurobot_od.cli.options.open_bus", lambda _: bus)
+    monkeypatch.setattr("eurobot_od.cli.options.Bus.open", lambda _: bus)
     monkeypatch.setattr("eurobot_od.client.master.time.monotonic", lambda: bus.now)
     monkeypatch.setattr("eurobot_od.client.master.Master.__init__.__defaults__", (0.5, lambda: bus.now, UNANNOUNCED))
     return bus
@@ -102,4 +102,4 @@ def test_without_reconnecting_a_bus_that_is_lost_ends_it() -> None:
     bus = Unplugged()
     master = Master(bus, clock=lambda: bus.now)
     with pytest.raises(BusError):
-        produce(master, islice(syncs(), 10), 0.5, options.guard(None, master))
+        produce(master, islice(syncs(), 10), 0.5, options.Bus().guard(master, no_reconnect=True))

@@ -7,7 +7,6 @@ import re
 import signal
 import subprocess
 import sys
-from argparse import Namespace
 from collections.abc import Iterator
 from contextlib import ExitStack
 from pathlib import Path
@@ -18,11 +17,11 @@ import pytest
 from eurobot_od.robot import dialects
 from eurobot_od.robot.commands.node import enter
 from eurobot_od.robot.model import robot_file
+from eurobot_od.robot.model.options import WorldAddress
 from eurobot_od.robot.model.places import Point
 from eurobot_od.robot.model.values import Source, TeamColour
 from eurobot_od.robot.nodes import Navigation
 from eurobot_od.robot.world.beacons import SimulatedBeacons
-from eurobot_od.robot.world.channel import WorldAddress
 from eurobot_od.robot.world.remote import RemoteVehicle
 from eurobot_od.support.address import Address
 from tests.cli.console import run
@@ -96,7 +95,7 @@ def test_four_processes_play_a_match_to_its_end(served: Scene, tmp_path: Path) -
 
 def test_the_instruments_of_a_node_err_by_the_seed_of_the_world(served: Scene) -> None:
     node = Navigation(dialects.load("navigation"))
-    vehicle, options = enter(node, Namespace(world=served.address, duration=1.0))
+    vehicle, options = enter(node, served.address, 1.0)
     same = SimulatedBeacons(vehicle, FACTS.field, options.errors, node.deviations, str(options.seed))
     assert node.beacons is not None
     assert [node.beacons.locate(Source.INTERNAL, now) for now in (1.0, 2.0)] == [

@@ -5,13 +5,15 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Annotated, TypeAlias
+from typing import TYPE_CHECKING, Annotated, TypeAlias
 
 from eurobot_od.cli import ExitStatus
 from eurobot_od.cli.options import assigned
 from eurobot_od.cli.signature import Option
-from eurobot_od.robot.match.summary import Summary
 from eurobot_od.robot.model.values import TeamColour
+
+if TYPE_CHECKING:
+    from eurobot_od.robot.match.summary import Summary
 
 WorldErrors: TypeAlias = Annotated[Sequence[tuple[str, str]], Option("--world"), assigned("NAME=VALUE")]
 

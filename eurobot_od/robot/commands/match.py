@@ -17,26 +17,18 @@ from eurobot_od.bus import live
 from eurobot_od.cli import ExitStatus, RobotName, complain, fall_silent
 from eurobot_od.cli.campaign import Campaign, counted
 from eurobot_od.cli.devices import Dialect
-from eurobot_od.cli.load import of_robot
 from eurobot_od.cli.options import Bus, Faults, Json, assigned, positive, write
 from eurobot_od.cli.signature import Group, Option
 from eurobot_od.errors import LocalError
 from eurobot_od.frame import Frame
 from eurobot_od.plugin import Plugin
 from eurobot_od.robot.commands.common import Sides, WorldErrors, status_of
-from eurobot_od.robot.match import MatchEvent, histogram, stage
-from eurobot_od.robot.match.comparison import picture
-from eurobot_od.robot.match.comparison import report as compared
-from eurobot_od.robot.match.played import PlayedMatch
-from eurobot_od.robot.match.seeds import SEED, play_many, settings
-from eurobot_od.robot.match.statistics import report
+from eurobot_od.robot.match import MatchEvent, stage
 from eurobot_od.robot.match.strategies import StrategyFiles
 from eurobot_od.robot.model.options import UNITS, Errors, MatchOptions
-from eurobot_od.robot.panel.files import form
 from eurobot_od.robot.world import World
 from eurobot_od.support.files import check_writable
 from eurobot_od.support.terminal import folded, in_colour
-from eurobot_od.traffic.load.report import load_report, summary
 from eurobot_od.traffic.recorder import END, GO_ON, recording
 
 if TYPE_CHECKING:
@@ -171,8 +163,6 @@ def match(asked: AskedMatch) -> ExitStatus:
 
 def _run_one(asked: AskedMatch, options: MatchOptions) -> ExitStatus:
     """Play, print the timeline as it happens and the summary at the end; status 1 if the strategy raised."""
-    from eurobot_od.robot.match.drawing import draw
-
     _refuse_what_does_not_go_with_one_match(asked)
     # Loaded before the log is opened: a mistake in the strategy must not leave an empty log behind.
     players = asked.strategies.load()
@@ -197,6 +187,8 @@ def _run_one(asked: AskedMatch, options: MatchOptions) -> ExitStatus:
                 bit_rate = asked.bus.bitrate or live.BITRATE
                 found, world = stage.play_live(options, show, watch, _bus(asked), players.ours, complain, bit_rate)
         if asked.field is not None:
+            from eurobot_od.robot.match.drawing import draw
+
             draw(asked.field, frames, options, world)
         if asked.as_json:
             timeline = [each.as_data() for each in events]
@@ -231,6 +223,9 @@ def _bus(asked: AskedMatch) -> Callable[[], can.BusABC]:
 
 def too_slow(robot: Plugin, dialect: str | None, bit_rate: int) -> str:
     """Say of a bit rate, bit/s, at which a stop or another message can be late that it is too slow; '' of others."""
+    from eurobot_od.cli.load import of_robot
+    from eurobot_od.traffic.load.report import load_report, summary
+
     found = load_report(of_robot(robot, dialect), bit_rate)
     return "" if found.holds else f"this bus is too slow: {summary(found)}; see `eurobot-od load -b {bit_rate}`"
 
@@ -242,6 +237,8 @@ def _refuse_what_does_not_go_with_one_match(asked: AskedMatch) -> None:
     if asked.speed == "fast":
         asked.refuse(OF_A_BUS, "goes with --speed real only: in simulated time there is no such bus")
     if asked.field is not None:
+        from eurobot_od.robot.panel.files import form
+
         form(asked.field)
         check_writable(asked.field)
 
@@ -268,6 +265,11 @@ def _show(coloured: bool, event: MatchEvent) -> None:
 
 def _run_many(asked: AskedMatch, seeds: range, options: MatchOptions) -> ExitStatus:
     """Play all seeds and print what they came to; status 1 if something went wrong in a match."""
+    from eurobot_od.robot.match import histogram  # one match starts without
+    from eurobot_od.robot.match.played import PlayedMatch
+    from eurobot_od.robot.match.seeds import SEED, play_many, settings
+    from eurobot_od.robot.match.statistics import report
+
     asked.refuse(("speed", "seed", "field", *OF_A_BUS), "is for one match, and does not go with --seeds")
     log = None if asked.log is None else str(asked.log)
     # Without it each match would overwrite the log of the one before.
@@ -292,6 +294,9 @@ def _run_many(asked: AskedMatch, seeds: range, options: MatchOptions) -> ExitSta
 
 def _compare(asked: AskedMatch, options: MatchOptions) -> ExitStatus:
     """Play all seeds with each strategy and print them side by side; status 1 if something went wrong in a match."""
+    from eurobot_od.robot.match.comparison import picture, report
+    from eurobot_od.robot.match.seeds import play_many
+
     asked.refuse(("speed", "seed", "strategy", "log", *OF_A_BUS), "does not go with --compare")
     if asked.campaign.results is not None:
         raise LocalError(f"--results {asked.campaign.results} does not go with --compare")
@@ -309,7 +314,7 @@ def _compare(asked: AskedMatch, options: MatchOptions) -> ExitStatus:
     if asked.as_json:
         print(json.dumps({name: [match.as_data() for match in matches] for name, matches in played.items()}))
     else:
-        print(*compared(played), sep="\n")
+        print(*report(played), sep="\n")
     if asked.field is not None:
         write(asked.field, picture(played) + "\n")
     return ExitStatus.FOUND if any(match.wrong for matches in played.values() for match in matches) else ExitStatus.FINE

@@ -9,30 +9,24 @@ from dataclasses import dataclass, replace
 from functools import partial
 from math import inf
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
-from eurobot_od.bus.live import FrameReader, Live
 from eurobot_od.cli import ExitStatus
 from eurobot_od.cli.signature import Option
 from eurobot_od.device.node import Node
 from eurobot_od.errors import LocalError
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.plugin import Run
-from eurobot_od.robot.check.drill import drill
 from eurobot_od.robot.commands.common import status_of
-from eurobot_od.robot.match import strategies
-from eurobot_od.robot.match import strategy as shipped
-from eurobot_od.robot.match.apart import Led
-from eurobot_od.robot.match.referee import Strategy
-from eurobot_od.robot.match.summary import FrameCounter
-from eurobot_od.robot.model.options import MatchOptions, facts_for, facts_given
+from eurobot_od.robot.model.options import MatchOptions, WorldAddress, facts_for, facts_given
 from eurobot_od.robot.model.values import TeamColour
 from eurobot_od.robot.nodes import Core
 from eurobot_od.robot.nodes.node import RobotNode
-from eurobot_od.robot.world.assembly import assemble, equip
-from eurobot_od.robot.world.channel import WorldAddress
-from eurobot_od.robot.world.remote import RemoteVehicle
+
+if TYPE_CHECKING:
+    from eurobot_od.bus.live import Live
+    from eurobot_od.robot.match.referee import Strategy
+    from eurobot_od.robot.world.remote import RemoteVehicle
 
 ONLY = {"team": "core", "drill": "core", "strategy": "core", "beacons": "navigation"}
 """Options that make sense for one node only."""
@@ -93,9 +87,9 @@ class NodeOptions:
 
     def set_up(self, node: Node, run: Run) -> NodeScene:
         """Give the node its instruments; raises WorldError, LocalError, OSError."""
-        played = self.strategy and (shipped.play if self.strategy == SHIPPED else strategies.load(Path(self.strategy)))
+        played = _strategy(self.strategy) if self.strategy else None
         world = enter(node, self.world, run.duration) if self.world else None
-        return NodeScene(node, run, self, played or None, world)
+        return NodeScene(node, run, self, played, world)
 
 
 @dataclass(frozen=True)
@@ -112,6 +106,8 @@ class NodeScene:
         """Do what a core does by the options; None if the node is to go on. Raises BusError, NoAnswer."""
         end = inf if self.run.duration is None else live.clock() + self.run.duration
         if self.options.beacons:
+            from eurobot_od.robot.world.assembly import assemble
+
             assemble([self.node], MatchOptions(), live.clock)  # our robot stands, the others are on their rounds
         if not isinstance(self.node, Core):
             return None
@@ -121,8 +117,17 @@ class NodeScene:
         return None
 
 
+def _strategy(name: str) -> Strategy:
+    from eurobot_od.robot.match import strategies, strategy  # a node outside of a match starts without
+
+    return strategy.play if name == SHIPPED else strategies.load(Path(name))
+
+
 def enter(node: Node, world: WorldAddress, duration: float | None) -> tuple[RemoteVehicle, MatchOptions]:
     """Equip a node with instruments in a world."""
+    from eurobot_od.robot.world.assembly import equip
+    from eurobot_od.robot.world.remote import RemoteVehicle
+
     vehicle = RemoteVehicle(world, report=partial(print, flush=True))
     # Nodes and world are started together, and the world need not be up first.
     options = vehicle.hello(PATIENCE)
@@ -134,6 +139,11 @@ def _play(
     live: Live, core: Core, vehicle: RemoteVehicle, options: MatchOptions, strategy: Strategy, run: Run
 ) -> ExitStatus:
     """Play the match; status 1 if the strategy raised."""
+    from eurobot_od.bus.live import FrameReader
+    from eurobot_od.pdo.protocol import Protocol
+    from eurobot_od.robot.match.apart import Led
+    from eurobot_od.robot.match.summary import FrameCounter
+
     counter = FrameCounter(Protocol.of_devices(run.robot.dialects.load_all(run.dialect), run.robot.catalogue()))
     # A second participant of the bus, as the core's own driver does not hear what it sends itself.
     watch = FrameReader(run.open_bus(), lambda _, frame: counter.count(frame), live.clock, opener=run.open_bus)
@@ -154,6 +164,8 @@ def _lead(core: Core, options: NodeOptions, left: Callable[[], float]) -> None:
         seconds = core.configure_start(options.team).result()
         print(f"start configuration confirmed after {seconds * 1000:.1f} ms", flush=True)
     if options.drill:
+        from eurobot_od.robot.check.drill import drill
+
         with suppress(asyncio.TimeoutError):
             # Cancelled and not left alone: the goto under way has to end as well, with the robot standing.
             asyncio.run(asyncio.wait_for(drill(core), left()))

@@ -18,9 +18,9 @@ from eurobot_od.cli.options import Json, Seconds, assigned
 from eurobot_od.cli.signature import Option
 from eurobot_od.robot.commands.common import Sides, WorldErrors
 from eurobot_od.robot.match import MatchEvent
-from eurobot_od.robot.model.options import Errors, MatchOptions, facts_given
+from eurobot_od.robot.model.options import Errors, MatchOptions, WorldAddress, facts_given
 from eurobot_od.robot.world import World
-from eurobot_od.robot.world.channel import Channel, WorldAddress
+from eurobot_od.robot.world.channel import Channel
 from eurobot_od.robot.world.server import Server
 from eurobot_od.robot.world.world import OURS
 from eurobot_od.web.access import is_local

@@ -1,0 +1,201 @@
+"""Commands on logs: `decode`, `compare` and `replay`."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from math import inf
+from typing import Annotated
+
+from eurobot_od.cli import ExitStatus
+from eurobot_od.cli.devices import Devices
+from eurobot_od.cli.logs import STANDARD_INPUT, Log, Logs, Reading, entries, opened
+from eurobot_od.cli.options import BitRate, Bus, EmcyFiles, Json, Seconds, assigned, positive
+from eurobot_od.cli.signature import Group, Option
+from eurobot_od.errors import LocalError, UnknownName
+from eurobot_od.frame import Frame
+from eurobot_od.pdo.protocol import Protocol
+from eurobot_od.support.amounts import amount
+from eurobot_od.traffic.decoding import Decoding
+from eurobot_od.traffic.filters import Wanted, Window, by_name, by_node, by_value
+from eurobot_od.traffic.meaning import Decoder
+from eurobot_od.traffic.output import Output, TextOutput
+
+BIT_RATE = 500_000
+
+
+@dataclass(frozen=True, kw_only=True)
+class Filters:
+    """The entries that are wanted: names of messages and nodes, conditions on fields."""
+
+    GROUP = Group("filters", "an entry has to pass all that are given")
+
+    message: Annotated[
+        Sequence[str],
+        Option(metavar="NAME"),
+        "message or service by name (`Goto XY`, goto-xy, SDO), or a protocol: GTP, ELP, GIP, CANopen; repeatable",
+    ] = ()
+    node: Annotated[
+        Sequence[str],
+        Option(metavar="NAME", suggest=lambda robot: robot.nodes),
+        "messages that this node sends or receives; repeatable",
+    ] = ()
+    where: Annotated[
+        Sequence[str],
+        Option(metavar="CONDITION"),
+        "condition on a field: `x>1000`, `Goto XY.speed<=20`, `team_colour=red`, `time=unknown`; repeatable",
+    ] = ()
+
+    def wanted(self, decoder: Decoder) -> Wanted | None:
+        """Return the filter, None for none; raises LocalError for a name or a value that cannot be."""
+        wanted: list[Wanted] = [by_value(text, decoder.protocol) for text in self.where]
+        if self.message:
+            wanted.append(by_name(self.message, decoder.protocol))
+        if self.node:
+            wanted.append(by_node(self.node, [each.name for each in decoder.dictionaries]))
+        return (lambda meaning: all(each(meaning) for each in wanted)) if wanted else None
+
+
+def decode(
+    logs: Logs = (STANDARD_INPUT,),
+    *,
+    reading: Reading,
+    as_json: Annotated[Json, Option(either="form"), "one JSON object per line"] = False,
+    as_csv: Annotated[bool, Option("--csv", either="form"), "comma-separated values"] = False,
+    filters: Filters,
+    since: Annotated[float, Option(metavar="S"), "from this time on, in s"] = 0.0,
+    until: Annotated[float, Option(metavar="S"), "up to this time, in s"] = inf,
+    relative: Annotated[bool, "count the time from a log's first entry"] = False,
+    statistics: Annotated[bool, "print load, gaps, jitter, response times and their bounds instead of lines"] = False,
+    bitrate: Annotated[BitRate, f"bit/s for --statistics (default: {BIT_RATE})"] = BIT_RATE,
+    strict: Annotated[bool, "exit status 1 if anything is wrong in the logs"] = False,
+    devices: Devices,
+    emcy: EmcyFiles = (),
+) -> ExitStatus:
+    """Decode logs of a CAN bus: messages with their fields and units, CANopen services, and whatever is wrong.
+
+    Lines go to standard output, progress and the report to standard error.
+    """
+    decoder = devices.decoder(emcy)
+    several = len(logs) > 1
+    if statistics:
+        from eurobot_od.traffic.traffic import TrafficOutput  # the usual case starts without the other ones' modules
+
+        output: Output = TrafficOutput(bitrate, devices.promised(decoder), several)
+    else:
+        output = _output(decoder, as_json, as_csv, several)
+    decoding = Decoding(decoder, output, filters.wanted(decoder), Window(since, until, relative))
+    sys.stdout.write(output.header)
+    for log in logs:
+        # Lines on the same terminal would tear the bar apart.
+        with opened(log, is_watched=statistics or not sys.stdout.isatty()) as file:
+            sys.stdout.writelines(decoding.lines(file, log, reading.format, reading.largest))
+    sys.stdout.flush()  # the report comes after the lines, also where both go to one file
+    sys.stderr.writelines(f"{line}\n" for line in decoding.damage.report())
+    return ExitStatus.FOUND if strict and decoding.damage.total else ExitStatus.FINE
+
+
+def _output(decoder: Decoder, as_json: bool, as_csv: bool, several: bool) -> Output:
+    if not (as_json or as_csv):
+        return TextOutput(several)
+    from eurobot_od.traffic.formats.records import CsvOutput, JsonOutput
+
+    fields = (field for each in decoder.protocol.bindings for field in each.kinds)
+    return JsonOutput() if as_json else CsvOutput(fields)
+
+
+def compare(
+    first: Annotated[Log, "the expected log"],
+    second: Annotated[Log, "the log to compare with it"],
+    *,
+    reading: Reading,
+    time: Annotated[Seconds, "tolerance of times (1 ms)"] = 0.001,
+    tolerance: Annotated[
+        Sequence[tuple[str, str]],
+        assigned("[MESSAGE.]FIELD=NUMBER"),
+        "tolerance of a field, such as x=5 or 'Goto State Response.time=20'; repeatable",
+    ] = (),
+    as_json: Annotated[Json, "one JSON object per difference"] = False,
+    filters: Filters,
+    devices: Devices,
+    emcy: EmcyFiles = (),
+) -> ExitStatus:
+    """Compare two logs that should be the same: which frames are missing, extra or late, or have other values.
+
+    Exit status 1 if they differ: a regression test for a node's program.
+    """
+    from eurobot_od.traffic.compare import Tolerances
+    from eurobot_od.traffic.compare import compare as differences_of
+
+    decoder = devices.decoder(emcy)
+    fields, wanted = tolerances(tolerance, decoder.protocol), filters.wanted(decoder)
+    # Both are read whole, as the distance between their clocks is found from frames of both.
+    expected, found = (
+        [(at, raw) for _, (_, at, _, raw) in entries([log], reading) if wanted is None or wanted(decoder(raw))]
+        for log in (first, second)
+    )
+    differences = differences_of(expected, found, decoder, Tolerances(time, fields))
+    for each in differences:
+        line = f"{each.time:13.6f}  {each.kind.value:<8} {each.name:<29} {each.text}".rstrip()
+        print(json.dumps(each._asdict() | {"kind": each.kind.value}) if as_json else line)
+    if not as_json:
+        kinds = Counter(each.kind.value for each in differences)
+        counts = ", ".join(f"{count} {kind}" for kind, count in kinds.items()) or "no difference"
+        print(f"{len(expected)} and {len(found)} frames: {counts}")
+    return ExitStatus.FOUND if differences else ExitStatus.FINE
+
+
+def tolerances(given: Iterable[tuple[str, str]], protocol: Protocol) -> dict[tuple[str, str], float]:
+    """Return the tolerances by message and field; raises UnknownName, LocalError."""
+    found: dict[tuple[str, str], float] = {}
+    for name, text in given:
+        message, _, field = name.rpartition(".")
+        bindings = [protocol.binding(message)] if message else protocol.bindings
+        having = [each.name for each in bindings if field in each.kinds]
+        if not having:
+            raise UnknownName("field", name, dict.fromkeys(field for each in bindings for field in each.kinds))
+        try:
+            number = float(text)
+        except ValueError:
+            number = -1.0
+        if not 0 <= number < float("inf"):  # `float` takes "nan" and "inf", with which nothing would ever differ
+            raise LocalError(f"--tolerance {name}={text}: not a number, 0 or more")
+        found |= dict.fromkeys(((each, field) for each in having), number)
+    return found
+
+
+def replay(
+    logs: Logs = (STANDARD_INPUT,),
+    *,
+    reading: Reading,
+    speed: Annotated[float, Option(metavar="N", read=positive), "how many times faster (default: 1)"] = 1.0,
+    only: Annotated[
+        Sequence[str], Option(metavar="NODE", either="sender"), "only frames that this node sent; repeatable"
+    ] = (),
+    without: Annotated[
+        Sequence[str], Option("--except", metavar="NODE", either="sender"), "no frames that this node sent; repeatable"
+    ] = (),
+    devices: Devices,
+    bus: Bus,
+) -> None:
+    """Replay a log onto a bus with its recorded timing, so that one real node meets yesterday's others.
+
+    `--except drive` leaves out what the drive sent in the log: the drive on the bus sends it itself.
+    """
+    from eurobot_od.client.master import Master  # a log is decoded without
+    from eurobot_od.client.replay import LATE
+    from eurobot_od.client.replay import replay as replay_frames
+    from eurobot_od.traffic.senders import by_sender
+
+    decoder = devices.decoder()
+    wanted = by_sender(decoder.dictionaries, decoder.protocol, only, without)
+    # What a log has besides frames is damage, which nobody can send.
+    timed = ((at, raw) for _, (_, at, _, raw) in entries(logs, reading) if isinstance(raw, Frame) and wanted(raw))
+    with Master(bus.open()) as master:
+        frames, late, worst = replay_frames(master, timed, speed)
+    print(
+        f"{amount(frames, 'frame')} sent, {late} of them later than {LATE * 1000:g} ms, {worst * 1000:.1f} ms at most"
+    )
