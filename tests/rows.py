@@ -22,7 +22,7 @@ def rows(names: str | Sequence[str], table: Iterable[Any], *, sample: int | None
     """Try a test on all rows of a table, which looks as in `pytest.mark.parametrize`; the other arguments are fixtures.
 
     Fixtures are made once for all rows, but each row gets a folder of its own in `tmp_path`. `sample`: so many rows,
-    other ones each time (in CI: the same); with --hypothesis-profile=campaign all of them.
+    other ones each time (in CI: the same); with --hypothesis-profile=campaign all of them. A row may be skipped.
     """
     arguments = names.replace(" ", "").split(",") if isinstance(names, str) else list(names)
     cases = [tuple(row) if len(arguments) > 1 else (row,) for row in table]
@@ -38,6 +38,7 @@ def rows(names: str | Sequence[str], table: Iterable[Any], *, sample: int | None
         @functools.wraps(test)
         def walk(*instance: object, **fixtures: Any) -> None:
             failed: list[tuple[dict[str, Any], BaseException]] = []
+            skipped: list[BaseException] = []
             tried = chosen()
             folder = fixtures.get("tmp_path")
             for number, case in enumerate(tried):
@@ -49,6 +50,10 @@ def rows(names: str | Sequence[str], table: Iterable[Any], *, sample: int | None
                     test(*instance, **fixtures, **row)
                 except (Exception, pytest.fail.Exception) as error:
                     failed.append((row, error))
+                except pytest.skip.Exception as error:
+                    skipped.append(error)
+            if len(skipped) == len(tried):
+                raise skipped[0]
             if failed:
                 first = failed[0][1]
                 first.add_note(f"{len(failed)} of {len(tried)} rows failed, this is the first of:")

@@ -46,3 +46,18 @@ def test_a_sample_has_other_rows_each_time() -> None:
         take()
     assert len(tried) == 60
     assert set(tried) <= set(range(1000))
+
+
+def test_the_test_is_skipped_if_all_rows_are() -> None:
+    tried: list[int] = []
+
+    def skip_below(bound: int, number: int) -> None:
+        if number < bound:
+            pytest.skip(f"{number} is too low")
+        tried.append(number)
+
+    over = rows("number", range(3))(skip_below)
+    over(bound=2)
+    assert tried == [2]
+    with pytest.raises(pytest.skip.Exception, match="0 is too low"):
+        over(bound=3)

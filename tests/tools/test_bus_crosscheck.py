@@ -12,10 +12,11 @@ from eurobot_od.bus.simulated.bits import frame_bits
 from eurobot_od.traffic.load import analysis, frames
 from eurobot_od.traffic.load.frames import longest_frame
 from eurobot_od.traffic.load.message_set import ErrorRate
+from tests.rows import rows
 
 
-@pytest.mark.parametrize("rate", bus_crosscheck.RATES)
-@pytest.mark.parametrize("number", [0, 3, 4, 5])
+@rows("rate", bus_crosscheck.RATES)
+@rows("number", [0, 3, 4, 5])
 def test_nothing_is_later_than_its_bound_and_something_is_near_it(number: int, rate: ErrorRate) -> None:
     outcome = attempt(number, 2000, rate)
     assert outcome.frames >= 1990  # as near as whole messages come
@@ -43,8 +44,8 @@ def test_mailboxes_are_needed_in_the_analysis(monkeypatch: pytest.MonkeyPatch) -
     assert attempt(0, 500).over
 
 
-@pytest.mark.parametrize("identifier", [0x000, 0x0AA, 0x555, 0x7FF])
-@pytest.mark.parametrize("length", [0, 1, 4, 8])
+@rows("identifier", [0x000, 0x0AA, 0x555, 0x7FF])
+@rows("length", [0, 1, 4, 8])
 def test_the_worst_frame_that_is_found_is_nearly_the_longest(identifier: int, length: int) -> None:
     frame = worst_frame(identifier, length)
     assert (frame.cob_id, len(frame.data)) == (identifier, length)

@@ -24,6 +24,7 @@ from eurobot_od.traffic.meaning import Decoder
 from eurobot_od.web.drives import HELD, AxisAddress, Drives, axes_of
 from tests.client.servo import EDS, SERVO
 from tests.conftest import EDS as ROBOTS
+from tests.rows import rows
 from tests.web.browser import Page
 from tests.web.scene import Served, channel, live_page
 from tests.web.test_server import answer, talk
@@ -242,8 +243,8 @@ def test_a_fault_is_said_and_reset(tmp_path: Path, window: Page) -> None:
         window.wait(f"{NOW} === 'Switch on disabled'")
 
 
-@pytest.mark.parametrize(
-    ("words", "error"),
+@rows(
+    "words, error",
     [
         ({"do": "drive", "node": "servo", "axis": 1, "command": "explode"}, "unknown command of a drive 'explode'"),
         ({"do": "drive", "node": "servo", "axis": 2, "command": "enable"}, "node 5 has no axis 2 of CiA 402"),
