@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import json
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -22,6 +21,7 @@ from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.profiles.cia402 import State
 from eurobot_od.traffic.meaning import Decoder
 from eurobot_od.web.drives import HELD, AxisAddress, Drives, axes_of
+from tests.bus.live.loose import until
 from tests.client.servo import EDS, SERVO
 from tests.conftest import EDS as ROBOTS
 from tests.rows import rows
@@ -64,13 +64,6 @@ def bench(tmp_path: Path, control: bool = True, fault: str = "") -> Iterator[Ben
         live_page(name, tmp_path, control, network=NETWORK, panels=()) as served,
     ):
         yield Bench(served, drive)
-
-
-def until(done: Callable[[], object], within: float = 10.0) -> None:
-    end = time.monotonic() + within
-    while not done():
-        assert time.monotonic() < end, "never"
-        time.sleep(0.02)
 
 
 def open_drives(page: Page, served: Served) -> None:
