@@ -175,6 +175,6 @@ def _lead(core: Core, arguments: argparse.Namespace, left: Callable[[], float]) 
 
         from eurobot_od.robot.check.drill import drill
 
-        with suppress(asyncio.TimeoutError):
+        with suppress(TimeoutError):
             # Cancelled and not left alone: the goto under way has to end as well, with the robot standing.
             asyncio.run(asyncio.wait_for(drill(core), left()))
