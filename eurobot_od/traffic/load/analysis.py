@@ -48,7 +48,9 @@ from math import lcm
 from types import MappingProxyType
 from typing import NamedTuple, TypeAlias
 
-from eurobot_od.traffic.load.frames import RECOVERY_BITS
+RECOVERY_BITS = 31
+"""The longest that an error keeps the bus busy besides the frame that is sent again: error flags that follow each other
+(12), delimiter (8), intermission (3), and the 8 bits for which an error passive node suspends its transmission."""
 
 HORIZON = 10**7
 """Bit times after which a busy period counts as endless: 10 s at 1 Mbit/s."""

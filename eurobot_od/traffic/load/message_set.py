@@ -9,8 +9,8 @@ from collections.abc import Iterable, Mapping
 from types import MappingProxyType
 from typing import NamedTuple
 
+from eurobot_od.bus.bits import longest_frame
 from eurobot_od.traffic.load.analysis import Analysis, BitErrors, Message
-from eurobot_od.traffic.load.frames import longest_frame
 
 MICROSECONDS = 1_000_000
 """Microseconds of a second."""
