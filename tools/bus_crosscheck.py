@@ -34,13 +34,8 @@ from eurobot_od.device.node import Node
 from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.robot.plugin import ROBOT
-from eurobot_od.traffic.load.message_set import (
-    MICROSECONDS,
-    MessageSet,
-    PeriodicMessage,
-    analysed,
-    by_urgency,
-)
+from eurobot_od.traffic.load.analysis import analysed
+from eurobot_od.traffic.load.message_set import MICROSECONDS, MessageSet, PeriodicMessage
 
 FINE, WRONG = 0, 1
 
@@ -247,12 +242,12 @@ def random_set(random: Random) -> tuple[MessageSet, int]:
     load = sum(each.bits * MICROSECONDS / each.period for each in messages) / bit_rate
     stretch = load / random.uniform(0.2, 0.85)
     stretched = [_stretched(each, stretch, random) for each in messages]
-    return MessageSet(by_urgency(stretched), mailboxes, bit_rate=bit_rate), bit_rate
+    return MessageSet(tuple(stretched), mailboxes, bit_rate=bit_rate), bit_rate
 
 
 def _random_message(name: str, identifier: int, random: Random, nodes: Sequence[str]) -> PeriodicMessage:
     period = random.choice(PERIODS)
-    return PeriodicMessage(name, identifier, random.randint(0, 8), period, period, random.choice(nodes))
+    return PeriodicMessage.of(name, identifier, random.randint(0, 8), random.choice(nodes)).every(period)
 
 
 def _stretched(message: PeriodicMessage, stretch: float, random: Random) -> PeriodicMessage:
