@@ -78,6 +78,8 @@ class Unmapped:
         if cob_id in self._known:
             return self._known[cob_id]
         if found := values.owner(cob_id, DEFAULT_PDOS):
+            if not self._nodes:  # no file is missing where none is given
+                return OtherPdo(f"PDO 0x{cob_id:03X}", (), plain, is_sent=False)
             node_id = found.node_id(cob_id)
             node = self._nodes.get(node_id or 0, f"node {node_id}")
             why = f": in no file; a guess by its identifier: {found.owner} of {node}"

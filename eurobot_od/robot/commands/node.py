@@ -46,7 +46,7 @@ def add_arguments(group: argparse._ActionsContainer) -> None:
     group.add_argument("--drill", action="store_true", help="core only: do what the core does when it is checked")
     group.add_argument("--beacons", action="store_true", help="navigation only: simulated beacons for a red robot")
     group.add_argument(
-        "--world", type=world_address, metavar="[TOKEN@]HOST:PORT", help="wheels, beacons, sensor in `eurobot-od world`"
+        "--world", type=world_address, metavar="[TOKEN@]HOST:PORT", help="wheels, beacons, sensor in `world`"
     )
     group.add_argument(
         "--strategy",
