@@ -27,8 +27,8 @@ if TYPE_CHECKING:
     from eurobot_od.client.remote_pdos import PdoReading as PdoReading
     from eurobot_od.client.remote_pdos import PdoValue as PdoValue
     from eurobot_od.client.watch import NodeEvent as NodeEvent
-    from eurobot_od.device.drive import SimulatedDrive as SimulatedDrive
-    from eurobot_od.device.module import SimulatedModule as SimulatedModule
+    from eurobot_od.device.profiles.devices import SimulatedDrive as SimulatedDrive
+    from eurobot_od.device.profiles.devices import SimulatedModule as SimulatedModule
     from eurobot_od.device.simulated import SimulatedDevice as SimulatedDevice
     from eurobot_od.frame import Frame as Frame
     from eurobot_od.gatekeeper import Gatekeeper as Gatekeeper
@@ -64,8 +64,8 @@ _HOMES = {
     "Robot": "robot.facade",
     "Season": "season.season",
     "SimulatedDevice": "device.simulated",
-    "SimulatedDrive": "device.drive",
-    "SimulatedModule": "device.module",
+    "SimulatedDrive": "device.profiles.devices",
+    "SimulatedModule": "device.profiles.devices",
     "Simulation": "bus.simulated.network",
     "messages": "robot.model.messages",
     "open_bus": "bus.live",

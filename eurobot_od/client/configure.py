@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from eurobot_od.client.description import Description, Identity, read_identity
 from eurobot_od.client.master import STORE_WAIT, RemoteNode
-from eurobot_od.client.pdo_order import Bytes, in_order, pdo_of, procedure_objects
+from eurobot_od.client.pdo_mapping import Bytes, in_order, pdo_of, procedure_objects
 from eurobot_od.client.procedure import Procedure
 from eurobot_od.device.nmt import STATE_NAMES, NmtCommand, NmtState
 from eurobot_od.device.objects import COMMUNICATION_PROFILE

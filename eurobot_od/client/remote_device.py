@@ -13,7 +13,7 @@ from eurobot_od.client.description import Identity, from_file, read_identity
 from eurobot_od.client.drive402 import AsyncDrive402, Drive402
 from eurobot_od.client.emergencies import AsyncEmergencyStream, EmergencyStream, HeardEmergencies
 from eurobot_od.client.master import Master
-from eurobot_od.client.pdo_order import pdo_of
+from eurobot_od.client.pdo_mapping import pdo_of
 from eurobot_od.client.procedure import finished
 from eurobot_od.client.program import Loaded
 from eurobot_od.client.remote_objects import AsyncRemoteObject, ObjectKey, RemoteObject, found_variables

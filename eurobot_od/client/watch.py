@@ -14,10 +14,9 @@ from math import inf
 from statistics import median_low
 from typing import TYPE_CHECKING, NamedTuple
 
+from eurobot_od.client.master import Guard, unguarded
 from eurobot_od.client.procedure import Procedure
-from eurobot_od.client.reconnecting import Guard, unguarded
-from eurobot_od.device.guarding import TOGGLE
-from eurobot_od.device.nmt import NmtState
+from eurobot_od.device.nmt import TOGGLE, NmtState
 from eurobot_od.errors import RemoteError
 from eurobot_od.od.standard import HEARTBEAT_TIME
 from eurobot_od.od.values import ERROR_CONTROL_BASE, NODE_IDS
