@@ -19,6 +19,7 @@ from eurobot_od.bus.live.connection import Connection
 from eurobot_od.client.procedure import Procedure
 from eurobot_od.device.nmt import COMMAND_NAMES, NmtCommand, NmtState
 from eurobot_od.errors import BusError, NamedObject, NoAnswer, NodeRefused, RemoteError, WrongAnswer
+from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.sdo_channel import SdoChannel
 from eurobot_od.od.values import (
     ERROR_CONTROL_BASE,
@@ -44,8 +45,6 @@ from eurobot_od.support.progress import Progress, unwatched
 
 if TYPE_CHECKING:
     import can
-
-    from eurobot_od.od.dictionary import Dictionary
 
 
 ANSWER_WAIT = 0.5

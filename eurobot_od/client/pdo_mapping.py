@@ -7,7 +7,9 @@ before or is to be (7.5.2.36, 7.5.2.38).
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TypeAlias
+
+from canopen.objectdictionary import ODVariable
 
 from eurobot_od.client.master import RemoteNode
 from eurobot_od.client.procedure import Procedure
@@ -28,10 +30,6 @@ from eurobot_od.od.values import (
     label,
 )
 from eurobot_od.support.amounts import amount
-
-if TYPE_CHECKING:
-    from canopen.objectdictionary import ODVariable
-
 
 # The order of writes: bytes by address in, writes out
 

@@ -7,7 +7,7 @@ configuration has written and read back, by what was written with `drive[...]`, 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING, Any, Generic, NamedTuple, TypeVar
+from typing import Any, Generic, NamedTuple, TypeVar
 
 from eurobot_od.client.master import RemoteNode
 from eurobot_od.client.pdo_mapping import pdo_of
@@ -21,9 +21,6 @@ from eurobot_od.od.pdos import Pdo
 from eurobot_od.od.values import SLICE, Address, PdoDirection, Value
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.catalogue import plain_name
-
-if TYPE_CHECKING:
-    from eurobot_od.od.values import Address
 
 
 @Procedure

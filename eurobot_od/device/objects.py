@@ -8,7 +8,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+from canopen.objectdictionary import ODVariable
 
 from eurobot_od.errors import Cause, DictionaryError, Refused
 from eurobot_od.od.dictionary import Dictionary
@@ -31,10 +33,6 @@ from eurobot_od.od.values import (
 )
 from eurobot_od.sdo.aborts import Abort, Reason
 from eurobot_od.sdo.wire import LARGEST
-
-if TYPE_CHECKING:
-    from canopen.objectdictionary import ODVariable
-
 
 COMMUNICATION_PROFILE = range(0x1000, 0x2000)
 """Indices of communication objects, which are configuration; a reset of the communication restores them (CiA 301,

@@ -13,7 +13,9 @@ from enum import Enum
 from functools import partial
 from math import isfinite
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
+
+from canopen.objectdictionary import ObjectDictionary, ODVariable
 
 from eurobot_od.client.configure import read_object
 from eurobot_od.client.emergencies import read_history
@@ -29,10 +31,6 @@ from eurobot_od.pdo.message import Message
 from eurobot_od.pdo.written import parse
 from eurobot_od.web.drives import LOOK, AxisAddress, Drives, quick_stops
 from eurobot_od.web.session import MOST_POLLED, POLL_PERIOD, POLLED_FOR, PolledObject, Session
-
-if TYPE_CHECKING:
-    from canopen.objectdictionary import ObjectDictionary, ODVariable
-
 
 Arguments = Mapping[str, Any]
 """What a request says besides its name."""

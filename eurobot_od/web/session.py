@@ -11,7 +11,10 @@ from collections.abc import Callable, Sequence
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import can
+from canopen.objectdictionary import ODVariable
 
 from eurobot_od.errors import LocalError
 from eurobot_od.frame import Frame
@@ -24,11 +27,6 @@ from eurobot_od.traffic.recorder import recording
 from eurobot_od.web.content import defects, event_data, values
 from eurobot_od.web.panel import PageEvent, Panel, service_events
 from eurobot_od.web.tap import Tap
-
-if TYPE_CHECKING:
-    import can
-    from canopen.objectdictionary import ODVariable
-
 
 # Objects that are read by SDO again and again, for plots
 

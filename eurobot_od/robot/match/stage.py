@@ -11,7 +11,9 @@ from collections.abc import Callable, Coroutine, Iterable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
 from math import isnan, nan
-from typing import TYPE_CHECKING, Any, NamedTuple, cast
+from typing import Any, NamedTuple, cast
+
+import can
 
 from eurobot_od import plugin
 from eurobot_od.bus import live as runtime
@@ -44,10 +46,6 @@ from eurobot_od.robot.world.instruments import equip
 from eurobot_od.robot.world.remote import RemoteVehicle
 from eurobot_od.robot.world.timeline import EventKind, MatchEvent, Timeline
 from eurobot_od.robot.world.world import OURS, RIVAL
-
-if TYPE_CHECKING:
-    import can
-
 
 # Settings: values that stand in a node's object dictionary in place of its EDS file's
 
