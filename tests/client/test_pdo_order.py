@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from eurobot_od.client.pdo_order import in_order, pdo_of, procedure_objects
+from eurobot_od.client.pdo_mapping import in_order, pdo_of, procedure_objects
 from eurobot_od.od.concise import Write
 from eurobot_od.od.values import Address
 from tests.rows import rows

@@ -6,7 +6,7 @@ import re
 
 import pytest
 
-from eurobot_od.export.names import LONGEST_IDENTIFIER, Identifiers, printable
+from eurobot_od.export.description import LONGEST_IDENTIFIER, Identifiers, printable
 from tests.export.made_up import BAD_NAMES
 from tests.rows import rows
 

@@ -27,8 +27,7 @@ from eurobot_od.robot.model.messages import (
 from eurobot_od.robot.model.values import Obstacle, Outcome, TeamColour
 from eurobot_od.robot.nodes import Core, Drive, Navigation
 from eurobot_od.robot.nodes.equipment import Detection
-from eurobot_od.robot.nodes.goto import GotoReport
-from eurobot_od.robot.nodes.standstill import NotStanding
+from eurobot_od.robot.nodes.goto import GotoReport, NotStanding
 from tests.bus.live.loose import LONG, until
 from tests.client.peers import new_channel, open_bus
 from tests.robot.nodes.harness import PROTOCOL, as_if_started, put

@@ -9,7 +9,7 @@ import pytest
 
 from eurobot_od.bus.live import Live
 from eurobot_od.robot import dialects
-from eurobot_od.robot.match.apart import Led
+from eurobot_od.robot.match.stage import Led
 from eurobot_od.robot.match.summary import FrameCounter
 from eurobot_od.robot.model.options import MatchOptions
 from eurobot_od.robot.nodes import Core, Drive, Navigation

@@ -22,8 +22,7 @@ from eurobot_od.od.document import parse
 from eurobot_od.od.values import Address, PdoDirection, Value
 from eurobot_od.robot import dialects
 from eurobot_od.robot.match import EventKind, MatchEvent, MatchOptions, stage
-from eurobot_od.robot.match.observer import Observer
-from eurobot_od.robot.match.referee import Referee
+from eurobot_od.robot.match.referee import Observer, Referee
 from eurobot_od.robot.nodes import Core, Node
 from eurobot_od.robot.world import World
 from eurobot_od.robot.world.timeline import Timeline

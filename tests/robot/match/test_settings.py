@@ -5,8 +5,7 @@ from __future__ import annotations
 import pytest
 
 from eurobot_od.errors import FieldError, LocalError, UnknownName
-from eurobot_od.robot.match.settings import stores
-from eurobot_od.robot.match.stage import EdsFiles, cast_for
+from eurobot_od.robot.match.stage import EdsFiles, cast_for, stores
 from eurobot_od.robot.model.options import MatchOptions
 from eurobot_od.robot.world import World
 from tests.rows import rows

@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import pytest
 
-from eurobot_od.robot.match.histogram import ASCII
 from eurobot_od.robot.match.played import PlayedGoto, PlayedMatch, PlayedTask
 from eurobot_od.robot.match.statistics import (
+    ASCII,
     FIGURES,
     FORCED,
     MOST_LISTED,
@@ -21,8 +21,7 @@ from eurobot_od.robot.match.statistics import (
     spread,
     touch_counts,
 )
-from eurobot_od.robot.match.summary import Summary
-from eurobot_od.robot.match.touches import RobotTouch
+from eurobot_od.robot.match.summary import RobotTouch, Summary
 from tests.rows import rows
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from eurobot_od.robot.match.touches import RobotTouch, Touched, counts, kind_of, touches_of
+from eurobot_od.robot.match.summary import RobotTouch, Touched, counts, kind_of, touches_of
 from eurobot_od.robot.model import robot_file
 from eurobot_od.robot.world.bodies import BORDER, standing
 from eurobot_od.robot.world.contact import Touch

@@ -44,7 +44,7 @@ from eurobot_od.robot.model.values import Direction, GotoFault, Obstacle, Outcom
 from eurobot_od.robot.nodes import ROLES
 from eurobot_od.robot.nodes.core import Core
 from eurobot_od.robot.nodes.goto import GotoReport
-from eurobot_od.robot.nodes.identity import DialectMismatch
+from eurobot_od.robot.nodes.startup import DialectMismatch
 from tests.robot.nodes.harness import DICTIONARIES, PROTOCOL, RED, Bench, as_if_started
 from tests.rows import rows
 

@@ -46,11 +46,10 @@ from eurobot_od.robot.model.places import Pose
 from eurobot_od.robot.model.values import Barriers, GotoFault, Obstacle, Outcome, Passage, RobotError, Source
 from eurobot_od.robot.nodes import ROLES, Core, Drive, Navigation
 from eurobot_od.robot.nodes.estimate import Estimate
-from eurobot_od.robot.nodes.goto import GotoReport
+from eurobot_od.robot.nodes.goto import GotoReport, NotStanding, Standstill
 from eurobot_od.robot.nodes.motion import Odometry, WheelCommand
 from eurobot_od.robot.nodes.navigation import Fix
 from eurobot_od.robot.nodes.node import Handlers
-from eurobot_od.robot.nodes.standstill import NotStanding, Standstill
 from tests.client.peers import new_channel, open_bus
 from tests.robot.nodes.harness import DICTIONARIES, PROTOCOL, RED, TUNING, Bench, put
 from tests.rows import rows

@@ -7,8 +7,7 @@ import pytest
 from eurobot_od.robot.model.places import Point, Pose
 from eurobot_od.robot.model.values import Obstacle
 from eurobot_od.robot.nodes.equipment import Detection
-from eurobot_od.robot.world.bodies import Body, RobotBody, Weight
-from eurobot_od.robot.world.sight import nearest_ahead
+from eurobot_od.robot.world.bodies import Body, RobotBody, Weight, nearest_ahead
 from tests.rows import rows
 
 
