@@ -114,7 +114,9 @@ def test_a_suite_may_be_for_any_network(
 
 def test_a_suite_with_a_dialect_has_its_files_whatever_the_network(pytester: pytest.Pytester) -> None:
     shutil.copy(EDS / "drive.eds", pytester.path / "motor.eds")
-    pytester.path.joinpath("eurobot-od.yaml").write_text("nodes:\n  motor: {file: motor.eds, node_id: 5}\n")
+    pytester.path.joinpath("eurobot-od.yaml").write_text(
+        "robot: eurobot2014\nnodes:\n  motor: {file: motor.eds, node_id: 5}\n"
+    )
     suite = "spec: 1\nname: backwards\nnode: drive\ndialect: firmware2014\nsteps:\n  - send: {Goto XY: %s}\n"
     goto = "{x: 700, y: 1750, angle: 0, speed: 100, direction: backward}"  # a field that only that dialect has
     pytester.path.joinpath("drive.check.yaml").write_text(suite % goto)
