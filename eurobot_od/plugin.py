@@ -359,7 +359,8 @@ def _written(name: str, file: Path) -> Plugin:
         return _loaded_if_it_can_be(installed()[name]) or NO_ROBOT
     path = file.parent / name
     typed = quote(str(path if path.is_dir() else name))
-    _warn(f"{file}: robot: {name} is not an installed robot, and a file runs no code; to run it, type --robot {typed}")
+    what = f"{file}: robot: {name} is not an installed robot, and a file runs no code"
+    _warn(f"{what}; to run it, set {VARIABLE}, or type --robot {typed}")
     return NO_ROBOT
 
 

@@ -243,6 +243,18 @@ def test_a_file_that_names_no_installed_robot_is_told_what_to_type(name: str, tm
     assert str(told[0].message).endswith(f"type {WRITTEN[name].format(folder=tmp_path.name)}")
 
 
+@pytest.mark.parametrize("command", [*ROBOT.commands, "wave"])
+def test_no_command_of_a_robot_runs_what_a_file_names(
+    command: str, mine: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (mine / "robot.py").write_text(f"from pathlib import Path\nPath('it ran').touch()\n{MINE}")
+    Path("eurobot-od.yaml").write_text("robot: ./mine\n")
+    said = run(capsys, command, "new")
+    assert said.status == 2
+    assert said.err.splitlines()[0].endswith("to run it, set EUROBOT_OD_ROBOT, or type --robot mine")
+    assert [each.name for each in Path().iterdir() if each.name not in ("mine", "eurobot-od.yaml")] == []
+
+
 @pytest.mark.parametrize("program", [cli.PROGRAM, cli.WORKBENCH])
 def test_a_table_extends_an_installed_robot_s_only(
     program: str, mine: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
