@@ -11,7 +11,7 @@ from eurobot_od.errors import StateError
 from eurobot_od.robot.model import messages
 from eurobot_od.robot.model.places import Place, is_near
 from eurobot_od.robot.nodes.goto import drive_position
-from eurobot_od.robot.nodes.node import RobotNode
+from eurobot_od.robot.nodes.node import CoreSettings
 
 ANY_ANGLE = 180.0
 """Two headings are never further apart, degrees."""
@@ -30,7 +30,7 @@ class PlaceLost(StateError):
     """A drive that is not where it was seen last; it has to be put at its start place, and the start configured."""
 
 
-def find_place(core: RobotNode, there: Place | None, start: Place) -> Script[messages.KalmanPositionResponse]:
+def find_place(core: CoreSettings, there: Place | None, start: Place) -> Script[messages.KalmanPositionResponse]:
     """Have the navigation look where the drive is, and see that it is where it was seen last; `there`, if it was.
 
     Raises PlaceLost if it is elsewhere, or so near its `start` place that nobody may have seen it there; NoAnswer.
@@ -38,11 +38,11 @@ def find_place(core: RobotNode, there: Place | None, start: Place) -> Script[mes
     for _ in range(LOOKS):
         core.offer(messages.NaviPositionRequest())
         # The drive hears the answers itself (document 4.2.2 Navigation), so there is nothing to wait for here.
-        yield Pause(core.period("Goto handshake.State request period"))
+        yield Pause(core.state_request_period)
     here = yield from drive_position(core)
     if there is None:
         return here
-    moved = not is_near(there, here[:3], core.setting("Recovery.Displacement"), ANY_ANGLE)
+    moved = not is_near(there, here[:3], core.displacement, ANY_ANGLE)
     unseen = is_near(start, here[:3], AT_START, ANY_ANGLE) and not is_near(start, there, AT_START, ANY_ANGLE)
     if moved or unseen:
         text = f"it was last seen at {there[:2]}, and is at {here[:2]} now; configure the start"

@@ -15,7 +15,7 @@ from eurobot_od.errors import NoAnswer, RemoteError
 from eurobot_od.robot.model import messages
 from eurobot_od.robot.model.places import is_near
 from eurobot_od.robot.model.values import GotoFault
-from eurobot_od.robot.nodes.node import RobotNode
+from eurobot_od.robot.nodes.node import CoreSettings
 
 
 class Standstill(NamedTuple):
@@ -40,7 +40,7 @@ def is_driving(state: messages.GotoStateResponse) -> bool:
 
 
 def until_standing(
-    core: RobotNode, stop: Callable[[], messages.StopMessage], patience: float = inf
+    core: CoreSettings, stop: Callable[[], messages.StopMessage], patience: float = inf
 ) -> Script[Standstill | None]:
     """Send the latest stop again and again until the robot is seen to stand; None if not within `patience` seconds."""
     began: float = yield START
@@ -55,9 +55,9 @@ def until_standing(
             core.offer(each)
 
 
-def _standing_place(core: RobotNode) -> Script[messages.KalmanPositionResponse | None]:
+def _standing_place(core: CoreSettings) -> Script[messages.KalmanPositionResponse | None]:
     """Look at the drive for two stop periods; return where it stands, None if it does not, or does not answer."""
-    period = core.period("Standstill.Stop period")
+    period = core.stop_period
     ask_position = Ask(messages.KalmanPositionRequest(), messages.KalmanPositionResponse, period, 1)
     yield Pause(period)
     try:
@@ -68,6 +68,5 @@ def _standing_place(core: RobotNode) -> Script[messages.KalmanPositionResponse |
         after = yield ask_position
     except NoAnswer:
         return None
-    distance, angle = core.setting("Standstill.Standstill distance"), core.setting("Standstill.Standstill turn")
-    stands = not is_driving(state) and is_near(before[:3], after[:3], distance, angle)
-    return after if stands else None
+    moved = not is_near(before[:3], after[:3], core.standstill_distance, core.standstill_turn)
+    return None if moved or is_driving(state) else after
