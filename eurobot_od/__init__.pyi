@@ -12,8 +12,8 @@ from eurobot_od.client.remote_device import RemoteDevice as RemoteDevice
 from eurobot_od.client.remote_pdos import PdoReading as PdoReading
 from eurobot_od.client.remote_pdos import PdoValue as PdoValue
 from eurobot_od.client.watch import NodeEvent as NodeEvent
-from eurobot_od.device.drive import SimulatedDrive as SimulatedDrive
-from eurobot_od.device.module import SimulatedModule as SimulatedModule
+from eurobot_od.device.profiles.devices import SimulatedDrive as SimulatedDrive
+from eurobot_od.device.profiles.devices import SimulatedModule as SimulatedModule
 from eurobot_od.device.simulated import SimulatedDevice as SimulatedDevice
 from eurobot_od.frame import Frame as Frame
 from eurobot_od.gatekeeper import Gatekeeper as Gatekeeper

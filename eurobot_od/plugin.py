@@ -183,10 +183,9 @@ class Plugin(NamedTuple):
 
     def all_faults(self) -> Faults:
         """Return the faults of the robot's nodes, and those that any device can have."""
-        from eurobot_od.device.drive import SimulatedDrive
         from eurobot_od.device.faults import conformance, device, drive, module
-        from eurobot_od.device.module import SimulatedModule
         from eurobot_od.device.node import Node
+        from eurobot_od.device.profiles.devices import SimulatedDrive, SimulatedModule
 
         own = dict(self.faults())
         every = {**device.FAULTS, **own.get(Node, {}), **conformance.FAULTS}
@@ -249,7 +248,7 @@ class Plugin(NamedTuple):
         Those that have no role behave as a device `profile` says, I/O modules with `wires` from outputs to inputs.
         """
         from eurobot_od.check.simulated import NodeUnderTest
-        from eurobot_od.device.kinds import simulated_kind
+        from eurobot_od.device.profiles.devices import simulated_kind
 
         roles = {name: self.role_of(each) for name, each in dictionaries.items()}
         kinds = {name: simulated_kind(each, profile, wires) for name, each in dictionaries.items()}

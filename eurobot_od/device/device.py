@@ -12,18 +12,24 @@ from math import inf
 from typing import NamedTuple
 
 from eurobot_od.device.bound import NO_APPLICATION, Application, BoundObjects
-from eurobot_od.device.deadlines import Deadlines
+from eurobot_od.device.broadcasts import TIME_CONSUMER, TIME_PRODUCER, Arrival, Clock, Synchronous, SyncProducer
 from eurobot_od.device.emergency import Emergencies, ErrorCode
-from eurobot_od.device.guarding import NodeGuarding
-from eurobot_od.device.heartbeat import HeartbeatConsumer, split
-from eurobot_od.device.nmt import SERVICES, TARGET, NmtCommand, NmtState, boot_state, command_in, error_control
-from eurobot_od.device.objects import COMMUNICATION_PROFILE, REFUSAL, Objects, OnRead, OnWrite
+from eurobot_od.device.nmt import (
+    SERVICES,
+    TARGET,
+    HeartbeatConsumer,
+    NmtCommand,
+    NmtState,
+    NodeGuarding,
+    boot_state,
+    command_in,
+    error_control,
+    heartbeat_entry,
+)
+from eurobot_od.device.objects import COMMUNICATION_PROFILE, REFUSAL, Objects, OnRead, OnWrite, predefined
 from eurobot_od.device.pdo import Changes, Pacing, Pdos, ProcessData
-from eurobot_od.device.predefined import predefined
 from eurobot_od.device.storage import Store, refused
-from eurobot_od.device.sync import Arrival, Synchronous, SyncProducer
-from eurobot_od.device.time_of_day import CONSUMER, PRODUCER, Clock
-from eurobot_od.device.timers import Plan, caught_up
+from eurobot_od.device.timers import Deadlines, Plan, caught_up
 from eurobot_od.errors import DamagedFile, DictionaryError, FrameLengthError, Refused, StateError
 from eurobot_od.frame import Frame
 from eurobot_od.gatekeeper import Stay
@@ -181,7 +187,7 @@ class Device:
         self.sdo_requests, self.sdo_answers = SdoChannel.of(self.dictionary)
         time, sync = self.objects.raw(standard.TIME), self.objects.raw(standard.SYNC)
         # Bit 30 of 0x1005 and 0x1012: the device itself sends SYNC or TIME (CiA 301, 7.5.2.5 and 7.5.2.15).
-        produced = {each & BASE_IDENTIFIER for each in (time, sync) if each & PRODUCER}
+        produced = {each & BASE_IDENTIFIER for each in (time, sync) if each & TIME_PRODUCER}
         self._periodic = produced | {ERROR_CONTROL_BASE + self.node_id}
         # Sub-index 2 of 0x1280 and those after it: where a server answers this device as its client (7.5.2.34).
         clients = [index for index in standard.SDO_CLIENTS if index in self.dictionary.members]
@@ -191,7 +197,7 @@ class Device:
             **dict.fromkeys(self._consumer.identifiers, self._receive_heartbeat),
             **dict.fromkeys(answers, lambda frame: Reaction([], answer=frame)),
             **dict.fromkeys(self._pdos.received, self._receive_pdo),
-            time & BASE_IDENTIFIER if time & CONSUMER else None: self._receive_time,
+            time & BASE_IDENTIFIER if time & TIME_CONSUMER else None: self._receive_time,
             self._pdos.sync_cob_id: self._receive_sync,
             self.sdo_requests: self._receive_sdo,
             NMT_COB_ID: self._receive_command,
@@ -221,7 +227,7 @@ class Device:
         """Send SYNC and TIME from now on, if that is configured and the NMT state allows it (CiA 301, Table 36)."""
         self._sync.restart(self._pdos.sync_period if self._reports else 0.0, self._pdos.sync_counter, self._now)
         time = self.objects.raw(standard.TIME)
-        if self._reports and time & PRODUCER and time & BASE_IDENTIFIER:
+        if self._reports and time & TIME_PRODUCER and time & BASE_IDENTIFIER:
             self.time_of_day.produce(self._now)
         else:
             self.time_of_day.rest()
@@ -320,8 +326,10 @@ class Device:
 
     def _consume(self, address: Address, value: Value) -> None:
         """Watch other nodes' heartbeats, each but once (CiA 301, 7.5.2.19)."""
-        node_id, time = split(value if isinstance(value, int) else 0)
-        others = [split(entry) for subindex, entry in enumerate(self._consumed(), 1) if subindex != address[1]]
+        node_id, time = heartbeat_entry(value if isinstance(value, int) else 0)
+        others = [
+            heartbeat_entry(entry) for subindex, entry in enumerate(self._consumed(), 1) if subindex != address[1]
+        ]
         # With two times for one node it would be lost by the one and still there by the other.
         if time and any(node_id == other and others_time for other, others_time in others):
             raise Abort(Reason.WATCHED_TWICE)

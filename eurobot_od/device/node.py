@@ -11,11 +11,12 @@ from collections.abc import Callable, Hashable, Mapping
 from contextlib import AbstractContextManager, nullcontext, suppress
 from functools import partial
 from math import inf
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 from eurobot_od.device.bound import Application, BoundObject
 from eurobot_od.device.device import Device, Reaction
 from eurobot_od.device.emergency import ErrorCode
+from eurobot_od.device.flow import Call
 from eurobot_od.device.settings import names_of
 from eurobot_od.device.storage import Store
 from eurobot_od.device.timers import LATE, Timer, TimerAction, Timers
@@ -25,9 +26,6 @@ from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.values import Value
 from eurobot_od.pdo.catalogue import NOTHING, Catalogue
 from eurobot_od.pdo.message import Message, is_flagged
-
-if TYPE_CHECKING:
-    from eurobot_od.device.flow import Call
 
 
 class Node:

@@ -1,26 +1,38 @@
 """The objects of a running device: present values, who may access them, and their form in an SDO.
 
-Rule of this file: a value is checked before it is stored, and a refused one changes nothing. Access type, data type and
-limits are the file's; what an object does beyond keeping its value comes in as a function in `readers` or `writers`.
+A value is checked before it is stored, and a refused one changes nothing. Access type, data type and limits are the
+file's. What an object does beyond keeping its value comes in as a function in `readers` or `writers`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+from canopen.objectdictionary import ODVariable
 
 from eurobot_od.errors import Cause, DictionaryError, Refused
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.objects import data_type, initial, limits
 from eurobot_od.od.pdos import Part
-from eurobot_od.od.standard import COMMANDS, VERIFY_CONFIGURATION
-from eurobot_od.od.values import DOMAIN, MAPPINGS, VISIBLE_STRING, Address, Value, base_identifier
+from eurobot_od.od.sdo_channel import SdoChannel
+from eurobot_od.od.standard import COMMANDS, EMCY, IDENTITY, SDO_ANSWERS, SDO_REQUESTS, SYNC, TIME, VERIFY_CONFIGURATION
+from eurobot_od.od.values import (
+    COB_ID,
+    DEFAULT_PDO_BASES,
+    DOMAIN,
+    EMCY_BASE,
+    MAPPINGS,
+    SYNC_COB_ID,
+    TIME_COB_ID,
+    VISIBLE_STRING,
+    Address,
+    Value,
+    base_identifier,
+)
 from eurobot_od.sdo.aborts import Abort, Reason
 from eurobot_od.sdo.wire import LARGEST
-
-if TYPE_CHECKING:
-    from canopen.objectdictionary import ODVariable
 
 COMMUNICATION_PROFILE = range(0x1000, 0x2000)
 """Indices of communication objects, which are configuration; a reset of the communication restores them (CiA 301,
@@ -213,3 +225,31 @@ class Objects:
             known = address[0] in self.dictionary.objects.indices
             raise Abort(Reason.NO_SUBINDEX if known else Reason.NO_OBJECT)
         return variable
+
+
+# What a file leaves out: the pre-defined connection set (CiA 301, 7.3.3), the identity
+
+
+BROADCASTS: Mapping[Address, int] = {SYNC: SYNC_COB_ID, TIME: TIME_COB_ID}
+
+BASES: Mapping[Address, int] = {
+    EMCY: EMCY_BASE,
+    **{
+        (direction.value + number, COB_ID): base
+        for direction, bases in DEFAULT_PDO_BASES.items()
+        for number, base in enumerate(bases)
+    },
+}
+"""What the node-ID is added to."""
+
+
+def predefined(dictionary: Dictionary) -> dict[Address, int]:
+    """Return the values of the objects that a file has and gives none: identifiers, and who the device is."""
+    identifiers = {**BROADCASTS, **{address: base + dictionary.node_id for address, base in BASES.items()}}
+    # Only where the file is silent: an identifier that it gives counts, also one that is not valid.
+    silent = (each for each in identifiers if each[1] in dictionary.members.get(each[0], ()))
+    identity = {(IDENTITY, sub): number for sub, number in enumerate(dictionary.identity, start=1) if number}
+    given = {address: identifiers[address] for address in silent if dictionary.default(address) is None}
+    # Where the server is counts here, also where the file's own identifiers are not followed.
+    server = zip((SDO_REQUESTS, SDO_ANSWERS), SdoChannel.of(dictionary), strict=True)
+    return identity | given | {address: cob_id for address, cob_id in server if dictionary.variable(address)}

@@ -10,8 +10,8 @@ from collections.abc import Callable, Collection, Iterable
 from contextlib import suppress
 from math import inf
 
+from eurobot_od.device.broadcasts import ACYCLIC, COUNTERS
 from eurobot_od.device.objects import Objects, OnWrite
-from eurobot_od.device.sync import ACYCLIC, COUNTERS
 from eurobot_od.device.timers import caught_up
 from eurobot_od.errors import MappingError, Refused
 from eurobot_od.frame import Frame

@@ -25,6 +25,7 @@ from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.robot import dialects
 from tests.eds_text import CODES, DEVICE_TYPE, pdo, variable
 from tests.properties.test_codec import column
+from tests.rows import rows
 
 NUMBERS = [each.name for each in DATA_TYPES.values() if each.is_integer or each in REALS]
 """Types that can be mapped into a PDO."""
@@ -186,7 +187,7 @@ def test_there_are_pdos_to_compare() -> None:
     }
 
 
-@pytest.mark.parametrize("case", [*SHIPPED, *FOREIGN], ids=lambda case: case.name)
+@rows("case", [*SHIPPED, *FOREIGN])
 def test_a_pdo_of_a_file_is_the_same_bits(case: Case) -> None:
     agree_on(case, frames(case))
 

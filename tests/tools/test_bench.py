@@ -22,6 +22,8 @@ from bench.process import run as run_process
 from bench.programs import launch
 from bench.rows import logs
 
+from tests.rows import rows
+
 ROOT = Path(__file__).parents[2]
 EVERYTHING = [series for group in GROUPS for series in group]
 ROUNDS = 1
@@ -93,7 +95,7 @@ VERDICTS = [
 ]
 
 
-@pytest.mark.parametrize(("way", "ours", "peer", "wanted", "verdict"), [each[:5] for each in VERDICTS])
+@rows("way, ours, peer, wanted, verdict", [each[:5] for each in VERDICTS])
 def test_verdicts(way: Way, ours: float, peer: float, wanted: float | None, verdict: Verdict) -> None:
     called: list[str] = []
     contenders = {"peer": giving([peer], called, "peer"), "ours": giving([ours], called, "ours")}
@@ -149,7 +151,7 @@ FIGURES = [
 ]
 
 
-@pytest.mark.parametrize(("figure", "quantity", "text"), FIGURES)
+@rows("figure, quantity, text", FIGURES)
 def test_figures_have_their_units(figure: float, quantity: Quantity, text: str) -> None:
     assert table.in_units(figure, quantity) == text
 

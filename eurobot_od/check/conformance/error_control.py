@@ -29,8 +29,7 @@ from eurobot_od.check.conformance.subject import (
 )
 from eurobot_od.check.conformance.writing import Data, hexadecimal
 from eurobot_od.device.emergency import ErrorCode
-from eurobot_od.device.guarding import TOGGLE
-from eurobot_od.device.nmt import NmtState, error_control
+from eurobot_od.device.nmt import TOGGLE, NmtState, error_control
 from eurobot_od.od.standard import CONSUMED_HEARTBEATS, GUARD_TIME, HEARTBEAT_TIME, LIFE_TIME_FACTOR
 from eurobot_od.od.values import ERROR_CONTROL_BASE, Address
 from eurobot_od.sdo.wire import AbortCode

@@ -27,7 +27,7 @@ from eurobot_od.check.conformance.subject import (
     write,
 )
 from eurobot_od.check.conformance.writing import Data, hexadecimal
-from eurobot_od.device.sync import COUNTERS
+from eurobot_od.device.broadcasts import COUNTERS
 from eurobot_od.od.objects import data_type
 from eurobot_od.od.pdos import Pdo
 from eurobot_od.od.standard import SYNC, SYNC_COUNTER, SYNC_PERIOD, SYNC_PRODUCER

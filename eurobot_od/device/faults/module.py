@@ -11,7 +11,7 @@ from typing import ClassVar, NamedTuple
 
 from eurobot_od.device.faults.fault import Caught, Fault
 from eurobot_od.device.faults.hooks import Mixin
-from eurobot_od.device.module import SimulatedModule
+from eurobot_od.device.profiles.devices import SimulatedModule
 from eurobot_od.device.profiles.inputs_outputs import Inputs, Outputs
 from eurobot_od.device.profiles.values import ProfileValues
 from eurobot_od.od.profiles.cia401 import DigitalInputs, DigitalOutputs

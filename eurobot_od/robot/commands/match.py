@@ -227,10 +227,9 @@ def _show(coloured: bool, event: MatchEvent) -> None:
 
 def _run_many(arguments: argparse.Namespace, options: MatchOptions) -> ExitStatus:
     """Play all seeds and print what they came to; status 1 if something went wrong in a match."""
-    from eurobot_od.robot.match import histogram
     from eurobot_od.robot.match.played import PlayedMatch
     from eurobot_od.robot.match.seeds import SEED, play_many, settings
-    from eurobot_od.robot.match.statistics import report
+    from eurobot_od.robot.match.statistics import bar_marks, report
 
     for name, left_out in OF_ONE_MATCH.items():
         if (value := getattr(arguments, name)) != left_out:
@@ -249,7 +248,7 @@ def _run_many(arguments: argparse.Namespace, options: MatchOptions) -> ExitStatu
             if arguments.json:
                 print(json.dumps(match.as_data()))
     if not arguments.json:
-        print(*report(played, histogram.marks(sys.stdout.encoding)), sep="\n")
+        print(*report(played, bar_marks(sys.stdout.encoding)), sep="\n")
     return ExitStatus.FOUND if any(match.wrong for match in played) else ExitStatus.FINE
 
 

@@ -102,7 +102,7 @@ class NodeScene:
         end = inf if duration is None else live.clock() + duration
         if self._arguments.beacons:
             from eurobot_od.robot.model.options import MatchOptions
-            from eurobot_od.robot.world.assembly import assemble
+            from eurobot_od.robot.world.instruments import assemble
 
             assemble([self._node], MatchOptions(), live.clock)  # our robot stands, the others are on their rounds
         if not isinstance(self._node, Core):
@@ -124,7 +124,7 @@ def _strategy(name: str) -> Strategy:
 
 def enter(node: Node, arguments: argparse.Namespace) -> tuple[RemoteVehicle, MatchOptions]:
     """Equip a node with instruments in the world that the options name."""
-    from eurobot_od.robot.world.assembly import equip
+    from eurobot_od.robot.world.instruments import equip
     from eurobot_od.robot.world.remote import RemoteVehicle
 
     vehicle = RemoteVehicle(arguments.world, report=partial(print, flush=True))
@@ -145,7 +145,7 @@ def _play(
     """Play the match; status 1 if the strategy raised."""
     from eurobot_od.bus.live import FrameReader
     from eurobot_od.pdo.protocol import Protocol
-    from eurobot_od.robot.match.apart import Led
+    from eurobot_od.robot.match.stage import Led
     from eurobot_od.robot.match.summary import FrameCounter
 
     robot = shared.robot(arguments)

@@ -5,14 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from eurobot_od import plugin
 from eurobot_od.errors import LocalError, UnknownName
+from eurobot_od.robot.model.facts import Facts
 from eurobot_od.robot.model.values import TeamColour
-
-if TYPE_CHECKING:
-    from eurobot_od.robot.model.facts import Facts
 
 
 @dataclass(frozen=True)

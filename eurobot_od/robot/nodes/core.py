@@ -56,20 +56,24 @@ from eurobot_od.robot.model.facts import Facts
 from eurobot_od.robot.model.places import Place
 from eurobot_od.robot.model.values import Barriers, Direction, Obstacle, Outcome, RobotError, Route, Source, TeamColour
 from eurobot_od.robot.nodes import startup
-from eurobot_od.robot.nodes.calls import LEAVING, CallingNode
 from eurobot_od.robot.nodes.equipment import Actuators, Approach, Detection, DistanceSensor
 from eurobot_od.robot.nodes.goto import (
+    LOST_PLACE,
     NO_GOTO,
     End,
     GotoReport,
+    NotStanding,
+    PlaceLost,
+    Standstill,
     drive_position,
+    find_place,
+    is_driving,
     until_ended,
+    until_standing,
 )
-from eurobot_od.robot.nodes.identity import DialectMismatch, SdoClientParameter
-from eurobot_od.robot.nodes.node import CoreSettings, Handlers, Objects
-from eurobot_od.robot.nodes.recovery import LOST_PLACE, PlaceLost, find_place
+from eurobot_od.robot.nodes.node import LEAVING, CallingNode, CoreSettings, Handlers, Objects
 from eurobot_od.robot.nodes.sightings import DriveAnswer, Seen, Sighting, Track, Twins
-from eurobot_od.robot.nodes.standstill import NotStanding, Standstill, is_driving, until_standing
+from eurobot_od.robot.nodes.startup import DialectMismatch, SdoClientParameter
 
 POLLED_POSITIONS: tuple[tuple[Message, Setting[float], Source], ...] = (
     (messages.NaviPositionRequest(), seconds("Position polling.Navi offset"), Source.INTERNAL),

@@ -14,8 +14,8 @@ from eurobot_od.check.runner import RunOptions
 from eurobot_od.check.simulated import run_simulated
 from eurobot_od.check.suite import Suite
 from eurobot_od.check.vocabulary import Networks
-from eurobot_od.device.drive import SimulatedDrive
 from eurobot_od.device.faults.drive import FAULTS
+from eurobot_od.device.profiles.devices import SimulatedDrive
 from eurobot_od.device.simulated import SimulatedDevice
 from eurobot_od.od.dictionary import Dictionary
 from tests.check.conformance.devices import of_kind

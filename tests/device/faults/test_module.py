@@ -17,8 +17,7 @@ from eurobot_od.check.suite import Suite
 from eurobot_od.check.vocabulary import Networks
 from eurobot_od.device.faults.drive import FAULTS as DRIVE_FAULTS
 from eurobot_od.device.faults.module import FAULTS
-from eurobot_od.device.kinds import simulated_kind
-from eurobot_od.device.module import SimulatedModule
+from eurobot_od.device.profiles.devices import SimulatedModule, simulated_kind
 from eurobot_od.device.simulated import SimulatedDevice
 from eurobot_od.errors import LocalError
 from eurobot_od.od.dictionary import Dictionary

@@ -17,6 +17,7 @@ from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.robot.check.drill import drill
 from eurobot_od.robot.nodes import Core, Drive, Node
 from eurobot_od.robot.plugin import ROBOT
+from tests.rows import rows
 
 SUITES: list[Suite] = SuiteReader(ROBOT.networks()).read_files(ROBOT.shipped_suites().values())
 
@@ -43,7 +44,7 @@ def left(node: Node) -> Left:
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("suite", SUITES, ids=lambda suite: suite.name)
+@rows("suite", SUITES)
 def test_a_suite_puts_back_what_it_changes(suite: Suite) -> None:
     nodes: list[Node] = []
     before: dict[str, Left] = {}

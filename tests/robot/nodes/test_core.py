@@ -44,8 +44,9 @@ from eurobot_od.robot.model.values import Direction, GotoFault, Obstacle, Outcom
 from eurobot_od.robot.nodes import ROLES
 from eurobot_od.robot.nodes.core import Core
 from eurobot_od.robot.nodes.goto import GotoReport
-from eurobot_od.robot.nodes.identity import DialectMismatch
+from eurobot_od.robot.nodes.startup import DialectMismatch
 from tests.robot.nodes.harness import DICTIONARIES, PROTOCOL, RED, Bench, as_if_started
+from tests.rows import rows
 
 GOTO = GotoXY(1500, 1000, 90, 80)
 ON_THE_WIRE = 0.0005
@@ -755,7 +756,7 @@ def test_a_cancelled_goto_is_not_sent_again_and_the_next_one_is(bench: Bench) ->
     assert bench.sent(GotoXY) == [GOTO, GOTO]
 
 
-@pytest.mark.parametrize(
+@rows(
     "call",
     [
         Core.check_nodes,
@@ -764,8 +765,9 @@ def test_a_cancelled_goto_is_not_sent_again_and_the_next_one_is(bench: Bench) ->
         Core.position,
     ],
 )
-@pytest.mark.parametrize("running", [0.0, 0.1])
-def test_an_nmt_reset_ends_every_call(bench: Bench, call: Callable[[Core], Future[Any]], running: float) -> None:
+@rows("running", [0.0, 0.1])
+def test_an_nmt_reset_ends_every_call(call: Callable[[Core], Future[Any]], running: float) -> None:
+    bench = Bench("drive", "navigation")
     as_if_started(bench.core)
     future = call(bench.core)
     bench.run(running)

@@ -14,6 +14,7 @@ from eurobot_od.frame import EXTENDED, Frame, RemoteFrame
 from eurobot_od.traffic import formats
 from eurobot_od.traffic.entries import Damage, Foreign, Raw
 from eurobot_od.traffic.formats.python_can import CREATE, write_table
+from tests.rows import rows
 
 GOOD = (1.5, 0x014, 0, 0, 0, 2, b"\x01\x02")
 
@@ -31,8 +32,8 @@ def table(folder: Path, *rows: tuple[object, ...]) -> Path:
     return file
 
 
-@pytest.mark.parametrize(
-    ("row", "raw"),
+@rows(
+    "row, raw",
     [
         (GOOD, Frame(0x014, b"\x01\x02")),
         ((1.5, 0x014, 0, 0, 0, 0, None), Frame(0x014, b"")),

@@ -1,17 +1,23 @@
-"""SYNC: its producer, TPDOs that go with every n-th one, RPDOs that wait for the next (CiA 301, 7.2.2.3 and 7.2.5).
+"""SYNC and TIME: how a device sends them, and what it does with those of others (CiA 301, 7.2.5 and 7.2.6).
 
-Rule of this file: of one PDO's frames that wait for a SYNC the newest counts, and nothing is kept beyond the next SYNC.
+There is no clock in here: the device's own time in seconds comes in, and for TIME the difference is kept. Of one PDO's
+frames that wait for a SYNC the newest counts, and nothing is kept beyond the next SYNC.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from datetime import datetime, timedelta
 from math import inf
 from typing import NamedTuple
 
 from eurobot_od.device.timers import caught_up
+from eurobot_od.od.time_of_day import DAY, EPOCH, TimeOfDay
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.message import Message
+
+# SYNC: producer, synchronous TPDOs, RPDOs that wait (7.2.2.3, 7.5.2.5, 7.5.2.22)
+
 
 COUNTERS = (0, *range(2, 241))
 """What 0x1019 may be: 1 would count nothing, and all else is reserved (CiA 301, 7.5.2.22)."""
@@ -103,3 +109,61 @@ class Synchronous:
         """Return and forget what takes effect now."""
         arrived, self._arrived = self._arrived, {}
         return list(arrived.values())
+
+
+# TIME (7.1.6.6, 7.5.2.15)
+
+
+TIME_CONSUMER, TIME_PRODUCER = 1 << 31, 1 << 30
+"""Bits of 0x1012: the device sets its clock by TIME, or sends it."""
+
+TIME_PERIOD = 1.0
+"""Seconds from one TIME to the next: CiA 301 has no object for that."""
+
+TIME_LENGTH = 6
+MILLISECONDS = (1 << 28) - 1
+"""Bits of the first four bytes that hold the milliseconds after midnight; the others are reserved."""
+
+MOST_DAYS = 0xFFFF
+
+
+class Clock:
+    """The device's clock, at day 0 until it is set; `next` is when TIME is sent again, infinite if it is not."""
+
+    def __init__(self) -> None:
+        self.next = inf
+        self._ahead = 0.0
+
+    def at(self, now: float) -> datetime:
+        """Return what the clock shows."""
+        return EPOCH + timedelta(seconds=self._ahead + now)
+
+    def set(self, time: datetime, now: float) -> None:
+        """Set the clock."""
+        self._ahead = (time - EPOCH).total_seconds() - now
+
+    def hear(self, data: bytes, now: float) -> None:
+        """Set the clock by a TIME message; one of another length, or of no time of a day, says nothing."""
+        milliseconds = int.from_bytes(data[:4], "little") & MILLISECONDS
+        if len(data) == TIME_LENGTH and milliseconds < DAY:
+            self._ahead = int.from_bytes(data[4:], "little") * (DAY // 1000) + milliseconds / 1000 - now
+
+    def told(self, now: float) -> bytes:
+        """Return the data of a TIME message."""
+        days, milliseconds = divmod(round((self._ahead + now) * 1000), DAY)
+        return TimeOfDay(days & MOST_DAYS, milliseconds).data
+
+    def produce(self, now: float) -> None:
+        """Send the time from now on."""
+        self.next = now + TIME_PERIOD
+
+    def rest(self) -> None:
+        """Stop sending the time."""
+        self.next = inf
+
+    def due(self, now: float) -> list[bytes]:
+        """Return the data of what is to be sent now."""
+        if now < self.next:
+            return []
+        self.next = caught_up(self.next, now) + TIME_PERIOD
+        return [self.told(now)]
