@@ -136,7 +136,8 @@ def test_run_routes_to_it(monkeypatch: pytest.MonkeyPatch) -> None:
     prepared: Callable[..., Path] = lambda extras="": Path("python", extras)  # noqa: E731
     monkeypatch.setattr(run, "prepare", prepared)
     assert run.command(["bench", "--list"]) == (Path("python/bench"), ROOT / "tools" / "bench", "--list")
-    assert run.command(["match"]) == (Path("python"), "-m", "eurobot_od", "match")
+    assert run.command(["match"]) == (Path("eurobot-od"), "match")
+    assert run.command(["canopen-workbench", "decode"]) == (Path("canopen-workbench"), "decode")
 
 
 # Whole processes and their output
