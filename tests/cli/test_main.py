@@ -85,7 +85,7 @@ def test_what_is_printed_names_the_program_that_was_started(
     monkeypatch.setattr(sys, "argv", [cli.WORKBENCH])
     said = run(capsys, *words)
     assert any(line.startswith(named) for line in (said.out + said.err).splitlines()), said
-    assert "eurobot-od" not in said.out + said.err.replace("eurobot-od.yaml", "")
+    assert "eurobot-od" not in (said.out + said.err).replace("eurobot-od.yaml", "")
 
 
 def test_the_workbench_has_a_robot_s_commands_where_one_is_named(
