@@ -6,7 +6,7 @@ import functools
 import inspect
 import os
 import random
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from typing import Any
 
 import pytest
@@ -18,19 +18,23 @@ LONGEST = 300
 """Characters of a row in a message."""
 
 
-def rows(names: str | Sequence[str], table: Iterable[Any], *, sample: int | None = None) -> Callable[[Test], Test]:
+def rows(names: str, table: Iterable[Any], *, sample: int | None = None) -> Callable[[Test], Test]:
     """Try a test on all rows of a table, which looks as in `pytest.mark.parametrize`; the other arguments are fixtures.
 
-    Fixtures are made once for all rows, but each row gets a folder of its own in `tmp_path`. `sample`: so many rows,
-    other ones each time (in CI: the same); with --hypothesis-profile=campaign all of them. A row may be skipped.
+    Fixtures are made once for all rows, but each row gets a folder of its own in `tmp_path`. A row may be skipped. A
+    generator is asked for its rows when the test runs, not when it is collected. `sample`: so many rows, other ones
+    each time (in CI: the same); with --hypothesis-profile=campaign all of them.
     """
-    arguments = names.replace(" ", "").split(",") if isinstance(names, str) else list(names)
-    cases = [tuple(row) if len(arguments) > 1 else (row,) for row in table]
+    arguments = names.split(", ")
+
+    @functools.cache
+    def everything() -> list[tuple[Any, ...]]:
+        return [tuple(row) if len(arguments) > 1 else (row,) for row in table]
 
     def chosen() -> list[tuple[Any, ...]]:
         if sample is None or settings.default is not settings.get_profile("suite"):
-            return cases
-        return random.Random(2014 if os.environ.get("CI") == "true" else None).sample(cases, min(sample, len(cases)))
+            return everything()
+        return random.Random(2014 if os.environ.get("CI") == "true" else None).sample(everything(), sample)
 
     def decorate(test: Test) -> Test:
         signature = inspect.signature(test)

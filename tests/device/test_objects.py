@@ -69,7 +69,7 @@ def test_one_node_is_not_watched_twice() -> None:
 def test_a_setting_takes_effect_at_once() -> None:
     wire = wired()
     wire.write(0x2101, 1, 321, size=2)
-    assert wire.device.setting("Motion.Maximum speed") == 321
+    assert wire.device.number((0x2101, 1)) == 321
 
 
 @pytest.mark.parametrize("dialect", ["canopen", "firmware2014"])

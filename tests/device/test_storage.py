@@ -56,7 +56,7 @@ def test_a_device_starts_with_what_it_stored(store: FileStore) -> None:
     device.objects.write((0x2100, 1), b"\x09")
     device.objects.write((0x1010, 1), b"save")
     restarted = Device(DRIVE, store)
-    assert restarted.setting("Motion.Maximum speed") == 333
+    assert restarted.number((0x2101, 1)) == 333
     assert restarted.node_id == 9
 
 
@@ -123,7 +123,7 @@ def test_a_stored_file_with_a_flipped_bit_is_refused_by_name_and_the_defaults_ar
     device = Device(DRIVE, store)
     (said,) = device.refused
     assert said.startswith(f"{store.file}: damaged: ")
-    assert device.setting("Motion.Maximum speed") == 800
+    assert device.number((0x2101, 1)) == 800
 
 
 OUT_OF_LIMITS = [

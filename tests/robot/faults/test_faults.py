@@ -132,8 +132,8 @@ def test_a_reaction_may_do_the_healthy_one_too() -> None:
 
 def test_a_preset_setting_takes_the_place_of_the_dictionarys() -> None:
     node = drive(hooks.preset("Motion.Control period", 50))
-    assert (node.setting("Motion.Control period"), node.seconds("Motion.Control period")) == (50, 0.05)
-    assert node.setting("Motion.Braking") == drive().setting("Motion.Braking")
+    assert node.control_period == 0.05
+    assert node.limits == drive().limits
 
 
 def test_an_action_is_done_again_and_again() -> None:
