@@ -11,7 +11,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from enum import Enum
 from typing import NamedTuple
 
-from eurobot_od.check.conformance.naming import StepName
+from eurobot_od.check.conformance.clauses import StepName
 from eurobot_od.check.results import Status, SuiteResult
 
 ASKS: Mapping[str, str] = {

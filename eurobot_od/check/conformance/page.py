@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 from eurobot_od.check import report
 from eurobot_od.check.conformance import ctt
-from eurobot_od.check.conformance.naming import StepName
+from eurobot_od.check.conformance.clauses import StepName
 from eurobot_od.check.conformance.subject import Tier
 from eurobot_od.check.results import Reason, Status, StepResult, SuiteResult
 from eurobot_od.errors import UnknownName
@@ -51,7 +51,7 @@ class DeviceRun(NamedTuple):
         said = [(what, document.text("deviceinfo", key)) for what, key in INFORMATION]
         run = next((each.how for each in self.results), "not run")
         facts = [("File", device.file.name), ("Node-ID", str(device.node_id)), *said]
-        return [each for each in [*facts, ("Tier", self.tier.word), ("Run", run), ("Made by", self.made)] if each[1]]
+        return [each for each in [*facts, ("Tier", self.tier.value), ("Run", run), ("Made by", self.made)] if each[1]]
 
     @property
     def red(self) -> list[StepResult]:
