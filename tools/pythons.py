@@ -21,7 +21,7 @@ from environment import ONCE_MORE, ROOT, SHORT, WORKERS, call, ensure, is_curren
 
 FINE, FAILED, WRONG_USAGE = 0, 1, 2
 
-SIMULATION = ("tests/check/conformance", "tests/device/faults")
+SIMULATION = ("tests/check/conformance",)
 """Many minutes of our own simulated devices."""
 
 PROGRAMS = ("tests/interop", "tests/tools")

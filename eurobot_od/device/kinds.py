@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from types import MappingProxyType
-from typing import TypeAlias
 
 from eurobot_od.device.drive import SimulatedDrive
 from eurobot_od.device.module import SimulatedModule
@@ -12,22 +10,11 @@ from eurobot_od.device.simulated import SimulatedDevice
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.profiles import cia401, cia402
 from eurobot_od.od.profiles.words import profile_of
-from eurobot_od.od.values import Address
 
 KINDS: Mapping[int, type[SimulatedDevice]] = {cia401.PROFILE: SimulatedModule, cia402.PROFILE: SimulatedDrive}
 """The classes by the low word of 0x1000."""
 
 
-Wires: TypeAlias = Mapping[Address, Address]
-"""Inputs that are wired to outputs, by the addresses of the outputs."""
-
-
-def simulated_kind(
-    dictionary: Dictionary, profile: int | None = None, wires: Wires = MappingProxyType({})
-) -> type[SimulatedDevice]:
-    """Return the class for a device of a `profile`, of the one that its 0x1000 says without it, 0 for none.
-
-    An I/O module has `wires` from its outputs to its inputs.
-    """
-    kind = KINDS.get(profile_of(dictionary.objects) if profile is None else profile, SimulatedDevice)
-    return type("WiredModule", (kind,), {"WIRES": wires}) if wires and issubclass(kind, SimulatedModule) else kind
+def simulated_kind(dictionary: Dictionary, profile: int | None = None) -> type[SimulatedDevice]:
+    """Return the class for a device of a `profile`, of the one that its 0x1000 says without it, 0 for none."""
+    return KINDS.get(profile_of(dictionary.objects) if profile is None else profile, SimulatedDevice)
