@@ -1,6 +1,6 @@
 """A page to hand to a device's maker: what was asked, the score by chapter, and each red step with its frames.
 
-Rule of this file: one value, `DeviceRun`, has all that the page says; the forms (Markdown, HTML, JSON) only write it.
+`DeviceRun` has all that the page says; the forms (Markdown, HTML, JSON) only write it.
 """
 
 from __future__ import annotations
@@ -114,7 +114,7 @@ def blocks(run: DeviceRun) -> Iterator[DocBlock]:
     yield from _all_red(run)
     yield DocHeading(2, "By the numbers of CiA's test tool")
     tests = run.tests
-    yield Paragraph(f"{ctt.score(tests)}. This is no run of that tool, and no certificate.")
+    yield Paragraph(f"{ctt.score(tests)}. This is not a run of that tool, and not a certificate.")
     rows = [(each.number, each.asks, each.verdict.value, each.why) for each in tests]
     yield DocTable(("Test", "It asks", "", "Why"), rows, words=("Test", ""))
     yield DocHeading(2, "What was skipped")
