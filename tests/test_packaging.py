@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import re
-import sys
+import tomllib
+from importlib import import_module
 from pathlib import Path
+from pkgutil import walk_packages
 from typing import Any
 
 import pytest
@@ -19,11 +21,7 @@ ROOT = Path(__file__).parents[1]
 
 @pytest.fixture(scope="module")
 def project() -> dict[str, Any]:
-    if sys.version_info >= (3, 11):
-        import tomllib
-
-        return tomllib.loads((ROOT / "pyproject.toml").read_text())
-    pytest.skip("tomllib came with Python 3.11")
+    return tomllib.loads((ROOT / "pyproject.toml").read_text())
 
 
 def test_the_wheel_has_the_eds_files_inside_the_package(project: dict[str, Any]) -> None:
@@ -37,6 +35,13 @@ def test_an_installed_package_finds_its_eds_files_inside(monkeypatch: pytest.Mon
     (tmp_path / "eurobot_od" / "eds").mkdir(parents=True)
     monkeypatch.setattr(dialects, "__file__", str(tmp_path / "eurobot_od" / "robot" / "dialects.py"))
     assert dialects.eds_folder() == tmp_path / "eurobot_od" / "eds"
+
+
+def test_every_module_can_be_imported() -> None:
+    modules = {each.name for each in walk_packages(eurobot_od.__path__, "eurobot_od.")} - {"eurobot_od.__main__"}
+    for name in modules:  # of those that they import only when used, no linter says whether they are there
+        import_module(name)
+    assert modules
 
 
 def test_the_command_is_installed(project: dict[str, Any]) -> None:

@@ -31,7 +31,7 @@ def run(arguments: argparse.Namespace) -> ExitStatus:
     # What is not UTF-8 becomes a sign that the table refuses, with its line and column.
     source = bounded.read(arguments.table).decode(errors="replace")
     try:
-        texts = make_files(read_table(source, arguments.table, lambda robot: plugin.find(robot).table))
+        texts = make_files(read_table(source, arguments.table, plugin.table_of))
     except TableError as error:  # a line for each problem, with its place: `complain` would make one line of them all
         print(error, file=sys.stderr)
         return ExitStatus.WRONG_INPUT

@@ -10,11 +10,13 @@ from asyncio import CancelledError
 from collections.abc import Collection, Container, Iterable, Mapping
 from datetime import datetime
 from enum import Enum
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
+
+from canopen.objectdictionary import ODVariable
 
 from eurobot_od.client.description import Description, Identity, read_identity
 from eurobot_od.client.master import STORE_WAIT, RemoteNode
-from eurobot_od.client.pdo_order import Bytes, in_order, pdo_of, procedure_objects
+from eurobot_od.client.pdo_mapping import Bytes, in_order, pdo_of, procedure_objects
 from eurobot_od.client.procedure import Procedure
 from eurobot_od.device.nmt import STATE_NAMES, NmtCommand, NmtState
 from eurobot_od.device.objects import COMMUNICATION_PROFILE
@@ -38,10 +40,6 @@ from eurobot_od.od.standard import (
 from eurobot_od.od.time_of_day import TimeOfDay
 from eurobot_od.od.values import DOMAIN, MANUFACTURER, Address
 from eurobot_od.sdo.wire import EXPEDITED_SIZE, LARGEST, AbortCode
-
-if TYPE_CHECKING:
-    from canopen.objectdictionary import ODVariable
-
 
 NOT_CONFIGURATION = frozenset(
     {ERROR_FIELD, STORE, RESTORE, VERIFY_CONFIGURATION[0][0], 0x1023, 0x1024, PROGRAM_DATA, PROGRAM_CONTROL}
@@ -398,7 +396,7 @@ async def _take_back(
         what = (
             f"node {node.node_id} is pre-operational; written and not stored: {', '.join(new) or 'nothing'}; "
             f"not written: {', '.join(old) or 'nothing'}; "
-            f"a reset brings the former values back (eurobot-od nmt {node.node_id} reset)"
+            f"a reset brings the former values back (`nmt {node.node_id} reset`)"
         )
         return _failure(error, what, new, old)
     return _failure(error, f"node {node.node_id} has its former values again and is {STATE_NAMES[state]}", (), names)

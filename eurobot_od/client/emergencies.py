@@ -1,14 +1,58 @@
-"""The emergency messages that a master hears from a node, and the errors that the node remembers (CiA 301, 7.2.7)."""
+"""Emergency messages that a master hears, and the errors that a node remembers (CiA 301, 7.2.7, 0x1001 and 0x1003).
+
+A code of our own nodes has its own name, any other the class that CiA 301 gives it.
+"""
 
 from __future__ import annotations
 
+import struct
 from typing import NamedTuple
 
-from eurobot_od.client import history
-from eurobot_od.client.history import History
 from eurobot_od.client.master import RemoteNode
+from eurobot_od.client.procedure import Procedure
 from eurobot_od.client.streams import AsyncStream, BlockingStream, Stream
-from eurobot_od.device.emergency import ErrorCode, error_words
+from eurobot_od.device.emergency import REGISTER_BITS, ErrorCode, error_words
+from eurobot_od.od.standard import ERROR_FIELD, ERROR_REGISTER
+
+# The errors that a node remembers
+
+
+class RememberedError(NamedTuple):
+    """One remembered error: its emergency error `code` and the manufacturer's `info`, 16 bits each."""
+
+    code: int
+    info: int
+
+
+class History(NamedTuple):
+    """The error register, and the remembered errors, newest first."""
+
+    register: int
+    entries: list[RememberedError]
+
+    @property
+    def register_bits(self) -> list[str]:
+        """Names of the bits that are set in the register."""
+        return [name for bit, name in enumerate(REGISTER_BITS) if self.register >> bit & 1]
+
+
+@Procedure
+async def read_history(node: RemoteNode) -> History:
+    """Read the errors of a node. Raises NodeRefused, NoAnswer, BusError."""
+    register = (await node.upload.steps(ERROR_REGISTER, "Error register"))[0]
+    count = (await node.upload.steps((ERROR_FIELD, 0), "Number of errors"))[0]
+    fields = [await node.upload.steps((ERROR_FIELD, sub)) for sub in range(1, count + 1)]
+    return History(register, [RememberedError(*struct.unpack_from("<HH", each)) for each in fields])
+
+
+@Procedure
+async def clear_history(node: RemoteNode) -> None:
+    """Empty the history; raises as `read_history`."""
+    await node.download.steps((ERROR_FIELD, 0), b"\0", "Number of errors")
+
+
+# Emergency messages
+
 
 EMCY_BYTES = 8
 
@@ -61,11 +105,11 @@ class EmergencyStream(HeardEmergencies, BlockingStream[Emergency]):
 
     def history(self) -> History:
         """Read the errors that the node remembers (0x1001, 0x1003); raises NodeRefused, NoAnswer, BusError."""
-        return history.history(self._node)
+        return read_history(self._node)
 
     def clear(self) -> None:
         """Have the node forget its errors; raises as `history`."""
-        history.clear(self._node)
+        clear_history(self._node)
 
 
 class AsyncEmergencyStream(HeardEmergencies, AsyncStream[Emergency]):
@@ -73,8 +117,8 @@ class AsyncEmergencyStream(HeardEmergencies, AsyncStream[Emergency]):
 
     async def history(self) -> History:
         """Read the errors that the node remembers (0x1001, 0x1003); raises NodeRefused, NoAnswer, BusError."""
-        return await history.history.steps(self._node)
+        return await read_history.steps(self._node)
 
     async def clear(self) -> None:
         """Have the node forget its errors; raises as `history`."""
-        await history.clear.steps(self._node)
+        await clear_history.steps(self._node)

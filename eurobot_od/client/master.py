@@ -13,10 +13,13 @@ from collections.abc import Callable, Iterator
 from contextlib import AbstractAsyncContextManager, AbstractContextManager, contextmanager, nullcontext
 from typing import TYPE_CHECKING, Protocol, TypeAlias
 
+from eurobot_od.bus.live import Driver, Opener
 from eurobot_od.bus.live.buses import failure
+from eurobot_od.bus.live.connection import Connection
 from eurobot_od.client.procedure import Procedure
 from eurobot_od.device.nmt import COMMAND_NAMES, NmtCommand, NmtState
-from eurobot_od.errors import NamedObject, NoAnswer, NodeRefused, RemoteError, WrongAnswer
+from eurobot_od.errors import BusError, NamedObject, NoAnswer, NodeRefused, RemoteError, WrongAnswer
+from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.sdo_channel import SdoChannel
 from eurobot_od.od.values import (
     ERROR_CONTROL_BASE,
@@ -43,7 +46,6 @@ from eurobot_od.support.progress import Progress, unwatched
 if TYPE_CHECKING:
     import can
 
-    from eurobot_od.od.dictionary import Dictionary
 
 ANSWER_WAIT = 0.5
 """Seconds that a node has for the answer to an SDO request, where nothing else is said."""
@@ -356,3 +358,46 @@ class RemoteNode:
                 await master.pump.steps(transfer.deadline - clock(), lambda: transfer.done)
                 with master.guard:
                     send(transfer.tick(clock()))
+
+
+# A bus that is lost and comes back
+
+
+Guard: TypeAlias = Callable[[Callable[[], object]], None]
+"""Takes one step; raises BusError if the bus has failed and is not to be opened again."""
+
+
+def unguarded(step: Callable[[], object]) -> None:
+    """Take a step, and let a failing bus end everything."""
+    step()
+
+
+class Reconnecting:
+    """A guard that opens a master's bus again, by `opener`, when a step fails; that step is not taken again.
+
+    `tell` gets a line when the bus is lost and when it is back.
+    """
+
+    def __init__(self, master: Master, opener: Opener, tell: Callable[[str], object]) -> None:
+        def lost(why: BusError, _: bool) -> None:
+            tell(f"{why}; it is opened again")
+
+        def back(gap: float) -> None:
+            tell(f"the bus is back after a gap of {gap:.1f} s")
+
+        self._master, self._has_worked = master, False
+        self._connection = Connection(Driver(master.bus), opener, master.clock, lost, lambda: None, back)
+
+    def __call__(self, step: Callable[[], object]) -> None:
+        """Take a step."""
+        try:
+            step()
+        except BusError as error:
+            if not self._has_worked:
+                raise
+            self._connection.fail(error)
+            self._connection.reopen()
+            self._master.bus = self._connection.driver.bus
+        else:
+            self._has_worked = True
+            self._connection.works()

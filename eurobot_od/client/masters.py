@@ -19,18 +19,16 @@ from collections.abc import Callable, Sequence
 from contextlib import AbstractAsyncContextManager
 from math import inf
 from queue import SimpleQueue
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Any, Protocol
+
+import can
 
 from eurobot_od.bus.live.buses import Driver, failure
+from eurobot_od.bus.live.connection import Opener
 from eurobot_od.bus.live.reader import FrameReader
 from eurobot_od.client.master import ANSWER_WAIT, Master
 from eurobot_od.errors import BusError, LocalError
 from eurobot_od.frame import HIGHEST_IDENTIFIER, Frame
-
-if TYPE_CHECKING:
-    import can
-
-    from eurobot_od.bus.live.connection import Opener
 
 SEND_WAIT = 0.5
 """Seconds that a driver may take to accept a frame."""
@@ -88,16 +86,12 @@ class SharedFeed:
     """Somebody else's bus and python-can notifier; neither is touched at the end. Without a notifier there is ours."""
 
     def __init__(self, bus: can.BusABC, notifier: can.Notifier | None = None) -> None:
-        import can
-
         self.bus, self._driver = bus, Driver(bus)
         found = getattr(can.Notifier, "find_instances", lambda _: ())(bus)  # since python-can 4.5
         self._notifier, self._own = notifier or next(iter(found), None), False
         self._hear: Any = None
 
     def start(self, seen: Seen, failed: Failed, back: Callable[[], object]) -> None:
-        import can
-
         def hear(message: can.Message) -> None:
             odd = message.is_extended_id or message.is_remote_frame or message.is_error_frame or message.is_fd
             if not odd and message.arbitration_id <= HIGHEST_IDENTIFIER:
@@ -122,8 +116,6 @@ class SharedFeed:
 
 def feed_of(network: Any) -> SharedFeed:
     """Return the feed of an open python-can bus, or of a connected `canopen.Network`; raises LocalError."""
-    import can
-
     if isinstance(network, can.BusABC):
         return SharedFeed(network)
     bus = getattr(network, "bus", None)
@@ -136,8 +128,6 @@ class PeriodicTask:
     """Frames sent one after the other, one every `period` seconds, by the driver or the kernel, until `stop`."""
 
     def __init__(self, master: Master, frames: Sequence[Frame], period: float) -> None:
-        import can
-
         self._messages = [can.Message(arbitration_id=f.cob_id, data=f.data, is_extended_id=False) for f in frames]
         self._master, self.period = master, period
         self._task: Any = None

@@ -14,9 +14,14 @@ from functools import partial
 from io import StringIO
 from itertools import islice
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Generic, TypeAlias, TypeVar
+from typing import Any, Generic, Self, TypeAlias, TypeVar
+
+import can
+import canopen
 
 from eurobot_od.bus.live import open_bus
+from eurobot_od.bus.simulated.network import Simulation
+from eurobot_od.bus.simulated.simulated_bus import SimulatedBus
 from eurobot_od.client import lss
 from eurobot_od.client.description import Identity
 from eurobot_od.client.lss import LssSteps, Result
@@ -28,20 +33,13 @@ from eurobot_od.client.remote_device import AsyncRemoteDevice, DeviceAtNode, Rem
 from eurobot_od.client.scan import LISTEN, Found, scan
 from eurobot_od.client.watch import LOST_AFTER, NodeEvent, NodeWatch
 from eurobot_od.device.nmt import ALL_NODES, NmtCommand
+from eurobot_od.device.simulated import SimulatedDevice
+from eurobot_od.device.station import Station
 from eurobot_od.errors import LocalError, StateError, UnknownName
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.lss import LssState
 from eurobot_od.od.network import DEFAULT, load, read_network
 from eurobot_od.od.values import ERROR_CONTROL_BASE, NMT_COB_ID, NODE_IDS, SYNC_COB_ID
-
-if TYPE_CHECKING:
-    import can
-    import canopen
-    from typing_extensions import Self
-
-    from eurobot_od.bus.simulated.network import Simulation
-    from eurobot_od.device.simulated import SimulatedDevice
-    from eurobot_od.device.station import Station
 
 BusName: TypeAlias = "str | can.BusABC | canopen.Network | None"
 """An interface as python-can names it, a bus that is open, or somebody else's network, whose bus is shared."""
@@ -72,8 +70,6 @@ def _dictionary(file: DeviceFile, node_id: int) -> Dictionary | None:
         return file if file is None or file.node_id == node_id else file.renumbered(node_id)
     if isinstance(file, (str, Path)):
         return Dictionary.load(file, node_id)
-    import canopen
-
     text = StringIO()
     canopen.export_od(file, text, "eds")
     return Dictionary.read(text.getvalue().encode(), Path(f"canopen {node_id}"), node_id)
@@ -425,9 +421,6 @@ class SimulatedNetwork(Network):
     """
 
     def __init__(self, simulation: Simulation | None = None) -> None:
-        from eurobot_od.bus.simulated.network import Simulation
-        from eurobot_od.bus.simulated.simulated_bus import SimulatedBus
-
         self.simulation = simulation or Simulation()
         self.devices: dict[int, SimulatedDevice] = {}
         self.stations: dict[int, Station] = {}
@@ -438,8 +431,6 @@ class SimulatedNetwork(Network):
 
         `options` are those of SimulatedDevice: `given` values, `waveforms`.
         """
-        from eurobot_od.device.simulated import SimulatedDevice
-
         if isinstance(device, (str, Path)):
             device = Dictionary.load(device, node_id)
         made = SimulatedDevice(device, **options) if isinstance(device, Dictionary) else device

@@ -6,7 +6,9 @@ A node that refuses one object is asked for the next; one that does not answer e
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
+
+from canopen.objectdictionary import ODVariable
 
 from eurobot_od.client.configure import is_parameter, read_object
 from eurobot_od.client.description import device_name
@@ -19,9 +21,6 @@ from eurobot_od.od.objects import address_of, all_objects, at, data_type, decode
 from eurobot_od.od.values import DOMAIN, Address, Value
 from eurobot_od.sdo.wire import AbortCode
 from eurobot_od.support.amounts import amount
-
-if TYPE_CHECKING:
-    from canopen.objectdictionary import ODVariable
 
 
 class ObjectReading(NamedTuple):

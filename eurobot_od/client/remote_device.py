@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from datetime import datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+from canopen.objectdictionary import ObjectDictionary, ODVariable
 
 from eurobot_od.client import configure, program
 from eurobot_od.client.configure import ChangePlan, Configured
@@ -13,7 +15,7 @@ from eurobot_od.client.description import Identity, from_file, read_identity
 from eurobot_od.client.drive402 import AsyncDrive402, Drive402
 from eurobot_od.client.emergencies import AsyncEmergencyStream, EmergencyStream, HeardEmergencies
 from eurobot_od.client.master import Master
-from eurobot_od.client.pdo_order import pdo_of
+from eurobot_od.client.pdo_mapping import pdo_of
 from eurobot_od.client.procedure import finished
 from eurobot_od.client.program import Loaded
 from eurobot_od.client.remote_objects import AsyncRemoteObject, ObjectKey, RemoteObject, found_variables
@@ -24,9 +26,6 @@ from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.objects import address_of, all_objects, data_type, decode
 from eurobot_od.od.values import EMCY_BASE
 from eurobot_od.support.progress import Progress, unwatched
-
-if TYPE_CHECKING:
-    from canopen.objectdictionary import ObjectDictionary, ODVariable
 
 EMCY_COB_ID = (0x1014, 0)
 

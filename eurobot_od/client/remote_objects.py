@@ -11,7 +11,9 @@ Rule of this file: `bytes` are what the SDO carries, `raw` is the number in them
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import Any, TypeAlias
+
+from canopen.objectdictionary import ObjectDictionary, ODVariable
 
 from eurobot_od.client.configure import read_object
 from eurobot_od.client.master import RemoteNode
@@ -36,9 +38,6 @@ from eurobot_od.od.objects import (
 from eurobot_od.od.profiles.words import with_words, words
 from eurobot_od.od.values import Address, Value
 from eurobot_od.support.progress import Progress, unwatched
-
-if TYPE_CHECKING:
-    from canopen.objectdictionary import ObjectDictionary, ODVariable
 
 ObjectKey: TypeAlias = "str | int | Address"
 """A name, or a number as a person writes it; an index; index and sub-index."""

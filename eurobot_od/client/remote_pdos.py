@@ -7,22 +7,30 @@ configuration has written and read back, by what was written with `drive[...]`, 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING, Any, Generic, NamedTuple, TypeVar
+from typing import Any, Generic, NamedTuple, TypeVar
 
 from eurobot_od.client.master import RemoteNode
-from eurobot_od.client.pdo_parameters import pdo_parameters
-from eurobot_od.client.procedure import finished
+from eurobot_od.client.pdo_mapping import pdo_of
+from eurobot_od.client.procedure import Procedure, finished
+from eurobot_od.client.reading import read_bytes
 from eurobot_od.client.streams import AsyncStream, BlockingStream, Stream
 from eurobot_od.errors import FieldError, FrameLengthError, LocalError, MappingError, UnknownName
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.objects import address_of
 from eurobot_od.od.pdos import Pdo
-from eurobot_od.od.values import SLICE, PdoDirection, Value
+from eurobot_od.od.values import SLICE, Address, PdoDirection, Value
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.catalogue import plain_name
 
-if TYPE_CHECKING:
-    from eurobot_od.od.values import Address
+
+@Procedure
+async def pdo_parameters(node: RemoteNode, dictionary: Dictionary) -> dict[Address, Value]:
+    """Read the numbers that a node has in its PDOs' records; what it refuses is left out.
+
+    Raises NoAnswer, RemoteError, BusError.
+    """
+    found = await read_bytes.steps(node, (each for each in dictionary.addresses() if pdo_of(each) is not None))
+    return {address: int.from_bytes(data, "little") for address, data in found.items() if isinstance(data, bytes)}
 
 
 class PdoValue(NamedTuple):

@@ -12,18 +12,14 @@ from enum import Enum
 from functools import partial
 from math import inf
 from statistics import median_low
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
+from eurobot_od.client.master import Guard, Master, unguarded
 from eurobot_od.client.procedure import Procedure
-from eurobot_od.client.reconnecting import Guard, unguarded
-from eurobot_od.device.guarding import TOGGLE
-from eurobot_od.device.nmt import NmtState
+from eurobot_od.device.nmt import TOGGLE, NmtState
 from eurobot_od.errors import RemoteError
 from eurobot_od.od.standard import HEARTBEAT_TIME
 from eurobot_od.od.values import ERROR_CONTROL_BASE, NODE_IDS
-
-if TYPE_CHECKING:
-    from eurobot_od.client.master import Master
 
 LOST_AFTER = 2.0
 """Heartbeat periods without a heartbeat after which a node is lost."""

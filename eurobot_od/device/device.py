@@ -12,18 +12,24 @@ from math import inf
 from typing import NamedTuple
 
 from eurobot_od.device.bound import NO_APPLICATION, Application, BoundObjects
-from eurobot_od.device.deadlines import Deadlines
+from eurobot_od.device.broadcasts import TIME_CONSUMER, TIME_PRODUCER, Arrival, Clock, Synchronous, SyncProducer
 from eurobot_od.device.emergency import Emergencies, ErrorCode
-from eurobot_od.device.guarding import NodeGuarding
-from eurobot_od.device.heartbeat import HeartbeatConsumer, split
-from eurobot_od.device.nmt import SERVICES, TARGET, NmtCommand, NmtState, boot_state, command_in, error_control
-from eurobot_od.device.objects import COMMUNICATION_PROFILE, REFUSAL, Objects, OnRead, OnWrite
+from eurobot_od.device.nmt import (
+    SERVICES,
+    TARGET,
+    HeartbeatConsumer,
+    NmtCommand,
+    NmtState,
+    NodeGuarding,
+    boot_state,
+    command_in,
+    error_control,
+    heartbeat_entry,
+)
+from eurobot_od.device.objects import COMMUNICATION_PROFILE, REFUSAL, Objects, OnRead, OnWrite, predefined
 from eurobot_od.device.pdo import Changes, Pacing, Pdos, ProcessData
-from eurobot_od.device.predefined import predefined
 from eurobot_od.device.storage import Store, refused
-from eurobot_od.device.sync import Arrival, Synchronous, SyncProducer
-from eurobot_od.device.time_of_day import CONSUMER, PRODUCER, Clock
-from eurobot_od.device.timers import Plan, caught_up
+from eurobot_od.device.timers import Deadlines, Plan, caught_up
 from eurobot_od.errors import DamagedFile, DictionaryError, FrameLengthError, Refused, StateError
 from eurobot_od.frame import Frame
 from eurobot_od.gatekeeper import Stay
@@ -42,8 +48,8 @@ from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.catalogue import NOTHING, Catalogue
 from eurobot_od.pdo.message import Message
 from eurobot_od.pdo.protocol import Protocol
+from eurobot_od.sdo.aborts import Abort, Reason
 from eurobot_od.sdo.server import SdoServer
-from eurobot_od.sdo.wire import Abort, AbortCode
 
 ON_COMMUNICATION_ERROR: Mapping[int, NmtCommand | None] = {
     0: NmtCommand.ENTER_PRE_OPERATIONAL,
@@ -159,7 +165,7 @@ class Device:
             **bound.readers(),
             standard.ERROR_REGISTER[0]: lambda _: self.emergencies.register,
             standard.ERROR_FIELD: self.emergencies.read_field,
-            **({standard.STORED_EDS[0]: self._read_eds} if serves_eds else {}),
+            **({standard.STORED_EDS[0]: lambda _: self.dictionary.content} if serves_eds else {}),
         }
         writers |= {
             **bound.writers(),
@@ -181,7 +187,7 @@ class Device:
         self.sdo_requests, self.sdo_answers = SdoChannel.of(self.dictionary)
         time, sync = self.objects.raw(standard.TIME), self.objects.raw(standard.SYNC)
         # Bit 30 of 0x1005 and 0x1012: the device itself sends SYNC or TIME (CiA 301, 7.5.2.5 and 7.5.2.15).
-        produced = {each & BASE_IDENTIFIER for each in (time, sync) if each & PRODUCER}
+        produced = {each & BASE_IDENTIFIER for each in (time, sync) if each & TIME_PRODUCER}
         self._periodic = produced | {ERROR_CONTROL_BASE + self.node_id}
         # Sub-index 2 of 0x1280 and those after it: where a server answers this device as its client (7.5.2.34).
         clients = [index for index in standard.SDO_CLIENTS if index in self.dictionary.members]
@@ -191,7 +197,7 @@ class Device:
             **dict.fromkeys(self._consumer.identifiers, self._receive_heartbeat),
             **dict.fromkeys(answers, lambda frame: Reaction([], answer=frame)),
             **dict.fromkeys(self._pdos.received, self._receive_pdo),
-            time & BASE_IDENTIFIER if time & CONSUMER else None: self._receive_time,
+            time & BASE_IDENTIFIER if time & TIME_CONSUMER else None: self._receive_time,
             self._pdos.sync_cob_id: self._receive_sync,
             self.sdo_requests: self._receive_sdo,
             NMT_COB_ID: self._receive_command,
@@ -221,7 +227,7 @@ class Device:
         """Send SYNC and TIME from now on, if that is configured and the NMT state allows it (CiA 301, Table 36)."""
         self._sync.restart(self._pdos.sync_period if self._reports else 0.0, self._pdos.sync_counter, self._now)
         time = self.objects.raw(standard.TIME)
-        if self._reports and time & PRODUCER and time & BASE_IDENTIFIER:
+        if self._reports and time & TIME_PRODUCER and time & BASE_IDENTIFIER:
             self.time_of_day.produce(self._now)
         else:
             self.time_of_day.rest()
@@ -267,12 +273,10 @@ class Device:
         """Return an object's present value as a number; raises DictionaryError if it has none."""
         return self.objects.number(address)
 
-    def setting(self, name: str) -> int:
-        """Return the value of a setting by its ParameterNames, `Goto handshake.Confirm wait`.
-
-        Raises DictionaryError.
-        """
-        return self.objects.number(self.dictionary.address(name))
+    @property
+    def aborted(self) -> Abort | None:
+        """Why the device aborted an SDO transfer last; None if it has not since it was switched on or reset."""
+        return self._server.aborted
 
     def settle(self) -> None:
         """Bring into the objects what PDOs have brought."""
@@ -292,30 +296,24 @@ class Device:
     def _command(self, binding: Binding, message: Message) -> None:
         """Have the application act on what was written as on a PDO; raises Abort with the reason if it does not."""
         if not self.operational and not binding.always:
-            raise Abort(AbortCode.STATE, f"{self.dictionary.name} is {self.state.name}")
+            raise Abort(Reason.WRONG_STATE, f"{self.dictionary.name} is {self.state.name}")
         try:
             self._application.act(message)
         except Refused as refused:
             raise Abort(REFUSAL[refused.cause], str(refused)) from refused
 
-    def _read_eds(self, _: int) -> Value:
-        try:
-            return self.dictionary.content
-        except DictionaryError as error:
-            raise Abort(AbortCode.HARDWARE, str(error)) from error
-
     def _keep(self, address: Address, signature: Value) -> None:
         """Store the present values, or, from the next reset on, those of the file (CiA 301, 7.5.2.13, 7.5.2.14)."""
         # Spelt out, `save` and `load`, so that no stray write stores or restores anything.
         if signature != int.from_bytes(standard.SIGNATURES[address[0]], "little"):
-            raise Abort(AbortCode.NOT_TRANSFERRED)
+            raise Abort(Reason.SIGNATURE)
         values = self.objects.configuration() if address[0] == standard.STORE else {}
         own = self._file.node_id_address
         try:
             if self._store:
                 self._store.save(values, self.objects.number(own) if own else self.node_id)
         except (OSError, DictionaryError) as error:
-            raise Abort(AbortCode.HARDWARE, str(error)) from error
+            raise Abort(Reason.NOT_STORED, str(error)) from error
         # What was refused at the start has been overwritten: nothing is left to complain of.
         self._stored, self.refused = values, ()
         self.emergencies.cleared(Store)
@@ -328,11 +326,13 @@ class Device:
 
     def _consume(self, address: Address, value: Value) -> None:
         """Watch other nodes' heartbeats, each but once (CiA 301, 7.5.2.19)."""
-        node_id, time = split(value if isinstance(value, int) else 0)
-        others = [split(entry) for subindex, entry in enumerate(self._consumed(), 1) if subindex != address[1]]
+        node_id, time = heartbeat_entry(value if isinstance(value, int) else 0)
+        others = [
+            heartbeat_entry(entry) for subindex, entry in enumerate(self._consumed(), 1) if subindex != address[1]
+        ]
         # With two times for one node it would be lost by the one and still there by the other.
         if time and any(node_id == other and others_time for other, others_time in others):
-            raise Abort(AbortCode.INCOMPATIBLE)
+            raise Abort(Reason.WATCHED_TWICE)
         self.objects.put(address, value)
         self._configure()
 

@@ -1,16 +1,20 @@
-"""The NMT slave: states, commands, boot-up and heartbeat (CiA 301, 7.2.8 and 7.3.2).
+"""Network management of a device: states and commands, boot-up and heartbeat, watching others, being guarded.
 
-Rule of this file: no clock and no bus; the state machine is one table, and its result says who resets what.
+CiA 301, 7.2.8 and 7.3.2. The state machine is one table, and its result says who resets what. There is no clock and no
+bus in here: times are in seconds. A node that is watched, or a master that guards, is missed only after it was heard
+once.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from enum import IntEnum
+from math import inf
 from typing import NamedTuple
 
+from eurobot_od.device.timers import Deadlines
 from eurobot_od.frame import Frame
-from eurobot_od.od.values import ERROR_CONTROL_BASE, NMT_COB_ID, Value
+from eurobot_od.od.values import ERROR_CONTROL_BASE, NMT_COB_ID, NODE_IDS, Value
 
 ALL_NODES = 0
 
@@ -93,3 +97,69 @@ def boot_state(nmt_startup: Value) -> NmtState:
 def error_control(node_id: int, state: NmtState) -> Frame:
     """Return the heartbeat frame; with INITIALISING it is the boot-up message."""
     return Frame(ERROR_CONTROL_BASE + node_id, bytes([state]))
+
+
+# The heartbeats of other nodes
+
+
+def heartbeat_entry(entry: int) -> tuple[int, float]:
+    """Return node-ID and time in seconds of an entry of 0x1016 (CiA 301, Figure 60); 0.0 if it is not used."""
+    node_id, milliseconds = entry >> 16 & 0xFF, entry & 0xFFFF
+    return node_id, milliseconds / 1000 if node_id in NODE_IDS else 0.0
+
+
+class HeartbeatConsumer(Deadlines[int]):
+    """Watches the heartbeats that 0x1016 names; `missed` are the node-IDs that are silent now."""
+
+    def configure(self, entries: Iterable[int]) -> None:
+        """Take over the entries of 0x1016."""
+        # Any change of the communication objects ends up here: it must not stop the watch over the other nodes.
+        self.change({node_id: time for node_id, time in map(heartbeat_entry, entries) if time})
+
+    @property
+    def identifiers(self) -> set[int]:
+        """COB-IDs of the heartbeats that are watched."""
+        return {ERROR_CONTROL_BASE + node_id for node_id in self.times}
+
+    def booted(self, node_id: int, now: float) -> bool:
+        """Note a boot-up message; return whether its node had been lost."""
+        # A node without heartbeats boots as well: that begins no watch, but in one that is on the node is back.
+        return self.heard(node_id, now) if self.awaits(node_id) else self.back(node_id)
+
+
+# Node guarding
+
+
+TOGGLE = 1 << 7
+"""Bit of an answer that changes each time, from 0 on: two answers in a row are told apart from one repeated."""
+
+
+class NodeGuarding:
+    """The guarded side; `next` is when the master will have been silent too long, infinite if it is not missed."""
+
+    def __init__(self) -> None:
+        self.next = inf
+        self.lost = False
+        self._toggle = 0
+        self._life_time = 0.0
+
+    def configure(self, life_time: float) -> None:
+        """Take over how long the master may be silent, 0.0 for ever; a changed time holds from the next question on."""
+        if life_time != self._life_time:
+            self._life_time, self.next, self.lost = life_time, inf, False
+
+    def answer(self, node_id: int, state: NmtState, now: float) -> Frame:
+        """Return the answer to a question."""
+        data = bytes([self._toggle | state])
+        # Only a reset, which makes this object anew, begins with 0 again; a master that was silent does not.
+        self._toggle ^= TOGGLE
+        self.next = now + self._life_time if self._life_time else inf
+        self.lost = False
+        return Frame(ERROR_CONTROL_BASE + node_id, data)
+
+    def overdue(self, now: float) -> bool:
+        """Whether the master has fallen silent by now; told once."""
+        if now < self.next:
+            return False
+        self.next, self.lost = inf, True
+        return True

@@ -1,25 +1,38 @@
 """The objects of a running device: present values, who may access them, and their form in an SDO.
 
-Rule of this file: a value is checked before it is stored, and a refused one changes nothing. Access type, data type and
-limits are the file's; what an object does beyond keeping its value comes in as a function in `readers` or `writers`.
+A value is checked before it is stored, and a refused one changes nothing. Access type, data type and limits are the
+file's. What an object does beyond keeping its value comes in as a function in `readers` or `writers`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+from canopen.objectdictionary import ODVariable
 
 from eurobot_od.errors import Cause, DictionaryError, Refused
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.objects import data_type, initial, limits
 from eurobot_od.od.pdos import Part
-from eurobot_od.od.standard import COMMANDS, VERIFY_CONFIGURATION
-from eurobot_od.od.values import DOMAIN, MAPPINGS, VISIBLE_STRING, Address, Value, base_identifier
-from eurobot_od.sdo.wire import LARGEST, Abort, AbortCode
-
-if TYPE_CHECKING:
-    from canopen.objectdictionary import ODVariable
+from eurobot_od.od.sdo_channel import SdoChannel
+from eurobot_od.od.standard import COMMANDS, EMCY, IDENTITY, SDO_ANSWERS, SDO_REQUESTS, SYNC, TIME, VERIFY_CONFIGURATION
+from eurobot_od.od.values import (
+    COB_ID,
+    DEFAULT_PDO_BASES,
+    DOMAIN,
+    EMCY_BASE,
+    MAPPINGS,
+    SYNC_COB_ID,
+    TIME_COB_ID,
+    VISIBLE_STRING,
+    Address,
+    Value,
+    base_identifier,
+)
+from eurobot_od.sdo.aborts import Abort, Reason
+from eurobot_od.sdo.wire import LARGEST
 
 COMMUNICATION_PROFILE = range(0x1000, 0x2000)
 """Indices of communication objects, which are configuration; a reset of the communication restores them (CiA 301,
@@ -41,7 +54,7 @@ OnWrite = Callable[[Address, Value], None]
 OnTold = Callable[[Any], object]
 """Takes each new value of an object, from an SDO or an RPDO; raises Refused for one that is not to be kept."""
 
-REFUSAL: Mapping[Cause, AbortCode] = {Cause.STATE: AbortCode.STATE, Cause.VALUES: AbortCode.INCOMPATIBLE}
+REFUSAL: Mapping[Cause, Reason] = {Cause.STATE: Reason.REFUSED_NOW, Cause.VALUES: Reason.REFUSED_VALUE}
 """How what the application does not act on is refused over SDO, by why it does not."""
 
 LONGEST_TEXT = 1 << 16
@@ -57,14 +70,14 @@ def is_configuration(dictionary: Dictionary, address: Address) -> bool:
     return address[0] in COMMUNICATION_PROFILE or (variable is not None and variable.access_type in SETTINGS)
 
 
-def out_of_limits(variable: ODVariable, value: Value) -> AbortCode | None:
+def out_of_limits(variable: ODVariable, value: Value) -> Reason | None:
     """Return why a number is not within the limits of its object in the file; None if it is, or is not a number."""
     range_ = limits(variable)
     if range_ is not None and isinstance(value, (int, float)):
         if value > range_.high:
-            return AbortCode.TOO_HIGH
+            return Reason.ABOVE_LIMIT
         if value < range_.low:
-            return AbortCode.TOO_LOW
+            return Reason.BELOW_LIMIT
     return None
 
 
@@ -160,7 +173,7 @@ class Objects:
         """Return an object's value in its SDO form; raises Abort."""
         variable = self._variable(address)
         if not variable.readable:
-            raise Abort(AbortCode.WRITE_ONLY)
+            raise Abort(Reason.WRITE_ONLY)
         type_ = data_type(variable)
         try:
             value = self.value(address)
@@ -171,20 +184,20 @@ class Objects:
             return type_.write(value)
         except (DictionaryError, ValueError, OverflowError) as error:
             # the file's default is not a number, or does not fit the type that the file names
-            raise Abort(AbortCode.NO_DATA, str(error)) from error
+            raise Abort(Reason.NO_VALUE, str(error)) from error
 
     def admit(self, address: Address, size: int | None) -> int:
         """Return how many bytes an object takes; raises Abort if it is not to be written, or not with `size` bytes."""
         variable = self._variable(address)
         if not variable.writable:
-            raise Abort(AbortCode.READ_ONLY)
+            raise Abort(Reason.READ_ONLY)
         type_ = data_type(variable)
         room = type_.size or (LARGEST if type_ == DOMAIN else LONGEST_TEXT)
         if size is not None and size > room:
             # A text or a DOMAIN has no size that its type fixes: all it can exceed is memory (CiA 301, Table 22).
-            raise Abort(AbortCode.TOO_LONG if type_.size else AbortCode.OUT_OF_MEMORY)
+            raise Abort(Reason.LONGER_THAN_TYPE if type_.size else Reason.OUT_OF_MEMORY)
         if size is not None and size < type_.size:
-            raise Abort(AbortCode.TOO_SHORT)
+            raise Abort(Reason.SHORTER_THAN_TYPE)
         return room
 
     def write(self, address: Address, data: bytes) -> None:
@@ -210,5 +223,33 @@ class Objects:
         variable = self.dictionary.variable(address)
         if variable is None:
             known = address[0] in self.dictionary.objects.indices
-            raise Abort(AbortCode.NO_SUBINDEX if known else AbortCode.NO_OBJECT)
+            raise Abort(Reason.NO_SUBINDEX if known else Reason.NO_OBJECT)
         return variable
+
+
+# What a file leaves out: the pre-defined connection set (CiA 301, 7.3.3), the identity
+
+
+BROADCASTS: Mapping[Address, int] = {SYNC: SYNC_COB_ID, TIME: TIME_COB_ID}
+
+BASES: Mapping[Address, int] = {
+    EMCY: EMCY_BASE,
+    **{
+        (direction.value + number, COB_ID): base
+        for direction, bases in DEFAULT_PDO_BASES.items()
+        for number, base in enumerate(bases)
+    },
+}
+"""What the node-ID is added to."""
+
+
+def predefined(dictionary: Dictionary) -> dict[Address, int]:
+    """Return the values of the objects that a file has and gives none: identifiers, and who the device is."""
+    identifiers = {**BROADCASTS, **{address: base + dictionary.node_id for address, base in BASES.items()}}
+    # Only where the file is silent: an identifier that it gives counts, also one that is not valid.
+    silent = (each for each in identifiers if each[1] in dictionary.members.get(each[0], ()))
+    identity = {(IDENTITY, sub): number for sub, number in enumerate(dictionary.identity, start=1) if number}
+    given = {address: identifiers[address] for address in silent if dictionary.default(address) is None}
+    # Where the server is counts here, also where the file's own identifiers are not followed.
+    server = zip((SDO_REQUESTS, SDO_ANSWERS), SdoChannel.of(dictionary), strict=True)
+    return identity | given | {address: cob_id for address, cob_id in server if dictionary.variable(address)}

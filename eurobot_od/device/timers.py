@@ -1,16 +1,16 @@
-"""Timers of a node: functions to be called at a time; and the plan, the soonest time of all that a node has planned.
+"""Timers of a node, which call functions at a time; deadlines, by which something has to come; the plan of a node.
 
-Rule of this file: timers of the same time are called in the order they were set, or a simulated match would not be the
-same twice. There is no clock; the time is what the caller says it is.
+There is no clock in here: the time, in seconds, is what the caller says it is. Timers that are due at the same time are
+called in the order in which they were set. Otherwise a simulated match would not be the same twice.
 """
 
 from __future__ import annotations
 
 import heapq
 import itertools
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Hashable, Iterator, Mapping
 from math import inf
-from typing import TypeAlias
+from typing import Generic, TypeAlias, TypeVar
 
 TimerAction: TypeAlias = Callable[[float], None]
 """What to do when a timer is due; gets the time it was set for."""
@@ -99,3 +99,65 @@ class Plan:
         """Note that something is due at a time in seconds."""
         if time < self.soonest:
             self.soonest = time
+
+
+# Deadlines
+
+
+Awaited = TypeVar("Awaited", bound=Hashable)
+
+
+class Deadlines(Generic[Awaited]):
+    """What is awaited, and within which time; `missed` is what has not come in time.
+
+    A device has them for its RPDOs (CiA 301, 7.5.2.35: event timer of an RPDO) and for the heartbeats of other nodes.
+    """
+
+    def __init__(self) -> None:
+        self.times: Mapping[Awaited, float] = {}
+        self._deadlines: dict[Awaited, float] = {}
+        self.missed: set[Awaited] = set()
+
+    def restart(self, times: Mapping[Awaited, float]) -> None:
+        """Begin anew with these; none is awaited before it has come once."""
+        self.times = times
+        self._deadlines.clear()
+        self.missed.clear()
+
+    def change(self, times: Mapping[Awaited, float]) -> None:
+        """Take over other times; what does not change goes on."""
+        kept = {each for each in times if times[each] == self.times.get(each)}
+        self.times = times
+        # To their old deadlines: otherwise each write to 0x1016 would give all other nodes more time.
+        self._deadlines = {each: self._deadlines[each] for each in kept & self._deadlines.keys()}
+        self.missed &= kept
+
+    def awaits(self, what: Awaited) -> bool:
+        """Tell whether it has come, and has to come again in time."""
+        return what in self._deadlines
+
+    def heard(self, what: Awaited, now: float) -> bool:
+        """Note that it has come; return whether it had been missed."""
+        if what not in self.times:
+            return False
+        self._deadlines[what] = now + self.times[what]
+        return self.back(what)
+
+    def back(self, what: Awaited) -> bool:
+        """Note that it is there, without a new deadline; return whether it had been missed."""
+        was_missed = what in self.missed
+        self.missed.discard(what)
+        return was_missed
+
+    @property
+    def next(self) -> float:
+        """When the next one will be late, infinite if none is awaited."""
+        return min(self._deadlines.values(), default=inf)
+
+    def overdue(self, now: float) -> list[Awaited]:
+        """Return what has not come in time by now, each once."""
+        late = [each for each, deadline in self._deadlines.items() if deadline <= now]
+        for each in late:
+            del self._deadlines[each]  # reported once; when it comes again the watch begins anew
+            self.missed.add(each)
+        return late

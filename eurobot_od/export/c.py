@@ -23,8 +23,15 @@ from collections.abc import Iterable, Iterator
 from textwrap import TextWrapper
 from typing import NamedTuple
 
-from eurobot_od.export.description import DescribedField, DescribedMessage, Numeral, described
-from eurobot_od.export.names import LONGEST_IDENTIFIER, Identifiers, printable
+from eurobot_od.export.description import (
+    LONGEST_IDENTIFIER,
+    DescribedField,
+    DescribedMessage,
+    Identifiers,
+    Numeral,
+    described,
+    printable,
+)
 from eurobot_od.pdo.protocol import Protocol
 
 WORDS = """auto break case char const continue default do double else enum extern float for goto if inline int long

@@ -10,8 +10,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import NamedTuple
 
 from eurobot_od.errors import MappingError
-from eurobot_od.export.description import DescribedField, DescribedMessage, Numeral, described
-from eurobot_od.export.names import Identifiers, printable
+from eurobot_od.export.description import DescribedField, DescribedMessage, Identifiers, Numeral, described, printable
 from eurobot_od.pdo.protocol import Protocol
 
 HEAD = """VERSION ""

@@ -9,8 +9,15 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
-from eurobot_od.export.description import DescribedField, DescribedMessage, Numeral, described
-from eurobot_od.export.names import Identifiers, label, printable
+from eurobot_od.export.description import (
+    DescribedField,
+    DescribedMessage,
+    Identifiers,
+    Numeral,
+    described,
+    printable,
+    printable_name,
+)
 from eurobot_od.pdo.protocol import Protocol
 
 READER = Path(__file__).with_name("wireshark.lua")
@@ -72,7 +79,7 @@ def _table(messages: list[DescribedMessage], short: str) -> Iterator[str]:
 def _message(message: DescribedMessage, filters: str) -> Iterator[str]:
     expected = " or ".join(map(str, sorted({message.shortest, message.length})))
     yield f"MESSAGES[0x{message.cob_id:03X}] = {{"
-    yield f"    name = {_quoted(label(message.name))}, path = {_quoted(message.path)},"
+    yield f"    name = {_quoted(printable_name(message.name))}, path = {_quoted(message.path)},"
     yield f"    length = {message.length}, shortest = {message.shortest}, expected = {_quoted(expected)},"
     yield "    fields = {"
     of_fields = Identifiers()
@@ -86,11 +93,11 @@ def _field(field: DescribedField, filters: str) -> Iterator[str]:
     types, chunks = FIELD_TYPES[field.numeral], field.chunks
     kind = types[next(bits for bits in types if bits >= field.width)]  # there is none of 12 bits, say
     first, last = min(each.byte for each in chunks), max(each.byte for each in chunks)
-    names = "{" + ", ".join(f"[{raw}] = {_quoted(label(name))}" for raw, name in field.named.items()) + "}"
+    names = "{" + ", ".join(f"[{raw}] = {_quoted(printable_name(name))}" for raw, name in field.named.items()) + "}"
     given = f", base.DEC, {names}" if field.named else ""
     yield "        {"
-    yield f"            proto = ProtoField.{kind}({_quoted(filters)}, {_quoted(label(field.name))}{given}),"
-    yield f"            name = {_quoted(label(field.name))}, unit = {_quoted(field.unit)}, names = {names},"
+    yield f"            proto = ProtoField.{kind}({_quoted(filters)}, {_quoted(printable_name(field.name))}{given}),"
+    yield f"            name = {_quoted(printable_name(field.name))}, unit = {_quoted(field.unit)}, names = {names},"
     yield f"            numeral = {_quoted(field.numeral.value)}, width = {field.width}, first = {first},"
     yield f"            bytes = {last - first + 1},"
     if field.numeral is not Numeral.REAL and max(map(abs, field.limits)) < MOST_EXACT:

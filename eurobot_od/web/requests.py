@@ -13,10 +13,12 @@ from enum import Enum
 from functools import partial
 from math import isfinite
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
+
+from canopen.objectdictionary import ObjectDictionary, ODVariable
 
 from eurobot_od.client.configure import read_object
-from eurobot_od.client.history import history
+from eurobot_od.client.emergencies import read_history
 from eurobot_od.client.master import Master, RemoteNode
 from eurobot_od.device.nmt import ALL_NODES, COMMAND_NAMES, NmtCommand
 from eurobot_od.errors import EurobotError, LocalError, RemoteError, UnknownName
@@ -27,14 +29,8 @@ from eurobot_od.od.standard import REVISION
 from eurobot_od.od.values import DOMAIN, NMT_COB_ID, NODE_IDS, Value, label
 from eurobot_od.pdo.message import Message
 from eurobot_od.pdo.written import parse
-from eurobot_od.web import polled
 from eurobot_od.web.drives import LOOK, AxisAddress, Drives, quick_stops
-from eurobot_od.web.polled import PolledObject
-from eurobot_od.web.session import Session
-
-if TYPE_CHECKING:
-    from canopen.objectdictionary import ObjectDictionary, ODVariable
-
+from eurobot_od.web.session import MOST_POLLED, POLL_PERIOD, POLLED_FOR, PolledObject, Session
 
 Arguments = Mapping[str, Any]
 """What a request says besides its name."""
@@ -92,7 +88,7 @@ class Requests:
             for each in self.session.polled.values():
                 await self._ask(partial(self._read_polled, each))
                 each.turn = self.session.turn + 1  # also for a browser that has been sent the present turn already
-            await asyncio.sleep(polled.PERIOD)
+            await asyncio.sleep(POLL_PERIOD)
 
     def _read_polled(self, each: PolledObject) -> None:
         try:
@@ -157,16 +153,16 @@ class Requests:
         """Read the errors that a node remembers, newest first."""
         node = self._node(said)
         words = self.session.decoder.errors.of(node.node_id)
-        return [f"0x{each.code:04X} {words(each.code)}" for each in history(node).entries]
+        return [f"0x{each.code:04X} {words(each.code)}" for each in read_history(node).entries]
 
     def watch(self, said: Arguments) -> str:
         """Read an object for a while from now on, for plots; returns its key in snapshots."""
         node, thing = self._object(said)
         key = f"{_text(said, 'node')} {label(objects.address_of(thing))}"
-        if key not in self.session.polled and len(self.session.polled) >= polled.MOST:
-            raise LocalError(f"{polled.MOST} objects are read again and again already: leave another one out first")
+        if key not in self.session.polled and len(self.session.polled) >= MOST_POLLED:
+            raise LocalError(f"{MOST_POLLED} objects are read again and again already: leave another one out first")
         each = self.session.polled.get(key) or PolledObject(node.node_id, thing)
-        each.wanted_until = self.session.now + polled.WANTED
+        each.wanted_until = self.session.now + POLLED_FOR
         # A new dict, as `poll` may be on its way through the old one in another thread.
         self.session.polled = {**self.session.polled, key: each}
         return key

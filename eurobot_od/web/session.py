@@ -9,8 +9,12 @@ import json
 import time
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack, suppress
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import can
+from canopen.objectdictionary import ODVariable
 
 from eurobot_od.errors import LocalError
 from eurobot_od.frame import Frame
@@ -22,11 +26,44 @@ from eurobot_od.traffic.monitor.traffic import Traffic
 from eurobot_od.traffic.recorder import recording
 from eurobot_od.web.content import defects, event_data, values
 from eurobot_od.web.panel import PageEvent, Panel, service_events
-from eurobot_od.web.polled import PolledObject
 from eurobot_od.web.tap import Tap
 
-if TYPE_CHECKING:
-    import can
+# Objects that are read by SDO again and again, for plots
+
+
+POLL_PERIOD = 0.25
+"""Seconds from one reading of all polled objects to the next."""
+
+MOST_POLLED = 16
+"""Objects polled at once, for all browsers together."""
+
+
+POLLED_FOR = 15.0
+"""Seconds for which an object is read after a request; a page that still plots it asks again before that."""
+
+
+@dataclass
+class PolledObject:
+    """An object of a node, its last value and when that was read, and until when.
+
+    `turn` is the session's, for what has changed.
+    """
+
+    node_id: int
+    thing: ODVariable
+    time: float = 0.0
+    value: Any = None
+    trouble: str = ""
+    turn: int = -1
+    wanted_until: float = 0.0
+
+    def shown(self) -> dict[str, Any]:
+        """Return it as data."""
+        return {"time": round(self.time, 4), "value": self.value, "trouble": self.trouble}
+
+
+# The session
+
 
 MOST_EVENTS = 2000
 """Events that are kept; the oldest make room."""

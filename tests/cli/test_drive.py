@@ -10,8 +10,8 @@ import pytest
 
 from eurobot_od.bus.live import Live
 from eurobot_od.cli import drive as command
-from eurobot_od.device.drive import SimulatedDrive
 from eurobot_od.device.faults.drive import FAULTS
+from eurobot_od.device.profiles.devices import SimulatedDrive
 from tests.cli.console import Said, run
 from tests.cli.processes import PATIENCE, line, node, serve_bus
 from tests.cli.processes import command as process

@@ -11,8 +11,8 @@ import pytest
 
 from eurobot_od.bus.live import Live
 from eurobot_od.client.network import AsyncNetwork, SimulatedNetwork, simulated
-from eurobot_od.device.drive import SimulatedDrive
 from eurobot_od.device.faults.drive import FAULTS
+from eurobot_od.device.profiles.devices import SimulatedDrive
 from eurobot_od.errors import DriveError, LocalError, NodeRefused
 from eurobot_od.od.profiles.cia402 import State
 from tests.client.peers import new_channel, open_bus

@@ -9,8 +9,8 @@ import pytest
 
 from eurobot_od.client.network import SimulatedNetwork
 from eurobot_od.client.pdo_mapping import map_objects, mapping_entries
-from eurobot_od.client.pdo_parameters import pdo_parameters
 from eurobot_od.client.remote_device import RemoteDevice
+from eurobot_od.client.remote_pdos import pdo_parameters
 from eurobot_od.errors import ConfigurationError, LocalError
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.objects import find_one

@@ -13,6 +13,7 @@ from eurobot_od.errors import BusError, ProgramError
 from eurobot_od.od.dictionary import Dictionary
 from tests.client.flash import NODE_ID, FlashDevice, Trouble, eds
 from tests.client.wired import wired
+from tests.rows import rows
 
 PROGRAM = bytes(range(256)) * 20
 IDENTITY = b"""\
@@ -93,7 +94,7 @@ BAD = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize(("trouble", "why", "state"), BAD)
+@rows("trouble, why, state", BAD)
 def test_a_failure_says_why_and_in_which_state_the_node_is(trouble: Trouble, why: str, state: str) -> None:
     with wired(FlashDevice(trouble)) as master, pytest.raises(ProgramError) as failed:
         load(master.node(NODE_ID), PROGRAM)

@@ -8,9 +8,8 @@ from typing import Any
 
 import pytest
 
-from eurobot_od.device.kinds import simulated_kind
-from eurobot_od.device.module import SimulatedModule
 from eurobot_od.device.nmt import NmtCommand, NmtState, error_control
+from eurobot_od.device.profiles.devices import SimulatedModule, simulated_kind
 from eurobot_od.device.waveforms import Waveform, ramp, square, steps
 from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary

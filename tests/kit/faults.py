@@ -15,9 +15,9 @@ from eurobot_od.device.emergency import ErrorCode
 from eurobot_od.device.faults import device, hooks
 from eurobot_od.device.faults.fault import Caught, Fault
 from eurobot_od.device.faults.hooks import FrameChange, Mixin
-from eurobot_od.device.module import SimulatedModule
 from eurobot_od.device.nmt import ALL_NODES, NmtCommand, NmtState, error_control
 from eurobot_od.device.node import Node
+from eurobot_od.device.profiles.devices import SimulatedModule
 from eurobot_od.frame import Frame
 from eurobot_od.od.objects import address_of, all_objects, at, data_type, in_limits, is_described
 from eurobot_od.od.standard import (

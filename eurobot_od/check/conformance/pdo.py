@@ -32,7 +32,8 @@ from eurobot_od.od.values import (
     PdoDirection,
     label,
 )
-from eurobot_od.sdo.wire import Abort, AbortCode
+from eurobot_od.sdo.aborts import Abort
+from eurobot_od.sdo.wire import AbortCode
 
 CHAPTER: Chapter[Subject] = Chapter("pdo", "PDOs")
 

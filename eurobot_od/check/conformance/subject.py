@@ -14,7 +14,7 @@ from canopen.objectdictionary import ODVariable
 from eurobot_od.check.conformance import step
 from eurobot_od.check.conformance.step import Data, Steps
 from eurobot_od.device.device import Device
-from eurobot_od.device.heartbeat import split
+from eurobot_od.device.nmt import heartbeat_entry
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.objects import address_of, in_limits, members
 from eurobot_od.od.pdos import Pdo
@@ -177,7 +177,7 @@ class Subject:
     def another(self) -> int:
         """A node-ID that neither the device has nor its file watches: the tester plays that node."""
         # One that the device watches would be reported as lost when the tester stops playing it.
-        watched = {split(self.number((CONSUMED_HEARTBEATS, sub)))[0] for sub in range(1, MOST_SUBS + 1)}
+        watched = {heartbeat_entry(self.number((CONSUMED_HEARTBEATS, sub)))[0] for sub in range(1, MOST_SUBS + 1)}
         # From above: makers and teams count their devices from 1, so that a high number is most likely nobody's.
         return next(each for each in reversed(NODE_IDS) if each != self.node_id and each not in watched)
 

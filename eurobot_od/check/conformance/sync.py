@@ -12,7 +12,7 @@ from eurobot_od.check.conformance.step import BUSY, OUTSIDE, Data, Steps, codes,
 from eurobot_od.check.conformance.storage import Kept, kept_over_reset
 from eurobot_od.check.conformance.subject import Subject, Tier, fresh, has, need, or_skipped
 from eurobot_od.check.conformance.transmission import NO_SYNC, frame_of, need_uncounted_sync, sync
-from eurobot_od.device.sync import COUNTERS
+from eurobot_od.device.broadcasts import COUNTERS
 from eurobot_od.od.objects import data_type
 from eurobot_od.od.pdos import Pdo
 from eurobot_od.od.standard import SYNC, SYNC_COUNTER, SYNC_PERIOD, SYNC_PRODUCER

@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Callable, Mapping
+from concurrent.futures import Future
 from typing import Any, ClassVar, TypeAlias
 
 from eurobot_od.device.bound import Application, BoundObject
-from eurobot_od.device.flow import Ask
+from eurobot_od.device.flow import START, Ask, Call, Flow, Result, Script
 from eurobot_od.device.node import Node
 from eurobot_od.device.objects import out_of_limits
+from eurobot_od.device.settings import period, seconds, setting
 from eurobot_od.device.storage import Store
-from eurobot_od.errors import Cause, DictionaryError, Refused
+from eurobot_od.errors import Cause, DictionaryError, Refused, StateError
+from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.objects import data_type
 from eurobot_od.od.values import Address, Limits, Value
-from eurobot_od.pdo.message import Message
+from eurobot_od.pdo.message import Message, MessageT
 from eurobot_od.robot.model import messages, robot_file
 from eurobot_od.robot.model.facts import Facts
 from eurobot_od.robot.model.values import RobotError
@@ -85,9 +89,38 @@ class RobotNode(Node):
             return RobotError.WRONG_SOURCE
         return code
 
-    def asking(self, request: Message, answer: type[Message], wait: str, attempts: str) -> Ask:
-        """Ask by two settings, read when they are needed: what a master wrote holds from the next question on."""
-        return Ask(request, answer, self.seconds(wait), self.setting(attempts))
+
+class CoreSettings(RobotNode):
+    """The settings of the core, for its scripts; what a master writes holds from the next question on."""
+
+    check_wait = seconds("Node check.Check wait")
+    check_attempts = setting("Node check.Check attempts")
+    identity_wait = seconds("Node check.Identity wait")
+    configuration_wait = seconds("Configuration handshake.Configuration confirm wait")
+    configuration_transmissions = setting("Configuration handshake.Configuration transmissions")
+    confirm_wait = seconds("Goto handshake.Confirm wait")
+    transmissions = setting("Goto handshake.Transmissions")
+    first_state_request = seconds("Goto handshake.First state request")
+    state_request_period = period("Goto handshake.State request period")
+    state_answer_wait = seconds("Goto handshake.State answer wait")
+    goto_timeout = setting("Goto handshake.Time-out")  # s
+    lost_after = setting("Goto handshake.Lost after")
+    arrival_distance = setting("Arrival.Position tolerance")  # mm
+    arrival_angle = setting("Arrival.Angle tolerance")
+    polling_period = period("Position polling.Polling period")
+    polling_start_delay = seconds("Position polling.Start delay")
+    match_duration = setting("Match.Match duration")  # s
+    stop_distance = setting("Obstacle.Stop distance")  # mm
+    sensing_period = period("Obstacle.Sensing period")
+    stop_period = period("Standstill.Stop period")
+    standstill_wait = seconds("Standstill.Standstill wait")
+    standstill_distance = setting("Standstill.Standstill distance")  # mm
+    standstill_turn = setting("Standstill.Standstill turn")
+    displacement = setting("Recovery.Displacement")  # mm
+
+    def ask_drive(self, request: Message, answer: type[Message]) -> Ask:
+        """Ask the drive as often, and for as long, as the settings of the goto handshake say."""
+        return Ask(request, answer, self.state_answer_wait, self.transmissions)
 
 
 class FollowingNode(RobotNode):
@@ -128,3 +161,121 @@ def make(kind: type[Node], dictionary: Dictionary, store: Store | None, facts: F
     if issubclass(kind, RobotNode):
         return kind(dictionary, store=store, facts=facts)
     return kind(dictionary, store=store)
+
+
+# A node with calls
+
+
+LEAVING = "the core is being switched off"
+
+
+class CallingNode(RobotNode):
+    """A node whose calls are flows; any number of them run at the same time.
+
+    `ONE_AT_A_TIME` are the attributes with a flow of which there is one at a time, None while there is none; those of
+    `NOBODYS` are the node's own, and no caller waits for them. `is_leaving` is True once nothing new may begin.
+    """
+
+    ONE_AT_A_TIME: ClassVar[tuple[str, ...]] = ()
+    NOBODYS: ClassVar[tuple[str, ...]] = ()
+
+    def __init__(self, dictionary: Dictionary, *, store: Store | None = None, facts: Facts | None = None) -> None:
+        super().__init__(dictionary, store=store, facts=facts)
+        self._flows: list[Flow[Any]] = []
+        self._told: defaultdict[type[Message], list[Callable[[Any], object]]] = defaultdict(list)
+        self.is_leaving = self._is_off = False
+
+    @property
+    def open_calls(self) -> int:
+        """How many calls have not ended; to go on stopping, or asking for a node that is lost, is nobody's call."""
+        return len(self._flows) - sum(getattr(self, name) is not None for name in self.NOBODYS)
+
+    def reset(self) -> None:
+        """Give up what is going on, as after power-on."""
+        self.end_all("the core was reset")
+        super().reset()
+        self.is_leaving = self._is_off = False
+
+    def switched_off(self) -> None:
+        """End all calls: nobody else would."""
+        with self.guard:
+            self.is_leaving = self._is_off = True
+            self.end_all(LEAVING)
+
+    def check_present(self) -> None:
+        """Raise StateError when the node is being switched off."""
+        if self.is_leaving:
+            raise StateError(LEAVING)
+
+    def begin(self, script: Script[Result]) -> Flow[Result]:
+        """Begin a flow; its first step is the next `tick`'s."""
+
+        def send(request: Message | Frame) -> None:
+            if isinstance(request, Frame):
+                self.put(request)  # an SDO request: not a message, and the device has no TPDO for it
+            else:
+                self.offer(request)
+
+        def settled(call: Future[Result]) -> None:
+            if call.cancelled():  # this is the caller's thread, and the script may be closed on the node's only
+                with self.guard:
+                    self.soon(flow.drop)
+
+        flow = Flow(script, self._timers, send, self._ended)
+        with self.guard:
+            self._flows.append(flow)
+            self.soon(flow.start)
+            if self._is_off:  # no tick will come: it would wait for ever
+                self.end(flow, StateError(LEAVING))
+        flow.call.add_done_callback(settled)
+        return flow
+
+    def begin_ask(self, ask: Ask) -> Call[Any]:
+        """Ask, and wait for the answer; the call raises NoAnswer."""
+
+        def script() -> Script[Any]:
+            yield START
+            return (yield ask)
+
+        return self.begin(script()).call
+
+    def _ended(self, flow: Flow[Any]) -> None:
+        self._flows.remove(flow)
+        for name in self.ONE_AT_A_TIME:
+            if getattr(self, name) is flow:
+                setattr(self, name, None)
+
+    def end(self, flow: Flow[Any] | None, error: Exception) -> None:
+        """End a flow by an error, if it has not ended."""
+        if flow is not None and flow in self._flows:
+            flow.fail(error, self.now)
+
+    def end_all(self, why: str) -> None:
+        """End all flows."""
+        while self._flows:  # one that ends may begin another, such as the watch over a goto that is given up
+            self.end(self._flows[-1], StateError(why))
+
+    # Messages
+
+    def on(self, message: type[MessageT], function: Callable[[MessageT], object]) -> Callable[[], None]:
+        """Have a function called with each message of a type; return what ends that.
+
+        It is called on the core's thread, which waits for it, so it has to be quick. Raises StateError if the core has
+        no RPDO for such a message.
+        """
+        self.device.check_received(message)
+        self._told[message].append(function)
+        return lambda: self._told[message].remove(function)
+
+    def _act(self, message: Message) -> None:
+        super()._act(message)
+        self.answered(message)
+        # A copy: a function may end its own registration.
+        for function in tuple(self._told.get(type(message), ())):
+            function(message)
+
+    def answered(self, answer: Message | Frame) -> None:
+        """Pass a message or an SDO answer to the flow that waits for it."""
+        # A copy: a flow that gets its answer may end. All of them hear it, as two may have asked the same.
+        for flow in list(self._flows):
+            flow.heard(answer, self.now)

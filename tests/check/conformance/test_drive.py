@@ -10,8 +10,8 @@ from eurobot_od.check.conformance import drive
 from eurobot_od.check.conformance.drive import MotionBounds
 from eurobot_od.check.results import Status
 from eurobot_od.check.suite import Suite
-from eurobot_od.device.drive import SimulatedDrive
 from eurobot_od.device.faults.drive import FAULTS
+from eurobot_od.device.profiles.devices import SimulatedDrive
 from eurobot_od.device.simulated import SimulatedDevice
 from eurobot_od.od.dictionary import Dictionary
 from tests.client.servo import EDS, SERVO
