@@ -27,7 +27,7 @@ ROOT = Path(__file__).parents[2]
 FILES = [
     *sorted(ROOT.glob("eds/*/*.eds")),
     *sorted((ROOT / "tests" / "lint" / "samples").iterdir()),
-    *sorted(ROOT.glob("tests/check/conformance/makers/*.eds")),
+    *sorted(ROOT.glob("tests/kit/makers/*.eds")),
     *sorted(ROOT.glob("tests/od/samples/*.eds")),
     *sorted(ROOT.glob("docs/*.eds")),
     *sorted(ROOT.glob("docs/*.dcf")),
