@@ -84,7 +84,7 @@ BAD = [
     (Trouble(error_after=0x1F50, error=42), f"{STATUS} says: error 42",
      "it is stopped without a whole program: download it again"),
     (Trouble(identification=7),
-     "0x1F56:1 Program software identification is 0x7, which is no CRC of the file (CRC-32 0x670222CB, "
+     "0x1F56:1 Program software identification is 0x7, which is not a CRC of the file (CRC-32 0x670222CB, "
      "CRC-16 (start value 0) 0x7557, CRC-16 (start value 0xFFFF) 0xBA8)", NOT_STARTED),
     (Trouble(refuses=1), f"node 9 refused to write {CONTROL} (START): {STATE}",
      DOES_NOT_RUN),

@@ -180,8 +180,7 @@ class SimulatedModule(ProfileDevice):
 
 
 BEAT = 0.005
-"""Seconds between two looks at a moving axis, for TPDOs that are sent on a change; any frame finds the present values.
-"""
+"""Seconds between two looks at a moving axis, for TPDOs that are sent on a change; any frame finds present values."""
 
 SIMULATED_MODES = sum(1 << mode - 1 for mode in MODES if mode)
 """The bits in 0x6502 of the modes that are simulated: mode n has bit n - 1 (CiA 402-2, clause 9)."""
