@@ -19,8 +19,8 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Callable, Coroutine, Iterable, Mapping, Sequence
-from contextlib import redirect_stdout
+from collections.abc import Callable, Coroutine, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, redirect_stdout
 from functools import lru_cache
 from importlib import import_module
 from pathlib import Path
@@ -293,6 +293,11 @@ class Installed(NamedTuple):
     file: str
 
     @property
+    def package(self) -> str:
+        """What pip calls the package that brings it."""
+        return Path(self.file).parent.name.partition("-")[0]
+
+    @property
     def is_ours(self) -> bool:
         """Whether this package brings it itself."""
         return self.target.startswith(OURS)
@@ -354,7 +359,8 @@ def _written(name: str, file: Path) -> Plugin:
         return _loaded_if_it_can_be(installed()[name]) or NO_ROBOT
     path = file.parent / name
     typed = quote(str(path if path.is_dir() else name))
-    _warn(f"{file}: robot: {name} is not an installed robot, and a file runs no code; to run it, type --robot {typed}")
+    what = f"{file}: robot: {name} is not an installed robot, and a file runs no code"
+    _warn(f"{what}; to run it, set {VARIABLE}, or type --robot {typed}")
     return NO_ROBOT
 
 
@@ -426,20 +432,29 @@ def _entry_points(folder: str) -> list[str]:
 def _imported(target: str, name: str, file: str) -> Plugin:
     """Import a plugin, `module:attribute`, of which `file` tells; raises LocalError for all that it raises."""
     module, _, attribute = target.partition("[")[0].strip().partition(":")
+    with blaming(f"robot {name}", module, file):
+        found: object = import_module(module)
+        for each in (attribute or ATTRIBUTE).split("."):
+            found = getattr(found, each, None)
+    return _checked(found, f"robot {name}: {file}: no `{target}` there")
+
+
+@contextmanager
+def blaming(what: str, module: str, otherwise: str) -> Iterator[None]:
+    """Turn all that somebody's `module` raises into a LocalError with its place there, or with `otherwise`."""
     try:
         with redirect_stdout(sys.stderr):  # standard output may be a document, such as --json
-            found: object = import_module(module)
-            for each in (attribute or ATTRIBUTE).split("."):
-                found = getattr(found, each, None)
+            yield
     except KeyboardInterrupt:
         raise
     except BaseException as error:  # SystemExit, and what `pytest.skip` raises, must not end what needs no robot
         from eurobot_od.support import python_file
 
         inside = f"{module.rpartition('.')[0] or module}."
-        said = python_file.complaint(error, file, lambda frame: f"{frame.f_globals['__name__']}.".startswith(inside))
-        raise LocalError(f"robot {name}: {said}") from None
-    return _checked(found, f"robot {name}: {file}: no `{target}` there")
+        said = python_file.complaint(
+            error, otherwise, lambda frame: f"{frame.f_globals['__name__']}.".startswith(inside)
+        )
+        raise LocalError(f"{what}: {said}") from None
 
 
 def _checked(found: object, otherwise: str) -> Plugin:

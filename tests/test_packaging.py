@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import re
 import tomllib
+from importlib import import_module
 from pathlib import Path
+from pkgutil import walk_packages
 from typing import Any
 
 import pytest
@@ -33,6 +35,13 @@ def test_an_installed_package_finds_its_eds_files_inside(monkeypatch: pytest.Mon
     (tmp_path / "eurobot_od" / "eds").mkdir(parents=True)
     monkeypatch.setattr(dialects, "__file__", str(tmp_path / "eurobot_od" / "robot" / "dialects.py"))
     assert dialects.eds_folder() == tmp_path / "eurobot_od" / "eds"
+
+
+def test_every_module_can_be_imported() -> None:
+    modules = {each.name for each in walk_packages(eurobot_od.__path__, "eurobot_od.")} - {"eurobot_od.__main__"}
+    for name in modules:  # of those that they import only when used, no linter says whether they are there
+        import_module(name)
+    assert modules
 
 
 def test_the_command_is_installed(project: dict[str, Any]) -> None:

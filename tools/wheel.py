@@ -15,9 +15,9 @@ from pathlib import Path
 from typing import NamedTuple
 
 from environment import ROOT, call, ensure
-from pythons import find
+from pythons import ROWS, find
 
-VERSIONS = ("3.11", "3.12", "3.13", "3.14")
+VERSIONS = tuple(dict.fromkeys(row.version for row in ROWS.values()))
 EXTRAS = ("remote", "monitor", "web", "png", "mf4", "season", "mcap", "cluster")
 """What a user may ask for; the others are for developers."""
 

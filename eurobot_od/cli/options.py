@@ -152,9 +152,9 @@ def add_dialect(parser: argparse._ActionsContainer) -> None:
     )
 
 
-def robot(arguments: argparse.Namespace) -> Plugin:
-    """Return the robot that a command line without devices is about; raises as `plugin.find`."""
-    return Devices(robot_name=arguments.robot, alone=is_alone()).robot
+def robot(arguments: argparse.Namespace, network: str | None = None) -> Plugin:
+    """Return the robot that a command is about which takes no devices but a network; raises as `plugin.find`."""
+    return Devices(network=network, robot_name=arguments.robot, alone=is_alone()).robot
 
 
 def robot_meant(parser: argparse.ArgumentParser) -> Plugin:

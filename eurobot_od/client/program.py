@@ -87,9 +87,9 @@ async def load(
     BusError, with the state in which the node was left.
     """
     memory = ProgramMemory(node, program)
-    start = f"write {node.node_id} 0x{PROGRAM_CONTROL:X}:{program} {ProgramControl.START:d} starts it"
-    # Each phase says what it leaves behind: between CLEAR and the end of the download the device has no program, and
-    # only its loader answers.
+    start = f"`write {node.node_id} 0x{PROGRAM_CONTROL:X}:{program} {ProgramControl.START:d}` starts it"
+    # Each phase says what it leaves behind: between CLEAR and the end of the download a device has no program, and only
+    # its loader answers.
     with _left(node, "its program is as it was"):
         state = await memory.look(content, dictionary)
     with _left(node, f"its program may be stopped; {start} again"):

@@ -275,13 +275,6 @@ class Device:
         """Return an object's present value as a number; raises DictionaryError if it has none."""
         return self.objects.number(address)
 
-    def setting(self, name: str) -> int:
-        """Return the value of a setting by its ParameterNames, `Goto handshake.Confirm wait`.
-
-        Raises DictionaryError.
-        """
-        return self.objects.number(self.dictionary.address(name))
-
     @property
     def aborted(self) -> Abort | None:
         """Why the device last aborted an SDO transfer; None if it has not since it was switched on or reset."""

@@ -17,6 +17,7 @@ from eurobot_od.device.bound import Application, BoundObject
 from eurobot_od.device.device import Device, Reaction
 from eurobot_od.device.emergency import ErrorCode
 from eurobot_od.device.flow import Call
+from eurobot_od.device.settings import names_of
 from eurobot_od.device.storage import Store
 from eurobot_od.device.timers import LATE, Timer, TimerAction, Timers
 from eurobot_od.errors import Cause, Refused, StateError
@@ -26,9 +27,6 @@ from eurobot_od.od.values import Value
 from eurobot_od.pdo.catalogue import NOTHING, Catalogue
 from eurobot_od.pdo.message import Message, is_flagged
 
-SHORTEST_PERIOD = 0.001
-"""In seconds: what repeats after no time at all would always be due."""
-
 
 class Node:
     """A node, made from its EDS; `store` keeps its settings over a restart, without one they last while it runs.
@@ -37,8 +35,8 @@ class Node:
     with, or None, and raises Refused if the node does not act on the message. `OBJECTS` says, by ParameterName, which
     objects are read from the node, and which stand for a message when they are written by SDO: once the last sub-index
     is written, the node acts as if the frame had come. `MEASURED` gives the values of single objects that are in no
-    message, by ParameterNames like those of a setting. The class itself does nothing with messages: it runs anybody's
-    device.
+    message, by ParameterNames like those of a setting; settings are attributes (see `settings`). The class itself does
+    nothing with messages: it runs anybody's device.
 
     `ignored` counts messages that were not acted on because of their values, `withheld` those that were not sent
     because of the NMT state or because their TPDO is not valid. A program that runs the node from several threads sets
@@ -53,6 +51,7 @@ class Node:
     MEASURED: ClassVar[Mapping[str, Callable[[Any], Value]]] = {}
 
     def __init__(self, dictionary: Dictionary, *, store: Store | None = None) -> None:
+        self._addresses = {name: dictionary.address(name) for name in names_of(type(self))}
         self.device = Device(dictionary, store, self.CATALOGUE, self._application(dictionary))
         self.name = dictionary.name
         self.now = 0.0
@@ -71,18 +70,6 @@ class Node:
         writers = {name: each.write for name, each in self.OBJECTS.items() if each.write}
         measured = {dictionary.address(name): partial(read, self) for name, read in self.MEASURED.items()}
         return Application(readers, writers, self._obey, measured=measured)
-
-    def setting(self, name: str) -> int:
-        """Return a setting from the object dictionary by its ParameterNames."""
-        return self.device.setting(name)
-
-    def seconds(self, name: str) -> float:
-        """Return a setting in milliseconds as seconds."""
-        return self.setting(name) / 1000
-
-    def period(self, name: str) -> float:
-        """Return a setting in milliseconds as seconds, for something that repeats: never 0, whatever a file says."""
-        return max(self.seconds(name), SHORTEST_PERIOD)
 
     # From outside
 
@@ -271,6 +258,13 @@ class Node:
 
     # Hooks for faults: what a faulty node does differently, without knowing how a healthy one works (`reset` is one,
     # too)
+
+    def setting(self, name: str) -> int:
+        """Return the number that a setting has now, by its ParameterNames; a node's class has them as attributes.
+
+        Raises DictionaryError.
+        """
+        return self.device.number(self._addresses.get(name) or self.device.dictionary.address(name))
 
     def handle(self, message: Message) -> None:
         """Take in a message, and act on it if it can be believed and the node does not refuse it.

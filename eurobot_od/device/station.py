@@ -163,7 +163,7 @@ def _sizes(node: Node) -> dict[str, Any]:
         return {
             "table_size": node.setting("Transmit.Listener table size"),
             "mailboxes": node.setting("Transmit.Mailboxes"),
-            "mailbox_wait": node.seconds("Transmit.Mailbox wait"),
+            "mailbox_wait": node.setting("Transmit.Mailbox wait") / 1000,
         }
     except DictionaryError:
         return {}

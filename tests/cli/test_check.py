@@ -184,7 +184,7 @@ def test_prints_the_schema_of_suites(capsys: pytest.CaptureFixture[str]) -> None
 @pytest.mark.usefixtures("folder")
 def test_a_suite_with_a_dialect_has_its_files_whatever_else_is_named(capsys: pytest.CaptureFixture[str]) -> None:
     motor = str(Path(__file__).parents[1] / "lint" / "samples" / "clean.eds")
-    said = run(capsys, "check", "foreign.yaml", "--list", "--eds", f"5={motor}")
+    said = run(capsys, "check", "foreign.yaml", "--list", "--eds", f"5={motor}", "--robot", "eurobot2014")
     assert (said.status, said.out.split()[0]) == (0, "foreign"), said
 
 

@@ -19,7 +19,7 @@ from tests.client.wired import WiredBus
 class Unplugged(WiredBus):
     """A wired bus whose interface is away from a time on, until it is opened again at a later one."""
 
-    away = (2.0, 4.0)
+    away = (2.0, 2.9)
 
     def _check(self) -> None:
         if self.away[0] <= self.now < self.away[1]:

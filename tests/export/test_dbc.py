@@ -28,6 +28,7 @@ from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.robot import dialects
 from eurobot_od.robot.protocol import EurobotProtocol
 from tests.export import made_up
+from tests.rows import rows
 
 FRAMES = 10_000
 """Random frames for each message."""
@@ -68,7 +69,7 @@ def test_cantools_reads_all_messages_with_their_identifiers_and_lengths(dialect:
     assert found == expected
 
 
-@pytest.mark.parametrize(("dialect", "name"), with_fields())
+@rows("dialect, name", with_fields())
 def test_cantools_and_the_codec_agree_on_random_frames(dialect: str, name: str) -> None:
     binding = protocol(dialect).binding(name)
     message = database(dialect).get_message_by_frame_id(binding.cob_id)
@@ -78,7 +79,7 @@ def test_cantools_and_the_codec_agree_on_random_frames(dialect: str, name: str) 
         assert message.encode(decoded, strict=False) == binding.pack(binding.unpack(data))
 
 
-@pytest.mark.parametrize(("dialect", "name"), cases())
+@rows("dialect, name", cases())
 def test_senders_and_receivers(dialect: str, name: str) -> None:
     binding = protocol(dialect).binding(name)
     message = database(dialect).get_message_by_frame_id(binding.cob_id)
@@ -86,7 +87,7 @@ def test_senders_and_receivers(dialect: str, name: str) -> None:
     assert all(set(signal.receivers) == set(binding.receivers) for signal in message.signals)
 
 
-@pytest.mark.parametrize(("dialect", "name"), with_fields())
+@rows("dialect, name", with_fields())
 def test_units_and_limits(dialect: str, name: str) -> None:
     binding = protocol(dialect).binding(name)
     for signal in database(dialect).get_message_by_frame_id(binding.cob_id).signals:
@@ -106,8 +107,8 @@ CHOICES = [
 ]
 
 
-@pytest.mark.parametrize("dialect", dialects.names())
-@pytest.mark.parametrize(("message", "field", "choices"), CHOICES)
+@rows("dialect", dialects.names())
+@rows("message, field, choices", CHOICES)
 def test_value_tables(dialect: str, message: str, field: str, choices: Mapping[int, str]) -> None:
     signal = database(dialect).get_message_by_name(message.replace(" ", "_")).get_signal_by_name(field)
     assert {raw: str(name) for raw, name in (signal.choices or {}).items()} == choices
@@ -124,7 +125,7 @@ def matrix(dialect: str) -> Any:
     return found
 
 
-@pytest.mark.parametrize(("dialect", "name"), with_fields())
+@rows("dialect, name", with_fields())
 def test_canmatrix_and_the_codec_agree_on_random_frames(dialect: str, name: str) -> None:
     binding = protocol(dialect).binding(name)
     (frame,) = (each for each in matrix(dialect).frames if each.arbitration_id.id == binding.cob_id)
@@ -256,7 +257,7 @@ def message_of(binding: Binding) -> DescribedMessage:
     return next(each for each in ANY_MESSAGES if each.cob_id == binding.cob_id)
 
 
-@pytest.mark.parametrize("binding", ANY_PROTOCOL.bindings, ids=lambda each: each.name)
+@rows("binding", ANY_PROTOCOL.bindings)
 def test_cantools_reads_numbers_of_any_type_and_place_as_we_do(binding: Binding) -> None:
     signals = typed_database(ANY_MESSAGES).get_message_by_frame_id(binding.cob_id)
     fields = message_of(binding).fields
@@ -266,7 +267,7 @@ def test_cantools_reads_numbers_of_any_type_and_place_as_we_do(binding: Binding)
         assert signals.encode(values, strict=False) == binding.pack(binding.unpack(data))
 
 
-@pytest.mark.parametrize("binding", ANY_PROTOCOL.bindings, ids=lambda each: each.name)
+@rows("binding", ANY_PROTOCOL.bindings)
 def test_canmatrix_reads_numbers_of_any_type_and_place_as_we_do(binding: Binding) -> None:
     loaded: Any = canmatrix.formats.loads(text_of(ANY_MESSAGES), "dbc")
     (found,) = loaded.values()

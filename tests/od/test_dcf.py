@@ -17,6 +17,7 @@ from eurobot_od.od.document import parse
 from eurobot_od.od.keys import COMMISSIONING
 from eurobot_od.od.values import Address, Value
 from eurobot_od.robot import dialects
+from tests.rows import rows
 
 FILES = sorted(dialects.eds_folder().glob("*/*.eds"))
 DRIVE = (dialects.eds_folder() / "canopen" / "drive.eds").read_text()
@@ -145,7 +146,7 @@ KEPT = [
 ]
 
 
-@pytest.mark.parametrize(("code", "data", "line"), KEPT)
+@rows("code, data, line", KEPT)
 def test_every_byte_is_kept_in_a_line_or_in_a_file_beside(
     tmp_path: Path, code: int, data: bytes, line: bytes | None
 ) -> None:
@@ -263,7 +264,7 @@ def test_a_number_of_members_that_is_none_counts_as_none() -> None:
     assert dcf.missing(DRIVE.replace("SubNumber=6", "SubNumber=six")) == []
 
 
-@pytest.mark.parametrize("line", range(0, drive_dcf(VALUES).count("\n") - 8, 97))  # the last section has 8 lines
+@rows("line", range(0, drive_dcf(VALUES).count("\n") - 8, 97))  # the last section has 8 lines
 def test_a_dcf_cut_off_anywhere_misses_something(line: int) -> None:
     cut = "\n".join(drive_dcf(VALUES).split("\n")[:line])
     assert dcf.missing(cut) or f"[{COMMISSIONING}]" not in cut

@@ -21,6 +21,7 @@ from eurobot_od.od.formats import read
 from eurobot_od.od.network import read_network
 from eurobot_od.od.normal import in_normal_form
 from eurobot_od.od.values import Address, Value
+from tests.rows import rows
 
 ROOT = Path(__file__).parents[2]
 FILES = [
@@ -35,7 +36,7 @@ CLEAN = ROOT / "tests" / "lint" / "samples" / "clean.eds"
 XDD = xdd_text(load_any(CLEAN))
 
 
-@pytest.mark.parametrize("file", FILES, ids=lambda file: "/".join(file.parts[-2:]))
+@rows("file", FILES)
 def test_an_eds_made_an_xdd_and_an_eds_again_is_the_same_device(file: Path) -> None:
     made = xdd_text(load_any(file)).encode()
     back, changes = in_normal_form(made, "made.xdd")
@@ -47,7 +48,7 @@ def test_an_eds_made_an_xdd_and_an_eds_again_is_the_same_device(file: Path) -> N
     assert [each for each in changes if not each.standard] == []
 
 
-@pytest.mark.parametrize("file", FILES, ids=lambda file: "/".join(file.parts[-2:]))
+@rows("file", FILES)
 def test_its_dictionary_has_the_same_values(file: Path) -> None:
     ours, theirs = (Dictionary.read(data, file, 5) for data in (file.read_bytes(), xdd_text(load_any(file)).encode()))
     assert {each: theirs.default(each) for each in theirs.addresses()} == {
@@ -197,7 +198,7 @@ def test_a_value_with_a_line_end_stays_one_line() -> None:
     assert Dictionary.read(text.encode(), Path("a.xdd"), 5).address("Set [1000] value") == (0x2007, 0)
 
 
-@pytest.mark.parametrize("seed", range(60))
+@rows("seed", range(60))
 def test_damaged_xml_is_read_or_refused(seed: int) -> None:
     chance, data = random.Random(seed), bytearray(PROCESS.encode())
     for _ in range(chance.randint(1, 6)):

@@ -24,6 +24,7 @@ from eurobot_od.support import svg
 from eurobot_od.support.escaping import cell, one_line
 from eurobot_od.support.tables import columns
 from eurobot_od.support.yaml_places import Place
+from tests.rows import rows
 
 EVIL = "a\x1b[31m\nnot ok 1\r\x07\x9b\u202e\u2028\udc80"
 SHOWN = r"a\x1b[31m\nnot ok 1\r\x07\x9b\u202e\u2028\udc80"
@@ -53,7 +54,7 @@ CELLS = [
 ]
 
 
-@pytest.mark.parametrize(("value", "written"), CELLS)
+@rows("value, written", CELLS)
 def test_no_cell_is_a_formula(value: Any, written: Any) -> None:
     assert cell(value) == written
 

@@ -26,6 +26,7 @@ from eurobot_od.robot.nodes import ROLES, Core
 from eurobot_od.web import server
 from eurobot_od.web.access import AccessRules
 from eurobot_od.web.server import MOST_BROWSERS, MOST_OWED
+from tests.rows import rows
 from tests.web.scene import LONG, Served, channel, live_page, robot
 
 TOKEN = "a-token-that-nobody-guesses"
@@ -93,7 +94,7 @@ ATTACKS: list[tuple[str, str, str, dict[str, str], int]] = [
 ]
 
 
-@pytest.mark.parametrize(("what", "method", "path", "headers", "status"), ATTACKS, ids=[each[0] for each in ATTACKS])
+@rows("what, method, path, headers, status", ATTACKS)
 def test_attacks(local: Served, what: str, method: str, path: str, headers: dict[str, str], status: int) -> None:
     answer = ask(local, path, method, **headers)
     assert (what, answer.status) == (what, status)
@@ -102,8 +103,8 @@ def test_attacks(local: Served, what: str, method: str, path: str, headers: dict
     assert len(answer.text) < 200
 
 
-@pytest.mark.parametrize(
-    ("path", "headers", "status"),
+@rows(
+    "path, headers, status",
     [
         ("/", {}, 401),
         ("/?token=wrong", {}, 401),
@@ -199,8 +200,8 @@ async def answer(opened: aiohttp.ClientWebSocketResponse, text: str) -> dict[str
     return dict(said)
 
 
-@pytest.mark.parametrize(
-    ("text", "error"),
+@rows(
+    "text, error",
     [
         ("{", "a request is JSON"),
         ("[" * 60_000, "a request is JSON"),

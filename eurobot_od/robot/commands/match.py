@@ -13,6 +13,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from eurobot_od import plugin
 from eurobot_od.cli import ExitStatus, campaign, complain, fall_silent
 from eurobot_od.cli import options as shared
 from eurobot_od.errors import LocalError
@@ -106,7 +107,7 @@ def _strategies(arguments: argparse.Namespace) -> StrategyFiles:
 
     if arguments.against is not None and arguments.speed == "real":
         raise LocalError("--against is for simulated time, and does not go with --speed real")
-    ours, folder = arguments.strategy, shared.robot(arguments).folder
+    ours, folder = arguments.strategy, plugin.find(arguments.robot).folder
     if ours is None and folder and (folder / "strategy.py").is_file():
         ours = folder / "strategy.py"  # a team's own robot brings one; None is the shipped one
     return StrategyFiles(ours, arguments.against)
@@ -174,7 +175,7 @@ def _bus(arguments: argparse.Namespace) -> Callable[[], can.BusABC]:
     """Return what opens the bus of a live match; complain of a bit rate that is too slow for the robot's messages."""
     from eurobot_od.bus.live import open_bus
 
-    slow = too_slow(shared.robot(arguments), arguments.dialect, arguments.bitrate) if arguments.bitrate else ""
+    slow = too_slow(plugin.find(arguments.robot), arguments.dialect, arguments.bitrate) if arguments.bitrate else ""
     # Said and not refused: a team may have no faster bus, and most messages are in time on it.
     if slow:
         complain(slow)

@@ -11,6 +11,7 @@ from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from eurobot_od import plugin
 from eurobot_od.cli import ExitStatus
 from eurobot_od.cli import options as shared
 from eurobot_od.errors import LocalError
@@ -148,7 +149,7 @@ def _play(
     from eurobot_od.robot.match.stage import Led
     from eurobot_od.robot.match.summary import FrameCounter
 
-    robot = shared.robot(arguments)
+    robot = plugin.find(arguments.robot)
     counter = FrameCounter(Protocol.of_devices(robot.dialects.load_all(arguments.dialect), robot.catalogue()))
     # A second participant of the bus, as the core's own driver does not hear what it sends itself.
     watch = FrameReader(

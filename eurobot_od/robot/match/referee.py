@@ -166,7 +166,7 @@ class Referee:
     def __init__(self, core: Core, options: MatchOptions, timeline: Timeline, truth: Callable[[], Pose]) -> None:
         self.core, self.options, self.timeline, self.clock, self._truth = core, options, timeline, timeline.clock, truth
         self.failure: str | None = None
-        self._duration = options.duration or float(core.setting("Match.Match duration"))
+        self._duration = options.duration or float(core.match_duration)
         if options.emergency_at is not None and options.emergency_at >= self._duration:
             text = f"an emergency at {options.emergency_at:g} s is not within the match of {self._duration:g} s"
             raise LocalError(text)

@@ -44,6 +44,7 @@ from typing import Any, ClassVar, get_args
 
 from eurobot_od.device.bound import BoundObject
 from eurobot_od.device.flow import START, Ask, Call, Flow, Pause, Script, shielded
+from eurobot_od.device.settings import Setting, seconds
 from eurobot_od.device.storage import Store
 from eurobot_od.device.timers import Timer
 from eurobot_od.errors import NoAnswer, StateError
@@ -57,10 +58,8 @@ from eurobot_od.robot.model.values import Barriers, Direction, Obstacle, Outcome
 from eurobot_od.robot.nodes import startup
 from eurobot_od.robot.nodes.equipment import Actuators, Approach, Detection, DistanceSensor
 from eurobot_od.robot.nodes.goto import (
-    GOTO_SETTINGS,
     LOST_PLACE,
     NO_GOTO,
-    STATE_SETTINGS,
     End,
     GotoReport,
     NotStanding,
@@ -72,16 +71,16 @@ from eurobot_od.robot.nodes.goto import (
     until_ended,
     until_standing,
 )
-from eurobot_od.robot.nodes.node import LEAVING, CallingNode, Handlers, Objects
+from eurobot_od.robot.nodes.node import LEAVING, CallingNode, CoreSettings, Handlers, Objects
 from eurobot_od.robot.nodes.sightings import DriveAnswer, Seen, Sighting, Track, Twins
 from eurobot_od.robot.nodes.startup import DialectMismatch, SdoClientParameter
 
-POLLED_POSITIONS: tuple[tuple[Message, str, Source], ...] = (
-    (messages.NaviPositionRequest(), "Position polling.Navi offset", Source.INTERNAL),
-    (messages.KalmanPositionRequest(), "Position polling.Kalman offset", Source.INTERNAL),
-    (messages.ConfederatePositionRequest(), "Position polling.Confederate offset", Source.CONFEDERATE),
-    (messages.Enemy1PositionRequest(), "Position polling.Enemy 1 offset", Source.ENEMY_1),
-    (messages.Enemy2PositionRequest(), "Position polling.Enemy 2 offset", Source.ENEMY_2),
+POLLED_POSITIONS: tuple[tuple[Message, Setting[float], Source], ...] = (
+    (messages.NaviPositionRequest(), seconds("Position polling.Navi offset"), Source.INTERNAL),
+    (messages.KalmanPositionRequest(), seconds("Position polling.Kalman offset"), Source.INTERNAL),
+    (messages.ConfederatePositionRequest(), seconds("Position polling.Confederate offset"), Source.CONFEDERATE),
+    (messages.Enemy1PositionRequest(), seconds("Position polling.Enemy 1 offset"), Source.ENEMY_1),
+    (messages.Enemy2PositionRequest(), seconds("Position polling.Enemy 2 offset"), Source.ENEMY_2),
 )
 """What is asked for periodically: the request, the setting with its offset, and whose position it is."""
 
@@ -111,7 +110,7 @@ class _Ended(Exception):
         self.end = End(outcome, why)
 
 
-class Core(CallingNode):
+class Core(CallingNode, CoreSettings):
     """The core node (document 2.1 to 2.3, 4.2.2, 5).
 
     `positions` are the last sightings by response type; `configuration` the start configuration, None before the
@@ -298,9 +297,7 @@ class Core(CallingNode):
 
     def position(self) -> Call[messages.KalmanPositionResponse]:
         """Ask the drive for the filtered position of our robot (document 4.2.2 Position); raises NoAnswer."""
-        return self.begin_ask(
-            self.asking(messages.KalmanPositionRequest(), messages.KalmanPositionResponse, *STATE_SETTINGS)
-        )
+        return self.begin_ask(self.ask_drive(messages.KalmanPositionRequest(), messages.KalmanPositionResponse))
 
     def obstacle(self) -> Call[Detection | None]:
         """Read the distance sensor: what it sees ahead; None if it sees nothing, or if there is no sensor."""
@@ -367,7 +364,7 @@ class Core(CallingNode):
 
         None takes the setting `Match duration`.
         """
-        seconds = self.setting("Match.Match duration") if duration is None else duration
+        seconds = self.match_duration if duration is None else duration
         with self.guard:
             self.match_over, self._heard = False, self.now
             self.soon(lambda now: self._end_match_at(now + seconds))
@@ -407,7 +404,7 @@ class Core(CallingNode):
             self._stopped = messages.EmergencyShutdown() if self.shut_down else stop
             if self._standing is None:
                 self.end(self._keeping_on, StateError("watched anew"))
-                self._standing = self.begin(self._see_standing(self.seconds("Standstill.Standstill wait")))
+                self._standing = self.begin(self._see_standing(self.standstill_wait))
             return shielded(self._standing.call)  # a stop is not taken back because nobody waits for it any more
 
     def _see_standing(self, patience: float = inf) -> Script[Standstill]:
@@ -466,11 +463,11 @@ class Core(CallingNode):
         self._stopped = None if self._stopped is None else messages.StopDrive()
         self.clear_error(Standstill)
         self._polling += 1  # the requests of an earlier series end by themselves
-        begin = confirmed + self.seconds("Position polling.Start delay")
+        begin = confirmed + self.polling_start_delay
         # At the 2014 robot's offsets, so that not all answers come at once.
         for request, offset, whom in POLLED_POSITIONS:
             if configuration.includes(whom):
-                self.at(begin + self.seconds(offset), partial(self._poll, request, self._polling))
+                self.at(begin + offset.read(self.setting), partial(self._poll, request, self._polling))
         return confirmed - asked
 
     def _goto(self, goto: messages.GotoXY, timeout: float | None) -> Script[GotoReport]:
@@ -480,7 +477,7 @@ class Core(CallingNode):
                 yield from self._recover(self.configuration)
         except _Ended as ended:
             return GotoReport(goto, ended.end.outcome, None, 0.0, ended.end.why)
-        return (yield from self._drive(goto, self.setting("Goto handshake.Time-out") if timeout is None else timeout))
+        return (yield from self._drive(goto, self.goto_timeout if timeout is None else timeout))
 
     def _drive(self, goto: messages.GotoXY, timeout: float) -> Script[GotoReport]:
         self.end(self._standing, StateError("a new goto came before the robot was seen to stand"))
@@ -495,7 +492,7 @@ class Core(CallingNode):
         # From the start on, not from the confirm: the drive may roll while its confirm is lost.
         self._look_ahead(Approach(), started)
         try:
-            yield self.asking(goto, messages.GotoConfirm, *GOTO_SETTINGS)
+            yield Ask(goto, messages.GotoConfirm, self.confirm_wait, self.transmissions)
             confirmed = self.now - started
             end = yield from until_ended(self, goto)
         except _Ended as ended:  # whoever ended it has seen to the drive
@@ -557,7 +554,7 @@ class Core(CallingNode):
         yield START
         node, request, answer = startup.NODE_CHECKS[1]
         try:
-            yield Ask(request, answer, self.seconds("Node check.Check wait"), QUESTIONS)
+            yield Ask(request, answer, self.check_wait, QUESTIONS)
             self._heard = self.now
         except NoAnswer:
             self.readiness.checked.discard(node)
@@ -579,7 +576,7 @@ class Core(CallingNode):
     def _look_ahead(self, approach: Approach, now: float) -> None:
         """Read the distance sensor again and again; stop for what the robot drives into."""
         self._look_away()
-        distance = self.setting("Obstacle.Stop distance")
+        distance = self.stop_distance
         if self.sensor is None or not distance:
             return
         # Read here: a strategy that hangs, or was written in a hurry, must not drive into anybody (4.2.2 Obstacle).
@@ -588,7 +585,7 @@ class Core(CallingNode):
             why = f"{detection.obstacle.name.lower()} ahead"
             self._stop(messages.EmergencyStop(detection.obstacle), Outcome.STOPPED, why)
         else:
-            self._looking = self.at(now + self.period("Obstacle.Sensing period"), partial(self._look_ahead, approach))
+            self._looking = self.at(now + self.sensing_period, partial(self._look_ahead, approach))
 
     def _look_away(self) -> None:
         if self._looking is not None:
@@ -640,7 +637,7 @@ class Core(CallingNode):
             self._missing = self.begin(self._miss_navigation())
         # From when it was due, not from now, so that delays do not add up. A counter that wrapped made 655 ms
         # of the 2014 robot's 600.
-        again = due + self.period("Position polling.Polling period")
+        again = due + self.polling_period
         self.at(again, partial(self._poll, request, series))
 
     # The other nodes

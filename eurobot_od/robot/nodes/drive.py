@@ -12,6 +12,7 @@ from collections.abc import Callable, Mapping
 from typing import Any, ClassVar
 
 from eurobot_od.device.bound import BoundObject
+from eurobot_od.device.settings import period, scaled, seconds, setting, together
 from eurobot_od.device.storage import Store
 from eurobot_od.device.timers import Timer
 from eurobot_od.errors import Cause, DictionaryError, Refused
@@ -42,20 +43,6 @@ HELD = 0.1
 PUSHED_AWAY = 2.0
 """The remaining time rises by more than this, s, or not at all: the last millimetres driven again take less."""
 
-TUNING = {
-    "navigation": ("Navigation deviation", 1.0),
-    "navigation_angle": ("Navigation angle deviation", 0.1),
-    "latency": ("Navigation latency", 0.001),
-    "gate": ("Gate", 0.001),
-    "placement": ("Placement deviation", 1.0),
-    "placement_angle": ("Placement angle deviation", 0.1),
-    "scale": ("Scale deviation", 0.001),
-    "distance": ("Distance deviation", 0.1),
-    "drift": ("Drift deviation", 0.1),
-    "turning": ("Turning deviation", 0.1),
-}
-"""The Kalman filter's tuning: the name of each setting, and its unit."""
-
 UNKNOWN = 0xFFFF
 """What the object `Position deviation` says while the place is unknown."""
 
@@ -66,6 +53,36 @@ class Drive(FollowingNode):
     `goto` is the goto it carries out or has carried out, None after a stop; `stopped_by` the last stop, with
     the obstacle as its reason; `safe` is True after an Emergency Shutdown until a new start configuration or NMT reset.
     """
+
+    limits = together(
+        MotionLimits,
+        maximum_speed=setting("Motion.Maximum speed"),
+        acceleration=setting("Motion.Acceleration"),
+        braking=setting("Motion.Braking"),
+        turn_rate=setting("Motion.Turn rate"),
+        turn_acceleration=setting("Motion.Turn acceleration"),
+        position_tolerance=setting("Arrival.Position tolerance"),
+        angle_tolerance=setting("Arrival.Angle tolerance"),
+    )
+    control_period = period("Motion.Control period")
+    blocked_time = seconds("Motion.Blocked time")
+    robot_radius = setting("Body.Robot radius")
+    safety_margin = setting("Body.Safety margin")
+    position_margin = setting("Body.Position margin")
+    tuning = together(
+        Tuning,
+        navigation=scaled("Estimate.Navigation deviation", 1.0),
+        navigation_angle=scaled("Estimate.Navigation angle deviation", 0.1),
+        latency=scaled("Estimate.Navigation latency", 0.001),
+        gate=scaled("Estimate.Gate", 0.001),
+        placement=scaled("Estimate.Placement deviation", 1.0),
+        placement_angle=scaled("Estimate.Placement angle deviation", 0.1),
+        scale=scaled("Estimate.Scale deviation", 0.001),
+        distance=scaled("Estimate.Distance deviation", 0.1),
+        drift=scaled("Estimate.Drift deviation", 0.1),
+        turning=scaled("Estimate.Turning deviation", 0.1),
+    )
+    largest_deviation = setting("Estimate.Largest deviation")
 
     def __init__(
         self,
@@ -85,7 +102,7 @@ class Drive(FollowingNode):
         self._forget()
 
     def _forget(self) -> None:
-        self.estimate = Estimate(self._tuning())
+        self.estimate = Estimate(self.tuning)
         self.goto: messages.GotoXY | None = None
         self.fault: GotoFault | None = None
         self.stopped_by: messages.StopMessage | None = None
@@ -131,14 +148,14 @@ class Drive(FollowingNode):
             self._brake()
         else:
             backward = goto.direction is Direction.BACKWARD
-            self._move(Motion(self._limits(), way, goto.angle, goto.speed, backward, self._rolling))
+            self._move(Motion(self.limits, way, goto.angle, goto.speed, backward, self._rolling))
 
     def _way(self, goto: messages.GotoXY) -> tuple[Point, ...] | None:
         """Return the way points of a goto, None if the place cannot be reached or our own place is unknown."""
         if self.estimate.pose is None or self._is_unsure():
             return None
         # What still rolls brakes first: the way begins where it comes to stand.
-        start, goal = self._limits().standing(self.estimate.pose, self._rolling).point, Point(goto.x, goto.y)
+        start, goal = self.limits.standing(self.estimate.pose, self._rolling).point, Point(goto.x, goto.y)
         if goto.route is Route.PLANNED:
             return find_route(start, goal, goto.barriers, self._clearances())
         # Without a route the robot drives straight: normal barriers are then only a wish, forced ones still stop it.
@@ -147,24 +164,13 @@ class Drive(FollowingNode):
         # Any other answer is a way round, which was not asked for.
         return direct if direct == (goal,) else None
 
-    def _limits(self) -> MotionLimits:
-        return MotionLimits(
-            maximum_speed=self.setting("Motion.Maximum speed"),
-            acceleration=self.setting("Motion.Acceleration"),
-            braking=self.setting("Motion.Braking"),
-            turn_rate=self.setting("Motion.Turn rate"),
-            turn_acceleration=self.setting("Motion.Turn acceleration"),
-            position_tolerance=self.setting("Arrival.Position tolerance"),
-            angle_tolerance=self.setting("Arrival.Angle tolerance"),
-        )
-
     def _clearances(self) -> Clearances:
         """Return how far to stay away: by our own radius, and by what we and the motion may be off."""
         deviations = self.estimate.deviations
         # In the direction in which the place is known worst; the setting is in tenths of a deviation.
-        unsure = deviations.worst * self.setting("Body.Position margin") / 10 if deviations else 0.0
-        margin = self.setting("Body.Safety margin") + self._limits().deviation + unsure
-        return Clearances.of(self.facts, self.setting("Body.Robot radius"), margin)
+        unsure = deviations.worst * self.position_margin / 10 if deviations else 0.0
+        margin = self.safety_margin + self.limits.deviation + unsure
+        return Clearances.of(self.facts, self.robot_radius, margin)
 
     def remaining(self) -> int | GotoFault | None:
         """Return a goto's remaining time in ms: 0 arrived, None unknown or no goto, or why there is none."""
@@ -222,7 +228,7 @@ class Drive(FollowingNode):
         return self._motion.command if self._motion else AT_REST
 
     def _brake(self) -> None:
-        self._move(Braking(self._limits(), self._rolling))
+        self._move(Braking(self.limits, self._rolling))
 
     def _move(self, motion: Motion | Braking) -> None:
         self._motion = motion
@@ -232,7 +238,7 @@ class Drive(FollowingNode):
     def _step(self, now: float) -> None:
         """Do one control step: ask the motion, tell the wheels, follow what they did."""
         motion, pose = self._motion, self.estimate.pose
-        dt = self.period("Motion.Control period")
+        dt = self.control_period
         command = AT_REST if motion is None else motion.step(pose or Pose(0, 0, 0), dt)
         # The estimate follows what the wheels did, not what they were told: they may be held.
         rolled = self.chassis.advance(command, dt)
@@ -256,16 +262,16 @@ class Drive(FollowingNode):
         self._control = None if done else self.at(following, self._step)
 
     def _watch_wheels(self, followed: bool, dt: float) -> None:
-        """Give up the goto when the wheels have not followed for the setting `Blocked time` (2014 robot: blocked)."""
+        """Give up the goto when the wheels have not followed for the blocked time (2014 robot: blocked)."""
         self._stuck = 0.0 if followed else self._stuck + dt
-        if self._stuck >= self.seconds("Motion.Blocked time"):
+        if self._stuck >= self.blocked_time:
             self.fault = GotoFault.BLOCKED
             self.raise_error(RobotError.DRIVE_BLOCKED, GotoFault.BLOCKED)
             self._brake()
 
     def _is_unsure(self) -> bool:
         """Tell whether the place is known too badly to drive on: without the navigation, the longer the worse."""
-        return self.estimate.spread > self.setting("Estimate.Largest deviation")
+        return self.estimate.spread > self.largest_deviation
 
     def _forget_obstruction(self) -> None:
         self._stuck = 0.0
@@ -278,13 +284,10 @@ class Drive(FollowingNode):
         if position.x is None or position.y is None:
             return
         # Read anew for each position, so that what a master writes holds from the next one on.
-        self.estimate.tuning = self._tuning()
+        self.estimate.tuning = self.tuning
         self.estimate.corrected(Fix(position.x, position.y, position.angle), self.now)
         if not self._is_unsure():
             self.clear_error(Estimate)
-
-    def _tuning(self) -> Tuning:
-        return Tuning(**{field: self.setting(f"Estimate.{name}") * unit for field, (name, unit) in TUNING.items()})
 
     def _deviation(self, part: str, unit: float) -> int:
         """Return one of the estimate's standard deviations as its object has it, in `unit` mm or degrees."""
@@ -306,7 +309,7 @@ class Drive(FollowingNode):
         self._stop(messages.StopDrive())
         # The stop was part of configuring, and tells nobody anything.
         self.stopped_by = None
-        self.estimate = Estimate(self._tuning(), self.facts.start(configuration.team_colour))
+        self.estimate = Estimate(self.tuning, self.facts.start(configuration.team_colour))
         self.clear_error(Estimate)
         return confirm
 

@@ -17,12 +17,7 @@ from eurobot_od.errors import NoAnswer, RemoteError, StateError
 from eurobot_od.robot.model import messages
 from eurobot_od.robot.model.places import Place, is_near
 from eurobot_od.robot.model.values import FAULT_OUTCOME, GotoFault, Outcome
-from eurobot_od.robot.nodes.node import RobotNode
-
-GOTO_SETTINGS = ("Goto handshake.Confirm wait", "Goto handshake.Transmissions")
-STATE_SETTINGS = ("Goto handshake.State answer wait", "Goto handshake.Transmissions")
-"""The settings by which the drive is sent to a place, and asked for its state and its position: how long to wait, how
-often to ask."""
+from eurobot_od.robot.nodes.node import CoreSettings
 
 NO_GOTO = "the drive knows of no goto"
 
@@ -47,23 +42,22 @@ class End(NamedTuple):
     why: str = ""
 
 
-def until_ended(core: RobotNode, goto: messages.GotoXY) -> Script[End]:
+def until_ended(core: CoreSettings, goto: messages.GotoXY) -> Script[End]:
     """Ask for the state of a confirmed goto until it has ended; raises NoAnswer.
 
     It has arrived when the drive says so and is at the goto's place. Answers that know of no goto, or of another one
     that has arrived, are tolerated a few times in a row: the drive may have heard a request before its goto.
     """
-    yield Pause(core.seconds("Goto handshake.First state request"))
+    yield Pause(core.first_state_request)
     odd: list[str] = []
-    while len(odd) < core.setting("Goto handshake.Lost after"):
-        state = yield core.asking(messages.GotoStateRequest(), messages.GotoStateResponse, *STATE_SETTINGS)
+    while len(odd) < core.lost_after:
+        state = yield core.ask_drive(messages.GotoStateRequest(), messages.GotoStateResponse)
         if state.time in FAULT_OUTCOME:
             return End(FAULT_OUTCOME[state.time])
         if state.time == 0:
             # The 0 may be that of an earlier goto: the place has to agree.
             place = yield from drive_position(core)
-            distance, angle = core.setting("Arrival.Position tolerance"), core.setting("Arrival.Angle tolerance")
-            if is_near(goto[:3], place[:3], distance, angle):
+            if is_near(goto[:3], place[:3], core.arrival_distance, core.arrival_angle):
                 return End(Outcome.ARRIVED)
             odd.append(f"the drive has arrived at ({place.x}, {place.y}) {place.angle} deg")
         elif state.time is None:
@@ -71,14 +65,14 @@ def until_ended(core: RobotNode, goto: messages.GotoXY) -> Script[End]:
         else:
             # In a row: a single odd answer between good ones is a frame that came out of turn.
             odd.clear()
-        yield Pause(core.period("Goto handshake.State request period"))
+        yield Pause(core.state_request_period)
     return End(Outcome.LOST, odd[-1])
 
 
-def drive_position(core: RobotNode) -> Script[messages.KalmanPositionResponse]:
+def drive_position(core: CoreSettings) -> Script[messages.KalmanPositionResponse]:
     """Ask the drive for the filtered position of our robot; raises NoAnswer."""
-    answer: messages.KalmanPositionResponse = yield core.asking(
-        messages.KalmanPositionRequest(), messages.KalmanPositionResponse, *STATE_SETTINGS
+    answer: messages.KalmanPositionResponse = yield core.ask_drive(
+        messages.KalmanPositionRequest(), messages.KalmanPositionResponse
     )
     return answer
 
@@ -108,7 +102,7 @@ def is_driving(state: messages.GotoStateResponse) -> bool:
 
 
 def until_standing(
-    core: RobotNode, stop: Callable[[], messages.StopMessage], patience: float = inf
+    core: CoreSettings, stop: Callable[[], messages.StopMessage], patience: float = inf
 ) -> Script[Standstill | None]:
     """Send the latest stop again and again until the robot is seen to stand; None if not within `patience` seconds."""
     began: float = yield START
@@ -123,9 +117,9 @@ def until_standing(
             core.offer(each)
 
 
-def _standing_place(core: RobotNode) -> Script[messages.KalmanPositionResponse | None]:
+def _standing_place(core: CoreSettings) -> Script[messages.KalmanPositionResponse | None]:
     """Look at the drive for two stop periods; return where it stands, None if it does not, or does not answer."""
-    period = core.period("Standstill.Stop period")
+    period = core.stop_period
     ask_position = Ask(messages.KalmanPositionRequest(), messages.KalmanPositionResponse, period, 1)
     yield Pause(period)
     try:
@@ -136,9 +130,8 @@ def _standing_place(core: RobotNode) -> Script[messages.KalmanPositionResponse |
         after = yield ask_position
     except NoAnswer:
         return None
-    distance, angle = core.setting("Standstill.Standstill distance"), core.setting("Standstill.Standstill turn")
-    stands = not is_driving(state) and is_near(before[:3], after[:3], distance, angle)
-    return after if stands else None
+    moved = not is_near(before[:3], after[:3], core.standstill_distance, core.standstill_turn)
+    return None if moved or is_driving(state) else after
 
 
 # After a node was lost
@@ -161,7 +154,7 @@ class PlaceLost(StateError):
     """A drive that is not where it was seen last; it has to be put at its start place, and the start configured."""
 
 
-def find_place(core: RobotNode, there: Place | None, start: Place) -> Script[messages.KalmanPositionResponse]:
+def find_place(core: CoreSettings, there: Place | None, start: Place) -> Script[messages.KalmanPositionResponse]:
     """Have the navigation look where the drive is, and see that it is where it was seen last; `there`, if it was.
 
     Raises PlaceLost if it is elsewhere, or so near its `start` place that nobody may have seen it there; NoAnswer.
@@ -169,11 +162,11 @@ def find_place(core: RobotNode, there: Place | None, start: Place) -> Script[mes
     for _ in range(LOOKS):
         core.offer(messages.NaviPositionRequest())
         # The drive hears the answers itself (document 4.2.2 Navigation), so there is nothing to wait for here.
-        yield Pause(core.period("Goto handshake.State request period"))
+        yield Pause(core.state_request_period)
     here = yield from drive_position(core)
     if there is None:
         return here
-    moved = not is_near(there, here[:3], core.setting("Recovery.Displacement"), ANY_ANGLE)
+    moved = not is_near(there, here[:3], core.displacement, ANY_ANGLE)
     unseen = is_near(start, here[:3], AT_START, ANY_ANGLE) and not is_near(start, there, AT_START, ANY_ANGLE)
     if moved or unseen:
         text = f"it was last seen at {there[:2]}, and is at {here[:2]} now; configure the start"

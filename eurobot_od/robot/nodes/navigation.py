@@ -9,6 +9,7 @@ import math
 from typing import ClassVar, NamedTuple, Protocol
 
 from eurobot_od.device.bound import BoundObject
+from eurobot_od.device.settings import setting
 from eurobot_od.device.storage import Store
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.robot.model import messages
@@ -41,6 +42,9 @@ class Navigation(FollowingNode):
     After an Emergency Shutdown it goes on answering, as nothing in it moves.
     """
 
+    position_noise = setting("Noise.Position deviation")
+    angle_noise = setting("Noise.Angle deviation")
+
     def __init__(
         self,
         dictionary: Dictionary,
@@ -54,8 +58,8 @@ class Navigation(FollowingNode):
         self._measured, self._fixes = -math.inf, dict[Source, Fix | None]()
 
     def deviations(self) -> tuple[float, float]:
-        """Return the standard deviations of simulated beacons by the Noise settings: mm and degrees."""
-        return self.setting("Noise.Position deviation"), self.setting("Noise.Angle deviation")
+        """Return the standard deviations of simulated beacons: mm and degrees."""
+        return self.position_noise, self.angle_noise
 
     def _position(
         self, record: str, response: type[messages.PositionResponse], whom: Source

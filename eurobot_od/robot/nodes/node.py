@@ -11,6 +11,7 @@ from eurobot_od.device.bound import Application, BoundObject
 from eurobot_od.device.flow import START, Ask, Call, Flow, Result, Script
 from eurobot_od.device.node import Node
 from eurobot_od.device.objects import out_of_limits
+from eurobot_od.device.settings import period, seconds, setting
 from eurobot_od.device.storage import Store
 from eurobot_od.errors import Cause, DictionaryError, Refused, StateError
 from eurobot_od.frame import Frame
@@ -88,9 +89,38 @@ class RobotNode(Node):
             return RobotError.WRONG_SOURCE
         return code
 
-    def asking(self, request: Message, answer: type[Message], wait: str, attempts: str) -> Ask:
-        """Ask by two settings, read when they are needed: what a master wrote holds from the next question on."""
-        return Ask(request, answer, self.seconds(wait), self.setting(attempts))
+
+class CoreSettings(RobotNode):
+    """The settings of the core, for its scripts; what a master writes holds from the next question on."""
+
+    check_wait = seconds("Node check.Check wait")
+    check_attempts = setting("Node check.Check attempts")
+    identity_wait = seconds("Node check.Identity wait")
+    configuration_wait = seconds("Configuration handshake.Configuration confirm wait")
+    configuration_transmissions = setting("Configuration handshake.Configuration transmissions")
+    confirm_wait = seconds("Goto handshake.Confirm wait")
+    transmissions = setting("Goto handshake.Transmissions")
+    first_state_request = seconds("Goto handshake.First state request")
+    state_request_period = period("Goto handshake.State request period")
+    state_answer_wait = seconds("Goto handshake.State answer wait")
+    goto_timeout = setting("Goto handshake.Time-out")  # s
+    lost_after = setting("Goto handshake.Lost after")
+    arrival_distance = setting("Arrival.Position tolerance")  # mm
+    arrival_angle = setting("Arrival.Angle tolerance")
+    polling_period = period("Position polling.Polling period")
+    polling_start_delay = seconds("Position polling.Start delay")
+    match_duration = setting("Match.Match duration")  # s
+    stop_distance = setting("Obstacle.Stop distance")  # mm
+    sensing_period = period("Obstacle.Sensing period")
+    stop_period = period("Standstill.Stop period")
+    standstill_wait = seconds("Standstill.Standstill wait")
+    standstill_distance = setting("Standstill.Standstill distance")  # mm
+    standstill_turn = setting("Standstill.Standstill turn")
+    displacement = setting("Recovery.Displacement")  # mm
+
+    def ask_drive(self, request: Message, answer: type[Message]) -> Ask:
+        """Ask the drive as often, and for as long, as the settings of the goto handshake say."""
+        return Ask(request, answer, self.state_answer_wait, self.transmissions)
 
 
 class FollowingNode(RobotNode):

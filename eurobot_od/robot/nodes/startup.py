@@ -25,7 +25,7 @@ from eurobot_od.od.standard import REVISION
 from eurobot_od.pdo.message import Message
 from eurobot_od.robot import dialects
 from eurobot_od.robot.model import messages
-from eurobot_od.robot.nodes.node import RobotNode
+from eurobot_od.robot.nodes.node import CoreSettings
 from eurobot_od.sdo.client import TransferError, download, upload
 
 # The dialect of another node
@@ -115,13 +115,6 @@ NODE_CHECKS: tuple[tuple[str, Message, type[Message]], ...] = (
 )
 """The nodes in the order in which they are checked (2014 robot: drive first)."""
 
-CHECK_SETTINGS = ("Node check.Check wait", "Node check.Check attempts")
-CONFIGURATION_SETTINGS = (
-    "Configuration handshake.Configuration confirm wait",
-    "Configuration handshake.Configuration transmissions",
-)
-"""How long to wait for an answer, and how often to ask."""
-
 CONFIGURED = ("Team colour", "Enemies", "Confederates", "Enemy 1 diameter", "Enemy 2 diameter")
 """The sub-indices of the object `Start configuration`, in the order of the message's fields."""
 
@@ -145,7 +138,7 @@ class Readiness:
         return "; ".join(texts)
 
 
-def check_nodes(core: RobotNode, checked: set[str], without: Collection[str] = ()) -> Script[dict[str, float]]:
+def check_nodes(core: CoreSettings, checked: set[str], without: Collection[str] = ()) -> Script[dict[str, float]]:
     """Check both nodes; return the seconds that each took to answer. Raises NoAnswer, DialectMismatch.
 
     `checked` has the nodes that have answered in the dialect of this core; it is made anew. Nodes to do `without` are
@@ -160,27 +153,27 @@ def check_nodes(core: RobotNode, checked: set[str], without: Collection[str] = (
             continue
         # Answers are told apart by their identifiers: in 2014 either node's answer satisfied either check.
         asked = core.now
-        yield core.asking(request, answer, *CHECK_SETTINGS)
+        yield Ask(request, answer, core.check_wait, core.check_attempts)
         took[node] = core.now - asked
         yield from _compare(core, node)
         checked.add(node)
     return took
 
 
-def _compare(core: RobotNode, node: str) -> Script[None]:
+def _compare(core: CoreSettings, node: str) -> Script[None]:
     """Make sure that a node speaks our dialect, if it can be asked."""
     channel = SdoClientParameter.to(node, core.device)
     if channel is None:
         return
     with suppress(NoAnswer):  # the 2014 robot's own nodes know no SDO
-        answer = yield Ask(channel.ask(), channel.answer, core.seconds("Node check.Identity wait"), 1)
+        answer = yield Ask(channel.ask(), channel.answer, core.identity_wait, 1)
         theirs, ours = revision_in(answer), core.device.number(REVISION)
         if theirs is not None and theirs != ours:
             raise DialectMismatch(node, channel.node_id, theirs, ours)
 
 
 def configure(
-    core: RobotNode,
+    core: CoreSettings,
     configuration: messages.StartConfigurationSet,
     readiness: Readiness,
     without: Collection[str] = (),
@@ -192,7 +185,12 @@ def configure(
     yield START
     # Until the confirm nobody knows which configuration the nodes go by.
     readiness.configured = False
-    yield core.asking(configuration, messages.StartConfigurationConfirm, *CONFIGURATION_SETTINGS)
+    yield Ask(
+        configuration,
+        messages.StartConfigurationConfirm,
+        core.configuration_wait,
+        core.configuration_transmissions,
+    )
     confirmed = core.now
     # One confirm may be anybody's, and two equal ones merge on the wire: so both nodes are asked once more.
     yield from check_nodes(core, readiness.checked, without)
@@ -200,7 +198,7 @@ def configure(
     return confirmed
 
 
-def take_back(core: RobotNode, configuration: messages.StartConfigurationSet, checked: set[str]) -> Script[None]:
+def take_back(core: CoreSettings, configuration: messages.StartConfigurationSet, checked: set[str]) -> Script[None]:
     """Ask a navigation that was lost until it answers, and configure it: the drive drives on meanwhile.
 
     Raises DialectMismatch.
@@ -209,14 +207,14 @@ def take_back(core: RobotNode, configuration: messages.StartConfigurationSet, ch
     yield START
     while True:
         with suppress(NoAnswer):
-            yield core.asking(request, answer, *CHECK_SETTINGS)
+            yield Ask(request, answer, core.check_wait, core.check_attempts)
             break
     yield from _compare(core, node)
     yield from tell_navigation(core, configuration)
     checked.add(node)
 
 
-def tell_navigation(core: RobotNode, configuration: messages.StartConfigurationSet) -> Script[None]:
+def tell_navigation(core: CoreSettings, configuration: messages.StartConfigurationSet) -> Script[None]:
     """Configure the navigation alone.
 
     A Start Configuration Set would send the drive's estimate back to its start place, so each sub-index is written by
@@ -227,4 +225,4 @@ def tell_navigation(core: RobotNode, configuration: messages.StartConfigurationS
         with suppress(NoAnswer, DictionaryError):  # no SDO; a file that has the configuration in other pieces
             for name, value in zip(CONFIGURED, configuration):
                 order = channel.order(core.device.dictionary, f"Start configuration.{name}", int(value))
-                yield Ask(order, channel.answer, core.seconds("Node check.Identity wait"), 1)
+                yield Ask(order, channel.answer, core.identity_wait, 1)

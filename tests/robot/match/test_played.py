@@ -14,6 +14,7 @@ from eurobot_od.robot.match.summary import RobotTouch, Summary
 from eurobot_od.robot.nodes import Core
 from eurobot_od.robot.world.contact import Touch
 from eurobot_od.robot.world.world import OURS
+from tests.rows import rows
 
 FILES = EdsFiles.read(MatchOptions())
 SHORT = MatchOptions(duration=8.0)
@@ -117,8 +118,8 @@ def ended(end: str) -> PlayedMatch:
     return PlayedMatch(1, [PlayedGoto(700, 1150, 225, end, 1.0)], summary=summary())
 
 
-@pytest.mark.parametrize(
-    ("match", "wrong"),
+@rows(
+    "match, wrong",
     [
         (ended("stopped: enemy ahead"), []),  # that is the game
         (ended("blocked"), []),  # as the touch that did it is counted

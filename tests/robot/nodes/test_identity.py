@@ -77,7 +77,7 @@ def test_a_node_that_speaks_no_sdo_is_believed() -> None:
     core.device.objects.put((0x1280, 1), 0x67F)  # nobody answers there
     begin = network.now
     assert set(check(network, core)) == {"drive", "navigation"}
-    assert network.now - begin == pytest.approx(core.seconds("Node check.Identity wait"), abs=0.01)
+    assert network.now - begin == pytest.approx(core.identity_wait, abs=0.01)
 
 
 @pytest.mark.parametrize(

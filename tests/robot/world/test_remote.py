@@ -26,6 +26,7 @@ from eurobot_od.robot.world.remote import RemoteVehicle
 from eurobot_od.robot.world.server import Server
 from eurobot_od.robot.world.world import OURS, RIVAL
 from eurobot_od.support.address import Address
+from tests.rows import rows
 
 FACTS = robot_file.read()
 
@@ -208,8 +209,8 @@ def hello_of(**changed: object) -> bytes:
     return json.dumps({"answer": {"version": VERSION, **options, **changed}}).encode() + b"\n"
 
 
-@pytest.mark.parametrize(
-    ("answer", "why"),
+@rows(
+    "answer, why",
     [
         (None, "never answers"),
         (b"", "hangs up"),

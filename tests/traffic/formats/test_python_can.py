@@ -1,7 +1,8 @@
-"""Rows of an SQLite table: what their flags say, and that a row which is skipped costs no other and no number."""
+"""What python-can reads: rows of an SQLite table, lines of CSV, and how reading ends where its reader gives up."""
 
 from __future__ import annotations
 
+import io
 import sqlite3
 from contextlib import closing
 from pathlib import Path
@@ -12,7 +13,8 @@ import pytest
 from eurobot_od.frame import EXTENDED, Frame, RemoteFrame
 from eurobot_od.traffic import formats
 from eurobot_od.traffic.entries import Damage, Foreign, Raw
-from eurobot_od.traffic.formats.binary import CREATE, read_messages, write_table
+from eurobot_od.traffic.formats.python_can import CREATE, write_table
+from tests.rows import rows
 
 GOOD = (1.5, 0x014, 0, 0, 0, 2, b"\x01\x02")
 
@@ -30,8 +32,8 @@ def table(folder: Path, *rows: tuple[object, ...]) -> Path:
     return file
 
 
-@pytest.mark.parametrize(
-    ("row", "raw"),
+@rows(
+    "row, raw",
     [
         (GOOD, Frame(0x014, b"\x01\x02")),
         ((1.5, 0x014, 0, 0, 0, 0, None), Frame(0x014, b"")),
@@ -61,18 +63,35 @@ def test_a_row_of_another_length_than_its_data_is_unreadable_and_counted(tmp_pat
     assert raw == Foreign(Damage.UNREADABLE, f"014#0102 with length {length}")
 
 
-def test_a_bad_row_has_the_time_of_the_one_before_it_0_at_first(tmp_path: Path) -> None:
-    bad = ("late", 0x014, 0, 0, 0, 0, b"")
-    assert [time for _, time, *_ in read(table(tmp_path, bad, GOOD, bad))] == [0.0, 1.5, 1.5]
+HEADER, LINE = "timestamp,arbitration_id,extended,remote,error,dlc,data\n", "1.5,0x14,0,0,0,2,AQI=\n"
+
+GIVEN_UP = {
+    "no columns": "garbage\n",
+    "no time": "late,0x14,0,0,0,2,AQI=\n",
+    "no identifier": "1.5,20x,0,0,0,2,AQI=\n",
+    "more digits than Python reads": f"1.5,0x14,0,0,0,{'9' * 4400},AQI=\n",
+    "a line over the bound": f"1.5,0x14,0,0,0,2,{'A' * 2000}\n",
+}
 
 
-def test_what_python_can_gives_up_ends_with_an_entry_that_says_so(tmp_path: Path) -> None:
-    file = tmp_path / "bus.csv"
-    file.write_text("a heading\nno frame at all\n")
-    with file.open("rb") as opened:
-        ((number, time, channel, raw),) = read_messages(opened)
-    assert isinstance(raw, Foreign)
-    assert (number, time, channel, raw.damage) == (1, 0.0, "", Damage.CUT_OFF)
+@pytest.mark.parametrize("line", GIVEN_UP.values(), ids=GIVEN_UP)
+def test_csv_ends_with_an_entry_that_says_so_where_python_can_gives_up(line: str) -> None:
+    content = io.BytesIO((HEADER + LINE + line + LINE).encode())
+    first, *_, (number, time, _, last) = formats.read(content, "csv", 1000)
+    assert first == (1, 1.5, "", Frame(0x014, b"\x01\x02"))
+    assert isinstance(last, Foreign)
+    assert (time, last.damage) == (1.5, Damage.CUT_OFF)
+    assert last.text.startswith("python-can reads no further: ")
+    assert number <= 3
+
+
+def test_a_line_of_csv_with_another_length_than_its_data_costs_no_other() -> None:
+    content = io.BytesIO((HEADER + LINE + LINE.replace(",2,", ",3,") + LINE).encode())
+    assert [raw for *_, raw in formats.read(content, "csv")] == [
+        Frame(0x014, b"\x01\x02"),
+        Foreign(Damage.UNREADABLE, "014#0102 with length 3"),
+        Frame(0x014, b"\x01\x02"),
+    ]
 
 
 def test_what_is_written_is_read_again(tmp_path: Path) -> None:

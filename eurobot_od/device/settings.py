@@ -1,0 +1,72 @@
+"""Settings of a node as attributes of its class, read from the object dictionary at each use.
+
+    class Lift(Node):
+        speed = setting("Lift drive.Maximum speed")
+
+What a master writes holds from the next use on. The names are looked up once, when the node is made: one that its file
+does not have is refused then.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from typing import TYPE_CHECKING, Any, Generic, TypeAlias, TypeVar, overload
+
+if TYPE_CHECKING:
+    from eurobot_od.device.node import Node
+
+SHORTEST_PERIOD = 0.001
+"""In seconds: what comes again after no time at all would be due for ever."""
+
+ValueT = TypeVar("ValueT")
+
+NumberOf: TypeAlias = Callable[[str], int]
+"""Gives the number of a setting by its ParameterNames, `Record.Member`."""
+
+
+class Setting(Generic[ValueT]):
+    """What the settings with these `names` say, as `read` makes it of their numbers."""
+
+    def __init__(self, names: Iterable[str], read: Callable[[NumberOf], ValueT]) -> None:
+        self.names, self.read = tuple(names), read
+
+    @overload
+    def __get__(self, node: None, kind: type) -> Setting[ValueT]: ...
+
+    @overload
+    def __get__(self, node: Node, kind: type | None = None) -> ValueT: ...
+
+    def __get__(self, node: Node | None, kind: type | None = None) -> Setting[ValueT] | ValueT:
+        return self if node is None else self.read(node.setting)
+
+
+def setting(name: str) -> Setting[int]:
+    """A number, as it stands in the object."""
+    return Setting([name], lambda number: number(name))
+
+
+def seconds(name: str) -> Setting[float]:
+    """A time, which the object has in milliseconds."""
+    return Setting([name], lambda number: number(name) / 1000)
+
+
+def period(name: str) -> Setting[float]:
+    """The time of what comes again and again, in seconds: never 0, whatever a file says."""
+    return Setting([name], lambda number: max(number(name) / 1000, SHORTEST_PERIOD))
+
+
+def scaled(name: str, unit: float) -> Setting[float]:
+    """A number that counts in some unit."""
+    return Setting([name], lambda number: number(name) * unit)
+
+
+def together(kind: Callable[..., ValueT], **parts: Setting[Any]) -> Setting[ValueT]:
+    """Several settings that are one value, each a field of it."""
+    names = (name for each in parts.values() for name in each.names)
+    return Setting(names, lambda number: kind(**{field: each.read(number) for field, each in parts.items()}))
+
+
+def names_of(kind: type) -> set[str]:
+    """Return the names of all settings that a class has."""
+    found = (each for base in kind.__mro__ for each in vars(base).values() if isinstance(each, Setting))
+    return {name for each in found for name in each.names}
