@@ -10,8 +10,8 @@ answers of 8 bytes under another. The first request names the object; what follo
 - Block: for long objects, see below. A server need not have it.
 
 Either end may abort at any time, with a code that says why (`aborts` has our own); an abort is not answered. An abort
-may cross a frame on the wire, and reach an end that has begun something new. Nothing in an SDO frame says which transfer
-it belongs to, so a client must not ask twice before it has the answer, or has waited its time and aborted.
+may cross a frame on the wire, and reach an end that has begun something new. Nothing in an SDO frame says which
+transfer it belongs to, so a client must not ask twice before it has the answer, or has waited its time and aborted.
 
 How a block transfer goes
 -------------------------
