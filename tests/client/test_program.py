@@ -63,7 +63,7 @@ def test_an_identification_that_is_no_crc_is_left_alone_where_that_is_said() -> 
 
 STATE = "Data cannot be transferred or stored to the application because of the present device state (0x08000022)"
 CONTROL, STATUS = "0x1F51:1 Program control", "0x1F57:1 Flash status identification"
-START = "eurobot-od write 9 0x1F51:1 1 starts it"
+START = "`write 9 0x1F51:1 1` starts it"
 MAY_BE_STOPPED = f"its program may be stopped; {START} again"
 MAY_BE_CLEARED = f"its program is stopped and may be cleared: download it again, or, if it is still there, {START}"
 DOES_NOT_RUN = f"the program is written and does not run; {START}, or download it again"
