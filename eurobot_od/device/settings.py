@@ -10,22 +10,26 @@ does not have is refused then.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from typing import TYPE_CHECKING, Any, Generic, TypeAlias, TypeVar, overload
-
-if TYPE_CHECKING:
-    from eurobot_od.device.node import Node
+from typing import Any, Generic, Protocol, TypeAlias, TypeVar, overload
 
 SHORTEST_PERIOD = 0.001
-"""In seconds: what comes again after no time at all would be due for ever."""
+"""In seconds: what repeats after no time at all would always be due."""
 
 ValueT = TypeVar("ValueT")
 
 NumberOf: TypeAlias = Callable[[str], int]
-"""Gives the number of a setting by its ParameterNames, `Record.Member`."""
+"""Gives the number in a setting, by its ParameterNames, `Record.Member`."""
+
+
+class HasSettings(Protocol):
+    """A node, as far as its settings are concerned."""
+
+    def setting(self, name: str) -> int:
+        """Return the number of a setting by its ParameterNames."""
 
 
 class Setting(Generic[ValueT]):
-    """What the settings with these `names` say, as `read` makes it of their numbers."""
+    """The value that `read` makes of the numbers in the settings with these `names`."""
 
     def __init__(self, names: Iterable[str], read: Callable[[NumberOf], ValueT]) -> None:
         self.names, self.read = tuple(names), read
@@ -34,34 +38,34 @@ class Setting(Generic[ValueT]):
     def __get__(self, node: None, kind: type) -> Setting[ValueT]: ...
 
     @overload
-    def __get__(self, node: Node, kind: type | None = None) -> ValueT: ...
+    def __get__(self, node: HasSettings, kind: type | None = None) -> ValueT: ...
 
-    def __get__(self, node: Node | None, kind: type | None = None) -> Setting[ValueT] | ValueT:
+    def __get__(self, node: HasSettings | None, kind: type | None = None) -> Setting[ValueT] | ValueT:
         return self if node is None else self.read(node.setting)
 
 
 def setting(name: str) -> Setting[int]:
-    """A number, as it stands in the object."""
+    """A number, as it is in the object."""
     return Setting([name], lambda number: number(name))
 
 
 def seconds(name: str) -> Setting[float]:
-    """A time, which the object has in milliseconds."""
+    """A time in seconds, which the object has in milliseconds."""
     return Setting([name], lambda number: number(name) / 1000)
 
 
 def period(name: str) -> Setting[float]:
-    """The time of what comes again and again, in seconds: never 0, whatever a file says."""
+    """The period of something that repeats, in seconds: never 0, whatever a file says."""
     return Setting([name], lambda number: max(number(name) / 1000, SHORTEST_PERIOD))
 
 
 def scaled(name: str, unit: float) -> Setting[float]:
-    """A number that counts in some unit."""
+    """A number times a unit."""
     return Setting([name], lambda number: number(name) * unit)
 
 
 def together(kind: Callable[..., ValueT], **parts: Setting[Any]) -> Setting[ValueT]:
-    """Several settings that are one value, each a field of it."""
+    """A value with several fields, each of them a setting."""
     names = (name for each in parts.values() for name in each.names)
     return Setting(names, lambda number: kind(**{field: each.read(number) for field, each in parts.items()}))
 
