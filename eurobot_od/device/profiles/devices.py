@@ -8,8 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from functools import partial
-from types import MappingProxyType
-from typing import Any, ClassVar, TypeAlias
+from typing import Any, ClassVar
 
 from eurobot_od.device.bound import Application
 from eurobot_od.device.nmt import NmtState
@@ -18,7 +17,7 @@ from eurobot_od.device.profiles.axis import DriveAxis
 from eurobot_od.device.profiles.inputs_outputs import Inputs, Outputs
 from eurobot_od.device.profiles.modes import MODES
 from eurobot_od.device.profiles.motion import STEP, Plant
-from eurobot_od.device.profiles.values import AxisValues, ProfileValues
+from eurobot_od.device.profiles.values import AxisValues
 from eurobot_od.device.simulated import SimulatedDevice
 from eurobot_od.device.waveforms import fitted
 from eurobot_od.errors import Cause, Refused
