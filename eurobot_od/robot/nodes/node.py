@@ -1,4 +1,4 @@
-"""The common part of the robot's nodes, which speak the messages of the document's Table 5; and nodes that have calls."""
+"""The common part of the robot's nodes, which speak the messages of the document's Table 5; and nodes with calls."""
 
 from __future__ import annotations
 
