@@ -10,10 +10,7 @@ does not have is refused then.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from typing import TYPE_CHECKING, Any, Generic, TypeAlias, TypeVar, overload
-
-if TYPE_CHECKING:
-    from eurobot_od.device.node import Node
+from typing import Any, Generic, Protocol, TypeAlias, TypeVar, overload
 
 SHORTEST_PERIOD = 0.001
 """In seconds: what repeats after no time at all would always be due."""
@@ -22,6 +19,13 @@ ValueT = TypeVar("ValueT")
 
 NumberOf: TypeAlias = Callable[[str], int]
 """Gives the number in a setting, by its ParameterNames, `Record.Member`."""
+
+
+class HasSettings(Protocol):
+    """A node, as far as its settings are concerned."""
+
+    def setting(self, name: str) -> int:
+        """Return the number of a setting by its ParameterNames."""
 
 
 class Setting(Generic[ValueT]):
@@ -34,9 +38,9 @@ class Setting(Generic[ValueT]):
     def __get__(self, node: None, kind: type) -> Setting[ValueT]: ...
 
     @overload
-    def __get__(self, node: Node, kind: type | None = None) -> ValueT: ...
+    def __get__(self, node: HasSettings, kind: type | None = None) -> ValueT: ...
 
-    def __get__(self, node: Node | None, kind: type | None = None) -> Setting[ValueT] | ValueT:
+    def __get__(self, node: HasSettings | None, kind: type | None = None) -> Setting[ValueT] | ValueT:
         return self if node is None else self.read(node.setting)
 
 

@@ -8,8 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from functools import partial
-from types import MappingProxyType
-from typing import Any, ClassVar, TypeAlias
+from typing import Any, ClassVar
 
 from eurobot_od.device.bound import Application
 from eurobot_od.device.nmt import NmtState
@@ -18,7 +17,7 @@ from eurobot_od.device.profiles.axis import DriveAxis
 from eurobot_od.device.profiles.inputs_outputs import Inputs, Outputs
 from eurobot_od.device.profiles.modes import MODES
 from eurobot_od.device.profiles.motion import STEP, Plant
-from eurobot_od.device.profiles.values import AxisValues, ProfileValues
+from eurobot_od.device.profiles.values import AxisValues
 from eurobot_od.device.simulated import SimulatedDevice
 from eurobot_od.device.waveforms import fitted
 from eurobot_od.errors import Cause, Refused
@@ -89,23 +88,14 @@ class SimulatedModule(ProfileDevice):
 
     Waveforms are on the terminals of its inputs. `outputs` are on the terminals of its outputs: by polarity and filter,
     and with the error values if a heartbeat is lost, the bus is lost or the module is stopped. A TPDO with inputs is
-    sent on a change if one of the inputs may cause it (interrupt masks, limits and deltas). `WIRES` lead from outputs
-    to inputs, by their addresses: both terminals then have the same value.
+    sent on a change if one of the inputs may cause it (interrupt masks, limits and deltas).
     """
 
-    WIRES: ClassVar[Mapping[Address, Address]] = {}
-    INPUTS: ClassVar[type[Inputs]] = Inputs
-    OUTPUTS: ClassVar[type[Outputs]] = Outputs
-
     def __init__(self, dictionary: Dictionary, **options: Any) -> None:
-        self._values = self._profile_values()
+        self._values = DeviceValues(self)
         self._inputs: Inputs | None = None
         self._begun = False
         super().__init__(dictionary, **options)
-
-    def _profile_values(self) -> ProfileValues:
-        """Return the objects as the inputs and outputs see them."""
-        return DeviceValues(self)
 
     @property
     def outputs(self) -> dict[Address, int]:
@@ -116,10 +106,8 @@ class SimulatedModule(ProfileDevice):
         application = super()._application(dictionary)
         kinds = (*cia401.DIGITAL_INPUTS, *cia401.ANALOGUE_INPUTS)
         subs = ((kind.value, sub) for kind in kinds for sub in dictionary.members.get(kind.value, ()) if sub)
-        # The terminal of an input has the value of a waveform, or of an output that is wired to it, or the one it was
-        # given.
+        # The terminal of an input has the value of a waveform, or the one it was given.
         ends = dict[Address, Callable[[], Value]]((each, partial(self._kept, each)) for each in subs)
-        ends |= {there: partial(self._terminals, here) for here, there in self.WIRES.items() if there in ends}
         ends |= application.measured
         types = {each: data_type(self._variable(each)) for each in ends}
         return application._replace(
@@ -129,10 +117,6 @@ class SimulatedModule(ProfileDevice):
     def _kept(self, address: Address) -> Value:
         return self.device.objects.kept(address)
 
-    def _terminals(self, output: Address) -> Value:
-        # There is nothing on them before the first reset is over.
-        return self._outputs.terminals.get(output, 0) if self._inputs else 0
-
     def _input(self, address: Address, type_: DataType, read: Callable[[], Value]) -> Value:
         terminals = read()
         if self._inputs is None or not isinstance(terminals, int):
@@ -141,10 +125,8 @@ class SimulatedModule(ProfileDevice):
 
     def reset(self) -> None:
         """Start over: outputs have the file's defaults, no input has changed."""
-        self._inputs, self._outputs, self._begun = self.INPUTS(self._values), self.OUTPUTS(self._values), False
+        self._inputs, self._outputs, self._begun = Inputs(self._values), Outputs(self._values), False
         super().reset()
-        if self.WIRES and not (self._waveforms or self.READERS):  # a filter has to see them even if nobody else asks
-            self._sample(self.now)
 
     # What is sent
 
@@ -281,17 +263,6 @@ KINDS: Mapping[int, type[SimulatedDevice]] = {cia401.PROFILE: SimulatedModule, c
 """The classes by the low word of 0x1000."""
 
 
-Wires: TypeAlias = Mapping[Address, Address]
-"""Inputs that are wired to outputs, by the addresses of the outputs."""
-
-
-def simulated_kind(
-    dictionary: Dictionary, profile: int | None = None, wires: Wires = MappingProxyType({})
-) -> type[SimulatedDevice]:
-    """Return the class that simulates a device.
-
-    `profile` is its profile, 0 for none; by default the one in its 0x1000. An I/O module has `wires` from its outputs
-    to its inputs.
-    """
-    kind = KINDS.get(profile_of(dictionary.objects) if profile is None else profile, SimulatedDevice)
-    return type("WiredModule", (kind,), {"WIRES": wires}) if wires and issubclass(kind, SimulatedModule) else kind
+def simulated_kind(dictionary: Dictionary, profile: int | None = None) -> type[SimulatedDevice]:
+    """Return the class that simulates a device of a `profile`, 0 for none; by default of the one in its 0x1000."""
+    return KINDS.get(profile_of(dictionary.objects) if profile is None else profile, SimulatedDevice)

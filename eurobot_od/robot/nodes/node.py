@@ -1,4 +1,4 @@
-"""The common part of the robot's nodes, which speak the messages of the document's Table 5; and nodes with calls."""
+"""The common part of the robot's nodes, which speak the messages of Table 5 of the document; and nodes with calls."""
 
 from __future__ import annotations
 

@@ -136,7 +136,7 @@ class RobotBody(Body):
         return Pose(*self.point, self.pose.bearing(towards)).moved(self.radius, 0).point
 
     def _contact(self, pose: Pose, other: Body) -> Contact | None:
-        """Return how it would meet a body at a pose if either has an outline; of two outlines, the other counts as round."""
+        """Return how it would meet a body at a pose if either has an outline; with two, the other counts as round."""
         if self.shape is None and other.shape is None:  # as is nearly always the case
             return None
         if corners := self.corners(pose):
