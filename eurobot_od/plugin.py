@@ -45,7 +45,6 @@ if TYPE_CHECKING:
     from eurobot_od.device.node import Node
     from eurobot_od.export.mcap import Drawings
     from eurobot_od.od.dictionary import Dictionary
-    from eurobot_od.od.values import Address
     from eurobot_od.pdo.catalogue import Catalogue
     from eurobot_od.pdo.protocol import Protocol as Messages
     from eurobot_od.season.reports import SeasonReport
@@ -183,13 +182,12 @@ class Plugin(NamedTuple):
 
     def all_faults(self) -> Faults:
         """Return the faults of the robot's nodes, and those that any device can have."""
-        from eurobot_od.device.faults import conformance, device, drive, module
+        from eurobot_od.device.faults import device, drive
         from eurobot_od.device.node import Node
-        from eurobot_od.device.profiles.devices import SimulatedDrive, SimulatedModule
+        from eurobot_od.device.profiles.devices import SimulatedDrive
 
         own = dict(self.faults())
-        every = {**device.FAULTS, **own.get(Node, {}), **conformance.FAULTS}
-        return {**own, Node: every, SimulatedDrive: drive.FAULTS, SimulatedModule: module.FAULTS}
+        return {**own, Node: {**device.FAULTS, **own.get(Node, {})}, SimulatedDrive: drive.FAULTS}
 
     def fault_names(self) -> list[str]:
         """Return the names of all faults."""
@@ -241,17 +239,16 @@ class Plugin(NamedTuple):
         clock: Callable[[], float],
         faults: Iterable[str] = (),
         profile: int = 0,
-        wires: Mapping[Address, Address] = MappingProxyType({}),
     ) -> list[NodeUnderTest]:
         """Make simulated nodes that have these dictionaries, the robot's in their surroundings; raises UnknownName.
 
-        Those that have no role behave as a device `profile` says, I/O modules with `wires` from outputs to inputs.
+        Those that have no role behave as a device `profile` says.
         """
         from eurobot_od.check.simulated import NodeUnderTest
         from eurobot_od.device.profiles.devices import simulated_kind
 
         roles = {name: self.role_of(each) for name, each in dictionaries.items()}
-        kinds = {name: simulated_kind(each, profile, wires) for name, each in dictionaries.items()}
+        kinds = {name: simulated_kind(each, profile) for name, each in dictionaries.items()}
         nodes = {name: self.kind(role, faults, kinds[name])(dictionaries[name]) for name, role in roles.items()}
         ours = [nodes[name] for name, role in roles.items() if role]
         programs = self.partners(ours, seed, clock) if ours else {}
@@ -264,17 +261,16 @@ class Plugin(NamedTuple):
         faults: Iterable[str] = (),
         seed: int = 1,
         profile: int = 0,
-        wires: Mapping[Address, Address] = MappingProxyType({}),
     ) -> SuiteResult:
         """Run a suite against simulated nodes, those that can have some faults having them; raises UnknownName.
 
-        With a `profile` devices that are none of the robot's behave as it says; `wires` are those of I/O modules.
+        With a `profile` devices that are none of the robot's behave as it says.
         """
         from functools import partial
 
         from eurobot_od.check.simulated import run_simulated
 
-        make_nodes = partial(self.under_test, faults=faults, profile=profile, wires=wires)
+        make_nodes = partial(self.under_test, faults=faults, profile=profile)
         return run_simulated(suite, options, make_nodes, seed)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import sys
 import tomllib
 from importlib import import_module
 from pathlib import Path
@@ -44,9 +45,14 @@ def test_every_module_can_be_imported() -> None:
     assert modules
 
 
-def test_the_command_is_installed(project: dict[str, Any]) -> None:
-    module, _, function = project["project"]["scripts"]["eurobot-od"].partition(":")
-    assert callable(getattr(__import__(module, fromlist=[function]), function))
+def test_the_programs_are_installed_and_go_by_their_names(
+    project: dict[str, Any], capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for program, entry in project["project"]["scripts"].items():
+        module, _, function = entry.partition(":")
+        monkeypatch.setattr(sys, "argv", [f"/somewhere/{program}", "nonsense"])
+        assert getattr(__import__(module, fromlist=[function]), function)() == 2
+        assert capsys.readouterr().err.startswith(f"{program}: unknown command 'nonsense'")
 
 
 def test_the_pytest_plugin_is_installed_under_its_module_s_name(project: dict[str, Any]) -> None:

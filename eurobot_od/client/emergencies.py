@@ -1,6 +1,6 @@
 """Emergency messages that a master hears, and the errors that a node remembers (CiA 301, 7.2.7, 0x1001 and 0x1003).
 
-A code of our own nodes has its own name, any other the class that CiA 301 gives it.
+Error codes of our own nodes have their own words, all others those of their class in CiA 301.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ async def read_history(node: RemoteNode) -> History:
 
 @Procedure
 async def clear_history(node: RemoteNode) -> None:
-    """Empty the history; raises as `read_history`."""
+    """Clear the history; raises as `read_history`."""
     await node.download.steps((ERROR_FIELD, 0), b"\0", "Number of errors")
 
 
@@ -58,9 +58,9 @@ EMCY_BYTES = 8
 
 
 class Emergency(NamedTuple):
-    """An emergency message: when it came in seconds, from which node, error code, error register, 5 bytes of the maker.
+    """An emergency message: its time in seconds, the node, error code, error register and the maker's 5 bytes.
 
-    Code 0 says that an error has gone.
+    Code 0 means that an error has gone.
     """
 
     time: float
@@ -71,7 +71,7 @@ class Emergency(NamedTuple):
 
     @property
     def text(self) -> str:
-        """The code in words: CiA 301's class of it."""
+        """The words of the code's class in CiA 301."""
         return error_words(self.code, {})
 
     def __str__(self) -> str:
@@ -80,7 +80,7 @@ class Emergency(NamedTuple):
 
 
 class HeardEmergencies(Stream[Emergency]):
-    """What both kinds of emergency streams have in common."""
+    """The common part of both kinds of emergency streams."""
 
     def __init__(self, node: RemoteNode) -> None:
         super().__init__(node.master, "emergency message", node.node_id)
@@ -95,7 +95,7 @@ class HeardEmergencies(Stream[Emergency]):
         super().push(item)
 
     def hear(self, data: bytes, now: float) -> None:
-        """Take in a frame of the node's EMCY; one of another length is none."""
+        """Take in a frame of the node's EMCY; one of another length is ignored."""
         if len(data) == EMCY_BYTES:
             self.push(Emergency(now, self.node_id, int.from_bytes(data[:2], "little"), data[2], data[3:]))
 

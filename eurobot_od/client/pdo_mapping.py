@@ -31,15 +31,15 @@ from eurobot_od.od.values import (
 )
 from eurobot_od.support.amounts import amount
 
-# The order of writes: bytes by address in, writes out
+# The order of writes
 
 
 Bytes: TypeAlias = Mapping[Address, bytes]
-"""Objects' bytes by address."""
+"""The bytes of objects, by address."""
 
 
 def procedure_objects(addresses: Iterable[Address]) -> Iterator[Address]:
-    """Give what the procedure needs when these objects change: each PDO's COB-ID, and the number of its entries."""
+    """Yield the objects that the procedure needs: each PDO's COB-ID, and the number of its mapping entries."""
     for address in addresses:
         pdo = pdo_of(address[0])
         if pdo is not None:
@@ -49,11 +49,11 @@ def procedure_objects(addresses: Iterable[Address]) -> Iterator[Address]:
 
 
 def in_order(wanted: Bytes, present: Bytes) -> list[Write]:
-    """Return the writes that give objects their `wanted` bytes; what is `present` already is not written again.
+    """Return the writes that give objects their `wanted` bytes, without those that are `present` already.
 
-    Other objects come first. Then all PDOs that change become invalid, each mapping goes empty and gets its entries
-    and their number, the rest of the communication records follows, and the PDOs become what they are to be (CiA 301,
-    7.5.2.36 and 7.5.2.38). One of the two must have the `procedure_objects`.
+    Other objects come first. Then all PDOs that change become invalid, each mapping is emptied and gets its entries and
+    their number, the rest of the communication records follows, and the PDOs become what is wanted (CiA 301, 7.5.2.36
+    and 7.5.2.38). `wanted` or `present` must have the `procedure_objects`.
     """
     former, final = {**wanted, **present}, {**present, **wanted}
     pdos = sorted({pdo for address in wanted if (pdo := pdo_of(address[0])) is not None})
@@ -72,7 +72,7 @@ def in_order(wanted: Bytes, present: Bytes) -> list[Write]:
 
 
 def _mapping(index: int, wanted: Bytes, final: Bytes) -> Iterator[Write]:
-    """Give the writes of one mapping record; entries after the last that counts are left alone."""
+    """Yield the writes of one mapping record; entries beyond the number of entries are left alone."""
     entries = sorted(address for address in wanted if address[0] == index)
     if not entries:
         return
@@ -86,13 +86,13 @@ def _mapping(index: int, wanted: Bytes, final: Bytes) -> Iterator[Write]:
 
 
 def mapping_entries(pdo: Pdo, things: Sequence[ODVariable]) -> list[int]:
-    """Return the entries of a mapping of some objects; raises LocalError for what cannot be mapped into the PDO."""
+    """Return the mapping entries for some objects; raises LocalError for objects that cannot be mapped into the PDO."""
     for thing in things:
         where = label(address_of(thing), thing.qualname)
         if not thing.pdo_mappable or not data_type(thing).bits:
             raise LocalError(f"{where} cannot be mapped: its file says so")
         if thing.access_type not in MAPPABLE[pdo.direction]:
-            raise LocalError(f"{where} is {thing.access_type}, which no {pdo.direction.name} carries")
+            raise LocalError(f"{where} is {thing.access_type}, which a {pdo.direction.name} cannot carry")
     bits = sum(data_type(thing).bits for thing in things)
     if bits > MAX_BITS:
         raise LocalError(f"{amount(bits, 'bit')} are mapped, a PDO has at most {MAX_BITS}")
@@ -101,16 +101,16 @@ def mapping_entries(pdo: Pdo, things: Sequence[ODVariable]) -> list[int]:
 
 @Procedure
 async def map_objects(node: RemoteNode, dictionary: Dictionary, pdo: Pdo, things: Sequence[ODVariable]) -> None:
-    """Map objects into a PDO of a node, in their order, and read back that they are.
+    """Map objects into a PDO of a node, in their order, and read the mapping back.
 
-    Raises LocalError for what cannot be mapped, ConfigurationError if the node has something else then, RemoteError for
-    a write that it refuses (the PDO is off then), BusError.
+    Raises LocalError for what cannot be mapped, ConfigurationError if the node then has something else, RemoteError for
+    a write that it refuses (the PDO is then off), BusError.
     """
     entries = mapping_entries(pdo, things)
     cob_id: Address = (pdo.index, COB_ID)
     wanted = {(pdo.mapping_index, 0): bytes([len(entries)])}
     wanted |= {(pdo.mapping_index, sub): entry.to_bytes(4, "little") for sub, entry in enumerate(entries, start=1)}
-    # As the node has it now, valid or not: that is what it gets back at the end.
+    # As the node has it now, valid or not: it gets this back at the end.
     wanted[cob_id] = await node.upload.steps(cob_id)
     for address, data in in_order(wanted, {}):
         await node.download.steps(address, data, _name(dictionary, address))

@@ -1,6 +1,6 @@
-"""What a master sends by the clock: SYNC and TIME again and again, and the frames of a log at their recorded times.
+"""What a master sends by the clock: SYNC and TIME, and the frames of a log at their recorded times.
 
-A frame that is late is sent at once, and the next one at its own time.
+A late frame is sent at once, and the next one at its own time.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ from eurobot_od.od.values import SYNC_COB_ID, TIME_COB_ID
 
 
 COUNTERS = range(2, 241)
-"""Values that the synchronous counter may overflow at (CiA 301, 7.5.2.22, object 0x1019)."""
+"""Values at which the synchronous counter may overflow (CiA 301, 7.5.2.22, object 0x1019)."""
 
 
 def syncs(overflow: int | None = None, cob_id: int = SYNC_COB_ID) -> Iterator[Frame]:
-    """Yield endless SYNC messages, counted from 1 to `overflow` and again if there is one; raises LocalError."""
+    """Yield SYNC messages without end, counted from 1 to `overflow` if there is one; raises LocalError."""
     if overflow is None:
         return (Frame(cob_id) for _ in count())
     if overflow not in COUNTERS:
@@ -34,14 +34,14 @@ def syncs(overflow: int | None = None, cob_id: int = SYNC_COB_ID) -> Iterator[Fr
 
 
 def times(now: Callable[[], datetime], cob_id: int = TIME_COB_ID) -> Iterator[Frame]:
-    """Yield endless TIME messages, each with the time at which it is taken."""
+    """Yield TIME messages without end, each with the time at which it is taken."""
     return (Frame(cob_id, TimeOfDay.of(now()).data) for _ in count())
 
 
 def produce(master: Master, frames: Iterable[Frame], period: float, guard: Guard = unguarded) -> None:
-    """Send the first frame at once and then one every `period` seconds until there are no more, with the guard held.
+    """Send the first frame at once, then one every `period` seconds until there are no more. Raises BusError.
 
-    Raises BusError.
+    Each is sent and waited for under the guard.
     """
     due = master.clock()
     for frame in frames:
@@ -59,7 +59,7 @@ LATE = 0.001
 
 
 class Replayed(NamedTuple):
-    """How many frames were sent, how many of them late, and by how many seconds the worst."""
+    """The number of frames that were sent and of those that were late, and the worst delay in seconds."""
 
     frames: int = 0
     late: int = 0
@@ -67,7 +67,7 @@ class Replayed(NamedTuple):
 
 
 def replay(master: Master, frames: Iterable[tuple[float, Frame]], speed: float) -> Replayed:
-    """Send frames with their times in s, `speed` times as fast as they came. Raises BusError."""
+    """Send frames with their times in seconds, `speed` times as fast as they came. Raises BusError."""
     sent, begin = Replayed(), master.clock()
     first: float | None = None
     for time, frame in frames:

@@ -1,7 +1,7 @@
-"""SYNC and TIME: how a device sends them, and what it does with those of others (CiA 301, 7.2.5 and 7.2.6).
+"""SYNC and TIME: how a device sends them, and what it does with those it hears (CiA 301, 7.2.5 and 7.2.6).
 
-There is no clock in here: the device's own time in seconds comes in, and for TIME the difference is kept. Of one PDO's
-frames that wait for a SYNC the newest counts, and nothing is kept beyond the next SYNC.
+There is no clock in here. The device's own time comes in, in seconds; for TIME only the difference is kept. When
+several frames of one PDO wait for a SYNC the newest counts, and nothing is kept beyond the next SYNC.
 """
 
 from __future__ import annotations
@@ -20,14 +20,15 @@ from eurobot_od.pdo.message import Message
 
 
 COUNTERS = (0, *range(2, 241))
-"""What 0x1019 may be: 1 would count nothing, and all else is reserved (CiA 301, 7.5.2.22)."""
+"""Values that 0x1019 may have: 1 would count nothing, and all others are reserved (CiA 301, 7.5.2.22)."""
 
 ACYCLIC = 0
-"""Transmission type of what goes with the next SYNC; n goes with every n-th one (CiA 301, Tables 68 and 72)."""
+"""Transmission type of a TPDO that goes with the next SYNC; with type n it goes with every n-th one (CiA 301, Tables 68
+and 72)."""
 
 
 class SyncProducer:
-    """Sends SYNC; `next` is when, infinite if it does not."""
+    """Sends SYNC; `next` is the time of the next one, infinite if none is sent."""
 
     def __init__(self) -> None:
         self.next = inf
@@ -35,12 +36,12 @@ class SyncProducer:
         self._overflow = self._count = 0
 
     def restart(self, period: float, overflow: int, now: float) -> None:
-        """Begin anew, with the first one after a `period` in seconds, 0.0 for none; the counter begins with 1."""
+        """Start over: the first SYNC comes after `period` seconds (0.0: none), and the counter starts at 1."""
         self.next = now + period if period else inf  # within one period (CiA 301, 7.5.2.5)
         self._period, self._overflow, self._count = period, overflow, 0
 
     def due(self, now: float) -> list[bytes]:
-        """Return the data of the SYNC to be sent now."""
+        """Return the data of the SYNC that is due, in a list of one or none."""
         if now < self.next:
             return []
         self.next = caught_up(self.next, now) + self._period
@@ -59,9 +60,10 @@ class Arrival(NamedTuple):
 
 
 class Synchronous:
-    """The PDOs that follow SYNC; `type_of` gives the transmission type of a PDO, None for one that does not.
+    """The PDOs that follow SYNC.
 
-    `start_of` gives the number of the SYNC that is the first one for a TPDO, 0 for whichever comes first.
+    `type_of` gives the transmission type of a PDO, None if it does not follow SYNC. `start_of` gives the number of the
+    SYNC that a TPDO starts with, 0 for any.
     """
 
     def __init__(self, type_of: Callable[[Binding], int | None], start_of: Callable[[Binding], int]) -> None:
@@ -73,7 +75,7 @@ class Synchronous:
         self._arrived: dict[Binding, Arrival] = {}
 
     def restart(self, sent: Iterable[Binding], received: Iterable[Binding]) -> None:
-        """Begin anew with these PDOs, and with their types as they are now; what waited is dropped."""
+        """Start over with these PDOs and their present types; what was waiting is dropped."""
         self._types = {each: n for each in (*sent, *received) if (n := self._type_of(each)) is not None}
         self._counts = {each: 0 for each in sent if each in self._types}
         self._starts = {each: start for each in self._counts if (start := self._start_of(each))}
@@ -84,15 +86,15 @@ class Synchronous:
         return binding in self._types
 
     def ask(self, binding: Binding) -> None:
-        """Note that the application has sent a TPDO: with transmission type 0 it goes with the next SYNC."""
+        """Note that the application has sent a TPDO; one of transmission type 0 goes with the next SYNC."""
         self._asked.add(binding)
 
     def hold(self, arrival: Arrival) -> None:
-        """Keep what has been received until the next SYNC."""
+        """Keep a received PDO until the next SYNC."""
         self._arrived[arrival.binding] = arrival
 
     def due(self, number: int | None) -> list[Binding]:
-        """Count a SYNC, and return the TPDOs that go with it; `number` is what its counter says, None without one."""
+        """Count a SYNC, and return the TPDOs that go with it; `number` is its counter, None if it has none."""
         self._starts = {binding: start for binding, start in self._starts.items() if start != number}
         self._counts |= {binding: count + 1 for binding, count in self._counts.items() if binding not in self._starts}
         periods = self._types
@@ -106,7 +108,7 @@ class Synchronous:
         return due
 
     def arrived(self) -> list[Arrival]:
-        """Return and forget what takes effect now."""
+        """Return the PDOs that take effect now, and forget them."""
         arrived, self._arrived = self._arrived, {}
         return list(arrived.values())
 
@@ -115,10 +117,10 @@ class Synchronous:
 
 
 TIME_CONSUMER, TIME_PRODUCER = 1 << 31, 1 << 30
-"""Bits of 0x1012: the device sets its clock by TIME, or sends it."""
+"""Bits of 0x1012: the device sets its clock by TIME, or sends TIME."""
 
 TIME_PERIOD = 1.0
-"""Seconds from one TIME to the next: CiA 301 has no object for that."""
+"""Seconds between two TIME messages; CiA 301 has no object for it."""
 
 TIME_LENGTH = 6
 MILLISECONDS = (1 << 28) - 1
@@ -128,14 +130,14 @@ MOST_DAYS = 0xFFFF
 
 
 class Clock:
-    """The device's clock, at day 0 until it is set; `next` is when TIME is sent again, infinite if it is not."""
+    """The device's clock, at day 0 until it is set. `next` is when TIME is sent again, infinite if it is not sent."""
 
     def __init__(self) -> None:
         self.next = inf
         self._ahead = 0.0
 
     def at(self, now: float) -> datetime:
-        """Return what the clock shows."""
+        """Return the time that the clock shows."""
         return EPOCH + timedelta(seconds=self._ahead + now)
 
     def set(self, time: datetime, now: float) -> None:
@@ -143,7 +145,7 @@ class Clock:
         self._ahead = (time - EPOCH).total_seconds() - now
 
     def hear(self, data: bytes, now: float) -> None:
-        """Set the clock by a TIME message; one of another length, or of no time of a day, says nothing."""
+        """Set the clock by a TIME message; one that has another length, or is not a time of day, is ignored."""
         milliseconds = int.from_bytes(data[:4], "little") & MILLISECONDS
         if len(data) == TIME_LENGTH and milliseconds < DAY:
             self._ahead = int.from_bytes(data[4:], "little") * (DAY // 1000) + milliseconds / 1000 - now
@@ -154,7 +156,7 @@ class Clock:
         return TimeOfDay(days & MOST_DAYS, milliseconds).data
 
     def produce(self, now: float) -> None:
-        """Send the time from now on."""
+        """Start sending the time."""
         self.next = now + TIME_PERIOD
 
     def rest(self) -> None:
@@ -162,7 +164,7 @@ class Clock:
         self.next = inf
 
     def due(self, now: float) -> list[bytes]:
-        """Return the data of what is to be sent now."""
+        """Return the data of the TIME that is due, in a list of one or none."""
         if now < self.next:
             return []
         self.next = caught_up(self.next, now) + TIME_PERIOD

@@ -1,8 +1,8 @@
-"""Network management of a device: states and commands, boot-up and heartbeat, watching others, being guarded.
+"""Network management: NMT states and commands, boot-up, heartbeat, watching other nodes, node guarding.
 
 CiA 301, 7.2.8 and 7.3.2. The state machine is one table, and its result says who resets what. There is no clock and no
-bus in here: times are in seconds. A node that is watched, or a master that guards, is missed only after it was heard
-once.
+bus in here: times are in seconds. A node that is watched, or a master that guards, counts as lost only after it was
+heard once.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ class NmtState(IntEnum):
 
 
 STATE_NAMES: Mapping[int, str] = {each: each.name.lower().replace("_", "-") for each in NmtState} | {0: "boot-up"}
-"""What a heartbeat says, by the state in it: of INITIALISING nothing is ever heard but the boot-up message."""
+"""What a heartbeat says, by the state in it; the only one ever heard with INITIALISING is the boot-up message."""
 
 
 class Services(NamedTuple):
@@ -81,15 +81,15 @@ STAY_PRE_OPERATIONAL = 1 << 2
 
 
 def command_in(frame: Frame, node_id: int) -> NmtCommand | None:
-    """Return the NMT command a frame has for this node, None for any other frame."""
-    # NMT has no answers (CiA 301, 7.2.8.2.1), so there is nobody to tell of a command that is malformed or unknown.
+    """Return the NMT command that a frame has for this node, None for any other frame."""
+    # NMT has no answers (CiA 301, 7.2.8.2.1), so nobody can be told of a malformed or unknown command.
     if frame.cob_id != NMT_COB_ID or len(frame.data) != 2 or frame.data[1] not in (ALL_NODES, node_id):
         return None
     return NmtCommand(frame.data[0]) if frame.data[0] in set(NmtCommand) else None
 
 
 def boot_state(nmt_startup: Value) -> NmtState:
-    """Return the state a node enters after its boot-up by 0x1F80; one without it waits for a master."""
+    """Return the state that a node enters after its boot-up, by 0x1F80; without that object it waits for a master."""
     waits = not isinstance(nmt_startup, int) or nmt_startup & STAY_PRE_OPERATIONAL
     return NmtState.PRE_OPERATIONAL if waits else NmtState.OPERATIONAL
 
@@ -113,7 +113,7 @@ class HeartbeatConsumer(Deadlines[int]):
 
     def configure(self, entries: Iterable[int]) -> None:
         """Take over the entries of 0x1016."""
-        # Any change of the communication objects ends up here: it must not stop the watch over the other nodes.
+        # Any change of a communication object ends up here, and must not interrupt the watch over the other nodes.
         self.change({node_id: time for node_id, time in map(heartbeat_entry, entries) if time})
 
     @property
@@ -123,7 +123,8 @@ class HeartbeatConsumer(Deadlines[int]):
 
     def booted(self, node_id: int, now: float) -> bool:
         """Note a boot-up message; return whether its node had been lost."""
-        # A node without heartbeats boots as well: that begins no watch, but in one that is on the node is back.
+        # A node without heartbeats boots, too. That does not start a watch, but it ends the loss of a node that is
+        # watched.
         return self.heard(node_id, now) if self.awaits(node_id) else self.back(node_id)
 
 
@@ -131,11 +132,11 @@ class HeartbeatConsumer(Deadlines[int]):
 
 
 TOGGLE = 1 << 7
-"""Bit of an answer that changes each time, from 0 on: two answers in a row are told apart from one repeated."""
+"""The bit of an answer that toggles, from 0 on, so that a repeated answer can be told from a new one."""
 
 
 class NodeGuarding:
-    """The guarded side; `next` is when the master will have been silent too long, infinite if it is not missed."""
+    """The guarded side; `next` is when the master will have been silent for too long, infinite if it is not watched."""
 
     def __init__(self) -> None:
         self.next = inf
@@ -144,21 +145,21 @@ class NodeGuarding:
         self._life_time = 0.0
 
     def configure(self, life_time: float) -> None:
-        """Take over how long the master may be silent, 0.0 for ever; a changed time holds from the next question on."""
+        """Set how long the master may be silent, 0.0 for ever; a changed time counts from the next request on."""
         if life_time != self._life_time:
             self._life_time, self.next, self.lost = life_time, inf, False
 
     def answer(self, node_id: int, state: NmtState, now: float) -> Frame:
-        """Return the answer to a question."""
+        """Return the answer to a guarding request."""
         data = bytes([self._toggle | state])
-        # Only a reset, which makes this object anew, begins with 0 again; a master that was silent does not.
+        # Only a reset, which makes a new object, starts at 0 again; a silent master does not.
         self._toggle ^= TOGGLE
         self.next = now + self._life_time if self._life_time else inf
         self.lost = False
         return Frame(ERROR_CONTROL_BASE + node_id, data)
 
     def overdue(self, now: float) -> bool:
-        """Whether the master has fallen silent by now; told once."""
+        """Tell whether the master has fallen silent by now; it is told only once."""
         if now < self.next:
             return False
         self.next, self.lost = inf, True

@@ -13,12 +13,12 @@ from collections.abc import Callable, Iterable
 from typing import Any, Generic, Protocol, TypeAlias, TypeVar, overload
 
 SHORTEST_PERIOD = 0.001
-"""In seconds: what comes again after no time at all would be due for ever."""
+"""In seconds: what repeats after no time at all would always be due."""
 
 ValueT = TypeVar("ValueT")
 
 NumberOf: TypeAlias = Callable[[str], int]
-"""Gives the number of a setting by its ParameterNames, `Record.Member`."""
+"""Gives the number in a setting, by its ParameterNames, `Record.Member`."""
 
 
 class HasSettings(Protocol):
@@ -29,7 +29,7 @@ class HasSettings(Protocol):
 
 
 class Setting(Generic[ValueT]):
-    """What the settings with these `names` say, as `read` makes it of their numbers."""
+    """The value that `read` makes of the numbers in the settings with these `names`."""
 
     def __init__(self, names: Iterable[str], read: Callable[[NumberOf], ValueT]) -> None:
         self.names, self.read = tuple(names), read
@@ -45,27 +45,27 @@ class Setting(Generic[ValueT]):
 
 
 def setting(name: str) -> Setting[int]:
-    """A number, as it stands in the object."""
+    """A number, as it is in the object."""
     return Setting([name], lambda number: number(name))
 
 
 def seconds(name: str) -> Setting[float]:
-    """A time, which the object has in milliseconds."""
+    """A time in seconds, which the object has in milliseconds."""
     return Setting([name], lambda number: number(name) / 1000)
 
 
 def period(name: str) -> Setting[float]:
-    """The time of what comes again and again, in seconds: never 0, whatever a file says."""
+    """The period of something that repeats, in seconds: never 0, whatever a file says."""
     return Setting([name], lambda number: max(number(name) / 1000, SHORTEST_PERIOD))
 
 
 def scaled(name: str, unit: float) -> Setting[float]:
-    """A number that counts in some unit."""
+    """A number times a unit."""
     return Setting([name], lambda number: number(name) * unit)
 
 
 def together(kind: Callable[..., ValueT], **parts: Setting[Any]) -> Setting[ValueT]:
-    """Several settings that are one value, each a field of it."""
+    """A value with several fields, each of them a setting."""
     names = (name for each in parts.values() for name in each.names)
     return Setting(names, lambda number: kind(**{field: each.read(number) for field, each in parts.items()}))
 

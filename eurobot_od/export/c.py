@@ -1,7 +1,7 @@
 """The messages as a C99 header without dependencies: identifiers, lengths, structs, and functions that pack and unpack.
 
 Each message with data gets a struct of its fields, `NAME_MESSAGE_pack` and `NAME_MESSAGE_unpack`; values with names,
-limits, identifier and length are macros. Goto XY of a network called `robot` becomes, shortened to one field:
+limits, identifier and length are macros. Goto XY in a network called `robot` becomes, cut down to one field:
 
     #define ROBOT_GOTO_XY_COB_ID 0x008u
     #define ROBOT_GOTO_XY_LENGTH 8u
@@ -13,8 +13,9 @@ limits, identifier and length are macros. Goto XY of a network called `robot` be
     static inline size_t robot_goto_xy_pack(uint8_t *data, size_t size, const robot_goto_xy_t *message)
     static inline bool robot_goto_xy_unpack(robot_goto_xy_t *message, const uint8_t *data, size_t length)
 
-Rule of this file: the C depends on neither byte order nor width of int of the machine, and compiles without a warning;
-bits go byte by byte, in unsigned types as wide as the field, so that an 8-bit controller needs no 64-bit shifts.
+Rule of this file: the C depends neither on the machine's byte order nor on its width of int, and compiles without a
+warning; bits go byte by byte, in unsigned types as wide as the field, so that an 8-bit controller needs no 64-bit
+shifts.
 """
 
 from __future__ import annotations

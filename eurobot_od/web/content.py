@@ -1,7 +1,7 @@
-"""What the page shows, as data: the messages and nodes of a network, what a frame says, and a whole log as columns.
+"""What the page shows, as data: messages and nodes of a network, the values of a frame, and a whole log as columns.
 
-A log is columns: for each message its times and the values of its fields, for the page to look up and to plot. The page
-works out counts, periods and what was when; nothing is said here twice.
+A log has columns for each message, its times and the values of its fields, which the page looks up and plots. The page
+computes counts, periods and everything else from them.
 """
 
 from __future__ import annotations
@@ -67,12 +67,12 @@ def panels_described(panels: Iterable[type[Panel]]) -> list[dict[str, Any]]:
 
 
 def stop_message(panels: Sequence[type[Panel]]) -> str:
-    """Return the message that stops what can be stopped, `` if no panel has one."""
+    """Return the message of the button Stop, empty if no panel has one."""
     return next((each.stop for each in panels if each.stop), "")
 
 
 def values(meaning: Meaning) -> list[Any] | None:
-    """Return a message's values for the page: numbers, None for unknown, words; None if it is not a message."""
+    """Return a message's values for the page (numbers, words, None for unknown); None if it is not a message."""
     if meaning.message is None:
         return None
     written = kinds(type(meaning.message))
@@ -80,7 +80,7 @@ def values(meaning: Meaning) -> list[Any] | None:
 
 
 def defects(meaning: Meaning) -> str:
-    """Say what is wrong with a frame, `` if nothing is."""
+    """Return what is wrong with a frame, empty if nothing is."""
     return "; ".join(f"{damage.value}: {text}" for damage, text in meaning.defects)
 
 
@@ -93,14 +93,14 @@ def event_data(event: PageEvent) -> dict[str, Any]:
 
 
 MOST_FRAMES = 300_000
-"""Frames of a log that a page holds, about 20 minutes of a full bus; more would take a browser minutes to read."""
+"""Most frames of a log on a page, about 20 minutes of a full bus; more would take a browser minutes to read."""
 
 DIGITS = 5
-"""Of a time in s: ten microseconds, less than the shortest frame takes."""
+"""Decimal places of a time in seconds: ten microseconds, less than the shortest frame takes."""
 
 
 class _Row:
-    """All frames of a message, a service or a kind of damage."""
+    """All frames of one message, service or kind of damage."""
 
     def __init__(self, meaning: Meaning, identifier: int | None) -> None:
         self.meaning, self.identifier = meaning, identifier
@@ -114,7 +114,7 @@ class _Row:
         found = values(meaning)
         if meaning.message is None:
             self.texts.append(meaning.text)
-        elif self.texts:  # frames of this message that could not be read came before
+        elif self.texts:  # earlier frames of this message could not be read
             self.texts.append("")
         self.times.append(round(time, DIGITS))
         self.values.append(found or [])
@@ -141,7 +141,7 @@ class _Row:
 
 
 class Columns:
-    """Collects a log; times count from its first entry. `left_out` counts what is too much for a page."""
+    """Collects a log; times count from its first entry. `left_out` counts the entries that are too many for a page."""
 
     def __init__(self, name: str, decoder: Decoder, bitrate: int, panels: Iterable[type[Panel]] = ()) -> None:
         self.name, self.bitrate, self._decoder = name, bitrate, decoder
@@ -171,7 +171,7 @@ class Columns:
                 self.add(panel.take(now, meaning.message))
 
     def add(self, events: Iterable[PageEvent]) -> None:
-        """Enter events, with times since the start."""
+        """Enter events, whose times count from the start."""
         for event in events:
             self._events[event.key] = event
             self._end = max(self._end, event.time)

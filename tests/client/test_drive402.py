@@ -150,7 +150,7 @@ def test_ctrl_c_halts_a_motion() -> None:
 
 @pytest.mark.parametrize("method", [15, 99])
 def test_what_is_no_homing_method_is_refused_here(method: int) -> None:
-    with drive() as network, pytest.raises(LocalError, match="no homing method"):
+    with drive() as network, pytest.raises(LocalError, match="not a homing method"):
         network[5].drive402.home(method)
 
 

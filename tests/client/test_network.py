@@ -431,7 +431,7 @@ def test_an_open_bus_and_a_canopen_network_are_shared_and_stay_open() -> None:
         node = theirs.add_node(canopen.RemoteNode(5, SERVO.objects))
         assert node.sdo["Profile velocity"].raw == 900
         theirs.disconnect()
-    with pytest.raises(LocalError, match=r"no connected canopen\.Network"):
+    with pytest.raises(LocalError, match=r"nor a connected canopen\.Network"):
         Network.open(canopen.Network())
 
 

@@ -73,7 +73,7 @@ def test_a_node_that_keeps_another_mapping_is_told(node: RemoteDevice, monkeypat
 UNFIT = [
     (["Name"], "0x2003:0 Name cannot be mapped: its file says so"),
     (["Hidden"], "0x2005:0 Hidden cannot be mapped: its file says so"),
-    (["Mode"], "0x2004:0 Mode is rww, which no TPDO carries"),
+    (["Mode"], "0x2004:0 Mode is rww, which a TPDO cannot carry"),
     (["Energy", "Speed"], "80 bits are mapped, a PDO has at most 64"),
 ]
 

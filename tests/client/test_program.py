@@ -63,7 +63,7 @@ def test_an_identification_that_is_no_crc_is_left_alone_where_that_is_said() -> 
 
 STATE = "Data cannot be transferred or stored to the application because of the present device state (0x08000022)"
 CONTROL, STATUS = "0x1F51:1 Program control", "0x1F57:1 Flash status identification"
-START = "eurobot-od write 9 0x1F51:1 1 starts it"
+START = "`write 9 0x1F51:1 1` starts it"
 MAY_BE_STOPPED = f"its program may be stopped; {START} again"
 MAY_BE_CLEARED = f"its program is stopped and may be cleared: download it again, or, if it is still there, {START}"
 DOES_NOT_RUN = f"the program is written and does not run; {START}, or download it again"
@@ -85,7 +85,7 @@ BAD = [
     (Trouble(error_after=0x1F50, error=42), f"{STATUS} says: error 42",
      "it is stopped without a whole program: download it again"),
     (Trouble(identification=7),
-     "0x1F56:1 Program software identification is 0x7, which is no CRC of the file (CRC-32 0x670222CB, "
+     "0x1F56:1 Program software identification is 0x7, which is not a CRC of the file (CRC-32 0x670222CB, "
      "CRC-16 (start value 0) 0x7557, CRC-16 (start value 0xFFFF) 0xBA8)", NOT_STARTED),
     (Trouble(refuses=1), f"node 9 refused to write {CONTROL} (START): {STATE}",
      DOES_NOT_RUN),

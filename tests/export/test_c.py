@@ -49,8 +49,10 @@ def test_the_judge_sees_a_wrong_bit(tmp_path: Path) -> None:
 
 
 @needs_compiler
-@rows("messages", [made_up.badly_named(), made_up.many()])
-@rows("name", ["int", "", "x" * 1000, "*/ #error"])
+@rows(
+    "messages, name",
+    [(made_up.many(), ""), *((made_up.badly_named(), name) for name in ("int", "", "x" * 1000, "*/ #error"))],
+)
 def test_any_names_compile(messages: list[DescribedMessage], name: str, tmp_path: Path) -> None:
     header = c.header_of(messages, name)
     assert re.fullmatch(r"[\x20-\x7E\n]+", header)

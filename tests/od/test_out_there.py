@@ -285,28 +285,22 @@ def defaults(data: bytes) -> dict[Address, Value]:
 
 
 @rows("variation", VARIATIONS)
-def test_a_file_is_loaded_as_it_is_meant(variation: Variation) -> None:
-    assert defaults(text_of(variation).encode()) == DEFAULTS | variation.values
+def test_a_file_is_loaded_as_it_is_meant_and_what_was_looked_over_is_listed(variation: Variation) -> None:
+    data = text_of(variation).encode()
+    assert defaults(data) == DEFAULTS | variation.values
+    assert bool(load(data).changes) is variation.needs_repair
 
 
 @rows("variation", VARIATIONS)
-def test_what_had_to_be_looked_over_is_listed(variation: Variation) -> None:
-    assert bool(load(text_of(variation).encode()).changes) is variation.needs_repair
-
-
-@rows("variation", VARIATIONS)
-def test_the_normal_form_says_the_same_and_is_its_own(variation: Variation) -> None:
+def test_the_normal_form_says_the_same_is_its_own_and_is_read_by_canopen_alone(
+    tmp_path: Path, variation: Variation, caplog: pytest.LogCaptureFixture
+) -> None:
     data, _ = in_normal_form(text_of(variation).encode())
     assert defaults(data) == DEFAULTS | variation.values
     assert in_normal_form(data) == (data, [])
-
-
-@rows("variation", VARIATIONS)
-def test_canopen_alone_reads_the_normal_form(
-    tmp_path: Path, variation: Variation, caplog: pytest.LogCaptureFixture
-) -> None:
     file = tmp_path / "a.eds"
-    file.write_bytes(in_normal_form(text_of(variation).encode())[0])
+    file.write_bytes(data)
+    caplog.clear()
     with caplog.at_level(logging.WARNING):
         objects = canopen.import_od(str(file), node_id=NODE_ID)
     assert not caplog.records

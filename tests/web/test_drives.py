@@ -243,9 +243,9 @@ def test_a_fault_is_said_and_reset(tmp_path: Path, window: Page) -> None:
         ({"do": "drive", "node": "servo", "axis": 2, "command": "enable"}, "node 5 has no axis 2 of CiA 402"),
         ({"do": "drive", "node": "servo", "axis": "1", "command": "enable"}, "node 5 has no axis 1 of CiA 402"),
         ({"do": "drive", "node": "9", "axis": 1, "command": "enable"}, "node 9 has no axis 1 of CiA 402"),
-        ({"do": "drive", "node": "servo", "axis": 1}, "command is missing, or no text"),
-        ({"do": "jog", "node": "servo", "axis": 1}, "velocity is missing, or no whole number"),
-        ({"do": "jog", "node": "servo", "axis": 1, "velocity": True}, "velocity is missing, or no whole number"),
+        ({"do": "drive", "node": "servo", "axis": 1}, "command is missing, or not a text"),
+        ({"do": "jog", "node": "servo", "axis": 1}, "velocity is missing, or not a whole number"),
+        ({"do": "jog", "node": "servo", "axis": 1, "velocity": True}, "velocity is missing, or not a whole number"),
         (
             {"do": "jog", "node": "servo", "axis": 1, "velocity": 5},
             "enable the drive first: it is in Switch on disabled",

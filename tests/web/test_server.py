@@ -209,7 +209,7 @@ async def answer(opened: aiohttp.ClientWebSocketResponse, text: str) -> dict[str
         ('{"id": 1}', "unknown request 'None'"),
         ('{"id": 1, "do": {}}', "unknown request '{}'"),
         ('{"id": 1, "do": "exec"}', "unknown request 'exec'"),
-        ('{"id": 1, "do": "read"}', "node is missing, or no text"),
+        ('{"id": 1, "do": "read"}', "node is missing, or not a text"),
         ('{"id": 1, "do": "read", "node": "nobody", "object": "1000"}', "unknown node 'nobody'"),
         ('{"id": 1, "do": "read", "node": "128", "object": "1000"}', "unknown node '128'"),
         ('{"id": 1, "do": "read", "node": "\\u00b2", "object": "1000"}', "unknown node '²'"),
@@ -221,7 +221,7 @@ async def answer(opened: aiohttp.ClientWebSocketResponse, text: str) -> dict[str
         ('{"id": 1, "do": "nmt", "command": "explode", "node": "all"}', "unknown NMT command 'explode'"),
         ('{"id": 1, "do": "write", "node": "drive", "object": "1017", "value": "70000"}', "allowed: 0..65535"),
         ('{"id": 1, "do": "write", "node": "drive", "object": "1017", "value": "soon"}', "allowed: an integer"),
-        ('{"id": 1, "do": "watch", "node": "drive", "object": 7}', "object is missing, or no text"),
+        ('{"id": 1, "do": "watch", "node": "drive", "object": 7}', "object is missing, or not a text"),
     ],
 )
 def test_what_is_asked_wrongly_is_answered_in_a_line(local: Served, text: str, error: str) -> None:

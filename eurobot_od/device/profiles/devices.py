@@ -8,8 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from functools import partial
-from types import MappingProxyType
-from typing import Any, ClassVar, TypeAlias
+from typing import Any, ClassVar
 
 from eurobot_od.device.bound import Application
 from eurobot_od.device.nmt import NmtState
@@ -18,7 +17,7 @@ from eurobot_od.device.profiles.axis import DriveAxis
 from eurobot_od.device.profiles.inputs_outputs import Inputs, Outputs
 from eurobot_od.device.profiles.modes import MODES
 from eurobot_od.device.profiles.motion import STEP, Plant
-from eurobot_od.device.profiles.values import AxisValues, ProfileValues
+from eurobot_od.device.profiles.values import AxisValues
 from eurobot_od.device.simulated import SimulatedDevice
 from eurobot_od.device.waveforms import fitted
 from eurobot_od.errors import Cause, Refused
@@ -33,7 +32,7 @@ from eurobot_od.pdo.binding import Binding
 
 
 class DeviceValues:
-    """The objects of a node for its profile; whatever a reset has made of them."""
+    """The objects of a node as its profile sees them; they survive a reset of the device."""
 
     def __init__(self, node: SimulatedDevice) -> None:
         self._node = node
@@ -61,14 +60,14 @@ class DeviceValues:
 
 
 class ProfileDevice(SimulatedDevice):
-    """A device whose profile says what it does when nobody can command it any more."""
+    """A device whose profile says what it does when nobody can command it."""
 
     def _connection_lost(self) -> None:
         """Do what the profile says about a lost heartbeat, a lost bus, and the state Stopped."""
 
     def halted(self) -> None:
         super().halted()
-        # In Pre-operational a master still reaches it by SDO; in Stopped nobody does.
+        # In Pre-operational a master can still reach it by SDO; in Stopped nobody can.
         if self.device.state is NmtState.STOPPED:
             self._connection_lost()
 
@@ -87,38 +86,28 @@ class ProfileDevice(SimulatedDevice):
 class SimulatedModule(ProfileDevice):
     """An I/O module of CiA 401, made from its EDS or DCF.
 
-    Waveforms are what is on the terminals of its inputs, `outputs` what is on those of its outputs: by polarity and
-    filter, and with the error values if a heartbeat is lost, the bus is lost or the module is stopped. A TPDO with
-    inputs goes on a change if one of the inputs may cause it (interrupt masks, limits and deltas). `WIRES` lead from
-    outputs to inputs, by their addresses: what is on the one terminal is on the other.
+    Waveforms are on the terminals of its inputs. `outputs` are on the terminals of its outputs: by polarity and filter,
+    and with the error values if a heartbeat is lost, the bus is lost or the module is stopped. A TPDO with inputs is
+    sent on a change if one of the inputs may cause it (interrupt masks, limits and deltas).
     """
 
-    WIRES: ClassVar[Mapping[Address, Address]] = {}
-    INPUTS: ClassVar[type[Inputs]] = Inputs
-    OUTPUTS: ClassVar[type[Outputs]] = Outputs
-
     def __init__(self, dictionary: Dictionary, **options: Any) -> None:
-        self._values = self._profile_values()
+        self._values = DeviceValues(self)
         self._inputs: Inputs | None = None
         self._begun = False
         super().__init__(dictionary, **options)
 
-    def _profile_values(self) -> ProfileValues:
-        """Return the objects as the inputs and outputs see them."""
-        return DeviceValues(self)
-
     @property
     def outputs(self) -> dict[Address, int]:
-        """What is on the terminals of its outputs, by the objects that command them."""
+        """The values on the terminals of its outputs, by the objects that command them."""
         return dict(self._outputs.terminals)
 
     def _application(self, dictionary: Dictionary) -> Application:
         application = super()._application(dictionary)
         kinds = (*cia401.DIGITAL_INPUTS, *cia401.ANALOGUE_INPUTS)
         subs = ((kind.value, sub) for kind in kinds for sub in dictionary.members.get(kind.value, ()) if sub)
-        # On the terminal of an input is what a waveform says, or an output that is wired to it, or what it was given.
+        # The terminal of an input has the value of a waveform, or the one it was given.
         ends = dict[Address, Callable[[], Value]]((each, partial(self._kept, each)) for each in subs)
-        ends |= {there: partial(self._terminals, here) for here, there in self.WIRES.items() if there in ends}
         ends |= application.measured
         types = {each: data_type(self._variable(each)) for each in ends}
         return application._replace(
@@ -128,10 +117,6 @@ class SimulatedModule(ProfileDevice):
     def _kept(self, address: Address) -> Value:
         return self.device.objects.kept(address)
 
-    def _terminals(self, output: Address) -> Value:
-        # Nothing is on them before the first reset is over.
-        return self._outputs.terminals.get(output, 0) if self._inputs else 0
-
     def _input(self, address: Address, type_: DataType, read: Callable[[], Value]) -> Value:
         terminals = read()
         if self._inputs is None or not isinstance(terminals, int):
@@ -139,11 +124,9 @@ class SimulatedModule(ProfileDevice):
         return fitted(self._inputs.value(address, terminals, self.now), type_)
 
     def reset(self) -> None:
-        """Begin anew: outputs as the file's defaults, no input has changed."""
-        self._inputs, self._outputs, self._begun = self.INPUTS(self._values), self.OUTPUTS(self._values), False
+        """Start over: outputs have the file's defaults, no input has changed."""
+        self._inputs, self._outputs, self._begun = Inputs(self._values), Outputs(self._values), False
         super().reset()
-        if self.WIRES and not (self._waveforms or self.READERS):  # a filter has to see them, whoever else asks
-            self._sample(self.now)
 
     # What is sent
 
@@ -158,7 +141,7 @@ class SimulatedModule(ProfileDevice):
             if not self._begun:
                 inputs.forget()
             caused = inputs.caused({address: self.device.objects.raw(address) for address in inputs.addresses})
-        # Each TPDO goes once when it may go for the first time, whatever causes it later (CiA 301, 7.2.2.4).
+        # Each TPDO is sent once when it may first be sent, whatever causes it later (CiA 301, 7.2.2.4).
         allowed = None if operational and not self._begun else partial(self._may_go, caused)
         self._begun = operational
         return self.outgoing(self.device.changed(self.now, allowed))
@@ -179,7 +162,7 @@ class SimulatedModule(ProfileDevice):
 
 
 BEAT = 0.005
-"""Seconds between two looks at an axis that moves, for TPDOs that go on a change; a frame finds the values of now."""
+"""Seconds between two looks at a moving axis, for TPDOs that are sent on a change; any frame finds present values."""
 
 SIMULATED_MODES = sum(1 << mode - 1 for mode in MODES if mode)
 """The bits in 0x6502 of the modes that are simulated: mode n has bit n - 1 (CiA 402-2, clause 9)."""
@@ -188,9 +171,9 @@ SIMULATED_MODES = sum(1 << mode - 1 for mode in MODES if mode)
 class SimulatedDrive(ProfileDevice):
     """A drive of CiA 402, made from its EDS or DCF: it is enabled, homes and moves as its objects say.
 
-    `travel` are the places of the limit switches in turns of the motor from where it is switched on; without it there
-    are none. Whatever is simulated is read from objects that the file has: state machine, option codes, profile
-    position and velocity, homing, cyclic synchronous position and velocity, following error and software limits.
+    `travel` gives the places of the limit switches, in turns of the motor from where it is switched on; without it
+    there are none. The simulation reads the objects that the file has: state machine, option codes, profile position
+    and velocity, homing, cyclic synchronous position and velocity, following error and software limits.
     """
 
     AXIS: ClassVar[type[DriveAxis]] = DriveAxis
@@ -206,7 +189,7 @@ class SimulatedDrive(ProfileDevice):
         return self._axes
 
     def _offsets(self, dictionary: Dictionary) -> list[int]:
-        """Return what is added to the indices of each axis that the file has."""
+        """Return the offset of each axis that the file has, which is added to the indices."""
         found = (number * cia402.AXIS_STEP for number in range(cia402.MOST_AXES))
         return [each for each in found if dictionary.variable((cia402.CONTROLWORD + each, 0))]
 
@@ -217,18 +200,18 @@ class SimulatedDrive(ProfileDevice):
             told[cia402.MODE + offset, 0] = partial(self._check_mode, number)
             modes = cia402.SUPPORTED_MODES + offset, 0
             said = dictionary.default(modes) if dictionary.variable(modes) else None
-            if isinstance(said, int):  # less what is not simulated: a master would choose it in vain
+            if isinstance(said, int):  # without what is not simulated: a master would choose it in vain
                 given[modes] = said & SIMULATED_MODES
         return application._replace(told={**told, **application.told}, given={**given, **application.given})
 
     def _check_mode(self, number: int, mode: int) -> None:
         if self._axes and not self._axes[number].takes(mode):
-            raise Refused(Cause.VALUES, f"mode of operation {mode} is none of the drive's")
+            raise Refused(Cause.VALUES, f"the drive does not have the mode of operation {mode}")
 
     # Time and frames
 
     def reset(self) -> None:
-        """Begin anew, with the motor where it was switched on."""
+        """Start over, with the motor where it was switched on."""
         values = DeviceValues(self)
         self._beats = False
         self._axes = tuple(
@@ -245,7 +228,7 @@ class SimulatedDrive(ProfileDevice):
             self.raise_error(code, what)
 
     def receive(self, frame: Frame, now: float) -> list[Frame]:
-        # First: a SYNC has to find the values of now, and what it brings acts from now on.
+        # First: a SYNC has to find the present values, and what it brings acts from now on.
         for axis in self._axes:
             axis.advance(now)
         return super().receive(frame, now)
@@ -263,33 +246,23 @@ class SimulatedDrive(ProfileDevice):
         return super()._changed() + self._flush()
 
     def _beat(self, _: float) -> None:
-        self._beats = False  # the tick that has called this looks after the axes, and plans the next one
+        self._beats = False  # the tick that calls this looks after the axes, and plans the next one
 
     # Connection
 
     def _connection_lost(self) -> None:
-        """Do what each axis' abort connection option code says (CiA 402-2, clause 8.4.4)."""
+        """Obey the abort connection option code of each axis (CiA 402-2, clause 8.4.4)."""
         for axis in self._axes:
             axis.connection_lost()
 
 
-# Which of them simulates a device
+# The class for a device
 
 
 KINDS: Mapping[int, type[SimulatedDevice]] = {cia401.PROFILE: SimulatedModule, cia402.PROFILE: SimulatedDrive}
 """The classes by the low word of 0x1000."""
 
 
-Wires: TypeAlias = Mapping[Address, Address]
-"""Inputs that are wired to outputs, by the addresses of the outputs."""
-
-
-def simulated_kind(
-    dictionary: Dictionary, profile: int | None = None, wires: Wires = MappingProxyType({})
-) -> type[SimulatedDevice]:
-    """Return the class for a device of a `profile`, of the one that its 0x1000 says without it, 0 for none.
-
-    An I/O module has `wires` from its outputs to its inputs.
-    """
-    kind = KINDS.get(profile_of(dictionary.objects) if profile is None else profile, SimulatedDevice)
-    return type("WiredModule", (kind,), {"WIRES": wires}) if wires and issubclass(kind, SimulatedModule) else kind
+def simulated_kind(dictionary: Dictionary, profile: int | None = None) -> type[SimulatedDevice]:
+    """Return the class that simulates a device of a `profile`, 0 for none; by default of the one in its 0x1000."""
+    return KINDS.get(profile_of(dictionary.objects) if profile is None else profile, SimulatedDevice)

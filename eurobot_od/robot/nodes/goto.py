@@ -23,9 +23,9 @@ NO_GOTO = "the drive knows of no goto"
 
 
 class GotoReport(NamedTuple):
-    """What became of a goto, and `why` if its outcome does not say it.
+    """The result of a goto, and `why` if the outcome does not say it.
 
-    Times are in seconds from its first transmission, `confirmed` None if it never was.
+    Times are in seconds from its first transmission; `confirmed` is None if it was never confirmed.
     """
 
     goto: messages.GotoXY
@@ -45,8 +45,8 @@ class End(NamedTuple):
 def until_ended(core: CoreSettings, goto: messages.GotoXY) -> Script[End]:
     """Ask for the state of a confirmed goto until it has ended; raises NoAnswer.
 
-    It has arrived when the drive says so and is at the goto's place. Answers that know of no goto, or of another one
-    that has arrived, are tolerated a few times in a row: the drive may have heard a request before its goto.
+    It has arrived when the drive says so and is at the goto's place. Answers that there is no goto, or that another one
+    has arrived, are tolerated a few times in a row: the drive may have heard a request before its goto.
     """
     yield Pause(core.first_state_request)
     odd: list[str] = []
@@ -55,7 +55,7 @@ def until_ended(core: CoreSettings, goto: messages.GotoXY) -> Script[End]:
         if state.time in FAULT_OUTCOME:
             return End(FAULT_OUTCOME[state.time])
         if state.time == 0:
-            # The 0 may be that of an earlier goto: the place has to agree.
+            # The 0 may belong to an earlier goto: the place has to agree.
             place = yield from drive_position(core)
             if is_near(goto[:3], place[:3], core.arrival_distance, core.arrival_angle):
                 return End(Outcome.ARRIVED)
@@ -63,7 +63,7 @@ def until_ended(core: CoreSettings, goto: messages.GotoXY) -> Script[End]:
         elif state.time is None:
             odd.append(NO_GOTO)
         else:
-            # In a row: a single odd answer between good ones is a frame that came out of turn.
+            # In a row: a single odd answer between good ones has come out of turn.
             odd.clear()
         yield Pause(core.state_request_period)
     return End(Outcome.LOST, odd[-1])
@@ -88,7 +88,7 @@ class Standstill(NamedTuple):
 
 
 class NotStanding(RemoteError):
-    """A robot that was not seen to stand, whatever was sent; `seconds` is how long the core has tried."""
+    """The robot was not seen to stand, whatever was sent; `seconds` is for how long the core has tried."""
 
     def __init__(self, seconds: float) -> None:
         self.seconds = seconds
@@ -97,14 +97,14 @@ class NotStanding(RemoteError):
 
 
 def is_driving(state: messages.GotoStateResponse) -> bool:
-    """Tell whether the drive carries out a goto, by its answer to a state request."""
+    """Tell from an answer to a state request whether the drive carries out a goto."""
     return isinstance(state.time, int) and not isinstance(state.time, GotoFault) and state.time > 0
 
 
 def until_standing(
     core: CoreSettings, stop: Callable[[], messages.StopMessage], patience: float = inf
 ) -> Script[Standstill | None]:
-    """Send the latest stop again and again until the robot is seen to stand; None if not within `patience` seconds."""
+    """Send the latest stop again and again until the robot is seen to stand; None after `patience` seconds."""
     began: float = yield START
     while True:
         position = yield from _standing_place(core)
@@ -112,19 +112,19 @@ def until_standing(
             return Standstill(position, core.now - began)
         if core.now - began >= patience:
             return None
-        # Should it be only this kind of stop that does not get through, another one may.
+        # If only this kind of stop does not get through, another one may.
         for each in dict.fromkeys((stop(), messages.StopDrive())):
             core.offer(each)
 
 
 def _standing_place(core: CoreSettings) -> Script[messages.KalmanPositionResponse | None]:
-    """Look at the drive for two stop periods; return where it stands, None if it does not, or does not answer."""
+    """Look at the drive for two stop periods; return where it stands, None if it moves or does not answer."""
     period = core.stop_period
     ask_position = Ask(messages.KalmanPositionRequest(), messages.KalmanPositionResponse, period, 1)
     yield Pause(period)
     try:
         state = yield Ask(messages.GotoStateRequest(), messages.GotoStateResponse, period, 1)
-        # The place twice, a period apart: a drive still rolling to a stop says "no goto" as well.
+        # The place twice, a period apart: a drive that is still rolling to a stop says "no goto" as well.
         before = yield ask_position
         yield Pause(period)
         after = yield ask_position
@@ -138,24 +138,25 @@ def _standing_place(core: CoreSettings) -> Script[messages.KalmanPositionRespons
 
 
 ANY_ANGLE = 180.0
-"""Two headings are never further apart, degrees."""
+"""Two headings are never further apart than this, degrees."""
 
 AT_START = 50.0
-"""A drive so near its start place, mm, after its configuration may not have been seen by the navigation since."""
+"""A configured drive may not have been seen by the navigation yet if it is this near its start place, mm.
+"""
 
 LOOKS = 3
-"""How often the navigation is asked for a drive that has booted, which believes it when two positions agree: one of
-them may be unknown, or wrong."""
+"""How often the navigation is asked for a drive that has booted. It believes the navigation when two positions agree,
+and one of them may be unknown or wrong."""
 
 LOST_PLACE = "the drive has lost its place"
 
 
 class PlaceLost(StateError):
-    """A drive that is not where it was seen last; it has to be put at its start place, and the start configured."""
+    """The drive is not where it was last seen; it has to be put at its start place, and the start configured."""
 
 
 def find_place(core: CoreSettings, there: Place | None, start: Place) -> Script[messages.KalmanPositionResponse]:
-    """Have the navigation look where the drive is, and see that it is where it was seen last; `there`, if it was.
+    """Have the navigation look where the drive is, and check that it is where it was last seen (`there`), if it was.
 
     Raises PlaceLost if it is elsewhere, or so near its `start` place that nobody may have seen it there; NoAnswer.
     """

@@ -1,11 +1,10 @@
-"""The startup of the robot (document 2.3, 5.1): node checks, the start configuration, and whether all nodes speak one
-dialect.
+"""The startup of the robot (document 2.3, 5.1): node checks, the start configuration, and dialects.
 
 Confirms of the start configuration have one identifier and may merge on the wire, so one of them may be anybody's. That
 is why a configuration ends with a second check of both nodes.
 
-Which EDS another node is loaded from tells its revision number, read by SDO (CiA 301, 7.2.4.3.3 and 7.5.2.21). A node
-that does not answer is not a CANopen node, such as the 2014 robot's own: it cannot be asked, and is believed. One that
+A node's revision number, read by SDO, tells which EDS it is loaded from (CiA 301, 7.2.4.3.3 and 7.5.2.21). A node that
+does not answer, such as those of the 2014 robot, is not a CANopen node: it cannot be asked, and is trusted. One that
 answers with another revision speaks another dialect, and is not driven.
 """
 
@@ -38,8 +37,8 @@ CHANNEL_NAME = "SDO client parameter {}"
 class DialectMismatch(RemoteError):
     """A node is loaded from the EDS of another dialect than the core; `theirs` and `ours` are revision numbers.
 
-    The dialects are named where the error is turned into text, not where it is raised: to find a name, EDS files are
-    read, and the core runs on the thread that receives frames.
+    The dialects get their names where the error is turned into text, not where it is raised: finding a name reads EDS
+    files, and the core runs on the thread that receives frames.
     """
 
     def __init__(self, node: str, node_id: int, theirs: int, ours: int) -> None:
@@ -53,7 +52,7 @@ class DialectMismatch(RemoteError):
 
 
 def _eds(node: str, revision: int) -> str:
-    """Say in words what EDS has a revision number, by the dialect that has it."""
+    """Describe the EDS with a revision number, by the dialect that has it."""
     dictionaries = ((name, dictionary) for name in dialects.names() for dictionary in dialects.load_all(name))
     known = [
         name for name, dictionary in dictionaries if (dictionary.name, dictionary.default(REVISION)) == (node, revision)
@@ -70,7 +69,7 @@ class SdoClientParameter(NamedTuple):
 
     @classmethod
     def to(cls, node: str, device: Device) -> SdoClientParameter | None:
-        """Return the way to a node, None if the device's EDS knows none."""
+        """Return how to reach a node, None if the device's EDS does not say."""
         try:
             index, _ = device.dictionary.address(CHANNEL_NAME.format(node))
         except DictionaryError:
@@ -95,8 +94,8 @@ class SdoClientParameter(NamedTuple):
 
 def revision_in(answer: Frame) -> int | None:
     """Return the revision number in an answer, None if it says something else."""
-    # One answer is awaited and nothing but the question is sent, so the transfer needs no time and goes no further: a
-    # node that would send its number in segments, or an odd answer, has not said what its revision is.
+    # Only one answer is awaited and only the question is sent, so the transfer needs no time and goes no further: a
+    # node that would send its number in segments, or an odd answer, has not told its revision.
     question = upload(REVISION, inf)
     question.start(0.0)
     question.receive(answer.data, 0.0)
@@ -122,8 +121,8 @@ CONFIGURED = ("Team colour", "Enemies", "Confederates", "Enemy 1 diameter", "Ene
 class Readiness:
     """What has to be there before the first goto: both nodes checked, a start configuration confirmed.
 
-    `checked` has the nodes that have answered in the dialect of this core, and have neither booted nor been lost since;
-    `configured` is whether the latest start configuration was confirmed.
+    `checked` has the nodes that have answered in the dialect of this core, and have neither booted nor been lost since.
+    `configured` tells whether the latest start configuration was confirmed.
     """
 
     def __init__(self) -> None:
@@ -131,7 +130,7 @@ class Readiness:
         self.configured = False
 
     def missing(self, without: Collection[str] = ()) -> str:
-        """Say what is missing and what to call, '' if nothing is; the check of some nodes may be done `without`."""
+        """Say what is missing and what to call, '' if nothing is; nodes to do `without` need no check."""
         unchecked = [f"the {node}" for node, *_ in NODE_CHECKS if node not in {*self.checked, *without}]
         texts = [f"{' and '.join(unchecked)} must answer a check: call check_nodes()"] if unchecked else []
         texts += [] if self.configured else ["a start configuration must be confirmed: call configure_start()"]
@@ -141,8 +140,8 @@ class Readiness:
 def check_nodes(core: CoreSettings, checked: set[str], without: Collection[str] = ()) -> Script[dict[str, float]]:
     """Check both nodes; return the seconds that each took to answer. Raises NoAnswer, DialectMismatch.
 
-    `checked` has the nodes that have answered in the dialect of this core; it is made anew. Nodes to do `without` are
-    not checked.
+    `checked` is filled with the nodes that have answered in the dialect of this core. Nodes to do `without` are not
+    checked.
     """
     took = {}
     # Before anything is asked: a node that does not answer now must not count as checked from before.
@@ -165,7 +164,7 @@ def _compare(core: CoreSettings, node: str) -> Script[None]:
     channel = SdoClientParameter.to(node, core.device)
     if channel is None:
         return
-    with suppress(NoAnswer):  # the 2014 robot's own nodes know no SDO
+    with suppress(NoAnswer):  # the 2014 robot's own nodes do not have SDO
         answer = yield Ask(channel.ask(), channel.answer, core.identity_wait, 1)
         theirs, ours = revision_in(answer), core.device.number(REVISION)
         if theirs is not None and theirs != ours:
@@ -178,12 +177,12 @@ def configure(
     readiness: Readiness,
     without: Collection[str] = (),
 ) -> Script[float]:
-    """Set the start configuration, and check both nodes again; return when it was confirmed.
+    """Set the start configuration, and check both nodes again; return the time of its confirm.
 
     Raises NoAnswer, DialectMismatch.
     """
     yield START
-    # Until the confirm nobody knows which configuration the nodes go by.
+    # Until the confirm, nobody knows which configuration the nodes use.
     readiness.configured = False
     yield Ask(
         configuration,
@@ -192,14 +191,14 @@ def configure(
         core.configuration_transmissions,
     )
     confirmed = core.now
-    # One confirm may be anybody's, and two equal ones merge on the wire: so both nodes are asked once more.
+    # One confirm may be anybody's, and two equal ones merge on the wire, so both nodes are asked once more.
     yield from check_nodes(core, readiness.checked, without)
     readiness.configured = True
     return confirmed
 
 
 def take_back(core: CoreSettings, configuration: messages.StartConfigurationSet, checked: set[str]) -> Script[None]:
-    """Ask a navigation that was lost until it answers, and configure it: the drive drives on meanwhile.
+    """Ask a lost navigation until it answers, and configure it, while the drive keeps driving.
 
     Raises DialectMismatch.
     """
@@ -217,12 +216,12 @@ def take_back(core: CoreSettings, configuration: messages.StartConfigurationSet,
 def tell_navigation(core: CoreSettings, configuration: messages.StartConfigurationSet) -> Script[None]:
     """Configure the navigation alone.
 
-    A Start Configuration Set would send the drive's estimate back to its start place, so each sub-index is written by
-    SDO; a navigation without SDO goes without.
+    A Start Configuration Set would take the drive's estimate back to its start place, so each sub-index is written by
+    SDO; a navigation without SDO does without.
     """
     channel = SdoClientParameter.to("navigation", core.device)
     if channel is not None:
-        with suppress(NoAnswer, DictionaryError):  # no SDO; a file that has the configuration in other pieces
+        with suppress(NoAnswer, DictionaryError):  # no SDO, or a file that has the configuration in other pieces
             for name, value in zip(CONFIGURED, configuration):
                 order = channel.order(core.device.dictionary, f"Start configuration.{name}", int(value))
                 yield Ask(order, channel.answer, core.identity_wait, 1)

@@ -97,7 +97,7 @@ def test_a_suite_is_green_without_a_fault(dialect: str, name: str) -> None:
 @pytest.mark.parametrize("dialect", dialects.names())
 def test_the_steps_that_faults_name_are_there(dialect: str) -> None:
     caught = {name: ROBOT.find_fault(name)[1].caught_by for name in ROBOT.fault_names()}
-    made = {"conformance", "profile-401", "profile-402"}
+    made = {"conformance", "profile-402"}
     assert {suite for suite, _ in caught.values()} - ROBOT.shipped_suites().keys() == made
     steps = {name: names(suite) for name, suite in fault_matrix.shipped(dialect).items()}
     shipped = fault_matrix.robot_faults()

@@ -92,13 +92,20 @@ GOTOS = [
 
 @rows("backward", [False, True])
 @rows("way_points, angle, speed", GOTOS)
-def test_arrives_within_the_tolerances(way_points: list[Point], angle: float, speed: int, backward: bool) -> None:
+def test_arrives_within_the_tolerances_after_the_time_that_it_says(
+    way_points: list[Point], angle: float, speed: int, backward: bool
+) -> None:
     motion = Motion(LIMITS, way_points, angle, speed, backward)
-    pose, command = list(drive(motion, START))[-1]
+    first = motion.remaining(START)
+    steps = [(pose, command, motion.remaining(pose)) for pose, command in drive(motion, START)]
+    pose, command, _ = steps[-1]
     assert pose.distance(way_points[-1]) <= LIMITS.position_tolerance
     assert abs(turn(pose.angle, angle)) <= LIMITS.angle_tolerance
     assert command == motion.command == AT_REST
-    assert motion.remaining(pose) == 0.0
+    assert first == pytest.approx(DT * len(steps), rel=0.05, abs=0.1)
+    remaining = [first, *(left for _, _, left in steps)]
+    assert all(later <= earlier for earlier, later in itertools.pairwise(remaining))
+    assert remaining[-1] == 0.0
 
 
 def test_after_arrival_nothing_moves_any_more() -> None:
@@ -174,11 +181,13 @@ TAKEOVERS = [
 @rows("way_points, backward, rolling", TAKEOVERS)
 def test_a_new_goto_takes_over_without_a_jerk(way_points: list[Point], backward: bool, rolling: WheelCommand) -> None:
     motion = Motion(LIMITS, way_points, 90.0, 100, backward, rolling)
+    remaining = motion.remaining(START)
     steps = list(drive(motion, START))
     first = steps[0][1]
     assert abs(first.speed - rolling.speed) <= LIMITS.braking * DT + 1e-6
     assert abs(first.turn - rolling.turn) <= LIMITS.turn_acceleration * DT + 1e-6
     assert steps[-1][0].distance(way_points[-1]) <= LIMITS.position_tolerance
+    assert remaining == pytest.approx(DT * len(steps), rel=0.1, abs=0.1), "what is rolling counts"
 
 
 def test_a_goto_repeated_on_the_way_does_not_stop_the_robot() -> None:
@@ -238,25 +247,6 @@ def test_arrives_with_slipping_wheels_and_noisy_navigation(seed: int) -> None:
 
 
 # Remaining time
-
-
-@rows("backward", [False, True])
-@rows("way_points, angle, speed", GOTOS)
-def test_remaining_time_is_honest_and_falls(way_points: list[Point], angle: float, speed: int, backward: bool) -> None:
-    motion = Motion(LIMITS, way_points, angle, speed, backward)
-    estimates = [motion.remaining(START)]
-    estimates += [motion.remaining(pose) for pose, _ in drive(motion, START)]
-    actual = DT * (len(estimates) - 1)
-    assert estimates[0] == pytest.approx(actual, rel=0.05, abs=0.1)
-    assert all(later <= earlier for earlier, later in itertools.pairwise(estimates))
-    assert estimates[-1] == 0.0
-
-
-@rows("way_points, backward, rolling", TAKEOVERS)
-def test_remaining_time_counts_what_is_rolling(way_points: list[Point], backward: bool, rolling: WheelCommand) -> None:
-    motion = Motion(LIMITS, way_points, 90.0, 100, backward, rolling)
-    expected = motion.remaining(START)
-    assert expected == pytest.approx(DT * len(list(drive(motion, START))), rel=0.1, abs=0.1)
 
 
 def test_remaining_time_rises_when_the_robot_is_set_back() -> None:

@@ -1,19 +1,23 @@
-"""Faults of any device that the conformance suite made from its file finds: what CiA 301 asks for, done differently.
+"""Faults that prove the suites made from a device's file: what the standard asks for, done differently.
 
-Rule of this file: a step is named by the beginning that it has in every such suite, whatever the file's objects are.
+A step is named by the beginning that it has in every such suite, whatever the file's objects are. Faults that are of
+use to somebody who tests a master are in `eurobot_od.device.faults`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Container, Iterable, Mapping
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TypeAlias
+
+from canopen.objectdictionary import ODVariable
 
 from eurobot_od.device.emergency import ErrorCode
-from eurobot_od.device.faults import hooks
+from eurobot_od.device.faults import device, hooks
 from eurobot_od.device.faults.fault import Caught, Fault
 from eurobot_od.device.faults.hooks import FrameChange, Mixin
-from eurobot_od.device.nmt import ALL_NODES, TOGGLE, NmtCommand, NmtState, error_control
+from eurobot_od.device.nmt import ALL_NODES, NmtCommand, NmtState, error_control
 from eurobot_od.device.node import Node
+from eurobot_od.device.profiles.devices import SimulatedModule
 from eurobot_od.frame import Frame
 from eurobot_od.od.objects import address_of, all_objects, at, data_type, in_limits, is_described
 from eurobot_od.od.standard import (
@@ -23,11 +27,9 @@ from eurobot_od.od.standard import (
     ERROR_FIELD,
     ERROR_REGISTER,
     HEARTBEAT_TIME,
-    IDENTITY,
     RESTORE,
     SDO_REQUESTS,
     STORE,
-    SYNC,
     SYNC_COUNTER,
     SYNC_PERIOD,
     VERIFY_CONFIGURATION,
@@ -50,17 +52,13 @@ from eurobot_od.od.values import (
     SYNC_START,
     TRANSMISSION_TYPE,
     Address,
+    DataType,
     PdoDirection,
+    Value,
     owner,
 )
 from eurobot_od.sdo import wire
 from eurobot_od.sdo.wire import AbortCode, Block, ClientCommand, Initiate, ServerCommand
-
-if TYPE_CHECKING:
-    from canopen.objectdictionary import ODVariable
-
-SUITE = "conformance"
-"""The suite that finds these faults; it is made from the file of the device."""
 
 UNKNOWN = 7
 """A command specifier that no SDO request has."""
@@ -260,14 +258,6 @@ class SdoWhenStopped(Node):
         return answers
 
 
-class OperationalByItself(Node):
-    """Enters OPERATIONAL after each boot-up."""
-
-    def reset(self) -> None:
-        super().reset()
-        self.device.state = NmtState.OPERATIONAL
-
-
 class ValuesKept(Node):
     """Keeps its values over a reset."""
 
@@ -302,28 +292,6 @@ class HistoryKept(Node):
         return frames
 
 
-class NoTpdos(Node):
-    """Sends no TPDO."""
-
-    def outgoing(self, frames: list[Frame]) -> list[Frame]:
-        sent = {each.cob_id for each in self.device.protocol.bindings if self.name in each.senders}
-        return [each for each in super().outgoing(frames) if each.cob_id not in sent]
-
-
-def _other_value(choose: Callable[[Node], Address | None]) -> Mixin:
-    """Give an object another value after power-on than the file says."""
-
-    class OtherValue(Node):
-        def reset(self) -> None:
-            super().reset()
-            address = choose(self)
-            if address is not None:
-                # the lowest bit: another value, and one that any whole number's type has
-                self.device.objects.values[address] = self.device.objects.raw(address) ^ 1
-
-    return OtherValue
-
-
 def _a_setting(node: Node) -> Address | None:
     """Return the first whole number of the manufacturer that a PDO cannot carry."""
     own = (each for each in all_objects(node.device.dictionary.objects) if each.index >= MANUFACTURER[0])
@@ -334,21 +302,6 @@ def _a_setting(node: Node) -> Address | None:
 
 
 # Remote frames, error control, SYNC
-
-
-def _sync(node: Node) -> int:
-    return node.device.objects.raw(SYNC) & BASE_IDENTIFIER
-
-
-def asked(answer: Callable[[Node, int, float], list[Frame] | None]) -> Mixin:
-    """Have the node answer remote frames differently; None leaves one to the node."""
-
-    class Asked(Node):
-        def requested(self, cob_id: int, now: float) -> list[Frame]:
-            answers = answer(self, cob_id, now)
-            return super().requested(cob_id, now) if answers is None else answers
-
-    return Asked
 
 
 def _in_any_state(node: Node, cob_id: int, now: float) -> list[Frame] | None:
@@ -445,16 +398,8 @@ class StructureWrong(Node):
         return super().receive(frame, now)
 
 
-class ErrorFromTheStart(Node):
-    """Has an error as soon as it runs."""
-
-    def reset(self) -> None:
-        super().reset()
-        self.raise_error(ErrorCode.HARDWARE, ErrorFromTheStart)
-
-
 def _fault(step: str, text: str, mixin: Mixin) -> Fault:
-    return Caught(SUITE, step).fault(text, mixin)
+    return Caught(device.MADE, step).fault(text, mixin)
 
 
 FAULTS: Mapping[str, Fault] = {
@@ -463,9 +408,6 @@ FAULTS: Mapping[str, Fault] = {
         "7.2.8.3.3 Boot-up: boot-up after reset communication",
         "sends no boot-up message after a reset of the communication",
         NoBootUpOfCommunication,
-    ),
-    "operational-by-itself": _fault(
-        "7.3.2.2 NMT state: after a reset", "enters OPERATIONAL without a master's command", OperationalByItself
     ),
     "nmt-to-all-ignored": _fault(
         "7.2.8.2.1 NMT commands: a command to all nodes",
@@ -490,11 +432,8 @@ FAULTS: Mapping[str, Fault] = {
         taking(_of(HEARTBEAT_TIME, bytes(2))),  # only the value 0: all others count at once, as they should
     ),
     # Objects
-    "identity-wrong": _fault(
-        "7.5.2.21 Identity", "has another product code than its file", _other_value(lambda _: (IDENTITY, 2))
-    ),
     "default-wrong": _fault(
-        "7.3.2.2.3 Default after a reset", "has another default than its file", _other_value(_a_setting)
+        "7.3.2.2.3 Default after a reset", "has another default than its file", hooks.other_value(_a_setting)
     ),
     "values-kept-over-reset": _fault(
         "7.3.2.2.3 Values", "keeps its values over a reset, without having stored them", ValuesKept
@@ -556,18 +495,6 @@ FAULTS: Mapping[str, Fault] = {
         "takes 0 for what comes in segments",
         hooks.arriving(hooks.sdo_request, _where(ClientCommand.DOWNLOAD_SEGMENT, lambda data: data[:1] + bytes(7))),
     ),
-    "block-crc-wrong": _fault(
-        "7.2.4.3.12 SDO block upload",
-        "has a wrong CRC at the end of a block transfer",
-        hooks.leaving(
-            hooks.sdo_answer,
-            _where(
-                ServerCommand.BLOCK_UPLOAD,
-                # the CRC is in bytes 1 and 2 of the end alone; the initiate has the same specifier
-                lambda data: bytes([data[0], data[1] ^ 1]) + data[2:] if data[0] & 3 == Block.END else data,
-            ),
-        ),
-    ),
     "unknown-command-ignored": _fault(
         "7.2.4.3.17 SDO abort: an unknown command is refused",
         "does not answer an SDO command that it does not know",
@@ -628,12 +555,6 @@ FAULTS: Mapping[str, Fault] = {
         "refuses what cannot be mapped as read-only",
         _instead(of=AbortCode.NOT_MAPPABLE, by=AbortCode.READ_ONLY),
     ),
-    "tpdos-missing": _fault("7.5.2.37 TPDO transmission", "sends no TPDO", NoTpdos),
-    "sync-ignored": _fault(
-        "7.2.2.2 TPDO transmission",
-        "hears no SYNC",
-        hooks.arriving(_sync, hooks.lost),
-    ),
     # Emergencies
     "history-not-cleared": _fault(
         "7.2.7 EMCY: RPDO", "confirms that the error history is cleared, and keeps it", HistoryKept
@@ -648,32 +569,21 @@ FAULTS: Mapping[str, Fault] = {
         "says in 0x1001 that there is no error when there is one",
         hooks.leaving(hooks.sdo_answer, hooks.data(_no_error)),
     ),
-    "error-from-the-start": _fault(
-        "7.5.2.2 Error register", "has a hardware error as soon as it runs", ErrorFromTheStart
-    ),
     # Remote frames
     "remote-frames-ignored": _fault(
         "7.2.2.5.2 TPDO by remote frame",
         "sends no TPDO that a remote frame asks for",
-        asked(lambda node, cob_id, _: None if cob_id == hooks.heartbeat(node) else []),
+        hooks.asked(lambda node, cob_id, _: None if cob_id == hooks.heartbeat(node) else []),
     ),
     "remote-frames-answered-when-stopped": _fault(
-        "7.2.2.5.2 TPDO by remote frame", "sends TPDOs that remote frames ask for in any state", asked(_in_any_state)
-    ),
-    "guarding-not-answered": _fault(
-        "7.2.8.3.2.1 Node guarding",
-        "does not answer the remote frames of node guarding",
-        asked(lambda node, cob_id, _: [] if cob_id == hooks.heartbeat(node) else None),
-    ),
-    "guarding-toggle-stuck": _fault(
-        "7.2.8.3.2.1 Node guarding",
-        "answers node guarding with the same toggle bit each time",
-        hooks.leaving(hooks.heartbeat, hooks.data(lambda data: bytes([data[0] & ~TOGGLE]))),
+        "7.2.2.5.2 TPDO by remote frame",
+        "sends TPDOs that remote frames ask for in any state",
+        hooks.asked(_in_any_state),
     ),
     "guarded-with-a-heartbeat": _fault(
         "7.2.8.2.2 Heartbeat or guarding",
         "answers node guarding though it sends heartbeats",
-        asked(_with_a_heartbeat),
+        hooks.asked(_with_a_heartbeat),
     ),
     "loss-not-told": _fault(
         "7.5.2.12 Life guarding: the master is missed",
@@ -699,11 +609,11 @@ FAULTS: Mapping[str, Fault] = {
         "takes SYNC start values, and forgets them",
         taking(_parameter(SYNC_START), keeps=False),
     ),
-    "sync-missing": _fault("7.5.2.6 SYNC producer", "never sends SYNC", hooks.leaving(_sync, hooks.lost)),
+    "sync-missing": _fault("7.5.2.6 SYNC producer", "never sends SYNC", hooks.leaving(hooks.sync, hooks.lost)),
     "sync-counter-stuck": _fault(
         "7.5.2.22 SYNC counter: a counter up to",
         "counts each SYNC as the first",
-        hooks.leaving(_sync, hooks.data(lambda data: b"\1" if data else data)),
+        hooks.leaving(hooks.sync, hooks.data(lambda data: b"\1" if data else data)),
     ),
     "sync-counter-unlimited": _fault(
         "7.5.2.22 SYNC counter: only 0 and 2 to 240",
@@ -744,7 +654,7 @@ FAULTS: Mapping[str, Fault] = {
     ),
     "structure-wrong": _fault("7.4.9 Structure", "has a wrong structure in sub-index 255", StructureWrong),
     "sdo-server-elsewhere": _fault(
-        "7.5.2.33 SDO server", "says another identifier of its SDO server", _other_value(lambda _: SDO_REQUESTS)
+        "7.5.2.33 SDO server", "says another identifier of its SDO server", hooks.other_value(lambda _: SDO_REQUESTS)
     ),
     "verified-for-good": _fault(
         "7.5.2.23 Verify configuration",
@@ -784,4 +694,21 @@ ALSO_FOUND: Mapping[str, str] = {
     "sdo-abort-silent": "7.2.4.3.17 Unknown object",
     "babbling": "7.2.7 EMCY: none without an error",
 }
-"""Steps of the conformance suite that find faults which a shipped suite finds, too."""
+"""Steps of the conformance suites that find faults which a suite of the robot finds, too."""
+
+CONFORMANCE: Mapping[str, Fault] = {
+    **FAULTS,
+    **{name: fault for name, fault in device.FAULTS.items() if fault.caught_by.suite == device.MADE},
+    **{name: device.FAULTS[name]._replace(caught_by=Caught(device.MADE, step)) for name, step in ALSO_FOUND.items()},
+}
+"""All that the conformance suites find, with the step that finds it."""
+
+
+# CiA 401
+
+
+class PolarityIgnored(SimulatedModule):
+    """Does not heed the polarity of its inputs."""
+
+    def _input(self, address: Address, type_: DataType, read: Callable[[], Value]) -> Value:
+        return read()
