@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from eurobot_od.check.results import Reason, Status, SuitePart
+from eurobot_od.check.results import Status, StepReason, SuitePart
 from eurobot_od.check.runner import RunOptions
 from eurobot_od.check.simulated import run_simulated
 from eurobot_od.robot.plugin import ROBOT
@@ -159,7 +159,7 @@ def test_one_confirm_may_stand_for_two_nodes() -> None:
     assert verdicts(START + "- nmt: reset\n- heartbeat: {state: boot-up, node: navigation}", ALL) == "++++"
 
 
-def reason(steps: str) -> Reason:
+def reason(steps: str) -> StepReason:
     """Return why the last step is red."""
     step = run(steps)[-1]
     assert step.status is Status.FAILED

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 
-from eurobot_od.check.results import Reason, Status
+from eurobot_od.check.results import Status, StepReason
 from eurobot_od.check.runner import RunOptions
 from eurobot_od.check.simulated import run_simulated
 from eurobot_od.device.faults.hooks import leaving, sdo_answer
@@ -15,7 +15,7 @@ from tests.check.suites import document, results, run, suite
 from tests.rows import rows
 
 
-def reason(step: str, change: Callable[[bytes], bytes | None]) -> tuple[Reason, list[str]]:
+def reason(step: str, change: Callable[[bytes], bytes | None]) -> tuple[StepReason, list[str]]:
     """Return why a step is red when the drive's answers are changed or lost, and what the tester sent."""
 
     def changed(_: object, frame: Frame) -> Iterable[Frame]:
