@@ -146,7 +146,7 @@ class Window(NamedTuple):
         return shown
 
 
-# Who sends what, as far as the files of the devices name it; an NMT command or SDO request is of a master without a name
+# Who sends what, as far as the files of the devices name it; NMT commands and SDO requests have no name here
 
 
 OWN_SERVICES = (

@@ -129,11 +129,11 @@ def _cob_id(text: bytes) -> int:
 BASE = re.compile(rb"base\s+(hex|dec)", re.IGNORECASE)
 NUMBER = {b"hex": 16, b"dec": 10}
 ASC_HEADER = re.compile(rb"(//|date\s|base\s|(no\s+)?internal\s|begin\s|end\s|previous\s)|$", re.IGNORECASE)
-ASC_EVENT = re.compile(rb"\d+\.\d+\s+((?!ASC_FD|\d)\S+|\d+\s+(Statistic|Status|J1939|TxTrc|Trigger))", re.IGNORECASE)
+ASC_EVENT = re.compile(rb"\d+\.\d+\s+((?!CANFD|\d)\S+|\d+\s+(Statistic|Status|J1939|TxTrc|Trigger))", re.IGNORECASE)
 """A line with a time that is not a frame: a word in place of the channel, or after it."""
 
 ASC_DIRECTIONS = (b"Rx", b"Tx", b"TxRq")
-ASC_ERROR_FRAME, ASC_FD, ASC_DATA, ASC_REMOTE, ASC_EXTENDED = b"errorframe", b"ASC_FD", b"d", (b"r", b"R"), (b"x", b"X")
+ASC_ERROR_FRAME, ASC_FD, ASC_DATA, ASC_REMOTE, ASC_EXTENDED = b"errorframe", b"CANFD", b"d", (b"r", b"R"), (b"x", b"X")
 
 
 class AscFormat(LineFormat):
