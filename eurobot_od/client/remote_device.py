@@ -15,7 +15,6 @@ from eurobot_od.client.description import Identity, from_file, read_identity
 from eurobot_od.client.drive402 import AsyncDrive402, Drive402
 from eurobot_od.client.emergencies import AsyncEmergencyStream, EmergencyStream, HeardEmergencies
 from eurobot_od.client.master import Master
-from eurobot_od.client.pdo_mapping import pdo_of
 from eurobot_od.client.procedure import finished
 from eurobot_od.client.program import Loaded
 from eurobot_od.client.remote_objects import AsyncRemoteObject, ObjectKey, RemoteObject, found_variables
@@ -24,7 +23,7 @@ from eurobot_od.device.nmt import TARGET, NmtCommand, NmtState
 from eurobot_od.errors import HeartbeatLost, LocalError
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.objects import address_of, all_objects, data_type, decode
-from eurobot_od.od.values import EMCY_BASE
+from eurobot_od.od.values import EMCY_BASE, pdo_of
 from eurobot_od.support.progress import Progress, unwatched
 
 EMCY_COB_ID = (0x1014, 0)
@@ -72,7 +71,7 @@ class DeviceAtNode:
     def _wrote(self, thing: ODVariable, data: bytes) -> None:
         """Follow a PDO as it is now, if what was written is one of its parameters."""
         address = address_of(thing)
-        if pdo_of(address) is not None and len(data) >= data_type(thing).size:
+        if pdo_of(address[0]) is not None and len(data) >= data_type(thing).size:
             self._pdos.present({address: decode(thing, data)})
 
     async def _configure(self, file: str | Path, store: bool, reset: bool) -> Configured:
@@ -83,7 +82,7 @@ class DeviceAtNode:
             done = await configure.apply.steps(self._node, plan, datetime.now(), stores=store, resets=reset)
         # The node has everything in the file: it had it before, or it was written and read back.
         has = {address_of(thing): decode(thing, data) for thing, data in configure.settings(description)}
-        self._pdos.present({address: value for address, value in has.items() if pdo_of(address) is not None})
+        self._pdos.present({address: value for address, value in has.items() if pdo_of(address[0]) is not None})
         return done
 
     async def _difference(self, file: str | Path) -> ChangePlan:

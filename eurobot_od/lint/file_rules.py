@@ -343,9 +343,9 @@ def granularity_above_zero(device: LintedDevice) -> Violations:
 def below_granularity(device: LintedDevice) -> Violations:
     """No mapped object is shorter than the granularity."""
     bits = granularity(device) or 0
-    for pdo, each in device.mapped:
+    for pdo, each, by in device.mapped:
         if 0 < each.bits < bits:
-            yield each.by.place, f"{pdo.name} maps {each.bits} bits of {each.where}, less than the granularity {bits}"
+            yield by.place, f"{pdo.title} maps {each.bits} bits of {each.where}, less than the granularity {bits}"
 
 
 @RULES.rule("W230", "CiA 305, LSS address")

@@ -68,7 +68,7 @@ class Unmapped:
         for device, pdo in sorted(pdos, key=lambda each: each[1].direction is PdoDirection.TPDO):
             is_sent = pdo.direction is PdoDirection.TPDO
             if pdo.valid and pdo.multiplex is not None:
-                name = f"{device.name}.{pdo.title.replace(' ', '')}"
+                name = f"{device.name}.{pdo.key}"
                 text = partial(_mpdo_words, devices)
                 known[pdo.cob_id] = OtherPdo(name, (device.name,), text, is_sent, length=MPDO_LENGTH)
         return cls(known, {node_id: each.name for node_id, each in devices.items()})

@@ -15,6 +15,7 @@ from typing import NamedTuple
 
 from eurobot_od.od import pdos
 from eurobot_od.od.make.table import DialectRow, Record, Table, TableField
+from eurobot_od.od.values import MappingEntry
 from eurobot_od.support.yaml_places import Place, PlacedText
 
 PADDING = PlacedText(pdos.PADDING, Place(0, 0))
@@ -99,7 +100,7 @@ class ObjectLayout:
             index, position = self.index, list(self.fields).index(part.field)
         else:
             index, position = self.slices_index, self.cut.index(part)
-        return index << 16 | position + 1 << 8 | part.bits
+        return MappingEntry(index, position + 1, part.bits).number
 
 
 def layouts(table: Table, dialect: DialectRow) -> dict[PlacedText, ObjectLayout]:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import random
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from typing import Protocol
 
 from eurobot_od.robot.model.facts import Field
@@ -145,9 +145,10 @@ class Sensor:
 # All of them
 
 
-def assemble(nodes: Iterable[Node], options: MatchOptions, clock: Callable[[], float]) -> World:
-    """Make the world of a match around some of our robot's nodes, and return it."""
-    world = World(options, clock)
+def assemble(nodes: Sequence[Node], options: MatchOptions, clock: Callable[[], float]) -> World:
+    """Make the world of a match around some of our robot's nodes, with the facts that they have, and return it."""
+    facts = (each.facts for each in nodes if isinstance(each, Core | Drive | Navigation))
+    world = World(options, clock, facts=next(facts, None))
     equip(nodes, world.vehicle(), options.errors, str(options.seed))
     return world
 

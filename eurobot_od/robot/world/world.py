@@ -17,6 +17,7 @@ from bisect import bisect_right
 from collections.abc import Callable
 from functools import partial
 
+from eurobot_od.robot.model.facts import Facts
 from eurobot_od.robot.model.options import MatchOptions
 from eurobot_od.robot.model.places import Point, Pose
 from eurobot_od.robot.model.values import Source, TeamColour
@@ -54,13 +55,16 @@ SEEN_BY = {
 class World:
     """The world of a match: the true poses of all `robots` by name, the `touches` between them, and the `game`.
 
-    `facts` are those of our robot and its match, from the options. `clock` gives the time in seconds; `watchers` are
-    called with each touch. With a `rival`, enemy 1 is driven by nodes as ours is, and is not on its rounds.
+    `facts` are those of our robot and its match, by default what the options say. `clock` gives the time in seconds;
+    `watchers` are called with each touch. With a `rival`, enemy 1 is driven by nodes as ours is, and is not on its
+    rounds.
     """
 
-    def __init__(self, options: MatchOptions, clock: Callable[[], float], *, rival: bool = False) -> None:
+    def __init__(
+        self, options: MatchOptions, clock: Callable[[], float], *, rival: bool = False, facts: Facts | None = None
+    ) -> None:
         self._options, self.clock, self._now = options, clock, 0.0
-        self.facts = options.facts()
+        self.facts = options.facts() if facts is None else facts
         self.game = Game(options.seed)
         self.touches: list[Touch] = []
         self.watchers: list[Callable[[Touch], None]] = []

@@ -38,6 +38,7 @@ from tests.kit.devices import (
     suites,
     suites_of,
 )
+from tests.rows import rows
 
 LONG = ("compact_drive.eds", "configured.dcf", "editor_with_comments.eds", "generated.eds")
 FILES = [
@@ -125,7 +126,7 @@ LACKING = [
 ]
 
 
-@pytest.mark.parametrize(("name", "clause", "reason"), LACKING)
+@rows("name, clause, reason", LACKING)
 def test_what_a_file_lacks_is_skipped_with_the_reason(name: str, clause: str, reason: str) -> None:
     skipped = [each for each in steps(suites(SAMPLES / name)) if each.status is Status.SKIPPED]
     reasons = [each.reason.what for each in skipped if each.reason and each.name.startswith(f"{clause} ")]
@@ -141,7 +142,7 @@ HEARTBEAT_LIMITS = {
 }
 
 
-@pytest.mark.parametrize("limits", HEARTBEAT_LIMITS)
+@rows("limits", HEARTBEAT_LIMITS)
 def test_states_are_watched_by_heartbeats_that_come_soon_or_not_at_all(limits: str) -> None:
     default, watched = HEARTBEAT_LIMITS[limits]
     text = DEVICE_TYPE + variable("1017", "Producer heartbeat time", "UNSIGNED16", default, limits)
@@ -280,8 +281,8 @@ def test_a_destructive_suite_is_green_and_leaves_the_defaults() -> None:
 
 
 @pytest.mark.long
-@pytest.mark.parametrize(
-    ("requests", "answers"),
+@rows(
+    "requests, answers",
     [
         ("0x601", "0x581"),  # copied from node 1: the server is at the device's own identifiers
         ("0x80000605", "0x80000585"),  # not valid: the server is there all the same
