@@ -103,7 +103,7 @@ def _source(
     log: str, reading: ReadOptions, decoder: Decoder, bitrate: int, panels: Sequence[type[Panel]]
 ) -> dict[str, Any]:
     """Read a log as a source of the page, with what is kept beside it."""
-    from eurobot_od.traffic.statistics import DamageCounts
+    from eurobot_od.traffic.meaning import DamageCounts
     from eurobot_od.web.page import Columns
 
     # No bar: it would share the terminal with the address and with what is wrong in the log.

@@ -15,8 +15,7 @@ from eurobot_od.od import values
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.values import PdoDirection
 from eurobot_od.traffic.entries import Damage
-from eurobot_od.traffic.network_words import plain
-from eurobot_od.traffic.sdo_words import object_words, value_words
+from eurobot_od.traffic.words import object_words, plain, value_words
 
 DEFAULT_PDOS = tuple(each for each in values.PREDEFINED if each.is_per_node)
 """Whose an identifier is if nobody has moved it (CiA 301, 7.3.3)."""

@@ -21,11 +21,11 @@ STANDARD_INPUT = CANDUMP = "log"
 
 
 FORMATS = {
-    CANDUMP: ("candump", "CandumpFormat"),
-    "candump": ("candump", "CandumpFormat"),
-    "asc": ("asc", "AscFormat"),
+    CANDUMP: ("lines", "CandumpFormat"),
+    "candump": ("lines", "CandumpFormat"),
+    "asc": ("lines", "AscFormat"),
     "csv": ("python_can", "read_csv"),
-    "trc": ("trc", "TrcFormat"),
+    "trc": ("lines", "TrcFormat"),
     "blf": ("blf", "read_blf"),
     "db": ("python_can", "read_table"),
     "mf4": ("python_can", "read_mf4"),
