@@ -13,6 +13,7 @@ from eurobot_od.check.patterns import Mismatch
 from eurobot_od.check.results import Line, Status, StepReason, StepResult, SuitePart, SuiteResult
 from eurobot_od.frame import Frame
 from eurobot_od.support.yaml_places import Place
+from tests.rows import rows
 
 REASON = StepReason(
     "Goto State Response is not as expected",
@@ -83,8 +84,8 @@ def test_a_reason_tells_everything() -> None:
     ]
 
 
-@pytest.mark.parametrize(
-    ("results", "line"),
+@rows(
+    "results, line",
     [
         ([], "0 suites: no steps in 0.0 s of bus time"),
         ([RED], "1 suite: 1 ok, 1 FAILED, 1 skipped, 1 interrupted in 1.5 s of bus time"),

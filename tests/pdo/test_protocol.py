@@ -432,20 +432,6 @@ def test_2014_unmasked_obstacle_byte() -> None:
         assert flagged_fields(message) == ["obstacle"]
 
 
-POSITIONS = [NaviPositionResponse, KalmanPositionResponse, Enemy1PositionResponse, ConfederatePositionResponse]
-
-
-@rows("protocol", [PROTOCOL, FIRMWARE])
-@rows("message_type", [*POSITIONS, Enemy2PositionResponse, GotoXY])
-def test_2014_positions_outside_the_field_stored_unchecked(message_type: type[Message], protocol: Protocol) -> None:
-    name = protocol.name(message_type)
-    for x, y in product((0, 255, 3000, 3001, 4095), (0, 255, 2000, 2001, 4095)):
-        others = {field: 0 for field in protocol.binding(name).layout.fields if field not in ("x", "y")}
-        message = protocol.decode(protocol.cob_id(name), protocol.pack(name, x=x, y=y, **others))
-        assert flagged_fields(message) == ["x"] * (x > 3000) + ["y"] * (y > 2000)
-        assert message[:2] == (x, y)
-
-
 # Dictionaries that do not fit: changes in the EDS files, the file and index told, and what is said.
 MISFITS: list[tuple[list[tuple[str, str, str, str | None]], str, int, str]] = [
     (

@@ -1,4 +1,4 @@
-"""The game as the world referees it: who has done which task, with what success, and who has how many points."""
+"""The game, as the world referees it: who has done which task, with what success, and who has how many points."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ REACH_ANGLE = 8.0
 
 
 class Score(NamedTuple):
-    """Points that a robot made with a task, and when, in s."""
+    """Points that a robot has made with a task, and when, in s."""
 
     time: float
     robot: str
@@ -24,7 +24,7 @@ class Score(NamedTuple):
 
 
 class Game:
-    """What has been done on the field. Chance comes from one seed, with a stream for each task."""
+    """What has been done on the field. All chance comes from one seed, with a stream for each task."""
 
     def __init__(self, seed: int) -> None:
         self.scores: list[Score] = []
@@ -33,26 +33,26 @@ class Game:
         self._fruit: dict[str, int] = {}
 
     def points(self, robot: str) -> int:
-        """Tell how many points a robot has."""
+        """Return how many points a robot has."""
         return sum(score.points for score in self.scores if score.robot == robot)
 
     def fall(self, task: str) -> None:
-        """Have something fallen over that cannot be turned over any more."""
+        """Note that something has fallen over, so that it cannot be turned over any more."""
         self._done.add(("", task))
 
     def finish(self, robot: str, task: Task, pose: Pose, now: float) -> int:
-        """Judge what a robot has done at its true pose: points or fruit, 0 if it was done already or out of reach."""
+        """Judge what a robot has done at its true pose: points or fruit; 0 if it was done before or is out of reach."""
         # By the true pose, not the believed one: a robot that is wrong about its place misses.
         if not is_near(pose, task.pose, REACH, REACH_ANGLE):
             return 0
         if task.worth is Worth.HARVEST:
             return self._score(now, robot, task, self._fruit.pop(robot, 0))
-        # Under "", whoever comes second finds it done.
+        # Under "", so that whoever comes second finds it done.
         key = ("" if task.shared else robot, task.name)
         if key in self._done:
             return 0
         self._done.add(key)
-        # A random stream for each task: whether the mammoth is hit does not depend on what was done before.
+        # A random stream for each task: whether the mammoth is hit must not depend on what was done before.
         chance = random.Random(f"{self._seed} {robot} {task.name}")
         came = task.points * sum(chance.random() < task.chance for _ in range(task.tries))
         if task.worth is Worth.FRUIT:

@@ -1,11 +1,11 @@
-"""The world around the robots: where everybody truly is, what they run into, and what they get for what they do.
+"""The world around the robots: where everybody truly is, what they run into, and the points they get.
 
-Theory of operation. The truth stays here; nodes see it through instruments that err (`wheels`, `beacons`, `sensor`),
-which reach their robot by a `Vehicle`. A robot that is driven by nodes moves when its wheels say so, a control period
-at a time. The others, on their rounds, are brought up to the present in steps of PACE whenever anybody asks for
-anything: the world needs neither a thread nor a timer, and where nobody looks nothing is worked out.
+Theory of operation. The truth stays in here. Nodes see it through `instruments`, which have errors and reach their
+robot by a `Vehicle`. A robot that is driven by nodes moves when its wheels say so, one control period at a time. The
+others, on their rounds, are brought up to the present in steps of PACE whenever anybody asks for anything: the world
+needs neither a thread nor a timer, and where nobody looks nothing is computed.
 
-What bodies do to each other is in `contact`, what a robot has before it in `sight`, what it gets for what it did in
+What bodies do to each other is in `contact`, what a robot has ahead of it in `bodies`, what it gets for its tasks in
 `game`.
 """
 
@@ -17,6 +17,7 @@ from bisect import bisect_right
 from collections.abc import Callable
 from functools import partial
 
+from eurobot_od.robot.model.facts import Facts
 from eurobot_od.robot.model.options import MatchOptions
 from eurobot_od.robot.model.places import Point, Pose
 from eurobot_od.robot.model.values import Source, TeamColour
@@ -28,7 +29,7 @@ from eurobot_od.robot.world.game import Game, find
 from eurobot_od.robot.world.patrols import Patrol
 
 PACE = 0.1
-"""Seconds of a step of the robots on their rounds."""
+"""Seconds in a step of the robots on their rounds."""
 
 LOOK_OUT_ANGLE = 50.0
 """How far to either side a robot on its rounds looks, degrees."""
@@ -39,7 +40,7 @@ PLACEMENT_ANGLE = 0.5
 
 OURS = "ours"
 NAMES = {Source.ENEMY_1: "enemy 1", Source.ENEMY_2: "enemy 2", Source.CONFEDERATE: "confederate"}
-"""The robots of a match, by whom our navigation takes them for."""
+"""The names of a match's robots, by whom our navigation takes them for."""
 
 RIVAL = NAMES[Source.ENEMY_1]
 """The other robot that is driven by nodes, if there are two."""
@@ -48,21 +49,22 @@ SEEN_BY = {
     OURS: {Source.INTERNAL: OURS, **NAMES},
     RIVAL: {Source.INTERNAL: RIVAL, Source.ENEMY_1: OURS, Source.ENEMY_2: "confederate", Source.CONFEDERATE: "enemy 2"},
 }
-"""Which robot each of the two takes for whom."""
+"""For each of the two, the robots that it takes for whom."""
 
 
 class World:
-    """A match's world: the true poses of all `robots` by name, the `touches` between them, and the `game`.
+    """The world of a match: the true poses of all `robots` by name, the `touches` between them, and the `game`.
 
-    `facts` are those of our robot and its match: what the options say.
-
-    `clock` gives the time in seconds; `watchers` are called with each touch. With a `rival`, enemy 1 is driven by nodes
-    as ours is, and not on its rounds.
+    `facts` are those of our robot and its match, by default what the options say. `clock` gives the time in seconds;
+    `watchers` are called with each touch. With a `rival`, enemy 1 is driven by nodes as ours is, and is not on its
+    rounds.
     """
 
-    def __init__(self, options: MatchOptions, clock: Callable[[], float], *, rival: bool = False) -> None:
+    def __init__(
+        self, options: MatchOptions, clock: Callable[[], float], *, rival: bool = False, facts: Facts | None = None
+    ) -> None:
         self._options, self.clock, self._now = options, clock, 0.0
-        self.facts = options.facts()
+        self.facts = options.facts() if facts is None else facts
         self.game = Game(options.seed)
         self.touches: list[Touch] = []
         self.watchers: list[Callable[[Touch], None]] = []
@@ -87,13 +89,13 @@ class World:
                 self._send(source)
 
     def _stream(self, name: str) -> random.Random:
-        """Return a stream of chance of its own: with one for all, one more question would change all that follows."""
+        """Return a random stream of its own: with one for all, one more question would change all that follows."""
         return random.Random(f"{self._options.seed} {name}")
 
     def _put(self, name: str) -> None:
-        """Put a robot that nodes drive where its team starts."""
+        """Put a robot that is driven by nodes where its team starts."""
         start = self.facts.start(self._teams[name])
-        # Ours has no robot's name in it, and keeps it so: another name would make another match of every seed.
+        # Our stream has no robot's name in it, and must stay so: with another name, every seed would be another match.
         chance = self._stream(f"placement {name}" if name != OURS else "placement")
         spreads = (PLACEMENT, PLACEMENT, PLACEMENT_ANGLE)
         shape = self.facts.body
@@ -127,16 +129,17 @@ class World:
         return self.robots[OURS].trace
 
     def vehicle(self, name: str = OURS) -> LocalVehicle:
-        """Return what the instruments of a robot reach the world by."""
+        """Return the vehicle by which a robot's instruments reach the world."""
         return LocalVehicle(self, name)
 
     # Movements
 
     def move(self, name: str, wanted: Odometry, dt: float) -> float:
-        """Move a robot along an arc as far as nothing is in the way; return how far it came, mm."""
+        """Move a robot along an arc as far as nothing is in the way; return the distance, mm."""
         self._catch_up()
         body = self.robots[name]
-        # As it is driven, not as it gets on: a robot that pushes against another one is at fault although it stands.
+        # The speed of its wheels, not of its progress: a robot that pushes against another one is at fault although it
+        # stands.
         body.speed = wanted.distance / dt if dt else 0.0
         before, there = body.pose, body.pose.moved(*wanted)
         self._go(body, there)
@@ -144,7 +147,7 @@ class World:
             self._fallen.look_at(body, self.clock())
         if body.point == there.point or not self._options.solid:
             return wanted.distance
-        # Along the chord, with its sign: a robot that was pushed back has made a negative way.
+        # Along the chord, with its sign: for a robot that was pushed back, the distance is negative.
         heading = math.radians(before.angle + wanted.turn / 2)
         return (body.point.x - before.x) * math.cos(heading) + (body.point.y - before.y) * math.sin(heading)
 
@@ -157,7 +160,7 @@ class World:
 
     def _catch_up(self) -> None:
         """Bring the robots on their rounds up to the present."""
-        # In steps of their own: what they do must not depend on how often somebody asks where they are.
+        # In steps of their own: what they do must not depend on how often anybody asks where they are.
         while self._now + PACE <= self.clock():
             self._now += PACE
             for name, patrol in self._patrols.items():
@@ -167,7 +170,8 @@ class World:
                     continue
                 before, body.speed = body.point, patrol.speed
                 self._go(body, patrol.advance(before, PACE))
-                # Sliding along something does not count as going on: it would rub there to the end of the match.
+                # Sliding along something does not count as progress: the robot would rub there until the end of the
+                # match.
                 if math.dist(before, body.point) < 0.2 * patrol.speed * PACE:
                     body.angle = patrol.held_up(body.point, PACE).angle
                 else:
@@ -188,7 +192,7 @@ class World:
         return body.trace[max(after - 1, 0)][1]
 
     def ahead(self, name: str, distance: float, angle: float) -> Detection | None:
-        """Return the nearest robot or fallen thing ahead of a robot; all else is lower than a sensor looks."""
+        """Return the nearest robot or fallen thing ahead of a robot; everything else is too low for a sensor."""
         self._catch_up()
         fallen = [] if self._fallen.body is None else [self._fallen.body]
         return nearest_ahead(self.robots[name], [*self.robots.values(), *fallen], distance, angle)
@@ -196,11 +200,11 @@ class World:
     # Tasks
 
     def begin(self, name: str, task: str) -> float:
-        """Begin with a task; return how many seconds it takes. Raises UnknownName."""
+        """Begin a task; return how many seconds it takes. Raises UnknownName."""
         return find(self.facts.tasks(self._teams[name]), task).seconds
 
     def finish(self, name: str, task: str) -> int:
-        """Finish a task where the robot truly is; return what it came to."""
+        """Finish a task where the robot truly is; return its result."""
         self._catch_up()
         return self.game.finish(
             name, find(self.facts.tasks(self._teams[name]), task), self.robots[name].pose, self.clock()
@@ -208,7 +212,7 @@ class World:
 
 
 class LocalVehicle:
-    """One robot of a world in this process (see `vehicle.Vehicle`)."""
+    """One robot of a world in this process (see `instruments.Vehicle`)."""
 
     def __init__(self, world: World, name: str) -> None:
         self._world, self._name, self._seen = world, name, SEEN_BY[name]
@@ -216,5 +220,5 @@ class LocalVehicle:
         self.begin, self.finish = partial(world.begin, name), partial(world.finish, name)
 
     def pose(self, whom: Source, age: float = 0.0) -> Pose | None:
-        """Return where a robot was `age` seconds ago, as this robot names them."""
+        """Return where a robot was `age` seconds ago, by this robot's name for it."""
         return self._world.pose(self._seen[whom], age)

@@ -5,13 +5,12 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-import pytest
-
 from eurobot_od.check.conformance import ctt, suite
 from eurobot_od.check.conformance.clauses import StepName
 from eurobot_od.check.conformance.ctt import Verdict
 from eurobot_od.check.results import Status, StepReason, StepResult, SuitePart, SuiteResult
 from eurobot_od.support.yaml_places import Place
+from tests.rows import rows
 
 GUIDE = Path(__file__).parents[3] / "docs" / "conformance.md"
 CLAUSES = [clause for chapter in suite.CHAPTERS for clause in chapter]
@@ -53,7 +52,7 @@ JUDGED = [
 ]
 
 
-@pytest.mark.parametrize(("steps", "verdict", "why"), JUDGED)
+@rows("steps, verdict, why", JUDGED)
 def test_a_red_step_fails_a_test_and_a_green_one_passes_it(
     steps: list[tuple[str, Status, str]], verdict: Verdict, why: str
 ) -> None:
