@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import re
 import sys
+import tomllib
+from importlib import import_module
 from pathlib import Path
+from pkgutil import walk_packages
 from typing import Any
 
 import pytest
@@ -19,11 +22,7 @@ ROOT = Path(__file__).parents[1]
 
 @pytest.fixture(scope="module")
 def project() -> dict[str, Any]:
-    if sys.version_info >= (3, 11):
-        import tomllib
-
-        return tomllib.loads((ROOT / "pyproject.toml").read_text())
-    pytest.skip("tomllib came with Python 3.11")
+    return tomllib.loads((ROOT / "pyproject.toml").read_text())
 
 
 def test_the_wheel_has_the_eds_files_inside_the_package(project: dict[str, Any]) -> None:
@@ -39,9 +38,21 @@ def test_an_installed_package_finds_its_eds_files_inside(monkeypatch: pytest.Mon
     assert dialects.eds_folder() == tmp_path / "eurobot_od" / "eds"
 
 
-def test_the_command_is_installed(project: dict[str, Any]) -> None:
-    module, _, function = project["project"]["scripts"]["eurobot-od"].partition(":")
-    assert callable(getattr(__import__(module, fromlist=[function]), function))
+def test_every_module_can_be_imported() -> None:
+    modules = {each.name for each in walk_packages(eurobot_od.__path__, "eurobot_od.")} - {"eurobot_od.__main__"}
+    for name in modules:  # of those that they import only when used, no linter says whether they are there
+        import_module(name)
+    assert modules
+
+
+def test_the_programs_are_installed_and_go_by_their_names(
+    project: dict[str, Any], capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for program, entry in project["project"]["scripts"].items():
+        module, _, function = entry.partition(":")
+        monkeypatch.setattr(sys, "argv", [f"/somewhere/{program}", "nonsense"])
+        assert getattr(__import__(module, fromlist=[function]), function)() == 2
+        assert capsys.readouterr().err.startswith(f"{program}: unknown command 'nonsense'")
 
 
 def test_the_pytest_plugin_is_installed_under_its_module_s_name(project: dict[str, Any]) -> None:

@@ -33,15 +33,14 @@ from eurobot_od.errors import EurobotError
 from eurobot_od.frame import Frame
 from eurobot_od.robot import dialects
 from eurobot_od.robot.match import stage, strategy
-from eurobot_od.robot.match.observer import Observer
-from eurobot_od.robot.match.referee import Referee
+from eurobot_od.robot.match.referee import Observer, Referee
 from eurobot_od.robot.model.options import NOISE_ONLY, MatchOptions
 from eurobot_od.robot.nodes import ROLES, Core, Drive, Node
 from eurobot_od.robot.nodes.motion import AT_REST, Chassis, Odometry, WheelCommand
 from eurobot_od.robot.world import World
-from eurobot_od.robot.world.assembly import equip
+from eurobot_od.robot.world.instruments import equip
 from eurobot_od.robot.world.timeline import EventKind, MatchEvent, Timeline
-from eurobot_od.season.campaign import blocks
+from eurobot_od.season.campaign import run as in_blocks
 
 FINE, WRONG = 0, 1
 
@@ -347,7 +346,7 @@ def run_all(
     chosen = [each for each in cells(dialect, times) if only in f"{each.what} {each.how}"]
     kept = campaign.kept(Result, lambda: {"campaign": "losses", "dialect": dialect})
     with campaign.workers(len(chosen)) as workers:
-        results = list(counted(blocks.run(attempt, chosen, workers, kept), len(chosen), "cells", workers))
+        results = list(counted(in_blocks(attempt, chosen, workers, kept), len(chosen), "cells", workers))
     print(*table(results), sep="\n")
     print()
     wrong = [each for each in results if each.wrong]

@@ -6,9 +6,10 @@ A service without a node is that of the node under test, if there is one only.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 import yaml
+from canopen.objectdictionary import ODVariable
 
 from eurobot_od.check import shapes
 from eurobot_od.check.patterns import ANY, EmergencyPattern, HeartbeatPattern, Pattern
@@ -23,9 +24,6 @@ from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.standard import COMMANDS, EMCY
 from eurobot_od.od.values import BASE_IDENTIFIER, DOMAIN, ERROR_CONTROL_BASE, NOT_SCANNED, NOT_VALID
 from eurobot_od.support.yaml_places import Problems
-
-if TYPE_CHECKING:
-    from canopen.objectdictionary import ODVariable
 
 T = TypeVar("T")
 

@@ -1,6 +1,7 @@
-"""The command `eurobot-od`: finds the module of a sub-command, runs it, and turns errors into one line.
+"""The programs `eurobot-od` and `canopen-workbench`: find the module of a command, run it, turn errors into one line.
 
-A robot (see `plugin`) has commands of its own beside these.
+They differ in nothing but the robot where none is named: the installed one, or none. A robot (see `plugin`) has
+commands of its own beside these.
 
 Rule of this package: a command is a typed function with its name, whose parameters are its options (`signature`). It
 calls a typed function of a lower layer, prints, and returns an `ExitStatus`, or None if all is fine. Its module is
@@ -14,15 +15,26 @@ import gc
 import os
 import sys
 from argparse import Action, ArgumentParser, Namespace, RawDescriptionHelpFormatter
-from collections.abc import Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from enum import IntEnum
 from importlib import import_module
 from io import TextIOWrapper
-from typing import TYPE_CHECKING, Annotated, NoReturn, TypeAlias
+from types import ModuleType
+from typing import TYPE_CHECKING, Annotated, Any, NoReturn, TypeAlias
 
 from eurobot_od.cli.signature import Command, Forms, Option, Parser, describe, summary
-from eurobot_od.errors import BusError, EurobotError, NodeFailed, ProgramFailed, RemoteError, UnknownName, WorldError
+from eurobot_od.errors import (
+    BusError,
+    EurobotError,
+    LocalError,
+    NodeFailed,
+    ProgramFailed,
+    RemoteError,
+    RobotWarning,
+    UnknownName,
+    WorldError,
+)
 from eurobot_od.support.escaping import one_line
 
 if TYPE_CHECKING:
@@ -81,6 +93,10 @@ MODULES = {
 }
 """The module of a command; one that is not here has a module of its own name."""
 
+PROGRAM = "eurobot-od"
+WORKBENCH = "canopen-workbench"
+"""The program's name when it is started without a robot; `__main__.workbench` puts it into `sys.argv`."""
+
 ALLOCATIONS = 50_000
 """After this many new objects Python looks for garbage among them; 700 by default."""
 
@@ -115,7 +131,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     words = expanded(sys.argv[1:] if arguments is None else arguments)
     try:
         _open_streams()
-        return _run(words)
+        with _robots_left_out_told():
+            return _run(words)
     except KeyboardInterrupt:
         return ExitStatus.INTERRUPTED
     except (EurobotError, OSError) as error:
@@ -154,7 +171,36 @@ def fall_silent() -> None:
 def complain(what: str) -> None:
     """Say on standard error, in one line, what is wrong."""
     with suppress(OSError):  # it may be on a full disk, too
-        print(one_line(f"eurobot-od: {what}"), file=sys.stderr)
+        print(one_line(f"{program()}: {what}"), file=sys.stderr)
+
+
+def program() -> str:
+    """Return the name of the program that was started."""
+    return WORKBENCH if is_alone() else PROGRAM
+
+
+def is_alone() -> bool:
+    """Whether the program was started without a robot."""
+    return sys.argv[:1] == [WORKBENCH]
+
+
+@contextmanager
+def _robots_left_out_told() -> Iterator[None]:
+    """Say of each robot that is left out why it is, in one line."""
+    import warnings
+
+    with warnings.catch_warnings():  # which Python shows once, counted anew from here on
+        show = warnings.showwarning
+
+        def tell(what: Warning | str, kind: type[Warning], file: str, line: int, *others: Any) -> None:
+            if issubclass(kind, RobotWarning):
+                complain(str(what))
+            else:
+                show(what, kind, file, line, *others)
+
+        warnings.simplefilter("default", RobotWarning)
+        warnings.showwarning = tell  # type: ignore[assignment]  # Python passes all of it by position
+        yield
 
 
 def _open_streams() -> None:
@@ -171,14 +217,14 @@ def _run(words: list[str]) -> int:
     words, robot = _robot_in(words)
     command = words[0] if words else "--help"
     if command.startswith("-"):
-        _overview(_find(robot)).parse_args(words or [command])
+        _overview(_robot_of_help(robot)).parse_args(words or [command])
         return ExitStatus.WRONG_INPUT
     # Imported modules and EDS files stay in memory: ten thousand objects. Looking for garbage among them again and
     # again took a fifth of a quick command's time. So it is off while importing, and seldom from then on.
     gc.disable()
     try:
         found = find(command, robot)
-        parser = Parser(f"eurobot-od {command}", description=summary(found), robot=robot)
+        parser = Parser(f"{program()} {command}", description=summary(found), words=words[1:], robot=robot)
         describe(parser, with_robot)
         call = describe(parser, found)
         # Only so may an option stand between positional arguments of which one can be left out.
@@ -197,7 +243,7 @@ def _robot_in(words: list[str]) -> tuple[list[str], str | None]:
     """Take `--robot` out of the command line: the robot decides which commands and options there are."""
     if not any(each.partition("=")[0] == "--robot" for each in words):
         return words, None  # without a parser, whose help formatter imports three compression libraries
-    finder = ArgumentParser("eurobot-od", add_help=False, allow_abbrev=False)
+    finder = ArgumentParser(program(), add_help=False, allow_abbrev=False)
     finder.error = Parser.error.__get__(finder)  # type: ignore[method-assign]
     finder.add_argument("--robot")  # never abbreviated: a command may have an option that begins like it
     found, others = finder.parse_known_args(words)
@@ -207,11 +253,22 @@ def _robot_in(words: list[str]) -> tuple[list[str], str | None]:
 def _find(robot: str | None) -> Plugin:
     from eurobot_od import plugin  # most commands need none, or not yet
 
-    return plugin.find(robot)
+    return plugin.find(robot, alone=is_alone())
+
+
+def _robot_of_help(robot: str | None) -> Plugin:
+    """Return the robot that is meant; without a name none if it is not clear which: the help needs no robot."""
+    try:
+        return _find(robot)
+    except LocalError as error:
+        if robot is not None:
+            raise
+        complain(str(error))
+        return _find("none")
 
 
 RobotName: TypeAlias = Annotated[
-    str | None, Option("--robot", metavar="ROBOT", is_file=True), "robot to use: a name, a folder or a module"
+    str | None, Option("--robot", metavar="ROBOT", is_file=True), "robot to use: a name, a folder, a module, or none"
 ]
 
 
@@ -221,15 +278,22 @@ def with_robot(*, robot_name: RobotName = None) -> None:
 
 def find(command: str, robot: str | None = None) -> Command:
     """Import a command, the workbench's or the robot's; raises UnknownName, and as `plugin.find`."""
-    if command in COMMANDS:  # before the robot's: it cannot replace one of ours, and is not even looked for
-        module = f"eurobot_od.cli.{MODULES.get(command, command)}"
-    else:
-        own = _find(robot).commands
-        if command not in own:
-            raise UnknownName("command", command, [*COMMANDS, *own])
-        module = own[command].module
-    found: Command = getattr(import_module(module), command.replace("-", "_"))
+    found: Command = getattr(_module(command, robot), command.replace("-", "_"))
     return found
+
+
+def _module(command: str, robot: str | None) -> ModuleType:
+    if command in COMMANDS:  # before the robot's: it cannot replace one of ours, and is not even looked for
+        return import_module(f"eurobot_od.cli.{MODULES.get(command, command)}")
+    own = _find(robot).commands
+    if command not in own:
+        unknown = UnknownName("command", command, [*COMMANDS, *own])
+        raise unknown if own else LocalError(f"{unknown} (a robot's commands need --robot)")
+    from eurobot_od.plugin import blaming
+
+    name = own[command].module
+    with blaming(f"command {command}", name, name):
+        return import_module(name)
 
 
 class Version(Action):
@@ -245,9 +309,9 @@ def version() -> str:
     from importlib import metadata  # this is what takes the 40 ms
 
     try:
-        return f"eurobot-od {metadata.version('eurobot-od')}, Python {sys.version.split()[0]}"
+        return f"{program()} {metadata.version('eurobot-od')}, Python {sys.version.split()[0]}"
     except metadata.PackageNotFoundError:
-        return f"eurobot-od, not installed, from {__file__}, Python {sys.version.split()[0]}"
+        return f"{program()}, not installed, from {__file__}, Python {sys.version.split()[0]}"
 
 
 def _overview(robot: Plugin) -> ArgumentParser:
@@ -258,10 +322,11 @@ def _overview(robot: Plugin) -> ArgumentParser:
         return [f"  {name:{width}}  {text}" for name, text in commands.items()]
 
     ours = ["", f"{robot.name}:", *listed(own)] if own else []
+    explained = f"`{program()} COMMAND --help` explains it."
     parser = Parser(
-        "eurobot-od",
+        program(),
         description="A CANopen workbench for any device's EDS, and for robots that are plugged in.",
-        epilog="\n".join(["commands:", *listed(COMMANDS), *ours, "", "`eurobot-od COMMAND --help` explains it."]),
+        epilog="\n".join(["commands:", *listed(COMMANDS), *ours, "", explained]),
         kind=RawDescriptionHelpFormatter,
     )
     parser.add_argument("command", metavar="COMMAND", help="one of the commands below")

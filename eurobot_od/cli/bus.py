@@ -6,7 +6,7 @@ import json
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
-from datetime import datetime, timezone
+from datetime import UTC, datetime
 from itertools import islice
 from math import inf
 from types import MappingProxyType
@@ -18,11 +18,10 @@ from eurobot_od.cli.options import Bus, Json, NoReconnect, Seconds, check_node_i
 from eurobot_od.cli.signature import Option
 from eurobot_od.cli.target import Access, Target
 from eurobot_od.client.boot import hear_slave, order_start, prepare_slave, started_state
-from eurobot_od.client.description import described
+from eurobot_od.client.description import Found, described
+from eurobot_od.client.description import scan as scan_nodes
 from eurobot_od.client.master import Master
 from eurobot_od.client.producing import produce, syncs, times
-from eurobot_od.client.scan import Found
-from eurobot_od.client.scan import scan as scan_nodes
 from eurobot_od.client.watch import NodeEvent, NodeWatch, watch_nodes, without_heartbeat
 from eurobot_od.device.nmt import ALL_NODES, COMMAND_NAMES, STATE_NAMES, NmtCommand, NmtState
 from eurobot_od.device.nmt import TARGET as TARGET_STATES
@@ -287,7 +286,7 @@ def time(
     bus: Bus,
 ) -> None:
     """Send the time of this computer as CANopen's TIME message, once or periodically."""
-    zone = timezone.utc if utc else None
+    zone = UTC if utc else None
     # TIME_OF_DAY counts days from 1984 and knows no time zone (CiA 301, 7.1.6.6).
     frames = times(lambda: datetime.now(zone).replace(tzinfo=None), cob_id)
     with Master(bus.open()) as master:

@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeAlias, TypeVar
 from eurobot_od.cli.options import whole
 from eurobot_od.cli.signature import Option
 from eurobot_od.errors import LocalError
-from eurobot_od.season.campaign import MOST_JOBS
+from eurobot_od.season import MOST_JOBS
 from eurobot_od.support import extras, progress
 
 if TYPE_CHECKING:
-    from eurobot_od.season.campaign.executors import Workers
-    from eurobot_od.season.campaign.results import Results
+    from eurobot_od.season.campaign import Workers
+    from eurobot_od.season.results import Results
 
 Thing = TypeVar("Thing")
 
@@ -47,14 +47,14 @@ class Campaign:
     @contextmanager
     def workers(self, things: int) -> Iterator[Workers]:
         """Give the workers for a number of things; raises LocalError."""
-        from eurobot_od.season.campaign import executors  # one thing is done without `multiprocessing`
+        from eurobot_od.season import campaign  # one thing is done without `multiprocessing`
 
         if self.executor and self.jobs:
             raise LocalError("--jobs is for processes of this machine, and does not go with --executor")
         with ExitStack() as stack:
             # A missing package is one only while the workers are made; later it would be a fault in the work.
             with extras.needed("cluster"):
-                found = stack.enter_context(executors.workers(self.executor, self.jobs, things))
+                found = stack.enter_context(campaign.workers(self.executor, self.jobs, things))
             yield found
 
     def kept(self, record: type[Thing], settings: Callable[[], Mapping[str, Any]]) -> Results[Thing] | None:
@@ -64,7 +64,7 @@ class Campaign:
                 raise LocalError("--resume needs --results: the folder of the run to continue")
             return None
         with extras.needed("cluster"):
-            from eurobot_od.season.campaign.results import Results
+            from eurobot_od.season.results import Results
         return Results(self.results, record, settings(), self.resume)
 
 

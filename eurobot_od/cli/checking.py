@@ -21,9 +21,8 @@ from eurobot_od.cli.signature import Option
 from eurobot_od.errors import LocalError
 from eurobot_od.od import network
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.od.objects import numbered
 from eurobot_od.od.pdos import OnRefused
-from eurobot_od.od.values import MOST_SUBS, Address
+from eurobot_od.od.values import MOST_SUBS
 from eurobot_od.support.escaping import one_line
 from eurobot_od.support.files import digest_of
 from eurobot_od.support.terminal import in_colour
@@ -31,8 +30,8 @@ from eurobot_od.support.terminal import in_colour
 if TYPE_CHECKING:
     from eurobot_od.check.conformance.page import DeviceRun
     from eurobot_od.check.conformance.subject import Tier
-    from eurobot_od.season.campaign.executors import Workers
-    from eurobot_od.season.campaign.results import Results
+    from eurobot_od.season.campaign import Workers
+    from eurobot_od.season.results import Results
 
 FIRST_OWN = 4
 """The first sub-index of 0x1011 that is the maker's (CiA 301, 7.5.2.14)."""
@@ -40,22 +39,10 @@ FIRST_OWN = 4
 
 def _motion(text: str) -> tuple[int, int]:
     """Read how far and how fast a motor may be moved; raises LocalError."""
-    way, _, velocity = (int(each) if each.isdecimal() and len(each) < 10 else 0 for each in text.partition("@"))
-    if not (way and velocity):
-        raise LocalError(f"{text!r}: a way and a velocity above 0, such as 2000@100")
-    return way, velocity
-
-
-def _wire(text: str) -> tuple[Address, Address]:
-    """Read a wire from an output to an input, by their numbers; raises LocalError."""
-    try:
-        ends = [numbered(each) or (0, None) for each in text.split("=")]
-    except LocalError:  # a sub-index that cannot be
-        ends = []
-    found = [(index, sub) for index, sub in ends if sub is not None]
-    if len(found) == len(ends) == 2:
-        return found[0], found[1]
-    raise LocalError(f"{text!r}: an output and an input by number, such as 0x6200:1=0x6000:1")
+    distance, _, velocity = (int(each) if each.isdecimal() and len(each) < 10 else 0 for each in text.partition("@"))
+    if not (distance and velocity):
+        raise LocalError(f"{text!r}: a distance and a velocity above 0, such as 2000@100")
+    return distance, velocity
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,15 +53,10 @@ class Made:
     profile: Annotated[Literal[401, 402] | None, "make the suites from the EDS files, by a device profile"] = None
     motion: Annotated[
         tuple[int, int] | None,
-        Option(metavar="WAY@VELOCITY", read=_motion),
+        Option(metavar="DISTANCE@VELOCITY", read=_motion),
         "profile 402: also move the motor, at most this far and this fast, in the drive's units",
     ] = None
     outputs: Annotated[bool, "profile 401: also switch the outputs"] = False
-    wired: Annotated[
-        Sequence[tuple[Address, Address]],
-        Option(metavar="OUTPUT=INPUT", read=_wire),
-        "profile 401, outputs: what this output does is seen at this input, such as 0x6200:1=0x6000:1; repeatable",
-    ] = ()
     reversible: Annotated[
         bool,
         Option(either="tier"),
@@ -89,11 +71,9 @@ class Made:
 
     def check(self) -> None:
         """Raise LocalError for options that do not go together."""
-        for option, profile in (("motion", 402), ("outputs", 401), ("wired", 401)):
+        for option, profile in (("motion", 402), ("outputs", 401)):
             if getattr(self, option) and self.profile != profile:
                 raise LocalError(f"--{option} needs --profile {profile}")
-        if self.wired and not self.outputs:
-            raise LocalError("--wired needs --outputs: it is looked at when outputs are switched")
         if self.restore and not self.destructive:
             raise LocalError("--restore needs --destructive")
         if self.reversible and not self.is_wanted:
@@ -121,7 +101,7 @@ class Made:
         if self.conformance:
             make = partial(chapters.text, tier=self.tier, restore=self.restore)
         elif self.profile == 401:
-            make = partial(module.text, reversible=self.reversible, outputs=self.outputs, wires=dict(self.wired))
+            make = partial(module.text, reversible=self.reversible, outputs=self.outputs)
         else:
             motion = drive.MotionBounds(*self.motion) if self.motion else None
             make = partial(drive.text, reversible=self.reversible, motion=motion)
@@ -191,7 +171,10 @@ class Checks:
             read = reader.read_texts(self.made.texts(self.devices.load()))
         else:
             robot = self.devices.robot
-            read = reader.read_files([robot.suite(name) for name in self.files] or [*robot.shipped_suites().values()])
+            files = [robot.suite(name) for name in self.files] or [*robot.shipped_suites().values()]
+            if not files:
+                raise LocalError("which suites? Name their files, or make them from the device's: --conformance")
+            read = reader.read_files(files)
         return chosen(read, self.tag, self.step)
 
     def how(self, seed: int) -> str:
@@ -217,9 +200,7 @@ class Checks:
         keeps_going, is_chosen_here = self.keep_going or self.made.is_wanted, partial(is_chosen, self.step)
         options = RunOptions(keeps_going, is_chosen_here, self.made.is_wanted, interrupt, show)
         if self.simulate:
-            return self.devices.robot.simulate(
-                suite, options, self.fault, seed, self.made.profile or 0, dict(self.made.wired)
-            )
+            return self.devices.robot.simulate(suite, options, self.fault, seed, self.made.profile or 0)
         from eurobot_od.check.live import run_live
 
         return run_live(suite, options, self.bus.open)
@@ -329,9 +310,9 @@ def many_results(
     kept: Results[CheckedSeed] | None,
 ) -> Iterator[SuiteResult]:
     """Run the suites for all seeds by several workers, and print what `results_of` prints, seed by seed."""
-    from eurobot_od.season.campaign import blocks
+    from eurobot_od.season.campaign import run as in_blocks
 
-    done = blocks.run(checks.run_seed, seeds, workers, kept)
+    done = in_blocks(checks.run_seed, seeds, workers, kept)
     for seed, results in counted(done, len(seeds), "seeds", workers, hidden=not printer.silent):
         for suite, result in zip(suites, results):
             printer.heading(suite, result.skipped or checks.how(seed))

@@ -7,22 +7,21 @@ from collections.abc import Callable, Iterable
 from functools import cache
 from typing import Annotated, Any
 
-from eurobot_od import plugin
-from eurobot_od.cli import COMMANDS, RobotName, find, with_robot
+from eurobot_od.cli import COMMANDS, RobotName, find, program, with_robot
+from eurobot_od.cli.devices import Devices
 from eurobot_od.cli.signature import Option, Parser, describe
 from eurobot_od.plugin import Plugin
 
 PLACES = {
-    "bash": "~/.local/share/bash-completion/completions/eurobot-od",
-    "zsh": "FOLDER/_eurobot-od, a folder of $fpath",
-    "fish": "~/.config/fish/completions/eurobot-od.fish",
+    "bash": f"~/.local/share/bash-completion/completions/{program()}",
+    "zsh": f"_{program()} in a folder of $fpath",
+    "fish": f"~/.config/fish/completions/{program()}.fish",
     "tcsh": "a file that ~/.tcshrc sources",
 }
 """Where each shell finds its script."""
 
-
 BASH_BOTH = """\
-_eurobot_od_{name}_or_file() {{
+{function}() {{
   compgen -W "{words}" -- "$1"
   compgen -f -- "$1"
 }}"""
@@ -33,7 +32,7 @@ def completion(
     shell: Annotated[
         str,
         Option(choices=PLACES.keys()),
-        f"the shell; where to put its script: {'; '.join(f'{name}: {place}' for name, place in PLACES.items())}",
+        "the shell; it finds its script at: " + ", ".join(f"{place} ({shell})" for shell, place in PLACES.items()),
     ],
     *,
     robot_name: RobotName = None,
@@ -41,12 +40,12 @@ def completion(
     """Print the script that completes the command line in a shell: commands, options, and the values that are known."""
     import shtab  # no other command needs it
 
-    print(shtab.complete(whole_parser(plugin.find(robot_name), robot_name), shell=shell))
+    print(shtab.complete(whole_parser(Devices(robot_name=robot_name).robot, robot_name), shell=shell))
 
 
 def whole_parser(robot: Plugin, robot_name: str | None = None) -> ArgumentParser:
     """Return the whole command line as one parser, with what a shell offers for each option and argument."""
-    whole = ArgumentParser("eurobot-od")
+    whole = ArgumentParser(program())
     whole.add_argument("--version", action="store_true", help="print the version and exit")
     commands = whole.add_subparsers(parser_class=Parser)
     words = cache(lambda suggest: sorted(set(suggest(robot))))  # several commands have objects, which takes a while
@@ -79,11 +78,11 @@ def _offer(parser: Parser, words_of: Callable[[Callable[[Plugin], Iterable[str]]
 
 def _words_or_files(name: str, words: Iterable[str]) -> dict[str, Any]:
     """Return what shtab writes for words and files, of which it takes one."""
-    joined = " ".join(words)
+    joined, function = " ".join(words), f"_{program()}_{name}_or_file".replace("-", "_")
     return {
-        "bash": f"_eurobot_od_{name}_or_file",
+        "bash": function,
         "zsh": f"{{_files; compadd {joined}}}",
         "fish": f"{joined} (__fish_complete_path (commandline -ct))",
         "tcsh": f"({joined})",
-        "preamble": {"bash": BASH_BOTH.format(name=name, words=joined)},
+        "preamble": {"bash": BASH_BOTH.format(function=function, words=joined)},
     }

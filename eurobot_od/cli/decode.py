@@ -82,7 +82,7 @@ def decode(
     decoder = devices.decoder(emcy)
     several = len(logs) > 1
     if statistics:
-        from eurobot_od.traffic.traffic import TrafficOutput  # the usual case starts without the other ones' modules
+        from eurobot_od.traffic.load.seen import TrafficOutput  # the usual case starts without the other ones' modules
 
         output: Output = TrafficOutput(bitrate, devices.promised(decoder), several)
     else:
@@ -101,7 +101,7 @@ def decode(
 def _output(decoder: Decoder, as_json: bool, as_csv: bool, several: bool) -> Output:
     if not (as_json or as_csv):
         return TextOutput(several)
-    from eurobot_od.traffic.formats.records import CsvOutput, JsonOutput
+    from eurobot_od.traffic.output import CsvOutput, JsonOutput
 
     fields = (field for each in decoder.protocol.bindings for field in each.kinds)
     return JsonOutput() if as_json else CsvOutput(fields)
@@ -186,9 +186,9 @@ def replay(
     `--except drive` leaves out what the drive sent in the log: the drive on the bus sends it itself.
     """
     from eurobot_od.client.master import Master  # a log is decoded without
-    from eurobot_od.client.replay import LATE
-    from eurobot_od.client.replay import replay as replay_frames
-    from eurobot_od.traffic.senders import by_sender
+    from eurobot_od.client.producing import LATE
+    from eurobot_od.client.producing import replay as replay_frames
+    from eurobot_od.traffic.filters import by_sender
 
     decoder = devices.decoder()
     wanted = by_sender(decoder.dictionaries, decoder.protocol, only, without)

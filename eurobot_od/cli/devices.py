@@ -4,17 +4,18 @@ from __future__ import annotations
 
 import os
 import re
+from argparse import Namespace
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, TypeAlias
 
 from eurobot_od import plugin
-from eurobot_od.cli import RobotName, complain
+from eurobot_od.cli import RobotName, complain, is_alone
 from eurobot_od.cli.options import Bus
-from eurobot_od.cli.signature import Group, Option
+from eurobot_od.cli.signature import Group, Option, Parser, describe
 from eurobot_od.device.emergency import ErrorWords
 from eurobot_od.errors import DictionaryError, LocalError, MappingError, RemoteError
 from eurobot_od.od import network
@@ -28,7 +29,7 @@ from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.plugin import Plugin
 
 if TYPE_CHECKING:
-    from eurobot_od.traffic.load.message_set import MessageSet
+    from eurobot_od.traffic.load.analysis import MessageSet
     from eurobot_od.traffic.meaning import Decoder
 
 Dialect: TypeAlias = Annotated[
@@ -40,7 +41,10 @@ Dialect: TypeAlias = Annotated[
 
 @dataclass(frozen=True, kw_only=True)
 class Devices:
-    """The devices that --eds, --network and --dialect name, or the network file of this folder, or else the robot's."""
+    """The devices that --eds, --network and --dialect name, or the network file of this folder, or else the robot's.
+
+    `alone`: only a robot that is named counts, as for devices that are.
+    """
 
     GROUP = Group("devices", f"default: {network.DEFAULT} in this folder, else the robot's")
 
@@ -66,20 +70,28 @@ class Devices:
     ] = ()
     dialect: Dialect = None
     robot_name: RobotName = None
+    alone: bool = field(init=False, default_factory=is_alone)  # the program's, also in processes of other names
 
     @property
     def robot(self) -> Plugin:
-        """The robot that the command line is about; raises UnknownName, LocalError, DictionaryError."""
-        return plugin.find(self.robot_name)
+        """The robot that is named, also by the network file, or else, without devices, the installed one.
+
+        Raises as `plugin.find`.
+        """
+        found = plugin.named(self.robot_name, self._file)
+        return found or (plugin.NO_ROBOT if self.alone or self.files() else plugin.the_installed())
+
+    @property
+    def _file(self) -> str:
+        """The network file: what is named on the command line replaces the folder's own; the two are never mixed."""
+        return self.network or ("" if self.eds else network.DEFAULT)
 
     @property
     def _described(self) -> NetworkFile:
         """What the network file says, if there is one; raises DictionaryError."""
-        path = self.network
-        # What is named on the command line replaces the folder's own network; the two are never mixed.
-        if not self.dialect and not self.eds and path is None and os.path.isfile(network.DEFAULT):  # noqa: PTH113
-            path = network.DEFAULT
-        return network.read_network(path) if path else NetworkFile()
+        if not self.network and (self.dialect or not os.path.isfile(self._file)):  # noqa: PTH113
+            return NetworkFile()
+        return network.read_network(self._file)
 
     @property
     def master(self) -> str:
@@ -98,6 +110,11 @@ class Devices:
         files = self.files()
         return network.load(files) if files else self.robot.dialects.load_all(self.dialect)
 
+    @property
+    def are_known(self) -> bool:
+        """Whether there are any: a bus, and a log, can be read without. Raises as `load`."""
+        return bool(self.files() or self.dialect or self.robot.dialects.root)
+
     def load_and_complain(self) -> tuple[Dictionary, ...]:
         """Load the devices, and say which of the files that are named had to be repaired to be read."""
         loaded = self.load()
@@ -111,15 +128,16 @@ class Devices:
             return Protocol.of_devices(self.load_and_complain(), self.robot.catalogue(), refused)
 
     def decoder(self, emcy: Iterable[str] = ()) -> Decoder:
-        """Return the decoder of these devices' frames; `emcy` are files with makers' words for error codes.
+        """Return the decoder of these devices' frames, of CiA 301's without any; complains of PDOs that are left out.
 
-        Complains of PDOs that are left out. Raises as `load`.
+        `emcy` are files with makers' words for error codes. Raises as `load`.
         """
-        return decoder_of(self.load_and_complain(), self.robot, error_words(emcy), self.master)
+        known = self.load_and_complain() if self.are_known else ()
+        return decoder_of(known, self.robot, error_words(emcy), self.master)
 
     def errors(self, emcy: Iterable[str] = ()) -> ErrorWords:
         """Return the words for these devices' emergency error codes, CiA 301's if there are none; raises as `load`."""
-        known = self.load() if self.files() or self.robot.dialects.names() else ()
+        known = self.load() if self.are_known else ()
         return ErrorWords.of_devices(known, self.robot.catalogue(), error_words(emcy))
 
     def asking_decoder(self, bus: Bus, emcy: Iterable[str] = ()) -> Decoder:
@@ -128,7 +146,7 @@ class Devices:
         Raises as `load`, BusError.
         """
         from eurobot_od.client.master import Master  # a log is decoded without a bus
-        from eurobot_od.client.pdo_parameters import pdo_parameters
+        from eurobot_od.client.remote_pdos import pdo_parameters
 
         asked = []
         with Master(bus.open()) as master:
@@ -153,6 +171,18 @@ class Devices:
             return network_set(decoder.dictionaries, names, rows, file)
         except (DictionaryError, LocalError):  # a bus can be watched without knowing how often a message is to come
             return NOTHING
+
+
+def robot_meant(parser: Parser) -> Plugin:
+    """Return the robot that a command line will mean once it is read, for options that only the robot has.
+
+    Raises as `plugin.find`.
+    """
+    early = Parser(parser.prog, robot=parser.robot, add_help=False)
+    call = describe(early, Devices)
+    given, _ = early.parse_known_args(parser.words, Namespace(**{"--robot": parser.robot}))
+    devices: Devices = call(given)
+    return devices.robot
 
 
 def error_words(files: Iterable[str]) -> dict[int, dict[int, str]]:

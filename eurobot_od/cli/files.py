@@ -171,9 +171,9 @@ def write_concise(node: NodeFile, output: Path | None) -> None:
     from eurobot_od.cli.objects import print_readings
     from eurobot_od.client.configure import all_writes, check_file, check_whole
     from eurobot_od.client.description import from_file
-    from eurobot_od.client.pdo_order import pdo_of
     from eurobot_od.client.reading import decoded
     from eurobot_od.od.concise import pack
+    from eurobot_od.od.values import pdo_of
 
     description, refused = from_file(node.file, node.node_id, node.modules, node.patch), list[MappingError]()
     with left_out() as complained:
@@ -186,8 +186,8 @@ def write_concise(node: NodeFile, output: Path | None) -> None:
             check_file(description, description.dictionary.node_id, leave_out)
         else:  # who names a node-ID takes the file for that node, whichever it was made for
             check_whole(description, leave_out)
-    bad = {pdo_of((error.index or 0, 0)) for error in refused}
-    writes = [each for each in all_writes(description) if pdo_of(each.address) not in bad - {None}]
+    bad = {pdo_of(error.index or 0) for error in refused}
+    writes = [each for each in all_writes(description) if pdo_of(each.address[0]) not in bad - {None}]
     if output is None:
         print_readings(decoded(writes, description.dictionary), as_json=False)
     else:
@@ -231,13 +231,13 @@ def make_eds(
     check: Annotated[bool, "write nothing; list the files that differ, with exit status 1 if any do"] = False,
 ) -> ExitStatus:
     """Make EDS files from a protocol table: a folder for each dialect, a file for each node, and the network file."""
-    from eurobot_od.od.make.files import differences, make_files, write_files  # with canopen
     from eurobot_od.od.make.table import TableError, read_table
+    from eurobot_od.od.make.text import differences, make_files, write_files  # with canopen
 
     # What is not UTF-8 becomes a sign that the table refuses, with its line and column.
     source = bounded.read(table).decode(errors="replace")
     try:
-        texts = make_files(read_table(source, table, lambda robot: plugin.find(robot).table))
+        texts = make_files(read_table(source, table, plugin.table_of))
     except TableError as error:  # a line for each problem, with its place: `complain` would make one line of them all
         print(error, file=sys.stderr)
         return ExitStatus.WRONG_INPUT

@@ -7,9 +7,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
-from eurobot_od import plugin
 from eurobot_od.cli import ExitStatus, RobotName
-from eurobot_od.cli.devices import Dialect, left_out
+from eurobot_od.cli.devices import Devices, Dialect, left_out
 from eurobot_od.cli.options import BitRate, Json, whole, write
 from eurobot_od.cli.signature import Option
 from eurobot_od.errors import LocalError
@@ -20,10 +19,9 @@ from eurobot_od.od.network_file import NetworkFile
 from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.plugin import Plugin
 from eurobot_od.support import durations
-from eurobot_od.traffic.load.chart import chart
-from eurobot_od.traffic.load.message_set import ErrorRate, MessageSet
+from eurobot_od.traffic.load.analysis import ErrorRate, MessageSet
 from eurobot_od.traffic.load.network_set import network_set
-from eurobot_od.traffic.load.report import as_data, load_report, table, too_slow
+from eurobot_od.traffic.load.report import as_data, chart, load_report, table, too_slow
 
 BIT_RATE = 500_000
 """bit/s where neither the option nor the file says it."""
@@ -36,7 +34,7 @@ def _errors(text: str) -> ErrorRate:
         rate = ErrorRate(int(number), durations.microseconds(time))
     except (ValueError, LocalError):
         rate = ErrorRate(-1)  # one message for whichever half is wrong
-    if not slash or rate.number < 0 or rate.within < 1:
+    if not slash or rate.number < 0 or rate.interval < 1:
         raise LocalError(f"{text!r} is not a number and a time, such as 1/10ms")
     return rate
 
@@ -72,7 +70,8 @@ def load(
     """
     if path and network:
         raise LocalError("one network: name it by NETWORK or by --network")
-    messages = _read(path or network, dialect, plugin.find(robot_name))
+    path = path or network
+    messages = _read(path, dialect, Devices(network=path, robot_name=robot_name).robot)
     if mailboxes is not None:
         nodes = {each.node for each in messages.messages}
         messages = messages._replace(mailboxes=dict.fromkeys(nodes, mailboxes) if mailboxes else {})

@@ -26,10 +26,8 @@ from eurobot_od.support import extras
 from eurobot_od.support.terminal import redraws
 from eurobot_od.traffic.load.seen import NOTHING, table
 from eurobot_od.traffic.meaning import Meaning
-from eurobot_od.traffic.monitor.cells import plain_table
-from eurobot_od.traffic.monitor.controls import Controls
 from eurobot_od.traffic.monitor.sources import BusSource, LogSource
-from eurobot_od.traffic.monitor.traffic import SORTS, Traffic, named, selected
+from eurobot_od.traffic.monitor.traffic import SORTS, Controls, Traffic, named, plain_table, selected
 from eurobot_od.traffic.output import TextOutput
 
 Source: TypeAlias = BusSource | LogSource

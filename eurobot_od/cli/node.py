@@ -14,15 +14,13 @@ from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-from eurobot_od import plugin
 from eurobot_od.bus.live import Live
 from eurobot_od.cli import ExitStatus, RobotName
-from eurobot_od.cli.devices import Devices, complain_of_repairs
+from eurobot_od.cli.devices import Devices, complain_of_repairs, robot_meant
 from eurobot_od.cli.options import Bus, Json, NoReconnect, Seconds, assigned
 from eurobot_od.cli.signature import NOTHING, Chosen, Group, Hint, Option, Parser
-from eurobot_od.device.drive import SimulatedDrive
-from eurobot_od.device.kinds import simulated_kind
 from eurobot_od.device.node import Node
+from eurobot_od.device.profiles.devices import SimulatedDrive, simulated_kind
 from eurobot_od.device.station import OnError
 from eurobot_od.device.storage import FileStore
 from eurobot_od.device.waveforms import Waveform, read_waveforms
@@ -102,7 +100,7 @@ class DeviceOptions:
 
 
 def _stage(parser: Parser) -> Hint:
-    robot = plugin.find(parser.robot)
+    robot = robot_meant(parser)
     return Hint(robot.stage(), group=Group(f"nodes of {robot.name}")) if robot.stage else NOTHING
 
 
@@ -122,7 +120,7 @@ def node(
     fault: Annotated[
         str | None,
         Option(metavar="NAME", suggest=lambda robot: robot.fault_names()),
-        "give the node a fault; `eurobot-od faults` lists them",
+        "give the node a fault; `faults` lists them",
     ] = None,
     device: DeviceOptions,
     stage: Annotated[Stage | None, Chosen(_stage)] = None,
@@ -244,7 +242,7 @@ def _all(devices: Devices, about_one: Iterable[str]) -> list[Node]:
 def _run_all(nodes: Sequence[Node], bus: Bus, duration: float | None) -> None:
     """Run several devices on one bus until the time is over, or an interrupt; raises BusError."""
     from eurobot_od.bus.live.group import LiveGroup  # one node runs without
-    from eurobot_od.device.group import NodeGroup
+    from eurobot_od.device.station import NodeGroup
 
     for node in nodes:
         node.alarm = partial(_alarm, node)
@@ -266,7 +264,7 @@ def _alarm(node: Node, what: str) -> None:
 
 # Faults
 
-OWNERS = {"Node": "any node", "SimulatedDrive": "any drive of CiA 402", "SimulatedModule": "any I/O module of CiA 401"}
+OWNERS = {"Node": "any node", "SimulatedDrive": "any drive of CiA 402"}
 """What the workbench's own kinds of nodes are called; a robot's have the names of their classes."""
 
 
@@ -279,7 +277,7 @@ def faults(
     robot_name: RobotName = None,
 ) -> None:
     """List the faults that simulated nodes can be given, to see whether a check finds them."""
-    robot = plugin.find(robot_name)
+    robot = Devices(robot_name=robot_name).robot
     if node and node not in robot.nodes:
         raise UnknownName("node", node, robot.nodes)
     kind = robot.kind(node) if node else None

@@ -12,12 +12,11 @@ from eurobot_od.cli.devices import left_out, object_names
 from eurobot_od.cli.options import EmcyFiles, Json
 from eurobot_od.cli.signature import Option
 from eurobot_od.cli.target import Target
-from eurobot_od.client import history
-from eurobot_od.client.history import History
+from eurobot_od.client.emergencies import History, clear_history, read_history
 from eurobot_od.client.master import RemoteNode
 from eurobot_od.client.pdo_mapping import map_objects
-from eurobot_od.client.pdo_parameters import pdo_parameters
 from eurobot_od.client.reading import ObjectReading, read_all, readable
+from eurobot_od.client.remote_pdos import pdo_parameters
 from eurobot_od.errors import LocalError, UnknownName
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.objects import (
@@ -142,7 +141,7 @@ def pdo(
         dictionary = target.needed_description(node).dictionary
         found = _present_pdos(node, dictionary)
         if action:
-            known = {each.title.replace(" ", ""): each for each in found}
+            known = {each.key: each for each in found}
             if not (name and objects):
                 raise LocalError(
                     f"map into which PDO, and what? Write `map TPDO1 OBJECT...`; known: {', '.join(known)}"
@@ -197,8 +196,8 @@ def emcy(
     with target.opened() as node:
         target.named_description(node)  # its file may say another SDO server
         if clear:
-            history.clear(node)
-        found = history.history(node)
+            clear_history(node)
+        found = read_history(node)
     words = target.devices.errors(emcy).of(node.node_id)
     if as_json:
         print(json.dumps(_errors_as_data(found, words), indent=2))

@@ -19,8 +19,7 @@ if TYPE_CHECKING:
     import can
 
     from eurobot_od.bus.live.connection import Opener
-    from eurobot_od.client.master import Master
-    from eurobot_od.client.reconnecting import Guard
+    from eurobot_od.client.master import Guard, Master
     from eurobot_od.od.dcf import Dcf
     from eurobot_od.plugin import Plugin
 
@@ -109,7 +108,7 @@ class Bus:
 
         # Asked first: without a name python-can would complain of its configuration file, of which few users know.
         if not live.is_named(self.interface):
-            here = ", ".join(map(str, live.here())) or "none (`eurobot-od doctor` says more)"
+            here = ", ".join(map(str, live.here())) or "none (`doctor` says more)"
             raise LocalError(f"which bus? Name it by -i and -c, such as -i socketcan -c can0; here: {here}")
         return live.open_bus(self.interface, self.channel, self.bitrate)
 
@@ -119,7 +118,7 @@ class Bus:
 
     def guard(self, master: Master, no_reconnect: bool) -> Guard:
         """Return what opens a master's bus again when it is lost; if nothing is to, a lost bus ends the command."""
-        from eurobot_od.client.reconnecting import Reconnecting, unguarded
+        from eurobot_od.client.master import Reconnecting, unguarded
 
         # `complain` writes to standard error: what is printed may be JSON for another program.
         return unguarded if no_reconnect else Reconnecting(master, self.open, complain)

@@ -8,7 +8,6 @@ from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from eurobot_od import plugin
 from eurobot_od.cli import RobotName, complain
 from eurobot_od.cli.campaign import Jobs
 from eurobot_od.cli.devices import Devices
@@ -17,7 +16,7 @@ from eurobot_od.cli.options import BitRate, Json, write
 from eurobot_od.cli.signature import Option
 from eurobot_od.errors import LocalError, UnknownName
 from eurobot_od.plugin import Plugin
-from eurobot_od.season.campaign import executors
+from eurobot_od.season import campaign
 from eurobot_od.season.reports import REPORTS, SeasonReport
 from eurobot_od.support import extras, progress
 from eurobot_od.support.amounts import amount
@@ -53,7 +52,7 @@ def archive(
     answers = {names[each.identifier]: each.answers for each in promised if each.answers and each.identifier in names}
     network = DecodedNetwork(decoder.dictionaries, decoder.protocol.catalogue, tuple(answers.items()))
     drawn = bar(str(logs[0])) if len(logs) == 1 else nullcontext(unwatched)
-    with executors.workers(None, jobs, len(logs)) as workers, drawn as draw:
+    with campaign.workers(None, jobs, len(logs)) as workers, drawn as draw:
         done = archive(logs, output, network, format, workers, _adding(draw, logs[0]))
         for each in list(done) if len(logs) == 1 else counted(done, len(logs), "logs", workers.number):
             log, size = one_line(each.log), f"{amount(each.frames, 'frame')}, {each.damage} damaged"
@@ -101,7 +100,7 @@ def query(
     with extras.needed("season"):
         from eurobot_od.season import answers
         from eurobot_od.season.season import Season
-    known = reports(plugin.find(robot_name))
+    known = reports(Devices(robot_name=robot_name).robot)
     if report == "list":
         print(*columns((name, each.title) for name, each in known.items()), sep="\n")
         return

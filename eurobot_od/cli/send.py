@@ -17,9 +17,9 @@ from eurobot_od.cli.options import Bus, Seconds
 from eurobot_od.cli.signature import Option
 from eurobot_od.errors import BusError, LocalError, RemoteError
 from eurobot_od.frame import Frame
+from eurobot_od.pdo.binding import parse
 from eurobot_od.pdo.message import Message, describe
 from eurobot_od.pdo.protocol import Protocol
-from eurobot_od.pdo.written import parse
 from eurobot_od.support.escaping import one_line
 
 if TYPE_CHECKING:

@@ -26,12 +26,9 @@ from eurobot_od.errors import EurobotError, LocalError
 from eurobot_od.support import extras
 from eurobot_od.support.address import Address
 from eurobot_od.support.address import parse as parse_address
-from eurobot_od.traffic.meaning import Decoder
-from eurobot_od.traffic.statistics import DamageCounts
+from eurobot_od.traffic.meaning import DamageCounts, Decoder
 from eurobot_od.web.access import AccessRules, is_local
-from eurobot_od.web.columns import Columns
-from eurobot_od.web.content import described, stop_message
-from eurobot_od.web.page import page
+from eurobot_od.web.page import Columns, described, page, stop_message
 from eurobot_od.web.panel import Panel
 
 if TYPE_CHECKING:  # with aiohttp, which an extra brings

@@ -146,13 +146,19 @@ Command: TypeAlias = Callable[..., Any] | Forms
 class Parser(ArgumentParser):
     """Reports what is wrong with a command line in one line; its help is as wide as the terminal.
 
-    `robot` is what `--robot` names. `described` has what is special about each option and argument, by its name.
+    `words` are the command line, for options that only the robot has which they mean, and `robot` what `--robot` says.
+    `described` has what is special about each option and argument, by its name.
     """
 
     def __init__(
-        self, prog: str, kind: type[HelpFormatter] = HelpFormatter, robot: str | None = None, **settings: Any
+        self,
+        prog: str,
+        kind: type[HelpFormatter] = HelpFormatter,
+        words: Sequence[str] = (),
+        robot: str | None = None,
+        **settings: Any,
     ) -> None:
-        self.robot, self.described = robot, dict[str, Option]()
+        self.words, self.robot, self.described = words, robot, dict[str, Option]()
         try:  # or else argparse asks `shutil`, which imports three compression libraries
             width = int(os.environ.get("COLUMNS", 0)) or os.get_terminal_size().columns
         except (ValueError, OSError):  # no number; no terminal

@@ -1,27 +1,31 @@
-"""What a node is: its identity 0x1018, and the EDS that describes it, wherever there is one.
+"""What a node is: its identity 0x1018, and its EDS, wherever that is found. And which nodes there are on a bus.
 
-Rule of this file: an EDS is only taken for a node whose identity it has; a file that a person names is taken as it is.
+An EDS is taken only for a node with the same identity; a file that a person names is taken as it is. In a scan a node
+is there if it answers one of our SDO requests, or if its heartbeat is heard. Other frames prove nothing: a protocol's
+own identifiers may look like PDOs of any node.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
-from eurobot_od.client.master import RemoteNode
-from eurobot_od.client.procedure import Procedure
-from eurobot_od.errors import NodeRefused
+from eurobot_od.client.master import Master, Procedure, RemoteNode
+from eurobot_od.device.nmt import NmtState
+from eurobot_od.errors import NodeRefused, RemoteError
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.od.standard import DEVICE_NAME, IDENTITY, STORE_FORMAT, STORED_EDS
-from eurobot_od.od.values import Address
+from eurobot_od.od.standard import DEVICE_NAME, DEVICE_TYPE, IDENTITY, STORE_FORMAT, STORED_EDS
+from eurobot_od.od.values import NODE_IDS, Address
+from eurobot_od.sdo.wire import LENGTH, ClientCommand, Initiate, ServerCommand, initiate
 
 PLAIN_TEXT = b"\0"
-"""Value of 0x1022 for an EDS that is not compressed (CiA 301, 7.5.2.23)."""
+"""Value of 0x1022 for an EDS that is not compressed (CiA 301, 7.5.2.25)."""
 
 
 class Identity(NamedTuple):
-    """The identity object 0x1018; 0 for a number that a node does not have (CiA 301, 7.5.2.19)."""
+    """The identity object 0x1018; 0 for a number that a node does not have (CiA 301, 7.5.2.21)."""
 
     vendor: int = 0
     product: int = 0
@@ -37,10 +41,10 @@ class Identity(NamedTuple):
         return cls(*dictionary.identity)
 
     def difference(self, other: Identity) -> str | None:
-        """Say in what another device is another kind of device than this one; None if it is one of the same.
+        """Return in what another device is of another kind than this one; None if it is of the same kind.
 
-        The serial number tells apart devices of one kind. Of the revision only the upper half must agree: the lower
-        one leaves the CANopen behaviour as it was (CiA 301, 7.5.2.19).
+        The serial number tells devices of one kind apart. Only the upper half of the revision must agree: the lower
+        half does not change the CANopen behaviour (CiA 301, 7.5.2.21).
         """
         pairs = {
             "vendor-ID": (self.vendor, other.vendor),
@@ -59,7 +63,7 @@ async def read_identity(node: RemoteNode) -> Identity:
 
 
 class Description(NamedTuple):
-    """An EDS or DCF: `dictionary`, and the `text` it was read from."""
+    """An EDS or DCF as a `dictionary`, and the `text` it was read from."""
 
     dictionary: Dictionary
     text: str
@@ -68,7 +72,7 @@ class Description(NamedTuple):
 def from_file(
     file: str | Path, node_id: int | None = None, modules: Sequence[str] | None = None, patch: Sequence[str] = ()
 ) -> Description:
-    """Read an EDS or DCF for a node-ID, without one for the one it names; raises as `Dictionary.load`."""
+    """Read an EDS or DCF for a node-ID, by default the file's own; raises as `Dictionary.load`."""
     return described(Dictionary.load(file, node_id, modules=modules, patch=patch))
 
 
@@ -79,7 +83,7 @@ def described(dictionary: Dictionary) -> Description:
 
 @Procedure
 async def uploaded(node: RemoteNode) -> Description | None:
-    """Return the EDS that a node keeps of itself in 0x1021, None if it has none that is plain text.
+    """Return the EDS that a node keeps of itself in 0x1021; None if it has none in plain text.
 
     Raises DictionaryError for one that cannot be read.
     """
@@ -96,9 +100,9 @@ async def uploaded(node: RemoteNode) -> Description | None:
 
 @Procedure
 async def fitting(node: RemoteNode, known: Iterable[Dictionary]) -> Description | None:
-    """Return the first of the known EDS files that has the node's identity; None if there is none.
+    """Return the first of the known EDS files with the node's identity, None if there is none.
 
-    Raises DictionaryError, and what reading the identity raises.
+    Raises DictionaryError, and the errors of reading the identity.
     """
     identity = await read_identity.steps(node)
     found = next((each for each in known if Identity.of(each).difference(identity) is None), None)
@@ -107,13 +111,70 @@ async def fitting(node: RemoteNode, known: Iterable[Dictionary]) -> Description 
 
 @Procedure
 async def device_name(node: RemoteNode) -> str:
-    """Return the name in 0x1008, `` if the node has none."""
+    """Return the name in 0x1008, an empty one if the node has none."""
     return (await _optional(node, DEVICE_NAME, "Manufacturer device name")).decode(errors="replace").rstrip("\0")
 
 
 async def _optional(node: RemoteNode, address: Address, name: str) -> bytes:
-    """Read an object that a node need not have: without it there are no bytes."""
+    """Read an object that a node need not have; without it, return no bytes."""
     try:
         return await node.upload.steps(address, name)
     except NodeRefused:
         return b""
+
+
+# The nodes of a bus
+
+
+PACE = 0.005
+"""Seconds between two requests, so that 127 of them do not fill a bus that others use."""
+
+UPLOADED = (ServerCommand.UPLOAD, ServerCommand.ABORT)
+"""The ways in which an SDO server answers an upload."""
+
+LISTEN = 1.5
+"""Seconds of waiting for heartbeats; most nodes send one every second."""
+
+
+class Found(NamedTuple):
+    """A node: its NMT `state` if a heartbeat was heard, its `identity` if it answers SDO, its `name` in 0x1008."""
+
+    node_id: int
+    state: NmtState | None
+    identity: Identity | None
+    name: str
+
+
+@Procedure
+async def scan(
+    master: Master, node_ids: Iterable[int] = NODE_IDS, pace: float = PACE, listen: float = LISTEN
+) -> list[Found]:
+    """Return the nodes that are there, by node-ID. Raises BusError."""
+    wanted = sorted(node_ids)
+    answered: set[int] = set()
+
+    def received(node_id: int, data: bytes) -> None:
+        # An abort of 0x1000 is an answer, too. A transfer would not do here: it ends with the first odd answer, and
+        # another master may be asking the node as well.
+        answer = Initiate.of(data) if len(data) == LENGTH else None
+        if answer is not None and answer.address == DEVICE_TYPE and answer.command >> 5 in UPLOADED:
+            answered.add(node_id)
+
+    # All are asked before the first has to answer: one after the other, silent node-IDs would take a minute.
+    for node_id in wanted:
+        server = master.sdo_server(node_id)
+        master.listeners[server.answers] = partial(received, node_id)
+        master.send(server.requests, initiate(ClientCommand.UPLOAD << 5, DEVICE_TYPE))
+        await master.pump.steps(pace)
+    await master.pump.steps(max(listen - pace * len(wanted), master.answer_wait))
+    return [await _found(master, node_id) for node_id in sorted(answered | set(master.states)) if node_id in wanted]
+
+
+async def _found(master: Master, node_id: int) -> Found:
+    """Ask a node that is there for its identity; one that is STOPPED does not answer."""
+    node = master.node(node_id)
+    try:
+        identity, name = await read_identity.steps(node), await device_name.steps(node)
+    except RemoteError:
+        identity, name = None, ""
+    return Found(node_id, node.last_state, identity, name)

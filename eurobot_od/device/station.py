@@ -1,14 +1,17 @@
 """A node at its gatekeeper: received frames to the node, its frames to the mailboxes, and what happens when it fails.
 
-Still no bus and no thread: `live` and `simulation` both drive stations. Whichever thread calls, the node's `guard` is
-held while the node works and until its frames are in the mailboxes, so that frames leave in the order in which the node
-made them.
+There is no bus and no thread in here yet: `bus/live` and `bus/simulated` both drive stations. Whichever thread calls,
+the node's `guard` is held while the node works and until its frames are in the mailboxes, so that frames leave in the
+order in which the node made them.
+
+Several nodes may share one station's connection to the bus, as a group.
 """
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections import deque
+from collections.abc import Callable, Sequence
 from enum import Enum
 from math import inf
 from typing import Any
@@ -22,7 +25,7 @@ from eurobot_od.support.backoff import Backoff
 
 
 class OnError(Enum):
-    """What becomes of a node that raises an exception; it is stopped before, and reported by EMCY."""
+    """What happens to a node that raises an exception, after it was stopped and an EMCY has reported it."""
 
     END = "end"
     RESTART = "restart"
@@ -31,9 +34,9 @@ class OnError(Enum):
 class Station:
     """One node with its own gatekeeper, to which more listeners may be added.
 
-    Its `plan` tells whether the node has planned anything sooner than when `next_wakeup` was asked for last. An
-    exception of the node is reported like a listener's; what becomes of the node then, `on_error` says. Without that
-    (a simulation, whose user wants to see it) the exception is raised where it is not a frame that has caused it.
+    Its `plan` tells whether the node has planned anything sooner than when `next_wakeup` was last asked for. An
+    exception of the node is reported like a listener's, and `on_error` says what happens to the node then. Without
+    `on_error`, as in a simulation whose user wants to see it, the exception is raised unless a frame has caused it.
     `failure` tells why the node has ended, None while it goes on.
     """
 
@@ -55,10 +58,10 @@ class Station:
         self.failure: NodeFailed | None = None
         self._on_error, self._backoff = on_error, Backoff()
         self._restarts_at: float | None = None
-        """When a node that has failed is restarted; None while it runs."""
+        """When a failed node is restarted; None while it runs."""
         self._identifiers = node.device.identifiers
         node.alarm = lambda text: self.gatekeeper.report(Report(Event.NODE_ALARM, node.name, text, node.now))
-        # A function for the identifiers: a master may change them, and the gatekeeper then asks again.
+        # A function, because a master may change the identifiers; the gatekeeper then asks again.
         self._listener = self.gatekeeper.add_node(lambda: self._identifiers, self._received, node.name)
 
     def start(self, now: float) -> None:
@@ -67,7 +70,7 @@ class Station:
             self._submit(self.node.start(now), now)
 
     def tick(self, now: float) -> None:
-        """Let the node do what is due; one that has failed is restarted."""
+        """Let the node do what is due, or restart it after a failure."""
         with self.node.guard:
             restarts = self._restarts_at is not None and now >= self._restarts_at
             if restarts:
@@ -75,7 +78,7 @@ class Station:
             self._do(self.node.restart if restarts else self.node.tick, now)
 
     def requested(self, cob_id: int, now: float) -> None:
-        """Hand the node a remote frame: no listener hears those, but a node may be asked by them."""
+        """Hand the node a remote frame: listeners do not hear those, but a node may be asked by them."""
         self._do(lambda now: self.node.requested(cob_id, now), now)
 
     @property
@@ -83,7 +86,7 @@ class Station:
         """When to call `tick`, in the node's time; infinite if nothing is planned."""
         with self.node.guard:
             wakeup = self.node.next_wakeup if self._restarts_at is None else self._restarts_at
-            # Whoever asks sleeps until then: from here on, only what is planned for sooner has to wake them.
+            # Whoever asks sleeps until then: from now on, only something that is planned for sooner has to wake them.
             self.plan.soonest = wakeup
             return wakeup
 
@@ -95,7 +98,7 @@ class Station:
     def bus_lost(self, now: float) -> None:
         """Tell the node that the bus is lost."""
         with self.node.guard:
-            # The transfer they belong to is given up: after the gap they would answer a question nobody asks any more.
+            # The transfer they belong to is given up: after the gap nobody is waiting for these answers.
             self.gatekeeper.mailboxes.withdraw(self.node.device.sdo_answers)
             self._do(self.node.bus_lost, now)
 
@@ -114,12 +117,12 @@ class Station:
 
     def _fail(self, error: BaseException, now: float) -> list[Frame]:
         """Stop a node that has raised an exception, report that, and end it or have it restarted later."""
-        frames = self.node.failed(error, now)  # stops first, whatever becomes of the node
+        frames = self.node.failed(error, now)  # stops come first, whatever happens to the node
         text = f"{type(error).__name__}: {error}"
         if self._on_error is OnError.END:
             self.failure = NodeFailed(f"{self.node.name} has failed and ended: {text}")
             self.node.switched_off()
-            pause, what = inf, "it has ended"  # inf: like one that waits for ever
+            pause, what = inf, "it has ended"  # inf: as if it waited for ever
         else:
             pause = self._backoff.pause(now)
             what = f"it is restarted in {pause:g} s"
@@ -132,7 +135,7 @@ class Station:
         with self.node.guard:
             if self._restarts_at is not None:
                 return
-            try:  # as `_do`, written out: every frame goes through here
+            try:  # the same as `_do`, written out: every frame goes through here
                 frames = self.node.receive(frame, now)
             except (Exception, SystemExit) as error:
                 if self._on_error is None:
@@ -147,23 +150,96 @@ class Station:
     def _submit(self, frames: list[Frame], now: float) -> None:
         mailboxes, device = self.gatekeeper.mailboxes, self.node.device
         if frames and frames[0].cob_id == device.sdo_answers:
-            # One transfer at a time: a client that asks again no longer waits for the earlier answer. Without this, one
-            # that asks for block after block would let the answers pile up.
+            # One transfer at a time: a client that asks again no longer waits for the earlier answer. Without this, the
+            # answers to a client that asks for block after block would pile up.
             mailboxes.withdraw(device.sdo_answers)
         for frame in frames:
             stay = device.stay(frame)
-            # A stop is repeated: one of a kind that waits is enough.
+            # A stop is repeated: it is enough if one of a kind waits.
             if not (stay is Stay.LASTING and frame.cob_id in device.always_sent and mailboxes.holds(frame)):
                 mailboxes.submit(frame, now, stay)
 
 
 def _sizes(node: Node) -> dict[str, Any]:
-    """Return the sizes in a node's Transmit settings; nothing for a device that has none: the gatekeeper's own do."""
+    """Return the sizes in a node's Transmit settings; nothing for a device without them, which uses the defaults."""
     try:
         return {
             "table_size": node.setting("Transmit.Listener table size"),
             "mailboxes": node.setting("Transmit.Mailboxes"),
-            "mailbox_wait": node.seconds("Transmit.Mailbox wait"),
+            "mailbox_wait": node.setting("Transmit.Mailbox wait") / 1000,
         }
     except DictionaryError:
         return {}
+
+
+# A group: each node hears what the others send, as on the bus itself
+
+
+MOST_AT_ONCE = 1000
+"""Most frames among the nodes before time goes on: two nodes that answer each other for ever must not stop it."""
+
+
+class NodeGroup:
+    """Nodes that hear what comes from outside and what the others of the group send."""
+
+    def __init__(self, nodes: Sequence[Node]) -> None:
+        self.nodes = tuple(nodes)
+        self._heard_by: dict[int, list[Node]] = {}
+        self._identifiers: dict[Node, list[int]] = {}
+        self._wakeups: dict[Node, float] = {}
+        self._waiting: deque[tuple[Node | None, Frame]] = deque()
+        self._now = 0.0
+        for node in self.nodes:
+            self._note(node)
+
+    @property
+    def next_wakeup(self) -> float:
+        """Time at which `tick` wants to be called, infinite if nothing is planned."""
+        return self._now if self._waiting else min(self._wakeups.values(), default=inf)
+
+    def start(self, now: float) -> list[Frame]:
+        """Switch all nodes on."""
+        for node in self.nodes:
+            self._waiting.extend((node, frame) for frame in node.start(now))
+            self._note(node)
+        return self._settled(now)
+
+    def receive(self, frame: Frame, now: float) -> list[Frame]:
+        """Take in one frame, which may be a remote frame, and return the frames to send."""
+        self._waiting.append((None, frame))
+        return self._settled(now)
+
+    def tick(self, now: float) -> list[Frame]:
+        """Do what is due by now and return the frames to send."""
+        for node in [node for node, due in self._wakeups.items() if due <= now]:
+            self._waiting.extend((node, frame) for frame in node.tick(now))
+            self._note(node)
+        return self._settled(now)
+
+    def _settled(self, now: float) -> list[Frame]:
+        """Let the nodes hear what is waiting, and each other's answers; return what they have sent."""
+        self._now, sent = now, list[Frame]()
+        for _ in range(MOST_AT_ONCE):
+            if not self._waiting:
+                break
+            sender, frame = self._waiting.popleft()
+            if sender is not None:
+                sent.append(frame)
+            for node in tuple(self._heard_by.get(frame.cob_id, ())):
+                if node is not sender:
+                    answers = node.requested(frame.cob_id, now) if frame.is_remote else node.receive(frame, now)
+                    self._waiting.extend((node, each) for each in answers)
+                    self._note(node)
+        return sent
+
+    def _note(self, node: Node) -> None:
+        """Note when a node wants to be called and what it listens to: a master may have changed that."""
+        self._wakeups[node] = node.next_wakeup
+        identifiers = node.device.identifiers
+        before = self._identifiers.get(node)
+        if identifiers is not before:  # the device replaces the whole list
+            for each in before or ():
+                self._heard_by[each].remove(node)
+            for each in identifiers:
+                self._heard_by.setdefault(each, []).append(node)
+            self._identifiers[node] = identifiers

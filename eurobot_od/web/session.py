@@ -1,45 +1,146 @@
-"""The live bus as the page shows it: takes in every frame, and says what has changed since any moment.
+"""The live bus as the page shows it: takes in every frame, and tells what has changed since any moment.
 
-Rule of this file: one thread calls everything here but the methods of `tap`; `poll` never waits.
+Rule of this file: one thread calls everything here except the methods of `tap`; `poll` never waits.
 """
 
 from __future__ import annotations
 
 import json
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import ExitStack, suppress
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from queue import Empty, Full, Queue, SimpleQueue
+from threading import Lock
+from typing import Any
 
-from eurobot_od.errors import LocalError
+import can
+from canopen.objectdictionary import ODVariable
+
+from eurobot_od.errors import BusError, LocalError
 from eurobot_od.frame import Frame
 from eurobot_od.od.sdo_channel import SdoChannel
+from eurobot_od.od.values import NODE_IDS, SDO_RESPONSE_BASE
 from eurobot_od.traffic.entries import Damage, Raw
 from eurobot_od.traffic.meaning import Decoder
 from eurobot_od.traffic.monitor.sources import BusSource
 from eurobot_od.traffic.monitor.traffic import Traffic
 from eurobot_od.traffic.recorder import recording
-from eurobot_od.web.content import defects, event_data, values
+from eurobot_od.web.page import defects, event_data, values
 from eurobot_od.web.panel import PageEvent, Panel, service_events
-from eurobot_od.web.polled import PolledObject
-from eurobot_od.web.tap import Tap
 
-if TYPE_CHECKING:
-    import can
+# A second bus on one adapter, for a master that asks nodes while the session takes every frame
+
+
+DEFAULT_ANSWERS = frozenset(SDO_RESPONSE_BASE + node for node in NODE_IDS)
+"""COB-IDs of SDO answers where no file gives others."""
+
+MOST_WAITING = 1000
+"""Most frames that wait for the master; the oldest make room."""
+
+PATIENCE = 0.5
+"""Seconds that the driver has to accept a frame."""
+
+
+class Tap(can.BusABC):
+    """A bus for a master: it sends by another's `send`, and receives what it is given.
+
+    It is given the SDO answers; `moved` are the COB-IDs of those that a file has moved. While there is `trouble` with
+    the bus, sending raises it as a BusError.
+    """
+
+    def __init__(self, send: Callable[[Frame, float], bool], moved: Iterable[int] = ()) -> None:
+        super().__init__(channel="tap")
+        self.channel_info = "bus"
+        self._send_by, self._wanted = send, DEFAULT_ANSWERS.union(moved)
+        self.trouble = ""
+        self._lock = Lock()
+        self._came: Queue[can.Message] = Queue(MOST_WAITING)
+        self._sent: SimpleQueue[Frame] = SimpleQueue()
+
+    def give(self, frame: Frame) -> None:
+        """Pass a frame to the master if it listens to it."""
+        if frame.cob_id not in self._wanted or frame.is_remote:
+            return
+        message = can.Message(arbitration_id=frame.cob_id, data=frame.data, is_extended_id=False)
+        with suppress(Full):  # only this thread puts anything in
+            if self._came.full():
+                with suppress(Empty):  # the master was quicker
+                    self._came.get_nowait()
+            self._came.put_nowait(message)
+
+    def send_frame(self, frame: Frame) -> None:
+        """Send a frame; raises BusError if the driver does not take it."""
+        with self._lock:
+            if self.trouble:
+                raise BusError(self.trouble)
+            if not self._send_by(frame, PATIENCE):
+                raise BusError("the bus did not take the frame: is another node there to acknowledge it?")
+        self._sent.put(frame)
+
+    def sent(self) -> list[Frame]:
+        """Return what was sent since the last call: a bus does not return a frame to its sender."""
+        return [self._sent.get() for _ in range(self._sent.qsize())]
+
+    # what python-can asks of a bus
+
+    def send(self, msg: can.Message, timeout: float | None = None) -> None:
+        self.send_frame(Frame(msg.arbitration_id, bytes(msg.data)))
+
+    def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
+        try:
+            return self._came.get(timeout=timeout), False
+        except Empty:
+            return None, False
+
+
+POLL_PERIOD = 0.25
+"""Seconds between two readings of all polled objects."""
+
+MOST_POLLED = 16
+"""Most objects that are polled at once, for all browsers together."""
+
+
+POLLED_FOR = 15.0
+"""Seconds for which an object is polled after a request; a page that still plots it asks again before that."""
+
+
+@dataclass
+class PolledObject:
+    """An object of a node, its last value with the time of reading it, and until when it is read.
+
+    `turn` is the session's turn of the last reading, for snapshots.
+    """
+
+    node_id: int
+    thing: ODVariable
+    time: float = 0.0
+    value: Any = None
+    trouble: str = ""
+    turn: int = -1
+    wanted_until: float = 0.0
+
+    def shown(self) -> dict[str, Any]:
+        """Return it as data."""
+        return {"time": round(self.time, 4), "value": self.value, "trouble": self.trouble}
+
+
+# The session
+
 
 MOST_EVENTS = 2000
-"""Events that are kept; the oldest make room."""
+"""Most events that are kept; the oldest make room."""
 
 MOST_RECORDED = 10_000_000
-"""Frames of a recording, about half a gigabyte; it ends there by itself."""
+"""Most frames of a recording, about half a gigabyte; it then ends by itself."""
 
 
 class Session:
-    """A bus that is watched. `open_bus` opens it, here and whenever it is lost; raises BusError here.
+    """A bus that is watched.
 
-    `now` counts the seconds since then. `trouble` is what is wrong with the bus, `` while all is well, `panels` are
-    what is shown beside frames.
+    `open_bus` opens it, now and whenever it is lost; raises BusError now. `now` counts the seconds since then.
+    `trouble` is what is wrong with the bus, empty while all is well; `panels` are shown beside the frames.
     """
 
     def __init__(
@@ -69,7 +170,7 @@ class Session:
 
     @property
     def now(self) -> float:
-        """The present in s since the start."""
+        """The present time in seconds since the start."""
         return self._clock() - self._started
 
     @property
@@ -105,14 +206,14 @@ class Session:
                     self._enter(event)
 
     def _enter(self, event: PageEvent) -> None:
-        self._events.pop(event.key, None)  # what has changed is the newest
+        self._events.pop(event.key, None)  # an event that has changed becomes the newest
         self._events[event.key] = self.turn, event
         if len(self._events) > MOST_EVENTS:
             del self._events[next(iter(self._events))]
 
     def close(self) -> None:
-        """Let the bus go, end a recording; raises OSError if that cannot be written to its end, BusError."""
-        with ExitStack() as leaving:  # one that fails keeps no other from its end
+        """Let go of the bus and end a recording; raises OSError if that cannot be finished, BusError."""
+        with ExitStack() as leaving:  # if one fails, the others are still closed
             leaving.callback(self.tap.shutdown)
             leaving.callback(self._source.close)
             self._recording.stop()
@@ -120,7 +221,7 @@ class Session:
     # What is shown
 
     def snapshot(self, since: int, **more: object) -> str:
-        """Write as JSON what has changed after a `turn`, -1 for all of it."""
+        """Return as JSON what has changed after a `turn`, -1 for everything."""
         load, rate = self._load
         now = self.now
         head = {
@@ -146,11 +247,11 @@ class Session:
             **more,
         }
         rows = ",".join(self._row(key) for key, turn in self._changed.items() if turn > since)
-        # Put together by hand: a row is text already, made once for all browsers.
+        # Put together by hand: a row is already text, made once for all browsers.
         return f'{json.dumps(head)[:-1]}, "rows": [{rows}]}}'
 
     def _row(self, key: int | Damage) -> str:
-        """Write a row; for all browsers once."""
+        """Return a row as JSON, made once for all browsers."""
         row = self._traffic.rows[key]
         count, text = self._written.get(key, (0, ""))
         if count == row.count:
@@ -176,7 +277,7 @@ class Session:
     # Recording
 
     def record(self, folder: Path) -> None:
-        """Start to write every frame to a log in a folder; raises LocalError if that is being done already."""
+        """Start to write every frame to a log in a folder; raises LocalError if a recording is under way."""
         self._recording.start(folder)
 
     def stop_recording(self) -> None:
@@ -213,7 +314,7 @@ class LogRecording:
                 self.stop()
         except OSError as error:  # a full disk ends the recording and nothing else
             self._trouble = f"the recording has ended: {error}"
-            with suppress(OSError):  # of the same disk
+            with suppress(OSError):  # on the same disk
                 self.stop()
 
     def stop(self) -> None:

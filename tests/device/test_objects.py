@@ -11,8 +11,10 @@ from eurobot_od.device.device import Device
 from eurobot_od.device.objects import Objects
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.values import Address
-from eurobot_od.sdo.wire import Abort, AbortCode
+from eurobot_od.sdo.aborts import Abort, Reason
+from eurobot_od.sdo.wire import AbortCode
 from tests.device.master import wired
+from tests.rows import rows
 
 UNREADABLE: list[tuple[Address, AbortCode, str]] = [
     ((0x2999, 0), AbortCode.NO_OBJECT, "no such object"),
@@ -49,7 +51,7 @@ UNWRITABLE: list[tuple[Address, int, int, AbortCode, str]] = [
 ]
 
 
-@pytest.mark.parametrize(("address", "value", "size", "code", "why"), UNWRITABLE)
+@rows("address, value, size, code, why", UNWRITABLE)
 def test_a_refused_write_names_the_cause_and_changes_nothing(
     address: Address, value: int, size: int, code: AbortCode, why: str
 ) -> None:
@@ -67,7 +69,7 @@ def test_one_node_is_not_watched_twice() -> None:
 def test_a_setting_takes_effect_at_once() -> None:
     wire = wired()
     wire.write(0x2101, 1, 321, size=2)
-    assert wire.device.setting("Motion.Maximum speed") == 321
+    assert wire.device.number((0x2101, 1)) == 321
 
 
 @pytest.mark.parametrize("dialect", ["canopen", "firmware2014"])
@@ -157,7 +159,7 @@ def test_a_file_may_have_16_mib_and_a_text_64_kib(
 def test_more_than_that_is_refused_before_it_comes(tmp_path: Path, address: Address, size: int) -> None:
     with pytest.raises(Abort) as refusal:
         described(tmp_path).admit(address, size)
-    assert refusal.value.code == AbortCode.OUT_OF_MEMORY
+    assert refusal.value.reason is Reason.OUT_OF_MEMORY
 
 
 @pytest.mark.parametrize(

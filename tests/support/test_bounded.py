@@ -10,6 +10,7 @@ import pytest
 from eurobot_od.errors import DictionaryError
 from eurobot_od.support import bounded
 from tests.cli.console import run
+from tests.rows import rows
 
 COMMANDS = [
     "lint {}.eds",
@@ -24,7 +25,7 @@ COMMANDS = [
 ]
 
 
-@pytest.mark.parametrize("command", COMMANDS)
+@rows("command", COMMANDS)
 def test_a_file_that_is_too_large_is_one_line(
     command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

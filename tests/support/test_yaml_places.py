@@ -30,6 +30,7 @@ from eurobot_od.support.yaml_places import (
     scalar,
     text,
 )
+from tests.rows import rows
 
 
 class Pair(NamedTuple):
@@ -74,12 +75,12 @@ def shown(problems: Problems) -> list[str]:
     return [f"{line}:{column}: {what}" for (line, column), what in problems]
 
 
-@pytest.mark.parametrize(("reader", "source", "value"), VALID)
+@rows("reader, source, value", VALID)
 def test_reads(reader: object, source: str, value: object) -> None:
     assert read_yaml(source, reader, []) == value  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize(("reader", "source", "what"), INVALID)
+@rows("reader, source, what", INVALID)
 def test_tells_place_and_reason(reader: object, source: str, what: str) -> None:
     problems: Problems = []
     with pytest.raises(ReadError):
@@ -169,7 +170,7 @@ def parts(node: yaml.Node) -> Iterator[tuple[object, ...]]:
             yield from parts(each)
 
 
-@pytest.mark.parametrize("source", [*(file.read_text() for file in OURS), *LOOK_ALIKE])
+@rows("source", [*(file.read_text() for file in OURS), *LOOK_ALIKE])
 def test_all_parsers_read_the_same(source: str) -> None:
     read = [[list(parts(node)) for node in yaml.compose_all(source, parser)] for parser in PARSERS]
     assert read[0]

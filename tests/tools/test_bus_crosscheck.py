@@ -8,28 +8,21 @@ import bus_crosscheck
 import pytest
 from bus_crosscheck import attempt, crosscheck, random_set, summary, worst_frame, wrong
 
-from eurobot_od.bus.simulated.bits import frame_bits
-from eurobot_od.traffic.load import analysis, frames
-from eurobot_od.traffic.load.frames import longest_frame
-from eurobot_od.traffic.load.message_set import ErrorRate
+from eurobot_od.bus import bits
+from eurobot_od.bus.bits import frame_bits, longest_frame
+from eurobot_od.traffic.load import analysis
+from tests.rows import rows
 
 
-@pytest.mark.parametrize("rate", bus_crosscheck.RATES)
-@pytest.mark.parametrize("number", [0, 3, 4, 5])
-def test_nothing_is_later_than_its_bound_and_something_is_near_it(number: int, rate: ErrorRate) -> None:
-    outcome = attempt(number, 2000, rate)
+@rows("number", [0, 3, 4, 5])
+def test_nothing_is_later_than_its_bound_and_something_is_near_it(number: int) -> None:
+    outcome = attempt(number, 2000)
     assert outcome.frames >= 1990  # as near as whole messages come
     assert not wrong(outcome), outcome
 
 
-def test_errors_make_messages_late_and_are_needed_in_the_analysis(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(bus_crosscheck, "SPOILED", 0.3)
-    monkeypatch.setattr(analysis.BitErrors, "within", lambda *_: 0)
-    assert attempt(5, 2000, bus_crosscheck.RATES[1]).over
-
-
 def test_a_bound_that_is_too_low_is_seen(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(frames, "STUFFABLE", 26)  # a byte less than a frame has
+    monkeypatch.setattr(bits, "STUFFABLE", 26)  # a byte less than a frame has
     messages, bit_rate = random_set(Random("set 4"))
     outcome = crosscheck("set 4", messages, bit_rate, 500)
     assert wrong(outcome)
@@ -43,8 +36,8 @@ def test_mailboxes_are_needed_in_the_analysis(monkeypatch: pytest.MonkeyPatch) -
     assert attempt(0, 500).over
 
 
-@pytest.mark.parametrize("identifier", [0x000, 0x0AA, 0x555, 0x7FF])
-@pytest.mark.parametrize("length", [0, 1, 4, 8])
+@rows("identifier", [0x000, 0x0AA, 0x555, 0x7FF])
+@rows("length", [0, 1, 4, 8])
 def test_the_worst_frame_that_is_found_is_nearly_the_longest(identifier: int, length: int) -> None:
     frame = worst_frame(identifier, length)
     assert (frame.cob_id, len(frame.data)) == (identifier, length)
@@ -54,4 +47,4 @@ def test_the_worst_frame_that_is_found_is_nearly_the_longest(identifier: int, le
 @pytest.mark.long
 def test_the_command(capsys: pytest.CaptureFixture[str]) -> None:
     assert bus_crosscheck.main(["--frames", "100", "--sets", "1", "--jobs", "1"]) == bus_crosscheck.FINE
-    assert "frames of 10 sets: 0 response times over their bound" in capsys.readouterr().out
+    assert "frames of 5 sets: 0 response times over their bound" in capsys.readouterr().out

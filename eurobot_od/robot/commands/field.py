@@ -19,8 +19,7 @@ from eurobot_od.robot.panel.files import SeenMatch, form, save
 from eurobot_od.robot.picture.recording import NOTHING, Truth
 from eurobot_od.robot.picture.truth_file import read_truth
 from eurobot_od.traffic.entries import REMEMBERED
-from eurobot_od.traffic.meaning import Meaning
-from eurobot_od.traffic.statistics import DamageCounts
+from eurobot_od.traffic.meaning import DamageCounts, Meaning
 
 
 def field(

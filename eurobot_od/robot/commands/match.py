@@ -58,7 +58,7 @@ class NodesAndWorld:
 
     GROUP = Group("our nodes and the world, each option repeatable")
 
-    fault: Annotated[Faults, "give a node a fault; `eurobot-od faults` lists them"] = ()
+    fault: Annotated[Faults, "give a node a fault; `faults` lists them"] = ()
     values: Annotated[
         Sequence[tuple[str, str]],
         Option("--set"),
@@ -227,7 +227,7 @@ def too_slow(robot: Plugin, dialect: str | None, bit_rate: int) -> str:
     from eurobot_od.traffic.load.report import load_report, summary
 
     found = load_report(of_robot(robot, dialect), bit_rate)
-    return "" if found.holds else f"this bus is too slow: {summary(found)}; see `eurobot-od load -b {bit_rate}`"
+    return "" if found.holds else f"this bus is too slow: {summary(found)}; see `load -b {bit_rate}`"
 
 
 def _refuse_what_does_not_go_with_one_match(asked: AskedMatch) -> None:
@@ -265,10 +265,9 @@ def _show(coloured: bool, event: MatchEvent) -> None:
 
 def _run_many(asked: AskedMatch, seeds: range, options: MatchOptions) -> ExitStatus:
     """Play all seeds and print what they came to; status 1 if something went wrong in a match."""
-    from eurobot_od.robot.match import histogram  # one match starts without
-    from eurobot_od.robot.match.played import PlayedMatch
+    from eurobot_od.robot.match.played import PlayedMatch  # one match starts without
     from eurobot_od.robot.match.seeds import SEED, play_many, settings
-    from eurobot_od.robot.match.statistics import report
+    from eurobot_od.robot.match.statistics import bar_marks, report
 
     asked.refuse(("speed", "seed", "field", *OF_A_BUS), "is for one match, and does not go with --seeds")
     log = None if asked.log is None else str(asked.log)
@@ -285,7 +284,7 @@ def _run_many(asked: AskedMatch, seeds: range, options: MatchOptions) -> ExitSta
             if asked.as_json:
                 print(json.dumps(match.as_data()))
     if not asked.as_json:
-        print(*report(played, histogram.marks(sys.stdout.encoding)), sep="\n")
+        print(*report(played, bar_marks(sys.stdout.encoding)), sep="\n")
     return ExitStatus.FOUND if any(match.wrong for match in played) else ExitStatus.FINE
 
 

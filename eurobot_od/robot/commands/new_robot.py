@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-import os
+import re
 from collections.abc import Iterator
+from importlib.util import find_spec
+from keyword import iskeyword
 from pathlib import Path
 from typing import Annotated
 
 from eurobot_od import plugin
-from eurobot_od.cli import RobotName
+from eurobot_od.cli import PROGRAM, RobotName
 from eurobot_od.cli.signature import Option
 from eurobot_od.errors import LocalError
 
@@ -16,14 +18,27 @@ FILES = Path(__file__).parents[1] / "new_robot"
 """What a new robot is made of; each file has `.new` at the end of its name, as it is not a part of this package."""
 
 SUFFIX = ".new"
-NAME = "NAME"
-"""What stands for the robot's name."""
+
+OF_PACKAGE = ("pyproject.toml", "eurobot-od.yaml", "__init__.py")
+"""Files of a package, which pip installs."""
+
+OF_FOLDER = ("conftest.py",)
+"""Files of a folder, which `--robot` names."""
+
+AT_ROOT = {
+    "README.md": "README.md",
+    "pyproject.toml": "pyproject.toml",
+    "eurobot-od.yaml": "eurobot-od.yaml",
+    "test_robot.py": "tests/test_robot.py",
+}
+"""Files of a package that are not in the folder of its modules, and where they are."""
 
 
 def new_robot(
     folder: Annotated[Path, Option(metavar="FOLDER"), "where it goes: a new folder, or an empty one"],
     *,
     name: Annotated[str | None, "what the robot is called; left out: the folder's name"] = None,
+    package: Annotated[bool, "a package, which `pip install .` makes an installed robot"] = False,
     robot_name: RobotName = None,
 ) -> None:
     """Write a robot of your own that works at once: its table, EDS files, a node, a strategy and checks, to be changed.
@@ -36,24 +51,53 @@ def new_robot(
     # It goes into YAML, Python and an EDS as it is: a quote would end a string there, and an EDS is ASCII.
     if not (called.isprintable() and called.isascii()) or set(called) & set("\"'\\"):
         raise LocalError(f"--name {called}: printable ASCII characters without quotes and backslashes")
-    for file, text in _texts(called, plugin.find(robot_name).table):
+    module = _package(called) if package else ""
+    for file, text in _texts(called, module, plugin.find(robot_name).table):
         (folder / file).parent.mkdir(parents=True, exist_ok=True)
         (folder / file).write_text(text, encoding="utf-8")
         print(folder / file)
-    print(f"\ntry it:  cd {folder}{os.linesep}         eurobot-od match --field match.svg")
+    steps = [f"cd {folder}", *(["pip install -e ."] if package else [])]
+    steps += [f"{PROGRAM} match --field match.svg{'' if package else ' --robot .'}"]
+    print("\ntry it:", *steps, sep="\n  ")
 
 
-def _texts(name: str, table: Path | None) -> Iterator[tuple[str, str]]:
-    """Give the files of a new robot, those that its table makes among them."""
-    from eurobot_od.od.make.files import make_files  # with canopen
+def _package(name: str) -> str:
+    """Return what a robot's package is called; raises LocalError for a name that Python, or a module, has already."""
+    package = re.sub(r"\W+", "_", name.lower()).strip("_")
+    if not package.isidentifier() or iskeyword(package):
+        raise LocalError(f"--name {name}: a package's name begins with a letter and is not a word of Python")
+    if (found := find_spec(package)) and found.origin:  # an empty folder has none
+        raise LocalError(f"--name {name}: there is a module {package} already: {found.origin}")
+    return package
+
+
+def _texts(name: str, package: str, table: Path | None) -> Iterator[tuple[str, str]]:
+    """Give the files of a new robot, those that its table makes among them; `package` is `` for a folder.
+
+    In them NAME is what the robot is called, FOLDER/ and TESTS/ where its files are, PACKAGE. what its modules are
+    imported from, and SETUP what is typed first.
+    """
     from eurobot_od.od.make.table import read_table
+    from eurobot_od.od.make.text import make_files
 
+    inside, at_root = (f"{package}/", AT_ROOT) if package else ("", {})
+    words = {
+        "PACKAGE.": f"{package}." if package else "",
+        "PACKAGE": package,
+        "FOLDER/": inside,
+        "TESTS/": "tests/" if package else "",
+        "SETUP": "pip install -e ." if package else 'export EUROBOT_OD_ROBOT="$PWD"',
+        "NAME": name,
+    }
     for file in sorted(FILES.rglob(f"*{SUFFIX}")):
-        text = file.read_text(encoding="utf-8").replace(NAME, name)
-        yield str(file.relative_to(FILES)).removesuffix(SUFFIX), text
+        path = file.relative_to(FILES).as_posix().removesuffix(SUFFIX)
+        if path in (OF_FOLDER if package else OF_PACKAGE):
+            continue
+        text = re.sub("|".join(map(re.escape, words)), lambda found: words[found[0]], file.read_text(encoding="utf-8"))
+        yield at_root.get(path, f"{inside}{path}"), text
         if file.stem == "protocol.yaml":
-            made = make_files(read_table(text, file, lambda named: plugin.find(named).table))
-            yield from ((f"eds/{path}", content) for path, content in made.items())
+            made = make_files(read_table(text, file, plugin.table_of))
+            yield from ((f"{inside}eds/{path}", content) for path, content in made.items())
     facts = table.with_name("robot.yaml") if table else None
     if facts and facts.is_file():
-        yield "eds/robot.yaml", facts.read_text(encoding="utf-8")
+        yield f"{inside}eds/robot.yaml", facts.read_text(encoding="utf-8")

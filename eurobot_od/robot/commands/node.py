@@ -51,7 +51,7 @@ class NodeOptions:
     world: Annotated[
         WorldAddress | None,
         Option(metavar="[TOKEN@]HOST:PORT", read=WorldAddress.parse),
-        "wheels, beacons, sensor in `eurobot-od world`",
+        "wheels, beacons, sensor in `world`",
     ] = None
     strategy: Annotated[
         str | None,
@@ -106,7 +106,7 @@ class NodeScene:
         """Do what a core does by the options; None if the node is to go on. Raises BusError, NoAnswer."""
         end = inf if self.run.duration is None else live.clock() + self.run.duration
         if self.options.beacons:
-            from eurobot_od.robot.world.assembly import assemble
+            from eurobot_od.robot.world.instruments import assemble
 
             assemble([self.node], MatchOptions(), live.clock)  # our robot stands, the others are on their rounds
         if not isinstance(self.node, Core):
@@ -125,7 +125,7 @@ def _strategy(name: str) -> Strategy:
 
 def enter(node: Node, world: WorldAddress, duration: float | None) -> tuple[RemoteVehicle, MatchOptions]:
     """Equip a node with instruments in a world."""
-    from eurobot_od.robot.world.assembly import equip
+    from eurobot_od.robot.world.instruments import equip
     from eurobot_od.robot.world.remote import RemoteVehicle
 
     vehicle = RemoteVehicle(world, report=partial(print, flush=True))
@@ -141,7 +141,7 @@ def _play(
     """Play the match; status 1 if the strategy raised."""
     from eurobot_od.bus.live import FrameReader
     from eurobot_od.pdo.protocol import Protocol
-    from eurobot_od.robot.match.apart import Led
+    from eurobot_od.robot.match.stage import Led
     from eurobot_od.robot.match.summary import FrameCounter
 
     counter = FrameCounter(Protocol.of_devices(run.robot.dialects.load_all(run.dialect), run.robot.catalogue()))
@@ -166,6 +166,6 @@ def _lead(core: Core, options: NodeOptions, left: Callable[[], float]) -> None:
     if options.drill:
         from eurobot_od.robot.check.drill import drill
 
-        with suppress(asyncio.TimeoutError):
+        with suppress(TimeoutError):
             # Cancelled and not left alone: the goto under way has to end as well, with the robot standing.
             asyncio.run(asyncio.wait_for(drill(core), left()))

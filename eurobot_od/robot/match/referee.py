@@ -1,6 +1,6 @@
-"""A match around a strategy: it starts up the nodes, lets the strategy play, and sees to the end.
+"""A match around a strategy: the referee starts up the nodes, lets the strategy play, and brings it to its end.
 
-Rule of this file: it knows neither bus nor clock, so that the same coroutine runs in simulated and in real time.
+The referee has neither bus nor clock, so that the same coroutine runs in simulated and in real time.
 """
 
 from __future__ import annotations
@@ -8,6 +8,7 @@ from __future__ import annotations
 import asyncio
 import traceback
 from collections.abc import Callable, Coroutine
+from concurrent.futures import CancelledError, Future
 from functools import partial
 from math import ceil, inf
 from pathlib import Path
@@ -15,44 +16,124 @@ from typing import Any, TypeAlias
 
 from eurobot_od.bus.live.event_loop import exited
 from eurobot_od.bus.live.signals import Terminated
-from eurobot_od.bus.live.watchdog import Hang
+from eurobot_od.bus.live.watchdog import Hang, caller
+from eurobot_od.device.flow import Call
 from eurobot_od.errors import LocalError, ProgramFailed, RemoteError, StateError
-from eurobot_od.robot.model.messages import DIAMETERS, KalmanPositionResponse
+from eurobot_od.robot.model.messages import DIAMETERS, GotoXY, KalmanPositionResponse
 from eurobot_od.robot.model.options import MatchOptions
-from eurobot_od.robot.model.places import Pose
+from eurobot_od.robot.model.places import Point, Pose
+from eurobot_od.robot.model.values import Outcome
 from eurobot_od.robot.nodes.core import Core
+from eurobot_od.robot.nodes.goto import GotoReport
 from eurobot_od.robot.world.timeline import EventKind, Timeline
 
+# The observer, who tells the timeline what a strategy does and what happens to it; a strategy need not tell it itself
+
+
+AHEAD = " ahead"
+"""How the core ends the reason of a stop for something that its distance sensor saw."""
+
+
+class Observer:
+    """Watches a core's gotos and tasks, and changes nothing; `truth` gives the true pose of its robot.
+
+    `errors` are the distances between the believed and the true position at each arrival, mm.
+    """
+
+    def __init__(self, core: Core, timeline: Timeline, truth: Callable[[], Pose]) -> None:
+        self.errors: list[float] = []
+        self._core, self._timeline, self._truth = core, timeline, truth
+        core.observe = self._began
+
+    def _began(self, what: GotoXY | str, call: Call[Any]) -> None:
+        begin = self._timeline.clock()
+        # `caller` is looked up now: when the call ends, the strategy's line is no longer on the stack.
+        call.add_done_callback(partial(self._ask_for, "act" if isinstance(what, str) else "goto", caller()))
+        if isinstance(what, str):
+            call.add_done_callback(partial(self._did, what))
+            return
+        place = f"({what.x}, {what.y}) {what.angle} deg, {what.speed} %"
+        self._timeline.tell(
+            EventKind.GOTO, place, goto=what._asdict() | {"barriers": self._core.facts.words(what.barriers)}
+        )
+        call.add_done_callback(partial(self._ended, begin))
+
+    def _ask_for(self, name: str, where: str, call: Call[Any]) -> None:
+        """Warn of a call that has ended without anybody awaiting it."""
+        if not call.is_wanted:
+            self._timeline.tell(
+                EventKind.WARNING, f"{where}: nobody awaits this {name}; write `await core.{name}(...)`"
+            )
+
+    def _did(self, task: str, call: Future[int]) -> None:
+        if not call.cancelled() and call.exception() is None:
+            self._timeline.tell(EventKind.TASK, f"{task}: {call.result() or 'nothing'}", task=task, gain=call.result())
+
+    def _ended(self, begin: float, call: Future[GotoReport]) -> None:
+        try:
+            report = call.result()
+        except CancelledError:
+            self._tell_end("cancelled", "", self._timeline.clock() - begin)
+        except Exception as error:  # the strategy gets it, too: it may know what to do
+            self._tell_end("failed", str(error), self._timeline.clock() - begin)
+        else:
+            if report.outcome is Outcome.ARRIVED:
+                self._tell_arrival(report)
+                return
+            # The core stopped by itself: the strategy made no call that could be observed.
+            if report.why.endswith(AHEAD):
+                self._timeline.tell(EventKind.STOP, f"emergency stop: {report.why}", obstacle=report.why[: -len(AHEAD)])
+            self._tell_end(report.outcome.value, report.why, report.ended)
+
+    def _tell_end(self, outcome: str, why: str, seconds: float) -> None:
+        text = f"{outcome} after {seconds:.2f} s" + f": {why}" * bool(why)
+        self._timeline.tell(EventKind.GIVEN_UP, text, outcome=outcome, why=why or None, seconds=seconds)
+
+    def _tell_arrival(self, report: GotoReport) -> None:
+        # Where it believes it is, not where it was sent: the distance from the truth is then the filter's error alone.
+        place = self._core.positions[KalmanPositionResponse].position
+        truth, goto, seconds = self._truth(), report.goto, report.ended
+        error = truth.distance(Point(place.x or 0, place.y or 0))
+        self.errors.append(error)
+        off = {"error": round(error, 1), "distance": round(truth.distance(Point(goto.x, goto.y)), 1)}
+        details = f"confirmed after {(report.confirmed or 0) * 1000:.1f} ms, position error {error:.0f} mm"
+        text = f"after {seconds:.2f} s ({details})"
+        self._timeline.tell(EventKind.ARRIVED, text, seconds=seconds, confirmed=report.confirmed, **off)
+
+
+# The referee
+
+
 Strategy: TypeAlias = Callable[[Core], Coroutine[Any, Any, Any]]
-"""A team's program: a coroutine that awaits the core's calls. It begins with the match, and is cancelled at its end."""
+"""A team's program: a coroutine that awaits the core's calls. It starts with the match, and is cancelled at its end."""
 
 LOOKS = 0.05
-"""How often the referee checks whether the match is over, s."""
+"""Seconds between two checks whether the match is over."""
 
 MOMENT = 0.001
-"""The shortest wait, s: without it, no time would pass for a core whose match is just about to end."""
+"""The shortest wait in seconds: without it, no time would pass for a core whose match is just about to end."""
 
 FIRST_POSITION = 5.0
-"""Seconds until the first position should have come: the polling's start delay, and several periods."""
+"""Seconds within which the first position should have come: the polling's start delay, and several periods."""
 
 SETTLED = 1.0
-"""After a stop the robot stands still within this time, s."""
+"""Seconds after a stop within which the robot stands still."""
 
 SEEN_TO_STAND = 0.5
-"""How long a robot that was already seen to stand is watched, s."""
+"""Seconds for which a robot is watched that was already seen to stand."""
 
 LAST_LINES = 5
-"""How many lines of a strategy's traceback are shown: what it raised, and the two lines that led there."""
+"""Lines of a strategy's traceback that are shown: what it raised, and the two lines that led there."""
 
 PACKAGE = Path(__file__).resolve().parents[2]
-"""Where this package lies: what is called in there says nothing to the team."""
+"""The folder of this package: calls inside it mean nothing to the team."""
 
 CARETS = " ~^"
-"""What Python 3.11 and later underline the place in a line with."""
+"""The characters with which Python 3.11 and later underline the place in a line."""
 
 
 def _last_lines(error: BaseException) -> str:
-    """Return the end of a traceback, without what is inside of this package, or generated, unless it has no other."""
+    """Return the end of a traceback, without calls in this package or generated code, unless there are no others."""
     told = traceback.TracebackException.from_exception(error)
     foreign = [frame for frame in told.stack if frame.line and PACKAGE not in Path(frame.filename).resolve().parents]
     told.stack = traceback.StackSummary.from_list(foreign or told.stack)
@@ -61,7 +142,7 @@ def _last_lines(error: BaseException) -> str:
 
 
 async def _played(strategy: Strategy, core: Core) -> None:
-    """Let a strategy play; raises ProgramFailed for one that would end the whole program."""
+    """Let a strategy play; raises ProgramFailed if it tries to end the whole program."""
     try:
         await strategy(core)
     except Terminated:
@@ -71,21 +152,21 @@ async def _played(strategy: Strategy, core: Core) -> None:
 
 
 def _count(number: int, one: str, several: str = "") -> str:
-    """Write a number with its noun: `no enemies`, `1 enemy`, `2 enemies`."""
+    """Return a number with its noun: `no enemies`, `1 enemy`, `2 enemies`."""
     return f"{number or 'no'} {one if number == 1 else several or one + 's'}"
 
 
 class Referee:
-    """A match that a strategy plays by `core`; what happens goes into `timeline`.
+    """A match that a strategy plays with `core`; what happens goes into `timeline`.
 
-    `truth` gives the true pose of the robot. `failure` is the last lines of the traceback if the strategy raised.
-    Raises LocalError for an emergency that is not within the match.
+    `truth` gives the true pose of the robot. `failure` has the last lines of the traceback if the strategy raised.
+    Raises LocalError for an emergency outside the match.
     """
 
     def __init__(self, core: Core, options: MatchOptions, timeline: Timeline, truth: Callable[[], Pose]) -> None:
         self.core, self.options, self.timeline, self.clock, self._truth = core, options, timeline, timeline.clock, truth
         self.failure: str | None = None
-        self._duration = options.duration or float(core.setting("Match.Match duration"))
+        self._duration = options.duration or float(core.match_duration)
         if options.emergency_at is not None and options.emergency_at >= self._duration:
             text = f"an emergency at {options.emergency_at:g} s is not within the match of {self._duration:g} s"
             raise LocalError(text)
@@ -105,7 +186,7 @@ class Referee:
         self.timeline.tell(EventKind.CHECK, answers, seconds=answered)
         options = self.options
         enemies = (self.core.facts.others[each] for each in DIAMETERS)
-        # The diameter in cm of a radius in mm, rounded up: strategies keep clear of it.
+        # The diameter in cm for a radius in mm, rounded up: strategies keep clear of it.
         diameters = [ceil(each.radius / 5) * (number < options.enemies) for number, each in enumerate(enemies)]  # cm
         took = await self.core.configure_start(options.team, options.enemies, options.confederates, *diameters)
         others = f"{_count(options.enemies, 'enemy', 'enemies')}, {_count(options.confederates, 'confederate')}"
@@ -114,7 +195,7 @@ class Referee:
         patience = self.clock() + FIRST_POSITION
         while KalmanPositionResponse not in self.core.positions:
             await asyncio.sleep(LOOKS)
-            # Polling may have lost its first answers, and a strategy needs a place to start from.
+            # The first answers of the polling may have been lost, and a strategy needs a place to start from.
             if self.clock() > patience:
                 await self.core.position()
         seen = self.core.positions[KalmanPositionResponse].position
@@ -130,7 +211,7 @@ class Referee:
         self.timeline.tell(EventKind.MATCH, f"begins, {self._duration:g} s long", duration=self._duration)
         self.core.start_match(self._duration)
         loop, playing = asyncio.get_running_loop(), asyncio.ensure_future(_played(strategy, self.core))
-        # Live, the core runs in the bus's thread, and a task may be cancelled in its loop's thread only.
+        # On a live bus the core runs on the bus's thread, and only its loop's own thread may cancel a task.
         self.core.at_match_end = partial(loop.call_soon_threadsafe, playing.cancel)
         try:
             while not (self._over or self.core.match_over):
@@ -160,8 +241,8 @@ class Referee:
             self.timeline.tell(EventKind.FAILED, str(unseen))
 
     async def _end_strategy(self, playing: asyncio.Future[Any]) -> None:
-        """Cancel a strategy that is still going on, and let it clean up."""
-        # It gets a moment for its `finally`; one that swallows the cancellation is reported, and not waited for.
+        """Cancel a strategy that is still running, and let it clean up."""
+        # It gets a moment for its `finally`; one that swallows the cancellation is reported, and not awaited.
         if playing.cancel():
             await asyncio.wait([playing], timeout=SETTLED)
             await self._look_at(playing)
@@ -172,8 +253,8 @@ class Referee:
             self.timeline.tell(EventKind.STOP, "stop drive: the match is over")
 
     async def _stand_still(self) -> None:
-        """Let the robot come to rest, wait for the end of the match, and tell whether anything moved meanwhile."""
-        # A strategy that failed was stopped and seen to stand already, and nothing else is to come.
+        """Let the robot come to rest, wait for the end of the match, and report whether anything moved meanwhile."""
+        # A strategy that failed was already stopped and seen to stand, and nothing else will follow.
         settled, left = (SEEN_TO_STAND, 0.0) if self.failure else (SETTLED, self._end + LOOKS - self.clock())
         await asyncio.sleep(settled)
         told, rest = self.core.match_over or bool(self.failure), self._truth()

@@ -1,69 +1,101 @@
 """Sets up a match: the nodes from their EDS files, the world, the bus; simulated or live.
 
-Rule of this file: simulated and live differ in what keeps the time and carries the frames, and in nothing else.
+Rule of this file: simulated and live matches differ only in what keeps the time and carries the frames.
 """
 
 from __future__ import annotations
 
 import asyncio
 import time
-from collections.abc import Callable, Coroutine, Iterable, Sequence
+from collections.abc import Callable, Coroutine, Iterable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, NamedTuple, cast
+from math import isnan, nan
+from typing import Any, NamedTuple, cast
+
+import can
 
 from eurobot_od import plugin
 from eurobot_od.bus import live as runtime
-from eurobot_od.bus.live.event_loop import run_in, watched_loop
+from eurobot_od.bus.live import BITRATE, Live
+from eurobot_od.bus.live.event_loop import run, run_in, watched_loop
 from eurobot_od.bus.live.signals import EndedBySigterm
 from eurobot_od.bus.live.watchdog import Watchdog, passing
 from eurobot_od.bus.simulated import loop as simulated_loop
-from eurobot_od.bus.simulated.bit_errors import Noise
 from eurobot_od.bus.simulated.network import Simulation, processing_time
-from eurobot_od.bus.simulated.several import Several
-from eurobot_od.errors import LocalError
+from eurobot_od.device.storage import MemoryStore
+from eurobot_od.errors import LocalError, UnknownName, WorldError
 from eurobot_od.frame import Frame
 from eurobot_od.gatekeeper import Report
 from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.objects import all_objects, given
+from eurobot_od.od.values import Address, Value
 from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.robot.match import strategy as shipped
-from eurobot_od.robot.match.observer import Observer
-from eurobot_od.robot.match.referee import Referee, Strategy
-from eurobot_od.robot.match.settings import stores
-from eurobot_od.robot.match.summary import FrameCounter, Summary
-from eurobot_od.robot.match.touches import counts, touches_of
+from eurobot_od.robot.match.referee import Observer, Referee, Strategy
+from eurobot_od.robot.match.summary import FrameCounter, Summary, counts, touches_of
+from eurobot_od.robot.model import robot_file
 from eurobot_od.robot.model.options import MatchOptions
 from eurobot_od.robot.model.places import Pose
 from eurobot_od.robot.model.values import TeamColour
 from eurobot_od.robot.nodes import Core, Node
 from eurobot_od.robot.nodes.node import make
 from eurobot_od.robot.world import World
-from eurobot_od.robot.world.assembly import equip
 from eurobot_od.robot.world.contact import Touch
+from eurobot_od.robot.world.instruments import equip
+from eurobot_od.robot.world.remote import RemoteVehicle
 from eurobot_od.robot.world.timeline import EventKind, MatchEvent, Timeline
 from eurobot_od.robot.world.world import OURS, RIVAL
 
-if TYPE_CHECKING:
-    import can
+# Settings: values in a node's object dictionary that replace those of its EDS file
+
+
+def stores(settings: Iterable[tuple[str, str]], dictionaries: Mapping[str, Dictionary]) -> dict[str, MemoryStore]:
+    """Return what each node finds stored when it is switched on, from settings as a person writes them.
+
+    A name is that of the node and of the object, `drive.Motion.Maximum speed` or `navigation.0x2101:1`. Raises
+    UnknownName, LocalError, FieldError.
+    """
+    values: dict[str, dict[Address, Value]] = {node: {} for node in dictionaries}
+    for name, text in settings:
+        node, _, thing = name.partition(".")
+        if node not in values:
+            # The name may only lack its beginning, as in `Maximum speed` for `drive.Motion.Maximum speed`.
+            known = (
+                f"{each}.{object_.qualname}"
+                for each in dictionaries
+                for object_ in all_objects(dictionaries[each].objects)
+            )
+            whole = [each for each in (*robot_file.names(), *known) if f".{each}".lower().endswith(f".{name}".lower())]
+            if whole:
+                raise LocalError(f"unknown setting {name!r}; did you mean {' or '.join(whole)}?")
+            raise UnknownName("node or fact", node, [*dictionaries, *robot_file.SECTIONS])
+        address, value = given(thing, text, dictionaries[node].objects)
+        values[node][address] = value
+    return {node: MemoryStore(each) for node, each in values.items()}
+
+
+# The stage
+
 
 BOOT_TIMES = {"core": 0.0, "drive": 0.03, "navigation": 0.05}
-"""When each node has booted after power-on, s: no two at once. Further nodes boot one by one after these."""
+"""Seconds after power-on at which each node has booted, no two at once. Further nodes boot one by one after these."""
 
 BOOT_STEP = 0.001
-"""From one further node's boot-up to the next one's, s: there may be a hundred before the startup begins."""
+"""Seconds between the boot-ups of further nodes: there may be a hundred before the startup begins."""
 
 POWER_UP = 0.1
-"""When the core begins with the startup (document 5.1), s."""
+"""Seconds after power-on at which the core begins the startup (document 5.1)."""
 
 Watcher = Callable[[float, Frame], None]
-"""Called with the time in seconds and each frame on the bus."""
+"""Called with each frame on the bus and its time in seconds."""
 
 ShowEvent = Callable[[MatchEvent], None]
 """Called with each event of the timeline as it comes."""
 
 
 def _nobody(*_: object) -> None:
-    """Neither show, watch nor tell anything, as for a rival."""
+    """Show, watch or tell nothing, as for a rival."""
 
 
 class EdsFiles(NamedTuple):
@@ -76,7 +108,7 @@ class EdsFiles(NamedTuple):
 
     @classmethod
     def read(cls, options: MatchOptions) -> EdsFiles:
-        """Read the EDS files of a match; raises UnknownName, DictionaryError, LocalError for a node that is missing."""
+        """Read the EDS files of a match; raises UnknownName, DictionaryError, LocalError for a missing node."""
         robot = plugin.find(options.robot)
         folder = robot.dialects.folder(options.dialect)
         dictionaries = {each.name: each for each in robot.dialects.load_all(options.dialect)}
@@ -89,9 +121,9 @@ class EdsFiles(NamedTuple):
 
 
 def cast_for(options: MatchOptions, files: EdsFiles, world: World, name: str = OURS) -> tuple[Core, list[Node]]:
-    """Make the nodes of a robot in the world: its core, and all of them, the core first.
+    """Make the nodes of a robot in the world: its core, and all of them with the core first.
 
-    Raises UnknownName for a fault, a node or an object that there is not, LocalError for a value that is not allowed.
+    Raises UnknownName for an unknown fault, node or object, LocalError for a value that is not allowed.
     """
     robot, found = plugin.find(options.robot), stores(options.of_nodes, files.dictionaries)
     kinds = {each: robot.kind(files.roles[each], options.faults) for each in (*BOOT_TIMES, *files.dictionaries)}
@@ -103,9 +135,9 @@ def cast_for(options: MatchOptions, files: EdsFiles, world: World, name: str = O
 
 
 class Performance:
-    """A match of one robot that is ready to be played, by whatever clock and bus: its nodes, who watches and counts.
+    """A match of one robot, ready to be played with any clock and bus: its nodes, its observers and counters.
 
-    Raises LocalError for options that do not fit each other.
+    Raises LocalError for contradictory options.
     """
 
     def __init__(
@@ -151,7 +183,7 @@ class Performance:
         await self._referee.play(strategy)
 
     def result(self, seconds: float, bitrate: int, reports: Sequence[Report]) -> Summary:
-        """Return what the match came to, `seconds` after power-on."""
+        """Return the summary of the match, `seconds` after power-on."""
         touches = touches_of(self.name, self._world.touches)
         return replace(
             self._counter.summary(seconds, bitrate),
@@ -164,16 +196,8 @@ class Performance:
         )
 
 
-def bus(options: MatchOptions) -> Simulation:
-    """Make a simulated bus, with the bit errors of a match's world."""
-    network = Simulation()
-    if options.errors.bus_bits:
-        network.bit_errors.append(Noise(options.errors.bus_bits, options.seed))
-    return network
-
-
 def switch_on(nodes: Iterable[Node], network: Simulation, seed: int) -> None:
-    """Attach nodes to a simulated bus; each boots in its time."""
+    """Attach nodes to a simulated bus; each boots at its time."""
     last = max(BOOT_TIMES.values())
     for number, node in enumerate(nodes, 1 - len(BOOT_TIMES)):
         boots = BOOT_TIMES.get(node.name, last + number * BOOT_STEP)
@@ -195,10 +219,10 @@ def play_simulated(
     UnknownName, DictionaryError, LocalError. `tell` gets a line about each line of a strategy that blocks.
     """
     if against is not None and not options.enemies:
-        raise LocalError("a second robot takes the place of an enemy, and there is to be none")
+        raise LocalError("a second robot takes the place of an enemy, and the match has none")
     files = files or EdsFiles.read(options)
-    networks = [bus(options) for _ in range(1 if against is None else 2)]
-    clock = networks[0] if against is None else Several(*networks)
+    networks = [Simulation() for _ in range(1 if against is None else 2)]
+    clock = networks[0] if against is None else simulated_loop.Several(*networks)
     world = World(options, lambda: clock.now, rival=against is not None)
     match = Performance(options, files, world, show, watch)
     sides = [match] if against is None else [match, Performance(_rival(options), files, world, name=RIVAL)]
@@ -216,16 +240,16 @@ def play_simulated(
 
 
 def _rival(options: MatchOptions) -> MatchOptions:
-    """Return the match as the other robot sees it: of the other colour, with as many others around it."""
+    """Return the match from the other robot's side: in the other colour, with as many others around it."""
     return replace(
         options,
         team=TeamColour(1 - options.team),
-        # The rival's enemies are we and our confederate; our second enemy is its confederate.
+        # The rival's enemies are our robot and our confederate; our second enemy is its confederate.
         enemies=1 + options.confederates,
         confederates=max(options.enemies - 1, 0),
         emergency_at=None,
         faults=(),
-        # Facts hold for both robots; settings and faults are for our nodes alone.
+        # Facts hold for both robots; settings and faults are only for our nodes.
         settings=tuple(each for each in options.settings if each not in options.of_nodes),
     )
 
@@ -243,10 +267,10 @@ def play_live(
     tell: Callable[[str], object] = _nobody,
     bit_rate: int = runtime.BITRATE,
 ) -> tuple[Summary, World]:
-    """Play a match in real time; each node, and the watcher, gets a bus of its own from `open_bus`.
+    """Play a match in real time; each node and the watcher get a bus of their own from `open_bus`.
 
-    The bus's load is reckoned at `bit_rate`, bit/s.
-    Raises BusError, NoAnswer, UnknownName, DictionaryError, LocalError.
+    The bus's load is computed for `bit_rate`, in bit/s. Raises BusError, NoAnswer, UnknownName, DictionaryError,
+    LocalError.
     """
     begin = time.monotonic()
 
@@ -267,3 +291,58 @@ def play_live(
             run_in(loop, match.play(strategy, bit_rate, "in real time"))
     summary = match.result(clock(), bit_rate, reports)
     return replace(summary, failure=summary.failure or watchdog.hang or None), world
+
+
+# A match that a core leads in a process of its own
+
+
+NOWHERE = Pose(nan, nan, nan)
+"""The pose of a robot in a world that cannot be reached."""
+
+LOOKS = 0.1
+"""Seconds between two checks whether the bus has failed."""
+
+
+class Led:
+    """A core running on a bus, with the truth about its robot from the world; `show` gets the timeline."""
+
+    def __init__(self, live: Live, core: Core, vehicle: RemoteVehicle, show: Callable[[MatchEvent], None]) -> None:
+        begin = live.clock()
+        self._live, self._core, self._vehicle = live, core, vehicle
+        self._points: dict[str, int] = {}
+        self._timeline = Timeline(lambda: live.clock() - begin, show)
+
+    def play(self, options: MatchOptions, strategy: Strategy, counter: FrameCounter) -> Summary:
+        """Play a match from the node checks to its end.
+
+        `counter` counts the frames. An arrival for which the world did not answer has no position error. Raises
+        BusError, NoAnswer.
+        """
+        observer = Observer(self._core, self._timeline, self._truth)
+        referee = Referee(self._core, options, self._timeline, self._truth)
+        run(_as_long_as_it_runs(self._live, referee.play(strategy)))
+        self._truth()  # the points at the end, unless the world has gone
+        errors = [error for error in observer.errors if not isnan(error)]
+        summary = counter.summary(self._timeline.clock(), BITRATE)
+        return replace(summary, errors=errors, points=self._points, failure=referee.failure)
+
+    def _truth(self) -> Pose:
+        try:
+            truth = self._vehicle.truth()
+        except WorldError:
+            return NOWHERE
+        self._points = {OURS: truth.points}
+        return truth.pose
+
+
+async def _as_long_as_it_runs(live: Live, playing: Coroutine[Any, Any, None]) -> None:
+    """Await a match, and give it up if the bus fails."""
+    task = asyncio.ensure_future(playing)
+    while not task.done() and live.failure is None:
+        await asyncio.wait([task], timeout=LOOKS)
+    if live.failure is not None:
+        # The strategy's `finally` may still await something, so it is awaited before the failure is raised.
+        task.cancel()
+        await asyncio.wait([task])
+        raise live.failure
+    task.result()

@@ -27,12 +27,13 @@ from eurobot_od.robot.model.facts import (
     OtherRobot,
     RobotShape,
     Start,
+    Task,
     Trees,
     Wheels,
+    Worth,
     Zone,
 )
 from eurobot_od.robot.model.places import Point, Pose
-from eurobot_od.robot.model.tasks import Task, Worth
 from eurobot_od.robot.model.values import FLAGGED, Source, TeamColour
 from eurobot_od.support import bounded
 from eurobot_od.support.yaml_places import (

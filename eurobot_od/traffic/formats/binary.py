@@ -1,19 +1,20 @@
-"""Logs that do not consist of lines: python-can's SQLite tables, and MF4, which only python-can knows.
+"""Logs that consist of records: Vector's BLF, and pcap and pcapng of a SocketCAN interface.
 
-A log that is cut off, or that its reader gives up on, ends with an entry that says so.
+BLF has objects in containers, most of them compressed. Only frames are looked into; every other object is stepped over
+by its size. The layouts are those that python-can reads and writes (after Toby Lorenz' Vector BLF library; Vector
+publishes none).
 """
 
 from __future__ import annotations
 
-import sqlite3
-from collections.abc import Iterable
-from contextlib import closing
-from pathlib import Path
-from typing import TYPE_CHECKING, BinaryIO
+import zlib
+from collections.abc import Callable, Iterator, Mapping
+from datetime import UTC, datetime
+from functools import partial
+from struct import Struct
+from struct import error as StructError  # noqa: N812 (a class with a small name)
+from typing import BinaryIO, NamedTuple, TypeAlias
 
-from eurobot_od.errors import LocalError
-from eurobot_od.frame import MOST_BYTES
-from eurobot_od.support import extras
 from eurobot_od.traffic.entries import (
     LARGEST,
     Damage,
@@ -27,84 +28,309 @@ from eurobot_od.traffic.entries import (
     shortened,
 )
 
-if TYPE_CHECKING:
-    import can
+FILE_HEADER = Struct("<4sL32xHHHHHHHH")
+"""Signature, size of the header, ..., start time: year, month, weekday, day, hour, minute, second, millisecond."""
 
-# Of a blob one byte more than any frame has, to see that it is too long: damage may make it as long as the file.
-QUERY = """SELECT ts, arbitration_id, extended, remote, error, dlc,
-CASE typeof(data) WHEN 'blob' THEN substr(data, 1, 65) END FROM messages"""
-CREATE = """CREATE TABLE messages
-(ts REAL, arbitration_id INTEGER, extended INTEGER, remote INTEGER, error INTEGER, dlc INTEGER, data BLOB)"""
-"""The table of python-can's SqliteWriter."""
+OBJECT = Struct("<4sHHLL")
+"""Signature, size of the whole header, its version, size of the object, type."""
+
+CLOCK = Struct("<L4xQ")
+"""After it: 1 if the time counts 10 us, 2 for 1 ns; the time since the start."""
+
+CONTAINER = Struct("<H6xL4x")
+"""Compression (0 none, 2 deflate) and size of what it holds."""
+
+CLASSIC = Struct("<BxBBL8s")
+"""Channel, flags, length, identifier, data."""
+
+FILE_SIGNATURE, SIGNATURE = b"LOGG", b"LOBJ"
+CONTAINER_TYPE = 10
+CLASSIC_TYPES = (1, 86)  # CAN_MESSAGE, CAN_MESSAGE2
+# CAN_ERROR, CAN_ERROR_EXT, CAN_FD_MESSAGE, CAN_FD_MESSAGE_64
+FOREIGN_TYPES = {2: Damage.ERROR_FRAME, 73: Damage.ERROR_FRAME, 100: Damage.FD, 101: Damage.FD}
+FRAME_TYPES = {*CLASSIC_TYPES, *FOREIGN_TYPES}
+CHANNEL = [str(number - 1) for number in range(256)]
+"""Channels as python-can counts them, from 0, by their number in the file."""
+
+NOT_COMPRESSED, DEFLATE = 0, 2
+REMOTE_FLAG, EXTENDED_FLAG = 0x80, 1 << 31
+TICKS = {1: 1e-5}
+NANOSECOND = 1e-9
+
+PIECE = 1 << 17
+"""Bytes of a container that are unpacked at once, as many as most containers have."""
+
+BlfObject: TypeAlias = tuple[int, float, bytes]
+"""An object: its type, its time in s since the start, and what comes after its header."""
 
 
-def of_message(message: can.Message) -> Raw:
-    """Return what python-can read, from a log or from a bus; raises ValueError for what no bus can carry."""
-    flags = {Damage.ERROR_FRAME: message.is_error_frame, Damage.FD: message.is_fd}
-    damage = next((each for each, is_set in flags.items() if is_set), None)
-    if damage is not None:
-        return foreign(damage, message.arbitration_id, bytes(message.data))
-    remote = message.dlc if message.is_remote_frame else None
-    return frame(message.arbitration_id, bytes(message.data), message.is_extended_id, remote)
-
-
-# SQLite
-
-
-def read_table(file: BinaryIO, _: int = LARGEST) -> Entries:
-    """Read the table `messages` of an SQLite file."""
-    number = 0
-    # Read only: sqlite3 would otherwise make an empty file where there is none.
-    with closing(sqlite3.connect(f"{Path(file.name).absolute().as_uri()}?mode=ro", uri=True)) as connection:
-        connection.text_factory = bytes  # a text that is not UTF-8 must not end the reading
-        try:
-            for number, time, channel, raw in read_each(connection.execute(QUERY), _of_row):
-                yield number, time, channel, raw
-        except sqlite3.DatabaseError as error:
-            yield number + 1, 0.0, "", Foreign(Damage.CUT_OFF, shortened(str(error)))
-
-
-def write_table(file: Path, messages: Iterable[can.Message]) -> None:
-    """Write an SQLite file with a table `messages`, as python-can's SqliteWriter does; raises OSError."""
-    flags = ("is_extended_id", "is_remote_frame", "is_error_frame")
-    rows = ((m.timestamp, m.arbitration_id, *(getattr(m, each) for each in flags), m.dlc, m.data) for m in messages)
+def read_blf(file: BinaryIO, largest: int = LARGEST) -> Entries:
+    """Read a BLF file; if it is not one, or is cut off, its last entry says so."""
+    number, time = 0, 0.0
     try:
-        with closing(sqlite3.connect(file)) as connection, connection:  # by itself it commits, but does not close
-            connection.execute(CREATE)
-            connection.executemany("INSERT INTO messages VALUES (?, ?, ?, ?, ?, ?, ?)", rows)
-    except sqlite3.Error as error:
-        raise OSError(f"{file}: {error}") from error
+        start = _start(file)
+        frames = (each for each in _objects(_containers(file, largest), largest) if each[0] in FRAME_TYPES)
+        for number, time, channel, raw in read_each(frames, partial(_entry, start)):
+            yield number, time, channel, raw
+    except (EOFError, StructError, zlib.error):
+        yield number + 1, time, "", Foreign(Damage.CUT_OFF, "the file ends in the middle of an object")
+    except ValueError as error:
+        yield number + 1, time, "", Foreign(Damage.UNREADABLE, str(error))
 
 
-def _of_row(row: tuple[float, int, int, int, int, int, bytes | None]) -> tuple[float, str, Raw]:
-    time, cob_id, extended, remote, error, length, data = row
-    octets = data or b""
-    if error:
-        return seconds(time), "", foreign(Damage.ERROR_FRAME, cob_id, octets)
-    if remote:
-        return seconds(time), "", frame(cob_id, b"", extended, length)
-    if len(octets) != length:
-        raise ValueError(f"{cob_id:03X}#{octets.hex()} with length {length}")
-    if length > MOST_BYTES:  # no column says so
-        return seconds(time), "", foreign(Damage.FD, cob_id, octets)
-    return seconds(time), "", frame(cob_id, octets, extended)
-
-
-# Whatever else python-can knows
-
-
-def read_messages(file: BinaryIO, _: int = LARGEST) -> Entries:
-    """Read a log by python-can's reader for the file's suffix; raises LocalError if that needs an extra."""
-    import can
-
-    number = 0
+def _start(file: BinaryIO) -> float:
+    """Read the file header; return the start time in s since 1970, 0 if there is none."""
+    head = file.read(FILE_HEADER.size)
+    signature, size, year, month, _, day, hour, minute, second, millisecond = FILE_HEADER.unpack(head)
+    if signature != FILE_SIGNATURE:
+        raise ValueError("not a BLF file")
+    file.read(size - FILE_HEADER.size)
     try:
-        with can.LogReader(file.name) as messages:
-            for number, time, channel, raw in read_each(
-                messages, lambda m: (seconds(m.timestamp), "" if m.channel is None else str(m.channel), of_message(m))
-            ):
-                yield number, time, channel, raw
-    except NotImplementedError:  # what it raises without the package it needs
-        raise LocalError(f"{file.name}: {extras.missing('asammdf', 'mf4')}") from None
-    except Exception as error:  # what a reader raises for a damaged file is not documented: struct.error, KeyError
-        yield number + 1, 0.0, "", Foreign(Damage.CUT_OFF, shortened(str(error)))
+        return datetime(year, month, day, hour, minute, second, millisecond * 1000, UTC).timestamp()
+    except ValueError:  # all zero: the times in the file count from nothing in particular
+        return 0.0
+
+
+def _containers(file: BinaryIO, largest: int) -> Iterator[bytes]:
+    """Yield what the containers hold, piece by piece.
+
+    Of a container that is cut off the available part is yielded; then EOFError is raised.
+    """
+    while head := file.read(OBJECT.size):
+        signature, _, _, size, kind = OBJECT.unpack(head)
+        if signature != SIGNATURE:
+            raise ValueError("no object where one should start")
+        body = file.read(_sane(size, largest) - OBJECT.size)
+        if kind == CONTAINER_TYPE:
+            yield from _unpacked(body)
+        if len(body) < size - OBJECT.size:
+            raise EOFError
+        file.read(size % 4)  # the padding is as long as this, and not what would fill up a multiple of 4
+
+
+def _sane(size: int, largest: int) -> int:
+    if not OBJECT.size <= size <= largest:
+        raise ValueError(f"an object of {size} bytes; at most {largest} are read")
+    return size
+
+
+def _unpacked(body: bytes) -> Iterator[bytes]:
+    """Yield a container's content in pieces: a few bytes may stand for gigabytes."""
+    compression, _ = CONTAINER.unpack_from(body)
+    content = body[CONTAINER.size :]
+    if compression == NOT_COMPRESSED:
+        yield content
+    elif compression == DEFLATE:
+        unpacker = zlib.decompressobj()
+        while piece := unpacker.decompress(content, PIECE):
+            yield piece
+            content = unpacker.unconsumed_tail
+    else:
+        raise ValueError(f"unknown compression {compression}")
+
+
+def _objects(contents: Iterator[bytes], largest: int) -> Iterator[BlfObject]:
+    """Yield the objects in the contents of containers; an object may start in one container and end in the next."""
+    left = b""
+    for content in contents:
+        data, position = left + content, 0
+        # How much padding comes before an object depends on the writer: its signature is looked for.
+        while (found := data.find(SIGNATURE, position, position + 8)) >= 0 and found + OBJECT.size <= len(data):
+            _, header, _, size, kind = OBJECT.unpack_from(data, found)
+            end = found + _sane(size, largest)
+            if end > len(data):
+                break
+            ticks, time = CLOCK.unpack_from(data, found + OBJECT.size)
+            # The header is longer in later versions; what is needed of it is the same in all.
+            yield kind, time * TICKS.get(ticks, NANOSECOND), data[found + header : end]
+            position = end
+        left = data[position:]
+        if len(left) > 8 and SIGNATURE not in left[:8]:
+            raise ValueError("no object where one should start")
+    if len(left) >= OBJECT.size:
+        raise EOFError
+
+
+def _entry(start: float, found: BlfObject) -> tuple[float, str, Raw]:
+    kind, since, body = found
+    time, channel = start + since, CHANNEL[body[0]]
+    if kind in FOREIGN_TYPES:
+        return time, channel, Foreign(FOREIGN_TYPES[kind], shortened(body[2:].hex().upper()))
+    _, flags, length, identifier, data = CLASSIC.unpack_from(body)
+    remote = length if flags & REMOTE_FLAG else None
+    return time, channel, frame(identifier & ~EXTENDED_FLAG, data[:length], identifier & EXTENDED_FLAG, remote)
+
+
+# pcap and pcapng, as Wireshark, tshark and tcpdump write them (the IETF's drafts, and the link type SocketCAN, 227, of
+# www.tcpdump.org). Packets of other interfaces are not frames of the bus, and are skipped.
+
+
+SOCKETCAN = 227
+"""The link type; its packets are an identifier with flags, length, FD flags, two bytes, and the data."""
+
+PACKET = Struct(">LBBxx")  # the identifier is big-endian, whatever the byte order of the file
+ERROR, REMOTE, EXTENDED, FD = 1 << 29, 1 << 30, 1 << 31, 0x04
+IDENTIFIER = (1 << 29) - 1
+CLASSIC_PACKET = 16
+"""Most bytes of a packet with a classic frame: not every Linux sets the flag of FD frames, which have 72."""
+
+ORDERS = {b"\xd4\xc3\xb2\xa1": ("<", 1e-6), b"\xa1\xb2\xc3\xd4": (">", 1e-6),
+          b"\x4d\x3c\xb2\xa1": ("<", 1e-9), b"\xa1\xb2\x3c\x4d": (">", 1e-9)}  # fmt: skip
+"""First bytes of a pcap file: its byte order, and the unit of fractions of a second."""
+
+SECTION, INTERFACE, SIMPLE, ENHANCED = 0x0A0D0D0A, 1, 3, 6
+"""Types of pcapng's blocks; all others are skipped."""
+
+BYTE_ORDER_MARK = b"\x4d\x3c\x2b\x1a"
+"""The byte order mark of a little-endian section."""
+
+NAME_OPTION, RESOLUTION_OPTION = 2, 9
+DEFAULT_RESOLUTION = 6
+"""An interface's name, and how its times count: in powers of 10, or of 2 if the highest bit is set."""
+
+
+class Packet(NamedTuple):
+    """A captured packet: its time in s, its interface's name, and its bytes."""
+
+    time: float
+    channel: str
+    data: bytes
+
+    def entry(self) -> tuple[float, str, Raw]:
+        """Return the frame in it, or why it has none; raises ValueError for one that contradicts itself."""
+        identifier, length, fd_flags = PACKET.unpack_from(self.data)
+        data = self.data[PACKET.size : PACKET.size + length]
+        flags = {Damage.ERROR_FRAME: identifier & ERROR, Damage.FD: fd_flags & FD or len(self.data) > CLASSIC_PACKET}
+        damage = next((each for each, is_set in flags.items() if is_set), None)
+        if damage is not None:
+            return seconds(self.time), self.channel, foreign(damage, identifier & IDENTIFIER, data)
+        remote = length if identifier & REMOTE else None
+        if remote is None and len(data) != length:
+            raise ValueError(f"{identifier:03X}#{data.hex().upper()} with length {length}")
+        made = frame(identifier & IDENTIFIER, b"" if identifier & REMOTE else data, identifier & EXTENDED, remote)
+        return seconds(self.time), self.channel, made
+
+
+class Interface(NamedTuple):
+    """What a pcapng file says about an interface; a tick of its times is `tick` seconds."""
+
+    link_type: int
+    name: str
+    tick: float
+
+
+Packets: TypeAlias = Iterator[Packet]
+
+
+def read_pcap(file: BinaryIO, largest: int = LARGEST) -> Entries:
+    """Read a pcap file; if it is not one, or is cut off, its last entry says so."""
+    return _entries(partial(_pcap_packets, file, largest))
+
+
+def read_pcapng(file: BinaryIO, largest: int = LARGEST) -> Entries:
+    """Read a pcapng file; as `read_pcap`."""
+    return _entries(partial(_pcapng_packets, file, largest))
+
+
+def _entries(packets: Callable[[], Packets]) -> Entries:
+    number, time = 0, 0.0
+    try:
+        for number, time, channel, raw in read_each(packets(), Packet.entry):
+            yield number, time, channel, raw
+    except (EOFError, StructError):
+        yield number + 1, time, "", Foreign(Damage.CUT_OFF, "the file ends in the middle of a packet")
+    except ValueError as error:
+        yield number + 1, time, "", Foreign(Damage.UNREADABLE, str(error))
+
+
+def _taken(file: BinaryIO, size: int, largest: int) -> bytes:
+    """Read a part of a file; raises ValueError for one that is too large, EOFError for one that is not there."""
+    if not 0 <= size <= largest:
+        raise ValueError(f"a packet of {size} bytes; at most {largest} are read")
+    data = file.read(size)
+    if len(data) < size:
+        raise EOFError
+    return data
+
+
+# pcap
+
+
+def _pcap_packets(file: BinaryIO, largest: int) -> Packets:
+    magic = file.read(4)
+    if magic not in ORDERS:
+        raise ValueError("not a pcap file")
+    order, tick = ORDERS[magic]
+    # The lower half only: above it are flags and the length of a frame check sequence.
+    link_type = Struct(f"{order}16xL").unpack(file.read(20))[0] & 0xFFFF
+    if link_type != SOCKETCAN:
+        raise ValueError(f"link type {link_type}; only {SOCKETCAN}, SocketCAN, is read")
+    head = Struct(f"{order}LLL4x")
+    while data := file.read(head.size):
+        whole, fraction, size = head.unpack(data)
+        yield Packet(whole + fraction * tick, "", _taken(file, size, largest))
+
+
+# pcapng
+
+
+def _pcapng_packets(file: BinaryIO, largest: int) -> Packets:
+    order, interfaces = "<", list[Interface]()
+    for kind, section_order, body in _blocks(file, largest):
+        if kind == SECTION:  # each section counts its interfaces from 0, in its own byte order
+            order, interfaces = section_order, []
+        elif kind == INTERFACE:
+            interfaces.append(_interface(order, body))
+        elif kind in PACKETS:
+            interface, time, data = PACKETS[kind](order, body, interfaces)
+            if interface.link_type == SOCKETCAN:
+                yield Packet(time, interface.name, data)
+    if SOCKETCAN not in (each.link_type for each in interfaces):
+        raise ValueError(f"no interface of link type {SOCKETCAN}, SocketCAN")
+
+
+def _blocks(file: BinaryIO, largest: int) -> Iterator[tuple[int, str, bytes]]:
+    """Yield the blocks: type, byte order, and what stands between the two lengths."""
+    order = ""
+    while head := file.read(8):
+        kind = Struct(f"{order or '<'}L").unpack_from(head)[0]
+        mark = b""
+        if kind == SECTION:  # its length can be read only when the mark behind it has told the byte order
+            mark = _taken(file, 4, largest)
+            order = "<" if mark == BYTE_ORDER_MARK else ">"
+            if mark not in (BYTE_ORDER_MARK, BYTE_ORDER_MARK[::-1]):
+                raise ValueError("not a pcapng file")
+        elif not order:
+            raise ValueError("not a pcapng file")
+        size = Struct(f"{order}4xL").unpack(head)[0]
+        body = _taken(file, size - 12 - len(mark), largest)
+        _taken(file, 4, largest)  # the length again, for those who read backwards
+        yield kind, order, body
+
+
+def _interface(order: str, body: bytes) -> Interface:
+    head, options, rest = Struct(f"{order}HH"), dict[int, bytes](), body[8:]
+    while len(rest) >= head.size:
+        code, size = head.unpack_from(rest)
+        if code == 0:
+            break
+        options[code] = rest[head.size : head.size + size]
+        rest = rest[head.size + size + -size % 4 :]  # values are padded to a multiple of 4
+    resolution = options.get(RESOLUTION_OPTION, bytes([DEFAULT_RESOLUTION]))[0]
+    tick = 2.0 ** -(resolution & 0x7F) if resolution & 0x80 else 10.0**-resolution
+    name = options.get(NAME_OPTION, b"").decode("utf-8", "replace")
+    return Interface(Struct(f"{order}H").unpack_from(body)[0], name, tick)
+
+
+def _enhanced(order: str, body: bytes, interfaces: list[Interface]) -> tuple[Interface, float, bytes]:
+    head = Struct(f"{order}LLLL4x")
+    number, high, low, size = head.unpack_from(body)
+    interface = interfaces[number]
+    return interface, (high << 32 | low) * interface.tick, body[head.size : head.size + size]
+
+
+PACKETS: Mapping[int, Callable[[str, bytes, list[Interface]], tuple[Interface, float, bytes]]] = {
+    # It says neither its time nor its interface, which has to be the section's first.
+    SIMPLE: lambda _order, body, interfaces: (interfaces[0], 0.0, body[4:]),
+    ENHANCED: _enhanced,
+}

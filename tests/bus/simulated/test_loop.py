@@ -4,16 +4,21 @@ from __future__ import annotations
 
 import asyncio
 import threading
+from collections import Counter
+from functools import partial
+from math import inf
 from typing import Any
 
 import pytest
 
-from eurobot_od.bus.simulated.loop import NothingHappens, run
+from eurobot_od.bus.simulated.loop import NothingHappens, Several, run
 from eurobot_od.bus.simulated.network import Simulation
 from eurobot_od.errors import NoAnswer
+from eurobot_od.frame import Frame
+from eurobot_od.robot import dialects
 from eurobot_od.robot.model.messages import CheckDriveRequest, GotoXY, KalmanPositionRequest, StopDrive
-from eurobot_od.robot.model.values import Outcome
-from eurobot_od.robot.nodes.core import Core
+from eurobot_od.robot.model.values import Outcome, TeamColour
+from eurobot_od.robot.nodes import Core, Drive, Navigation
 from tests.robot.nodes.harness import RED, Bench, as_if_started
 
 
@@ -53,7 +58,8 @@ def test_a_second_run_goes_on_where_the_first_ended() -> None:
 def test_the_bus_lives_while_tasks_sleep() -> None:
     bench = Bench()
     bench.play(asyncio.sleep(10.1))
-    assert len(bench.others) == 3 + 40 + 2 * 10  # boot-up, then heartbeats
+    # each boots up; the core's heartbeat comes every 250 ms, those of drive and navigation every second
+    assert Counter(frame.cob_id for _, frame in bench.others) == {0x701: 1 + 40, 0x702: 1 + 10, 0x703: 1 + 10}
 
 
 def test_waiting_for_gives_up_in_simulated_time_and_cancels_the_call() -> None:
@@ -78,6 +84,19 @@ def test_an_answer_in_time_is_the_result() -> None:
         return report.outcome
 
     assert bench.play(main(bench.core)) is Outcome.ARRIVED
+
+
+def test_a_future_that_an_event_settles_wakes_who_awaits_it_before_the_next_event() -> None:
+    network = Simulation()
+
+    async def main() -> list[float]:
+        loop = asyncio.get_running_loop()
+        first, second = loop.create_future(), loop.create_future()
+        for time, future in ((1.0, first), (2.0, second)):
+            network.plan(time, partial(future.set_result, None))  # directly, as Python 3.14 passes a result on
+        return [await first or loop.time(), await second or loop.time()]
+
+    assert run(network, main()) == [1.0, 2.0]
 
 
 def test_calls_run_side_by_side() -> None:
@@ -180,3 +199,54 @@ def test_what_nobody_waits_for_any_more_leaves_nothing_behind() -> None:
     bench.play(main(bench.core))
     bench.run(10.0)  # the call ends with nobody there to hear it
     assert bench.core.configuration is None
+
+
+# Several buses on one clock
+
+
+def robot(network: Simulation) -> Core:
+    """Put a whole robot on a bus; return its core."""
+    core = Core(dialects.load("core"))
+    network.attach(core)
+    network.attach(Drive(dialects.load("drive")), 0.03)
+    network.attach(Navigation(dialects.load("navigation")), 0.05)
+    return core
+
+
+def test_two_robots_start_up_on_buses_of_their_own() -> None:
+    networks = Simulation(), Simulation()
+    clock = Several(*networks)
+    cores = [robot(network) for network in networks]
+    seen: list[tuple[int, float, Frame]] = []
+
+    def observe(number: int, now: float, frame: Frame) -> None:
+        seen.append((number, now, frame))
+
+    for number, network in enumerate(networks):
+        network.observers.append(partial(observe, number))
+
+    async def play() -> list[float]:
+        await asyncio.sleep(0.1)
+        await asyncio.gather(*(core.check_nodes() for core in cores))
+        return await asyncio.gather(*(core.configure_start(TeamColour.RED) for core in cores))
+
+    assert all(0 < seconds < 0.01 for seconds in run(clock, play()))
+    times = [now for _, now, _ in seen]
+    assert times == sorted(times)
+    assert {number for number, _, frame in seen if frame.cob_id == 0x2C0} == {0, 1}
+
+
+def test_their_clocks_are_one() -> None:
+    networks = Simulation(), Simulation()
+    clock = Several(*networks)
+    robot(networks[0])
+    while clock.advance(0.5):
+        assert networks[0].now == networks[1].now == clock.now
+    assert clock.now == networks[0].now == networks[1].now == 0.5
+
+
+def test_nothing_happens_on_empty_buses() -> None:
+    clock = Several(Simulation(), Simulation())
+    assert clock.next_event == inf
+    assert not clock.advance(1.0)
+    assert clock.now == 1.0

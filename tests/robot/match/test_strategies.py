@@ -9,6 +9,7 @@ import pytest
 from eurobot_od.errors import LocalError
 from eurobot_od.robot.match import strategy
 from eurobot_od.robot.match.strategies import Players, StrategyFiles, load
+from tests.rows import rows
 
 GOOD = "async def play(core):\n    pass\n"
 
@@ -54,8 +55,8 @@ def test_what_a_file_prints_does_not_get_into_the_output(mine: Path, capsys: pyt
 
 WRONG = [
     ("x = 1\n", "{file}: no `play` in it; write `async def play(core)`"),
-    ("\ndef play(core):\n    pass\n", "{file}:2: `play` is no coroutine function; write `async def play(core)`"),
-    ("play = 5\n", "{file}: `play` is no coroutine function; write `async def play(core)`"),
+    ("\ndef play(core):\n    pass\n", "{file}:2: `play` is not a coroutine function; write `async def play(core)`"),
+    ("play = 5\n", "{file}: `play` is not a coroutine function; write `async def play(core)`"),
     (
         "async def play():\n    pass\n",
         "{file}:1: `play` is called with the core and nothing else: too many positional arguments",
@@ -72,7 +73,7 @@ WRONG = [
 ]
 
 
-@pytest.mark.parametrize(("text", "complaint"), WRONG)
+@rows("text, complaint", WRONG)
 def test_what_is_wrong_is_one_line_with_its_place(mine: Path, text: str, complaint: str) -> None:
     mine.write_text(text)
     with pytest.raises(LocalError) as error:

@@ -1,99 +1,148 @@
-"""Rows of an SQLite table: what their flags say, and that a row which is skipped costs no other and no number."""
+"""Captures of a SocketCAN interface: one that Linux and dumpcap made, and every form and fault that a file may have."""
 
 from __future__ import annotations
 
-import sqlite3
-from contextlib import closing
-from pathlib import Path
+import io
+import struct
+from base64 import b64decode
 
-import can
 import pytest
 
 from eurobot_od.frame import EXTENDED, Frame, RemoteFrame
 from eurobot_od.traffic import formats
-from eurobot_od.traffic.entries import Damage, Foreign, Raw
-from eurobot_od.traffic.formats.binary import CREATE, read_messages, write_table
+from eurobot_od.traffic.entries import Damage, Foreign, LogEntry, Raw
+from tests.rows import rows
 
-GOOD = (1.5, 0x014, 0, 0, 0, 2, b"\x01\x02")
-
-
-def read(file: Path) -> list[tuple[int, float, str, Raw]]:
-    with file.open("rb") as opened:
-        return list(formats.read(opened))
-
-
-def table(folder: Path, *rows: tuple[object, ...]) -> Path:
-    file = folder / "bus.db"
-    with closing(sqlite3.connect(file)) as connection, connection:
-        connection.execute(CREATE)
-        connection.executemany("INSERT INTO messages VALUES (?, ?, ?, ?, ?, ?, ?)", rows)
-    return file
-
-
-@pytest.mark.parametrize(
-    ("row", "raw"),
-    [
-        (GOOD, Frame(0x014, b"\x01\x02")),
-        ((1.5, 0x014, 0, 0, 0, 0, None), Frame(0x014, b"")),
-        ((1.5, 0x014, 1, 0, 0, 1, b"\xaa"), Frame(EXTENDED | 0x014, b"\xaa")),
-        ((1.5, 0x014, 0, 1, 0, 8, b""), RemoteFrame(0x014, bytes(8))),
-        ((1.5, 0x014, 1, 1, 0, 0, b""), RemoteFrame(EXTENDED | 0x014)),
-        ((1.5, 0x014, 1, 1, 1, 0, b""), Foreign(Damage.ERROR_FRAME, "00000014#")),
-        ((1.5, 0x014, 0, 0, 0, 8, bytes(8)), Frame(0x014, bytes(8))),
-        ((1.5, 0x014, 0, 0, 0, 9, bytes(9)), Foreign(Damage.FD, "014#" + "00" * 9)),
-    ],
+CAPTURED = b64decode(
+    "1MOyoQIABAAAAAAAAAAAAAAABADjAAAAWqICa/MZCQAQAAAAEAAAAAAAAAgIAAAA0nQjWSwNlwJaogJrEDcJABAAAAAQAAAAAAAADAAAAAAAAAAA"
+    "AAAAAFqiAmvOUwkAEAAAABAAAACY/wABAQAAAKoAAAAAAAAAWqICa25wCQAQAAAAEAAAAEAAAAgAAAAAAAAAAAAAAABaogJrTY0JAEgAAABIAAAA"
+    "AAAACAwAAACqu8zd7v8AESIzAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAWqICayitCQAQAAAA"
+    "EAAAACAAAIAIAAAAAAAAAAAAAAA="
 )
-def test_a_row_is_a_frame_or_says_what_it_is(tmp_path: Path, row: tuple[object, ...], raw: Raw) -> None:
-    ((number, time, channel, found),) = read(table(tmp_path, row))
-    assert (number, time, channel) == (1, 1.5, "")
-    if isinstance(raw, Foreign):
-        assert isinstance(found, Foreign)
-        assert found.damage is raw.damage
-    else:
-        assert found == raw
+"""What dumpcap captured of can-utils' cansend on a virtual interface, 2026-11, brought to pcap by editcap."""
+
+IN_IT: list[Raw] = [
+    Frame(0x008, bytes.fromhex("D27423592C0D9702")),
+    Frame(0x00C),
+    Frame(EXTENDED | 0x18FF0001, b"\xaa"),
+    RemoteFrame(0x008),
+    Foreign(Damage.FD, "008#AABBCCDDEEFF001122330000"),
+    Foreign(Damage.ERROR_FRAME, "080#0000000000000000"),
+]
+
+GOOD, BAD = struct.pack(">LBxxx3s5x", 0x14, 3, b"\1\2\3"), struct.pack(">LBxxx3s5x", 0x900, 3, b"\1\2\3")
+FRAME = Frame(0x014, b"\1\2\3")
 
 
-@pytest.mark.parametrize("length", [1, 3])
-def test_a_row_of_another_length_than_its_data_is_unreadable_and_counted(tmp_path: Path, length: int) -> None:
-    bad = (1.5, 0x014, 0, 0, 0, length, b"\x01\x02")
-    (first, _, _, _), (second, _, _, raw), (third, _, _, _) = read(table(tmp_path, GOOD, bad, GOOD))
-    assert (first, second, third) == (1, 2, 3)
-    assert raw == Foreign(Damage.UNREADABLE, f"014#0102 with length {length}")
+def read(content: bytes, form: str, largest: int = 1 << 20) -> list[LogEntry]:
+    return list(formats.read(io.BytesIO(content), form, largest))
 
 
-def test_a_bad_row_has_the_time_of_the_one_before_it_0_at_first(tmp_path: Path) -> None:
-    bad = ("late", 0x014, 0, 0, 0, 0, b"")
-    assert [time for _, time, *_ in read(table(tmp_path, bad, GOOD, bad))] == [0.0, 1.5, 1.5]
+def test_what_linux_and_dumpcap_captured() -> None:
+    found = read(CAPTURED, "pcap")
+    assert [raw for *_, raw in found] == IN_IT
+    assert round(found[0][1], 6) == 1795334746.596467
 
 
-def test_what_python_can_gives_up_ends_with_an_entry_that_says_so(tmp_path: Path) -> None:
-    file = tmp_path / "bus.csv"
-    file.write_text("a heading\nno frame at all\n")
-    with file.open("rb") as opened:
-        ((number, time, channel, raw),) = read_messages(opened)
-    assert isinstance(raw, Foreign)
-    assert (number, time, channel, raw.damage) == (1, 0.0, "", Damage.CUT_OFF)
+def pcap(order: str, magic: int, *packets: bytes, link_type: int = 227) -> bytes:
+    """Make a pcap file; the time of each packet is 1.5 s of a file in microseconds."""
+    head = struct.pack(f"{order}LHHLLLL", magic, 2, 4, 0, 0, 0x40000, link_type)
+    return head + b"".join(struct.pack(f"{order}LLLL", 1, 500_000, len(each), len(each)) + each for each in packets)
 
 
-def test_what_is_written_is_read_again(tmp_path: Path) -> None:
-    messages = [
-        can.Message(timestamp=1.5, arbitration_id=0x014, data=b"\x01\x02", is_extended_id=False),
-        can.Message(timestamp=2.5, arbitration_id=0x014, data=b"\x03", is_extended_id=True),
-        can.Message(timestamp=3.5, arbitration_id=0x014, is_remote_frame=True, is_extended_id=False),
-        can.Message(timestamp=4.5, is_error_frame=True),
-    ]
-    write_table(tmp_path / "bus.db", messages)
-    found = read(tmp_path / "bus.db")
-    assert [time for _, time, *_ in found] == [1.5, 2.5, 3.5, 4.5]
-    assert [raw.damage if isinstance(raw, Foreign) else raw for *_, raw in found] == [
-        Frame(0x014, b"\x01\x02"),
-        Frame(EXTENDED | 0x014, b"\x03"),
-        RemoteFrame(0x014),
-        Damage.ERROR_FRAME,
-    ]
+@pytest.mark.parametrize(("order", "magic", "time"), [
+    ("<", 0xA1B2C3D4, 1.5), (">", 0xA1B2C3D4, 1.5), ("<", 0xA1B23C4D, 1.0005), (">", 0xA1B23C4D, 1.0005),
+])  # fmt: skip
+def test_pcap_in_both_byte_orders_and_in_micro_and_nanoseconds(order: str, magic: int, time: float) -> None:
+    assert read(pcap(order, magic, GOOD), "pcap") == [(1, time, "", FRAME)]
 
 
-def test_a_table_that_cannot_be_written_is_an_oserror_with_the_file(tmp_path: Path) -> None:
-    file = table(tmp_path)
-    with pytest.raises(OSError, match=r"bus\.db: table messages already exists"):
-        write_table(file, [])
+# pcapng
+
+
+def block(order: str, kind: int, body: bytes) -> bytes:
+    body += bytes(-len(body) % 4)
+    size = struct.pack(f"{order}L", 12 + len(body))
+    return struct.pack(f"{order}L", kind) + size + body + size
+
+
+def section(order: str) -> bytes:
+    return block(order, 0x0A0D0D0A, struct.pack(f"{order}LHHq", 0x1A2B3C4D, 1, 0, -1))
+
+
+def option(order: str, code: int, value: bytes) -> bytes:
+    return struct.pack(f"{order}HH", code, len(value)) + value + bytes(-len(value) % 4)
+
+
+def interface(order: str, name: str = "can0", tick: bytes = b"\6", link_type: int = 227) -> bytes:
+    options = option(order, 2, name.encode()) + option(order, 9, tick) + option(order, 0, b"")
+    return block(order, 1, struct.pack(f"{order}HHL", link_type, 0, 0) + options)
+
+
+def packet(order: str, number: int, ticks: int, data: bytes = GOOD) -> bytes:
+    return block(order, 6, struct.pack(f"{order}LLLLL", number, ticks >> 32, ticks & 0xFFFFFFFF, 16, 16) + data)
+
+
+@pytest.mark.parametrize("order", ["<", ">"])
+@pytest.mark.parametrize(("tick", "ticks"), [(b"\6", 5_500_000_000), (b"\x09", 5_500_000_000_000), (b"\x81", 11_000)])
+def test_pcapng_in_both_byte_orders_and_any_resolution(order: str, tick: bytes, ticks: int) -> None:
+    content = section(order) + interface(order, tick=tick) + packet(order, 0, ticks)
+    ((number, time, channel, raw),) = read(content, "pcapng")
+    assert (number, round(time, 6), channel, raw) == (1, 5500.0, "can0", FRAME)
+
+
+def test_other_interfaces_and_other_blocks_are_passed_over_and_sections_begin_anew() -> None:
+    first = section("<") + interface("<", "eth0", link_type=1) + interface("<", "can1")
+    second = section(">") + interface(">", "can2") + block(">", 3, struct.pack(">L", 16) + GOOD)
+    content = first + block("<", 5, bytes(12)) + packet("<", 0, 1) + packet("<", 1, 2_000_000) + second
+    assert read(content, "pcapng") == [(1, 2.0, "can1", FRAME), (2, 0.0, "can2", FRAME)]
+
+
+@pytest.mark.parametrize("before", [b"", b"x", b"five."])
+def test_an_option_of_any_length_hides_none_behind_it(before: bytes) -> None:
+    options = option("<", 1, before) + option("<", 2, b"can3") + option("<", 9, b"\3")
+    described = block("<", 1, struct.pack("<HHL", 227, 0, 0) + options)
+    assert read(section("<") + described + packet("<", 0, 5500), "pcapng") == [(1, 5.5, "can3", FRAME)]
+
+
+# What is damaged
+
+
+ONE = section("<") + interface("<")
+PCAP = 0xA1B2C3D4
+
+
+@pytest.mark.parametrize(("content", "form"), [
+    (pcap("<", PCAP, GOOD, BAD, GOOD), "pcap"),
+    (ONE + packet("<", 0, 1) + packet("<", 0, 1, BAD) + packet("<", 0, 1), "pcapng"),
+    (ONE + packet("<", 0, 1) + packet("<", 0, 1, b"no") + packet("<", 0, 1), "pcapng"),
+])  # fmt: skip
+def test_a_bad_packet_costs_no_other(content: bytes, form: str) -> None:
+    first, bad, last = (raw for *_, raw in read(content, form))
+    assert (first, last) == (FRAME, FRAME)
+    assert isinstance(bad, Foreign)
+    assert bad.damage is Damage.UNREADABLE
+
+
+ENDS = [
+    (pcap("<", PCAP, GOOD)[:-3], "pcap", Damage.CUT_OFF, "the file ends in the middle of a packet"),
+    (pcap("<", PCAP, GOOD)[:30], "pcap", Damage.CUT_OFF, "the file ends in the middle of a packet"),
+    (pcap("<", PCAP, GOOD)[:10], "pcap", Damage.CUT_OFF, "the file ends in the middle of a packet"),
+    (pcap("<", PCAP, link_type=1), "pcap", Damage.UNREADABLE, "link type 1; only 227, SocketCAN, is read"),
+    (b"no capture at all", "pcap", Damage.UNREADABLE, "not a pcap file"),
+    (b"no capture at all", "pcapng", Damage.UNREADABLE, "not a pcapng file"),
+    (ONE[:20], "pcapng", Damage.CUT_OFF, "the file ends in the middle of a packet"),
+    (ONE + packet("<", 0, 1)[:-5], "pcapng", Damage.CUT_OFF, "the file ends in the middle of a packet"),
+    (ONE + b"\6\0\0\0\0\0\0\0", "pcapng", Damage.UNREADABLE, "a packet of -12 bytes; at most 1048576 are read"),
+    (ONE + b"\6\0\0\0\0\0\0\x80", "pcapng", Damage.UNREADABLE, "a packet of 2147483636 bytes; at most 1048576"),
+    (section("<") + interface("<", link_type=1), "pcapng", Damage.UNREADABLE, "no interface of link type 227"),
+]
+
+
+@rows("content, form, damage, text", ENDS)
+def test_a_capture_that_does_not_go_on_ends_with_an_entry_that_says_so(
+    content: bytes, form: str, damage: Damage, text: str
+) -> None:
+    *_, (*_, last) = read(content, form)
+    assert isinstance(last, Foreign)
+    assert (last.damage, last.text[: len(text)]) == (damage, text)

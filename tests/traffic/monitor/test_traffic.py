@@ -6,14 +6,13 @@ import tracemalloc
 
 import pytest
 
-from eurobot_od.bus.simulated.bits import frame_bits
+from eurobot_od.bus.bits import frame_bits
 from eurobot_od.frame import Frame, RemoteFrame
 from eurobot_od.robot import dialects
 from eurobot_od.robot.model.messages import GotoStateResponse, GotoXY, KalmanPositionRequest
 from eurobot_od.robot.protocol import decoder
 from eurobot_od.traffic.entries import Damage, Foreign
-from eurobot_od.traffic.monitor.cells import HEADINGS, health, plain_table
-from eurobot_od.traffic.monitor.traffic import SORTS, MeanPeriod, Traffic, selected
+from eurobot_od.traffic.monitor.traffic import HEADINGS, SORTS, MeanPeriod, Traffic, health, plain_table, selected
 
 DECODER = decoder(dialects.DEFAULT)
 REQUEST = DECODER.protocol.encode(KalmanPositionRequest())
