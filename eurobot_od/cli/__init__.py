@@ -217,7 +217,7 @@ def _run(words: list[str]) -> int:
     words, robot = _robot_in(words)
     command = words[0] if words else "--help"
     if command.startswith("-"):
-        _overview(_robot_of_help(robot)).parse_args(words or [command])
+        _overview(robot_of_help(robot)).parse_args(words or [command])
         return ExitStatus.WRONG_INPUT
     # Imported modules and EDS files stay in memory: ten thousand objects. Looking for garbage among them again and
     # again took a fifth of a quick command's time. So it is off while importing, and seldom from then on.
@@ -256,7 +256,7 @@ def _find(robot: str | None) -> Plugin:
     return plugin.find(robot, alone=is_alone())
 
 
-def _robot_of_help(robot: str | None) -> Plugin:
+def robot_of_help(robot: str | None) -> Plugin:
     """Return the robot that is meant; without a name none if it is not clear which: the help needs no robot."""
     try:
         return _find(robot)

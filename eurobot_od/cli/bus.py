@@ -17,7 +17,6 @@ from eurobot_od.cli.devices import Devices
 from eurobot_od.cli.options import Bus, Json, NoReconnect, Seconds, check_node_id
 from eurobot_od.cli.signature import Option
 from eurobot_od.cli.target import Access, Target
-from eurobot_od.client.boot import hear_slave, order_start, prepare_slave, started_state
 from eurobot_od.client.description import Found, described
 from eurobot_od.client.description import scan as scan_nodes
 from eurobot_od.client.master import Master
@@ -97,6 +96,8 @@ def boot(
     The slaves are those of the network file, in its order; a DCF is loaded, unless 0x1020 says that the slave has it.
     Exit status 1 if a slave does not boot: then none is started.
     """
+    from eurobot_od.client.boot import hear_slave, order_start, prepare_slave, started_state  # with canopen
+
     named = network.read_network(path)
     loaded = {each.node_id: each for each in replace(access.devices, network=path).load_and_complain()}
     # `load` sorts by node-ID; the standard starts slaves in the network's own order

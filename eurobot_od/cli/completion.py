@@ -7,10 +7,9 @@ from collections.abc import Callable, Iterable
 from functools import cache
 from typing import Annotated, Any
 
-from eurobot_od.cli import COMMANDS, RobotName, find, program, with_robot
-from eurobot_od.cli.devices import Devices
+from eurobot_od.cli import COMMANDS, RobotName, find, program, robot_of_help, with_robot
 from eurobot_od.cli.signature import Option, Parser, describe
-from eurobot_od.plugin import Plugin
+from eurobot_od.plugin import NO_ROBOT, Plugin
 
 PLACES = {
     "bash": f"~/.local/share/bash-completion/completions/{program()}",
@@ -40,10 +39,11 @@ def completion(
     """Print the script that completes the command line in a shell: commands, options, and the values that are known."""
     import shtab  # no other command needs it
 
-    print(shtab.complete(whole_parser(Devices(robot_name=robot_name).robot, robot_name), shell=shell))
+    robot = robot_of_help(robot_name)
+    print(shtab.complete(whole_parser(robot, "none" if robot is NO_ROBOT else robot_name), shell=shell))
 
 
-def whole_parser(robot: Plugin, robot_name: str | None = None) -> ArgumentParser:
+def whole_parser(robot: Plugin, robot_name: str | None) -> ArgumentParser:
     """Return the whole command line as one parser, with what a shell offers for each option and argument."""
     whole = ArgumentParser(program())
     whole.add_argument("--version", action="store_true", help="print the version and exit")

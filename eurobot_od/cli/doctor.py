@@ -23,7 +23,7 @@ INDENT = len("interface  ")
 FOR_DEVELOPERS = ("test", "bench")
 """Extras that are needed only to develop the program."""
 
-NEEDED = ("canopen", "python-can", "PyYAML", "typing-extensions")
+NEEDED = ("canopen", "python-can", "PyYAML", "shtab")
 """What every installation has."""
 
 

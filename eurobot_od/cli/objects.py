@@ -14,7 +14,6 @@ from eurobot_od.cli.signature import Option
 from eurobot_od.cli.target import Target
 from eurobot_od.client.emergencies import History, clear_history, read_history
 from eurobot_od.client.master import RemoteNode
-from eurobot_od.client.pdo_mapping import map_objects
 from eurobot_od.client.reading import ObjectReading, read_all, readable
 from eurobot_od.client.remote_pdos import pdo_parameters
 from eurobot_od.errors import LocalError, UnknownName
@@ -137,6 +136,8 @@ def pdo(
     `map TPDO2 Motion.Speed ...` switches the PDO off, maps the objects in their order, switches it on if it was, and
     reads back (CiA 301, 7.5.2.36 and 7.5.2.38).
     """
+    from eurobot_od.client.pdo_mapping import map_objects  # with canopen
+
     with target.opened() as node:
         dictionary = target.needed_description(node).dictionary
         found = _present_pdos(node, dictionary)

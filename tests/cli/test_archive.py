@@ -12,6 +12,7 @@ pytest.importorskip("polars", reason="the extra `season` is not installed")
 pytest.importorskip("pyarrow", reason="the extra `season` is not installed")
 
 from tests.cli.console import run
+from tests.rows import rows
 
 
 @pytest.fixture
@@ -43,8 +44,8 @@ def test_what_answers_what_is_kept_also_where_two_nodes_answer(
     ]
 
 
-@pytest.mark.parametrize(
-    ("words", "status", "complaint"),
+@rows(
+    "words, status, complaint",
     [
         (["none.log"], 3, "eurobot-od: none.log: No such file or directory"),
         ([__file__], 2, "unknown log format 'py'"),

@@ -10,6 +10,7 @@ import pytest
 from eurobot_od.frame import Frame
 from tests.cli.console import run
 from tests.client.wired import WiredBus
+from tests.rows import rows
 
 LINES = ["(1.000000) can0 008#D27423592C01C3A5", "(1.250000) can0 00C#", "(2.000000) can0 014#F40100"]
 LATER = ["(1.000000) can0 008#D27423592C01C3A5", "(1.260000) can0 00C#", "(2.000000) can0 014#F50100"]
@@ -49,8 +50,8 @@ def test_differences_as_json(logs: tuple[str, str], capsys: pytest.CaptureFixtur
     }
 
 
-@pytest.mark.parametrize(
-    ("words", "status"),
+@rows(
+    "words, status",
     [
         (["--time", "10 ms", "--tolerance", "time=1"], 0),
         (["--time", "10 ms", "--tolerance", "Goto State Response.time=1"], 0),
@@ -65,10 +66,10 @@ def test_tolerances_and_filters(
     assert run(capsys, "compare", *logs, *words).status == status
 
 
-@pytest.mark.parametrize(
-    ("words", "complaint"),
+@rows(
+    "words, complaint",
     [
-        (["--tolerance", "x"], "--tolerance x: write FIELD=NUMBER"),
+        (["--tolerance", "x"], "argument --tolerance: x: write [MESSAGE.]FIELD=NUMBER"),
         (["--tolerance", "x=-1"], "--tolerance x=-1: not a number, 0 or more"),
         (["--tolerance", "nothing=1"], "unknown field 'nothing'"),
         (["--tolerance", "Goto.x=1"], "unknown message 'Goto'"),
@@ -101,19 +102,20 @@ def test_replay_sends_the_frames_and_says_how_many(
     assert bus.now == pytest.approx(0.5)
 
 
-@pytest.mark.parametrize(
-    ("words", "sent"),
+@rows(
+    "words, sent",
     [(["--only", "drive"], LINES[1:]), (["--except", "drive"], LINES[:1]), (["--only", "core"], LINES[:1])],
 )
 def test_replay_of_some_nodes(
     words: list[str], sent: list[str], logs: tuple[str, str], bus: WiredBus, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    bus.sent.clear()
     assert run(capsys, "replay", logs[0], *words).status == 0
     assert bus.sent == [Frame.parse(line.split()[2]) for line in sent]
 
 
-@pytest.mark.parametrize(
-    ("words", "complaint"),
+@rows(
+    "words, complaint",
     [
         (["--speed", "0"], "0 is not a positive number"),
         (["--speed", "inf"], "inf is not a positive number"),

@@ -17,6 +17,7 @@ from eurobot_od.robot.model.messages import GotoXY, KalmanPositionResponse
 from eurobot_od.robot.model.values import Barriers, Passage, Source
 from eurobot_od.robot.protocol import EurobotProtocol
 from tests.eds_text import DEVICE_TYPE, pdo, variable
+from tests.rows import rows
 
 PROTOCOL = EurobotProtocol.load(dialects.DEFAULT)
 GOTO = PROTOCOL.encode(GotoXY(1200, 900, 90, 80, Barriers.of({2: Passage.FORCED})))
@@ -96,7 +97,7 @@ def test_text(good: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert capsys.readouterr() == (TEXT, "")
 
 
-@pytest.mark.parametrize("words", [[cli.WORKBENCH], [cli.PROGRAM, "--robot", "none"]])
+@rows("words", [[cli.WORKBENCH], [cli.PROGRAM, "--robot", "none"]])
 def test_a_bus_of_which_there_is_no_file(
     words: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -142,8 +143,8 @@ def test_csv(good: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert (beat["protocol"], beat["text"]) == ("CANopen", "drive, operational")
 
 
-@pytest.mark.parametrize("form", [[], ["--json"], ["--csv"]])
-@pytest.mark.parametrize("filters", [[], ["--message", "GIP"], ["--since", "99"]])
+@rows("form", [[], ["--json"], ["--csv"]])
+@rows("filters", [[], ["--message", "GIP"], ["--since", "99"]])
 def test_all_damage_is_reported_in_any_case(
     damaged: Path, capsys: pytest.CaptureFixture[str], form: list[str], filters: list[str]
 ) -> None:
@@ -165,14 +166,14 @@ def test_damage_costs_no_other_line(damaged: Path, capsys: pytest.CaptureFixture
     assert "".join(line for line in lines if "!" not in line and "remote frame" not in line) == TEXT
 
 
-@pytest.mark.parametrize("form", [[], ["--json"], ["--csv"]])
+@rows("form", [[], ["--json"], ["--csv"]])
 def test_strict(good: Path, damaged: Path, form: list[str]) -> None:
     assert cli.main(["decode", "--strict", *form, str(good)]) == 0
     assert cli.main(["decode", "--strict", *form, str(damaged)]) == 1
 
 
-@pytest.mark.parametrize(
-    ("options", "lines"),
+@rows(
+    "options, lines",
     [
         (["--message", "Goto XY"], [0]),
         (["--message", "goto-xy", "--message", "heartbeat"], [0, 3]),
@@ -206,7 +207,7 @@ WRONG = [
 ]
 
 
-@pytest.mark.parametrize(("arguments", "status", "text"), WRONG)
+@rows("arguments, status, text", WRONG)
 def test_one_line_says_what_is_wrong(
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
@@ -293,7 +294,7 @@ def test_statistics_call_the_master_by_the_name_that_the_network_file_gives_it(
         assert capsys.readouterr().out.splitlines()[1].split()[:3] == ["000", "NMT", master]
 
 
-@pytest.mark.parametrize(("options", "said"), [([], 1), (["--message", "SDO"], 1), (["--message", "NMT"], 0)])
+@rows("options, said", [([], 1), (["--message", "SDO"], 1), (["--message", "NMT"], 0)])
 def test_a_transfer_that_the_end_of_the_log_cuts_off_is_counted(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], options: list[str], said: int
 ) -> None:

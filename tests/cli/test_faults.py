@@ -8,6 +8,7 @@ import pytest
 
 from eurobot_od.robot.plugin import ROBOT
 from tests.cli.console import run
+from tests.rows import rows
 
 
 def test_all_faults_are_listed_by_node(capsys: pytest.CaptureFixture[str]) -> None:
@@ -36,8 +37,8 @@ def test_faults_as_json_name_the_step_that_finds_them(capsys: pytest.CaptureFixt
     assert len(rows) == len(ROBOT.fault_names())
 
 
-@pytest.mark.parametrize(
-    ("words", "complaint"),
+@rows(
+    "words, complaint",
     [
         (["node", "drive", "--fault", "goto-not-confirmd"], "unknown fault 'goto-not-confirmd'; did you mean"),
         (["node", "drive", "--fault", "goto-not-sent"], "the fault goto-not-sent is one of the core, not of the drive"),
@@ -54,6 +55,6 @@ def test_a_fault_that_is_not_there_is_refused(
     assert said.err.count("\n") == 1
 
 
-@pytest.mark.parametrize(("fault", "status"), [([], 0), (["--fault", "goto-not-confirmed"], 1)])
+@rows("fault, status", [([], 0), (["--fault", "goto-not-confirmed"], 1)])
 def test_a_check_finds_a_fault(capsys: pytest.CaptureFixture[str], fault: list[str], status: int) -> None:
     assert run(capsys, "check", "drive", "--simulate", *fault).status == status

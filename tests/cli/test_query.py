@@ -12,6 +12,7 @@ pytest.importorskip("duckdb", reason="the extra `season` is not installed")
 
 from eurobot_od.cli import main
 from tests.cli.console import Terminal, run
+from tests.rows import rows
 
 
 @pytest.fixture
@@ -95,14 +96,13 @@ HOSTILE = """
 """
 
 
-@pytest.mark.parametrize(
-    ("form", "shown"),
+@rows(
+    "form, shown",
     [
         ([], [r"a\x1b[2J\nb", "=cmd|1", "[1, 2]", "{'x': 'y'}", "00:01:30"]),
         (["--csv"], [r"a\x1b[2J\nb,'=cmd|1,", '"[1, 2]"', "00:01:30"]),
         (["--json"], [r"a\u001b[2J\nb", "[1,2]"]),
     ],
-    ids=["table", "csv", "json"],
 )
 def test_whatever_a_log_says_stays_in_its_place(
     season: str, form: list[str], shown: list[str], capsys: pytest.CaptureFixture[str]
@@ -113,10 +113,8 @@ def test_whatever_a_log_says_stays_in_its_place(
     assert [each for each in shown if each not in out] == []
 
 
-@pytest.mark.parametrize(
-    "sql", ["SELECT union_value(a := 1) AS u", "SELECT INTERVAL 1 MONTH AS m", "SELECT 1::BIT AS b"]
-)
-@pytest.mark.parametrize("form", ["--csv", "--json", "--plot=x.svg"])
+@rows("sql", ["SELECT union_value(a := 1) AS u", "SELECT INTERVAL 1 MONTH AS m", "SELECT 1::BIT AS b"])
+@rows("form", ["--csv", "--json", "--plot=x.svg"])
 def test_any_type_has_an_answer_or_one_line(
     season: str,
     sql: str,
@@ -169,8 +167,8 @@ def test_a_folder_without_files_is_no_table(season: str, capsys: pytest.CaptureF
     assert run(capsys, "query", season).status == 0
 
 
-@pytest.mark.parametrize(
-    ("words", "complaint"),
+@rows(
+    "words, complaint",
     [
         (["SELECT 1", "--report", "load"], "a query is SQL or --report, not both"),
         (["--report", "latancy"], "unknown report 'latancy'; did you mean latency?"),

@@ -14,6 +14,7 @@ import pytest
 from eurobot_od.cli.options import assigned, positive, whole
 from eurobot_od.cli.signature import NOTHING, Chosen, Forms, Group, Hint, Option, Parser, describe, summary
 from eurobot_od.support import durations
+from tests.rows import rows
 
 
 class Colour(Enum):
@@ -99,7 +100,7 @@ GIVEN = [
 ]
 
 
-@pytest.mark.parametrize(("words", "changed"), GIVEN, ids=lambda value: str(value)[:30])
+@rows("words, changed", GIVEN)
 def test_a_function_gets_what_the_words_say(words: str, changed: dict[str, Any]) -> None:
     assert called("5", *words.split()) == {**PLAIN, **changed}
 
@@ -120,7 +121,7 @@ WRONG = [
 ]
 
 
-@pytest.mark.parametrize(("words", "complaint"), WRONG, ids=lambda value: str(value)[:30])
+@rows("words, complaint", WRONG)
 def test_a_wrong_word_is_one_line_with_the_options_name(
     words: str, complaint: str, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -18,6 +18,7 @@ from tests.client.test_reconnecting import Unplugged
 from tests.client.test_watch import Beating, beats
 from tests.client.wired import WiredBus
 from tests.eds_text import DEVICE_TYPE
+from tests.rows import rows
 
 
 @pytest.fixture
@@ -81,8 +82,8 @@ def test_time_is_sent_once(capsys: pytest.CaptureFixture[str], bus: WiredBus) ->
     assert [(frame.cob_id, len(frame.data)) for frame in bus.sent] == [(0x101, 6)]
 
 
-@pytest.mark.parametrize(
-    ("words", "complaint"),
+@rows(
+    "words, complaint",
     [
         (["watch", "128"], "node-ID 128 is not in 1..127"),
         (["watch", "--guard", "1 s"], "--guard polls the nodes that are named"),

@@ -26,6 +26,7 @@ from eurobot_od.robot.world.remote import RemoteVehicle
 from eurobot_od.support.address import Address
 from tests.cli.console import run
 from tests.cli.processes import PATIENCE, command, killed_if_it_hangs, line, node, serve_bus
+from tests.rows import rows
 
 FACTS = robot_file.read()
 
@@ -151,7 +152,7 @@ def test_a_core_whose_bus_fails_in_a_match_says_so(served: Scene, tmp_path: Path
 
 
 @pytest.mark.posix
-@pytest.mark.parametrize("told", [signal.SIGINT, signal.SIGTERM])
+@rows("told", [signal.SIGINT, signal.SIGTERM])
 def test_a_world_that_is_told_to_end_says_what_it_came_to(told: signal.Signals) -> None:
     with command("world", "--listen", "127.0.0.1:0") as world:
         line(world, "Ctrl-C ends it")
@@ -170,8 +171,8 @@ def test_as_json_it_is_a_line_for_each_event_and_the_summary(capsys: pytest.Capt
     assert last["summary"] | {"seconds": 0} == {"seconds": 0, **nothing}
 
 
-@pytest.mark.parametrize(
-    ("listen", "printed"),
+@rows(
+    "listen, printed",
     [
         ("0.0.0.0:0", r"world on [0-9a-f]{24}@0\.0\.0\.0:[0-9]+;"),
         ("ours@0.0.0.0:0", r"world on ours@0\.0\.0\.0:[0-9]+;"),
@@ -190,13 +191,13 @@ def test_beyond_this_machine_its_address_has_a_token(
 WORLD = ["--world", "127.0.0.1:9"]
 
 
-@pytest.mark.parametrize(
-    ("words", "status", "complaint"),
+@rows(
+    "words, status, complaint",
     [
         (["world", "--listen", "2014"], 2, "2014 is not HOST:PORT, such as 127.0.0.1:2014"),
         (["world", "--listen", "127.0.0.1:65536"], 2, "127.0.0.1:65536 is not HOST:PORT"),
         (["world", "--listen", "192.0.2.1:0"], 3, "eurobot-od: cannot listen on 192.0.2.1:0: "),
-        (["world", "--world", "wheel_noise"], 2, "--world wheel_noise: write NAME=VALUE"),
+        (["world", "--world", "wheel_noise"], 2, "argument --world: wheel_noise: write NAME=VALUE"),
         (["world", "--world", "wheel_noize=1"], 2, "did you mean wheel_noise?"),
         (["world", "--world", "wheel_noise=-1"], 2, "wheel_noise=-1: not a number from 0 on"),
         (["node", "drive", *WORLD], 3, "eurobot-od: the world at 127.0.0.1:9 does not answer: "),
