@@ -89,7 +89,7 @@ class Scene(Protocol):
         """Do what the options say; return the exit status, None if the node is to go on by itself."""
 
 
-class Run(NamedTuple):
+class NodeRun(NamedTuple):
     """How the command `node` runs a robot's node: a dialect of the robot's, on which bus, how long in s."""
 
     robot: Plugin
@@ -107,7 +107,7 @@ class Stage(Protocol):
     def values(self, kind: type[Node], dictionary: Dictionary, facts: Sequence[tuple[str, str]]) -> Mapping[str, Any]:
         """Return what else a node is made with, by the names that its class has for it; `facts` are those of --set."""
 
-    def set_up(self, node: Node, run: Run) -> Scene:
+    def set_up(self, node: Node, run: NodeRun) -> Scene:
         """Give the node what it has besides the bus."""
 
 

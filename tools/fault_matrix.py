@@ -25,7 +25,7 @@ from eurobot_od.check.runner import RunOptions
 from eurobot_od.check.simulated import run_simulated
 from eurobot_od.check.suite import Suite
 from eurobot_od.cli.campaign import Campaign, counted
-from eurobot_od.cli.signature import Group, Option, Parser, describe, summary
+from eurobot_od.cli.signature import HelpGroup, Option, Parser, describe, summary
 from eurobot_od.device.simulated import SimulatedDevice
 from eurobot_od.robot import dialects
 from eurobot_od.robot.nodes import ROLES
@@ -176,7 +176,7 @@ def run_all(
     dialect: Annotated[Sequence[str], "EDS files (default: all dialects)"] = (),
     fault: Annotated[Sequence[str], Option(metavar="NAME"), "only this fault, may be given several times"] = (),
     seeds: Annotated[int, Option(metavar="N"), "seeds for the runs without a fault"] = 1,
-    campaign: Annotated[Campaign, Group("many at once, with all of it")],
+    campaign: Annotated[Campaign, HelpGroup("many at once, with all of it")],
 ) -> int:
     """Run all shipped suites against all faults; print the matrix for each dialect and what is not as it has to be."""
     asked_for, of_robot = fault or [*CONFORMANCE, *robot_faults()], robot_faults()

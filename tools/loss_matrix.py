@@ -27,7 +27,7 @@ from typing import Annotated, NamedTuple
 from eurobot_od.bus.simulated import loop
 from eurobot_od.bus.simulated.network import ON_TIME, Simulation, processing_time
 from eurobot_od.cli.campaign import Campaign, counted
-from eurobot_od.cli.signature import Group, Option, Parser, describe, summary
+from eurobot_od.cli.signature import HelpGroup, Option, Parser, describe, summary
 from eurobot_od.device.station import Station
 from eurobot_od.errors import EurobotError
 from eurobot_od.frame import Frame
@@ -340,7 +340,7 @@ def run_all(
     dialect: Annotated[str, f"EDS files (default: {dialects.DEFAULT})"] = dialects.DEFAULT,
     times: Annotated[int, Option(metavar="N"), f"times of a match (default: {TIMES})"] = TIMES,
     only: Annotated[str, Option(metavar="TEXT"), "only cells whose name has this in it"] = "",
-    campaign: Annotated[Campaign, Group("many at once, with all of it")],
+    campaign: Annotated[Campaign, HelpGroup("many at once, with all of it")],
 ) -> int:
     """Lose messages and nodes in matches, see that the robot stands; print table, what is wrong, and figures."""
     chosen = [each for each in cells(dialect, times) if only in f"{each.what} {each.how}"]

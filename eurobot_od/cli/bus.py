@@ -14,7 +14,7 @@ from typing import Annotated, Any, TypeAlias
 
 from eurobot_od.cli import ExitStatus
 from eurobot_od.cli.devices import Devices
-from eurobot_od.cli.options import Bus, Json, NoReconnect, Seconds, check_node_id
+from eurobot_od.cli.options import BusOptions, Json, NoReconnect, Seconds, check_node_id
 from eurobot_od.cli.signature import Option
 from eurobot_od.cli.target import Access, Target
 from eurobot_od.client.description import Found, described
@@ -177,7 +177,7 @@ def watch(
     as_json: Annotated[Json, "print one JSON object per line"] = False,
     no_reconnect: NoReconnect = False,
     devices: Devices,
-    bus: Bus,
+    bus: BusOptions,
 ) -> ExitStatus:
     """Watch CANopen nodes by heartbeat or node guarding: a line when one boots, is lost or comes back.
 
@@ -269,7 +269,7 @@ def sync(
     count: Count = None,
     cob_id: Annotated[Identifier, f"identifier (0x{SYNC_COB_ID:03X})"] = SYNC_COB_ID,
     no_reconnect: NoReconnect = False,
-    bus: Bus,
+    bus: BusOptions,
 ) -> None:
     """Send SYNC messages at a fixed period, until Ctrl-C or --count."""
     frames = syncs(counter, cob_id)
@@ -284,7 +284,7 @@ def time(
     count: Count = 1,
     cob_id: Annotated[Identifier, f"identifier (0x{TIME_COB_ID:03X})"] = TIME_COB_ID,
     no_reconnect: NoReconnect = False,
-    bus: Bus,
+    bus: BusOptions,
 ) -> None:
     """Send the time of this computer as CANopen's TIME message, once or periodically."""
     zone = UTC if utc else None

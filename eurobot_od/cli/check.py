@@ -19,7 +19,7 @@ from eurobot_od.cli.campaign import Campaign
 from eurobot_od.cli.checking import Checks, Printer, listed, many_results, results_of
 from eurobot_od.cli.devices import left_out
 from eurobot_od.cli.options import Json, Output, whole, write
-from eurobot_od.cli.signature import Group, Option
+from eurobot_od.cli.signature import HelpGroup, Option
 from eurobot_od.errors import LocalError
 from eurobot_od.support.files import check_writable
 
@@ -28,7 +28,7 @@ AT_ONCE = "--simulate --repeat"
 
 
 @dataclass(frozen=True, kw_only=True)
-class Report:
+class CheckReport:
     """What is said of a check: on standard output in one form, and in files."""
 
     page: Annotated[
@@ -92,8 +92,8 @@ def check(
         int, Option(metavar="N", read=whole(1, what="a number of times")), "run everything N times, seed by seed"
     ] = 1,
     seed: Annotated[int, "seed of everything random in the simulation (default: 1)"] = 1,
-    report: Report,
-    campaign: Annotated[Campaign, Group(f"many at once, with {AT_ONCE}")],
+    report: CheckReport,
+    campaign: Annotated[Campaign, HelpGroup(f"many at once, with {AT_ONCE}")],
 ) -> ExitStatus:
     """Check nodes with suites of steps: against real nodes on a CAN bus, or simulated ones."""
     _refuse_what_does_not_go_together(checks, {"output": output, "report": report.page, "ctt": report.ctt})

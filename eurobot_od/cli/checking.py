@@ -16,7 +16,7 @@ from eurobot_od.check.runner import Interrupt, RunOptions
 from eurobot_od.check.suite import Suite
 from eurobot_od.cli.campaign import counted
 from eurobot_od.cli.devices import Devices, complain_of_repairs
-from eurobot_od.cli.options import Bus, Faults, whole
+from eurobot_od.cli.options import BusOptions, Faults, whole
 from eurobot_od.cli.signature import Option
 from eurobot_od.errors import LocalError
 from eurobot_od.od import network
@@ -144,7 +144,7 @@ class Checks:
     made: Made
     keep_going: Annotated[bool, "go on with the next step after a failed one"] = False
     devices: Devices
-    bus: Bus
+    bus: BusOptions
 
     def reader(self, refused: OnRefused = lambda _: None) -> SuiteReader:
         """Return the reader of suites for the devices; `refused` gets each PDO that is left out."""

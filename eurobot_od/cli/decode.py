@@ -13,8 +13,8 @@ from typing import Annotated
 from eurobot_od.cli import ExitStatus
 from eurobot_od.cli.devices import Devices
 from eurobot_od.cli.logs import STANDARD_INPUT, Log, Logs, Reading, entries, opened
-from eurobot_od.cli.options import BitRate, Bus, EmcyFiles, Json, Seconds, assigned, positive
-from eurobot_od.cli.signature import Group, Option
+from eurobot_od.cli.options import BitRate, BusOptions, EmcyFiles, Json, Seconds, assigned, positive
+from eurobot_od.cli.signature import HelpGroup, Option
 from eurobot_od.errors import LocalError, UnknownName
 from eurobot_od.frame import Frame
 from eurobot_od.pdo.protocol import Protocol
@@ -31,7 +31,7 @@ BIT_RATE = 500_000
 class Filters:
     """The entries that are wanted: names of messages and nodes, conditions on fields."""
 
-    GROUP = Group("filters", "an entry has to pass all that are given")
+    GROUP = HelpGroup("filters", "an entry has to pass all that are given")
 
     message: Annotated[
         Sequence[str],
@@ -179,7 +179,7 @@ def replay(
         Sequence[str], Option("--except", metavar="NODE", either="sender"), "no frames that this node sent; repeatable"
     ] = (),
     devices: Devices,
-    bus: Bus,
+    bus: BusOptions,
 ) -> None:
     """Replay a log onto a bus with its recorded timing, so that one real node meets yesterday's others.
 

@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Annotated, TypeAlias
 
 from eurobot_od import plugin
 from eurobot_od.cli import RobotName, complain, is_alone
-from eurobot_od.cli.options import Bus
-from eurobot_od.cli.signature import Group, Option, Parser, describe
+from eurobot_od.cli.options import BusOptions
+from eurobot_od.cli.signature import HelpGroup, Option, Parser, describe
 from eurobot_od.device.emergency import ErrorWords
 from eurobot_od.errors import DictionaryError, LocalError, MappingError, RemoteError
 from eurobot_od.od import network
@@ -46,7 +46,7 @@ class Devices:
     `alone`: only a robot that is named counts, as for devices that are.
     """
 
-    GROUP = Group("devices", f"default: {network.DEFAULT} in this folder, else the robot's")
+    GROUP = HelpGroup("devices", f"default: {network.DEFAULT} in this folder, else the robot's")
 
     eds: Annotated[
         Sequence[str],
@@ -140,7 +140,7 @@ class Devices:
         known = self.load() if self.are_known else ()
         return ErrorWords.of_devices(known, self.robot.catalogue(), error_words(emcy))
 
-    def asking_decoder(self, bus: Bus, emcy: Iterable[str] = ()) -> Decoder:
+    def asking_decoder(self, bus: BusOptions, emcy: Iterable[str] = ()) -> Decoder:
         """Return a decoder for the PDOs as the devices on the bus are set now; complains of those that do not answer.
 
         Raises as `load`, BusError.

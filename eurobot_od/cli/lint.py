@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, TypeAlias
 
 from eurobot_od.cli import ExitStatus, complain
-from eurobot_od.cli.options import Bus, Json, check_node_id
+from eurobot_od.cli.options import BusOptions, Json, check_node_id
 from eurobot_od.cli.signature import Option
 from eurobot_od.errors import DictionaryError, LocalError, UnknownName
 from eurobot_od.lint.findings import Finding, Rule, Severity, chosen, count, summary, summed_up
@@ -236,7 +236,7 @@ def diff(
     node: Annotated[int | None, Option(metavar="ID"), "node-ID: of the live node, or to fill in for $NODEID"] = None,
     names: Annotated[bool, "compare the ParameterNames too"] = False,
     as_json: Annotated[Json, "write a JSON list instead of lines"] = False,
-    bus: Bus,
+    bus: BusOptions,
 ) -> ExitStatus:
     """Compare two EDS, DCF, XDD or XDC files, or one with a live node.
 
@@ -263,7 +263,9 @@ def diff(
     return ExitStatus.FOUND if found else ExitStatus.FINE
 
 
-def _live_bytes(bus: Bus, file: str, node_id: int, addresses: Iterable[Address]) -> Mapping[Address, bytes | int]:
+def _live_bytes(
+    bus: BusOptions, file: str, node_id: int, addresses: Iterable[Address]
+) -> Mapping[Address, bytes | int]:
     """Read objects of a live node: their bytes, or the abort code; raises LocalError, BusError, NoAnswer."""
     from eurobot_od.client.master import Master  # two files are compared without a bus
     from eurobot_od.client.reading import read_bytes

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Annotated, Literal
 
 from eurobot_od.cli import ExitStatus
-from eurobot_od.cli.options import Bus, Seconds
+from eurobot_od.cli.options import BusOptions, Seconds
 from eurobot_od.cli.signature import Option
 from eurobot_od.client import lss as services
 from eurobot_od.client.description import Identity
@@ -66,7 +66,7 @@ def lss(
     alone: Annotated[bool, Option(either="device"), "the device is the only one on the bus"] = False,
     settings: Settings,
     timeout: Annotated[Seconds, "longest wait for an answer (100 ms)"] = 0.1,
-    bus: Bus,
+    bus: BusOptions,
 ) -> ExitStatus:
     """Find CANopen devices that have no node-ID yet by LSS, and set node-ID and bit rate (CiA 305).
 

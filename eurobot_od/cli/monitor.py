@@ -19,7 +19,7 @@ from eurobot_od.bus.live import BITRATE
 from eurobot_od.cli import complain
 from eurobot_od.cli.devices import Devices
 from eurobot_od.cli.logs import Log, Reading, entries
-from eurobot_od.cli.options import Bus, EmcyFiles, NoReconnect, positive
+from eurobot_od.cli.options import BusOptions, EmcyFiles, NoReconnect, positive
 from eurobot_od.cli.signature import Option
 from eurobot_od.errors import LocalError
 from eurobot_od.support import extras
@@ -58,7 +58,7 @@ def monitor(
     no_reconnect: NoReconnect = False,
     devices: Devices,
     emcy: EmcyFiles = (),
-    bus: Bus,
+    bus: BusOptions,
 ) -> None:
     """Watch a bus, or logs at any speed, as a live table of messages; without a terminal or rich, as plain lines.
 

@@ -17,8 +17,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 from eurobot_od.bus.live import Live
 from eurobot_od.cli import ExitStatus, RobotName
 from eurobot_od.cli.devices import Devices, complain_of_repairs, robot_meant
-from eurobot_od.cli.options import Bus, Json, NoReconnect, Seconds, assigned
-from eurobot_od.cli.signature import NOTHING, Chosen, Group, Hint, Option, Parser
+from eurobot_od.cli.options import BusOptions, Json, NoReconnect, Seconds, assigned
+from eurobot_od.cli.signature import NOTHING, Chosen, HelpGroup, Hint, Option, Parser
 from eurobot_od.device.node import Node
 from eurobot_od.device.profiles.devices import SimulatedDrive, simulated_kind
 from eurobot_od.device.station import OnError
@@ -30,7 +30,7 @@ from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.objects import address_of, find_one, given
 from eurobot_od.od.sdo_channel import moved_server
 from eurobot_od.pdo.message import describe
-from eurobot_od.plugin import Run, Scene, Stage
+from eurobot_od.plugin import NodeRun, Scene, Stage
 from eurobot_od.support import bounded
 from eurobot_od.support.escaping import one_line
 
@@ -60,7 +60,7 @@ def _travel(text: str) -> tuple[float, float]:
 class DeviceOptions:
     """How a device behaves, and what it is given; for a node of the robot's, facts are given."""
 
-    GROUP = Group("any device")
+    GROUP = HelpGroup("any device")
 
     given: Annotated[
         Sequence[tuple[str, str]],
@@ -101,7 +101,7 @@ class DeviceOptions:
 
 def _stage(parser: Parser) -> Hint:
     robot = robot_meant(parser)
-    return Hint(robot.stage(), group=Group(f"nodes of {robot.name}")) if robot.stage else NOTHING
+    return Hint(robot.stage(), group=HelpGroup(f"nodes of {robot.name}")) if robot.stage else NOTHING
 
 
 def node(
@@ -125,7 +125,7 @@ def node(
     device: DeviceOptions,
     stage: Annotated[Stage | None, Chosen(_stage)] = None,
     devices: Devices,
-    bus: Bus,
+    bus: BusOptions,
     no_reconnect: NoReconnect = False,
     on_error: Annotated[
         OnError, "what happens to a node that fails, after it was stopped (default: restart)"
@@ -158,7 +158,7 @@ def node(
     of_role = stage.values(kind, dictionary, device.given) if stage and role else {}
     values = of_role if role else device.values_of(dictionary)
     made = kind(dictionary, store=FileStore(store, dictionary) if store else None, **values)
-    scene = stage.set_up(made, Run(robot, devices.dialect, bus.open, duration)) if stage and role else None
+    scene = stage.set_up(made, NodeRun(robot, devices.dialect, bus.open, duration)) if stage and role else None
     live = Live.node(
         bus.open(),
         made,
@@ -239,7 +239,7 @@ def _all(devices: Devices, about_one: Iterable[str]) -> list[Node]:
     return [robot.kind("")(each) for each in loaded]
 
 
-def _run_all(nodes: Sequence[Node], bus: Bus, duration: float | None) -> None:
+def _run_all(nodes: Sequence[Node], bus: BusOptions, duration: float | None) -> None:
     """Run several devices on one bus until the time is over, or an interrupt; raises BusError."""
     from eurobot_od.bus.live.group import LiveGroup  # one node runs without
     from eurobot_od.device.station import NodeGroup

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, TypeAlias
 
 from eurobot_od.cli import complain
-from eurobot_od.cli.signature import Group, Option
+from eurobot_od.cli.signature import HelpGroup, Option
 from eurobot_od.errors import LocalError
 from eurobot_od.od.values import NODE_IDS
 from eurobot_od.support import durations
@@ -91,10 +91,10 @@ def _interfaces(_: Plugin) -> Iterable[str]:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Bus:
+class BusOptions:
     """A CAN bus; what is None comes from python-can's own configuration."""
 
-    GROUP = Group("bus", "default: python-can's configuration")
+    GROUP = HelpGroup("bus", "default: python-can's configuration")
 
     interface: Annotated[
         str | None, Option("-i", suggest=_interfaces), "python-can interface, such as socketcan, pcan, slcan, remote"

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated
 from eurobot_od.bus.live import Driver, FrameReader
 from eurobot_od.cli import ExitStatus
 from eurobot_od.cli.devices import Devices
-from eurobot_od.cli.options import Bus, Seconds
+from eurobot_od.cli.options import BusOptions, Seconds
 from eurobot_od.cli.signature import Option
 from eurobot_od.errors import BusError, LocalError, RemoteError
 from eurobot_od.frame import Frame
@@ -43,7 +43,7 @@ def send(
     ] = None,
     within: Annotated[Seconds, "how long to wait for it (default: 1 s)"] = 1.0,
     devices: Devices,
-    bus: Bus,
+    bus: BusOptions,
 ) -> ExitStatus:
     """Send one message or frame on a CAN bus, and wait for an answer with --expect.
 

@@ -20,7 +20,7 @@ from eurobot_od.bus.live import BITRATE
 from eurobot_od.cli import complain
 from eurobot_od.cli.devices import Devices
 from eurobot_od.cli.logs import Log, Reading, meanings
-from eurobot_od.cli.options import Bus, EmcyFiles
+from eurobot_od.cli.options import BusOptions, EmcyFiles
 from eurobot_od.cli.signature import Option
 from eurobot_od.errors import EurobotError, LocalError
 from eurobot_od.support import extras
@@ -55,7 +55,7 @@ def serve(
     ] = HERE,
     devices: Devices,
     emcy: EmcyFiles = (),
-    bus: Bus,
+    bus: BusOptions,
 ) -> None:
     """Show the bus in a browser, or logs: messages, plots, nodes, object dictionaries, events.
 

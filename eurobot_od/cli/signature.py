@@ -3,7 +3,7 @@
 A parameter that may be given by position is an argument, a keyword-only one an option: `node_id` is `--node-id`. One
 without a default has to be given. `bool` is a switch, `Sequence` takes any number of values, a `Literal` or an `Enum`
 has the choices, and a dataclass is a group of options, made of what is given for its fields. What name and type do not
-say stands beside the type, in `Annotated`: a text is the help, an `Option` or a `Group` the rest.
+say stands beside the type, in `Annotated`: a text is the help, an `Option` or a `HelpGroup` the rest.
 
     def sync(*, count: Annotated[int | None, Option(metavar="N"), "end after N messages"] = None, bus: Bus) -> None:
         '''Send SYNC messages until Ctrl-C or --count.'''
@@ -78,7 +78,7 @@ class Option:
         return self.choices if isinstance(self.choices, Mapping) else {str(each): each for each in self.choices}
 
 
-class Group(NamedTuple):
+class HelpGroup(NamedTuple):
     """The heading of a group in the help: a dataclass has it as `GROUP`, or a parameter beside its type."""
 
     title: str
@@ -98,7 +98,7 @@ class Hint(NamedTuple):
     several: bool = False
     option: Option = Option()
     text: str | None = None
-    group: Group | None = None
+    group: HelpGroup | None = None
 
     @classmethod
     def of(cls, annotation: Any, parser: Parser) -> Hint:
@@ -119,7 +119,7 @@ class Hint(NamedTuple):
         for each in inside[1:]:
             if isinstance(each, Option):
                 hint = hint._replace(option=hint.option | each)
-            elif isinstance(each, Group):
+            elif isinstance(each, HelpGroup):
                 hint = hint._replace(group=each)
             elif isinstance(each, Chosen):
                 hint = each.hint(parser)

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Annotated
 
 from eurobot_od.cli.devices import Devices, complain_of_repairs
-from eurobot_od.cli.options import Bus, Seconds, check_node_id, whole
+from eurobot_od.cli.options import BusOptions, Seconds, check_node_id, whole
 from eurobot_od.cli.signature import Option
 from eurobot_od.client import description
 from eurobot_od.client.description import Description, from_file
@@ -31,7 +31,7 @@ class Access:
         Option(metavar="BYTES", read=whole(1, what="a number of bytes")),
         "most to read of an object whose size the node does not announce (1048576)",
     ] = 1 << 20
-    bus: Bus
+    bus: BusOptions
 
     def master(self) -> Master:
         """Open the bus; the context closes it. Raises LocalError, BusError."""

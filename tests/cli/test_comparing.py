@@ -88,7 +88,7 @@ def test_wrong_tolerances_are_one_line(
 def bus(monkeypatch: pytest.MonkeyPatch) -> WiredBus:
     """A bus in simulated time."""
     bus = WiredBus()
-    monkeypatch.setattr("eurobot_od.cli.options.Bus.open", lambda _: bus)
+    monkeypatch.setattr("eurobot_od.cli.options.BusOptions.open", lambda _: bus)
     monkeypatch.setattr("eurobot_od.client.master.Master.__init__.__defaults__", (0.5, lambda: bus.now, 1 << 20))
     return bus
 

@@ -17,7 +17,7 @@ TEXT = "0x00000001:0x00000002:0x00000003:0x0000000"
 def said(
     capsys: pytest.CaptureFixture[str], patch: pytest.MonkeyPatch, slaves: list[LssSlave], words: list[str]
 ) -> Said:
-    patch.setattr("eurobot_od.cli.options.Bus.open", lambda _: WiredBus(*slaves))
+    patch.setattr("eurobot_od.cli.options.BusOptions.open", lambda _: WiredBus(*slaves))
     return run(capsys, "lss", *words, "--timeout", "1 ms")
 
 

@@ -15,7 +15,7 @@ from tests.rows import rows
 
 def program(capsys: pytest.CaptureFixture[str], patch: pytest.MonkeyPatch, device: FlashDevice, *words: str) -> Said:
     """Run the command on a bus with the device."""
-    patch.setattr("eurobot_od.cli.options.Bus.open", lambda _: WiredBus(device))
+    patch.setattr("eurobot_od.cli.options.BusOptions.open", lambda _: WiredBus(device))
     return run(capsys, "program", *words)
 
 

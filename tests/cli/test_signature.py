@@ -12,7 +12,7 @@ from typing import Annotated, Any, Literal
 import pytest
 
 from eurobot_od.cli.options import assigned, positive, whole
-from eurobot_od.cli.signature import NOTHING, Chosen, Forms, Group, Hint, Option, Parser, describe, summary
+from eurobot_od.cli.signature import NOTHING, Chosen, Forms, HelpGroup, Hint, Option, Parser, describe, summary
 from eurobot_od.support import durations
 from tests.rows import rows
 
@@ -29,7 +29,7 @@ Seconds = Annotated[float, Option(metavar="TIME", read=durations.seconds)]
 class Bus:
     """Where to."""
 
-    GROUP = Group("bus", "default: the first one")
+    GROUP = HelpGroup("bus", "default: the first one")
 
     channel: Annotated[str | None, Option("-c"), "channel, 100 % of it"] = None
     bitrate: Annotated[int, Option("-b", read=whole(1000, 2000))] = 500

@@ -25,7 +25,7 @@ from tests.rows import rows
 def bus(monkeypatch: pytest.MonkeyPatch) -> WiredBus:
     """A bus in simulated time, with node 5 on it for 3 s."""
     bus = WiredBus(Beating([(0.5, b"\0"), *beats(1, 2, 3)]))
-    monkeypatch.setattr("eurobot_od.cli.options.Bus.open", lambda _: bus)
+    monkeypatch.setattr("eurobot_od.cli.options.BusOptions.open", lambda _: bus)
     monkeypatch.setattr("eurobot_od.client.master.time.monotonic", lambda: bus.now)
     monkeypatch.setattr("eurobot_od.client.master.Master.__init__.__defaults__", (0.5, lambda: bus.now, UNANNOUNCED))
     return bus
@@ -103,4 +103,4 @@ def test_without_reconnecting_a_bus_that_is_lost_ends_it() -> None:
     bus = Unplugged()
     master = Master(bus, clock=lambda: bus.now)
     with pytest.raises(BusError):
-        produce(master, islice(syncs(), 10), 0.5, options.Bus().guard(master, no_reconnect=True))
+        produce(master, islice(syncs(), 10), 0.5, options.BusOptions().guard(master, no_reconnect=True))

@@ -17,8 +17,8 @@ from eurobot_od.bus import live
 from eurobot_od.cli import ExitStatus, RobotName, complain, fall_silent
 from eurobot_od.cli.campaign import Campaign, counted
 from eurobot_od.cli.devices import Dialect
-from eurobot_od.cli.options import Bus, Faults, Json, assigned, positive, write
-from eurobot_od.cli.signature import Group, Option
+from eurobot_od.cli.options import BusOptions, Faults, Json, assigned, positive, write
+from eurobot_od.cli.signature import HelpGroup, Option
 from eurobot_od.errors import LocalError
 from eurobot_od.frame import Frame
 from eurobot_od.plugin import Plugin
@@ -56,7 +56,7 @@ ERRORS = ", ".join(f"{name}={value:g} {UNITS.get(name, '')}".rstrip() for name, 
 class NodesAndWorld:
     """What our nodes and the world are to be like."""
 
-    GROUP = Group("our nodes and the world, each option repeatable")
+    GROUP = HelpGroup("our nodes and the world, each option repeatable")
 
     fault: Annotated[Faults, "give a node a fault; `faults` lists them"] = ()
     values: Annotated[
@@ -98,13 +98,13 @@ class AskedMatch:
     ] = GO_ON
     field: Annotated[File | None, "draw the match: .svg, .html or .png; with --compare the points: .svg"] = None
     as_json: Annotated[Json, "print as JSON: timeline and summary, or a line for each seed"] = False
-    campaign: Annotated[Campaign, Group("many at once, with --seeds")]
+    campaign: Annotated[Campaign, HelpGroup("many at once, with --seeds")]
     dialect: Dialect = None
     robot_name: RobotName = None
     nodes: NodesAndWorld
     bus: Annotated[
-        Bus,
-        Group("bus", "default: python-can's configuration; without one, --speed real takes a bus in this process"),
+        BusOptions,
+        HelpGroup("bus", "default: python-can's configuration; without one, --speed real takes a bus in this process"),
     ]
 
     @property

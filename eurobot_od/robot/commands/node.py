@@ -16,7 +16,7 @@ from eurobot_od.cli.signature import Option
 from eurobot_od.device.node import Node
 from eurobot_od.errors import LocalError
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.plugin import Run
+from eurobot_od.plugin import NodeRun
 from eurobot_od.robot.commands.common import status_of
 from eurobot_od.robot.model.options import MatchOptions, WorldAddress, facts_for, facts_given
 from eurobot_od.robot.model.values import TeamColour
@@ -85,7 +85,7 @@ class NodeOptions:
             raise LocalError(f"--set is for nodes that go by facts of the robot, not for a {kind.__name__}")
         return {"facts": facts_for(dictionary.file, facts_given(facts))}
 
-    def set_up(self, node: Node, run: Run) -> NodeScene:
+    def set_up(self, node: Node, run: NodeRun) -> NodeScene:
         """Give the node its instruments; raises WorldError, LocalError, OSError."""
         played = _strategy(self.strategy) if self.strategy else None
         world = enter(node, self.world, run.duration) if self.world else None
@@ -97,7 +97,7 @@ class NodeScene:
     """A node with its instruments, in a `world` of another process if the options name one."""
 
     node: Node
-    run: Run
+    run: NodeRun
     options: NodeOptions
     strategy: Strategy | None
     world: tuple[RemoteVehicle, MatchOptions] | None
@@ -136,7 +136,7 @@ def enter(node: Node, world: WorldAddress, duration: float | None) -> tuple[Remo
 
 
 def _play(
-    live: Live, core: Core, vehicle: RemoteVehicle, options: MatchOptions, strategy: Strategy, run: Run
+    live: Live, core: Core, vehicle: RemoteVehicle, options: MatchOptions, strategy: Strategy, run: NodeRun
 ) -> ExitStatus:
     """Play the match; status 1 if the strategy raised."""
     from eurobot_od.bus.live import FrameReader
