@@ -1103,7 +1103,7 @@ def test_20_a_drive_that_knows_its_place_is_not_configured_again(bench: Bench, p
     drive_off(bench)
     bench.network.detach(bench.stations["navigation"])
     bench.run(3.0)
-    drive_off(bench, (500, 500, 0, 50))
+    drive_off(bench, GotoXY(500, 500, 0, 50))
     bench.network.freeze(bench.stations["core"], bench.now + pause)
     bench.run(pause + 3.0)
     begun = len(bench.log)
