@@ -36,13 +36,15 @@ from eurobot_od.support.tables import columns
 def scan(
     access: Access,
     *,
-    listen: Annotated[Seconds, "listen for heartbeats for this time (1.5 s)"] = 1.5,
+    listen: Seconds = 1.5,
     as_json: Json = False,
 ) -> ExitStatus:
     """List the CANopen nodes of a bus: which answer, in which state, what they are.
 
     With --network or --eds also what they are called there, and which of them are missing. Exit status 1 if one is
     missing, or if there is no node at all.
+
+    listen: listen for heartbeats for this time (1.5 s)
     """
     devices = access.devices
     known = devices.load_and_complain() if devices.eds or devices.network else ()
@@ -88,13 +90,15 @@ def found_rows(found: Sequence[Found], names: Mapping[int, str] = MappingProxyTy
 
 
 def boot(
-    path: Annotated[str, Option(metavar="NETWORK", is_file=True), "network file, or a folder of EDS and DCF files"],
+    path: Annotated[str, Option(metavar="NETWORK", is_file=True)],
     access: Access,
 ) -> ExitStatus:
     """Start a network as CiA 302-2 says: each slave reset, checked, configured and heard, then all started.
 
     The slaves are those of the network file, in its order; a DCF is loaded, unless 0x1020 says that the slave has it.
     Exit status 1 if a slave does not boot: then none is started.
+
+    path: network file, or a folder of EDS and DCF files
     """
     from eurobot_od.client.boot import hear_slave, order_start, prepare_slave, started_state  # with canopen
 
@@ -132,13 +136,13 @@ HEARTBEAT_WAIT = 1.2
 """Seconds to wait for the heartbeat after the command; our nodes send one a second."""
 
 
-def nmt(
-    target: Target, command: Annotated[NmtCommand, Option(choices=NMT_COMMANDS), "the command; NODE may be `all`"]
-) -> ExitStatus:
+def nmt(target: Target, command: Annotated[NmtCommand, Option(choices=NMT_COMMANDS)]) -> ExitStatus:
     """Send an NMT command to a CANopen node, or to all, and print the state that the heartbeat reports.
 
     An NMT command has no answer: the heartbeat or the boot-up message shows what the node did. Exit status 1 if the
     heartbeat shows that the node did not follow.
+
+    command: the command; NODE may be `all`
     """
     if target.node == "all":
         with target.master() as master:
@@ -165,16 +169,12 @@ def nmt(
 
 
 def watch(
-    nodes: Annotated[
-        Sequence[str],
-        Option(metavar="NODE", suggest=lambda robot: robot.nodes),
-        "nodes that must be there: node-IDs, or devices' names",
-    ] = (),
+    nodes: Annotated[Sequence[str], Option(metavar="NODE", suggest=lambda robot: robot.nodes)] = (),
     *,
-    within: Annotated[Seconds, "time in which they must be heard (2 s)"] = 2.0,
-    guard: Annotated[Seconds | None, "poll them by remote frames with this period"] = None,
-    span: Annotated[Seconds, Option("--for"), "how long to watch (default: until Ctrl-C)"] = inf,
-    as_json: Annotated[Json, "print one JSON object per line"] = False,
+    within: Seconds = 2.0,
+    guard: Seconds | None = None,
+    span: Annotated[Seconds, Option("--for")] = inf,
+    as_json: Json = False,
     no_reconnect: NoReconnect = False,
     devices: Devices,
     bus: BusOptions,
@@ -183,6 +183,12 @@ def watch(
 
     Without nodes all of --network or --eds have to be there; without these, too, every node that is heard is watched.
     Exit status 1 if a node is lost at the end.
+
+    nodes: nodes that must be there: node-IDs, or devices' names
+    within: time in which they must be heard (2 s)
+    guard: poll them by remote frames with this period
+    span: how long to watch (default: until Ctrl-C)
+    as_json: print one JSON object per line
     """
     # The devices' files are read only if they are named, or a node is: most watch by number.
     is_named = bool(devices.files()) or not all(each.isdecimal() for each in nodes)
@@ -262,16 +268,19 @@ Identifier: TypeAlias = Annotated[int, Option(metavar="ID", read=_identifier)]
 
 def sync(
     *,
-    counter: Annotated[
-        int | None, Option(metavar="N"), "number the messages from 1 to N (2..240), over and over"
-    ] = None,
-    period: Annotated[Period, "time between two messages (100 ms)"] = 0.1,
+    counter: Annotated[int | None, Option(metavar="N")] = None,
+    period: Period = 0.1,
     count: Count = None,
-    cob_id: Annotated[Identifier, f"identifier (0x{SYNC_COB_ID:03X})"] = SYNC_COB_ID,
+    cob_id: Identifier = SYNC_COB_ID,
     no_reconnect: NoReconnect = False,
     bus: BusOptions,
 ) -> None:
-    """Send SYNC messages at a fixed period, until Ctrl-C or --count."""
+    """Send SYNC messages at a fixed period, until Ctrl-C or --count.
+
+    counter: number the messages from 1 to N (2..240), over and over
+    period: time between two messages (100 ms)
+    cob_id: identifier (0x080)
+    """
     frames = syncs(counter, cob_id)
     with Master(bus.open()) as master:
         produce(master, islice(frames, count), period, bus.guard(master, no_reconnect))
@@ -279,14 +288,19 @@ def sync(
 
 def time(
     *,
-    utc: Annotated[bool, "UTC instead of local time"] = False,
-    period: Annotated[Period, "time between two messages (1 s)"] = 1.0,
+    utc: bool = False,
+    period: Period = 1.0,
     count: Count = 1,
-    cob_id: Annotated[Identifier, f"identifier (0x{TIME_COB_ID:03X})"] = TIME_COB_ID,
+    cob_id: Identifier = TIME_COB_ID,
     no_reconnect: NoReconnect = False,
     bus: BusOptions,
 ) -> None:
-    """Send the time of this computer as CANopen's TIME message, once or periodically."""
+    """Send the time of this computer as CANopen's TIME message, once or periodically.
+
+    utc: UTC instead of local time
+    period: time between two messages (1 s)
+    cob_id: identifier (0x100)
+    """
     zone = UTC if utc else None
     # TIME_OF_DAY counts days from 1984 and knows no time zone (CiA 301, 7.1.6.6).
     frames = times(lambda: datetime.now(zone).replace(tzinfo=None), cob_id)

@@ -25,14 +25,18 @@ Jobs: TypeAlias = Annotated[int, Option(metavar="N", read=whole(1, MOST_JOBS, f"
 
 @dataclass(frozen=True, kw_only=True)
 class Campaign:
-    """Many things at once: what does them, and where the results are kept."""
+    """Many things at once: what does them, and where the results are kept.
 
-    jobs: Annotated[Jobs | None, "processes (default: one per core)"] = None
-    executor: Annotated[
-        str | None, Option(metavar="dask://HOST:PORT"), "use the workers of a Dask scheduler instead"
-    ] = None
-    results: Annotated[Path | None, Option(metavar="FOLDER"), "keep all results in this folder, as Parquet"] = None
-    resume: Annotated[bool, "continue the run whose results are in that folder"] = False
+    jobs: processes (default: one per core)
+    executor: use the workers of a Dask scheduler instead
+    results: keep all results in this folder, as Parquet
+    resume: continue the run whose results are in that folder
+    """
+
+    jobs: Jobs | None = None
+    executor: Annotated[str | None, Option(metavar="dask://HOST:PORT")] = None
+    results: Annotated[Path | None, Option(metavar="FOLDER")] = None
+    resume: bool = False
 
     def refuse(self, option: str) -> None:
         """Refuse the options without the one that they go with; raises LocalError."""

@@ -29,21 +29,23 @@ AT_ONCE = "--simulate --repeat"
 
 @dataclass(frozen=True, kw_only=True)
 class CheckReport:
-    """What is said of a check: on standard output in one form, and in files."""
+    """What is said of a check: on standard output in one form, and in files.
 
-    page: Annotated[
-        Path | None,
-        Option("--report", metavar="FILE"),
-        "conformance: write a page for the maker, as .html, .md or .json",
-    ] = None
-    junit: Annotated[Path | None, Option(metavar="FILE"), "write a JUnit XML report"] = None
+    page: conformance: write a page for the maker, as .html, .md or .json
+    junit: write a JUnit XML report
+    ctt: conformance: print by the numbers of CiA's test tool
+    format: also print annotations for GitHub Actions
+    verbose: print every step, green and skipped ones too
+    quiet: print only the red steps and the last line
+    """
+
+    page: Annotated[Path | None, Option("--report", metavar="FILE")] = None
+    junit: Annotated[Path | None, Option(metavar="FILE")] = None
     as_json: Annotated[Json, Option(either="form")] = False
-    ctt: Annotated[bool, Option(either="form"), "conformance: print by the numbers of CiA's test tool"] = False
-    format: Annotated[Literal["github"] | None, Option(either="form"), "also print annotations for GitHub Actions"] = (
-        None
-    )
-    verbose: Annotated[bool, Option("-v", either="form"), "print every step, green and skipped ones too"] = False
-    quiet: Annotated[bool, Option("-q", either="form"), "print only the red steps and the last line"] = False
+    ctt: Annotated[bool, Option(either="form")] = False
+    format: Annotated[Literal["github"] | None, Option(either="form")] = None
+    verbose: Annotated[bool, Option("-v", either="form")] = False
+    quiet: Annotated[bool, Option("-q", either="form")] = False
 
     def check_files(self) -> None:
         """Raise LocalError, OSError for a file that could not be written: before the check, not after it."""
@@ -85,17 +87,22 @@ class CheckReport:
 def check(
     checks: Checks,
     *,
-    list: Annotated[bool, "list the robot's suites, or the given ones, and exit"] = False,
-    schema: Annotated[bool, "print the JSON Schema of suites, for editors, and exit"] = False,
-    output: Annotated[Output, "conformance, profile: write the suites, and exit"] = None,
-    repeat: Annotated[
-        int, Option(metavar="N", read=whole(1, what="a number of times")), "run everything N times, seed by seed"
-    ] = 1,
-    seed: Annotated[int, "seed of everything random in the simulation (default: 1)"] = 1,
+    list: bool = False,
+    schema: bool = False,
+    output: Output = None,
+    repeat: Annotated[int, Option(metavar="N", read=whole(1, what="a number of times"))] = 1,
+    seed: int = 1,
     report: CheckReport,
     campaign: Annotated[Campaign, HelpGroup(f"many at once, with {AT_ONCE}")],
 ) -> ExitStatus:
-    """Check nodes with suites of steps: against real nodes on a CAN bus, or simulated ones."""
+    """Check nodes with suites of steps: against real nodes on a CAN bus, or simulated ones.
+
+    list: list the robot's suites, or the given ones, and exit
+    schema: print the JSON Schema of suites, for editors, and exit
+    output: conformance, profile: write the suites, and exit
+    repeat: run everything N times, seed by seed
+    seed: seed of everything random in the simulation (default: 1)
+    """
     _refuse_what_does_not_go_together(checks, {"output": output, "report": report.page, "ctt": report.ctt})
     if not checks.simulate:
         campaign.refuse(AT_ONCE)

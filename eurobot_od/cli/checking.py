@@ -47,26 +47,25 @@ def _motion(text: str) -> tuple[int, int]:
 
 @dataclass(frozen=True, kw_only=True)
 class Made:
-    """The suites that are made from the EDS files, and how far they may go."""
+    """The suites that are made from the EDS files, and how far they may go.
 
-    conformance: Annotated[bool, "make the suites from the EDS files, by CiA 301"] = False
-    profile: Annotated[Literal[401, 402] | None, "make the suites from the EDS files, by a device profile"] = None
-    motion: Annotated[
-        tuple[int, int] | None,
-        Option(metavar="DISTANCE@VELOCITY", read=_motion),
-        "profile 402: also move the motor, at most this far and this fast, in the drive's units",
-    ] = None
-    outputs: Annotated[bool, "profile 401: also switch the outputs"] = False
-    reversible: Annotated[
-        bool,
-        Option(either="tier"),
-        "conformance: also reset, write PDOs and own values; profile: also the state machine, settings",
-    ] = False
-    destructive: Annotated[bool, Option(either="tier"), "conformance: also write other values, and store"] = False
+    conformance: make the suites from the EDS files, by CiA 301
+    profile: make the suites from the EDS files, by a device profile
+    motion: profile 402: also move the motor, at most this far and this fast, in the drive's units
+    outputs: profile 401: also switch the outputs
+    reversible: conformance: also reset, write PDOs and own values; profile: also the state machine, settings
+    destructive: conformance: also write other values, and store
+    restore: conformance, destructive: also restore what the maker has behind this sub-index of 0x1011
+    """
+
+    conformance: bool = False
+    profile: Literal[401, 402] | None = None
+    motion: Annotated[tuple[int, int] | None, Option(metavar="DISTANCE@VELOCITY", read=_motion)] = None
+    outputs: bool = False
+    reversible: Annotated[bool, Option(either="tier")] = False
+    destructive: Annotated[bool, Option(either="tier")] = False
     restore: Annotated[
-        Sequence[int],
-        Option(metavar="SUB", read=whole(FIRST_OWN, MOST_SUBS, what="a sub-index of the maker's")),
-        "conformance, destructive: also restore what the maker has behind this sub-index of 0x1011",
+        Sequence[int], Option(metavar="SUB", read=whole(FIRST_OWN, MOST_SUBS, what="a sub-index of the maker's"))
     ] = ()
 
     def check(self) -> None:
@@ -124,25 +123,28 @@ def file_of(device: Dictionary) -> Path:
 
 @dataclass(frozen=True)
 class Checks:
-    """Which suites are run, and how; it can be sent to other processes."""
+    """Which suites are run, and how; it can be sent to other processes.
+
+    files: suite files, or names of the robot's suites (--list)
+    simulate: check simulated nodes, in simulated time
+    fault: give simulated nodes a fault
+    shared_world: the nodes on the bus share the world that a suite needs
+    tag: run the suites with this tag
+    step: run the steps whose names contain this, and those before them
+    keep_going: go on with the next step after a failed one
+    """
 
     files: Annotated[
-        Sequence[str],
-        Option(metavar="FILE", is_file=True, suggest=lambda robot: robot.shipped_suites()),
-        "suite files, or names of the robot's suites (--list)",
+        Sequence[str], Option(metavar="FILE", is_file=True, suggest=lambda robot: robot.shipped_suites())
     ] = ()
     _: KW_ONLY
-    simulate: Annotated[bool, "check simulated nodes, in simulated time"] = False
-    fault: Annotated[Faults, "give simulated nodes a fault"] = ()
-    shared_world: Annotated[bool, "the nodes on the bus share the world that a suite needs"] = False
-    tag: Annotated[Sequence[str], Option(metavar="TAG"), "run the suites with this tag"] = ()
-    step: Annotated[
-        Sequence[str],
-        Option(metavar="TEXT"),
-        "run the steps whose names contain this, and those before them",
-    ] = ()
+    simulate: bool = False
+    fault: Faults = ()
+    shared_world: bool = False
+    tag: Annotated[Sequence[str], Option(metavar="TAG")] = ()
+    step: Annotated[Sequence[str], Option(metavar="TEXT")] = ()
     made: Made
-    keep_going: Annotated[bool, "go on with the next step after a failed one"] = False
+    keep_going: bool = False
     devices: Devices
     bus: BusOptions
 

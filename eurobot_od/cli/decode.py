@@ -29,25 +29,18 @@ BIT_RATE = 500_000
 
 @dataclass(frozen=True, kw_only=True)
 class Filters:
-    """The entries that are wanted: names of messages and nodes, conditions on fields."""
+    """The entries that are wanted: names of messages and nodes, conditions on fields.
+
+    message: message or service by name (`Goto XY`, goto-xy, SDO), or a protocol: GTP, ELP, GIP, CANopen; repeatable
+    node: messages that this node sends or receives; repeatable
+    where: condition on a field: `x>1000`, `Goto XY.speed<=20`, `team_colour=red`, `time=unknown`; repeatable
+    """
 
     GROUP = HelpGroup("filters", "an entry has to pass all that are given")
 
-    message: Annotated[
-        Sequence[str],
-        Option(metavar="NAME"),
-        "message or service by name (`Goto XY`, goto-xy, SDO), or a protocol: GTP, ELP, GIP, CANopen; repeatable",
-    ] = ()
-    node: Annotated[
-        Sequence[str],
-        Option(metavar="NAME", suggest=lambda robot: robot.nodes),
-        "messages that this node sends or receives; repeatable",
-    ] = ()
-    where: Annotated[
-        Sequence[str],
-        Option(metavar="CONDITION"),
-        "condition on a field: `x>1000`, `Goto XY.speed<=20`, `team_colour=red`, `time=unknown`; repeatable",
-    ] = ()
+    message: Annotated[Sequence[str], Option(metavar="NAME")] = ()
+    node: Annotated[Sequence[str], Option(metavar="NAME", suggest=lambda robot: robot.nodes)] = ()
+    where: Annotated[Sequence[str], Option(metavar="CONDITION")] = ()
 
     def wanted(self, decoder: Decoder) -> Wanted | None:
         """Return the filter, None for none; raises LocalError for a name or a value that cannot be."""
@@ -63,21 +56,30 @@ def decode(
     logs: Logs = (STANDARD_INPUT,),
     *,
     reading: Reading,
-    as_json: Annotated[Json, Option(either="form"), "one JSON object per line"] = False,
-    as_csv: Annotated[bool, Option("--csv", either="form"), "comma-separated values"] = False,
+    as_json: Annotated[Json, Option(either="form")] = False,
+    as_csv: Annotated[bool, Option("--csv", either="form")] = False,
     filters: Filters,
-    since: Annotated[float, Option(metavar="S"), "from this time on, in s"] = 0.0,
-    until: Annotated[float, Option(metavar="S"), "up to this time, in s"] = inf,
-    relative: Annotated[bool, "count the time from a log's first entry"] = False,
-    statistics: Annotated[bool, "print load, gaps, jitter, response times and their bounds instead of lines"] = False,
-    bitrate: Annotated[BitRate, f"bit/s for --statistics (default: {BIT_RATE})"] = BIT_RATE,
-    strict: Annotated[bool, "exit status 1 if anything is wrong in the logs"] = False,
+    since: Annotated[float, Option(metavar="S")] = 0.0,
+    until: Annotated[float, Option(metavar="S")] = inf,
+    relative: bool = False,
+    statistics: bool = False,
+    bitrate: BitRate = BIT_RATE,
+    strict: bool = False,
     devices: Devices,
     emcy: EmcyFiles = (),
 ) -> ExitStatus:
     """Decode logs of a CAN bus: messages with their fields and units, CANopen services, and whatever is wrong.
 
     Lines go to standard output, progress and the report to standard error.
+
+    as_json: one JSON object per line
+    as_csv: comma-separated values
+    since: from this time on, in s
+    until: up to this time, in s
+    relative: count the time from a log's first entry
+    statistics: print load, gaps, jitter, response times and their bounds instead of lines
+    bitrate: bit/s for --statistics (default: 500000)
+    strict: exit status 1 if anything is wrong in the logs
     """
     decoder = devices.decoder(emcy)
     several = len(logs) > 1
@@ -108,17 +110,13 @@ def _output(decoder: Decoder, as_json: bool, as_csv: bool, several: bool) -> Out
 
 
 def compare(
-    first: Annotated[Log, "the expected log"],
-    second: Annotated[Log, "the log to compare with it"],
+    first: Log,
+    second: Log,
     *,
     reading: Reading,
-    time: Annotated[Seconds, "tolerance of times (1 ms)"] = 0.001,
-    tolerance: Annotated[
-        Sequence[tuple[str, str]],
-        assigned("[MESSAGE.]FIELD=NUMBER"),
-        "tolerance of a field, such as x=5 or 'Goto State Response.time=20'; repeatable",
-    ] = (),
-    as_json: Annotated[Json, "one JSON object per difference"] = False,
+    time: Seconds = 0.001,
+    tolerance: Annotated[Sequence[tuple[str, str]], assigned("[MESSAGE.]FIELD=NUMBER")] = (),
+    as_json: Json = False,
     filters: Filters,
     devices: Devices,
     emcy: EmcyFiles = (),
@@ -126,6 +124,12 @@ def compare(
     """Compare two logs that should be the same: which frames are missing, extra or late, or have other values.
 
     Exit status 1 if they differ: a regression test for a node's program.
+
+    first: the expected log
+    second: the log to compare with it
+    time: tolerance of times (1 ms)
+    tolerance: tolerance of a field, such as x=5 or 'Goto State Response.time=20'; repeatable
+    as_json: one JSON object per difference
     """
     from eurobot_od.traffic.compare import Tolerances
     from eurobot_od.traffic.compare import compare as differences_of
@@ -171,19 +175,19 @@ def replay(
     logs: Logs = (STANDARD_INPUT,),
     *,
     reading: Reading,
-    speed: Annotated[float, Option(metavar="N", read=positive), "how many times faster (default: 1)"] = 1.0,
-    only: Annotated[
-        Sequence[str], Option(metavar="NODE", either="sender"), "only frames that this node sent; repeatable"
-    ] = (),
-    without: Annotated[
-        Sequence[str], Option("--except", metavar="NODE", either="sender"), "no frames that this node sent; repeatable"
-    ] = (),
+    speed: Annotated[float, Option(metavar="N", read=positive)] = 1.0,
+    only: Annotated[Sequence[str], Option(metavar="NODE", either="sender")] = (),
+    without: Annotated[Sequence[str], Option("--except", metavar="NODE", either="sender")] = (),
     devices: Devices,
     bus: BusOptions,
 ) -> None:
     """Replay a log onto a bus with its recorded timing, so that one real node meets yesterday's others.
 
     `--except drive` leaves out what the drive sent in the log: the drive on the bus sends it itself.
+
+    speed: how many times faster (default: 1)
+    only: only frames that this node sent; repeatable
+    without: no frames that this node sent; repeatable
     """
     from eurobot_od.client.master import Master  # a log is decoded without
     from eurobot_od.client.producing import LATE

@@ -44,30 +44,19 @@ class Devices:
     """The devices that --eds, --network and --dialect name, or the network file of this folder, or else the robot's.
 
     `alone`: only a robot that is named counts, as for devices that are.
+
+    eds: EDS, DCF, XDD or XDC of a device, with a node-ID if the file has none; repeatable
+    network: network file (YAML, or nodelist.cpj of CiA 306-3), or a folder of EDS files
+    module: modules that are plugged into a device, in their order: numbers or names, such as 1,1,3; repeatable
+    patch: patch over a device's file: objects in YAML, or a DCF's values; repeatable
     """
 
     GROUP = HelpGroup("devices", f"default: {network.DEFAULT} in this folder, else the robot's")
 
-    eds: Annotated[
-        Sequence[str],
-        Option(metavar="[NODE-ID=]FILE", is_file=True),
-        "EDS, DCF, XDD or XDC of a device, with a node-ID if the file has none; repeatable",
-    ] = ()
-    network: Annotated[
-        str | None,
-        Option(metavar="PATH", is_file=True),
-        "network file (YAML, or nodelist.cpj of CiA 306-3), or a folder of EDS files",
-    ] = None
-    module: Annotated[
-        Sequence[str],
-        Option(metavar="[NODE=]MODULES"),
-        "modules that are plugged into a device, in their order: numbers or names, such as 1,1,3; repeatable",
-    ] = ()
-    patch: Annotated[
-        Sequence[str],
-        Option(metavar="[NODE=]FILE", is_file=True),
-        "patch over a device's file: objects in YAML, or a DCF's values; repeatable",
-    ] = ()
+    eds: Annotated[Sequence[str], Option(metavar="[NODE-ID=]FILE", is_file=True)] = ()
+    network: Annotated[str | None, Option(metavar="PATH", is_file=True)] = None
+    module: Annotated[Sequence[str], Option(metavar="[NODE=]MODULES")] = ()
+    patch: Annotated[Sequence[str], Option(metavar="[NODE=]FILE", is_file=True)] = ()
     dialect: Dialect = None
     robot_name: RobotName = None
     alone: bool = field(init=False, default_factory=is_alone)  # the program's, also in processes of other names

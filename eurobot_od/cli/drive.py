@@ -59,20 +59,29 @@ ACTIONS: Mapping[str, Callable[[Drive402, MotionRequest], object]] = {
 
 def drive(
     target: Target,
-    action: Annotated[str, Option(choices=ACTIONS.keys()), "what the drive is to do; Ctrl-C stops a motion"],
-    value: Annotated[int | None, "move: the position; jog: the velocity; in drive units"] = None,
+    action: Annotated[str, Option(choices=ACTIONS.keys())],
+    value: int | None = None,
     *,
-    velocity: Annotated[int | None, Option(metavar="V"), "move: profile velocity (default: as it is set)"] = None,
-    relative: Annotated[bool, "move: by a distance instead of to a position"] = False,
-    method: Annotated[int | None, Option(metavar="N"), "home: homing method (default: as it is set)"] = None,
-    axis: Annotated[int, Option(metavar="N", read=whole(1, 8, what="an axis")), "axis (1)"] = 1,
-    within: Annotated[Seconds, "longest wait for a motion (60 s)"] = 60.0,
-    span: Annotated[Seconds | None, Option("--for"), "jog: halt after this time"] = None,
+    velocity: Annotated[int | None, Option(metavar="V")] = None,
+    relative: bool = False,
+    method: Annotated[int | None, Option(metavar="N")] = None,
+    axis: Annotated[int, Option(metavar="N", read=whole(1, 8, what="an axis"))] = 1,
+    within: Seconds = 60.0,
+    span: Annotated[Seconds | None, Option("--for")] = None,
     as_json: Json = False,
 ) -> None:
     """Enable, home and move a drive of CiA 402 over SDO, and print how it is then.
 
     Raises DriveError, NodeRefused, NoAnswer, BusError.
+
+    action: what the drive is to do; Ctrl-C stops a motion
+    value: move: the position; jog: the velocity; in drive units
+    velocity: move: profile velocity (default: as it is set)
+    relative: move: by a distance instead of to a position
+    method: home: homing method (default: as it is set)
+    axis: axis (1)
+    within: longest wait for a motion (60 s)
+    span: jog: halt after this time
     """
     _check(action, value, {"velocity": velocity, "relative": relative, "method": method, "span": span})
     with target.opened() as node:

@@ -55,10 +55,13 @@ def dbc(*, output: Output = None, devices: Devices) -> None:
 def docs(
     *,
     output: Output = None,
-    format: Annotated[Literal["markdown", "html"] | None, "default: by FILE's suffix, else markdown"] = None,
+    format: Literal["markdown", "html"] | None = None,
     devices: Devices,
 ) -> None:
-    """Write messages and object dictionaries as a document to read: Markdown or HTML."""
+    """Write messages and object dictionaries as a document to read: Markdown or HTML.
+
+    format: default: by FILE's suffix, else markdown
+    """
     from eurobot_od.export.docs import docs_text
     from eurobot_od.export.forms import form_of
 
@@ -74,14 +77,18 @@ def wireshark(*, output: Output = None, name: Name = None, devices: Devices) -> 
 
 
 def mcap(
-    log: Annotated[Log, "log in any format; -: standard input"],
+    log: Log,
     *,
-    output: Annotated[Path, Option("-o", metavar="FILE"), "the MCAP file"],
+    output: Annotated[Path, Option("-o", metavar="FILE")],
     reading: Reading,
     devices: Devices,
     emcy: EmcyFiles = (),
 ) -> None:
-    """Write a log as MCAP for Foxglove and PlotJuggler: a channel for each message, and poses if any."""
+    """Write a log as MCAP for Foxglove and PlotJuggler: a channel for each message, and poses if any.
+
+    log: log in any format; -: standard input
+    output: the MCAP file
+    """
     with extras.needed("mcap"):
         from eurobot_od.export.mcap import write as write_mcap
     decoder = devices.decoder(emcy)
@@ -103,14 +110,17 @@ def named(file: str | None, path: str | None) -> str:
 
 
 def xdd(
-    file: Annotated[str | None, Option(metavar="FILE", is_file=True), "an EDS or DCF, or a network"] = None,
+    file: Annotated[str | None, Option(metavar="FILE", is_file=True)] = None,
     *,
     network: Network = None,
-    output: Annotated[Output, "default: standard output; of a network a folder"] = None,
+    output: Output = None,
 ) -> None:
     """Write the device description in XML (CiA 311) of an EDS or DCF: every object with all the file says about it.
 
     Of a network the descriptions of all nodes are written, into a folder.
+
+    file: an EDS or DCF, or a network
+    output: default: standard output; of a network a folder
     """
     from eurobot_od.export.xdd import load, xdd_text
 
@@ -130,21 +140,22 @@ def xdd(
 
 
 def cdcf(
-    file: Annotated[
-        str | None, Option(metavar="FILE", is_file=True), "[NODE-ID=]DCF, a network, or a concise DCF"
-    ] = None,
+    file: Annotated[str | None, Option(metavar="FILE", is_file=True)] = None,
     *,
     network: Network = None,
-    output: Annotated[Output, "default: print the writes; of a network a folder"] = None,
-    eds: Annotated[
-        str | None, Option(metavar="[NODE-ID=]FILE", is_file=True), "EDS of the device that a concise DCF is for"
-    ] = None,
-    node_id: Annotated[int | None, Option(metavar="N"), "node-ID (default: the file's)"] = None,
+    output: Output = None,
+    eds: Annotated[str | None, Option(metavar="[NODE-ID=]FILE", is_file=True)] = None,
+    node_id: Annotated[int | None, Option(metavar="N")] = None,
 ) -> None:
     """Write the concise DCF of a DCF, or show what a concise DCF writes, or turn it into a DCF again.
 
     The suffix of the file says which way; of a network the DCF files of all nodes are written, into a folder. The
     writes are in the order of CiA 301's PDO procedure (7.5.2.36): a PDO is off while it is mapped.
+
+    file: [NODE-ID=]DCF, a network, or a concise DCF
+    output: default: print the writes; of a network a folder
+    eds: EDS of the device that a concise DCF is for
+    node_id: node-ID (default: the file's)
     """
     # By the suffix: four bytes of a count are no mark by which bytes could be recognised.
     source = named(file, network)
@@ -225,12 +236,17 @@ export = Forms(
 
 
 def make_eds(
-    table: Annotated[Path, Option(metavar="TABLE"), "YAML in the form of eds/protocol.yaml"],
+    table: Annotated[Path, Option(metavar="TABLE")],
     *,
-    output: Annotated[Path, Option("-o", metavar="FOLDER"), "folder to put the dialects' folders in"],
-    check: Annotated[bool, "write nothing; list the files that differ, with exit status 1 if any do"] = False,
+    output: Annotated[Path, Option("-o", metavar="FOLDER")],
+    check: bool = False,
 ) -> ExitStatus:
-    """Make EDS files from a protocol table: a folder for each dialect, a file for each node, and the network file."""
+    """Make EDS files from a protocol table: a folder for each dialect, a file for each node, and the network file.
+
+    table: YAML in the form of eds/protocol.yaml
+    output: folder to put the dialects' folders in
+    check: write nothing; list the files that differ, with exit status 1 if any do
+    """
     from eurobot_od.od.make.table import TableError, read_table
     from eurobot_od.od.make.text import differences, make_files, write_files  # with canopen
 

@@ -63,36 +63,34 @@ Codes: TypeAlias = Annotated[tuple[str, ...], Option(metavar="CODES", read=_code
 
 
 def lint(
-    files: Annotated[
-        Sequence[str],
-        Option(metavar="FILE", is_file=True),
-        "EDS, DCF, XDD, XDC or a folder; with --network also a network file",
-    ] = (),
+    files: Annotated[Sequence[str], Option(metavar="FILE", is_file=True)] = (),
     *,
-    network: Annotated[bool, "check the files as the nodes of one network"] = False,
-    as_json: Annotated[Json, Option(either="form"), "write one JSON object instead of lines"] = False,
-    format: Annotated[
-        Callable[[Sequence[Finding]], None] | None,
-        Option(choices=FORMATS, either="form"),
-        "write annotations for GitHub Actions, or a SARIF log for code scanning",
-    ] = None,
-    select: Annotated[Codes, "only rules whose codes start like this, such as E6,W447"] = (),
-    ignore: Annotated[Codes, "no rules whose codes start like this, such as I"] = (),
-    verbose: Annotated[bool, Option("-v"), "print every finding: infos and repeated ones, too"] = False,
-    strict: Annotated[bool, "warnings count as errors"] = False,
-    fix: Annotated[bool, "rewrite the files in the normal form that every tool reads, and list the changes"] = False,
-    output: Annotated[
-        str | None,
-        Option("-o", metavar="FILE", is_file=True),
-        "with --fix: the file to write (default: the same file)",
-    ] = None,
-    explain: Annotated[
-        str | None, Option(metavar="CODE", suggest=_rules), "print what a rule demands, and its source"
-    ] = None,
+    network: bool = False,
+    as_json: Annotated[Json, Option(either="form")] = False,
+    format: Annotated[Callable[[Sequence[Finding]], None] | None, Option(choices=FORMATS, either="form")] = None,
+    select: Codes = (),
+    ignore: Codes = (),
+    verbose: Annotated[bool, Option("-v")] = False,
+    strict: bool = False,
+    fix: bool = False,
+    output: Annotated[str | None, Option("-o", metavar="FILE", is_file=True)] = None,
+    explain: Annotated[str | None, Option(metavar="CODE", suggest=_rules)] = None,
 ) -> ExitStatus:
     """Check EDS, DCF, XDD and XDC files or folders of them, one by one or as a network.
 
     Exit status 0 nothing found, 1 something found (errors; with --strict warnings too), 2 a file that cannot be read.
+
+    files: EDS, DCF, XDD, XDC or a folder; with --network also a network file
+    network: check the files as the nodes of one network
+    as_json: write one JSON object instead of lines
+    format: write annotations for GitHub Actions, or a SARIF log for code scanning
+    select: only rules whose codes start like this, such as E6,W447
+    ignore: no rules whose codes start like this, such as I
+    verbose: print every finding: infos and repeated ones, too
+    strict: warnings count as errors
+    fix: rewrite the files in the normal form that every tool reads, and list the changes
+    output: with --fix: the file to write (default: the same file)
+    explain: print what a rule demands, and its source
     """
     prefixes = (*select, *ignore)
     rules = _rules() if prefixes else {}
@@ -230,18 +228,24 @@ def _split(joined: str) -> list[str]:
 
 
 def diff(
-    left: Annotated[str, Option(metavar="A", is_file=True), "an EDS, DCF, XDD or XDC"],
-    right: Annotated[str | None, Option(metavar="B", is_file=True), "the file to compare it with"] = None,
+    left: Annotated[str, Option(metavar="A", is_file=True)],
+    right: Annotated[str | None, Option(metavar="B", is_file=True)] = None,
     *,
-    node: Annotated[int | None, Option(metavar="ID"), "node-ID: of the live node, or to fill in for $NODEID"] = None,
-    names: Annotated[bool, "compare the ParameterNames too"] = False,
-    as_json: Annotated[Json, "write a JSON list instead of lines"] = False,
+    node: Annotated[int | None, Option(metavar="ID")] = None,
+    names: bool = False,
+    as_json: Json = False,
     bus: BusOptions,
 ) -> ExitStatus:
     """Compare two EDS, DCF, XDD or XDC files, or one with a live node.
 
     Exit status 0 no difference, 1 differences or a node that does not answer, 2 a file that cannot be read, 3 bus
     trouble.
+
+    left: an EDS, DCF, XDD or XDC
+    right: the file to compare it with
+    node: node-ID: of the live node, or to fill in for $NODEID
+    names: compare the ParameterNames too
+    as_json: write a JSON list instead of lines
     """
     from eurobot_od.lint.diff import compare, compare_live, place, read_device, readable
 

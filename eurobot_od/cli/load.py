@@ -40,26 +40,14 @@ def _errors(text: str) -> ErrorRate:
 
 
 def load(
-    path: Annotated[
-        str | None,
-        Option(metavar="NETWORK", is_file=True),
-        "network file or folder of EDS files (default: the robot's network)",
-    ] = None,
+    path: Annotated[str | None, Option(metavar="NETWORK", is_file=True)] = None,
     *,
-    network: Annotated[str | None, Option(metavar="PATH", is_file=True), "the same, as for other commands"] = None,
-    bitrate: Annotated[BitRate | None, f"bit/s (default: the file's, or {BIT_RATE})"] = None,
-    errors: Annotated[
-        ErrorRate | None,
-        Option(metavar="N/TIME", read=_errors),
-        "at most N bit errors in any TIME, such as 1/10ms",
-    ] = None,
-    mailboxes: Annotated[
-        int | None,
-        Option(metavar="N", read=whole(0, what="a number of mailboxes")),
-        "transmit mailboxes without abort in every node, 0 for enough (default: each node's setting)",
-    ] = None,
-    as_json: Annotated[Json, "print as JSON, times in us"] = False,
-    svg: Annotated[Path | None, Option(metavar="FILE"), "write a chart of the response times"] = None,
+    network: Annotated[str | None, Option(metavar="PATH", is_file=True)] = None,
+    bitrate: BitRate | None = None,
+    errors: Annotated[ErrorRate | None, Option(metavar="N/TIME", read=_errors)] = None,
+    mailboxes: Annotated[int | None, Option(metavar="N", read=whole(0, what="a number of mailboxes"))] = None,
+    as_json: Json = False,
+    svg: Annotated[Path | None, Option(metavar="FILE")] = None,
     dialect: Dialect = None,
     robot_name: RobotName = None,
 ) -> ExitStatus:
@@ -67,6 +55,14 @@ def load(
 
     Worst-case response times by Davis, Burns, Bril and Lukkien (2007), with transmit mailboxes and errors. Exit status
     1 if a deadline can be missed.
+
+    path: network file or folder of EDS files (default: the robot's network)
+    network: the same, as for other commands
+    bitrate: bit/s (default: the file's, or 500000)
+    errors: at most N bit errors in any TIME, such as 1/10ms
+    mailboxes: transmit mailboxes without abort in every node, 0 for enough (default: each node's setting)
+    as_json: print as JSON, times in us
+    svg: write a chart of the response times
     """
     if path and network:
         raise LocalError("one network: name it by NETWORK or by --network")

@@ -33,14 +33,14 @@ Format: TypeAlias = Annotated[str, Option(choices=FORMATS.keys())]
 
 @dataclass(frozen=True, kw_only=True)
 class Reading:
-    """How logs are read: their format, None to find out, and the most bytes of a line or record."""
+    """How logs are read: their format, None to find out, and the most bytes of a line or record.
 
-    format: Annotated[Format | None, "format of the logs (default: by their first bytes, or else by suffix)"] = None
-    largest: Annotated[
-        int,
-        Option(metavar="BYTES", read=whole(1024, what="a number of bytes, 1024 or more")),
-        f"longest line or record of a log that is read (default: {LARGEST})",
-    ] = LARGEST
+    format: format of the logs (default: by their first bytes, or else by suffix)
+    largest: longest line or record of a log that is read (default: 1048576)
+    """
+
+    format: Format | None = None
+    largest: Annotated[int, Option(metavar="BYTES", read=whole(1024, what="a number of bytes, 1024 or more"))] = LARGEST
 
 
 def entries(

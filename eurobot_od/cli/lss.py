@@ -36,12 +36,18 @@ def _identity(text: str) -> Identity:
 
 @dataclass(frozen=True, kw_only=True)
 class Settings:
-    """What a device is to be given; None for what it keeps."""
+    """What a device is to be given; None for what it keeps.
 
-    node_id: Annotated[int | None, Option(metavar="N"), "set: 1..127, or 255 for none"] = None
-    bit_rate: Annotated[int | None, Option(metavar="KBIT/S"), "set: 1000, 800, 500, 250, 125, 50, 20 or 10"] = None
-    store: Annotated[bool, "set: have the device store its new settings"] = False
-    activate: Annotated[Seconds | None, "set: delay before the bit rate changes"] = None
+    node_id: set: 1..127, or 255 for none
+    bit_rate: set: 1000, 800, 500, 250, 125, 50, 20 or 10
+    store: set: have the device store its new settings
+    activate: set: delay before the bit rate changes
+    """
+
+    node_id: Annotated[int | None, Option(metavar="N")] = None
+    bit_rate: Annotated[int | None, Option(metavar="KBIT/S")] = None
+    store: bool = False
+    activate: Seconds | None = None
 
     def services(self) -> Iterator[tuple[LssSteps[None], str]]:
         """Give the services that set it, each with what it has done; raises LocalError."""
@@ -59,13 +65,11 @@ def lss(
     action: Literal["find", "set"],
     *,
     identity: Annotated[
-        Identity | None,
-        Option(metavar="VENDOR:PRODUCT:REVISION:SERIAL", read=_identity, either="device"),
-        "the device with this identity (0x1018)",
+        Identity | None, Option(metavar="VENDOR:PRODUCT:REVISION:SERIAL", read=_identity, either="device")
     ] = None,
-    alone: Annotated[bool, Option(either="device"), "the device is the only one on the bus"] = False,
+    alone: Annotated[bool, Option(either="device")] = False,
     settings: Settings,
-    timeout: Annotated[Seconds, "longest wait for an answer (100 ms)"] = 0.1,
+    timeout: Seconds = 0.1,
     bus: BusOptions,
 ) -> ExitStatus:
     """Find CANopen devices that have no node-ID yet by LSS, and set node-ID and bit rate (CiA 305).
@@ -73,6 +77,10 @@ def lss(
     `find` lists the devices without a node-ID, or prints the node-ID of the one with --identity. `set` is for that one,
     for the only device on the bus (--alone), or else for the first without a node-ID. Exit status 1 if there is no such
     device.
+
+    identity: the device with this identity (0x1018)
+    alone: the device is the only one on the bus
+    timeout: longest wait for an answer (100 ms)
     """
     wanted = list(settings.services())  # checked before the first frame goes out
     if action == "set" and not wanted:

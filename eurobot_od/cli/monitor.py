@@ -44,17 +44,15 @@ def _speed(text: str) -> float:
 
 
 def monitor(
-    logs: Annotated[Sequence[Log], "logs to play (default: watch a bus)"] = (),
+    logs: Sequence[Log] = (),
     *,
     reading: Reading,
-    speed: Annotated[float, Option(read=_speed), "how many times faster to play a log, or max"] = 1.0,
-    filter: Annotated[
-        str, Option(metavar="TEXT"), "show only messages with this in their name, or their protocol's or a node's"
-    ] = "",
-    sort: Annotated[str, Option(choices=SORTS.keys()), "order of the table"] = "identifier",
-    plain: Annotated[bool, "print lines as decode does, and the table at the end"] = False,
-    statistics: Annotated[bool, "also print load, gaps, response times and bounds at the end"] = False,
-    ask: Annotated[bool, "read the devices' present PDO parameters by SDO"] = False,
+    speed: Annotated[float, Option(read=_speed)] = 1.0,
+    filter: Annotated[str, Option(metavar="TEXT")] = "",
+    sort: Annotated[str, Option(choices=SORTS.keys())] = "identifier",
+    plain: bool = False,
+    statistics: bool = False,
+    ask: bool = False,
     no_reconnect: NoReconnect = False,
     devices: Devices,
     emcy: EmcyFiles = (),
@@ -63,6 +61,14 @@ def monitor(
     """Watch a bus, or logs at any speed, as a live table of messages; without a terminal or rich, as plain lines.
 
     It goes on until the logs or the user end it, and prints the table once more.
+
+    logs: logs to play (default: watch a bus)
+    speed: how many times faster to play a log, or max
+    filter: show only messages with this in their name, or their protocol's or a node's
+    sort: order of the table
+    plain: print lines as decode does, and the table at the end
+    statistics: also print load, gaps, response times and bounds at the end
+    ask: read the devices' present PDO parameters by SDO
     """
     if ask and logs:
         raise LocalError("--ask is for a bus: a log has no devices to ask")

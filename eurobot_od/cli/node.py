@@ -58,27 +58,20 @@ def _travel(text: str) -> tuple[float, float]:
 
 @dataclass(frozen=True, kw_only=True)
 class DeviceOptions:
-    """How a device behaves, and what it is given; for a node of the robot's, facts are given."""
+    """How a device behaves, and what it is given; for a node of the robot's, facts are given.
+
+    given: value instead of the file's, such as 0x2000:1=5 or Motor.Speed=5; for a robot's node: a fact; repeatable
+    profile: behave as a drive (CiA 402) or an I/O module (CiA 401), or as neither (default: as 0x1000 says)
+    travel: turns of a drive's motor from its start to limit switches
+    values: YAML with the waveforms that the device measures
+    """
 
     GROUP = HelpGroup("any device")
 
-    given: Annotated[
-        Sequence[tuple[str, str]],
-        Option("--set"),
-        assigned("OBJECT=VALUE"),
-        "value instead of the file's, such as 0x2000:1=5 or Motor.Speed=5; for a robot's node: a fact; repeatable",
-    ] = ()
-    profile: Annotated[
-        int | None,
-        Option(choices={"402": 402, "401": 401, "none": 0}),
-        "behave as a drive (CiA 402) or an I/O module (CiA 401), or as neither (default: as 0x1000 says)",
-    ] = None
-    travel: Annotated[
-        tuple[float, float] | None,
-        Option(metavar="LOW..HIGH", read=_travel),
-        "turns of a drive's motor from its start to limit switches",
-    ] = None
-    values: Annotated[Path | None, Option(metavar="FILE"), "YAML with the waveforms that the device measures"] = None
+    given: Annotated[Sequence[tuple[str, str]], Option("--set"), assigned("OBJECT=VALUE")] = ()
+    profile: Annotated[int | None, Option(choices={"402": 402, "401": 401, "none": 0})] = None
+    travel: Annotated[tuple[float, float] | None, Option(metavar="LOW..HIGH", read=_travel)] = None
+    values: Annotated[Path | None, Option(metavar="FILE")] = None
 
     def kind(self, dictionary: Dictionary) -> type[Node]:
         """Return the class of a device that is none of the robot's; raises LocalError for what it does not have."""
@@ -105,35 +98,31 @@ def _stage(parser: Parser) -> Hint:
 
 
 def node(
-    name: Annotated[
-        str | None,
-        Option(metavar="node", suggest=lambda robot: robot.nodes),
-        "which of the devices (default: all of them, in one process)",
-    ] = None,
+    name: Annotated[str | None, Option(metavar="node", suggest=lambda robot: robot.nodes)] = None,
     *,
-    node_id: Annotated[int | None, Option(metavar="N"), "node-ID 1..127 (default: the file's)"] = None,
-    store: Annotated[
-        str | None, Option(metavar="FILE", is_file=True), "DCF in which the device stores its parameters"
-    ] = None,
-    duration: Annotated[Seconds | None, "end after this time, such as 10 s"] = None,
-    verbose: Annotated[bool, Option("-v"), "print every message that the node receives"] = False,
-    fault: Annotated[
-        str | None,
-        Option(metavar="NAME", suggest=lambda robot: robot.fault_names()),
-        "give the node a fault; `faults` lists them",
-    ] = None,
+    node_id: Annotated[int | None, Option(metavar="N")] = None,
+    store: Annotated[str | None, Option(metavar="FILE", is_file=True)] = None,
+    duration: Seconds | None = None,
+    verbose: Annotated[bool, Option("-v")] = False,
+    fault: Annotated[str | None, Option(metavar="NAME", suggest=lambda robot: robot.fault_names())] = None,
     device: DeviceOptions,
     stage: Annotated[Stage | None, Chosen(_stage)] = None,
     devices: Devices,
     bus: BusOptions,
     no_reconnect: NoReconnect = False,
-    on_error: Annotated[
-        OnError, "what happens to a node that fails, after it was stopped (default: restart)"
-    ] = OnError.RESTART,
+    on_error: OnError = OnError.RESTART,
 ) -> ExitStatus | None:
     """Run one device on a CAN bus until interrupted: any device from its EDS, or a node of a robot.
 
     It ends when its time is over, by an interrupt, or by the bus's failure; raises BusError, WorldError.
+
+    name: which of the devices (default: all of them, in one process)
+    node_id: node-ID 1..127 (default: the file's)
+    store: DCF in which the device stores its parameters
+    duration: end after this time, such as 10 s
+    verbose: print every message that the node receives
+    fault: give the node a fault; `faults` lists them
+    on_error: what happens to a node that fails, after it was stopped (default: restart)
     """
     if name is None and len(devices.files()) > 1:
         about_one = {
@@ -269,14 +258,16 @@ OWNERS = {"Node": "any node", "SimulatedDrive": "any drive of CiA 402"}
 
 
 def faults(
-    node: Annotated[
-        str | None, Option(suggest=lambda robot: robot.nodes), "only the faults of this node of the robot"
-    ] = None,
+    node: Annotated[str | None, Option(suggest=lambda robot: robot.nodes)] = None,
     *,
-    as_json: Annotated[Json, "print them as JSON, with the step that finds each"] = False,
+    as_json: Json = False,
     robot_name: RobotName = None,
 ) -> None:
-    """List the faults that simulated nodes can be given, to see whether a check finds them."""
+    """List the faults that simulated nodes can be given, to see whether a check finds them.
+
+    node: only the faults of this node of the robot
+    as_json: print them as JSON, with the step that finds each
+    """
     robot = Devices(robot_name=robot_name).robot
     if node and node not in robot.nodes:
         raise UnknownName("node", node, robot.nodes)

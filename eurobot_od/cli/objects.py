@@ -47,14 +47,17 @@ Object: TypeAlias = Annotated[str, Option(metavar="INDEX[:SUB]", suggest=object_
 
 def read(
     target: Target,
-    objects: Annotated[Sequence[Object], "such as 0x1017, 0x1018:1, Motion, 'Motion.Maximum speed'"],
+    objects: Sequence[Object],
     *,
     as_json: Json = False,
-    file: Annotated[Path | None, "write the bytes of one object to this file, by block transfer"] = None,
+    file: Path | None = None,
 ) -> ExitStatus:
     """Read objects of a CANopen node, by number or by the EDS's name, or one object into a file.
 
     Exit status 1 if the node refuses one.
+
+    objects: such as 0x1017, 0x1018:1, Motion, 'Motion.Maximum speed'
+    file: write the bytes of one object to this file, by block transfer
     """
     with target.opened() as node:
         found = target.description(node)
@@ -81,14 +84,18 @@ def _read_file(node: RemoteNode, things: Sequence[ODVariable], file: Path) -> Ex
 
 def write(
     target: Target,
-    name: Annotated[Object, "such as 0x1017, 0x1016:1, 'Motion.Maximum speed'"],
-    value: Annotated[str | None, "number, decimal or 0x..; text; or hexadecimal digits: as the type says"] = None,
+    name: Object,
+    value: str | None = None,
     *,
-    file: Annotated[Path | None, "write the bytes of this file, by block transfer"] = None,
+    file: Path | None = None,
 ) -> None:
     """Write one object of a CANopen node, by number or by the EDS's name, or a whole file into it.
 
     A value that the EDS does not allow is refused here. Without an EDS the node is asked for the object's length first.
+
+    name: such as 0x1017, 0x1016:1, 'Motion.Maximum speed'
+    value: number, decimal or 0x..; text; or hexadecimal digits: as the type says
+    file: write the bytes of this file, by block transfer
     """
     if (value is None) is (file is None):
         raise LocalError("what to write: give a value or --file FILE, one of them")
@@ -123,11 +130,9 @@ def dump(target: Target, *, as_json: Json = False) -> None:
 
 def pdo(
     target: Target,
-    action: Annotated[Literal["map"] | None, "map other objects into a PDO (default: list all PDOs)"] = None,
-    name: Annotated[str | None, Option(metavar="PDO"), "such as TPDO2"] = None,
-    objects: Annotated[
-        Sequence[Object], Option(metavar="OBJECT"), "what to map, in its order: names or INDEX:SUB"
-    ] = (),
+    action: Literal["map"] | None = None,
+    name: Annotated[str | None, Option(metavar="PDO")] = None,
+    objects: Annotated[Sequence[Object], Option(metavar="OBJECT")] = (),
     *,
     as_json: Json = False,
 ) -> None:
@@ -135,6 +140,10 @@ def pdo(
 
     `map TPDO2 Motion.Speed ...` switches the PDO off, maps the objects in their order, switches it on if it was, and
     reads back (CiA 301, 7.5.2.36 and 7.5.2.38).
+
+    action: map other objects into a PDO (default: list all PDOs)
+    name: such as TPDO2
+    objects: what to map, in its order: names or INDEX:SUB
     """
     from eurobot_od.client.pdo_mapping import map_objects  # with canopen
 
@@ -186,13 +195,15 @@ def _pdo_as_data(each: Pdo) -> dict[str, Any]:
 def emcy(
     target: Target,
     *,
-    clear: Annotated[bool, "empty the error history"] = False,
+    clear: bool = False,
     as_json: Json = False,
     emcy: EmcyFiles = (),
 ) -> ExitStatus:
     """Print the errors that a CANopen node remembers, newest first, or clear them (0x1001, 0x1003).
 
     Exit status 1 if the node is in an error state now.
+
+    clear: empty the error history
     """
     with target.opened() as node:
         target.named_description(node)  # its file may say another SDO server

@@ -92,15 +92,18 @@ def _interfaces(_: Plugin) -> Iterable[str]:
 
 @dataclass(frozen=True, kw_only=True)
 class BusOptions:
-    """A CAN bus; what is None comes from python-can's own configuration."""
+    """A CAN bus; what is None comes from python-can's own configuration.
+
+    interface: python-can interface, such as socketcan, pcan, slcan, remote
+    channel: channel of the interface, such as can0
+    bitrate: bit/s, 500000 if nothing else is configured
+    """
 
     GROUP = HelpGroup("bus", "default: python-can's configuration")
 
-    interface: Annotated[
-        str | None, Option("-i", suggest=_interfaces), "python-can interface, such as socketcan, pcan, slcan, remote"
-    ] = None
-    channel: Annotated[str | None, Option("-c"), "channel of the interface, such as can0"] = None
-    bitrate: Annotated[BitRate | None, "bit/s, 500000 if nothing else is configured"] = None
+    interface: Annotated[str | None, Option("-i", suggest=_interfaces)] = None
+    channel: Annotated[str | None, Option("-c")] = None
+    bitrate: BitRate | None = None
 
     def open(self) -> can.BusABC:
         """Open it; raises LocalError, BusError."""

@@ -30,16 +30,22 @@ HEARTBEAT_WAIT = 1.2
 
 def configure(
     target: Target,
-    file: Annotated[str, Option(metavar="FILE.dcf", is_file=True), "the DCF, for this device and this node-ID"],
+    file: Annotated[str, Option(metavar="FILE.dcf", is_file=True)],
     *,
-    dry_run: Annotated[bool, "print what differs and write nothing"] = False,
-    only: Annotated[Sequence[DictionaryArea], "only these objects; repeatable"] = tuple(DictionaryArea),
-    no_store: Annotated[bool, "do not have the node store it: it is lost at a reset"] = False,
-    no_reset: Annotated[bool, "do not reset the node to verify what it has stored"] = False,
+    dry_run: bool = False,
+    only: Sequence[DictionaryArea] = tuple(DictionaryArea),
+    no_store: bool = False,
+    no_reset: bool = False,
 ) -> ExitStatus:
     """Configure a CANopen node from a DCF: write what differs, read it back, store it, reset the node, verify.
 
     Exit status 1 if the node differs from the file and --dry-run leaves it so.
+
+    file: the DCF, for this device and this node-ID
+    dry_run: print what differs and write nothing
+    only: only these objects; repeatable
+    no_store: do not have the node store it: it is lost at a reset
+    no_reset: do not reset the node to verify what it has stored
     """
     description = from_file(file)  # never the network's: a configuration is for the one device that its DCF names
     check_file(description, target.node_id)  # the file is judged before a bus is opened
@@ -76,8 +82,11 @@ def store(target: Target) -> None:
     print(f"node {node.node_id} has stored all parameters")
 
 
-def restore(target: Target, *, reset: Annotated[bool, "reset the node, so that they take effect"] = False) -> None:
-    """Have a CANopen node restore the defaults of its parameters, from its next reset on (0x1011)."""
+def restore(target: Target, *, reset: bool = False) -> None:
+    """Have a CANopen node restore the defaults of its parameters, from its next reset on (0x1011).
+
+    reset: reset the node, so that they take effect
+    """
     with target.opened() as node:
         target.named_description(node)
         configuring.restore(node)
@@ -106,19 +115,19 @@ def export_dcf(target: Target, *, output: Output = None) -> ExitStatus:
 
 def program(
     target: Target,
-    file: Annotated[Path, Option(metavar="FILE"), "the program, as the node's maker delivers it"],
+    file: Annotated[Path, Option(metavar="FILE")],
     *,
-    number: Annotated[
-        int,
-        Option("--program", metavar="N", read=whole(1, MOST_SUBS)),
-        "number of the program in the node, its sub-index (1)",
-    ] = 1,
-    no_crc: Annotated[bool, "do not compare 0x1F56 with the file: in this device it is not a CRC"] = False,
+    number: Annotated[int, Option("--program", metavar="N", read=whole(1, MOST_SUBS))] = 1,
+    no_crc: bool = False,
 ) -> None:
     """Download a program into a CANopen node, verify and start it (0x1F50, 0x1F51, 0x1F56, 0x1F57).
 
     Nothing is stopped before the node was looked at: whether it has a place for the program, and is the device of
     --eds. If a step fails, one line says why, in which state the node is, and how to go on.
+
+    file: the program, as the node's maker delivers it
+    number: number of the program in the node, its sub-index (1)
+    no_crc: do not compare 0x1F56 with the file: in this device it is not a CRC
     """
     content = file.read_bytes()
     if not content:

@@ -31,16 +31,21 @@ BIT_RATE = 500_000
 
 
 def archive(
-    logs: Annotated[Sequence[Path], Option(metavar="LOG"), "logs in any format, packed with gzip or not"],
+    logs: Annotated[Sequence[Path], Option(metavar="LOG")],
     *,
-    output: Annotated[Path, Option("-o", metavar="SEASON"), "folder of the season"],
-    format: Annotated[Format | None, "format of the logs (default: by suffix)"] = None,
-    jobs: Annotated[Jobs | None, "logs at the same time (default: one per core)"] = None,
+    output: Annotated[Path, Option("-o", metavar="SEASON")],
+    format: Format | None = None,
+    jobs: Jobs | None = None,
     devices: Devices,
 ) -> None:
     """Put logs into a season: Parquet files of all frames, the messages with their fields, and what is damaged.
 
     A log that was archived before is recognised by its content; an interrupted run goes on where it was.
+
+    logs: logs in any format, packed with gzip or not
+    output: folder of the season
+    format: format of the logs (default: by suffix)
+    jobs: logs at the same time (default: one per core)
     """
     with extras.needed("season"):
         from eurobot_od.season.archive import archive
@@ -79,21 +84,27 @@ def reports(robot: Plugin) -> Mapping[str, SeasonReport]:
 
 
 def query(
-    season: Annotated[Path, Option(metavar="SEASON"), "folder made by `archive`"],
-    sql: Annotated[str | None, Option(metavar="SQL"), "a query (default: list the tables)"] = None,
+    season: Annotated[Path, Option(metavar="SEASON")],
+    sql: Annotated[str | None, Option(metavar="SQL")] = None,
     *,
-    report: Annotated[
-        str | None, Option(metavar="NAME", suggest=reports), "a ready query; `--report list` lists them"
-    ] = None,
-    as_json: Annotated[Json, Option(either="form"), "one JSON object per row"] = False,
-    as_csv: Annotated[bool, Option("--csv", either="form"), "comma-separated values"] = False,
-    plot: Annotated[Path | None, Option(metavar="FILE"), "also draw the answer as SVG"] = None,
-    bitrate: Annotated[BitRate, f"bit/s for the load (default: {BIT_RATE})"] = BIT_RATE,
+    report: Annotated[str | None, Option(metavar="NAME", suggest=reports)] = None,
+    as_json: Annotated[Json, Option(either="form")] = False,
+    as_csv: Annotated[bool, Option("--csv", either="form")] = False,
+    plot: Annotated[Path | None, Option(metavar="FILE")] = None,
+    bitrate: BitRate = BIT_RATE,
     robot_name: RobotName = None,
 ) -> None:
     """Query a season: by SQL, with a view for each message, or by a ready report. Without a query: list its tables.
 
     DuckDB's SQL; tables are `runs`, `frames`, `damage`, `messages`, and one for each message, such as `goto_xy`.
+
+    season: folder made by `archive`
+    sql: a query (default: list the tables)
+    report: a ready query; `--report list` lists them
+    as_json: one JSON object per row
+    as_csv: comma-separated values
+    plot: also draw the answer as SVG
+    bitrate: bit/s for the load (default: 500000)
     """
     if sql and report:
         raise LocalError("a query is SQL or --report, not both")

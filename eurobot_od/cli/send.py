@@ -33,21 +33,22 @@ PATIENCE = 1.0
 
 
 def send(
-    message: Annotated[str, "a message by its name, such as 'Goto XY', or a frame: 185#0102"],
-    fields: Annotated[Sequence[str], Option(metavar="FIELD=VALUE"), "such as x=1500 barriers=fire-1:forced"] = (),
+    message: str,
+    fields: Annotated[Sequence[str], Option(metavar="FIELD=VALUE")] = (),
     *,
-    expect: Annotated[
-        str | None,
-        Option(metavar="MESSAGE"),
-        "wait for this message and print it; 185#01: with data beginning like this",
-    ] = None,
-    within: Annotated[Seconds, "how long to wait for it (default: 1 s)"] = 1.0,
+    expect: Annotated[str | None, Option(metavar="MESSAGE")] = None,
+    within: Seconds = 1.0,
     devices: Devices,
     bus: BusOptions,
 ) -> ExitStatus:
     """Send one message or frame on a CAN bus, and wait for an answer with --expect.
 
     Exit status 1 if the expected answer does not come in time.
+
+    message: a message by its name, such as 'Goto XY', or a frame: 185#0102
+    fields: such as x=1500 barriers=fire-1:forced
+    expect: wait for this message and print it; 185#01: with data beginning like this
+    within: how long to wait for it (default: 1 s)
     """
     protocol = devices.protocol()
     frame, words = question(protocol, message, fields)

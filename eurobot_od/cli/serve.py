@@ -35,24 +35,18 @@ if TYPE_CHECKING:  # with aiohttp, which an extra brings
     from eurobot_od.web.requests import Requests
     from eurobot_od.web.session import Session
 
-PORT = 8014
-"""Where the page is, unless another port is asked for."""
-
-HERE = Address("127.0.0.1", PORT)
+HERE = Address("127.0.0.1", 8014)
+"""Where the page is, unless another address is asked for."""
 
 MOST_LOGS = 2
 
 
 def serve(
-    logs: Annotated[Sequence[Log], "one log, or two side by side (default: the bus)"] = (),
+    logs: Sequence[Log] = (),
     *,
     reading: Reading,
-    control: Annotated[bool, "let the page send, write objects and command nodes"] = False,
-    listen: Annotated[
-        Address,
-        Option(metavar="HOST:PORT", read=parse_address),
-        f"address of the page (default: 127.0.0.1:{PORT}); from other machines it takes a token, printed once",
-    ] = HERE,
+    control: bool = False,
+    listen: Annotated[Address, Option(metavar="HOST:PORT", read=parse_address)] = HERE,
     devices: Devices,
     emcy: EmcyFiles = (),
     bus: BusOptions,
@@ -60,6 +54,10 @@ def serve(
     """Show the bus in a browser, or logs: messages, plots, nodes, object dictionaries, events.
 
     It goes on until Ctrl-C.
+
+    logs: one log, or two side by side (default: the bus)
+    control: let the page send, write objects and command nodes
+    listen: address of the page (default: 127.0.0.1:8014); from other machines it takes a token, printed once
     """
     with extras.needed("web"):  # asked here, so that no log is read before the package is found missing
         import aiohttp  # noqa: F401

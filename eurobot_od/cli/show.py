@@ -29,17 +29,17 @@ if TYPE_CHECKING:
 
 
 def show(
-    message: Annotated[str | None, "name of a message, such as 'Goto XY' (default: all)"] = None,
+    message: str | None = None,
     *,
-    objects: Annotated[
-        str | None,
-        Option(metavar="NAME", bare="", suggest=object_names),
-        "list the devices' objects, or those of a name or index, such as Motor or 0x1018",
-    ] = None,
+    objects: Annotated[str | None, Option(metavar="NAME", bare="", suggest=object_names)] = None,
     as_json: Json = False,
     devices: Devices,
 ) -> None:
-    """Show the messages as the EDS files map them, one message's bits as a picture, or the objects of the devices."""
+    """Show the messages as the EDS files map them, one message's bits as a picture, or the objects of the devices.
+
+    message: name of a message, such as 'Goto XY' (default: all)
+    objects: list the devices' objects, or those of a name or index, such as Motor or 0x1018
+    """
     if message and Path(message).is_file():
         raise LocalError(f"{message} is a file, not a message: name it by --eds")
     if message and objects is not None:

@@ -3,15 +3,20 @@
 A parameter that may be given by position is an argument, a keyword-only one an option: `node_id` is `--node-id`. One
 without a default has to be given. `bool` is a switch, `Sequence` takes any number of values, a `Literal` or an `Enum`
 has the choices, and a dataclass is a group of options, made of what is given for its fields. What name and type do not
-say stands beside the type, in `Annotated`: a text is the help, an `Option` or a `HelpGroup` the rest.
+say stands beside the type, in `Annotated`: an `Option`, or a `HelpGroup`. The help is the docstring: its first line for
+the command, and a line for each parameter.
 
-    def sync(*, count: Annotated[int | None, Option(metavar="N"), "end after N messages"] = None, bus: Bus) -> None:
-        '''Send SYNC messages until Ctrl-C or --count.'''
+    def sync(*, count: Annotated[int | None, Option(metavar="N")] = None, bus: BusOptions) -> None:
+        '''Send SYNC messages until Ctrl-C or --count.
+
+        count: end after N messages
+        '''
 """
 
 from __future__ import annotations
 
 import os
+import re
 from argparse import SUPPRESS, ArgumentParser, ArgumentTypeError, HelpFormatter, Namespace, _ActionsContainer
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass, replace
@@ -92,7 +97,10 @@ class Chosen(NamedTuple):
 
 
 class Hint(NamedTuple):
-    """An annotation taken apart: the type of a value, whether there may be several, and what stands beside it."""
+    """An annotation taken apart: the type of a value, whether there may be several, and what stands beside it.
+
+    A text is help that several parameters share; that of the docstring counts.
+    """
 
     kind: Any
     several: bool = False
@@ -175,6 +183,16 @@ def summary(command: Command) -> str:
     return command.text if isinstance(command, Forms) else (command.__doc__ or "").partition("\n")[0]
 
 
+TOLD = re.compile(r"^( *)(\w+): (.+(?:\n\1 +\S.*)*)", re.MULTILINE)
+"""What a docstring says of a parameter: on the line of its name, and on lines below that are indented deeper."""
+
+
+def told(function: Callable[..., Any]) -> dict[str, str]:
+    """Return what the docstring of a function or a dataclass says of its parameters, those of its bases too."""
+    docstrings = "\n".join(each.__doc__ or "" for each in reversed(getattr(function, "__mro__", (function,))))
+    return {name: " ".join(text.split()) for _, name, text in TOLD.findall(docstrings)}
+
+
 def describe(parser: Parser, command: Command) -> Call:
     """Describe a command on its parser; return what calls it."""
     if not isinstance(command, Forms):
@@ -188,14 +206,14 @@ def describe(parser: Parser, command: Command) -> Call:
 def _describe(parser: Parser, container: _ActionsContainer, function: Callable[..., Any]) -> Call:
     """Describe the parameters of a function, or the fields of a dataclass; return what calls it."""
     values, apart = dict[str, Call](), dict[str, _ActionsContainer]()
-    hints = get_type_hints(function, include_extras=True)
+    hints, texts = get_type_hints(function, include_extras=True), told(function)
     for name, parameter in signature(function).parameters.items():
         hint = Hint.of(hints[name], parser)
-        either = hint.option.either
+        hint, either = hint._replace(text=texts.get(name, hint.text)), hint.option.either
         if is_dataclass(hint.kind):
             inner = parser.add_argument_group(*hint.group) if hint.group else container
             values[name] = _describe(parser, inner, cast(type, hint.kind))
-        elif hint is not NOTHING:
+        elif hint.kind is not NoneType:
             if either and either not in apart:
                 apart[either] = container.add_mutually_exclusive_group()
             values[name] = _add(parser, apart.get(either, container), parameter, hint)

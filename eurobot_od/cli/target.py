@@ -22,15 +22,15 @@ from eurobot_od.od.dictionary import Dictionary
 
 @dataclass(frozen=True, kw_only=True)
 class Access:
-    """How to talk to nodes; `timeout` is in s, `largest` in bytes."""
+    """How to talk to nodes; `timeout` is in s, `largest` in bytes.
+
+    timeout: longest wait for an answer (500 ms)
+    largest: most to read of an object whose size the node does not announce (1048576)
+    """
 
     devices: Devices
-    timeout: Annotated[Seconds, "longest wait for an answer (500 ms)"] = 0.5
-    largest: Annotated[
-        int,
-        Option(metavar="BYTES", read=whole(1, what="a number of bytes")),
-        "most to read of an object whose size the node does not announce (1048576)",
-    ] = 1 << 20
+    timeout: Seconds = 0.5
+    largest: Annotated[int, Option(metavar="BYTES", read=whole(1, what="a number of bytes"))] = 1 << 20
     bus: BusOptions
 
     def master(self) -> Master:
@@ -40,11 +40,12 @@ class Access:
 
 @dataclass(frozen=True)
 class Target(Access):
-    """The node that a command is about."""
+    """The node that a command is about.
 
-    node: Annotated[
-        str, Option(metavar="NODE", suggest=lambda robot: robot.nodes), "node-ID 1..127, or a device's name"
-    ]
+    node: node-ID 1..127, or a device's name
+    """
+
+    node: Annotated[str, Option(metavar="NODE", suggest=lambda robot: robot.nodes)]
 
     @property
     def node_id(self) -> int:

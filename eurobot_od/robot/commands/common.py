@@ -20,11 +20,16 @@ WorldErrors: TypeAlias = Annotated[Sequence[tuple[str, str]], Option("--world"),
 
 @dataclass(frozen=True, kw_only=True)
 class Sides:
-    """Our colour, and who else is there."""
+    """Our colour, and who else is there.
 
-    team: Annotated[TeamColour, "our colour (default: red)"] = TeamColour.RED
-    enemies: Annotated[int, Option(choices=range(3)), "how many enemies (default: 2)"] = 2
-    confederates: Annotated[int, Option(choices=range(2)), "confederates (default: 1)"] = 1
+    team: our colour (default: red)
+    enemies: how many enemies (default: 2)
+    confederates: confederates (default: 1)
+    """
+
+    team: TeamColour = TeamColour.RED
+    enemies: Annotated[int, Option(choices=range(3))] = 2
+    confederates: Annotated[int, Option(choices=range(2))] = 1
 
 
 def status_of(summary: Summary) -> ExitStatus:

@@ -26,12 +26,16 @@ def field(
     logs: Logs = (STANDARD_INPUT,),
     *,
     reading: Reading,
-    output: Annotated[Path, Option("-o", metavar="FILE"), "picture: .svg or .png; .html: a page that plays the match"],
-    title: Annotated[str | None, "heading of the picture; left out: the log's name"] = None,
+    output: Annotated[Path, Option("-o", metavar="FILE")],
+    title: str | None = None,
     dialect: Dialect = None,
     robot_name: RobotName = None,
 ) -> None:
-    """Draw the playing field to scale with what a log says about the match: path, gotos, stops, enemies, barriers."""
+    """Draw the playing field to scale with what a log says about the match: path, gotos, stops, enemies, barriers.
+
+    output: picture: .svg or .png; .html: a page that plays the match
+    title: heading of the picture; left out: the log's name
+    """
     form(output)  # complains of a suffix before the logs are read
     robot, damage = plugin.find(robot_name), DamageCounts()
     described = decoder_of(robot.dialects.load_all(dialect), robot)

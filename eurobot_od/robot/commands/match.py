@@ -54,18 +54,17 @@ ERRORS = ", ".join(f"{name}={value:g} {UNITS.get(name, '')}".rstrip() for name, 
 
 @dataclass(frozen=True, kw_only=True)
 class NodesAndWorld:
-    """What our nodes and the world are to be like."""
+    """What our nodes and the world are to be like.
+
+    fault: give a node a fault; `faults` lists them
+    values: value in place of the EDS file's, such as 'drive.Motion.Maximum speed=600', or of robot.yaml's, such as
+        body.radius=250
+    """
 
     GROUP = HelpGroup("our nodes and the world, each option repeatable")
 
-    fault: Annotated[Faults, "give a node a fault; `faults` lists them"] = ()
-    values: Annotated[
-        Sequence[tuple[str, str]],
-        Option("--set"),
-        assigned("NAME=VALUE"),
-        "value in place of the EDS file's, such as 'drive.Motion.Maximum speed=600', or of robot.yaml's, such as "
-        "body.radius=250",
-    ] = ()
+    fault: Faults = ()
+    values: Annotated[Sequence[tuple[str, str]], Option("--set"), assigned("NAME=VALUE")] = ()
     errors: Annotated[
         WorldErrors,
         f"error of the simulated world; these are there, without a unit as shares or rates of 0..1: {ERRORS}",
@@ -74,30 +73,35 @@ class NodesAndWorld:
 
 @dataclass(frozen=True, kw_only=True)
 class AskedMatch:
-    """A match, or many, as the command line asks for it."""
+    """A match, or many, as the command line asks for it.
+
+    seed: seed of all chance: same seed, same frames (default: 1)
+    seeds: play each seed, simulated, and compare
+    duration: match time (default: robot.yaml's)
+    speed: simulated or real time
+    emergency_at: hit the mushroom at this match time
+    strategy: Python file with a coroutine play(core); left out: the robot's
+    compare: play the same --seeds with each of these strategies
+    against: strategy of a second robot, instead of enemy 1
+    log: write all frames there, in the format of its suffix; with --seeds {seed} stands for each seed
+    log_failure: what to do when the log cannot be written (default: go-on); the exit status is 3 in any case
+    field: draw the match: .svg, .html or .png; with --compare the points: .svg
+    as_json: print as JSON: timeline and summary, or a line for each seed
+    """
 
     sides: Sides
-    seed: Annotated[int | None, "seed of all chance: same seed, same frames (default: 1)"] = None
-    seeds: Annotated[
-        range | None, Option(metavar="N|FIRST-LAST", read=_seeds), "play each seed, simulated, and compare"
-    ] = None
-    duration: Annotated[MatchTime | None, "match time (default: robot.yaml's)"] = None
-    speed: Annotated[Literal["fast", "real"], "simulated or real time"] = "fast"
-    emergency_at: Annotated[MatchTime | None, "hit the mushroom at this match time"] = None
-    strategy: Annotated[File | None, "Python file with a coroutine play(core); left out: the robot's"] = None
-    compare: Annotated[Sequence[File], Option(nargs="+"), "play the same --seeds with each of these strategies"] = ()
-    against: Annotated[File | None, "strategy of a second robot, instead of enemy 1"] = None
-    log: Annotated[
-        File | None,
-        "write all frames there, in the format of its suffix; with --seeds {seed} stands for each seed",
-    ] = None
-    log_failure: Annotated[
-        str,
-        Option(choices=(GO_ON, END)),
-        f"what to do when the log cannot be written (default: {GO_ON}); the exit status is 3 in any case",
-    ] = GO_ON
-    field: Annotated[File | None, "draw the match: .svg, .html or .png; with --compare the points: .svg"] = None
-    as_json: Annotated[Json, "print as JSON: timeline and summary, or a line for each seed"] = False
+    seed: int | None = None
+    seeds: Annotated[range | None, Option(metavar="N|FIRST-LAST", read=_seeds)] = None
+    duration: MatchTime | None = None
+    speed: Literal["fast", "real"] = "fast"
+    emergency_at: MatchTime | None = None
+    strategy: File | None = None
+    compare: Annotated[Sequence[File], Option(nargs="+")] = ()
+    against: File | None = None
+    log: File | None = None
+    log_failure: Annotated[str, Option(choices=(GO_ON, END))] = GO_ON
+    field: File | None = None
+    as_json: Json = False
     campaign: Annotated[Campaign, HelpGroup("many at once, with --seeds")]
     dialect: Dialect = None
     robot_name: RobotName = None

@@ -35,15 +35,19 @@ AT_ROOT = {
 
 
 def new_robot(
-    folder: Annotated[Path, Option(metavar="FOLDER"), "where it goes: a new folder, or an empty one"],
+    folder: Annotated[Path, Option(metavar="FOLDER")],
     *,
-    name: Annotated[str | None, "what the robot is called; left out: the folder's name"] = None,
-    package: Annotated[bool, "a package, which `pip install .` makes an installed robot"] = False,
+    name: str | None = None,
+    package: bool = False,
     robot_name: RobotName = None,
 ) -> None:
     """Write a robot of your own that works at once: its table, EDS files, a node, a strategy and checks, to be changed.
 
     Raises LocalError, OSError.
+
+    folder: where it goes: a new folder, or an empty one
+    name: what the robot is called; left out: the folder's name
+    package: a package, which `pip install .` makes an installed robot
     """
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise LocalError(f"{folder}: it is there, and not empty")

@@ -43,21 +43,20 @@ PATIENCE = 5.0
 
 @dataclass(frozen=True, kw_only=True)
 class NodeOptions:
-    """What a node of the robot is to do, and what it has besides the bus."""
+    """What a node of the robot is to do, and what it has besides the bus.
 
-    team: Annotated[TeamColour | None, "core only: check the nodes and configure the start"] = None
-    drill: Annotated[bool, "core only: do what the core does when it is checked"] = False
-    beacons: Annotated[bool, "navigation only: simulated beacons for a red robot"] = False
-    world: Annotated[
-        WorldAddress | None,
-        Option(metavar="[TOKEN@]HOST:PORT", read=WorldAddress.parse),
-        "wheels, beacons, sensor in `world`",
-    ] = None
-    strategy: Annotated[
-        str | None,
-        Option(metavar="FILE", is_file=True),
-        f"core in a world: play a match by a strategy file, or `{SHIPPED}`, then end; --duration: the match's",
-    ] = None
+    team: core only: check the nodes and configure the start
+    drill: core only: do what the core does when it is checked
+    beacons: navigation only: simulated beacons for a red robot
+    world: wheels, beacons, sensor in `world`
+    strategy: core in a world: play a match by a strategy file, or `shipped`, then end; --duration: the match's
+    """
+
+    team: TeamColour | None = None
+    drill: bool = False
+    beacons: bool = False
+    world: Annotated[WorldAddress | None, Option(metavar="[TOKEN@]HOST:PORT", read=WorldAddress.parse)] = None
+    strategy: Annotated[str | None, Option(metavar="FILE", is_file=True)] = None
 
     def check(self, role: str) -> None:
         """Raise LocalError for options that do not fit a node, or each other."""

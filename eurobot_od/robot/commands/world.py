@@ -40,28 +40,27 @@ IN_WORDS = (
 
 def world(
     *,
-    listen: Annotated[
-        WorldAddress,
-        Option(metavar="[TOKEN@]HOST:PORT", read=WorldAddress.parse),
-        f"where to (default: {HERE}); beyond this machine requests need the token, a new one unless it is given",
-    ] = HERE,
+    listen: Annotated[WorldAddress, Option(metavar="[TOKEN@]HOST:PORT", read=WorldAddress.parse)] = HERE,
     sides: Sides,
-    seed: Annotated[int, "seed of all chance, the instruments' too (default: 1)"] = 1,
-    errors: Annotated[WorldErrors, "an error of the instruments, such as beacon_dropouts=0.1; repeatable"] = (),
-    facts: Annotated[
-        Sequence[tuple[str, str]],
-        Option("--set"),
-        assigned("FACT=VALUE"),
-        "fact in place of robot.yaml's, such as body.radius=250; repeatable",
-    ] = (),
-    duration: Annotated[Seconds | None, "end after this time, such as 90 s"] = None,
-    as_json: Annotated[Json, "print as JSON, a line for each event and the summary"] = False,
+    seed: int = 1,
+    errors: WorldErrors = (),
+    facts: Annotated[Sequence[tuple[str, str]], Option("--set"), assigned("FACT=VALUE")] = (),
+    duration: Seconds | None = None,
+    as_json: Json = False,
     dialect: Dialect = None,
     robot_name: RobotName = None,
 ) -> None:
     """Run the world that the simulated nodes of other processes share: the truth that their wheels and beacons meet.
 
     It goes on until the time is over or somebody ends it; raises LocalError, WorldError.
+
+    listen: where to (default: 127.0.0.1:2014); beyond this machine requests need the token, a new one unless it is
+        given
+    seed: seed of all chance, the instruments' too (default: 1)
+    errors: an error of the instruments, such as beacon_dropouts=0.1; repeatable
+    facts: fact in place of robot.yaml's, such as body.radius=250; repeatable
+    duration: end after this time, such as 90 s
+    as_json: print as JSON, a line for each event and the summary
     """
     options = MatchOptions(
         **vars(sides),
