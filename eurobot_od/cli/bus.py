@@ -33,12 +33,7 @@ from eurobot_od.support.escaping import one_line
 from eurobot_od.support.tables import columns
 
 
-def scan(
-    access: Access,
-    *,
-    listen: Seconds = 1.5,
-    as_json: Json = False,
-) -> ExitStatus:
+def scan(access: Access, *, listen: Seconds = 1.5, as_json: Json = False) -> ExitStatus:
     """List the CANopen nodes of a bus: which answer, in which state, what they are.
 
     With --network or --eds also what they are called there, and which of them are missing. Exit status 1 if one is
@@ -89,10 +84,7 @@ def found_rows(found: Sequence[Found], names: Mapping[int, str] = MappingProxyTy
 # Boot
 
 
-def boot(
-    path: Annotated[str, Option(metavar="NETWORK", is_file=True)],
-    access: Access,
-) -> ExitStatus:
+def boot(path: Annotated[str, Option(metavar="NETWORK", is_file=True)], access: Access) -> ExitStatus:
     """Start a network as CiA 302-2 says: each slave reset, checked, configured and heard, then all started.
 
     The slaves are those of the network file, in its order; a DCF is loaded, unless 0x1020 says that the slave has it.

@@ -52,12 +52,7 @@ def dbc(*, output: Output = None, devices: Devices) -> None:
     write(output, dbc_text(devices.protocol()))
 
 
-def docs(
-    *,
-    output: Output = None,
-    format: Literal["markdown", "html"] | None = None,
-    devices: Devices,
-) -> None:
+def docs(*, output: Output = None, format: Literal["markdown", "html"] | None = None, devices: Devices) -> None:
     """Write messages and object dictionaries as a document to read: Markdown or HTML.
 
     format: default: by FILE's suffix, else markdown

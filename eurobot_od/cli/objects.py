@@ -18,17 +18,7 @@ from eurobot_od.client.reading import ObjectReading, read_all, readable
 from eurobot_od.client.remote_pdos import pdo_parameters
 from eurobot_od.errors import LocalError, UnknownName
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.od.objects import (
-    address_of,
-    data_type,
-    encode,
-    find,
-    find_one,
-    is_described,
-    label,
-    parse,
-    shown,
-)
+from eurobot_od.od.objects import address_of, data_type, encode, find, find_one, is_described, label, parse, shown
 from eurobot_od.od.pdos import Pdo
 from eurobot_od.od.profiles.words import words, written
 from eurobot_od.od.values import label as place
@@ -45,13 +35,7 @@ if TYPE_CHECKING:
 Object: TypeAlias = Annotated[str, Option(metavar="INDEX[:SUB]", suggest=object_names)]
 
 
-def read(
-    target: Target,
-    objects: Sequence[Object],
-    *,
-    as_json: Json = False,
-    file: Path | None = None,
-) -> ExitStatus:
+def read(target: Target, objects: Sequence[Object], *, as_json: Json = False, file: Path | None = None) -> ExitStatus:
     """Read objects of a CANopen node, by number or by the EDS's name, or one object into a file.
 
     Exit status 1 if the node refuses one.
@@ -82,13 +66,7 @@ def _read_file(node: RemoteNode, things: Sequence[ODVariable], file: Path) -> Ex
     return ExitStatus.FINE
 
 
-def write(
-    target: Target,
-    name: Object,
-    value: str | None = None,
-    *,
-    file: Path | None = None,
-) -> None:
+def write(target: Target, name: Object, value: str | None = None, *, file: Path | None = None) -> None:
     """Write one object of a CANopen node, by number or by the EDS's name, or a whole file into it.
 
     A value that the EDS does not allow is refused here. Without an EDS the node is asked for the object's length first.
@@ -192,13 +170,7 @@ def _pdo_as_data(each: Pdo) -> dict[str, Any]:
     return {"pdo": each.title, "cob_id": each.cob_id, "valid": each.valid, **settings, "mapping": mapping}
 
 
-def emcy(
-    target: Target,
-    *,
-    clear: bool = False,
-    as_json: Json = False,
-    emcy: EmcyFiles = (),
-) -> ExitStatus:
+def emcy(target: Target, *, clear: bool = False, as_json: Json = False, emcy: EmcyFiles = ()) -> ExitStatus:
     """Print the errors that a CANopen node remembers, newest first, or clear them (0x1001, 0x1003).
 
     Exit status 1 if the node is in an error state now.
