@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import gc
-import json
 import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
@@ -36,6 +35,8 @@ def _print_annotations(findings: Sequence[Finding]) -> None:
 
 
 def _print_sarif(findings: Sequence[Finding]) -> None:
+    import json
+
     from eurobot_od.lint.findings import sarif
     from eurobot_od.lint.network import RULES
 
@@ -210,6 +211,8 @@ def _print_lines(
 
 
 def _print_json(findings: Sequence[Finding], identifiers: Sequence[tuple[str, ...]]) -> None:
+    import json  # lines are printed without
+
     data: dict[str, object] = {
         "findings": [{**each._asdict(), "severity": each.severity.name.lower()} for each in findings],
         "counts": {each.name.lower(): count(findings, each) for each in Severity},
@@ -260,6 +263,8 @@ def diff(
             raise LocalError("nothing to compare with: name a second file, or a live node with --node")
         found = compare_live(device, _live_bytes(bus, left, node_id, readable(device)), node_id)
     if as_json:
+        import json
+
         json.dump([{**each._asdict(), "where": place(each.where)} for each in found], sys.stdout, indent=1)
         print()
     else:

@@ -14,7 +14,6 @@ from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-from eurobot_od.bus.live import Live
 from eurobot_od.cli import ExitStatus, RobotName
 from eurobot_od.cli.devices import Devices, complain_of_repairs, robot_meant
 from eurobot_od.cli.options import BusOptions, Json, NoReconnect, Seconds, assigned
@@ -38,6 +37,7 @@ if TYPE_CHECKING:
     pass
 
 if TYPE_CHECKING:
+    from eurobot_od.bus.live import Live
     from eurobot_od.device.faults.fault import Fault
 
 FARTHEST = 1_000_000
@@ -124,6 +124,8 @@ def node(
     fault: give the node a fault; `faults` lists them
     on_error: what happens to a node that fails, after it was stopped (default: restart)
     """
+    from eurobot_od.bus.live import Live  # faults are listed without
+
     if name is None and len(devices.files()) > 1:
         about_one = {
             "--node-id": node_id,

@@ -19,7 +19,7 @@ import os
 import re
 from argparse import SUPPRESS, ArgumentParser, ArgumentTypeError, HelpFormatter, Namespace, _ActionsContainer
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, fields, is_dataclass, replace
+from dataclasses import is_dataclass
 from enum import Enum
 from functools import partial
 from inspect import Parameter, signature
@@ -52,8 +52,7 @@ Call: TypeAlias = Callable[[Namespace], Any]
 # What stands beside a type
 
 
-@dataclass(frozen=True, eq=False)  # `typing` wants what stands in Annotated to have a hash
-class Option:
+class Option(NamedTuple):
     """What is special about an option or an argument; several add up.
 
     `flag` is a short form, `-o`, or a long one in place of the parameter's name, `--for`. `read` makes a value of a
@@ -74,8 +73,10 @@ class Option:
 
     def __or__(self, other: Option) -> Option:
         """Return both: what the other one says counts."""
-        said = {each.name: value for each in fields(other) if (value := getattr(other, each.name)) != each.default}
-        return replace(self, **said)
+        return self._replace(**{name: it for name, it in other._asdict().items() if it != self._field_defaults[name]})
+
+    def __hash__(self) -> int:
+        return id(self)  # `typing` wants one of what stands in Annotated; choices may have none
 
     @property
     def words(self) -> Mapping[str, Any]:
