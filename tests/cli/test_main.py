@@ -6,7 +6,7 @@ import os
 import re
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import is_dataclass
 from inspect import Parameter, signature
 from pathlib import Path
@@ -15,7 +15,7 @@ from typing import Any, cast, get_type_hints
 import pytest
 
 from eurobot_od import cli
-from eurobot_od.cli.signature import Forms, Hint, Parser
+from eurobot_od.cli.signature import Command, Forms, Hint, Parser, told
 from eurobot_od.errors import BusError, DictionaryError, NoAnswer, StateError, UnknownName, WorldError
 from eurobot_od.robot.protocol import EurobotProtocol
 from tests.cli.console import run
@@ -232,25 +232,39 @@ def test_numbers_of_thousands_of_digits_are_refused_in_one_line(
     assert (said.status, what in said.err, said.err.count("\n")) == (2, True, 1)
 
 
+def functions_of(command: Command) -> Iterable[Callable[..., Any]]:
+    """The functions of a command, one for each of its forms."""
+    return command.functions.values() if isinstance(command, Forms) else [command]
+
+
 def options(function: Callable[..., Any]) -> Iterator[tuple[str, Any]]:
     """Give the help and the default of each option of a function, those of its groups too."""
-    hints = get_type_hints(function, include_extras=True)
+    hints, texts = get_type_hints(function, include_extras=True), told(function)
     for name, parameter in signature(function).parameters.items():
         hint = Hint.of(hints[name], Parser("of"))
         if is_dataclass(hint.kind):
             yield from options(cast(type, hint.kind))
         else:
-            yield hint.text or "", parameter.default
+            yield texts.get(name, hint.text or ""), parameter.default
+
+
+FORMS = [form for name in (*cli.COMMANDS, "match", "world") for form in functions_of(cli.find(name))]
+UNITS = {"ms": 0.001, "s": 1.0, "": 1}
+DEFAULT = re.compile(r"\((?:default: )?(0x[0-9A-F]+|[\d.]+) ?(ms|s|)\)$")
+
+
+def test_every_option_has_a_help() -> None:
+    assert [function.__name__ for function in FORMS for text, _ in options(function) if not text] == [
+        "lss"
+    ]  # its action
 
 
 def test_defaults_are_those_that_the_help_says() -> None:
-    units = {"ms": 0.001, "s": 1.0, "": 1}
-    commands = [cli.find(name) for name in (*cli.COMMANDS, "match", "world")]
-    functions = [
-        each for found in commands for each in (found.functions.values() if isinstance(found, Forms) else [found])
+    given = [each for function in FORMS for each in options(function) if each[1] not in (None, Parameter.empty)]
+    said = [(found, default) for text, default in given if (found := DEFAULT.search(text))]
+    numbers = [
+        (int(found[1], 0) if found[1].startswith("0x") else float(found[1]) * UNITS[found[2]], default)
+        for found, default in said
     ]
-    told = [each for function in functions for each in options(function) if each[1] not in (None, Parameter.empty)]
-    read = [(re.search(r"\((?:default: )?([\d.]+) ?(ms|s|)\)$", text), default) for text, default in told]
-    compared = {(float(said[1]) * units[said[2]], default) for said, default in read if said}
-    assert len(compared) > 8
-    assert [each for each in compared if each[0] != each[1]] == []
+    assert len(numbers) > 30
+    assert [each for each in numbers if each[0] != each[1]] == []

@@ -22,6 +22,7 @@ from eurobot_od.robot.model import robot_file
 from eurobot_od.robot.model.messages import StopDrive
 from eurobot_od.robot.model.values import TeamColour
 from eurobot_od.robot.nodes import Drive, Navigation
+from eurobot_od.robot.plugin import ROBOT
 from tests.cli.console import run
 from tests.cli.processes import PATIENCE, killed_if_it_hangs, line, node, serve_bus
 from tests.client.peers import new_channel
@@ -356,14 +357,14 @@ def test_a_node_of_the_robot_that_is_named_is_one_wherever_its_file_is(capsys: p
     assert said.complaint == "eurobot-od: unknown fact '0x1017'; known: body, match, field, barriers, tasks, robots"
 
 
-ROBOT = ("--robot", "eurobot2014")
+OURS = ("--robot", "eurobot2014")
 WRONG_DEVICES = [
     (["--set", "Colour=1"], "unknown object 'Colour'"),
     (["--set", "Set point=40000"], "0x2100:0: Set point = 40000 is not allowed; allowed: -32768..32767"),
     (["--set", "Channel=1"], "'Channel' is not one object but a record of "),
-    (["--team", "red", *ROBOT], "--team is for the core, not for devices that are none of the robot's"),
+    (["--team", "red", *OURS], "--team is for the core, not for devices that are none of the robot's"),
     (
-        ["--fault", "goto-not-confirmed", *ROBOT],
+        ["--fault", "goto-not-confirmed", *OURS],
         "the fault goto-not-confirmed is one of the drive, not of other devices",
     ),
     (["--fault", "goto-not-confirmed"], "unknown fault 'goto-not-confirmed'"),
@@ -401,3 +402,55 @@ def test_the_pdos_of_a_device_are_listed_and_mapped(capsys: pytest.CaptureFixtur
         said = run(capsys, "pdo", "5", "map", "TPDO1", "--eds", motor, *bus)
         assert said.complaint.endswith("Write `map TPDO1 OBJECT...`; known: RPDO1, TPDO1")
         device.send_signal(signal.SIGTERM)
+
+
+# faults
+
+
+def test_all_faults_are_listed_by_node(capsys: pytest.CaptureFixture[str]) -> None:
+    said = run(capsys, "faults")
+    lines = said.out.splitlines()
+    assert said.status == 0
+    nodes = ["core:", "drive:", "navigation:", "any node:", "any drive of CiA 402:"]
+    assert [line for line in lines if line.endswith(":")] == nodes
+    assert [line.split()[0] for line in lines if line.startswith("  ")] == ROBOT.fault_names()
+
+
+def test_the_faults_of_one_node_are_its_own_and_those_of_any_node(capsys: pytest.CaptureFixture[str]) -> None:
+    out = run(capsys, "faults", "navigation").out
+    assert [line for line in out.splitlines() if line.endswith(":")] == ["navigation:", "any node:"]
+
+
+def test_faults_as_json_name_the_step_that_finds_them(capsys: pytest.CaptureFixture[str]) -> None:
+    rows = json.loads(run(capsys, "faults", "--json").out)
+    assert {
+        "name": "goto-not-confirmed",
+        "node": "drive",
+        "text": "sends no Goto Confirm",
+        "suite": "drive",
+        "step": "2.1 Goto ACK: a goto is confirmed",
+    } in rows
+    assert len(rows) == len(ROBOT.fault_names())
+
+
+@rows(
+    "words, complaint",
+    [
+        (["node", "drive", "--fault", "goto-not-confirmd"], "unknown fault 'goto-not-confirmd'; did you mean"),
+        (["node", "drive", "--fault", "goto-not-sent"], "the fault goto-not-sent is one of the core, not of the drive"),
+        (["check", "drive", "--simulate", "--fault", "nonsense"], "unknown fault 'nonsense'; 2"),
+        (["check", "drive", "--fault", "goto-not-confirmed"], "--fault needs --simulate"),
+    ],
+)
+def test_a_fault_that_is_not_there_is_refused(
+    capsys: pytest.CaptureFixture[str], words: list[str], complaint: str
+) -> None:
+    said = run(capsys, *words)
+    assert said.status == 2
+    assert said.err.startswith(f"eurobot-od: {complaint}")
+    assert said.err.count("\n") == 1
+
+
+@rows("fault, status", [([], 0), (["--fault", "goto-not-confirmed"], 1)])
+def test_a_check_finds_a_fault(capsys: pytest.CaptureFixture[str], fault: list[str], status: int) -> None:
+    assert run(capsys, "check", "drive", "--simulate", *fault).status == status

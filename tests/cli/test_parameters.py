@@ -1,4 +1,4 @@
-"""`program`: one line at the end, good or bad."""
+"""`program`, of the commands on parameters: one line at the end, good or bad; the others are in `test_objects`."""
 
 from __future__ import annotations
 
