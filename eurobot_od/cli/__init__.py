@@ -14,7 +14,7 @@ import errno
 import gc
 import os
 import sys
-from argparse import Action, ArgumentParser, Namespace, RawDescriptionHelpFormatter
+from argparse import Action, ArgumentParser, RawDescriptionHelpFormatter
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from enum import IntEnum
@@ -23,7 +23,7 @@ from io import TextIOWrapper
 from types import ModuleType
 from typing import TYPE_CHECKING, Annotated, Any, NoReturn, TypeAlias
 
-from eurobot_od.cli.signature import Command, Forms, Option, Parser, describe, summary
+from eurobot_od.cli.signature import Command, Option, Parser, describe, summary
 from eurobot_od.errors import (
     BusError,
     EurobotError,
@@ -227,9 +227,7 @@ def _run(words: list[str]) -> int:
         parser = Parser(f"{program()} {command}", description=summary(found), words=words[1:], robot=robot)
         describe(parser, with_robot)
         call = describe(parser, found)
-        # Only so may an option stand between positional arguments of which one can be left out.
-        parse = parser.parse_args if isinstance(found, Forms) else parser.parse_intermixed_args
-        given = parse(words[1:], Namespace(**{"--robot": robot}))
+        given = parser.read()
     finally:
         gc.freeze()
         gc.set_threshold(ALLOCATIONS)

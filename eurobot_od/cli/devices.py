@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import re
-from argparse import Namespace
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -15,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated, TypeAlias
 from eurobot_od import plugin
 from eurobot_od.cli import RobotName, complain, is_alone
 from eurobot_od.cli.options import BusOptions
-from eurobot_od.cli.signature import HelpGroup, Option, Parser, describe
+from eurobot_od.cli.signature import HelpGroup, Option, Parser, ahead
 from eurobot_od.device.emergency import ErrorWords
 from eurobot_od.errors import DictionaryError, LocalError, MappingError, RemoteError
 from eurobot_od.od import network
@@ -167,10 +166,7 @@ def robot_meant(parser: Parser) -> Plugin:
 
     Raises as `plugin.find`.
     """
-    early = Parser(parser.prog, robot=parser.robot, add_help=False)
-    call = describe(early, Devices)
-    given, _ = early.parse_known_args(parser.words, Namespace(**{"--robot": parser.robot}))
-    devices: Devices = call(given)
+    devices: Devices = ahead(parser, Devices)
     return devices.robot
 
 

@@ -155,8 +155,8 @@ Command: TypeAlias = Callable[..., Any] | Forms
 class Parser(ArgumentParser):
     """Reports what is wrong with a command line in one line; its help is as wide as the terminal.
 
-    `words` are the command line, for options that only the robot has which they mean, and `robot` what `--robot` says.
-    `described` has what is special about each option and argument, by its name.
+    `words` are the command line without `--robot`, which says `robot`: it decides which options there are. `described`
+    has what is special about each option and argument, by its name.
     """
 
     def __init__(
@@ -173,6 +173,17 @@ class Parser(ArgumentParser):
         except (ValueError, OSError):  # no number; no terminal
             width = 80
         super().__init__(prog, formatter_class=partial(kind, width=width - 2), **settings)
+
+    @property
+    def known(self) -> Namespace:
+        """What is known before the command line is read."""
+        return Namespace(**{"--robot": self.robot})
+
+    def read(self) -> Namespace:
+        """Read the command line; exits if it is wrong."""
+        # Only so may an option stand between positional arguments of which one can be left out.
+        parse = self.parse_args if self._subparsers else self.parse_intermixed_args
+        return parse(self.words, self.known)
 
     def error(self, message: str) -> NoReturn:
         """Exit; raises SystemExit."""
@@ -202,6 +213,13 @@ def describe(parser: Parser, command: Command) -> Call:
     for name, each in command.functions.items():
         calls[name] = describe(forms.add_parser(name, help=summary(each), description=summary(each)), each)
     return lambda given: calls[given.form](given)
+
+
+def ahead(parser: Parser, function: Callable[..., Any]) -> Any:
+    """Call a function with what is in a command line for it, before all options of that are described."""
+    early = Parser(parser.prog, robot=parser.robot, add_help=False)
+    call = describe(early, function)
+    return call(early.parse_known_args(parser.words, parser.known)[0])
 
 
 def _describe(parser: Parser, container: _ActionsContainer, function: Callable[..., Any]) -> Call:
