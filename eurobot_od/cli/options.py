@@ -407,7 +407,7 @@ def _fitting(files: Sequence[NodeFile], node: str) -> list[int]:
 
 def complain_of_repairs(dictionaries: Iterable[Dictionary]) -> None:
     """Say in a line for each file what had to be repaired to read it, what is left out, and what looks like a copy."""
-    from eurobot_od.od.sdo_channel import SdoChannel, moved_server
+    from eurobot_od.od.dictionary import SdoChannel, moved_server
 
     # By file: two nodes may share one, and it was repaired once.
     for file, each in {each.file: each for each in dictionaries}.items():

@@ -18,7 +18,7 @@ from canopen.objectdictionary import ODVariable
 
 from eurobot_od.errors import LocalError
 from eurobot_od.frame import Frame
-from eurobot_od.od.sdo_channel import SdoChannel
+from eurobot_od.od.dictionary import SdoChannel
 from eurobot_od.traffic.entries import Damage, Raw
 from eurobot_od.traffic.meaning import Decoder
 from eurobot_od.traffic.monitor.sources import BusSource
