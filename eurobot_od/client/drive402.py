@@ -13,8 +13,7 @@ from contextlib import asynccontextmanager
 from functools import partial
 from typing import NamedTuple
 
-from eurobot_od.client.master import RemoteNode
-from eurobot_od.client.procedure import finished
+from eurobot_od.client.master import RemoteNode, finished
 from eurobot_od.errors import DriveError, LocalError
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.objects import data_type
