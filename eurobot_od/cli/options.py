@@ -324,7 +324,7 @@ class Devices(NamedTuple):
         """Return the words of --emcy by node-ID, 0 for all nodes; raises DictionaryError."""
         if not self.emcy:
             return {}  # most commands start without YAML
-        from eurobot_od.od.emcy_file import read_error_words
+        from eurobot_od.od.yaml_files import read_error_words
 
         found: dict[int, dict[int, str]] = {}
         for file, node_id in (network.node_file(text)[:2] for text in self.emcy):
