@@ -111,7 +111,7 @@ class Checks(NamedTuple):
         return [DeviceRun(each, self.tier, own, made) for each, own in of_device.items()]
 
     def suites(self, reader: SuiteReader) -> list[Suite]:
-        """Read the suites that are asked for; raises SuiteError, LocalError."""
+        """Read the suites that are asked for; raises YamlError, LocalError."""
         if self.conformance:
             read = reader.read_texts(self.conformance_texts())
         elif self.profile is not None:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
 from eurobot_od import plugin
 from eurobot_od.cli import complain
-from eurobot_od.errors import DictionaryError, LocalError, MappingError, RemoteError
+from eurobot_od.errors import FileError, LocalError, MappingError, RemoteError
 from eurobot_od.od import network
 from eurobot_od.od.dialects import DIALECT_VARIABLE
 from eurobot_od.od.dictionary import Dictionary
@@ -336,7 +336,7 @@ class Devices(NamedTuple):
             rows = network.read_network(file) if os.path.exists(file) else NetworkFile()  # noqa: PTH110
             names = {each.cob_id: each.name for each in decoder.protocol.bindings}
             return network_set(decoder.dictionaries, names, rows, file)
-        except (DictionaryError, LocalError):  # a bus can be watched without knowing how often a message is to come
+        except (FileError, LocalError):  # a bus can be watched without knowing how often a message is to come
             return NOTHING
 
 

@@ -22,77 +22,28 @@ from __future__ import annotations
 
 from pathlib import PurePath
 
-import yaml
-
-from eurobot_od.errors import DictionaryError
-from eurobot_od.od.network_file import NetworkFile, NodeFile, TrafficEntry
-from eurobot_od.od.values import NODE_IDS, parse_number
-from eurobot_od.support.yaml_places import (
-    NodeReader,
-    Problems,
-    ReadError,
-    listing,
-    mapping,
-    one_or_more,
-    read_yaml,
-    record,
-    refuse,
-    scalar,
-)
+from eurobot_od.errors import FileError, LocalError
+from eurobot_od.od.network_file import NetworkFile
+from eurobot_od.od.values import parse_number
+from eurobot_od.support.yaml_shapes import PLAIN, SCALAR, converted, read_yaml, shape_of
 
 
-def number_of(numbers: range) -> NodeReader[int]:
-    """Make a reader of a number as an EDS has it."""
-
-    def read(node: yaml.Node, problems: Problems) -> int:
-        text = scalar(node, problems)
-        number = parse_number(text)
-        if number is None or number.relative or number.value not in numbers:
-            refuse(node, problems, f"expected a number from {numbers[0]} to {numbers[-1]}, found {str(text)!r}")
-        return number.value
-
-    return read
+def _as_in_an_eds(text: str) -> int:
+    number = parse_number(text)
+    if number is None or number.relative:
+        raise LocalError(f"{str(text)!r} is not a number")
+    return number.value
 
 
-NODE = record(
-    NodeFile,
-    {"file": scalar},
-    {"node_id": number_of(NODE_IDS), "modules": listing(scalar), "patch": one_or_more(scalar)},
-)
-
-
-def _nodes(node: yaml.Node, problems: Problems) -> list[NodeFile]:
-    named = mapping(NODE, key=scalar)(node, problems)
-    return [each._replace(name=str(name)) for name, each in named.items()]
-
-
-TRAFFIC = mapping(record(TrafficEntry, {}, dict.fromkeys(TrafficEntry._fields, scalar)), key=scalar)
-
-NETWORK = record(
-    NetworkFile,
-    {},
-    {
-        "nodes": _nodes,
-        "robot": scalar,
-        "master": scalar,
-        "shared": listing(scalar),
-        "order": listing(scalar),
-        "bit_rate": number_of(range(1, 1001)),
-        "traffic": TRAFFIC,
-    },
-)
+NUMBER = converted(SCALAR, _as_in_an_eds, {"type": "integer"})
+NETWORK = shape_of(NetworkFile, {**PLAIN, str: SCALAR, int: NUMBER})
 
 
 def read_network_file(text: str, file: str) -> NetworkFile:
-    """Read the text of a network file, its own path `file`; raises DictionaryError with the line of the first fault."""
-    problems: Problems = []
-    try:
-        network = read_yaml(text, NETWORK, problems)
-    except ReadError as error:
-        place, what = problems[0]  # the first one: a DictionaryError is one line
-        raise DictionaryError(file, None, f"line {place.line}: {what}") from error
+    """Read the text of a network file, its own path `file`; raises YamlError, or FileError if it names no nodes."""
+    network: NetworkFile = read_yaml(text, NETWORK, file)
     if not network.nodes and not network.robot:
-        raise DictionaryError(file, None, "line 1: it names no nodes")
+        raise FileError(file, "it names no nodes")
     folder = PurePath(file).parent
     return network._replace(
         nodes=[

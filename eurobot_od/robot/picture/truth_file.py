@@ -12,11 +12,10 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from eurobot_od.errors import LocalError
+from eurobot_od.errors import FileError, LocalError
 from eurobot_od.robot.model.places import Point, Pose
 from eurobot_od.robot.picture.recording import NOTHING, ScoredTask, TouchMark, Truth
-from eurobot_od.support import bounded
-from eurobot_od.support.files import write_whole
+from eurobot_od.support.files import read_whole, write_whole
 
 BEGINNING = 1 << 16
 """Bytes of a log that tell it from another one."""
@@ -68,10 +67,10 @@ def read_truth(log: Path, start: float = 0.0) -> Truth:
     if not file.is_file():
         return NOTHING
     try:
-        data = json.loads(bounded.read(file))
+        data = json.loads(read_whole(file))
         if data["log"] == _digest(log):
             return _truth(data, start)
-    except (ValueError, KeyError, TypeError) as error:
+    except (FileError, ValueError, KeyError, TypeError) as error:
         raise LocalError(f"{file}: not what `match --log` writes: {error}") from error
     raise LocalError(f"{file}: of another log than {log.name}; its points are left out")
 
