@@ -1,14 +1,11 @@
-"""The program `eurobot-od`, also `python -m eurobot_od`.
-
-Rule of this file: nothing but the call, and the end of the process.
-"""
+"""The program `eurobot-od`, also `python -m eurobot_od`, and `canopen-workbench`: the same without a robot."""
 
 from __future__ import annotations
 
 import gc
 import sys
 
-from eurobot_od.cli import main
+from eurobot_od.cli import WORKBENCH, main
 
 
 def run() -> int:
@@ -17,6 +14,12 @@ def run() -> int:
         return main()
     finally:
         gc.freeze()
+
+
+def workbench() -> int:
+    """Run the command line under its other name, which is what it goes by from here on."""
+    sys.argv[0] = WORKBENCH
+    return run()
 
 
 if __name__ == "__main__":

@@ -272,3 +272,7 @@ class NodeFailed(EurobotError):
 
 class BusError(EurobotError):
     """The CAN bus, its driver or its configuration failed."""
+
+
+class RobotWarning(UserWarning):
+    """A robot is left out: it cannot be loaded, or only a file names it and it is not an installed one."""

@@ -1,15 +1,18 @@
-"""A robot: what it brings to the workbench, and where it is found.
+"""A robot: what it brings to the workbench, and the door through which it comes in.
 
 The workbench takes any device's EDS. A robot adds what no EDS says: which folders of EDS files are its own, which
 classes its messages and nodes have, what can be wrong with them, and commands of its own. All of that comes in here, as
 one `Plugin`; nothing else of the workbench knows of a robot. Ours is found as anybody's is:
 
-1. `--robot`, or else the variable EUROBOT_OD_ROBOT, or else `robot:` in the `eurobot-od.yaml` of the folder: the name
-   of an installed robot, a folder with a `robot.py`, or a module; in both the plugin is called `ROBOT`.
-2. Or else the robot that is installed, by its entry point of the group `eurobot_od.robots`. Of several it is one that
-   somebody else's package brings.
+1. What the user names, by `--robot` or the variable EUROBOT_OD_ROBOT: an installed robot, a folder with a `robot.py`,
+   or a module; in both the plugin is called `ROBOT`. `none` is the workbench alone.
+2. Or else what the network file names by `robot:`, if it is an installed robot. A file is data, and may have come with
+   somebody's logs: it runs no code but what is installed.
+3. Or else the robot that is installed, by its entry point of the group `eurobot_od.robots`: one of somebody else's
+   package before ours. For devices whose files are named, and for the program `canopen-workbench`, there is none.
 
-What costs time to import is a function that imports it: a description of a robot is there at once.
+A robot that the user has named and that cannot be loaded is an error. Any other is a `RobotWarning`, and what does not
+need it goes on. What costs time to import is a function that imports it: a description of a robot is there at once.
 """
 
 from __future__ import annotations
@@ -17,13 +20,15 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Callable, Coroutine, Iterable, Mapping, Sequence
+from contextlib import redirect_stdout
 from functools import lru_cache
 from importlib import import_module
 from pathlib import Path
+from shlex import quote
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeAlias, TypeVar
 
-from eurobot_od.errors import LocalError, UnknownName
+from eurobot_od.errors import LocalError, RobotWarning, UnknownName
 from eurobot_od.od import DEFAULT
 from eurobot_od.od.dialects import Dialects
 
@@ -59,6 +64,9 @@ ATTRIBUTE = "ROBOT"
 
 FILE = "robot.py"
 """The module of a folder that is a robot."""
+
+NONE = "none"
+"""What `--robot` says for the workbench alone."""
 
 OURS = "eurobot_od."
 """What the names of the modules start with that this package brings itself."""
@@ -275,47 +283,134 @@ NO_ROBOT = Plugin()
 """The workbench alone."""
 
 
-# Where it is found
+# The door
 
 
-def find(name: str | None = None, folder: str | Path = "") -> Plugin:
-    """Return the robot that is meant: `name`, or the environment's, or the `folder`'s, or the one that is installed.
+class Installed(NamedTuple):
+    """An installed robot: its `name`, where its plugin is (`module:attribute`), and the `file` that says so."""
 
-    Raises UnknownName; LocalError, with the place, for one that cannot be loaded; DictionaryError for a network file.
+    name: str
+    target: str
+    file: str
+
+    @property
+    def is_ours(self) -> bool:
+        """Whether this package brings it itself."""
+        return self.target.startswith(OURS)
+
+    def load(self) -> Plugin:
+        """Import it; raises LocalError, with the place, whatever goes wrong in it."""
+        return _imported(self.target, self.name, self.file)
+
+
+def find(name: str | None = None, network: str | Path = DEFAULT, *, alone: bool = False) -> Plugin:
+    """Return the robot that is meant: `name`, or the environment's, or the `network` file's, or the installed one.
+
+    `alone`: the installed one does not count. Raises UnknownName; LocalError, with the place, for a named one that
+    cannot be loaded, and if several are installed; DictionaryError for the network file.
     """
-    named, file = name or os.environ.get(VARIABLE), Path(folder) / DEFAULT
-    if not named and os.path.isfile(file):  # noqa: PTH113
+    return named(name, network) or (NO_ROBOT if alone else the_installed())
+
+
+def named(name: str | None, network: str | Path = DEFAULT) -> Plugin | None:
+    """Return the robot that is named: `name`, or the environment's, or the `network` file's; None without a name.
+
+    Raises as `find`.
+    """
+    if typed := name or os.environ.get(VARIABLE):
+        return _typed(typed)
+    if os.path.isfile(network):  # noqa: PTH113
         from eurobot_od.od.network import read_network  # costs what most commands do not need
 
-        named = read_network(file).robot
-        # A path in the file is relative to the file; what is not a folder there is an installed robot's name.
-        named = str(file.parent / named) if named and (file.parent / named).is_dir() else named
-    if named:
-        return _load(named)
-    # Ours last: who has installed a robot of their own means that.
-    for entered in sorted(installed().values(), key=lambda module: module.startswith(OURS)):
-        robot = _entered(entered)
-        if robot is not None:
+        if written := read_network(network).robot:
+            return _written(written, Path(network))
+    return None
+
+
+@lru_cache
+def _typed(name: str) -> Plugin:
+    """Return the robot that a user names; raises UnknownName, LocalError."""
+    if name == NONE:
+        return NO_ROBOT
+    if name in installed():
+        return installed()[name].load()
+    if Path(name).is_dir():
+        from eurobot_od.support import python_file
+
+        file = Path(name) / FILE
+        return _checked(getattr(python_file.load(file), ATTRIBUTE, None), f"{file}: no `{ATTRIBUTE}` in it")
+    from importlib.util import find_spec
+
+    package = name.partition(".")[0]
+    if not package.isidentifier() or find_spec(package) is None:
+        raise UnknownName("robot", name, installed())
+    return _imported(name, name, name)
+
+
+def _written(name: str, file: Path) -> Plugin:
+    """Return the robot that a network file names, none if it is not an installed one that can be loaded."""
+    if name == NONE:
+        return NO_ROBOT
+    if name in installed():
+        return _loaded_if_it_can_be(installed()[name]) or NO_ROBOT
+    path = file.parent / name
+    typed = quote(str(path if path.is_dir() else name))
+    _warn(f"{file}: robot: {name} is not an installed robot, and a file runs no code; to run it, type --robot {typed}")
+    return NO_ROBOT
+
+
+def the_installed() -> Plugin:
+    """Return the robot that counts where none is named; raises LocalError if two do."""
+    for ours in (False, True):  # ours last: who has installed a robot of their own means that
+        robots = [each for each in installed().values() if each.is_ours is ours]
+        loaded = {each.name: robot for each in robots if (robot := _loaded_if_it_can_be(each))}
+        if len(loaded) > 1:
+            raise LocalError(f"several robots are installed: name one by --robot: {', '.join(sorted(loaded))}")
+        for robot in loaded.values():
             return robot
     return NO_ROBOT
 
 
+def _loaded_if_it_can_be(robot: Installed) -> Plugin | None:
+    try:
+        return robot.load()
+    except LocalError as error:
+        _warn(f"{error}; going on without it")
+        return None
+
+
+def _warn(what: str) -> None:
+    from warnings import warn
+
+    warn(what, RobotWarning, stacklevel=2)
+
+
+def table_of(name: str) -> Path | None:
+    """Return the protocol table of an installed robot, which another table `extends`.
+
+    Raises UnknownName, LocalError: a table is data, and runs no code but what is installed.
+    """
+    if name not in installed():
+        raise UnknownName("installed robot", name, installed())
+    return installed()[name].load().table
+
+
 @lru_cache
-def installed() -> dict[str, str]:
-    """Return where the plugins of installed robots are, `module:attribute` by their names.
+def installed() -> Mapping[str, Installed]:
+    """Return the installed robots by their names.
 
     The entry points are read from where packages have them (PyPA's "Entry points specification"), as
     `importlib.metadata` takes 40 ms for that.
     """
-    found: dict[str, str] = {}
+    found: dict[str, Installed] = {}
     for folder in dict.fromkeys(each or os.curdir for each in sys.path):  # "" in `sys.path` is the working folder
         for file in _entry_points(folder):
-            with open(file, encoding="utf-8") as lines:  # noqa: PTH123 (pathlib takes as long as all of this)
+            with open(file, encoding="utf-8", errors="replace") as lines:  # noqa: PTH123 (pathlib takes longer)
                 _, group, rest = lines.read().partition(f"[{GROUP}]")
             for line in rest.partition("\n[")[0].splitlines() if group else ():
-                name, equals, module = line.partition("=")
+                name, equals, target = map(str.strip, line.partition("="))
                 if equals:  # the first one counts, as it does for an import
-                    found.setdefault(name.strip(), module.strip())
+                    found.setdefault(name, Installed(name, target, file))
     return found
 
 
@@ -326,46 +421,29 @@ def _entry_points(folder: str) -> list[str]:
     except OSError:  # a zip file, or nothing
         return []
     files = (f"{each}/entry_points.txt" for each in packages)
-    return [each for each in files if os.path.isfile(each)]  # noqa: PTH113
+    return [each for each in files if os.access(each, os.R_OK)]
 
 
-def _entered(module: str) -> Plugin | None:
-    """Import the plugin of an entry point, None if its module is no longer there."""
+def _imported(target: str, name: str, file: str) -> Plugin:
+    """Import a plugin, `module:attribute`, of which `file` tells; raises LocalError for all that it raises."""
+    module, _, attribute = target.partition("[")[0].strip().partition(":")
     try:
-        return _attribute(module)
-    except ModuleNotFoundError as error:
-        # A package that was removed by hand leaves its entry point; any other missing module is the robot's own fault.
-        if error.name and module.startswith(error.name):
-            return None
-        raise LocalError(f"the robot {module} cannot be imported: {error}") from None
-
-
-@lru_cache
-def _load(named: str) -> Plugin:
-    if named in installed():
-        robot = _entered(installed()[named])
-        if robot is None:
-            raise LocalError(f"robot {named}: there is no {installed()[named]}")
-        return robot
-    folder = Path(named)
-    if folder.is_dir():
+        with redirect_stdout(sys.stderr):  # standard output may be a document, such as --json
+            found: object = import_module(module)
+            for each in (attribute or ATTRIBUTE).split("."):
+                found = getattr(found, each, None)
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:  # SystemExit, and what `pytest.skip` raises, must not end what needs no robot
         from eurobot_od.support import python_file
 
-        return _checked(getattr(python_file.load(folder / FILE), ATTRIBUTE, None), f"{folder / FILE}")
-    try:
-        return _attribute(named)
-    except ModuleNotFoundError:
-        raise UnknownName("robot", named, installed()) from None
-    except ValueError:  # no name of a module
-        raise UnknownName("robot", named, installed()) from None
+        inside = f"{module.rpartition('.')[0] or module}."
+        said = python_file.complaint(error, file, lambda frame: f"{frame.f_globals['__name__']}.".startswith(inside))
+        raise LocalError(f"robot {name}: {said}") from None
+    return _checked(found, f"robot {name}: {file}: no `{target}` there")
 
 
-def _attribute(named: str) -> Plugin:
-    module, _, attribute = named.partition(":")
-    return _checked(getattr(import_module(module), attribute or ATTRIBUTE, None), named)
-
-
-def _checked(found: object, where: str) -> Plugin:
+def _checked(found: object, otherwise: str) -> Plugin:
     if not isinstance(found, Plugin):
-        raise LocalError(f"{where}: no `{ATTRIBUTE}` in it that is an eurobot_od.plugin.Plugin")
+        raise LocalError(f"{otherwise} that is an eurobot_od.plugin.Plugin")
     return found

@@ -151,11 +151,21 @@ def _fail(steps: Iterable[StepResult]) -> None:
             pytest.fail("\n".join([f"{step.name} (line {step.place.line})", *said]), pytrace=False)
 
 
+def _network(config: pytest.Config) -> tuple[Path, bool]:
+    """Return the network file or folder of the ini file, or else the root folder's, and whether it names devices."""
+    from eurobot_od.od.network import DEFAULT, read_network
+
+    named = config.getini("eurobot_network")
+    path = config.rootpath / (named or DEFAULT)
+    return path, bool(named or (path.is_file() and read_network(path).nodes))
+
+
 def _robot(config: pytest.Config) -> Plugin:
-    """Return the robot of the environment, of the folder's network file, or the installed one."""
+    """Return the robot of the environment or of the network file, or else, without devices, the installed one."""
     from eurobot_od import plugin
 
-    return plugin.find(folder=config.rootpath)
+    path, names_devices = _network(config)
+    return plugin.find(network=path, alone=names_devices)
 
 
 READER: pytest.StashKey[SuiteReader] = pytest.StashKey()
@@ -164,14 +174,11 @@ READER: pytest.StashKey[SuiteReader] = pytest.StashKey()
 def _read(config: pytest.Config, file: Path) -> list[Suite]:
     """Read the suites of a file; raises LocalError, FileError."""
     from eurobot_od.check.reader import SuiteReader
-    from eurobot_od.od.network import DEFAULT, read_network
 
-    known = _robot(config).networks()
-    named = config.getini("eurobot_network")
-    path = config.rootpath / (named or DEFAULT)
+    known, (path, names_devices) = _robot(config).networks(), _network(config)
     # A warning, which pytest shows at the end: suites that do not need that PDO are run all the same.
     networks = known._replace(refused=lambda error: warnings.warn(f"PDO left out: {error}", stacklevel=2))
-    if named or (path.is_file() and read_network(path).nodes):
+    if names_devices:
         networks = networks._replace(find=lambda dialect: known.find(dialect) if dialect else path)
     # One reader for all files, as it loads each EDS file once.
     return config.stash.setdefault(READER, SuiteReader(networks)).read_files([file])

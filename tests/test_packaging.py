@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-import sys
+import tomllib
 from pathlib import Path
 from typing import Any
 
@@ -19,11 +19,7 @@ ROOT = Path(__file__).parents[1]
 
 @pytest.fixture(scope="module")
 def project() -> dict[str, Any]:
-    if sys.version_info >= (3, 11):
-        import tomllib
-
-        return tomllib.loads((ROOT / "pyproject.toml").read_text())
-    pytest.skip("tomllib came with Python 3.11")
+    return tomllib.loads((ROOT / "pyproject.toml").read_text())
 
 
 def test_the_wheel_has_the_eds_files_inside_the_package(project: dict[str, Any]) -> None:

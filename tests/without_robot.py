@@ -75,7 +75,7 @@ class Terminal(StringIO):
     """Somebody presses Ctrl-C at the first line."""
 
     def write(self, text: str) -> int:
-        written = super().write(text)  # before the signal, which Python 3.10 answers at once
+        written = super().write(text)
         signal.pthread_kill(threading.main_thread().ident or 0, signal.SIGINT)
         return written
 

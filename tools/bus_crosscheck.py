@@ -4,9 +4,8 @@ For each set of messages, the robot's own and random ones, two things are done. 
 after the other, the longest less urgent frame begins; just after it the other less urgent ones of the message's own
 node fall due, the least urgent first, which fill its mailboxes; then all that is as urgent, and the message last.
 *Random phases*: every message begins at a random time, and is as late as its jitter lets it be at random. Frames have
-the data with the most stuff bits that was found. Each set is checked without and with bit errors. Told are the response
-times over their bound, of which there must be none, and how near to their bounds the longest come: the nearest of each
-set shows how tight the analysis is.
+the data with the most stuff bits that was found. Told are the response times over their bound, of which there must be
+none, and how near to their bounds the longest come: the nearest of each set shows how tight the analysis is.
 
 The exit status says whether all is as it has to be: 0 yes, 1 no.
 """
@@ -28,22 +27,15 @@ from random import Random
 from statistics import median
 from typing import NamedTuple
 
-from eurobot_od.bus.simulated.bit_errors import Attempt, Flip
-from eurobot_od.bus.simulated.bits import frame_bits
+from eurobot_od.bus.bits import frame_bits
 from eurobot_od.bus.simulated.network import Simulation
 from eurobot_od.cli.load import of_robot
 from eurobot_od.device.node import Node
 from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.robot.plugin import ROBOT
-from eurobot_od.traffic.load.message_set import (
-    MICROSECONDS,
-    ErrorRate,
-    MessageSet,
-    PeriodicMessage,
-    analysed,
-    by_urgency,
-)
+from eurobot_od.traffic.load.analysis import analysed
+from eurobot_od.traffic.load.message_set import MICROSECONDS, MessageSet, PeriodicMessage
 
 FINE, WRONG = 0, 1
 
@@ -67,26 +59,6 @@ PAUSE = 0.01
 
 EDS = b"[1000]\nParameterName=Device type\nDataType=0x0007\nAccessType=ro\nDefaultValue=0\n"
 """The least that a device has."""
-
-RATES = (ErrorRate(), ErrorRate(1, 10_000))
-"""Each set is checked without bit errors, and with one in 10 ms at most."""
-
-SPOILED = 0.05
-"""Share of the frames with a bit error where the rate allows it: too few for a controller to become error passive."""
-
-
-class RareErrors:
-    """Bit errors of chance, no more than a rate allows."""
-
-    def __init__(self, rate: ErrorRate, bit_rate: int, random: Random) -> None:
-        self._within, self._bit_rate, self._random = rate.within / MICROSECONDS, bit_rate, random
-        self._latest = deque([-math.inf] * rate.number, maxlen=rate.number)
-
-    def __call__(self, attempt: Attempt) -> Iterator[Flip]:
-        """Strike one bit of a frame that begins long enough after the latest errors."""
-        if attempt.time >= self._latest[0] + self._within and self._random.random() < SPOILED:
-            self._latest.append(attempt.time + attempt.bits / self._bit_rate)
-            yield Flip(self._random.randrange(attempt.bits))
 
 
 class Due(NamedTuple):
@@ -140,8 +112,6 @@ class Bench:
         self.network = Simulation(bit_rate)
         self.network.disturb = lambda _now, _frame: ()  # nobody listens
         self.network.observers.append(self._sent)
-        if messages.errors.number:
-            self.network.bit_errors.append(RareErrors(messages.errors, bit_rate, random))
         self.longest = [0.0] * len(self.messages)
         self.frames = 0
         self._data = [worst_frame(each.identifier, each.length) for each in self.messages]
@@ -272,12 +242,12 @@ def random_set(random: Random) -> tuple[MessageSet, int]:
     load = sum(each.bits * MICROSECONDS / each.period for each in messages) / bit_rate
     stretch = load / random.uniform(0.2, 0.85)
     stretched = [_stretched(each, stretch, random) for each in messages]
-    return MessageSet(by_urgency(stretched), mailboxes, bit_rate=bit_rate), bit_rate
+    return MessageSet(tuple(stretched), mailboxes, bit_rate=bit_rate), bit_rate
 
 
 def _random_message(name: str, identifier: int, random: Random, nodes: Sequence[str]) -> PeriodicMessage:
     period = random.choice(PERIODS)
-    return PeriodicMessage(name, identifier, random.randint(0, 8), period, period, random.choice(nodes))
+    return PeriodicMessage.of(name, identifier, random.randint(0, 8), random.choice(nodes)).every(period)
 
 
 def _stretched(message: PeriodicMessage, stretch: float, random: Random) -> PeriodicMessage:
@@ -292,9 +262,8 @@ def _stretched(message: PeriodicMessage, stretch: float, random: Random) -> Peri
 class Outcome(NamedTuple):
     """What came of a set: frames sent, response times over their bound, and how near the nearest was to its bound.
 
-    `nearest` is None if no message has a bound. Where mailboxes are limited, or there are errors, the bounds are
-    `loose`: the worst case needs more to come together than is brought about here. How near the nearest is, is
-    reported and not judged.
+    `nearest` is None if no message has a bound. Where mailboxes are limited the bounds are `loose`: the worst case
+    needs more to come together than is brought about here. How near the nearest is, is reported and not judged.
     """
 
     name: str
@@ -323,18 +292,16 @@ def crosscheck(name: str, messages: MessageSet, bit_rate: int, frames: int) -> O
         f"{name}: {m}: {longest:.1f} of {bound} bits" for m, longest, bound in seen if longest > bound + ROUNDING
     )
     nearest = max((longest / bound for _, longest, bound in seen), default=None)
-    loose = bool(messages.mailboxes) or messages.errors.number > 0
-    return Outcome(name, bench.frames, over, nearest, len(bounds) - len(seen), loose)
+    return Outcome(name, bench.frames, over, nearest, len(bounds) - len(seen), bool(messages.mailboxes))
 
 
-def attempt(number: int, frames: int, rate: ErrorRate = RATES[0]) -> Outcome:
-    """Check the robot's set at each bit rate, and then random sets, by number, with bit errors at a rate."""
+def attempt(number: int, frames: int) -> Outcome:
+    """Check the robot's set at each bit rate, and then random sets, by number."""
     if number < len(BIT_RATES):
         name, messages, bit_rate = f"robot at {BIT_RATES[number] // 1000}", of_robot(ROBOT), BIT_RATES[number]
     else:
         name, (messages, bit_rate) = f"set {number}", random_set(Random(f"set {number}"))
-    name += " with errors" * (rate.number > 0)
-    return crosscheck(name, messages._replace(errors=rate), bit_rate, frames)
+    return crosscheck(name, messages, bit_rate, frames)
 
 
 def wrong(outcome: Outcome) -> bool:
@@ -367,9 +334,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Print what is wrong, and the figures."""
     options = parser().parse_args(arguments)
     began, numbers = time.perf_counter(), range(len(BIT_RATES) + options.sets)
-    frames = options.frames // (len(numbers) * len(RATES))
+    frames = options.frames // len(numbers)
     with ProcessPoolExecutor(options.jobs) as pool:
-        outcomes = [each for rate in RATES for each in pool.map(partial(attempt, frames=frames, rate=rate), numbers)]
+        outcomes = list(pool.map(partial(attempt, frames=frames), numbers))
     for each in outcomes:
         if wrong(each):
             print(*each.over, f"{each.name}: the nearest is {each.nearest} of its bound", sep="\n")

@@ -17,7 +17,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent.parent
 FOLDER = ROOT / ".venv"
 PYTHON = FOLDER / ("Scripts/python.exe" if os.name == "nt" else "bin/python")
-OLDEST = (3, 10)
+OLDEST = (3, 11)
 
 UNFINISHED = "unfinished"
 """File in an environment that is being made; one that still has it was broken off, and is made anew."""

@@ -45,7 +45,7 @@ def without(folders: tuple[str, ...]) -> tuple[str, ...]:
 
 
 ROWS = (
-    Row("3.10", "lowest-direct", (*without((*PROGRAMS, *SIMULATION)), *SHORT)),
+    Row("3.11", "lowest-direct", (*without((*PROGRAMS, *SIMULATION)), *SHORT)),
     Row("3.12", "highest", (*without(LEFT_OUT), "-m", MARKED)),
     Row("3.13", "highest", (*without(LEFT_OUT), "-m", MARKED)),
 )

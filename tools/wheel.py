@@ -17,7 +17,7 @@ from typing import NamedTuple
 from environment import ROOT, call, ensure
 from pythons import find
 
-VERSIONS = ("3.10", "3.11", "3.12", "3.13", "3.14")
+VERSIONS = ("3.11", "3.12", "3.13", "3.14")
 EXTRAS = ("remote", "monitor", "web", "png", "mf4", "season", "mcap", "cluster")
 """What a user may ask for; the others are for developers."""
 

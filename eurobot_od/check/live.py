@@ -79,7 +79,7 @@ class LiveBench:
 
     async def recover(self) -> bool:
         """Wait until the bus works again, for the teardown; False if it does not in `RECOVERY` s."""
-        with suppress(asyncio.TimeoutError):  # not the builtin: before Python 3.11 they are two classes
+        with suppress(TimeoutError):
             await asyncio.wait_for(self._works.wait(), RECOVERY)
         # Also if it did not come back: the teardown is skipped then, and nothing waits on the trace any more.
         self.trace.recover()

@@ -1,6 +1,7 @@
-"""The command `eurobot-od`: finds the module of a sub-command, runs it, and turns errors into one line.
+"""The programs `eurobot-od` and `canopen-workbench`: find the module of a command, run it, turn errors into one line.
 
-A robot (see `plugin`) has commands of its own beside these.
+They differ in nothing but the robot where none is named: the installed one, or none. A robot (see `plugin`) has
+commands of its own beside these.
 
 Rule of this package: a command is a module with `add_arguments(parser)` and `run(arguments)`, or a row of a table that
 has both (`table.CommandRow`). It calls a typed function of a lower layer, prints, and returns an `ExitStatus`, or None
@@ -14,8 +15,8 @@ import errno
 import gc
 import os
 import sys
-from collections.abc import Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from enum import IntEnum
 from functools import partial
 from importlib import import_module
@@ -25,9 +26,11 @@ from typing import TYPE_CHECKING, Any, NoReturn, Protocol
 from eurobot_od.errors import (
     BusError,
     EurobotError,
+    LocalError,
     NodeFailed,
     ProgramFailed,
     RemoteError,
+    RobotWarning,
     UnknownName,
     WorldError,
     YamlError,
@@ -85,6 +88,10 @@ TABLES = {
 }
 """The module of a command that is a row of a table; any other command has a module of its own."""
 
+PROGRAM = "eurobot-od"
+WORKBENCH = "canopen-workbench"
+"""The program's name when it is started without a robot; `__main__.workbench` puts it into `sys.argv`."""
+
 ALLOCATIONS = 50_000
 """After this many new objects Python looks for garbage among them; 700 by default."""
 
@@ -117,17 +124,18 @@ STATUS_OF = {
 class Parser(argparse.ArgumentParser):
     """Reports what is wrong with a command line in one line; its help is as wide as the terminal.
 
-    `robot` is what `--robot` names, for options that only a robot has.
+    `words` are the command line, for options that only the robot has which they mean, and `robot` what `--robot` says.
     """
 
     def __init__(
         self,
         prog: str,
         kind: type[argparse.HelpFormatter] = argparse.HelpFormatter,
+        words: Sequence[str] = (),
         robot: str | None = None,
         **options: Any,
     ) -> None:
-        self.robot = robot
+        self.words, self.robot = words, robot
         try:  # or else argparse asks `shutil`, which imports three compression libraries
             width = int(os.environ.get("COLUMNS", 0)) or os.get_terminal_size().columns
         except (ValueError, OSError):  # no number; no terminal
@@ -153,7 +161,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     words = expanded(sys.argv[1:] if arguments is None else arguments)
     try:
         _open_streams()
-        return _run(words)
+        with _robots_left_out_told():
+            return _run(words)
     except KeyboardInterrupt:
         return ExitStatus.INTERRUPTED
     except (EurobotError, OSError) as error:
@@ -195,7 +204,36 @@ def fall_silent() -> None:
 def complain(what: str) -> None:
     """Say on standard error, in one line, what is wrong."""
     with suppress(OSError):  # it may be on a full disk, too
-        print(one_line(f"eurobot-od: {what}"), file=sys.stderr)
+        print(one_line(f"{program()}: {what}"), file=sys.stderr)
+
+
+def program() -> str:
+    """Return the name of the program that was started."""
+    return WORKBENCH if is_alone() else PROGRAM
+
+
+def is_alone() -> bool:
+    """Whether the program was started without a robot."""
+    return sys.argv[:1] == [WORKBENCH]
+
+
+@contextmanager
+def _robots_left_out_told() -> Iterator[None]:
+    """Say of each robot that is left out why it is, in one line."""
+    import warnings
+
+    with warnings.catch_warnings():  # which Python shows once, counted anew from here on
+        show = warnings.showwarning
+
+        def tell(what: Warning | str, kind: type[Warning], file: str, line: int, *others: Any) -> None:
+            if issubclass(kind, RobotWarning):
+                complain(str(what))
+            else:
+                show(what, kind, file, line, *others)
+
+        warnings.simplefilter("default", RobotWarning)
+        warnings.showwarning = tell  # type: ignore[assignment]  # Python passes all of it by position
+        yield
 
 
 def _open_streams() -> None:
@@ -212,14 +250,15 @@ def _run(words: list[str]) -> int:
     words, robot = _robot_in(words)
     command = words[0] if words else "--help"
     if command.startswith("-"):
-        _overview(_find(robot)).parse_args(words or [command])
+        _overview(_robot_of_help(robot)).parse_args(words or [command])
         return ExitStatus.WRONG_INPUT
     # Imported modules and EDS files stay in memory: ten thousand objects. Looking for garbage among them again and
     # again took a fifth of a quick command's time. So it is off while importing, and seldom from then on.
     gc.disable()
     try:
         found = find(command, robot)
-        parser = Parser(f"eurobot-od {command}", description=(found.__doc__ or "").partition("\n")[0], robot=robot)
+        description = (found.__doc__ or "").partition("\n")[0]
+        parser = Parser(f"{program()} {command}", description=description, words=words[1:], robot=robot)
         found.add_arguments(parser)
         add_robot(parser)
         # Only so may an option stand between positional arguments of which one can be left out.
@@ -239,7 +278,7 @@ def _robot_in(words: list[str]) -> tuple[list[str], str | None]:
     """Take `--robot` out of the command line: the robot decides which commands and options there are."""
     if not any(each.partition("=")[0] == "--robot" for each in words):
         return words, None  # without a parser, whose help formatter imports three compression libraries
-    finder = argparse.ArgumentParser("eurobot-od", add_help=False, allow_abbrev=False)
+    finder = argparse.ArgumentParser(program(), add_help=False, allow_abbrev=False)
     finder.error = Parser.error.__get__(finder)  # type: ignore[method-assign]
     finder.add_argument("--robot")  # never abbreviated: a command may have an option that begins like it
     found, others = finder.parse_known_args(words)
@@ -249,12 +288,23 @@ def _robot_in(words: list[str]) -> tuple[list[str], str | None]:
 def _find(robot: str | None) -> Plugin:
     from eurobot_od import plugin  # most commands need none, or not yet
 
-    return plugin.find(robot)
+    return plugin.find(robot, alone=is_alone())
+
+
+def _robot_of_help(robot: str | None) -> Plugin:
+    """Return the robot that is meant; without a name none if it is not clear which: the help needs no robot."""
+    try:
+        return _find(robot)
+    except LocalError as error:
+        if robot is not None:
+            raise
+        complain(str(error))
+        return _find("none")
 
 
 def add_robot(parser: argparse.ArgumentParser) -> None:
     """Add --robot, which every command has."""
-    parser.add_argument("--robot", metavar="ROBOT", help="robot to use: a name, a folder or a module")
+    parser.add_argument("--robot", metavar="ROBOT", help="robot to use: a name, a folder, a module, or none")
 
 
 class Runnable(Protocol):
@@ -296,9 +346,9 @@ def version() -> str:
     from importlib import metadata  # this is what takes the 40 ms
 
     try:
-        return f"eurobot-od {metadata.version('eurobot-od')}, Python {sys.version.split()[0]}"
+        return f"{program()} {metadata.version('eurobot-od')}, Python {sys.version.split()[0]}"
     except metadata.PackageNotFoundError:
-        return f"eurobot-od, not installed, from {__file__}, Python {sys.version.split()[0]}"
+        return f"{program()}, not installed, from {__file__}, Python {sys.version.split()[0]}"
 
 
 def _overview(robot: Plugin) -> argparse.ArgumentParser:
@@ -309,10 +359,11 @@ def _overview(robot: Plugin) -> argparse.ArgumentParser:
         return [f"  {name:{width}}  {text}" for name, text in commands.items()]
 
     ours = ["", f"{robot.name}:", *listed(own)] if own else []
+    explained = f"`{program()} COMMAND --help` explains it."
     parser = Parser(
-        "eurobot-od",
+        program(),
         description="A CANopen workbench for any device's EDS, and for robots that are plugged in.",
-        epilog="\n".join(["commands:", *listed(COMMANDS), *ours, "", "`eurobot-od COMMAND --help` explains it."]),
+        epilog="\n".join(["commands:", *listed(COMMANDS), *ours, "", explained]),
         kind=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("command", metavar="COMMAND", help="one of the commands below")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
-from datetime import datetime, timezone
+from datetime import UTC, datetime
 from itertools import islice
 from math import inf
 from types import MappingProxyType
@@ -246,7 +246,7 @@ def time(utc: bool, period: float, count: int, cob_id: int, open_bus: Opener, re
     from eurobot_od.client.master import Master
     from eurobot_od.client.producing import produce, times
 
-    zone = timezone.utc if utc else None
+    zone = UTC if utc else None
     # TIME_OF_DAY counts days from 1984 and knows no time zone (CiA 301, 7.1.6.6).
     frames = times(lambda: datetime.now(zone).replace(tzinfo=None), cob_id)
     with Master(open_bus()) as master:

@@ -118,7 +118,10 @@ class Checks(NamedTuple):
             read = reader.read_texts(self.profile_texts())
         else:
             robot = self.devices.robot
-            read = reader.read_files([robot.suite(name) for name in self.files] or [*robot.shipped_suites().values()])
+            files = [robot.suite(name) for name in self.files] or [*robot.shipped_suites().values()]
+            if not files:
+                raise LocalError("which suites? Name their files, or make them from the device's: --conformance")
+            read = reader.read_files(files)
         return chosen(read, self.tag, self.step)
 
     def how(self, seed: int) -> str:
@@ -160,13 +163,13 @@ class Checks(NamedTuple):
         """Return all that the results of a seed depend on: the options, and the content of the files."""
         from eurobot_od.support.files import digest_of
 
-        eds, named_network, dialect, robot_name, _, modules, patches = self.devices
-        named = [Path(file) for each in self.devices.files() for file in (each.file, *each.patch)]
-        dialects = self.devices.robot.dialects
+        devices, dialect = self.devices, self.devices.dialect
+        named = [Path(file) for each in devices.files() for file in (each.file, *each.patch)]
+        dialects = devices.robot.dialects
         folders = {dialects.folder(each.dialect or dialect) for each in suites if each.dialect or not named}
         found = [file for folder in sorted(folders) for file in sorted(folder.glob("*.eds"))]
-        options = {"robot": robot_name, "dialect": dialect, "eds": eds, "network": named_network, "module": modules}
-        options["patch"] = patches
+        options = {"robot": devices.robot_name, "dialect": dialect, "eds": devices.eds, "network": devices.network}
+        options |= {"module": devices.modules, "patch": devices.patches}
         tiers = ("conformance", "reversible", "destructive", "restore", "profile", "motion", "outputs", "wired")
         own = ("fault", "tag", "step", *tiers, "keep_going")
         # Beside the options the files' content: an edited suite must not be continued with results of the old one.

@@ -44,9 +44,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="N",
         help="transmit mailboxes without abort in every node, 0 for enough (default: each node's setting)",
     )
-    parser.add_argument(
-        "--sweep", action="store_true", help="also search the limits: bit rate, traffic, messages, nodes"
-    )
     parser.add_argument("--json", action="store_true", help="print as JSON, times in us")
     parser.add_argument("--svg", type=Path, metavar="FILE", help="write a chart of the response times")
     options.add_dialect(parser)
@@ -61,7 +58,7 @@ def _errors(text: str) -> ErrorRate:
         rate = ErrorRate(int(number), durations.microseconds(time))
     except (ValueError, LocalError):
         rate = ErrorRate(-1)  # one message for whichever half is wrong
-    if not slash or rate.number < 0 or rate.within < 1:
+    if not slash or rate.number < 0 or rate.interval < 1:
         raise argparse.ArgumentTypeError(f"{text!r} is not a number and a time, such as 1/10ms")
     return rate
 
@@ -69,10 +66,7 @@ def _errors(text: str) -> ErrorRate:
 def run(arguments: argparse.Namespace) -> ExitStatus:
     """Print the table, and write the chart."""
     from eurobot_od.cli.output import write
-    from eurobot_od.support import progress
-    from eurobot_od.traffic.load.chart import chart
-    from eurobot_od.traffic.load.report import as_data, load_report, table, too_slow
-    from eurobot_od.traffic.load.sweep import SEARCHES, limits, sentences
+    from eurobot_od.traffic.load.report import as_data, chart, load_report, table, too_slow
 
     if arguments.path and arguments.network:
         raise LocalError("one network: name it by NETWORK or by --network")
@@ -84,15 +78,11 @@ def run(arguments: argparse.Namespace) -> ExitStatus:
         messages = messages._replace(errors=arguments.errors)
     bit_rate = arguments.bitrate or messages.bit_rate or BIT_RATE
     report = load_report(messages, bit_rate)
-    found = None
-    if arguments.sweep and messages.messages:  # with a bar: for many messages it takes a while
-        with progress.bar("sweep", unit=progress.Unit("limits", "limits/s"), after=progress.SHORT) as draw:
-            found = limits(messages, bit_rate, lambda done: draw(done, SEARCHES))
     if arguments.json:
-        print(json.dumps(as_data(report) | ({"limits": found._asdict()} if found else {}), indent=2))
+        print(json.dumps(as_data(report), indent=2))
     else:
         slower = () if bit_rate in messages.offered and not report.holds else too_slow(messages)
-        print(*table(report), *slower, *(sentences(found) if found else ()), sep="\n")
+        print(*table(report), *slower, sep="\n")
     if arguments.svg:
         write(arguments.svg, chart(report, f"Response times at {bit_rate / 1000:g} kbit/s") + "\n")
     return ExitStatus.FINE if report.holds else ExitStatus.FOUND

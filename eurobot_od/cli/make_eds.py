@@ -29,7 +29,7 @@ def run(arguments: argparse.Namespace) -> ExitStatus:
 
     # What is not UTF-8 becomes a sign that the table refuses, with its line and column.
     source = read_whole(arguments.table).decode(errors="replace")
-    texts = make_files(read_table(source, arguments.table, lambda robot: plugin.find(robot).table))
+    texts = make_files(read_table(source, arguments.table, plugin.table_of))
     if not arguments.check:
         write_files(texts, arguments.output)
         return ExitStatus.FINE

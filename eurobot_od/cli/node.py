@@ -13,7 +13,6 @@ from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from eurobot_od import plugin
 from eurobot_od.cli import ExitStatus
 from eurobot_od.cli import options as shared
 from eurobot_od.errors import LocalError, RemoteError, UnknownName
@@ -39,7 +38,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--store", metavar="FILE", help="DCF in which the device stores its parameters")
     parser.add_argument("--duration", type=durations.seconds, metavar="TIME", help="end after this time, such as 10 s")
     parser.add_argument("-v", "--verbose", action="store_true", help="print every message that the node receives")
-    parser.add_argument("--fault", metavar="NAME", help="give the node a fault; `eurobot-od faults` lists them")
+    parser.add_argument("--fault", metavar="NAME", help="give the node a fault; `faults` lists them")
     device = parser.add_argument_group("any device")
     device.add_argument(
         "--set",
@@ -57,7 +56,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--travel", type=_travel, metavar="LOW..HIGH", help="turns of a drive's motor from its start to limit switches"
     )
     device.add_argument("--values", type=Path, metavar="FILE", help="YAML with the waveforms that the device measures")
-    robot = plugin.find(getattr(parser, "robot", None))
+    robot = shared.robot_meant(parser)
     if robot.stage is not None:
         robot.stage().add_arguments(parser.add_argument_group(f"nodes of {robot.name}"))
     shared.add_network(parser)

@@ -13,7 +13,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
 from eurobot_od import plugin
-from eurobot_od.cli import complain
+from eurobot_od.cli import Parser, complain, is_alone
 from eurobot_od.errors import FileError, LocalError, MappingError, RemoteError
 from eurobot_od.od import network
 from eurobot_od.od.dialects import DIALECT_VARIABLE
@@ -98,7 +98,7 @@ def open_bus(arguments: argparse.Namespace) -> can.BusABC:
 
     # Asked first: without a name python-can would complain of its configuration file, of which few users know.
     if not runtime.is_named(arguments.interface):
-        here = ", ".join(map(str, runtime.here())) or "none (`eurobot-od doctor` says more)"
+        here = ", ".join(map(str, runtime.here())) or "none (`doctor` says more)"
         raise LocalError(f"which bus? Name it by -i and -c, such as -i socketcan -c can0; here: {here}")
     return runtime.open_bus(arguments.interface, arguments.channel, arguments.bitrate)
 
@@ -154,8 +154,20 @@ def add_dialect(parser: argparse._ActionsContainer) -> None:
 
 
 def robot(arguments: argparse.Namespace) -> Plugin:
-    """Return the robot that the command line is about; raises UnknownName, LocalError, DictionaryError."""
-    return plugin.find(getattr(arguments, "robot", None))
+    """Return the robot that a command line without devices is about; raises as `plugin.find`."""
+    return Devices(robot_name=arguments.robot, alone=is_alone()).robot
+
+
+def robot_meant(parser: argparse.ArgumentParser) -> Plugin:
+    """Return the robot that a command line will mean once it is read, for options that only the robot has.
+
+    Raises as `plugin.find`.
+    """
+    early = Parser(parser.prog, add_help=False)
+    add_network(early)
+    arguments, _ = early.parse_known_args(getattr(parser, "words", ()))
+    arguments.robot = getattr(parser, "robot", None)
+    return Devices.of(arguments).robot
 
 
 def assignments(option: str, form: str, texts: Iterable[str]) -> list[tuple[str, str]]:
@@ -223,7 +235,10 @@ def check_node_id(number: int) -> int:
 
 
 class Devices(NamedTuple):
-    """The devices that --eds, --network and --dialect name, or the network file of this folder, or else the robot's."""
+    """The devices that --eds, --network and --dialect name, or the network file of this folder, or else the robot's.
+
+    `alone`: only a robot that is named counts, as for devices that are.
+    """
 
     eds: Sequence[str] = ()
     network: str | None = None
@@ -232,27 +247,35 @@ class Devices(NamedTuple):
     emcy: Sequence[str] = ()
     modules: Sequence[str] = ()
     patches: Sequence[str] = ()
+    alone: bool = False
 
     @classmethod
     def of(cls, arguments: argparse.Namespace) -> Devices:
         """Take them from a command line."""
         emcy = vars(arguments).get("emcy", ())  # of commands that say error codes
         over = arguments.module, arguments.patch
-        return cls(arguments.eds, arguments.network, arguments.dialect, arguments.robot, emcy, *over)
+        return cls(arguments.eds, arguments.network, arguments.dialect, arguments.robot, emcy, *over, is_alone())
 
     @property
     def robot(self) -> Plugin:
-        """The robot that the command line is about; raises UnknownName, LocalError, DictionaryError."""
-        return plugin.find(self.robot_name)
+        """The robot that is named, also by the network file, or else, without devices, the installed one.
+
+        Raises as `plugin.find`.
+        """
+        found = plugin.named(self.robot_name, self._file)
+        return found or (plugin.NO_ROBOT if self.alone or self.files() else plugin.the_installed())
+
+    @property
+    def _file(self) -> str:
+        """The network file: what is named on the command line replaces the folder's own; the two are never mixed."""
+        return self.network or ("" if self.eds else network.DEFAULT)
 
     @property
     def _described(self) -> NetworkFile:
         """What the network file says, if there is one; raises DictionaryError."""
-        path = self.network
-        # What is named on the command line replaces the folder's own network; the two are never mixed.
-        if not self.dialect and not self.eds and path is None and os.path.isfile(network.DEFAULT):  # noqa: PTH113
-            path = network.DEFAULT
-        return network.read_network(path) if path else NetworkFile()
+        if not self.network and (self.dialect or not os.path.isfile(self._file)):  # noqa: PTH113
+            return NetworkFile()
+        return network.read_network(self._file)
 
     @property
     def master(self) -> str:
@@ -271,6 +294,11 @@ class Devices(NamedTuple):
         files = self.files()
         return network.load(files) if files else self.robot.dialects.load_all(self.dialect)
 
+    @property
+    def are_known(self) -> bool:
+        """Whether there are any: a bus, and a log, can be read without. Raises as `load`."""
+        return bool(self.files() or self.dialect or self.robot.dialects.root)
+
     def load_and_complain(self) -> tuple[Dictionary, ...]:
         """Load the devices, and say which of the files that are named had to be repaired to be read."""
         loaded = self.load()
@@ -286,8 +314,12 @@ class Devices(NamedTuple):
             return Protocol.of_devices(self.load_and_complain(), self.robot.catalogue(), refused)
 
     def decoder(self) -> Decoder:
-        """Return the decoder of these devices' frames; complains of PDOs that are left out. Raises as `load`."""
-        return decoder_of(self.load_and_complain(), self.robot, self.own_errors(), self.master)
+        """Return the decoder of these devices' frames, of CiA 301's without any; complains of PDOs that are left out.
+
+        Raises as `load`.
+        """
+        known = self.load_and_complain() if self.are_known else ()
+        return decoder_of(known, self.robot, self.own_errors(), self.master)
 
     def own_errors(self) -> dict[int, dict[int, str]]:
         """Return the words of --emcy by node-ID, 0 for all nodes; raises DictionaryError."""
@@ -304,7 +336,7 @@ class Devices(NamedTuple):
         """Return the words for these devices' emergency error codes, CiA 301's if there are none; raises as `load`."""
         from eurobot_od.device.emergency import ErrorWords
 
-        known = self.load() if self.files() or self.robot.dialects.names() else ()
+        known = self.load() if self.are_known else ()
         return ErrorWords.of_devices(known, self.robot.catalogue(), self.own_errors())
 
     def asking_decoder(self, open_bus: Opener) -> Decoder:

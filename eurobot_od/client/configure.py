@@ -398,7 +398,7 @@ async def _take_back(
         what = (
             f"node {node.node_id} is pre-operational; written and not stored: {', '.join(new) or 'nothing'}; "
             f"not written: {', '.join(old) or 'nothing'}; "
-            f"a reset brings the former values back (eurobot-od nmt {node.node_id} reset)"
+            f"a reset brings the former values back (`nmt {node.node_id} reset`)"
         )
         return _failure(error, what, new, old)
     return _failure(error, f"node {node.node_id} has its former values again and is {STATE_NAMES[state]}", (), names)

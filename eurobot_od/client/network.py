@@ -14,7 +14,7 @@ from functools import partial
 from io import StringIO
 from itertools import islice
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Generic, TypeAlias, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, Self, TypeAlias, TypeVar
 
 from eurobot_od.bus.live import open_bus
 from eurobot_od.client import lss
@@ -37,7 +37,6 @@ from eurobot_od.od.values import ERROR_CONTROL_BASE, NMT_COB_ID, NODE_IDS, SYNC_
 if TYPE_CHECKING:
     import can
     import canopen
-    from typing_extensions import Self
 
     from eurobot_od.bus.simulated.network import Simulation
     from eurobot_od.device.simulated import SimulatedDevice

@@ -86,7 +86,7 @@ async def load(
     Raises ProgramError or BusError, with the state that the node was left in.
     """
     memory = ProgramMemory(node, program)
-    start = f"eurobot-od write {node.node_id} 0x{PROGRAM_CONTROL:X}:{program} {ProgramControl.START:d} starts it"
+    start = f"write {node.node_id} 0x{PROGRAM_CONTROL:X}:{program} {ProgramControl.START:d} starts it"
     # Each phase says what it leaves behind: between CLEAR and the end of the download a device has no program, and only
     # its loader answers.
     with _left(node, "its program is as it was"):

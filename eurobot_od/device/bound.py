@@ -19,7 +19,7 @@ from eurobot_od.od.values import Address, Value
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.catalogue import Catalogue, field_name
 from eurobot_od.pdo.message import Message, flagged_fields
-from eurobot_od.sdo.wire import Abort, AbortCode
+from eurobot_od.sdo.aborts import Abort, Reason
 
 
 class BoundObject(NamedTuple):
@@ -98,7 +98,7 @@ class BoundObjects:
             # Through the frame: an SDO has to read the very bits that the PDO would carry.
             raw = binding.unpack(binding.encode(message).data)
         except FieldError as error:  # the application measures what its own field cannot hold: not the client's fault
-            raise Abort(AbortCode.INCOMPATIBLE_INSIDE, str(error)) from error
+            raise Abort(Reason.MEASURED_VALUE, str(error)) from error
         fields = dict(self._fields(index, binding))
         return raw[fields[subindex]] if subindex in fields else self._objects.kept((index, subindex))
 
@@ -119,7 +119,7 @@ class BoundObjects:
                 with suppress(MappingError):  # another PDO of the file may bring the same message
                     self._bindings[message_type] = Binding(self._dictionary.file, pdo, pdo.name, entry)
                     return self._bindings[message_type]
-        raise Abort(AbortCode.INCOMPATIBLE_INSIDE, f"the file has no PDO for {message_type.__name__}")
+        raise Abort(Reason.NO_MESSAGE, f"the file has no PDO for {message_type.__name__}")
 
     # A command
 
@@ -145,7 +145,7 @@ class BoundObjects:
         try:
             message = binding.decode(binding.pack({f: value for f, value in kept.items() if isinstance(value, int)}))
         except FieldError as error:
-            raise Abort(AbortCode.VALUE, str(error)) from error
+            raise Abort(Reason.COMMAND_VALUES, str(error)) from error
         if wrong := flagged_fields(message):
-            raise Abort(AbortCode.VALUE, f"out of range: {', '.join(wrong)}")
+            raise Abort(Reason.COMMAND_VALUES, f"out of range: {', '.join(wrong)}")
         return message

@@ -42,8 +42,8 @@ from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.catalogue import NOTHING, Catalogue
 from eurobot_od.pdo.message import Message
 from eurobot_od.pdo.protocol import Protocol
+from eurobot_od.sdo.aborts import Abort, Reason
 from eurobot_od.sdo.server import SdoServer
-from eurobot_od.sdo.wire import Abort, AbortCode
 
 ON_COMMUNICATION_ERROR: Mapping[int, NmtCommand | None] = {
     0: NmtCommand.ENTER_PRE_OPERATIONAL,
@@ -159,7 +159,7 @@ class Device:
             **bound.readers(),
             standard.ERROR_REGISTER[0]: lambda _: self.emergencies.register,
             standard.ERROR_FIELD: self.emergencies.read_field,
-            **({standard.STORED_EDS[0]: self._read_eds} if serves_eds else {}),
+            **({standard.STORED_EDS[0]: lambda _: self.dictionary.content} if serves_eds else {}),
         }
         writers |= {
             **bound.writers(),
@@ -274,6 +274,11 @@ class Device:
         """
         return self.objects.number(self.dictionary.address(name))
 
+    @property
+    def aborted(self) -> Abort | None:
+        """Why the device aborted an SDO transfer last; None if it has not since it was switched on or reset."""
+        return self._server.aborted
+
     def settle(self) -> None:
         """Bring into the objects what PDOs have brought."""
         self._process.settle()
@@ -292,30 +297,24 @@ class Device:
     def _command(self, binding: Binding, message: Message) -> None:
         """Have the application act on what was written as on a PDO; raises Abort with the reason if it does not."""
         if not self.operational and not binding.always:
-            raise Abort(AbortCode.STATE, f"{self.dictionary.name} is {self.state.name}")
+            raise Abort(Reason.WRONG_STATE, f"{self.dictionary.name} is {self.state.name}")
         try:
             self._application.act(message)
         except Refused as refused:
             raise Abort(REFUSAL[refused.cause], str(refused)) from refused
 
-    def _read_eds(self, _: int) -> Value:
-        try:
-            return self.dictionary.content
-        except DictionaryError as error:
-            raise Abort(AbortCode.HARDWARE, str(error)) from error
-
     def _keep(self, address: Address, signature: Value) -> None:
         """Store the present values, or, from the next reset on, those of the file (CiA 301, 7.5.2.13, 7.5.2.14)."""
         # Spelt out, `save` and `load`, so that no stray write stores or restores anything.
         if signature != int.from_bytes(standard.SIGNATURES[address[0]], "little"):
-            raise Abort(AbortCode.NOT_TRANSFERRED)
+            raise Abort(Reason.SIGNATURE)
         values = self.objects.configuration() if address[0] == standard.STORE else {}
         own = self._file.node_id_address
         try:
             if self._store:
                 self._store.save(values, self.objects.number(own) if own else self.node_id)
         except (OSError, DictionaryError) as error:
-            raise Abort(AbortCode.HARDWARE, str(error)) from error
+            raise Abort(Reason.NOT_STORED, str(error)) from error
         # What was refused at the start has been overwritten: nothing is left to complain of.
         self._stored, self.refused = values, ()
         self.emergencies.cleared(Store)
@@ -332,7 +331,7 @@ class Device:
         others = [split(entry) for subindex, entry in enumerate(self._consumed(), 1) if subindex != address[1]]
         # With two times for one node it would be lost by the one and still there by the other.
         if time and any(node_id == other and others_time for other, others_time in others):
-            raise Abort(AbortCode.INCOMPATIBLE)
+            raise Abort(Reason.WATCHED_TWICE)
         self.objects.put(address, value)
         self._configure()
 

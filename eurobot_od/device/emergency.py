@@ -22,7 +22,7 @@ from eurobot_od.od.emcy_codes import profile_words
 from eurobot_od.od.standard import device_profile
 from eurobot_od.od.values import Address, Value
 from eurobot_od.pdo.catalogue import Catalogue
-from eurobot_od.sdo.wire import Abort, AbortCode
+from eurobot_od.sdo.aborts import Abort, Reason
 
 HISTORY = 8
 """How many errors 0x1003 remembers, the newest first."""
@@ -187,13 +187,13 @@ class Emergencies:
     def read_field(self, subindex: int) -> int:
         """Return what 0x1003 has at a sub-index: how many errors, then the errors; raises Abort where there is none."""
         if subindex > len(self.history):
-            raise Abort(AbortCode.NO_DATA)
+            raise Abort(Reason.NO_SUCH_ERROR)
         return self.history[subindex - 1] if subindex else len(self.history)
 
     def clear_field(self, _: Address, value: Value) -> None:
         """Empty 0x1003; only 0 may be written (CiA 301, 7.5.2.4)."""
         if value != 0:
-            raise Abort(AbortCode.VALUE)
+            raise Abort(Reason.ERRORS_NOT_CLEARED)
         # Only the history: what is wrong still is, and the error register goes on saying so.
         self.history.clear()
 

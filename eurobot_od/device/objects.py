@@ -16,7 +16,8 @@ from eurobot_od.od.objects import data_type, initial, limits
 from eurobot_od.od.pdos import Part
 from eurobot_od.od.standard import COMMANDS, VERIFY_CONFIGURATION
 from eurobot_od.od.values import DOMAIN, MAPPINGS, VISIBLE_STRING, Address, Value, base_identifier
-from eurobot_od.sdo.wire import LARGEST, Abort, AbortCode
+from eurobot_od.sdo.aborts import Abort, Reason
+from eurobot_od.sdo.wire import LARGEST
 
 if TYPE_CHECKING:
     from canopen.objectdictionary import ODVariable
@@ -41,7 +42,7 @@ OnWrite = Callable[[Address, Value], None]
 OnTold = Callable[[Any], object]
 """Takes each new value of an object, from an SDO or an RPDO; raises Refused for one that is not to be kept."""
 
-REFUSAL: Mapping[Cause, AbortCode] = {Cause.STATE: AbortCode.STATE, Cause.VALUES: AbortCode.INCOMPATIBLE}
+REFUSAL: Mapping[Cause, Reason] = {Cause.STATE: Reason.REFUSED_NOW, Cause.VALUES: Reason.REFUSED_VALUE}
 """How what the application does not act on is refused over SDO, by why it does not."""
 
 LONGEST_TEXT = 1 << 16
@@ -57,14 +58,14 @@ def is_configuration(dictionary: Dictionary, address: Address) -> bool:
     return address[0] in COMMUNICATION_PROFILE or (variable is not None and variable.access_type in SETTINGS)
 
 
-def out_of_limits(variable: ODVariable, value: Value) -> AbortCode | None:
+def out_of_limits(variable: ODVariable, value: Value) -> Reason | None:
     """Return why a number is not within the limits of its object in the file; None if it is, or is not a number."""
     range_ = limits(variable)
     if range_ is not None and isinstance(value, (int, float)):
         if value > range_.high:
-            return AbortCode.TOO_HIGH
+            return Reason.ABOVE_LIMIT
         if value < range_.low:
-            return AbortCode.TOO_LOW
+            return Reason.BELOW_LIMIT
     return None
 
 
@@ -160,7 +161,7 @@ class Objects:
         """Return an object's value in its SDO form; raises Abort."""
         variable = self._variable(address)
         if not variable.readable:
-            raise Abort(AbortCode.WRITE_ONLY)
+            raise Abort(Reason.WRITE_ONLY)
         type_ = data_type(variable)
         try:
             value = self.value(address)
@@ -171,20 +172,20 @@ class Objects:
             return type_.write(value)
         except (DictionaryError, ValueError, OverflowError) as error:
             # the file's default is not a number, or does not fit the type that the file names
-            raise Abort(AbortCode.NO_DATA, str(error)) from error
+            raise Abort(Reason.NO_VALUE, str(error)) from error
 
     def admit(self, address: Address, size: int | None) -> int:
         """Return how many bytes an object takes; raises Abort if it is not to be written, or not with `size` bytes."""
         variable = self._variable(address)
         if not variable.writable:
-            raise Abort(AbortCode.READ_ONLY)
+            raise Abort(Reason.READ_ONLY)
         type_ = data_type(variable)
         room = type_.size or (LARGEST if type_ == DOMAIN else LONGEST_TEXT)
         if size is not None and size > room:
             # A text or a DOMAIN has no size that its type fixes: all it can exceed is memory (CiA 301, Table 22).
-            raise Abort(AbortCode.TOO_LONG if type_.size else AbortCode.OUT_OF_MEMORY)
+            raise Abort(Reason.LONGER_THAN_TYPE if type_.size else Reason.OUT_OF_MEMORY)
         if size is not None and size < type_.size:
-            raise Abort(AbortCode.TOO_SHORT)
+            raise Abort(Reason.SHORTER_THAN_TYPE)
         return room
 
     def write(self, address: Address, data: bytes) -> None:
@@ -210,5 +211,5 @@ class Objects:
         variable = self.dictionary.variable(address)
         if variable is None:
             known = address[0] in self.dictionary.objects.indices
-            raise Abort(AbortCode.NO_SUBINDEX if known else AbortCode.NO_OBJECT)
+            raise Abort(Reason.NO_SUBINDEX if known else Reason.NO_OBJECT)
         return variable

@@ -36,7 +36,7 @@ from eurobot_od.od.values import (
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.catalogue import Catalogue
 from eurobot_od.pdo.protocol import Protocol
-from eurobot_od.sdo.wire import Abort, AbortCode
+from eurobot_od.sdo.aborts import Abort, Reason
 
 REFUSED = (*values.RESTRICTED, values.CIA_EXTENSIONS)
 """Identifiers that no PDO may have; the low restricted ones are allowed, as this protocol has its messages there."""
@@ -150,18 +150,18 @@ class Pdos:
         if number & values.EXTENDED or (
             number & SYNC_PRODUCER and SYNC_PERIOD[0] not in self._objects.dictionary.members
         ):
-            raise Abort(AbortCode.VALUE, "a SYNC in base frames only, and sent only with a period")
+            raise Abort(Reason.SYNC_COB_ID)
         before = self._objects.raw(address)
         # A producer's identifier is fixed until its bit 30 is cleared (CiA 301, 7.5.2.5).
         if before & number & SYNC_PRODUCER and before != number:
-            raise Abort(AbortCode.STATE, "it sends SYNC")
+            raise Abort(Reason.SYNC_SENT)
         self._objects.put(address, number)
 
     def _write_counter(self, address: Address, value: Value) -> None:
         if value not in COUNTERS:
-            raise Abort(AbortCode.VALUE, "0, or 2 to 240")
+            raise Abort(Reason.SYNC_COUNTER)
         if self._objects.raw(SYNC_PERIOD):  # only while 0x1006 is 0 (CiA 301, 7.5.2.22)
-            raise Abort(AbortCode.STATE, "SYNC has a period")
+            raise Abort(Reason.SYNC_PERIOD)
         self._objects.put(address, value)
 
     # Written over SDO
@@ -189,12 +189,11 @@ class Pdos:
         requestable = index >= PdoDirection.TPDO.value and self._is_requestable(index)
         types = {*EVENT_DRIVEN, *self._sync_types, *(asked_for if requestable else ())}
         if subindex == TRANSMISSION_TYPE and number not in types:
-            allowed = "event-driven, by SYNC if the device has one, by remote frame if it is allowed"
-            raise Abort(AbortCode.VALUE, allowed)
+            raise Abort(Reason.TRANSMISSION_TYPE)
         if subindex == INHIBIT_TIME and number and index < PdoDirection.TPDO.value:
-            raise Abort(AbortCode.VALUE, "an RPDO is not inhibited")
+            raise Abort(Reason.RPDO_INHIBITED)
         if subindex in (INHIBIT_TIME, SYNC_START) and self._is_valid(index):  # CiA 301, 7.5.2.37
-            raise Abort(AbortCode.STATE, "the PDO is valid")
+            raise Abort(Reason.PDO_VALID)
         self._objects.put(address, number)
 
     def _is_valid(self, index: int) -> bool:
@@ -205,22 +204,22 @@ class Pdos:
         address = index, COB_ID
         valid = not entry & values.NOT_VALID
         if entry & ~(values.NOT_VALID | values.NO_RTR | values.BASE_IDENTIFIER):
-            raise Abort(AbortCode.VALUE, "base frames only")
+            raise Abort(Reason.PDO_COB_ID)
         if valid and self._is_valid(index) and entry != self._objects.raw(address):
-            raise Abort(AbortCode.STATE, "the PDO is valid")
+            raise Abort(Reason.PDO_VALID)
         cob_id = entry & values.BASE_IDENTIFIER
         # EMCY and SYNC are where this device has them now, which need not be the pre-defined connection set.
         if valid and (cob_id in (self._objects.raw(EMCY), self.sync_cob_id) or owner(cob_id, REFUSED)):
-            raise Abort(AbortCode.VALUE, "an identifier that CANopen itself uses")
+            raise Abort(Reason.COB_ID_TAKEN)
         try:
             protocol = self._built(lambda a: entry if a == address else self._objects.value(a), self._refuse_new_harm)
         except MappingError as error:
-            raise Abort(AbortCode.INCOMPATIBLE, str(error)) from error
+            raise Abort(Reason.PDO_CONFLICT, str(error)) from error
         # A node could not send a message with such a value, and nobody would know why it does not answer. A message of
         # no catalogue is its mapped bits, however few.
         ours = (each for each in protocol.bindings if each.pdo.index == index >= PdoDirection.TPDO.value)
         if narrow := [field for each in ours if self._catalogue.find(each.name) for field in each.too_narrow]:
-            raise Abort(AbortCode.INCOMPATIBLE, f"too few bits for {', '.join(narrow)}")
+            raise Abort(Reason.TOO_FEW_BITS, f"too few bits for {', '.join(narrow)}")
         self._objects.put(address, entry)
         self._apply(protocol)
 
@@ -228,13 +227,13 @@ class Pdos:
         index, subindex = address
         number = value if isinstance(value, int) else 0
         if self._is_valid(index - values.MAPPING_OFFSET):
-            raise Abort(AbortCode.STATE, "the PDO is valid")
+            raise Abort(Reason.PDO_VALID)
         if subindex == 0:  # entries are written one by one: only the number of them shows how long the PDO is
             entries = (self._objects.raw((index, sub)) for sub in range(1, number + 1))
             if sum(self.mapped(index, entry).bits for entry in entries) > MAX_BITS:
-                raise Abort(AbortCode.MAPPING_TOO_LONG)
+                raise Abort(Reason.MAPPING_TOO_LONG)
         elif self._objects.raw((index, 0)):
-            raise Abort(AbortCode.STATE, "the mapping is in use: sub-index 0 is not 0")
+            raise Abort(Reason.MAPPING_USED)
         elif number:
             self.mapped(index, number)
         self._objects.put(address, number)
@@ -245,15 +244,15 @@ class Pdos:
         dictionary = self._objects.dictionary
         variable = dictionary.variable((entry >> 16, entry >> 8 & 0xFF))
         if variable is None:
-            raise Abort(AbortCode.NO_OBJECT)
+            raise Abort(Reason.MAPPED_MISSING)
         # A dummy skips received bits that mean nothing to this device; there is nothing in it to be sent.
         dummy = variable.index in DUMMIES and direction is PdoDirection.RPDO
         if not dummy and not (variable.pdo_mappable and variable.access_type in MAPPABLE[direction]):
-            raise Abort(AbortCode.NOT_MAPPABLE)
+            raise Abort(Reason.NOT_MAPPABLE)
         try:
             return dictionary.mapped(index, entry)
         except MappingError as error:
-            raise Abort(AbortCode.NOT_MAPPABLE, str(error)) from error
+            raise Abort(Reason.MAPPED_BITS, str(error)) from error
 
 
 class ProcessData:

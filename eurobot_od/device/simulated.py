@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, TypeAlias
+from typing import Any, ClassVar, Self, TypeAlias
 
 from eurobot_od.device.bound import Application
 from eurobot_od.device.node import Node
@@ -23,9 +23,6 @@ from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.objects import data_type
 from eurobot_od.od.values import Address, Value
-
-if TYPE_CHECKING:
-    from typing_extensions import Self
 
 ObjectName: TypeAlias = "str | Address"
 """An object by its ParameterNames, `Motor.Speed`, or by index and sub-index."""

@@ -7,9 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from queue import Empty, SimpleQueue
-from typing import Generic, TypeAlias, TypeVar
-
-from typing_extensions import NamedTuple
+from typing import Generic, NamedTuple, TypeAlias, TypeVar
 
 from eurobot_od.gatekeeper.reports import Event, Report, Reporter, has_doubled
 from eurobot_od.support.amounts import amount
@@ -67,10 +65,8 @@ class MessageQueue(Generic[T]):
 
     def get(self, timeout: float | None = None) -> Received[T] | None:
         """Take the oldest message, waiting at most `timeout` seconds for one (None: for ever); None if none came."""
-        # Python 3.10 may wait for ever if `timeout` is 0 rather than `block` false.
-        waits = timeout is None or timeout > 0
         try:
-            return Received(*self._items.get(waits, timeout if waits else None))
+            return Received(*self._items.get(timeout=None if timeout is None else max(timeout, 0)))
         except Empty:
             return None
 

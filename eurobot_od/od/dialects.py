@@ -43,11 +43,12 @@ class Dialects(NamedTuple):
 
         Raises UnknownName; LocalError if none is named and there is none.
         """
+        if not (dialect or self.root):
+            raise LocalError("which devices? Name them by --eds or --network, or a robot by --robot")
         names = self.names()
         wanted = dialect or os.environ.get(DIALECT_VARIABLE) or self.default or next(iter(names), None)
         if wanted is None:
-            missing = f"no EDS files in {self.root}/*" if self.root else "name them by --eds or --network, or a robot"
-            raise LocalError(f"which devices? {missing}")
+            raise LocalError(f"which devices? no EDS files in {self.root}/*")
         # A dialect's name comes before a folder of the same name in the working directory.
         path = self.root / wanted if self.root is not None and str(wanted) in names else Path(wanted)
         if not any(path.glob("*.eds")):

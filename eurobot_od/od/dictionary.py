@@ -15,7 +15,7 @@ from copy import copy
 from functools import cached_property
 from io import StringIO
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Self
 
 from eurobot_od.errors import DictionaryError
 from eurobot_od.od import objects as od
@@ -31,7 +31,6 @@ from eurobot_od.od.values import Address, Number, Value
 
 if TYPE_CHECKING:
     from canopen.objectdictionary import ObjectDictionary, ODVariable
-    from typing_extensions import Self
 
 
 IDENTITY_KEYS = ("vendornumber", "productnumber", "revisionnumber", "")

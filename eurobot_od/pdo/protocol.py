@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, TypeAlias
+from typing import Any, ClassVar, Self, TypeAlias
 from typing import Protocol as Interface
 
 from eurobot_od.errors import MappingError, UnknownIdentifier, UnknownName, shown_identifier
@@ -21,9 +21,6 @@ from eurobot_od.od.values import PdoDirection
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.catalogue import NOTHING, Catalogue, CatalogueEntry, plain_name, readable_name
 from eurobot_od.pdo.message import Message
-
-if TYPE_CHECKING:
-    from typing_extensions import Self
 
 NAMES_NOTHING = re.compile(r"PDO|parameter|^\W*$", re.IGNORECASE)
 """Names of communication records that any PDO could have."""

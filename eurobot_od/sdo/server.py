@@ -16,7 +16,8 @@ from typing import NamedTuple, Protocol, TypeAlias
 
 from eurobot_od.od.values import Address
 from eurobot_od.sdo import wire
-from eurobot_od.sdo.wire import Abort, AbortCode, Block, ClientCommand, Initiate, ServerCommand
+from eurobot_od.sdo.aborts import Abort, Reason
+from eurobot_od.sdo.wire import Block, ClientCommand, Initiate, ServerCommand
 
 TIMEOUT = 1.0
 """Seconds without a request after which the server gives up a transfer."""
@@ -47,10 +48,14 @@ ServerSteps: TypeAlias = Generator[Reply, bytes, None]
 
 
 class SdoServer:
-    """One SDO server; `deadline` is when it gives up the transfer under way, infinite without one."""
+    """One SDO server.
+
+    `deadline` is when it gives up the transfer under way, infinite without one. `aborted` is why it aborted last.
+    """
 
     def __init__(self, access: ObjectAccess) -> None:
         self._access = access
+        self.aborted: Abort | None = None
         self.forget()
 
     def forget(self) -> None:
@@ -80,27 +85,27 @@ class SdoServer:
             self._address = request.address
             return self._answered(self._steps, None, now)
         # Neither a step of the transfer nor the first request of another: its client has lost its way.
-        return self._aborted(AbortCode.UNKNOWN_COMMAND)
+        return self._abort(Abort(Reason.OUT_OF_STEP))
 
     def tick(self, now: float) -> list[bytes]:
         """Return the abort of a transfer whose client fell silent."""
-        return self._aborted(AbortCode.TIMEOUT) if now >= self.deadline else []
+        return self._abort(Abort(Reason.CLIENT_SILENT)) if now >= self.deadline else []
 
     def _answered(self, steps: ServerSteps, data: bytes | None, now: float) -> list[bytes]:
         """Return the answers to a request, None for the first; or the abort that ends the transfer."""
         try:
             frames, self._takes = steps.send(data)  # type: ignore[arg-type]  # None begins a generator
         except Abort as abort:
-            return self._aborted(abort.code)
+            return self._abort(abort)
         self.deadline = now + TIMEOUT  # anew with each step: a long transfer may take longer, a silent client may not
         if self._takes is None:  # the last answer: nothing is left to time out
             self.forget()
         return frames
 
-    def _aborted(self, code: AbortCode) -> list[bytes]:
-        address = self._address
+    def _abort(self, abort: Abort) -> list[bytes]:
+        address, self.aborted = self._address, abort
         self.forget()
-        return [wire.aborted(address, code)]
+        return [wire.aborted(address, abort.reason.code)]
 
 
 # Uploads
@@ -142,7 +147,7 @@ def _block_upload(access: ObjectAccess, request: Initiate) -> ServerSteps:
         # It acknowledges what was never sent, so that the two no longer mean the same bytes; CiA's own test tool asks
         # for segment 128 of 127 (its test 2.27).
         if arrived > len(sent):
-            raise Abort(AbortCode.SEQUENCE_NUMBER)
+            raise Abort(Reason.NEVER_SENT)
         place += arrived * wire.SEGMENT_SIZE
     _check_block((yield Reply([end], takes)), Block.END)
     yield Reply([])
@@ -152,19 +157,19 @@ def _check_toggle(data: bytes, toggle: int) -> None:
     if data[0] & wire.TOGGLE != toggle:
         # The bit alternates so that a request which was repeated, or lost, is noticed: going on would double or drop
         # seven bytes without anybody knowing (CiA 301, 7.2.4.3.7).
-        raise Abort(AbortCode.TOGGLE_BIT)
+        raise Abort(Reason.TOGGLE_BIT)
 
 
 def _check_block(data: bytes, sub_command: Block) -> None:
     if data[0] & 3 != sub_command:
         # An end where an acknowledgement was due, say: what the client believes to have is not what was sent.
-        raise Abort(AbortCode.UNKNOWN_COMMAND)
+        raise Abort(Reason.OUT_OF_STEP)
 
 
 def _checked_block_size(segments: int) -> int:
     if not 1 <= segments <= wire.BLOCK_SEGMENTS:
         # Segments are numbered from 1, in seven bits (CiA 301, 7.2.4.3.12).
-        raise Abort(AbortCode.BLOCK_SIZE)
+        raise Abort(Reason.BLOCK_SIZE)
     return segments
 
 
@@ -184,12 +189,12 @@ class Download:
     def check_room(self, surplus: int = 0) -> None:
         limit = self._room if self._size is None else self._size
         if len(self.content) > limit + surplus:
-            raise Abort(AbortCode.TOO_LONG)
+            raise Abort(Reason.MORE_BYTES)
 
     def finish(self) -> None:
         # The object is written only now, whole: a transfer that breaks off leaves it as it was.
         if self._size is not None and len(self.content) < self._size:
-            raise Abort(AbortCode.TOO_SHORT)
+            raise Abort(Reason.FEWER_BYTES)
         self._access.write(self._address, bytes(self.content))
 
 
@@ -225,7 +230,7 @@ def _block_download(access: ObjectAccess, request: Initiate) -> ServerSteps:
         data = yield Reply(answers, lambda _: True)
         number, last = data[0] & ~wire.BLOCK_LAST, bool(data[0] & wire.BLOCK_LAST)
         if number == 0:  # segments count from 1 (CiA 301, 7.2.4.3.9)
-            raise Abort(AbortCode.SEQUENCE_NUMBER)
+            raise Abort(Reason.SEGMENT_ZERO)
         if number == arrived + 1:
             # Only in sequence: of what comes after a gap nothing is kept, as the client sends it again with the next
             # block.
@@ -243,7 +248,7 @@ def _block_download(access: ObjectAccess, request: Initiate) -> ServerSteps:
     # The CRC counts only if the client offered one; we always do (CiA 301, 7.2.4.3.8).
     if request.command & wire.BLOCK_CRC and crc_hqx(download.content, 0) != wire.crc_in(data):
         # The object keeps its value: `finish`, which writes it, comes after this.
-        raise Abort(AbortCode.CRC)
+        raise Abort(Reason.CRC)
     download.finish()
     yield Reply([wire.plain(command | Block.END)])
 

@@ -9,7 +9,6 @@ from collections.abc import Mapping
 from enum import IntEnum
 from typing import NamedTuple
 
-from eurobot_od.errors import LocalError
 from eurobot_od.od.values import Address
 
 LENGTH = 8
@@ -123,15 +122,6 @@ def reason(code: int) -> str:
 def code_and_reason(code: int) -> str:
     """Return an abort code as a number and in words: `0x06020000 Object does not exist`."""
     return f"0x{code:08X} {reason(code)}"
-
-
-class Abort(LocalError):
-    """An access to an object that the device refuses, and its `code`: the one that names the true cause."""
-
-    def __init__(self, code: AbortCode, why: str = "") -> None:
-        self.code = code
-        text = code_and_reason(code)
-        super().__init__(f"{text}: {why}" if why else text)
 
 
 # Frames that name an object: the first request of a transfer, its answer, and aborts

@@ -8,9 +8,11 @@ from __future__ import annotations
 import inspect
 import sys
 import traceback
+from collections.abc import Callable
 from contextlib import redirect_stdout
+from functools import partial
 from pathlib import Path
-from types import ModuleType
+from types import FrameType, ModuleType
 
 from eurobot_od.errors import LocalError
 
@@ -34,21 +36,26 @@ def load(file: Path) -> ModuleType:
     try:
         with redirect_stdout(sys.stderr):  # standard output may be a document, such as --json
             exec(compile(source, str(file), "exec", dont_inherit=True), module.__dict__)
-    except (Exception, SystemExit) as error:
-        raise LocalError(_complaint(file, error)) from None
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:  # SystemExit, and what `pytest.skip` raises, too
+        raise LocalError(complaint(error, f"{file}:1", partial(_stands_in, folder))) from None
     return module
 
 
-def _complaint(file: Path, error: BaseException) -> str:
-    """Say on one line what a file raised, and where in it."""
-    what = f"{type(error).__name__}: {' '.join(str(error).split())}"
-    if isinstance(error, SyntaxError):
-        return f"{error.filename or file}:{error.lineno or 1}: {type(error).__name__}: {error.msg}"
-    raised = [(Path(frame.f_code.co_filename), line) for frame, line in traceback.walk_tb(error.__traceback__)]
-    # The last place in a file of theirs: further in, the traceback goes through libraries that are not to blame.
-    beside = [(path, line) for path, line in raised if path.resolve().parent == file.resolve().parent]
-    path, line = beside[-1] if beside else (file, 1)
-    return f"{file.parent / path.name}:{line}: {what}"
+def _stands_in(folder: str, frame: FrameType) -> bool:
+    name = frame.f_code.co_filename  # of generated code it is `<...>`
+    return not name.startswith("<") and Path(name).resolve().parent == Path(folder)
+
+
+def complaint(error: BaseException, otherwise: str, is_theirs: Callable[[FrameType], bool]) -> str:
+    """Say on one line what somebody's code raised, and in which line of theirs; `otherwise` stands for none."""
+    if isinstance(error, SyntaxError) and error.filename:
+        return f"{error.filename}:{error.lineno or 1}: {type(error).__name__}: {error.msg}"
+    raised = [(frame.f_code.co_filename, n) for frame, n in traceback.walk_tb(error.__traceback__) if is_theirs(frame)]
+    # The last place of theirs: further in, the traceback goes through libraries that are not to blame.
+    where = "{}:{}".format(*raised[-1]) if raised else otherwise
+    return f"{where}: {type(error).__name__}: {' '.join(str(error).split())}"
 
 
 def place_of(thing: type) -> str:

@@ -20,6 +20,7 @@ from eurobot_od.pdo.codec import compiled
 from eurobot_od.pdo.kinds import OutOfRange
 from eurobot_od.pdo.message import Message, flagged_fields
 from eurobot_od.pdo.protocol import Protocol
+from eurobot_od.support.amounts import amount
 from eurobot_od.traffic.entries import MASTER, REMEMBERED, Damage, Foreign, Raw
 
 if TYPE_CHECKING:
@@ -169,7 +170,9 @@ class Decoder:
             defects = (Defect(Damage.WRONG_LENGTH, text),)
         else:
             text = found.text(frame.data)
-        return Meaning(frame, found.name, "", found.nodes, None, text, defects, sender=found.sender)
+        # Where there is no file, PDOs are told apart by identifier and length.
+        name = found.name if self.dictionaries else f"{found.name}, {amount(len(frame.data), 'byte')}"
+        return Meaning(frame, name, "", found.nodes, None, text, defects, sender=found.sender)
 
     def _request(self, frame: RemoteFrame) -> Meaning:
         """Return the meaning of a remote frame: it asks for the frame of its identifier."""

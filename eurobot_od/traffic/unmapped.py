@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from functools import partial
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple, Self
 
 from eurobot_od.device.nmt import ALL_NODES
 from eurobot_od.frame import EXTENDED
@@ -17,10 +17,6 @@ from eurobot_od.od.values import PdoDirection
 from eurobot_od.traffic.entries import Damage
 from eurobot_od.traffic.network_words import plain
 from eurobot_od.traffic.sdo_words import object_words, value_words
-
-if TYPE_CHECKING:
-    from typing_extensions import Self
-
 
 DEFAULT_PDOS = tuple(each for each in values.PREDEFINED if each.is_per_node)
 """Whose an identifier is if nobody has moved it (CiA 301, 7.3.3)."""
@@ -82,6 +78,8 @@ class Unmapped:
         if cob_id in self._known:
             return self._known[cob_id]
         if found := values.owner(cob_id, DEFAULT_PDOS):
+            if not self._nodes:  # no file is missing where none is given
+                return OtherPdo(f"PDO 0x{cob_id:03X}", (), plain, is_sent=False)
             node_id = found.node_id(cob_id)
             node = self._nodes.get(node_id or 0, f"node {node_id}")
             why = f": in no file; a guess by its identifier: {found.owner} of {node}"

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-from eurobot_od.bus.simulated.bits import frame_bits
+from eurobot_od.bus.bits import frame_bits
 from eurobot_od.frame import Frame
 from eurobot_od.traffic.entries import Damage
 from eurobot_od.traffic.meaning import Decoder, Meaning

@@ -11,8 +11,8 @@ from eurobot_od.device.objects import Objects
 from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.values import Address, Value
+from eurobot_od.sdo.aborts import Abort, Reason
 from eurobot_od.sdo.server import SdoServer
-from eurobot_od.sdo.wire import Abort, AbortCode
 
 NODE_ID = 9
 NAMES = {0x1F50: "Program data", 0x1F51: "Program control", 0x1F56: "Program identification", 0x1F57: "Flash status"}
@@ -111,7 +111,7 @@ class FlashDevice:
 
     def _write(self, _: Address, value: Value) -> None:
         if self.trouble.refuses_data:
-            raise Abort(AbortCode.HARDWARE)
+            raise Abort(Reason.NOT_STORED)
         assert isinstance(value, bytes)
         self.program = value
         self._at_work(0x1F50)
@@ -120,7 +120,7 @@ class FlashDevice:
         assert isinstance(command, int)
         self.commands.append(command)
         if command == self.trouble.refuses:
-            raise Abort(AbortCode.STATE)
+            raise Abort(Reason.REFUSED_NOW)
         if command == 3:
             self.program = b""
         self.running = command == 1 and self.trouble.starts

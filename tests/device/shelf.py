@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from eurobot_od.od.values import Address
-from eurobot_od.sdo.wire import Abort, AbortCode
+from eurobot_od.sdo.aborts import Abort, Reason
 
 NUMBER: Address = (0x2000, 1)
 TEXT: Address = (0x1008, 0)
@@ -22,16 +22,16 @@ class Shelf:
 
     def read(self, address: Address) -> bytes:
         if address not in self.objects:
-            raise Abort(AbortCode.NO_OBJECT)
+            raise Abort(Reason.NO_OBJECT)
         return self.objects[address]
 
     def admit(self, address: Address, size: int | None) -> int:
         room = self.room.get(address, ANY)
         if size is not None and size > room:
-            raise Abort(AbortCode.TOO_LONG)
+            raise Abort(Reason.LONGER_THAN_TYPE)
         return room
 
     def write(self, address: Address, data: bytes) -> None:
         if address in self.room and len(data) != self.room[address]:
-            raise Abort(AbortCode.TOO_SHORT)
+            raise Abort(Reason.SHORTER_THAN_TYPE)
         self.objects[address] = data

@@ -11,7 +11,8 @@ from eurobot_od.device.device import Device
 from eurobot_od.device.objects import Objects
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.values import Address
-from eurobot_od.sdo.wire import Abort, AbortCode
+from eurobot_od.sdo.aborts import Abort, Reason
+from eurobot_od.sdo.wire import AbortCode
 from tests.device.master import wired
 
 UNREADABLE: list[tuple[Address, AbortCode, str]] = [
@@ -157,7 +158,7 @@ def test_a_file_may_have_16_mib_and_a_text_64_kib(
 def test_more_than_that_is_refused_before_it_comes(tmp_path: Path, address: Address, size: int) -> None:
     with pytest.raises(Abort) as refusal:
         described(tmp_path).admit(address, size)
-    assert refusal.value.code == AbortCode.OUT_OF_MEMORY
+    assert refusal.value.reason is Reason.OUT_OF_MEMORY
 
 
 @pytest.mark.parametrize(

@@ -18,7 +18,7 @@ from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.values import Address, Value
 from eurobot_od.robot import dialects
-from eurobot_od.sdo.wire import Abort, AbortCode
+from eurobot_od.sdo.aborts import Abort, Reason
 from tests.device import io_module
 from tests.eds_text import record, variable
 
@@ -231,7 +231,7 @@ def test_bytes_that_no_line_can_hold_are_an_abort_and_the_file_stays(tmp_path: P
     device.objects.write((0x2000, 4), b"caf\xe9")  # no ASCII, which a VISIBLE_STRING is
     with pytest.raises(Abort) as abort:
         device.objects.write((0x1010, 1), b"save")
-    assert abort.value.code == AbortCode.HARDWARE
+    assert abort.value.reason is Reason.NOT_STORED
     assert module_with_a_store(tmp_path).objects.read((0x2000, 4)) == b"hall 3"
 
 

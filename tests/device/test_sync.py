@@ -13,7 +13,8 @@ from eurobot_od.od.standard import SYNC_PRODUCER
 from eurobot_od.pdo.message import Message
 from eurobot_od.robot.model.messages import CATALOGUE, EmergencyStop, GotoStateResponse, GotoXY
 from eurobot_od.robot.model.values import Obstacle
-from eurobot_od.sdo.wire import Abort, AbortCode
+from eurobot_od.sdo.aborts import Abort
+from eurobot_od.sdo.wire import AbortCode
 from tests.device.io_module import module
 from tests.device.master import SYNC_COB_ID, NodeWire, Wire, dictionary_with_sync, wired
 
@@ -146,7 +147,7 @@ def test_a_sync_that_the_device_has_not_is_refused(entry: int, why: str) -> None
 
 
 def test_a_program_in_the_device_is_told_why_a_sync_is_refused() -> None:
-    with pytest.raises(Abort, match="a SYNC in base frames only"):
+    with pytest.raises(Abort, match="0x1005 gets a 29-bit COB-ID"):
         synchronous().device.objects.write((0x1005, 0), (1 << 29 | 0x0F0).to_bytes(4, "little"))
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from canopen.sdo.exceptions import SdoAbortedError
 
-from eurobot_od.sdo.wire import Abort, AbortCode, Initiate, block, carrying, part_in, reason, segment, segments_of
+from eurobot_od.sdo.wire import Initiate, block, carrying, part_in, reason, segment, segments_of
 
 
 @pytest.mark.parametrize("code", SdoAbortedError.CODES)
@@ -15,11 +15,6 @@ def test_every_abort_code_has_canopens_words(code: int) -> None:
 
 def test_a_code_of_a_devices_own_has_none() -> None:
     assert reason(0xDEADBEEF) == "unknown code"
-
-
-def test_an_abort_says_code_and_cause() -> None:
-    assert str(Abort(AbortCode.READ_ONLY)) == "0x06010002 Attempt to write a read only object"
-    assert str(Abort(AbortCode.NO_DATA, "no error")) == "0x08000024 No data available: no error"
 
 
 @pytest.mark.parametrize(

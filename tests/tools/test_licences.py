@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-import sys
+import tomllib
 from email.message import Message
 from pathlib import Path
 from typing import Any, cast
@@ -41,10 +41,7 @@ def test_an_extra_brings_what_its_packages_need() -> None:
     assert {"canopen", "python-can"} <= licences.brought("").keys()
 
 
-@pytest.mark.skipif(sys.version_info < (3, 11), reason="tomllib came with Python 3.11")
 def test_the_page_has_each_package_of_each_extra_for_users() -> None:
-    import tomllib
-
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     extras = project["optional-dependencies"]
     assert set(wheel.EXTRAS) == extras.keys() - DEVELOPERS

@@ -49,4 +49,4 @@ def test_a_python_that_is_not_here_is_skipped_and_said(capsys: pytest.CaptureFix
 
 def test_an_unknown_version_is_one_line(capsys: pytest.CaptureFixture[str]) -> None:
     assert pythons.main(["2.7"]) == pythons.WRONG_USAGE
-    assert capsys.readouterr().err == "unknown Python 2.7; known: 3.10, 3.12, 3.13\n"
+    assert capsys.readouterr().err == "unknown Python 2.7; known: 3.11, 3.12, 3.13\n"

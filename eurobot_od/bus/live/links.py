@@ -158,7 +158,7 @@ def remedy(number: int | None, name: str) -> str:
     makes = f"`sudo ip link add dev {name} type vcan; {set_up(name, virtual=True)}` makes it"
     remedies = {
         errno.ENETDOWN: f"`{set_up(name, virtual=virtual)}` sets it up",
-        errno.ENODEV: makes if virtual else "plug it in; `eurobot-od doctor` lists what is here",
+        errno.ENODEV: makes if virtual else "plug it in; `doctor` lists what is here",
         errno.EAFNOSUPPORT: f"{NO_SOCKETCAN}; {INSTEAD}",
         errno.ENOBUFS: "no node acknowledges its frames: is another node on the bus, at the same bit rate?",
     }

@@ -12,8 +12,7 @@ In the main thread of a POSIX system it raises from a signal's handler, which se
 which wakes a thread that is blocked in a system call, as in `time.sleep`. Its signal is SIGURG, which nobody else uses
 and which does nothing by default. In any other thread Python delivers the exception some instructions after the look,
 perhaps in asyncio: that ends the loop, and the program with it. What cannot be ended: a function written in C that
-neither returns nor looks for signals. With Python 3.10 neither can a `try` with a bare `except:` right in a loop: that
-Python looks for what is raised only within the `try`.
+neither returns nor looks for signals.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Simulated time: a bit-timed CAN bus, an asyncio event loop on its clock, and the world around the robot.
+"""Simulated time: a CAN bus, an asyncio event loop on its clock, and the world around the robot.
 
 Rule of this package: the same seed gives the same frames to the byte; nothing reads the real clock.
 """

@@ -1,7 +1,8 @@
 """An asyncio event loop whose clock is the simulated bus's: `await asyncio.sleep(90)` takes no time at all.
 
-Rule of this file: the loop never waits. Where an ordinary loop would sleep, events of the network are run until one
-of them wakes a task, or the time has come that the loop would have slept to.
+The loop never waits. Where an ordinary loop would sleep, events of the network are run until one of them wakes a task,
+or the time has come that the loop would have slept to. `Several` buses may share a clock, such as those of two robots
+that play each other.
 """
 
 from __future__ import annotations
@@ -11,12 +12,49 @@ import selectors
 from collections.abc import Callable, Coroutine
 from contextvars import Context
 from math import inf
-from typing import Any
+from typing import Any, Protocol
 
 from eurobot_od.bus.live.event_loop import run_in
-from eurobot_od.bus.simulated.several import Simulated
+from eurobot_od.bus.simulated.network import Simulation
 from eurobot_od.device.flow import Result
 from eurobot_od.errors import EurobotError
+
+
+class Simulated(Protocol):
+    """What has a simulated clock, and events on it."""
+
+    now: float
+    """The simulated time in seconds."""
+
+    @property
+    def next_event(self) -> float:
+        """Time of the next event, infinite if nothing will ever happen."""
+
+    def advance(self, until: float) -> bool:
+        """Run the next event if it is due by `until`; otherwise let the time pass and return False."""
+
+
+class Several:
+    """Some networks, advanced together: always the one with the next event, so that none is ahead of another."""
+
+    def __init__(self, *networks: Simulation) -> None:
+        self._networks = networks
+        self.now = max(network.now for network in networks)
+
+    @property
+    def next_event(self) -> float:
+        """Time of the next event on any bus."""
+        return min(network.next_event for network in self._networks)
+
+    def advance(self, until: float) -> bool:
+        """Run the next event of any bus if it is due by `until`; otherwise let the time pass and return False."""
+        first = min(self._networks, key=lambda network: network.next_event)
+        happened = first.advance(until)
+        self.now = first.now
+        for network in self._networks:
+            # Nothing happens on the others before that time, so their clocks may simply follow.
+            network.now = max(network.now, self.now)
+        return happened
 
 
 class NothingHappens(EurobotError):

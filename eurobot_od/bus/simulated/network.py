@@ -27,12 +27,8 @@ from math import inf
 from random import Random
 from typing import TypeAlias
 
-from eurobot_od.bus.simulated.bit_errors import BitErrors
-from eurobot_od.bus.simulated.bits import frame_bits
-from eurobot_od.bus.simulated.bus import Bus, regroup
-from eurobot_od.bus.simulated.confinement import ErrorState
-from eurobot_od.bus.simulated.controller import Babble, Controller, FrameSource, Nothing
-from eurobot_od.device.emergency import ErrorCode
+from eurobot_od.bus.bits import frame_bits
+from eurobot_od.bus.simulated.bus import Babble, Bus, Controller, FrameSource, Nothing
 from eurobot_od.device.node import Node
 from eurobot_od.device.station import Station
 from eurobot_od.frame import Frame
@@ -58,13 +54,6 @@ def processing_time(seed: int, name: str) -> float:
     return Random(f"{seed} processing {name}").choice(PROCESSING_TIMES)
 
 
-REPORTED = {
-    (ErrorState.ACTIVE, ErrorState.PASSIVE): ErrorCode.ERROR_PASSIVE,
-    (ErrorState.OFF, ErrorState.ACTIVE): ErrorCode.RECOVERED_FROM_BUS_OFF,
-}
-"""What a controller reports to its node when its state changes; nobody hears a node that is bus-off."""
-
-
 @dataclass
 class Attachment:
     """A station's place on the bus; it looks at a frame `processing` seconds after that came."""
@@ -88,9 +77,9 @@ class Simulation:
     """A simulated bus at `bitrate` bit/s with its stations; `now` is the simulated time in seconds.
 
     `reports` are the gatekeepers' reports. `observers` are called with each frame and the time, in seconds, at which
-    its transmission ended. `disturb` may be set to lose, double and delay frames; `bit_errors` spoil them on the wire.
-    A `monitored` bus has a controller that only listens, and acknowledges what it hears, so that the first node that
-    boots is not alone. Without it, one that is alone sends its frame again and again.
+    its transmission ended. `disturb` may be set to lose, double and delay frames. A `monitored` bus has a controller
+    that only listens, and acknowledges what it hears, so that the first node that boots is not alone. Without it, one
+    that is alone sends its frame again and again.
     """
 
     def __init__(self, bitrate: int = 500_000, *, monitored: bool = True) -> None:
@@ -98,10 +87,8 @@ class Simulation:
         self.now = 0.0
         self.observers: list[Callable[[float, Frame], None]] = []
         self.reports: list[Report] = []
-        # Apart from `bit_errors`: this is what a driver or a program loses, of which the sender's controller knows
-        # nothing.
+        # What a driver or a program loses, of which the sender's controller knows nothing.
         self.disturb: Disturb = lambda _now, _frame: ON_TIME
-        self.bit_errors: list[BitErrors] = []
         self._places: dict[Station, Attachment] = {}
         self._stations: dict[Controller, Station] = {}
         self._queue: list[tuple[float, int, Callable[[], None]]] = []
@@ -138,7 +125,7 @@ class Simulation:
 
         A frame of it on the wire ends. Afterwards it goes on with what it had, its mailboxes as well.
         """
-        controller = self.controller(station)
+        controller = self._places[station].controller
         # The longer one counts: a node that hangs twice at once is not back sooner for the second time.
         controller.silent_until = max(controller.silent_until, until)
         self.plan(until, _look_around)
@@ -146,30 +133,32 @@ class Simulation:
     def cut(self, until: float) -> None:
         """Switch the bus off until a time in seconds: a frame on the wire is lost, and begins anew afterwards."""
         for bus in self._buses:
-            bus.drop(self.now)
+            bus.drop()
             bus.off_until = max(bus.off_until, until)
         self.plan(until, _look_around)
 
     def split(self, stations: Iterable[Station], until: float = inf) -> None:
         """Cut the bus in two until a time in seconds: these stations, and the others with the monitor.
 
-        Neither part hears the other; a frame on the wire goes on where its sender is. One station alone has been pulled
+        Neither part hears the other; a frame on the wire is lost, and begins anew. One station alone has been pulled
         off, and is plugged in again at that time.
         """
-        moved = [self.controller(station) for station in stations]
-        torn = [bus for bus in self._buses if not set(bus.controllers).isdisjoint(moved)]
-        left = [(bus, [each for each in bus.controllers if each not in moved]) for bus in torn]
+        moved = [self._places[station].controller for station in stations]
+        for bus in self._buses:
+            if not set(bus.controllers).isdisjoint(moved):
+                bus.drop()
+                bus.controllers[:] = [each for each in bus.controllers if each not in moved]
         part = self._add_bus()
-        regroup(self.now, torn, [*left, (part, moved)])
+        part.controllers += moved
+        self.plan(self.now, _look_around)
         self.plan(until, partial(self._join, part))
 
-    def babble(self, frame: Frame, until: float) -> Controller:
-        """Have one more controller send the same frame again and again until a time in seconds; return it."""
+    def babble(self, frame: Frame, until: float) -> None:
+        """Have one more controller send the same frame again and again until a time in seconds."""
         controller = Controller(Babble(frame))
         self._whole.controllers.append(controller)
         self.plan(self.now, _look_around)
         self.plan(until, partial(self._remove, controller))
-        return controller
 
     def join(self, source: FrameSource) -> Callable[[], None]:
         """Connect a source of frames that is not a station; call what is returned when it has a new frame."""
@@ -184,12 +173,8 @@ class Simulation:
         for station, place in self._places.items():
             self.plan(heard + place.processing, partial(self._reach, station, partial(station.requested, frame.cob_id)))
 
-    def controller(self, station: Station) -> Controller:
-        """Return a station's CAN controller, which has its error counters and state."""
-        return self._places[station].controller
-
     def _add_bus(self) -> Bus:
-        bus = Bus(self.bitrate, self.bit_errors, self._has_ended, self._has_changed)
+        bus = Bus(self.bitrate, self._has_ended)
         # A part that is split off a bus without power has no power either.
         bus.off_until = max((each.off_until for each in self._buses), default=0.0)
         self._buses.append(bus)
@@ -198,10 +183,11 @@ class Simulation:
     def _join(self, part: Bus) -> None:
         """Have a part of the bus, and the whole, hear each other again."""
         self._buses.remove(part)
-        order = {each: number for number, each in enumerate(self._stations)}
+        self._whole.drop()
+        self._whole.controllers += part.controllers
         # In the order of attaching, so that a cut leaves no trace in the order of later events.
-        together = sorted([*self._whole.controllers, *part.controllers], key=lambda each: order.get(each, -1))
-        regroup(self.now, [self._whole, part], [(self._whole, together)])
+        order = {each: number for number, each in enumerate(self._stations)}
+        self._whole.controllers.sort(key=lambda each: order.get(each, -1))
 
     def _remove(self, controller: Controller) -> None:
         for bus in self._buses:
@@ -212,7 +198,7 @@ class Simulation:
         if station in self._places:
             # From now on it acknowledges: until then its controller is without power, and one neighbour alone on the
             # bus repeats its boot-up message for ever.
-            self.controller(station).silent_until = self.now
+            self._places[station].controller.silent_until = self.now
             station.start(self.now)
             self._places[station].ask()
 
@@ -228,8 +214,8 @@ class Simulation:
         # Asked at each event; nearly always no frame waits, and the buses need not be looked at.
         for bus in self._buses if waiting else ():
             # A frame was submitted from outside, between two events, and may be sent now.
-            free = [place.controller for place in waiting if place.controller.may_send(self.now)]
-            if bus.is_free(self.now) and not set(free).isdisjoint(bus.controllers):
+            awake = [place.controller for place in waiting if place.controller.silent_until <= self.now]
+            if bus.is_free(self.now) and not set(awake).isdisjoint(bus.controllers):
                 times.append(self.now)
         return max(min(times, default=inf), self.now)
 
@@ -271,7 +257,7 @@ class Simulation:
 
     def _is_awake(self, station: Station) -> bool:
         """Tell whether a station takes part."""
-        return station in self._places and self.controller(station).silent_until <= self.now
+        return station in self._places and self._places[station].controller.silent_until <= self.now
 
     def _has_ended(self, frame: Frame, senders: Sequence[Controller], receivers: Sequence[Controller]) -> None:
         """Free the mailboxes of a frame that has ended, and plan when who looks at it."""
@@ -286,12 +272,6 @@ class Simulation:
             for station in filter(self._is_awake, stations):
                 look = self.now + delay + self._places[station].processing
                 self.plan(look, partial(self._reach, station, partial(station.gatekeeper.receive, frame)))
-
-    def _has_changed(self, controller: Controller, before: ErrorState, after: ErrorState) -> None:
-        """Pass on to a node what its controller reports."""
-        station, code = self._stations.get(controller), REPORTED.get((before, after))
-        if station is not None and code is not None and self._is_awake(station):
-            station.bus_error(code, self.now)
 
     def _reach(self, station: Station, act: Callable[[float], object]) -> None:
         """Have a station act on a frame that has come, if it still can: it may have been detached meanwhile."""

@@ -42,7 +42,8 @@ from eurobot_od.od.values import (
     TRANSMISSION_TYPE,
     PdoDirection,
 )
-from eurobot_od.sdo.wire import Abort, AbortCode
+from eurobot_od.sdo.aborts import Abort
+from eurobot_od.sdo.wire import AbortCode
 
 if TYPE_CHECKING:
     from canopen.objectdictionary import ODVariable

@@ -40,7 +40,7 @@ OF_ONE_MATCH = {"speed": "fast"} | dict.fromkeys(("seed", "field", *OF_A_BUS))
 
 
 REPEATABLE = {
-    "--fault": ("NAME", "give a node a fault; `eurobot-od faults` lists them"),
+    "--fault": ("NAME", "give a node a fault; `faults` lists them"),
     "--set": (
         "NAME=VALUE",
         "value in place of the EDS file's, such as 'drive.Motion.Maximum speed=600', or of robot.yaml's, such as "
@@ -187,7 +187,7 @@ def too_slow(robot: Plugin, dialect: str | None, bit_rate: int) -> str:
     from eurobot_od.traffic.load.report import load_report, summary
 
     report = load_report(of_robot(robot, dialect), bit_rate)
-    return "" if report.holds else f"this bus is too slow: {summary(report)}; see `eurobot-od load -b {bit_rate}`"
+    return "" if report.holds else f"this bus is too slow: {summary(report)}; see `load -b {bit_rate}`"
 
 
 def _refuse_what_does_not_go_with_one_match(arguments: argparse.Namespace) -> None:

@@ -50,7 +50,7 @@ def _texts(name: str, table: Path | None) -> Iterator[tuple[str, str]]:
         text = file.read_text(encoding="utf-8").replace(NAME, name)
         yield str(file.relative_to(FILES)).removesuffix(SUFFIX), text
         if file.stem == "protocol.yaml":
-            made = make_files(read_table(text, file, lambda named: plugin.find(named).table))
+            made = make_files(read_table(text, file, plugin.table_of))
             yield from ((f"eds/{path}", content) for path, content in made.items())
     facts = table.with_name("robot.yaml") if table else None
     if facts and facts.is_file():

@@ -46,7 +46,7 @@ def add_arguments(group: argparse._ActionsContainer) -> None:
     group.add_argument("--drill", action="store_true", help="core only: do what the core does when it is checked")
     group.add_argument("--beacons", action="store_true", help="navigation only: simulated beacons for a red robot")
     group.add_argument(
-        "--world", type=world_address, metavar="[TOKEN@]HOST:PORT", help="wheels, beacons, sensor in `eurobot-od world`"
+        "--world", type=world_address, metavar="[TOKEN@]HOST:PORT", help="wheels, beacons, sensor in `world`"
     )
     group.add_argument(
         "--strategy",
@@ -175,6 +175,6 @@ def _lead(core: Core, arguments: argparse.Namespace, left: Callable[[], float]) 
 
         from eurobot_od.robot.check.drill import drill
 
-        with suppress(asyncio.TimeoutError):
+        with suppress(TimeoutError):
             # Cancelled and not left alone: the goto under way has to end as well, with the robot standing.
             asyncio.run(asyncio.wait_for(drill(core), left()))

@@ -13,10 +13,11 @@ from typing import Any
 from eurobot_od.bus.live.event_loop import apart
 from eurobot_od.bus.live.watchdog import Watchdog, passing
 from eurobot_od.bus.simulated import loop
+from eurobot_od.bus.simulated.network import Simulation
 from eurobot_od.device.flow import Result
 from eurobot_od.errors import ProgramFailed
 from eurobot_od.frame import Frame
-from eurobot_od.robot.match.stage import POWER_UP, EdsFiles, bus, cast_for, switch_on
+from eurobot_od.robot.match.stage import POWER_UP, EdsFiles, cast_for, switch_on
 from eurobot_od.robot.model.options import MatchOptions
 from eurobot_od.robot.nodes import Core
 from eurobot_od.robot.world import World
@@ -57,7 +58,7 @@ def _rehearse(
     log: str | Path | None,
     picture: str | Path | None,
 ) -> Result:
-    network = bus(options)
+    network = Simulation()
     world = World(options, lambda: network.now)
     core, nodes = cast_for(options, EdsFiles.read(options), world)
     switch_on(nodes, network, options.seed)

@@ -18,9 +18,7 @@ from eurobot_od.bus.live.event_loop import run_in, watched_loop
 from eurobot_od.bus.live.signals import EndedBySigterm
 from eurobot_od.bus.live.watchdog import Watchdog, passing
 from eurobot_od.bus.simulated import loop as simulated_loop
-from eurobot_od.bus.simulated.bit_errors import Noise
 from eurobot_od.bus.simulated.network import Simulation, processing_time
-from eurobot_od.bus.simulated.several import Several
 from eurobot_od.errors import LocalError
 from eurobot_od.frame import Frame
 from eurobot_od.gatekeeper import Report
@@ -164,14 +162,6 @@ class Performance:
         )
 
 
-def bus(options: MatchOptions) -> Simulation:
-    """Make a simulated bus, with the bit errors of a match's world."""
-    network = Simulation()
-    if options.errors.bus_bits:
-        network.bit_errors.append(Noise(options.errors.bus_bits, options.seed))
-    return network
-
-
 def switch_on(nodes: Iterable[Node], network: Simulation, seed: int) -> None:
     """Attach nodes to a simulated bus; each boots in its time."""
     last = max(BOOT_TIMES.values())
@@ -197,8 +187,8 @@ def play_simulated(
     if against is not None and not options.enemies:
         raise LocalError("a second robot takes the place of an enemy, and there is to be none")
     files = files or EdsFiles.read(options)
-    networks = [bus(options) for _ in range(1 if against is None else 2)]
-    clock = networks[0] if against is None else Several(*networks)
+    networks = [Simulation() for _ in range(1 if against is None else 2)]
+    clock = networks[0] if against is None else simulated_loop.Several(*networks)
     world = World(options, lambda: clock.now, rival=against is not None)
     match = Performance(options, files, world, show, watch)
     sides = [match] if against is None else [match, Performance(_rival(options), files, world, name=RIVAL)]

@@ -6,7 +6,7 @@ from collections import Counter
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
-from eurobot_od.bus.simulated.bits import frame_bits
+from eurobot_od.bus.bits import frame_bits
 from eurobot_od.device.nmt import NmtState
 from eurobot_od.errors import UnknownIdentifier
 from eurobot_od.frame import Frame

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Errors:
-    """What is wrong with the instruments of a simulated robot, and with its bus.
+    """What is wrong with the instruments of a simulated robot.
 
     Rates are shares 0..1 of all measurements. The noise of the beacons is none of them: it is a setting of the
     navigation (0x2101), by the document's Table 2.
@@ -51,8 +51,6 @@ class Errors:
     """Rate of measurements that see something where nothing is."""
     sensor_missed: float = 0.02
     """Rate of measurements that see nothing where something is."""
-    bus_bits: float = 0.0
-    """Rate of bits on the bus that every controller sees the wrong way round; a frame with one is sent again."""
 
     def changed_by(self, values: Iterable[tuple[str, str]]) -> Errors:
         """Return a copy with some errors changed, each by its name and value in text; see `changed`."""

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Iterator
-from datetime import datetime, timezone
+from datetime import UTC, datetime
 from functools import partial
 from struct import Struct
 from struct import error as StructError  # noqa: N812 (a class with a small name)
@@ -74,7 +74,7 @@ def _start(file: BinaryIO) -> float:
         raise ValueError("not a BLF file")
     file.read(size - FILE_HEADER.size)
     try:
-        return datetime(year, month, day, hour, minute, second, millisecond * 1000, timezone.utc).timestamp()
+        return datetime(year, month, day, hour, minute, second, millisecond * 1000, UTC).timestamp()
     except ValueError:  # all zero: the times in the file count from nothing in particular
         return 0.0
 

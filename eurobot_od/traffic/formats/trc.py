@@ -5,7 +5,7 @@ A version is the order of its columns; from version 2 on the header has it.
 
 from __future__ import annotations
 
-from datetime import datetime, timedelta, timezone
+from datetime import UTC, datetime, timedelta
 
 from eurobot_od.traffic.entries import LATEST, Damage, Foreign, Raw, frame, shortened
 from eurobot_od.traffic.formats.lines import LineFormat
@@ -28,7 +28,7 @@ REMOTE, REMOTE_DATA = "RR", "RTR"
 EXTENDED_DIGITS = 5
 """Identifiers with this many digits or more have 29 bits."""
 
-EPOCH = datetime(1899, 12, 30, tzinfo=timezone.utc)
+EPOCH = datetime(1899, 12, 30, tzinfo=UTC)
 """What $STARTTIME counts days from."""
 
 

@@ -12,8 +12,8 @@ For a message m with longest frame C, period T and release jitter J:
     R    = max over the q with q T < t + J of  J + w(q) - q T + C                 response time
 
 Each equation has the least value that solves it. `E(t)` is the time that errors cost (Tindell, Burns, Wellings 1995;
-Broster 2003): `Errors.within(t)` of them, each with the longest recovery and the longest frame as urgent as m, which is
-sent again. R is counted from the moment the message falls due and ends with the intermission behind its frame.
+Broster 2003): `ErrorRate.within(t)` of them, each with the longest recovery and the longest frame as urgent as m, which
+is sent again. R is counted from the moment the message falls due and ends with the intermission behind its frame.
 
 Limited transmit mailboxes without abort (Khan, Davis, Navet 2011 treat the same case the same way, as jitter). While
 all mailboxes of a node hold less urgent frames, m has to wait, and frames less urgent than m win the bus: priority
@@ -48,7 +48,11 @@ from math import lcm
 from types import MappingProxyType
 from typing import NamedTuple, TypeAlias
 
-from eurobot_od.traffic.load.frames import RECOVERY_BITS
+from eurobot_od.traffic.load.message_set import MICROSECONDS, NO_ERRORS, ErrorRate, MessageSet, PeriodicMessage
+
+RECOVERY_BITS = 31
+"""The longest that an error keeps the bus busy besides the frame that is sent again: error flags that follow each other
+(12), delimiter (8), intermission (3), and the 8 bits for which an error passive node suspends its transmission."""
 
 HORIZON = 10**7
 """Bit times after which a busy period counts as endless: 10 s at 1 Mbit/s."""
@@ -64,36 +68,6 @@ FULL = 1
 
 BIT = 1
 """A frame that is ready within the first bit of another's arbitration still takes part in it."""
-
-
-class Message(NamedTuple):
-    """A message as the bus sees it: `bits` of its longest frame; `period`, `jitter` and `deadline` in bit times.
-
-    `node` sends it. `answers` is the place, in the list of messages, of the one that it answers; then `jitter` is what
-    the node takes for it.
-    """
-
-    identifier: int
-    bits: int
-    period: int
-    deadline: int
-    jitter: int = 0
-    node: str = ""
-    answers: int | None = None
-
-
-class BitErrors(NamedTuple):
-    """At most `number` bit errors in any interval of that many bit times."""
-
-    number: int = 0
-    interval: int = 1
-
-    def within(self, time: int) -> int:
-        """Return how many errors there can be in a time."""
-        return self.number * _ceil(time, self.interval)
-
-
-NO_ERRORS = BitErrors()
 
 
 class Bound(NamedTuple):
@@ -118,7 +92,7 @@ class Interference(NamedTuple):
     `blocking` is the longest less urgent message and `blocked` its bits; `recovery` is what an error costs.
     """
 
-    message: Message
+    message: PeriodicMessage
     others: tuple[int, ...]
     blocking: int | None
     blocked: int
@@ -143,12 +117,15 @@ NO_TIMES = Times()
 
 
 class Analysis:
-    """The analysis of a list of messages; `mailboxes` says how many a node has; a node that is not named has enough."""
+    """The analysis of a list of messages, their times in bit times.
+
+    `mailboxes` says how many a node has; a node that is not named has enough.
+    """
 
     def __init__(
         self,
-        messages: Sequence[Message],
-        errors: BitErrors = NO_ERRORS,
+        messages: Sequence[PeriodicMessage],
+        errors: ErrorRate = NO_ERRORS,
         mailboxes: Mapping[str, int] = MappingProxyType({}),
     ) -> None:
         self.messages, self.errors, self.mailboxes = tuple(messages), errors, mailboxes
@@ -167,12 +144,6 @@ class Analysis:
             if solution.late <= late:
                 return solution.bounds()
             late |= solution.late
-
-    @cached_property
-    def holds(self) -> bool:
-        """Whether every message is bound to meet its deadline."""
-        pairs = zip(self.messages, self.bounds)
-        return all(bound.response is not None and bound.response <= each.deadline for each, bound in pairs)
 
     @cached_property
     def levels(self) -> tuple[Interference, ...]:
@@ -196,7 +167,7 @@ class Analysis:
         )
         return Interference(message, others, blocking, blocked, load + self._share([message]), load, recovery)
 
-    def _share(self, messages: Iterable[Message]) -> Fraction:
+    def _share(self, messages: Iterable[PeriodicMessage]) -> Fraction:
         """Return the share of the bus that messages take, exactly, as FULL is a sharp limit."""
         return Fraction(sum(each.bits * (self._hyperperiod // each.period) for each in messages), self._hyperperiod)
 
@@ -218,6 +189,20 @@ class Analysis:
         return less if late else less[self.mailboxes[node] - 1 :]
 
 
+def analysed(messages: MessageSet, bit_rate: int) -> Analysis:
+    """Return the analysis of a set at a bit rate in bit/s."""
+
+    def bits(time: int) -> int:
+        return time * bit_rate // MICROSECONDS
+
+    def in_bits(each: PeriodicMessage) -> PeriodicMessage:
+        # Periods and deadlines are rounded down and jitters up: a bound has to hold for the exact times as well.
+        return each._replace(period=max(bits(each.period), 1), deadline=bits(each.deadline), jitter=-bits(-each.jitter))
+
+    errors = messages.errors._replace(interval=max(bits(messages.errors.interval), 1))
+    return Analysis([in_bits(each) for each in messages.messages], errors, messages.mailboxes)
+
+
 class _Solution:
     """The least jitters and times that agree with each other.
 
@@ -226,6 +211,7 @@ class _Solution:
 
     def __init__(self, analysis: Analysis, late: frozenset[str]) -> None:
         self._messages, self._levels, self._errors = analysis.messages, analysis.levels, analysis.errors
+        self._places = {each.name: place for place, each in enumerate(self._messages)}
         self._rivals = [analysis.rivals(n, each.node in late) for n, each in enumerate(self._messages)]
         self._jitters: list[int | None] = [each.jitter for each in self._messages]
         self._solve()
@@ -265,7 +251,7 @@ class _Solution:
         if self._jitters[place] is None:  # for good: nothing ever gets better
             return None
         message = self._messages[place]
-        answered = 0 if message.answers is None else _or_never(self._times[message.answers].response)
+        answered = _or_never(self._times[self._places[message.answers]].response) if message.answers else 0
         jitter = message.jitter + answered + max(map(self._waiting, self._rivals[place]), default=0)
         return jitter if jitter <= HORIZON else None
 
@@ -284,7 +270,7 @@ class _Solution:
         return None if queued is None else queued + level.message.bits
 
 
-def _times(level: Interference, jitter: int, others: Sequence[Waits], errors: BitErrors) -> Times:
+def _times(level: Interference, jitter: int, others: Sequence[Waits], errors: ErrorRate) -> Times:
     """Solve the equations of one message."""
     bits, period = level.message.bits, level.message.period
     behind = sum(j * c // t for c, t, j in others)  # rounded down, so that no search starts beyond its solution
@@ -310,7 +296,7 @@ def _times(level: Interference, jitter: int, others: Sequence[Waits], errors: Bi
     return Times(response, waiting, busy)
 
 
-def _queued(level: Interference, ahead: int, others: Sequence[Waits], errors: BitErrors) -> Callable[[int], int]:
+def _queued(level: Interference, ahead: int, others: Sequence[Waits], errors: ErrorRate) -> Callable[[int], int]:
     """Return the function whose least solution is how long a message waits until its frame begins for good."""
 
     def until_sent(time: int) -> int:

@@ -9,7 +9,6 @@ A message without a known period is refused, as no bound holds without it.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from typing import NamedTuple
 
 from eurobot_od.errors import DictionaryError, LocalError
 from eurobot_od.od import standard, values
@@ -19,7 +18,7 @@ from eurobot_od.od.pdos import Pdo
 from eurobot_od.od.sdo_channel import SdoChannel
 from eurobot_od.od.values import PdoDirection
 from eurobot_od.support import durations
-from eurobot_od.traffic.load.message_set import MessageSet, PeriodicMessage, by_urgency
+from eurobot_od.traffic.load.message_set import MessageSet, PeriodicMessage
 
 SERVER_NODE_ID = 3
 """Sub-index of an SDO client's record (CiA 301, 7.5.2.34)."""
@@ -28,28 +27,6 @@ MAILBOXES = "Transmit.Mailboxes"
 
 MS, INHIBIT_UNIT = 1000, 100
 """Microseconds of a millisecond, and of the unit of inhibit times."""
-
-SYNC, EMCY, SDO = "SYNC", "EMCY", "SDO"
-
-
-class NodeFrame(NamedTuple):
-    """A frame that a node may send: its name, identifier, length in bytes, who sends it, and what it always answers.
-
-    `row` is the name of its row in a network file: its own, or that of the service.
-    """
-
-    row: str
-    name: str
-    identifier: int
-    length: int
-    node: str
-    answers: str = ""
-
-    def sent(self, period: int, reason: str) -> PeriodicMessage:
-        """Return what is sent every `period`, us, with that for a deadline."""
-        return PeriodicMessage(
-            self.name, self.identifier, self.length, period, period, self.node, answers=self.answers, reason=reason
-        )
 
 
 def network_set(
@@ -61,13 +38,14 @@ def network_set(
     """
     devices = tuple(dictionaries)
     reader = _Rows(devices, network.traffic, file)
-    senders = [_pdo_sender(device, each, names) for device in devices for each in _sent_pdos(device)]
+    pdos = [_pdo(device, each, names) for device in devices for each in _sent_pdos(device)]
     services = [each for device in devices for each in _services(device, devices)]
-    reader.refuse_unknown({each.row for each in (*senders, *services)})
+    rows = [*((each.name, each) for each in pdos), *services]
+    reader.refuse_unknown({row for row, _ in rows})
     by_itself = [each for device in devices for each in _by_itself(device, devices, names)]
-    by_rows = [each for sender in (*senders, *services) for each in reader.sent(sender)]
+    by_rows = [each for row, message in rows for each in reader.sent(row, message)]
     known = {(each.identifier, each.node) for each in (*by_itself, *by_rows)}
-    missing = dict.fromkeys(each.name for each in senders if (each.identifier, each.node) not in known)
+    missing = dict.fromkeys(each.name for each in pdos if (each.identifier, each.node) not in known)
     if missing:
         raise LocalError(f"no period is known of {', '.join(missing)}; say it in `traffic` of the network file")
     mailboxes = {device.name: count for device in devices if (count := _mailboxes(device))}
@@ -77,7 +55,8 @@ def network_set(
     # What several nodes send by one name is told apart by the node.
     sent = [each.name for each in by_rows]
     apart = [e._replace(name=f"{e.name} {e.node}") if sent.count(e.name) > 1 else e for e in by_rows]
-    return MessageSet(by_urgency([*by_itself, *apart]), mailboxes, bit_rate=bit_rate, offered=offered)
+    urgent_first = sorted([*by_itself, *apart], key=lambda each: each.identifier)
+    return MessageSet(tuple(urgent_first), mailboxes, bit_rate=bit_rate, offered=offered)
 
 
 def _mailboxes(device: Dictionary) -> int | None:
@@ -94,10 +73,9 @@ def _sent_pdos(device: Dictionary) -> Iterator[Pdo]:
     return (each for each in device.pdos if each.direction is PdoDirection.TPDO and each.valid)
 
 
-def _pdo_sender(device: Dictionary, pdo: Pdo, names: Mapping[int, str]) -> NodeFrame:
-    length = -(-sum(each.bits for each in pdo.mapping) // 8)  # a byte that is begun is sent
+def _pdo(device: Dictionary, pdo: Pdo, names: Mapping[int, str]) -> PeriodicMessage:
     name = names.get(pdo.cob_id, f"{device.name}.{pdo.name}")
-    return NodeFrame(name, name, pdo.cob_id, length, device.name)
+    return PeriodicMessage.of(name, pdo.cob_id, pdo.length, device.name)
 
 
 def _by_itself(
@@ -106,36 +84,37 @@ def _by_itself(
     """Give what a device sends by timer or SYNC, or whenever its inhibit time allows."""
     cycle = next((number for each in devices if (number := each.number(standard.SYNC_PERIOD))), 0)
     for pdo in _sent_pdos(device):
-        sender, inhibit = _pdo_sender(device, pdo, names), pdo.inhibit_time * INHIBIT_UNIT
+        message, inhibit = _pdo(device, pdo, names), pdo.inhibit_time * INHIBIT_UNIT
         if pdo.is_synchronous and cycle:  # type 0, with the next SYNC if it has changed, may be as often as type 1
-            yield sender.sent(cycle * max(pdo.transmission_type, 1), f"transmission type {pdo.transmission_type}")
+            yield message.every(cycle * max(pdo.transmission_type, 1), f"transmission type {pdo.transmission_type}")
         elif inhibit:  # before the event timer, which only says how seldom it may be sent
-            yield sender.sent(inhibit, "inhibit time")
+            yield message.every(inhibit, "inhibit time")
         elif pdo.event_timer:
-            yield sender.sent(pdo.event_timer * MS, "event timer")
+            yield message.every(pdo.event_timer * MS, "event timer")
     if heartbeat := device.number(standard.HEARTBEAT_TIME):
-        name, identifier = f"Heartbeat {device.name}", values.ERROR_CONTROL_BASE + device.node_id
-        yield NodeFrame(name, name, identifier, 1, device.name).sent(heartbeat * MS, "0x1017")
+        identifier = values.ERROR_CONTROL_BASE + device.node_id
+        message = PeriodicMessage.of(f"Heartbeat {device.name}", identifier, 1, device.name)
+        yield message.every(heartbeat * MS, "0x1017")
     if (device.number(standard.SYNC) or 0) & standard.SYNC_PRODUCER and (own := device.number(standard.SYNC_PERIOD)):
-        yield NodeFrame(SYNC, SYNC, values.SYNC_COB_ID, 0, device.name).sent(own, "0x1006")
+        yield PeriodicMessage.of("SYNC", values.SYNC_COB_ID, 0, device.name).every(own, "0x1006")
     if pause := device.number(standard.EMCY_INHIBIT_TIME):
-        yield _emcy(device).sent(pause * INHIBIT_UNIT, "0x1015")
+        yield _emcy(device).every(pause * INHIBIT_UNIT, "0x1015")
 
 
-def _emcy(device: Dictionary) -> NodeFrame:
+def _emcy(device: Dictionary) -> PeriodicMessage:
     identifier = device.cob_id(standard.EMCY, values.EMCY_BASE)
-    return NodeFrame(EMCY, f"{EMCY} {device.name}", identifier, 8, device.name)
+    return PeriodicMessage.of(f"EMCY {device.name}", identifier, 8, device.name)
 
 
-def _services(device: Dictionary, devices: Iterable[Dictionary]) -> Iterator[NodeFrame]:
-    """Give the services that a row may be about: EMCY without an inhibit time, and SDO if a client is there."""
+def _services(device: Dictionary, devices: Iterable[Dictionary]) -> Iterator[tuple[str, PeriodicMessage]]:
+    """Give the services with the names of their rows: EMCY without an inhibit time, SDO if a client is there."""
     if not device.number(standard.EMCY_INHIBIT_TIME):
-        yield _emcy(device)
+        yield "EMCY", _emcy(device)
     for client in devices:
         if any(client.number((index, SERVER_NODE_ID)) == device.node_id for index in standard.SDO_CLIENTS):
-            at, request = SdoChannel.of(device), f"{SDO} request {device.name}"
-            yield NodeFrame(SDO, request, at.requests, 8, client.name)
-            yield NodeFrame(SDO, f"{SDO} answer {device.name}", at.answers, 8, device.name, request)
+            at, request = SdoChannel.of(device), f"SDO request {device.name}"
+            yield "SDO", PeriodicMessage.of(request, at.requests, 8, client.name)
+            yield "SDO", PeriodicMessage.of(f"SDO answer {device.name}", at.answers, 8, device.name, request)
 
 
 # What the network file says
@@ -153,15 +132,15 @@ class _Rows:
             if name not in known:
                 raise self._error(name, f"traffic of {name!r}, which no node sends")
 
-    def sent(self, sender: NodeFrame) -> Iterator[PeriodicMessage]:
-        """Give what is sent by the row of a message, if it has one."""
-        row = self._rows.get(sender.row)
+    def sent(self, name: str, message: PeriodicMessage) -> Iterator[PeriodicMessage]:
+        """Give a message as its row says, if there is one."""
+        row = self._rows.get(name)
         if row is not None:
-            sent = sender.sent(self._period(sender.row, row), row.reason)
+            sent = message.every(self._period(name, row), row.reason)
             yield sent._replace(
-                deadline=self._time(row.deadline, sender.node) if row.deadline else sent.period,
-                jitter=self._time(row.jitter, sender.node) if row.jitter else 0,
-                answers=row.answers or sender.answers,
+                deadline=self._time(row.deadline, message.node) if row.deadline else sent.period,
+                jitter=self._time(row.jitter, message.node) if row.jitter else 0,
+                answers=row.answers or message.answers,
             )
 
     def _period(self, name: str, row: TrafficEntry) -> int:

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from eurobot_od.bus.simulated.bits import frame_bits
+from eurobot_od.bus.bits import frame_bits
 from eurobot_od.frame import Frame, identifier_text
 from eurobot_od.support.escaping import one_line
 from eurobot_od.support.tables import columns

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import pytest
 
-from eurobot_od.bus.simulated.bits import frame_bits, on_wire
+from eurobot_od.bus.bits import INTERMISSION, frame_bits
 from eurobot_od.bus.simulated.network import ON_TIME, PROCESSING_TIMES, Simulation, processing_time
 from eurobot_od.device.station import Station
 from eurobot_od.frame import Frame
@@ -26,7 +26,7 @@ from tests.robot.nodes.harness import DICTIONARIES, PROTOCOL, Peer
 
 GOTO = PROTOCOL.encode(GotoXY(1500, 1000, 90, 80))
 
-GOTO_TIME = on_wire(GOTO).end / 500_000
+GOTO_TIME = (frame_bits(GOTO) - INTERMISSION) / 500_000
 """Seconds that it takes on the bus, to the end of frame."""
 
 
@@ -115,15 +115,6 @@ def test_equal_frames_merge_into_one_and_count_as_sent_by_both() -> None:
     assert [later - earlier for earlier, later in zip(before, after)] == [0, 1, 1]
 
 
-def test_frames_of_one_identifier_and_other_data_are_bit_errors_until_their_senders_are_error_passive() -> None:
-    wire = Wire()
-    dominant, recessive = Frame(0x6F0, b"\x01"), Frame(0x6F0, b"\x02")
-    wire.drive.say(recessive)
-    wire.navigation.say(dominant)
-    assert [frame.cob_id for frame in wire.run(0.2)] == [0x082, 0x083, 0x6F0, 0x6F0]
-    assert wire.run(0.2)[2:] == [dominant, recessive]  # whose error flags are passive disturbs the other no more
-
-
 def test_equal_frames_of_one_node_both_go_out() -> None:
     wire = Wire()
     wire.core.say(StopDrive(), StopDrive())
@@ -149,8 +140,8 @@ def test_a_frame_takes_its_bits_at_the_bitrate(bitrate: int) -> None:
     network.observers.append(lambda time, _: times.append(time))
     peer.say(GOTO, GOTO)
     network.run(0.2)
-    end, free = on_wire(GOTO).end / bitrate, frame_bits(GOTO) / bitrate
-    assert times == pytest.approx([0.1 + end, 0.1 + free + end], abs=1e-9)
+    ends = [frame_bits(GOTO) - INTERMISSION, 2 * frame_bits(GOTO) - INTERMISSION]
+    assert times == pytest.approx([0.1 + end / bitrate for end in ends], abs=1e-9)
 
 
 def test_time_goes_on_without_events() -> None:

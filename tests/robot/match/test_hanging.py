@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 import threading
 import time
 from functools import partial
@@ -74,15 +73,7 @@ def play(file: Path) -> tuple[Summary, list[MatchEvent], list[int], list[str]]:
     return summary, events, sent, told
 
 
-NO_INSTANT = "catches everything"
-"""Python 3.10 looks for what another thread raises at no place outside of this one's `try`."""
-
-
-# Python 3.10 may end the strategy between `asyncio.sleep(0)` and its `await`, and says so of what was not awaited.
-@pytest.mark.filterwarnings("ignore:coroutine 'sleep' was never awaited:RuntimeWarning")
-@pytest.mark.parametrize(
-    ("body", "line"), [row for name, row in HANGING.items() if name != NO_INSTANT or sys.version_info >= (3, 11)]
-)
+@pytest.mark.parametrize(("body", "line"), HANGING.values(), ids=HANGING)
 def test_it_is_ended_with_its_line_and_the_robot_stands(tmp_path: Path, body: str, line: str) -> None:
     file = write(tmp_path, body)
     begin = time.process_time()

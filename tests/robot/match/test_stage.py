@@ -14,7 +14,6 @@ from eurobot_od.robot.match import EventKind, MatchEvent, MatchOptions, Summary
 from eurobot_od.robot.match.stage import EdsFiles, cast_for, play_simulated
 from eurobot_od.robot.model import robot_file
 from eurobot_od.robot.model.messages import EmergencyShutdown, GotoXY, StartConfigurationSet
-from eurobot_od.robot.model.options import Errors
 from eurobot_od.robot.model.values import TeamColour
 from eurobot_od.robot.nodes import Drive
 from eurobot_od.robot.nodes.motion import WheelCommand
@@ -117,13 +116,6 @@ def test_events_come_in_the_order_of_startup_and_match() -> None:
 def test_the_confirms_of_drive_and_navigation_are_two_frames_or_merge_with_the_seed() -> None:
     matches = [play(MatchOptions(seed=seed, duration=0.1)) for seed in range(1, 21)]
     assert {match.summary.frames["Start Configuration Confirm"] for match in matches} == {1, 2}
-
-
-def test_on_a_bus_with_bit_errors_nodes_report_them_and_the_robot_still_arrives() -> None:
-    match = play(MatchOptions(duration=12.0, errors=Errors(bus_bits=0.005)))
-    assert "EMCY" not in play(NORMAL).summary.others
-    assert match.summary.others["EMCY"]  # 0x8120, error passive
-    assert match.told(EventKind.ARRIVED)
 
 
 # The mushroom

@@ -1339,7 +1339,7 @@ def test_before_the_match_there_is_no_goto_without_the_navigation() -> None:
 # A second drive
 
 
-@pytest.mark.parametrize("processing", [0.0, 1e-4])  # they answer at once, which is a bit error, or one by one
+@pytest.mark.parametrize("processing", [0.0, 1e-4])  # they answer at once, or one by one
 def test_two_drives_that_differ_are_told_once(processing: float) -> None:
     bench, second = Bench(), Drive(DICTIONARIES["drive"])
     bench.network.attach(second, bench.now, processing)

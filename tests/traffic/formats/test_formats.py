@@ -10,7 +10,7 @@ import tracemalloc
 import zlib
 from collections.abc import Callable, Iterator
 from contextlib import closing
-from datetime import datetime, timezone
+from datetime import UTC, datetime
 from pathlib import Path
 
 import can
@@ -201,7 +201,7 @@ def test_a_blf_file_that_is_cut_off_gives_what_is_there_and_says_so(tmp_path: Pa
 
 
 def test_times_of_a_blf_file_count_from_the_start_that_it_says(tmp_path: Path) -> None:
-    start = datetime(2014, 5, 28, 12, 34, 56, 789000, timezone.utc).timestamp()
+    start = datetime(2014, 5, 28, 12, 34, 56, 789000, UTC).timestamp()
     late = [can.Message(timestamp=start + n, arbitration_id=0x014, is_extended_id=False) for n in (0, 0.5)]
     assert [round(time - start, 3) for _, time, *_ in read(write(tmp_path, "blf", late))] == [0, 0.5]
 

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from hypothesis import strategies as st
 
-from eurobot_od.traffic.load.analysis import Message
+from eurobot_od.traffic.load.message_set import PeriodicMessage
 
 FAR = 10**9
 """A deadline that is never missed."""
 
 
-def message(rank: int, bits: int, period: int, jitter: int = 0, node: str = "", deadline: int = FAR) -> Message:
+def message(rank: int, bits: int, period: int, jitter: int = 0, node: str = "", deadline: int = FAR) -> PeriodicMessage:
     """Return a message with the identifier `rank`."""
-    return Message(rank, bits, period, deadline, jitter, node)
+    return PeriodicMessage(rank, bits, period, deadline, jitter, node)
 
 
 messages = st.builds(
@@ -25,7 +25,7 @@ messages = st.builds(
 )
 
 
-def ranked(found: list[Message]) -> list[Message]:
+def ranked(found: list[PeriodicMessage]) -> list[PeriodicMessage]:
     """Give messages the identifiers 0, 1, ... in their order."""
     return [each._replace(identifier=rank) for rank, each in enumerate(found)]
 

@@ -1,4 +1,4 @@
-"""The report of an analysis, its chart, and the search for the limits."""
+"""The report of an analysis, and its chart."""
 
 from __future__ import annotations
 
@@ -7,16 +7,14 @@ from xml.etree import ElementTree
 
 import pytest
 
-from eurobot_od.traffic.load.chart import chart
 from eurobot_od.traffic.load.message_set import MessageSet, PeriodicMessage
-from eurobot_od.traffic.load.report import LoadReport, as_data, load_report, table
-from eurobot_od.traffic.load.sweep import limits, sentences, with_messages, with_nodes
+from eurobot_od.traffic.load.report import LoadReport, as_data, chart, decades, load_report, table
 
 RATE = 100_000
 """bit/s: 10 us for a bit."""
 
-QUICK = PeriodicMessage("Quick", 0x010, 0, 10_000, 1_200, "a", jitter=100)
-LONG = PeriodicMessage("Long", 0x700, 8, 20_000, 20_000, "b")
+QUICK = PeriodicMessage.of("Quick", 0x010, 0, "a")._replace(period=10_000, deadline=1_200, jitter=100)
+LONG = PeriodicMessage.of("Long", 0x700, 8, "b").every(20_000)
 SET = MessageSet((QUICK, LONG))
 
 
@@ -32,6 +30,13 @@ def test_times_are_microseconds(report: LoadReport) -> None:
     assert report.busy == 1_900
     assert float(report.load) == pytest.approx(0.1225)
     assert (quick.holds, long.holds, report.holds) == (False, True, False)
+
+
+@pytest.mark.parametrize(("deadline", "holds"), [(1_900, True), (1_899, False)])
+def test_a_deadline_holds_to_the_microsecond(deadline: int, holds: bool) -> None:
+    assert (
+        load_report(MessageSet((QUICK._replace(deadline=5_000), LONG._replace(deadline=deadline))), RATE).holds is holds
+    )
 
 
 def test_table(report: LoadReport) -> None:
@@ -51,7 +56,7 @@ def test_an_overload_is_told() -> None:
 
 
 def test_mailboxes_are_told() -> None:
-    others = tuple(PeriodicMessage(f"Other {n}", n, 8, 100_000, 100_000, "a") for n in (0x20, 0x21))
+    others = tuple(PeriodicMessage.of(f"Other {n}", n, 8, "a").every(100_000) for n in (0x20, 0x21))
     line = list(table(load_report(MessageSet((QUICK, *others), {"a": 2}), RATE)))[1]
     assert line.endswith("Other 32, Other 32 in the mailboxes")
 
@@ -74,55 +79,16 @@ def test_the_chart_of_nothing_is_one() -> None:
     ElementTree.fromstring(chart(load_report(MessageSet(()), RATE), "nothing"))
 
 
-# Limits
-
-
-def test_the_slowest_bus_and_the_most_traffic() -> None:
-    found = limits(SET, 500_000)
-    assert found.slowest == 174  # 190 bits in 1200 - 100 us, all rounded to the bad side
-    assert load_report(SET, 174_000).holds
-    assert not load_report(SET, 173_000).holds
-    assert found.percent is not None
-    assert load_report(SET.faster(found.percent), 500_000).holds
-    assert not load_report(SET.faster(found.percent + 1), 500_000).holds
-    assert found.first_missed == "Long"
-
-
-def test_how_many_more_messages_fit() -> None:
-    found = limits(SET, 500_000)
-    assert found.messages is not None
-    for more, holds in ((0, True), (1, False)):
-        assert load_report(with_messages(SET, found.messages + more, found.shortest_period), 500_000).holds is holds
-
-
-def test_how_many_more_nodes_fit() -> None:
-    found = limits(SET, 500_000)
-    assert found.nodes is not None
-    for more, holds in ((0, True), (1, False)):
-        assert load_report(with_nodes(SET, found.nodes + more, found.busiest), 500_000).holds is holds
-
-
-def test_what_does_not_hold_has_no_limits() -> None:
-    found = limits(SET, RATE)
-    assert (found.percent, found.messages, found.nodes) == (None, None, None)
-    assert list(sentences(found)) == ["all deadlines are met down to 174 kbit/s", "at 100 kbit/s nothing fits any more"]
-
-
-def test_what_holds_on_no_bus() -> None:
-    found = limits(MessageSet((QUICK._replace(deadline=100),)), RATE)
-    assert found.slowest is None
-    assert next(sentences(found)) == "all deadlines are met on no classic CAN"
-
-
-def test_further_messages_are_less_urgent_than_all_others_and_each_has_its_node() -> None:
-    more = with_messages(SET, 2, 5_000).messages[2:]
-    assert [(each.identifier, each.node, each.period) for each in more] == [
-        (0x701, "further 0", 5_000),
-        (0x702, "further 1", 5_000),
-    ]
-
-
-def test_a_further_node_has_the_mailboxes_of_the_one_it_is_like() -> None:
-    more = with_nodes(SET._replace(mailboxes={"a": 3}), 2, "a")
-    assert more.mailboxes == {"a": 3, "a 2": 3, "a 3": 3}
-    assert [each.node for each in more.messages] == ["a", "a 2", "a 3", "b"]
+@pytest.mark.parametrize(
+    ("rate", "deadline", "lines"),
+    [
+        (500_000, 1_000, [100, 1_000]),  # the frame takes 270 us
+        (500_000, 1_001, [100, 1_000, 10_000]),
+        (1_000_000, 1_000, [10, 100, 1_000]),  # 135 us: at 100 its bar would be too short
+        (1_000_000, 100, [10, 100, 1_000]),
+        (1_000_000, 300_000, [10, 100, 1_000, 10_000, 100_000, 1_000_000]),
+    ],
+)
+def test_decades_are_as_many_as_the_times_need(rate: int, deadline: int, lines: list[int]) -> None:
+    message = LONG._replace(period=500_000, deadline=deadline)
+    assert [10**power for power in decades(load_report(MessageSet((message,)), rate))] == lines

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from eurobot_od.bus.simulated.bits import frame_bits
+from eurobot_od.bus.bits import frame_bits
 from eurobot_od.frame import Frame
 from eurobot_od.traffic.load.message_set import MessageSet, PeriodicMessage
 from eurobot_od.traffic.load.report import load_report
@@ -14,8 +14,8 @@ RATE = 125_000
 ASK, ANSWER = Frame(0x010), Frame(0x011, bytes(8))
 PROMISED = MessageSet(
     (
-        PeriodicMessage("Ask", 0x010, 0, 100_000, 100_000, "a"),
-        PeriodicMessage("Answer", 0x011, 8, 100_000, 100_000, "b", 1_000, answers="Ask"),
+        PeriodicMessage.of("Ask", 0x010, 0, "a").every(100_000),
+        PeriodicMessage.of("Answer", 0x011, 8, "b", "Ask").every(100_000)._replace(jitter=1_000),
     )
 )
 

@@ -6,7 +6,7 @@ import tracemalloc
 
 import pytest
 
-from eurobot_od.bus.simulated.bits import frame_bits
+from eurobot_od.bus.bits import frame_bits
 from eurobot_od.frame import Frame, RemoteFrame
 from eurobot_od.robot import dialects
 from eurobot_od.robot.model.messages import GotoStateResponse, GotoXY, KalmanPositionRequest

@@ -11,9 +11,7 @@ from contextlib import contextmanager
 from functools import partial
 
 from bench.measure import Claim, Contender, Figures, Quantity, Scale, Series, Way, Wrong
-from eurobot_od.bus.simulated.bit_errors import BitErrors, Noise
-from eurobot_od.bus.simulated.bus import Bus
-from eurobot_od.bus.simulated.controller import Controller
+from eurobot_od.bus.simulated.bus import Bus, Controller
 from eurobot_od.frame import Frame
 
 BITRATE = 1_000_000
@@ -22,8 +20,6 @@ DIFFERENT = 256
 """Frames of each controller that differ in their data."""
 
 FRAMES = 100_000
-NOISE = 1e-5
-"""A bit error in about every thousandth frame."""
 
 
 class Endless:
@@ -42,7 +38,7 @@ class Endless:
         self._sent += 1
 
 
-def carried(count: int, bit_errors: Sequence[BitErrors]) -> Figures:
+def carried(count: int) -> Figures:
     """Have a bus carry `count` frames; raises Wrong if there were fewer."""
     ended = 0
 
@@ -52,7 +48,7 @@ def carried(count: int, bit_errors: Sequence[BitErrors]) -> Figures:
         for sender in senders:
             sender.source.complete(frame)
 
-    bus = Bus(BITRATE, bit_errors, end, lambda *_: None)
+    bus = Bus(BITRATE, end)
     bus.controllers += [Controller(Endless(0x100 + number)) for number in range(CONTROLLERS)]
     begin, now = time.perf_counter(), 0.0
     while ended < count:
@@ -67,9 +63,9 @@ def carried(count: int, bit_errors: Sequence[BitErrors]) -> Figures:
 
 @contextmanager
 def bare(scale: Scale) -> Iterator[Mapping[str, Contender]]:
-    """Give the bus without and with bit errors."""
+    """Give the bus."""
     count = scale.of(FRAMES, 100)
-    yield {"calm": partial(carried, count, ()), "noisy": partial(carried, count, (Noise(NOISE),))}
+    yield {"calm": partial(carried, count)}
 
 
 SERIES = (
@@ -77,9 +73,6 @@ SERIES = (
         "bus",
         "simulated bus",
         bare,
-        (
-            Claim("100 000 frames on the simulated bus", "calm", None, Way.ALONE, 1.0),
-            Claim("the same with a bit error in every 1000th frame", "noisy", "calm", Way.RATIO),
-        ),
+        (Claim("100 000 frames on the simulated bus", "calm", None, Way.ALONE, 1.0),),
     ),
 )
