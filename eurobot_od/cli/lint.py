@@ -148,7 +148,7 @@ def _fix(files: Sequence[str], output: str | None) -> ExitStatus:
 
 
 def read_network(files: Sequence[str]) -> LintedNetwork:
-    """Read a network: a network file, a folder, or the nodes' EDS and DCF files; raises DictionaryError."""
+    """Read a network: a network file, a folder, or the nodes' EDS and DCF files; raises FileError."""
     from eurobot_od.lint.network import LintedNetwork, NetworkMember, nodes_of
     from eurobot_od.od.network import read_network
     from eurobot_od.od.network_file import NetworkFile, NodeFile

@@ -272,25 +272,25 @@ class Devices(NamedTuple):
 
     @property
     def _described(self) -> NetworkFile:
-        """What the network file says, if there is one; raises DictionaryError."""
+        """What the network file says, if there is one; raises FileError."""
         if not self.network and (self.dialect or not os.path.isfile(self._file)):  # noqa: PTH113
             return NetworkFile()
         return network.read_network(self._file)
 
     @property
     def master(self) -> str:
-        """Who leads the network, if its file says it; raises DictionaryError."""
+        """Who leads the network, if its file says it; raises FileError."""
         return self._described.master
 
     def files(self) -> list[NodeFile]:
-        """Return the files that are named, none for a dialect; raises LocalError, DictionaryError."""
+        """Return the files that are named, none for a dialect; raises LocalError, FileError."""
         if self.dialect and (self.eds or self.network):
             raise LocalError("--dialect is a network of its own: leave out --eds and --network, or leave it out")
         named = [*map(network.node_file, self.eds), *self._described.nodes]
         return with_patches(with_modules(named, self.modules), self.patches)
 
     def load(self) -> tuple[Dictionary, ...]:
-        """Load the files that are named, or else the dialect's; raises LocalError, DictionaryError, UnknownName."""
+        """Load the files that are named, or else the dialect's; raises LocalError, FileError, UnknownName."""
         files = self.files()
         return network.load(files) if files else self.robot.dialects.load_all(self.dialect)
 
@@ -322,7 +322,7 @@ class Devices(NamedTuple):
         return decoder_of(known, self.robot, self.own_errors(), self.master)
 
     def own_errors(self) -> dict[int, dict[int, str]]:
-        """Return the words of --emcy by node-ID, 0 for all nodes; raises DictionaryError."""
+        """Return the words of --emcy by node-ID, 0 for all nodes; raises FileError."""
         if not self.emcy:
             return {}  # most commands start without YAML
         from eurobot_od.od.emcy_file import read_error_words

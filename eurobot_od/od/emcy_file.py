@@ -6,7 +6,7 @@ import re
 from pathlib import Path
 
 from eurobot_od.errors import LocalError
-from eurobot_od.od.document import read_bytes
+from eurobot_od.support.files import read_whole
 from eurobot_od.support.yaml_shapes import SCALAR, TEXT, converted, mapping, read_yaml
 
 KEY = re.compile(r"0x(?P<first>[0-9A-F]{1,4}|[0-9A-F]{2,3}X{1,2})(\.\.0x(?P<last>[0-9A-F]{1,4}))?", re.IGNORECASE)
@@ -15,7 +15,7 @@ KEY = re.compile(r"0x(?P<first>[0-9A-F]{1,4}|[0-9A-F]{2,3}X{1,2})(\.\.0x(?P<last
 
 def read_error_words(file: str | Path) -> dict[int, str]:
     """Return the words by code; of several entries for a code the narrowest counts. Raises FileError."""
-    ranges = read_yaml(read_bytes(file).decode("utf-8", "replace"), mapping(TEXT, converted(SCALAR, _codes)), file)
+    ranges = read_yaml(read_whole(file).decode("utf-8", "replace"), mapping(TEXT, converted(SCALAR, _codes)), file)
     # The narrowest comes last, and so replaces what wider entries say about its codes.
     widest_first = sorted(ranges.items(), key=lambda each: len(each[0]), reverse=True)
     return {code: str(text) for codes, text in widest_first for code in codes}

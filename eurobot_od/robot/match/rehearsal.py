@@ -37,7 +37,7 @@ def rehearse(
 
     It works in a notebook as well. The strategy starts when the nodes have booted. `log` is a file for all frames, in
     the format of its suffix, `picture` one for the drawing: .svg, .html or .png; both are written also when the
-    strategy raises. Raises what the strategy raises, ProgramFailed if it hangs, DictionaryError, OSError, LocalError
+    strategy raises. Raises what the strategy raises, ProgramFailed if it hangs, FileError, OSError, LocalError
     for a suffix or an option.
     """
     return apart(lambda: _rehearse(strategy, options, log, picture))

@@ -118,7 +118,7 @@ class MatchOptions:
     def facts(self) -> Facts:
         """Return the facts of the robot and its match: those beside the EDS files, with what the settings change.
 
-        Raises UnknownName, DictionaryError, LocalError, OSError.
+        Raises UnknownName, FileError, LocalError.
         """
         return facts_for(plugin.find(self.robot).dialects.folder(self.dialect), self.settings)
 
