@@ -87,7 +87,7 @@ def group(*content: str, **attributes: object) -> str:
 
 def moved(corner: PaperPoint, *content: str, **attributes: object) -> str:
     """Return elements as one, with their origin at `corner`."""
-    return group(*content, transform=f"translate({corner[0]} {corner[1]})", **attributes)
+    return group(*content, transform=f"translate({number(corner[0])} {number(corner[1])})", **attributes)
 
 
 def _points(points: Iterable[PaperPoint]) -> str:

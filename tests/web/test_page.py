@@ -9,8 +9,8 @@ import re
 
 import pytest
 
-from eurobot_od.robot.panel import FieldPanel
 from eurobot_od.robot.protocol import decoder
+from eurobot_od.robot.scene.panel import FieldPanel
 from eurobot_od.web.columns import Columns
 from eurobot_od.web.page import FILES, page
 

@@ -9,8 +9,8 @@ from eurobot_od import plugin
 from eurobot_od.frame import Frame
 from eurobot_od.robot.model.options import MatchOptions
 from eurobot_od.robot.model.places import Point
-from eurobot_od.robot.panel.files import SeenMatch, save
-from eurobot_od.robot.picture.recording import Recording, ScoredTask, TouchMark, Truth, record_frames
+from eurobot_od.robot.scene.files import SeenMatch, save
+from eurobot_od.robot.scene.recording import Recording, ScoredTask, TouchMark, Truth, record_frames
 from eurobot_od.robot.world import World
 from eurobot_od.robot.world.world import OURS
 from eurobot_od.traffic.meaning import Decoder

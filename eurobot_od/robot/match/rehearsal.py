@@ -65,7 +65,7 @@ def _rehearse(
     with ExitStack() as stack:
         if picture is not None:
             from eurobot_od.robot.match.drawing import draw
-            from eurobot_od.robot.panel.files import form
+            from eurobot_od.robot.scene.files import form
 
             form(Path(picture))  # complains of a suffix before anything is played
             frames: list[tuple[float, Frame]] = []

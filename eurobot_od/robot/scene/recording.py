@@ -41,6 +41,12 @@ class RecordedGoto:
     outcome: Outcome | None = None
 
     @property
+    def words(self) -> str:
+        """What was asked for."""
+        asked = self.message
+        return f"goto {self.number} to {asked.x}, {asked.y} mm, {asked.angle} deg, {asked.speed} %"
+
+    @property
     def ending(self) -> str:
         """How it ended, in words."""
         return "under way" if self.outcome is None else self.outcome.value
@@ -55,6 +61,11 @@ class RecordedStop:
     name: str
     reason: str
     place: PathPoint | None
+
+    @property
+    def words(self) -> str:
+        """What it was, and why."""
+        return f"{self.letter}: {self.name}: {self.reason}"
 
 
 class TouchMark(NamedTuple):

@@ -10,8 +10,8 @@ import pytest
 
 from eurobot_od.errors import LocalError
 from eurobot_od.robot.model.places import Point, Pose
-from eurobot_od.robot.picture.recording import NOTHING, ScoredTask, TouchMark, Truth
-from eurobot_od.robot.picture.truth_file import STEP, read_truth, truth_file, write_truth
+from eurobot_od.robot.scene.recording import NOTHING, ScoredTask, TouchMark, Truth
+from eurobot_od.robot.scene.truth_file import STEP, read_truth, truth_file, write_truth
 
 TRUTH = Truth(
     [(10.0, Pose(1.0, 2.0, 3.0)), (10.5, Pose(4.0, 5.0, 6.0))],

@@ -21,7 +21,8 @@ from eurobot_od.robot.model.messages import (
 )
 from eurobot_od.robot.model.places import Point, Pose
 from eurobot_od.robot.model.values import Barriers, GotoFault, Obstacle, Outcome, Passage, Source, TeamColour
-from eurobot_od.robot.picture.recording import (
+from eurobot_od.robot.protocol import EurobotProtocol, decoder
+from eurobot_od.robot.scene.recording import (
     OURS,
     PathPoint,
     Recording,
@@ -32,7 +33,6 @@ from eurobot_od.robot.picture.recording import (
     record,
     record_frames,
 )
-from eurobot_od.robot.protocol import EurobotProtocol, decoder
 
 PROTOCOL = EurobotProtocol.load()
 ONE, TWO = GotoXY(1000, 500, 0, 50), GotoXY(2000, 500, 90, 50)

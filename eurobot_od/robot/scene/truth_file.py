@@ -14,7 +14,7 @@ from typing import Any
 
 from eurobot_od.errors import FileError, LocalError
 from eurobot_od.robot.model.places import Point, Pose
-from eurobot_od.robot.picture.recording import NOTHING, ScoredTask, TouchMark, Truth
+from eurobot_od.robot.scene.recording import NOTHING, ScoredTask, TouchMark, Truth
 from eurobot_od.support.files import read_whole, write_whole
 
 BEGINNING = 1 << 16
