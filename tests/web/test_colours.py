@@ -23,9 +23,9 @@ APART = 20.0
 TEXTS = [
     *((ink, ground) for ink in ("ink", "pale", "bad", "accent", "good") for ground in ("paper", "surface")),
     ("on-accent", "accent"),
-    ("target", "paper"),
     ("paper", "bad"),
-    ("paper", "target"),
+    *((ink, ground) for ink in ("field-ink", "field-pale") for ground in ("field-paper", "field-surface")),
+    *(("field-paper", ground) for ground in ("field-goto", "field-stop")),
 ]
 
 

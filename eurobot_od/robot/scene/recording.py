@@ -10,12 +10,10 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple, get_args
 
-from eurobot_od.frame import Frame
 from eurobot_od.pdo.message import Message, is_flagged, kinds
 from eurobot_od.robot.model import messages
 from eurobot_od.robot.model.places import Point, Pose
 from eurobot_od.robot.model.values import FAULT_OUTCOME, GotoFault, Outcome, Passage, TeamColour
-from eurobot_od.traffic.meaning import Decoder
 
 
 class PathPoint(NamedTuple):
@@ -151,12 +149,6 @@ def record(events: Iterable[tuple[float, Message]], truth: Truth = NOTHING) -> R
     known = [each.time for each in recording.touches] + [each.time for each in recording.scores]
     recording.end = max([recording.end, *known])
     return recording
-
-
-def record_frames(frames: Iterable[tuple[float, Frame]], decoder: Decoder, truth: Truth = NOTHING) -> Recording:
-    """Work out a match from frames and their times in s; those that are not messages, or damaged, are left out."""
-    meanings = ((time, decoder(frame).message) for time, frame in frames)
-    return record(((time, message) for time, message in meanings if message is not None), truth)
 
 
 class Recorder:

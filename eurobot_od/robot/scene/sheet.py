@@ -40,9 +40,6 @@ ROOM = (3000, 2000)
 PATH_TICK = 10
 """Seconds from one mark on the path to the next."""
 
-THIN = 8
-"""Points of a path that are nearer to each other than this are drawn as one, mm."""
-
 
 def sheet(recording: Recording, facts: Facts, title: str) -> str:
     """Draw a match as SVG, on the field that the facts say."""
@@ -109,7 +106,9 @@ def _in_the_end(recording: Recording, facts: Facts) -> Iterator[Item]:
         yield Item(ROBOTS, look.at(place, path[-1].angle), 0)
         if look.name != OURS:
             yield Item(ROBOT_NAMES, style.halo((place[0], place[1] + 10), look.name, fill=look.colour), 0)
-    yield from (Item(TRAILS, each, 0) for each in _true_path(field, recording.truth))
+    if recording.truth:
+        truth = svg.polyline(_points(field, recording.truth), fill="none", stroke=style.TRUTH, stroke_width=3.5)
+        yield Item(TRAILS, truth, 0)
     yield from (Item(ROBOTS, each, 0) for each in _ticks(field, recording))
     happened = [each for goto in recording.gotos for each in scene.goto(goto)]
     happened += [each for stop in recording.stops for each in scene.stop(stop)]
@@ -136,17 +135,6 @@ def _own_path(field: Field, path: list[PathPoint], end: float) -> Iterator[str]:
     for one, two in pairwise(path):
         colour = style.colour_at(two.time / end if end else 0.0)
         yield svg.line(*_points(field, (one, two)), stroke=colour, stroke_width=13, stroke_linecap="round")
-
-
-def _true_path(field: Field, path: list[PathPoint]) -> Iterator[str]:
-    """Draw the path without the points that nobody could tell from the one before."""
-    points = _points(field, path)
-    thinned = points[:1]
-    for point in points:
-        if dist(thinned[-1], point) >= THIN:
-            thinned.append(point)
-    if path:
-        yield svg.polyline(thinned, fill="none", stroke=style.TRUTH, stroke_width=3.5)
 
 
 def _ticks(field: Field, recording: Recording) -> Iterator[str]:

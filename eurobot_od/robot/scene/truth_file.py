@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -19,9 +18,6 @@ from eurobot_od.support.files import read_whole, write_whole
 
 BEGINNING = 1 << 16
 """Bytes of a log that tell it from another one."""
-
-STEP = 0.1
-"""Seconds between two places of the path: a tenth of what a robot is wide at its top speed."""
 
 
 def truth_file(log: Path) -> Path:
@@ -34,14 +30,6 @@ def _digest(log: Path) -> str:
         return hashlib.sha256(file.read(BEGINNING)).hexdigest()
 
 
-def _thinned(path: Iterable[tuple[float, Pose]]) -> Iterable[tuple[float, Pose]]:
-    last = float("-inf")
-    for time, pose in path:
-        if time - last >= STEP:
-            last = time
-            yield time, pose
-
-
 def write_truth(log: Path, truth: Truth, start: float) -> None:
     """Write what is true of a match beside its log, whose first frame came at `start`; raises OSError.
 
@@ -51,7 +39,7 @@ def write_truth(log: Path, truth: Truth, start: float) -> None:
         return
     data = {
         "log": _digest(log),
-        "path": [(round(time - start, 3), *(round(each, 1) for each in pose)) for time, pose in _thinned(truth.path)],
+        "path": [(round(time - start, 3), *(round(each, 1) for each in pose)) for time, pose in truth.path],
         "touches": [(each.time - start, each.place, each.words, each.at_fault) for each in truth.touches],
         "scores": [each._replace(time=each.time - start) for each in truth.scores],
     }

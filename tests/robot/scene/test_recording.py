@@ -7,6 +7,7 @@ import pytest
 from eurobot_od.frame import Frame
 from eurobot_od.pdo.kinds import OutOfRange
 from eurobot_od.pdo.message import Message
+from eurobot_od.robot.model import robot_file
 from eurobot_od.robot.model.messages import (
     EmergencyShutdown,
     EmergencyStop,
@@ -22,6 +23,7 @@ from eurobot_od.robot.model.messages import (
 from eurobot_od.robot.model.places import Point, Pose
 from eurobot_od.robot.model.values import Barriers, GotoFault, Obstacle, Outcome, Passage, Source, TeamColour
 from eurobot_od.robot.protocol import EurobotProtocol, decoder
+from eurobot_od.robot.scene.files import SeenMatch
 from eurobot_od.robot.scene.recording import (
     OURS,
     PathPoint,
@@ -31,7 +33,6 @@ from eurobot_od.robot.scene.recording import (
     Truth,
     at,
     record,
-    record_frames,
 )
 
 PROTOCOL = EurobotProtocol.load()
@@ -150,7 +151,9 @@ def test_frames_that_are_not_messages_are_left_out() -> None:
         (3.0, Frame(PROTOCOL.cob_id(GotoStateResponse), b"\0")),  # too short
         (4.0, PROTOCOL.encode(GotoStateResponse(0))),
     ]
-    assert endings(record_frames(frames, decoder())) == [(Outcome.ARRIVED, 0, 3)]
+    decode = decoder()
+    seen = SeenMatch([(time, decode(frame)) for time, frame in frames], decode, robot_file.read())
+    assert endings(seen.recording) == [(Outcome.ARRIVED, 0, 3)]
 
 
 PATH = [PathPoint(1, 0, 0, 0), PathPoint(2, 100, 200, 90)]
