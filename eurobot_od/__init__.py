@@ -7,117 +7,31 @@
         drive["Profile velocity"].value = 1500
 
 `help(Network)` shows what else there is; docs/api.md says what stays as it is. The public names are loaded when they
-are asked for, so that a command that needs no bus starts at once.
+are asked for, so that a command that needs no bus starts at once: `__init__.pyi` lists them.
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+import re
+from importlib import import_module
+from typing import Any
 
-if TYPE_CHECKING:
-    from eurobot_od.bus.live import Live as Live
-    from eurobot_od.bus.live import open_bus as open_bus
-    from eurobot_od.bus.simulated.network import Simulation as Simulation
-    from eurobot_od.client.emergencies import Emergency as Emergency
-    from eurobot_od.client.network import AsyncNetwork as AsyncNetwork
-    from eurobot_od.client.network import Network as Network
-    from eurobot_od.client.network import simulated as simulated
-    from eurobot_od.client.remote_device import AsyncRemoteDevice as AsyncRemoteDevice
-    from eurobot_od.client.remote_device import RemoteDevice as RemoteDevice
-    from eurobot_od.client.remote_pdos import PdoReading as PdoReading
-    from eurobot_od.client.remote_pdos import PdoValue as PdoValue
-    from eurobot_od.client.watch import NodeEvent as NodeEvent
-    from eurobot_od.device.drive import SimulatedDrive as SimulatedDrive
-    from eurobot_od.device.module import SimulatedModule as SimulatedModule
-    from eurobot_od.device.simulated import SimulatedDevice as SimulatedDevice
-    from eurobot_od.frame import Frame as Frame
-    from eurobot_od.gatekeeper import Gatekeeper as Gatekeeper
-    from eurobot_od.od.dictionary import Dictionary as Dictionary
-    from eurobot_od.pdo.protocol import Protocol as Protocol
-    from eurobot_od.robot.facade import Robot as Robot
-    from eurobot_od.robot.match import rehearse as rehearse
-    from eurobot_od.robot.match import rehearse_async as rehearse_async
-    from eurobot_od.robot.model import messages as messages
-    from eurobot_od.robot.nodes import Core as Core
-    from eurobot_od.robot.nodes import Drive as Drive
-    from eurobot_od.robot.nodes import Navigation as Navigation
-    from eurobot_od.robot.plugin import own_robot as own_robot
-    from eurobot_od.season.season import Season as Season
+with open(f"{__path__[0]}/__init__.pyi", encoding="utf-8") as _lines:  # noqa: PTH123 (pathlib takes longer than this)
+    _HOMES = {name: home for home, name in re.findall(r"^from (\S+) import .* as (\w+)$", _lines.read(), re.MULTILINE)}
 
-_HOMES = {
-    "AsyncNetwork": "client.network",
-    "AsyncRemoteDevice": "client.remote_device",
-    "Core": "robot.nodes",
-    "Dictionary": "od.dictionary",
-    "Drive": "robot.nodes",
-    "Emergency": "client.emergencies",
-    "Frame": "frame",
-    "Gatekeeper": "gatekeeper",
-    "Live": "bus.live",
-    "Navigation": "robot.nodes",
-    "Network": "client.network",
-    "NodeEvent": "client.watch",
-    "PdoReading": "client.remote_pdos",
-    "PdoValue": "client.remote_pdos",
-    "Protocol": "pdo.protocol",
-    "RemoteDevice": "client.remote_device",
-    "Robot": "robot.facade",
-    "Season": "season.season",
-    "SimulatedDevice": "device.simulated",
-    "SimulatedDrive": "device.drive",
-    "SimulatedModule": "device.module",
-    "Simulation": "bus.simulated.network",
-    "messages": "robot.model.messages",
-    "open_bus": "bus.live",
-    "own_robot": "robot.plugin",
-    "rehearse": "robot.match",
-    "rehearse_async": "robot.match",
-    "simulated": "client.network",
-}
-"""Where each public name is; `messages` is a module itself."""
-
-__all__ = [  # noqa: RUF022 (as documented; each is loaded by __getattr__)
-    "Network",
-    "AsyncNetwork",
-    "RemoteDevice",
-    "AsyncRemoteDevice",
-    "PdoReading",
-    "PdoValue",
-    "Emergency",
-    "NodeEvent",
-    "simulated",
-    "Simulation",
-    "SimulatedDevice",
-    "SimulatedDrive",
-    "SimulatedModule",
-    "Dictionary",
-    "Protocol",
-    "Frame",
-    "Gatekeeper",
-    "Live",
-    "open_bus",
-    "Season",
-    "messages",
-    "Core",
-    "Drive",
-    "Navigation",
-    "Robot",
-    "rehearse",
-    "rehearse_async",
-    "own_robot",
-]
+__all__ = list(_HOMES)
 
 
 def __getattr__(name: str) -> Any:
     """Import a public name from its module on first use."""
-    from importlib import import_module
-
     if name not in _HOMES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    home = import_module(f"{__name__}.{_HOMES[name]}")
+    home = import_module(_HOMES[name])
+    # A module has its own name: `eurobot_od.robot.model` need not have imported it.
+    found = getattr(home, name) if hasattr(home, name) else import_module(f"{_HOMES[name]}.{name}")
     if name == "Protocol":
-        home.Protocol.load = staticmethod(_load)
-    return home if name == "messages" else getattr(home, name)
+        found = type(name, (found,), {"__module__": __name__, "__doc__": found.__doc__, "load": staticmethod(_load)})
+    return globals().setdefault(name, found)
 
 
 def _load(dialect: Any = None) -> Any:

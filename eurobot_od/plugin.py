@@ -19,8 +19,8 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Callable, Coroutine, Iterable, Mapping, Sequence
-from contextlib import redirect_stdout
+from collections.abc import Callable, Coroutine, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, redirect_stdout
 from functools import lru_cache
 from importlib import import_module
 from pathlib import Path
@@ -45,7 +45,6 @@ if TYPE_CHECKING:
     from eurobot_od.device.node import Node
     from eurobot_od.export.mcap import Drawings
     from eurobot_od.od.dictionary import Dictionary
-    from eurobot_od.od.values import Address
     from eurobot_od.pdo.catalogue import Catalogue
     from eurobot_od.pdo.protocol import Protocol as Messages
     from eurobot_od.season.reports import SeasonReport
@@ -183,14 +182,12 @@ class Plugin(NamedTuple):
 
     def all_faults(self) -> Faults:
         """Return the faults of the robot's nodes, and those that any device can have."""
-        from eurobot_od.device.drive import SimulatedDrive
-        from eurobot_od.device.faults import conformance, device, drive, module
-        from eurobot_od.device.module import SimulatedModule
+        from eurobot_od.device.faults import device, drive
         from eurobot_od.device.node import Node
+        from eurobot_od.device.profiles.devices import SimulatedDrive
 
         own = dict(self.faults())
-        every = {**device.FAULTS, **own.get(Node, {}), **conformance.FAULTS}
-        return {**own, Node: every, SimulatedDrive: drive.FAULTS, SimulatedModule: module.FAULTS}
+        return {**own, Node: {**device.FAULTS, **own.get(Node, {})}, SimulatedDrive: drive.FAULTS}
 
     def fault_names(self) -> list[str]:
         """Return the names of all faults."""
@@ -242,17 +239,16 @@ class Plugin(NamedTuple):
         clock: Callable[[], float],
         faults: Iterable[str] = (),
         profile: int = 0,
-        wires: Mapping[Address, Address] = MappingProxyType({}),
     ) -> list[NodeUnderTest]:
         """Make simulated nodes that have these dictionaries, the robot's in their surroundings; raises UnknownName.
 
-        Those that have no role behave as a device `profile` says, I/O modules with `wires` from outputs to inputs.
+        Those that have no role behave as a device `profile` says.
         """
         from eurobot_od.check.simulated import NodeUnderTest
-        from eurobot_od.device.kinds import simulated_kind
+        from eurobot_od.device.profiles.devices import simulated_kind
 
         roles = {name: self.role_of(each) for name, each in dictionaries.items()}
-        kinds = {name: simulated_kind(each, profile, wires) for name, each in dictionaries.items()}
+        kinds = {name: simulated_kind(each, profile) for name, each in dictionaries.items()}
         nodes = {name: self.kind(role, faults, kinds[name])(dictionaries[name]) for name, role in roles.items()}
         ours = [nodes[name] for name, role in roles.items() if role]
         programs = self.partners(ours, seed, clock) if ours else {}
@@ -265,17 +261,16 @@ class Plugin(NamedTuple):
         faults: Iterable[str] = (),
         seed: int = 1,
         profile: int = 0,
-        wires: Mapping[Address, Address] = MappingProxyType({}),
     ) -> SuiteResult:
         """Run a suite against simulated nodes, those that can have some faults having them; raises UnknownName.
 
-        With a `profile` devices that are none of the robot's behave as it says; `wires` are those of I/O modules.
+        With a `profile` devices that are none of the robot's behave as it says.
         """
         from functools import partial
 
         from eurobot_od.check.simulated import run_simulated
 
-        make_nodes = partial(self.under_test, faults=faults, profile=profile, wires=wires)
+        make_nodes = partial(self.under_test, faults=faults, profile=profile)
         return run_simulated(suite, options, make_nodes, seed)
 
 
@@ -292,6 +287,11 @@ class Installed(NamedTuple):
     name: str
     target: str
     file: str
+
+    @property
+    def package(self) -> str:
+        """What pip calls the package that brings it."""
+        return Path(self.file).parent.name.partition("-")[0]
 
     @property
     def is_ours(self) -> bool:
@@ -355,7 +355,8 @@ def _written(name: str, file: Path) -> Plugin:
         return _loaded_if_it_can_be(installed()[name]) or NO_ROBOT
     path = file.parent / name
     typed = quote(str(path if path.is_dir() else name))
-    _warn(f"{file}: robot: {name} is not an installed robot, and a file runs no code; to run it, type --robot {typed}")
+    what = f"{file}: robot: {name} is not an installed robot, and a file runs no code"
+    _warn(f"{what}; to run it, set {VARIABLE}, or type --robot {typed}")
     return NO_ROBOT
 
 
@@ -427,20 +428,29 @@ def _entry_points(folder: str) -> list[str]:
 def _imported(target: str, name: str, file: str) -> Plugin:
     """Import a plugin, `module:attribute`, of which `file` tells; raises LocalError for all that it raises."""
     module, _, attribute = target.partition("[")[0].strip().partition(":")
+    with blaming(f"robot {name}", module, file):
+        found: object = import_module(module)
+        for each in (attribute or ATTRIBUTE).split("."):
+            found = getattr(found, each, None)
+    return _checked(found, f"robot {name}: {file}: no `{target}` there")
+
+
+@contextmanager
+def blaming(what: str, module: str, otherwise: str) -> Iterator[None]:
+    """Turn all that somebody's `module` raises into a LocalError with its place there, or with `otherwise`."""
     try:
         with redirect_stdout(sys.stderr):  # standard output may be a document, such as --json
-            found: object = import_module(module)
-            for each in (attribute or ATTRIBUTE).split("."):
-                found = getattr(found, each, None)
+            yield
     except KeyboardInterrupt:
         raise
     except BaseException as error:  # SystemExit, and what `pytest.skip` raises, must not end what needs no robot
         from eurobot_od.support import python_file
 
         inside = f"{module.rpartition('.')[0] or module}."
-        said = python_file.complaint(error, file, lambda frame: f"{frame.f_globals['__name__']}.".startswith(inside))
-        raise LocalError(f"robot {name}: {said}") from None
-    return _checked(found, f"robot {name}: {file}: no `{target}` there")
+        said = python_file.complaint(
+            error, otherwise, lambda frame: f"{frame.f_globals['__name__']}.".startswith(inside)
+        )
+        raise LocalError(f"{what}: {said}") from None
 
 
 def _checked(found: object, otherwise: str) -> Plugin:

@@ -9,6 +9,7 @@ import signal
 from collections.abc import Callable, Iterator
 from functools import lru_cache, wraps
 from pathlib import Path
+from tempfile import mkdtemp
 
 import pytest
 from hypothesis import HealthCheck, settings
@@ -82,10 +83,10 @@ def with_entry(text: str, section: str, key: str, value: str | None) -> str:
 
 @pytest.fixture
 def spoil_eds(tmp_path: Path) -> Callable[..., Path]:
-    """Copies the EDS files of `dialect` and changes entries (node, section, key, value); gives their folder."""
+    """Copies the EDS files of `dialect` and changes entries (node, section, key, value); gives their new folder."""
 
     def spoil(*changes: tuple[str, str, str, str | None], dialect: str = "canopen") -> Path:
-        folder = tmp_path / "eds"
+        folder = Path(mkdtemp(dir=tmp_path), "eds")
         shutil.copytree(EDS / dialect, folder)
         for node, section, key, value in changes:
             file = folder / f"{node}.eds"

@@ -23,12 +23,13 @@ from pathlib import Path
 from typing import NamedTuple
 
 import pytest
+import run
 from canopen.sdo.client import SdoClient
 from interop_rows.bench import PATIENCE, live, open_bus
 
 from eurobot_od import cli
 from eurobot_od.bus.live import Live
-from eurobot_od.device.drive import SimulatedDrive
+from eurobot_od.device.profiles.devices import SimulatedDrive
 from eurobot_od.device.simulated import SimulatedDevice
 from tests.processes import free_port, process
 
@@ -49,7 +50,7 @@ STAND_INS = (
     (r"-i remote -c ws://\S+", "-i virtual -c can0"),
     (r"--seeds \d+", "--seeds 2 --jobs 1"),
     (r"(eurobot-od match\b(?!.*--(?:duration|emergency-at)))", r"\1 --duration 5"),
-    (r"(eurobot-od serve.*)", r"\1 --listen 127.0.0.1:0"),
+    (r"((?:eurobot-od|canopen-workbench) serve.*)", r"\1 --listen 127.0.0.1:0"),
 )
 ENDLESS = ("node", "monitor", "serve")
 READY = {"python": "Server listening", "eurobot-od": "Ctrl-C ends it"}
@@ -139,8 +140,10 @@ class Shell:
             program = words.pop(0)
         if "mine" in words:  # a robot's own modules are imported into a process of its own
             return self._elsewhere(words)
-        if program in ("eurobot-od", "tools/run.py"):
-            return self._eurobot_od(words)
+        if program == "tools/run.py":
+            program, *words = words if words[0] in run.PROGRAMS else (cli.PROGRAM, *words)
+        if program in run.PROGRAMS:
+            return self._called(program, words)
         {"export": self._export, "cp": self._cp, "rm": self._rm}[program](words)
         return 0, []
 
@@ -155,7 +158,8 @@ class Shell:
         for word in words:
             yield from sorted(map(str, Path().glob(word))) if word.startswith("*") else [word]
 
-    def _eurobot_od(self, words: list[str]) -> tuple[int, list[str]]:
+    def _called(self, program: str, words: list[str]) -> tuple[int, list[str]]:
+        self._monkeypatch.setattr(sys, "argv", [program])
         endless = words[0] in ENDLESS
         terminal = Terminal(endless)
         with redirect_stdout(terminal), redirect_stderr(terminal):

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from itertools import permutations
 
-import pytest
-
 from eurobot_od.errors import (
     BusError,
     Cause,
@@ -37,6 +35,7 @@ from eurobot_od.errors import (
     YamlError,
 )
 from eurobot_od.robot.model.values import Direction
+from tests.rows import rows
 
 ERRORS: list[tuple[EurobotError, type[EurobotError], str]] = [
     # the caller's: nothing was sent
@@ -105,7 +104,7 @@ ERRORS: list[tuple[EurobotError, type[EurobotError], str]] = [
 ]
 
 
-@pytest.mark.parametrize(("error", "kind", "text"), ERRORS)
+@rows("error, kind, text", ERRORS)
 def test_error_has_its_place_in_the_tree_and_one_line(error: EurobotError, kind: type[EurobotError], text: str) -> None:
     assert isinstance(error, kind)
     assert str(error) == text

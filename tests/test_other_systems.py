@@ -22,6 +22,7 @@ from eurobot_od import cli
 from eurobot_od.support import files, terminal
 from tests.cli.console import Terminal
 from tests.like_windows import MODULES, NAMES, Lacking
+from tests.rows import rows
 
 ROOT = Path(__file__).parents[1]
 MOTOR = ("--eds", "5=motor.eds")
@@ -59,7 +60,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.long
-@pytest.mark.parametrize(("words", "status", "says"), COMMANDS, ids=[" ".join(words) for words, _, _ in COMMANDS])
+@rows("words, status, says", COMMANDS)
 def test_a_command_runs_without_what_only_posix_has(
     words: tuple[str, ...], status: int | None, says: str, folder: Path
 ) -> None:

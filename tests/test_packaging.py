@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import re
+import sys
 import tomllib
+from importlib import import_module
 from pathlib import Path
+from pkgutil import walk_packages
 from typing import Any
 
 import pytest
@@ -35,9 +38,21 @@ def test_an_installed_package_finds_its_eds_files_inside(monkeypatch: pytest.Mon
     assert dialects.eds_folder() == tmp_path / "eurobot_od" / "eds"
 
 
-def test_the_command_is_installed(project: dict[str, Any]) -> None:
-    module, _, function = project["project"]["scripts"]["eurobot-od"].partition(":")
-    assert callable(getattr(__import__(module, fromlist=[function]), function))
+def test_every_module_can_be_imported() -> None:
+    modules = {each.name for each in walk_packages(eurobot_od.__path__, "eurobot_od.")} - {"eurobot_od.__main__"}
+    for name in modules:  # of those that they import only when used, no linter says whether they are there
+        import_module(name)
+    assert modules
+
+
+def test_the_programs_are_installed_and_go_by_their_names(
+    project: dict[str, Any], capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for program, entry in project["project"]["scripts"].items():
+        module, _, function = entry.partition(":")
+        monkeypatch.setattr(sys, "argv", [f"/somewhere/{program}", "nonsense"])
+        assert getattr(__import__(module, fromlist=[function]), function)() == 2
+        assert capsys.readouterr().err.startswith(f"{program}: unknown command 'nonsense'")
 
 
 def test_the_pytest_plugin_is_installed_under_its_module_s_name(project: dict[str, Any]) -> None:

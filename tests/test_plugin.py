@@ -1,16 +1,21 @@
-"""Where a robot is found, and what is said about one that is not as it should be."""
+"""The door for robots: which one is meant, what is said about one that is not as it should be, and that data runs none.
+
+Robots are installed here as a wheel does it: a package, and its entry point in a `.dist-info` beside it.
+"""
 
 from __future__ import annotations
 
+import sys
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 
-from eurobot_od import plugin
-from eurobot_od.errors import LocalError, UnknownName
+from eurobot_od import cli, plugin
+from eurobot_od.errors import LocalError, RobotWarning, UnknownName
 from eurobot_od.plugin import NO_ROBOT, Plugin, find
 from eurobot_od.robot.plugin import ROBOT
-from tests.cli.console import run
+from tests.cli.console import Said, run
 
 MINE = """
 from eurobot_od.plugin import Command, Plugin
@@ -24,6 +29,9 @@ def add_arguments(parser):
 def run(arguments):
     print(arguments.times * "wave ")
 '''
+OURS = "eurobot2014 = eurobot_od.robot.plugin:ROBOT"
+
+Install = Callable[..., None]
 
 
 @pytest.fixture(autouse=True)
@@ -41,51 +49,145 @@ def mine(tmp_path: Path) -> Path:
     return folder
 
 
+@pytest.fixture
+def install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Install]:
+    """Install modules, and the entry points of robots, in an environment where there are no others."""
+    site, before = tmp_path / "site", set(sys.modules)
+    site.mkdir()
+    monkeypatch.syspath_prepend(site)
+    monkeypatch.setattr(plugin, "GROUP", "these.robots")
+    plugin.installed.cache_clear()
+
+    def add(entry: str, **modules: str) -> None:
+        for name, text in modules.items():
+            (site / f"{name}.py").write_text(text)
+        package = site / f"{entry.partition(' ')[0]}-1.0.dist-info"
+        package.mkdir()
+        (package / "entry_points.txt").write_text(
+            f"[console_scripts]\nx = y:z\n[{plugin.GROUP}]\n{entry}\n\n[z]\na = b\n"
+        )
+        plugin.installed.cache_clear()
+
+    yield add
+    plugin.installed.cache_clear()
+    for name in set(sys.modules) - before:
+        if Path(getattr(sys.modules[name], "__file__", None) or "/").parent == site:
+            del sys.modules[name]
+
+
+# Which one is meant
+
+
 def test_ours_is_installed_like_anybody_s() -> None:
-    assert plugin.installed()["eurobot2014"] == "eurobot_od.robot.plugin:ROBOT"
+    assert plugin.installed()["eurobot2014"].target == "eurobot_od.robot.plugin:ROBOT"
     assert find() is find("eurobot2014") is find("eurobot_od.robot.plugin") is ROBOT
 
 
-def test_a_folder_is_named_by_the_caller_the_environment_or_the_network_file(
-    mine: Path, monkeypatch: pytest.MonkeyPatch
+def test_a_robot_is_named_by_the_caller_before_the_environment_before_the_network_file(
+    mine: Path, monkeypatch: pytest.MonkeyPatch, install: Install
 ) -> None:
-    assert find(str(mine)).name == "Mine"
-    Path("eurobot-od.yaml").write_text("robot: mine\n")
+    install("arms = arms", arms=MINE.replace("Mine", "Arms"))
+    install(OURS)
+    Path("eurobot-od.yaml").write_text("robot: eurobot2014\n")
+    assert find() is find(alone=True) is ROBOT
+    assert find(network=mine / "eurobot-od.yaml").name == "Arms", "there is no such file"
+    monkeypatch.setenv(plugin.VARIABLE, str(mine))
     assert find().name == "Mine"
-    assert find("eurobot2014") is ROBOT
-    assert find(folder=mine) is ROBOT, "there is no network file in it"
-    monkeypatch.setenv(plugin.VARIABLE, "eurobot2014")
-    assert find() is ROBOT
+    assert find("arms").name == "Arms"
+    assert find("none") is NO_ROBOT
 
 
-INSTALLED = [
-    # (what the entry points of an environment name, whose robot it is)
-    ({}, ""),
-    ({"ours": "eurobot_od.robot.plugin:ROBOT", "theirs": "theirs:OTHER"}, "Theirs"),
-    ({"gone": "no_such_package.robot:ROBOT", "ours": "eurobot_od.robot.plugin:ROBOT"}, "Eurobot 2014"),
-    ({"gone": "eurobot_od.no_robot.plugin:ROBOT"}, ""),
-]
+def test_without_a_name_it_is_somebody_else_s_before_ours_and_none_alone(install: Install) -> None:
+    assert find() is NO_ROBOT
+    install(OURS)
+    assert (find(), find(alone=True)) == (ROBOT, NO_ROBOT)
+    install("theirs = theirs:OTHER [extra]", theirs=MINE.replace("ROBOT", "OTHER").replace("Mine", "Theirs"))
+    assert find().name == "Theirs"
 
 
-@pytest.mark.parametrize(("entered", "name"), INSTALLED)
-def test_of_several_it_is_one_of_another_package(
-    entered: dict[str, str], name: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+def test_two_that_fit_are_an_error_that_names_both_and_what_to_type(
+    install: Install, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    (tmp_path / "theirs.py").write_text(MINE.replace("ROBOT", "OTHER").replace("Mine", "Theirs"))
-    monkeypatch.syspath_prepend(tmp_path)
-    monkeypatch.setattr(plugin, "installed", lambda: entered)
-    assert find().name == name
+    install(OURS)
+    install("wings = wings", wings=MINE)
+    install("arms = arms", arms=MINE)
+    what = "eurobot-od: several robots are installed: name one by --robot: arms, wings\n"
+    for words in (["faults"], ["match"], ["decode", "a.log"]):
+        assert run(capsys, *words)[::2] == (2, what), words
+    said = run(capsys, "--help")
+    assert (said.status, said.err, "  decode " in said.out, "wave" in said.out) == (0, what, True, False)
+    assert "wave" in run(capsys, "--help", "--robot", "arms").out
+    assert run(capsys, "completion", "bash").err == "", "it needs none"
 
 
-def test_entry_points_are_read_as_packages_have_them(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    said = tmp_path / "team-1.0.dist-info"
-    said.mkdir()
-    (said / "entry_points.txt").write_text(
-        "[console_scripts]\nx = y:z\n[eurobot_od.robots]\nteam = team.robot:ROBOT\n\n[z]\na = b\n"
-    )
-    (tmp_path / "bare.dist-info").mkdir()
-    monkeypatch.setattr("sys.path", [str(tmp_path), str(tmp_path / "nothing")])
-    assert plugin.installed.__wrapped__() == {"team": "team.robot:ROBOT"}
+# What is wrong with one
+
+BROKEN = {
+    # what a robot's module has; where, and what is said about it
+    "def f(:\n": ("/site/broken.py:1: ", "SyntaxError: invalid syntax"),
+    "\n\nimport nothing_at_all\n": ("/site/broken.py:3: ", "ModuleNotFoundError: No module named 'nothing_at_all'"),
+    "def f():\n    1 / 0\nf()\n": ("/site/broken.py:2: ", "ZeroDivisionError: division by zero"),
+    "import json\njson.loads('')": (
+        "/site/broken.py:2: ",
+        "JSONDecodeError: Expecting value: line 1 column 1 (char 0)",
+    ),
+    "raise SystemExit('good\\nbye')": ("/site/broken.py:1: ", "SystemExit: good bye"),
+    "import pytest\npytest.skip('no arms', allow_module_level=True)": ("/site/broken.py:2: ", "Skipped: no arms"),
+    "def __getattr__(name):\n    raise OSError(name)\n": ("/site/broken.py:2: ", "OSError: "),
+    "ROBOT = 5\n": ("entry_points.txt: ", "no `broken:ROBOT` there that is an eurobot_od.plugin.Plugin"),
+}
+
+
+@pytest.mark.parametrize("text", BROKEN)
+def test_a_robot_that_cannot_be_loaded_is_one_warning_and_the_rest_goes_on(
+    text: str, install: Install, capsys: pytest.CaptureFixture[str]
+) -> None:
+    install("broken = broken:ROBOT", broken=text)
+    install(OURS)
+    where, what = BROKEN[text]
+    for words in (["--help"], ["show"], ["check", "--list"], ["faults"]):
+        said = run(capsys, *words)
+        assert (said.status, said.err.count("\n")) == (0, 1), words
+        assert said.err.startswith("eurobot-od: robot broken: ")
+        assert where in said.err
+        assert what in said.err
+        assert said.err.endswith("; going on without it\n")
+    assert "  match " in run(capsys, "--help").out, "ours is there all the same"
+    named = run(capsys, "--help", "--robot", "broken")
+    assert (named.status, named.out, named.err.count("\n")) == (2, "", 1)
+    doctor = run(capsys, "doctor")
+    assert (doctor.status, doctor.err) == (1, "")
+    assert "robot      broken does not load: broken:ROBOT" in doctor.out
+    assert "robot      eurobot2014 loads: eurobot_od.robot.plugin:ROBOT" in doctor.out
+    assert "pip uninstall broken" in " ".join(doctor.out.split())
+
+
+def test_a_package_that_was_removed_by_hand_is_told_by_its_entry_point(install: Install) -> None:
+    install("gone = no_such_package.robot:ROBOT")
+    with pytest.warns(RobotWarning, match=r"gone: .*/gone-1.0.dist-info/entry_points.txt: ModuleNotFoundError"):
+        assert find() is NO_ROBOT
+
+
+def test_ctrl_c_while_a_robot_is_loaded_ends_the_program(install: Install) -> None:
+    install("slow = slow:ROBOT", slow="raise KeyboardInterrupt")
+    assert cli.main(["faults"]) == cli.ExitStatus.INTERRUPTED
+
+
+def test_what_a_robot_prints_while_it_is_loaded_is_in_no_output(
+    install: Install, capsys: pytest.CaptureFixture[str]
+) -> None:
+    install("loud = loud", loud=f"print('hello')\n{MINE}")
+    assert run(capsys, "faults", "--json").out.startswith("[")
+
+
+def test_a_command_of_a_robot_that_cannot_be_loaded_is_one_line(
+    install: Install, capsys: pytest.CaptureFixture[str]
+) -> None:
+    install("mine = mine", mine=MINE, waving_hands="import nothing_at_all")
+    said = run(capsys, "wave")
+    assert said.status == 2
+    assert "/site/waving_hands.py:1: ModuleNotFoundError" in said.err
+    assert said.err.count("\n") == 1
 
 
 WRONG = {
@@ -94,6 +196,7 @@ WRONG = {
     "ROBOT = 5\n": r"robot.py: no `ROBOT` in it",
     "\n\nimport nothing_at_all\n": r"robot.py:3: ModuleNotFoundError: No module named 'nothing_at_all'",
     "def f(:\n": r"robot.py:1: SyntaxError",
+    "raise GeneratorExit": r"robot.py:1: GeneratorExit",
 }
 
 
@@ -111,10 +214,60 @@ def test_what_is_wrong_with_a_folder_is_one_line_with_its_place(
     assert len(said.err.splitlines()) == 1
 
 
-@pytest.mark.parametrize("name", ["nobody", "no.such.module"])
+@pytest.mark.parametrize("name", ["nobody", "no.such.module", "../nowhere", "a b"])
 def test_an_unknown_robot_is_told_with_those_that_are_installed(name: str) -> None:
     with pytest.raises(UnknownName, match=r"unknown robot .*eurobot2014"):
         find(name)
+
+
+# Data runs no code
+
+
+WRITTEN = {
+    # `robot:` of a network file that came with somebody's logs, and what is to be typed for it
+    "./x": "--robot x",
+    "x": "--robot x",
+    "../{folder}/x": "--robot ../{folder}/x",
+    "x.robot": "--robot x.robot",
+    "no such": "--robot 'no such'",
+}
+
+
+@pytest.mark.parametrize("name", WRITTEN)
+def test_a_file_that_names_no_installed_robot_is_told_what_to_type(name: str, tmp_path: Path) -> None:
+    (tmp_path / "x").mkdir()
+    (tmp_path / "x" / "robot.py").write_text("raise SystemExit('this must not run')")
+    Path("eurobot-od.yaml").write_text(f"robot: {name.format(folder=tmp_path.name)}\n")
+    with pytest.warns(RobotWarning, match="eurobot-od.yaml: robot: .*a file runs no code") as told:
+        assert find() is NO_ROBOT
+    assert str(told[0].message).endswith(f"type {WRITTEN[name].format(folder=tmp_path.name)}")
+
+
+@pytest.mark.parametrize("command", [*ROBOT.commands, "wave"])
+def test_no_command_of_a_robot_runs_what_a_file_names(
+    command: str, mine: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (mine / "robot.py").write_text(f"from pathlib import Path\nPath('it ran').touch()\n{MINE}")
+    Path("eurobot-od.yaml").write_text("robot: ./mine\n")
+    said = run(capsys, command, "new")
+    assert said.status == 2
+    assert said.err.splitlines()[0].endswith("to run it, set EUROBOT_OD_ROBOT, or type --robot mine")
+    assert [each.name for each in Path().iterdir() if each.name not in ("mine", "eurobot-od.yaml")] == []
+
+
+@pytest.mark.parametrize("program", [cli.PROGRAM, cli.WORKBENCH])
+def test_a_table_extends_an_installed_robot_s_only(
+    program: str, mine: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (mine / "robot.py").write_text("from pathlib import Path\nPath('ran').touch()\n")
+    monkeypatch.setattr(sys, "argv", [program])
+    Path("table.yaml").write_text("extends: ./mine\n")
+    said = run(capsys, "make-eds", "table.yaml", "-o", "eds")
+    assert said == Said(2, "", f"{program}: unknown installed robot './mine'; known: eurobot2014\n")
+    assert not Path("ran").exists()
+
+
+# Its commands
 
 
 @pytest.mark.usefixtures("mine")

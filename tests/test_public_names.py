@@ -64,7 +64,7 @@ def test_no_public_name_or_signature_changes_unnoticed() -> None:
 
 def test_every_public_name_is_listed() -> None:
     text = API.read_text(encoding="utf-8")
-    assert {*eurobot_od.__all__} - set(re.findall(r"`(\w+)`", text)) == set()
+    assert {*import_module("eurobot_od").__all__} - set(re.findall(r"`(\w+)`", text)) == set()
 
 
 def test_at_most_five_modules_are_promised() -> None:
@@ -76,6 +76,7 @@ def test_the_robot_s_messages_under_their_former_name_warn() -> None:
     with pytest.warns(DeprecationWarning, match=r"eurobot_od\.robot\.Protocol\.load"):
         protocol = eurobot_od.Protocol.load()  # type: ignore[attr-defined]  # which is how a type checker says so
     assert protocol.names() == import_module("eurobot_od.robot").Protocol.load().names()
+    assert not hasattr(import_module("eurobot_od.pdo.protocol").Protocol, "load")  # nobody else's class has changed
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         import_module("eurobot_od.robot").Protocol.load()

@@ -114,11 +114,27 @@ def test_a_suite_may_be_for_any_network(
 
 def test_a_suite_with_a_dialect_has_its_files_whatever_the_network(pytester: pytest.Pytester) -> None:
     shutil.copy(EDS / "drive.eds", pytester.path / "motor.eds")
-    pytester.path.joinpath("eurobot-od.yaml").write_text("nodes:\n  motor: {file: motor.eds, node_id: 5}\n")
+    pytester.path.joinpath("eurobot-od.yaml").write_text(
+        "robot: eurobot2014\nnodes:\n  motor: {file: motor.eds, node_id: 5}\n"
+    )
     suite = "spec: 1\nname: backwards\nnode: drive\ndialect: firmware2014\nsteps:\n  - send: {Goto XY: %s}\n"
     goto = "{x: 700, y: 1750, angle: 0, speed: 100, direction: backward}"  # a field that only that dialect has
     pytester.path.joinpath("drive.check.yaml").write_text(suite % goto)
     pytester.runpytest_inprocess(*PLUGIN).assert_outcomes(passed=1)
+
+
+def test_a_robot_that_only_a_file_names_is_left_out_with_a_warning(pytester: pytest.Pytester) -> None:
+    folder = pytester.mkdir("somebodys")
+    (folder / "robot.py").write_text("from pathlib import Path\nPath('it ran').touch()\n")
+    shutil.copy(EDS / "drive.eds", pytester.path / "drive.eds")
+    nodes = "nodes:\n  drive: {file: drive.eds, node_id: 2}\n"
+    pytester.path.joinpath("eurobot-od.yaml").write_text(f"robot: ./somebodys\n{nodes}")
+    suite = "spec: 1\nname: drive\nnode: drive\nsteps:\n  - sdo: {read: 0x1000}\n"
+    pytester.path.joinpath("drive.check.yaml").write_text(suite)
+    result = pytester.runpytest_inprocess(*PLUGIN, "-W", "always")
+    result.assert_outcomes(passed=1)
+    result.stdout.fnmatch_lines(["*RobotWarning: *to run it, set EUROBOT_OD_ROBOT, or type --robot *somebodys*"])
+    assert not pytester.path.joinpath("it ran").exists()
 
 
 def test_help_has_the_options_under_a_heading_of_their_own(pytester: pytest.Pytester) -> None:

@@ -1,4 +1,8 @@
-"""The workbench without a robot: a copy of the package from which `robot/` was removed, and all commands of its own."""
+"""The workbench never enters the robot when it is given its devices, under either name; and data runs no code.
+
+Every command runs where the robot's modules cannot be imported, for each way of giving devices; and once more in a
+folder that came from somebody, whose network file names a robot beside it.
+"""
 
 from __future__ import annotations
 
@@ -8,66 +12,93 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
+from typing import NamedTuple
 
 import pytest
 
 from eurobot_od import cli
-from tests.without_robot import COMMANDS
 
 pytestmark = pytest.mark.posix
 
 ROOT = Path(__file__).parents[1]
-LOG = "(0.000000) can0 605#4000100000000000\n(0.000400) can0 585#4300100092010200\n"
-SUITE = "spec: 1\nname: motor\nnode: motor\nsteps:\n  - name: type\n    sdo: {read: 0x1000}\n"
+ENVIRONMENT = {name: value for name, value in os.environ.items() if not name.startswith("EUROBOT_OD_")}
+NETWORK = "nodes: {motor: {file: motor.eds, node_id: 5}}\n"
+FILES = {
+    "motor.log": "(0.000000) can0 605#4000100000000000\n(0.000400) can0 585#4300100092010200\n",
+    "motor.check.yaml": "spec: 1\nname: motor\nnode: motor\nsteps:\n  - name: type\n    sdo: {read: 0x1000}\n",
+    "net.yaml": NETWORK,
+    "somebodys/robot.py": "from pathlib import Path\nPath('it ran').touch()\n",
+}
 
+WAYS = {
+    # how the devices are given: what is typed, and what the folder's own network file says
+    "eds": (["--eds", "5=motor.eds"], ""),
+    "network": (["--network", "net.yaml"], ""),
+    "folder": ([], NETWORK),
+    "somebody's folder": ([], f"{NETWORK}robot: ./somebodys\n"),
+}
 FOUND = {
-    # what ends with status 1, as the motor has no such thing, and what is said
+    # what ends with status 1, as the motor has no such thing or the robot does not load, and what is said
     "store": "refused to write 0x1010:1",
     "restore": "refused to write 0x1011:1",
     "program": "has no 0x1F50:1 Program data",
     "drive": "refused to read 0x6041:0",
     "lss": "no device without a node-ID answers",
+    "doctor": "robot eurobot2014: ",
 }
 SILENT = ("configure", "make-eds", "diff", "export-dcf", "sync", "time")
 """What prints nothing when all is well."""
 
+ABOUT_ROBOTS = {("doctor",), ("--help",), ("node", "--help"), ("faults",), ("query", "season")}
+"""What is about the robot itself: which are there, its commands and options, its faults and reports."""
 
-@pytest.fixture(scope="module")
-def results(tmp_path_factory: pytest.TempPathFactory) -> dict[tuple[str, ...], tuple[int, str, str]]:
-    folder = tmp_path_factory.mktemp("without_robot")
-    shutil.copytree(ROOT / "eurobot_od", folder / "eurobot_od", ignore=shutil.ignore_patterns("robot", "__pycache__"))
-    for file in ("docs/motor.eds", "eds/protocol.yaml", "tests/without_robot.py"):
+
+class Done(NamedTuple):
+    """How a command ended, what it printed, and the robot's modules that it has looked for."""
+
+    words: list[str]
+    status: int
+    out: str
+    err: str
+    entered: list[str]
+
+
+def ran(folder: Path, program: str, way: str) -> list[Done]:
+    """Run all commands of a program in a folder."""
+    (folder / "somebodys").mkdir()
+    for name, text in FILES.items():
+        (folder / name).write_text(text)
+    for file in ("docs/motor.eds", "eds/protocol.yaml"):
         shutil.copy(ROOT / file, folder)
-    (folder / "net.yaml").write_text("nodes: {motor: {file: motor.eds, node_id: 5}}")
-    (folder / "motor.log").write_text(LOG)
-    (folder / "motor.check.yaml").write_text(SUITE)
-    done = subprocess.run(
-        [sys.executable, "without_robot.py"],
-        cwd=folder,
-        env={**os.environ, "PYTHONPATH": str(folder)},
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=120,
-    )
+    devices, network = WAYS[way]
+    if network:
+        (folder / "eurobot-od.yaml").write_text(network)
+    line = [sys.executable, str(ROOT / "tests" / "without_robot.py"), program, *devices]
+    done = subprocess.run(line, cwd=folder, env=ENVIRONMENT, capture_output=True, text=True, check=False, timeout=120)
     assert done.returncode == 0, done.stderr
-    return {tuple(words): (status, out, err) for words, status, out, err in json.loads(done.stdout)}
+    return [Done(*each) for each in json.loads(done.stdout)]
 
 
-def test_every_command_is_tried() -> None:
-    assert {words[0] for words in COMMANDS if words[-1] != "--help"} == cli.COMMANDS.keys()
+@pytest.mark.parametrize("way", WAYS)
+@pytest.mark.parametrize("program", [cli.PROGRAM, cli.WORKBENCH])
+def test_every_command_works_and_none_enters_a_robot(program: str, way: str, tmp_path: Path) -> None:
+    done = ran(tmp_path, program, way)
+    called = [each for each in done if each.words[-1] != "--help"]
+    helped = [each for each in done if each.words[-1] == "--help"]
+    assert {each.words[0] for each in called} == {each.words[0] for each in helped[1:]} == cli.COMMANDS.keys()
 
+    entered = {tuple(each.words[:2]) for each in done if each.entered}
+    assert entered <= (ABOUT_ROBOTS if program == cli.PROGRAM else {("doctor",)})
+    assert not (tmp_path / "it ran").exists()
 
-@pytest.mark.parametrize("words", COMMANDS, ids=" ".join)
-def test_a_command_works(words: tuple[str, ...], results: dict[tuple[str, ...], tuple[int, str, str]]) -> None:
-    status, out, err = results[words]
-    found = "" if words[-1] == "--help" else FOUND.get(words[0], "")
-    assert status == bool(found), (out, err)
-    assert found in out + err
-    assert out + err or words[0] in SILENT
-
-
-def test_the_help_knows_no_robot(results: dict[tuple[str, ...], tuple[int, str, str]]) -> None:
-    for words, (_, out, _) in results.items():
-        if words[-1] == "--help":
-            assert not {"goto xy", "match", "navigation", "core,"} & set(out.lower().split()), words
+    for words, status, out, err, _ in called:
+        found = FOUND.get(words[0], "")
+        assert (status, found in out + err) == (bool(found), True), (words, out, err)
+        assert out + err or words[0] in SILENT, words
+        assert {line.partition(": ")[0] for line in err.splitlines() if not line.startswith(" ")} <= {program}, words
+    for each in helped:
+        assert (each.status, each.out.startswith(f"usage: {program}")) == (0, True), each
+        assert not {"goto xy", "match", "navigation", "core,"} & set(each.out.lower().split()), each.words
+    if WAYS[way][0]:
+        taking = {each.words[0] for each in helped if "--eds" in each.out}
+        assert taking <= {each.words[0] for each in called if {"--eds", "net.yaml"} & set(each.words)}

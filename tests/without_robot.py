@@ -1,4 +1,7 @@
-"""Runs the workbench's commands, each in this process, and prints how they ended; see `test_without_robot`."""
+"""Runs the workbench's commands where nobody can import the robot, and prints how they ended; see `test_without_robot`.
+
+Arguments: the program, and the options that give a command its devices.
+"""
 
 from __future__ import annotations
 
@@ -6,68 +9,94 @@ import json
 import signal
 import sys
 import threading
+from collections.abc import Iterator, Sequence
 from contextlib import redirect_stderr, redirect_stdout
+from importlib.machinery import ModuleSpec
 from io import StringIO
-from pathlib import Path
 
-import eurobot_od
 from eurobot_od import cli
 from eurobot_od.bus.live import Live, open_bus
 from eurobot_od.device.simulated import SimulatedDevice
 from eurobot_od.od.dictionary import Dictionary
 
-BUS = ["-i", "virtual", "-c", "can0"]
-MOTOR = ["--eds", "5=motor.eds"]
+BUS = ("-i", "virtual", "-c", "can0")
 
-COMMANDS = (
-    ("show", *MOTOR),
-    ("node", *MOTOR, *BUS, "--node-id", "6", "--duration", "100 ms"),
-    ("send", "605#4000100000000000", "--expect", "585#", *MOTOR, *BUS),
-    ("check", "--conformance", "--simulate", *MOTOR),
-    ("check", "motor.check.yaml", *MOTOR, *BUS),
-    ("check", "motor.check.yaml", "--simulate", *MOTOR, "--fault", "heartbeat-missing", "--step", "type"),
-    ("faults",),
-    ("decode", "motor.log", *MOTOR),
-    ("archive", "motor.log", "-o", "season", *MOTOR),
-    ("query", "season", "--report", "periods"),
-    ("query", "season", "SELECT count(*) FROM frames"),
-    ("compare", "motor.log", "motor.log", *MOTOR),
-    ("replay", "motor.log", *MOTOR, *BUS),
-    ("monitor", "motor.log", "--statistics", *MOTOR),
-    ("serve", "motor.log", "--listen", "127.0.0.1:0", *MOTOR),
-    ("load", "net.yaml"),
-    ("lint", "motor.eds"),
-    ("diff", "motor.eds", "motor.eds"),
-    ("export", "c", *MOTOR),
-    ("export", "dbc", *MOTOR),
-    ("export", "docs", *MOTOR),
-    ("export", "wireshark", *MOTOR),
-    ("export", "mcap", "motor.log", "-o", "motor.mcap", *MOTOR),
-    ("export", "xdd", "motor.eds"),
-    ("make-eds", "protocol.yaml", "-o", "eds"),
-    ("scan", "--listen", "100 ms", *MOTOR, *BUS),
-    ("read", "5", "0x1000", *MOTOR, *BUS),
-    ("write", "5", "0x1017", "500", *MOTOR, *BUS),
-    ("dump", "5", *MOTOR, *BUS),
-    ("pdo", "5", *MOTOR, *BUS),
-    ("export-dcf", "5", "-o", "motor.dcf", *MOTOR, *BUS),
-    ("configure", "5", "motor.dcf", *BUS),
-    ("store", "5", *BUS),
-    ("restore", "5", *BUS),
-    ("lss", "find", *BUS),
-    ("program", "5", "motor.log", *MOTOR, *BUS),
-    ("emcy", "5", *BUS),
-    ("drive", "5", "status", *BUS),
-    ("boot", "net.yaml", *BUS),
-    ("nmt", "5", "start", *BUS),
-    ("watch", "5", "--for", "700 ms", *BUS),
-    ("sync", "--count", "1", *BUS),
-    ("time", "--count", "1", *BUS),
-    ("doctor",),
-    ("completion", "bash"),
-    ("--help",),
-    *((command, "--help") for command in cli.COMMANDS),
-)
+
+class Refuser:
+    """Finds nothing of the robot, and notes who has looked for it."""
+
+    def __init__(self) -> None:
+        self.refused: list[str] = []
+
+    def find_spec(self, name: str, *_: object) -> ModuleSpec | None:
+        """Refuse the robot's modules; raises ImportError."""
+        if f"{name}.".startswith("eurobot_od.robot."):
+            self.refused.append(name)
+            raise ImportError(f"{name} is refused")
+        return None
+
+
+def commands(devices: Sequence[str]) -> Iterator[tuple[str, ...]]:
+    """Give every command of the workbench, each that takes devices with these."""
+    alone = (
+        ("faults",),
+        ("query", "season", "--report", "periods"),
+        ("query", "season", "SELECT count(*) FROM frames"),
+        ("load", "net.yaml"),
+        ("lint", "motor.eds"),
+        ("lint", "--network", "net.yaml"),
+        ("diff", "motor.eds", "motor.eds"),
+        ("export", "xdd", "motor.eds"),
+        ("make-eds", "protocol.yaml", "-o", "eds"),
+        ("lss", "find", *BUS),
+        ("boot", "net.yaml", *BUS),
+        ("sync", "--count", "1", *BUS),
+        ("time", "--count", "1", *BUS),
+        ("doctor",),
+        ("completion", "bash"),
+        ("--help",),
+    )
+    with_devices = (
+        ("show",),
+        ("check", "--conformance", "--simulate"),
+        ("check", "motor.check.yaml", "--simulate", "--fault", "heartbeat-missing", "--step", "type"),
+        ("decode", "motor.log"),
+        ("archive", "motor.log", "-o", "season"),
+        ("compare", "motor.log", "motor.log"),
+        ("monitor", "motor.log", "--statistics"),
+        ("serve", "motor.log", "--listen", "127.0.0.1:0"),
+        ("export", "c"),
+        ("export", "dbc"),
+        ("export", "docs"),
+        ("export", "wireshark"),
+        ("export", "mcap", "motor.log", "-o", "motor.mcap"),
+    )
+    on_bus = (
+        ("node", "--node-id", "6", "--duration", "100 ms"),
+        ("send", "605#4000100000000000", "--expect", "585#"),
+        ("check", "motor.check.yaml"),
+        ("replay", "motor.log"),
+        ("scan", "--listen", "100 ms"),
+        ("read", "5", "0x1000"),
+        ("write", "5", "0x1017", "500"),
+        ("dump", "5"),
+        ("pdo", "5"),
+        ("export-dcf", "5", "-o", "motor.dcf"),
+        ("configure", "5", "motor.dcf"),
+        ("store", "5"),
+        ("restore", "5"),
+        ("program", "5", "motor.log"),
+        ("emcy", "5"),
+        ("drive", "5", "status"),
+        ("nmt", "5", "start"),
+        ("watch", "5", "--for", "700 ms"),
+    )
+    yield from ((*words, *devices) for words in with_devices)
+    yield from ((*words, *devices, *BUS) for words in on_bus)
+    yield from alone
+    yield from ((command, "--help") for command in cli.COMMANDS)
+
+
 ENDLESS = "serve"
 
 
@@ -93,6 +122,13 @@ def run(words: tuple[str, ...]) -> tuple[int, str, str]:
 
 
 if __name__ == "__main__":
-    assert not Path(eurobot_od.__file__).with_name("robot").exists(), eurobot_od.__file__
+    program, *devices = sys.argv[1:]
+    sys.argv = [program]
+    refuser = Refuser()
+    sys.meta_path.insert(0, refuser)
     with Live.node(open_bus("virtual", "can0"), SimulatedDevice(Dictionary.load("motor.eds", 5))):
-        json.dump([(words, *run(words)) for words in COMMANDS], sys.stdout)
+        done = []
+        for words in commands(devices):
+            done.append((words, *run(words), refuser.refused))
+            refuser.refused = []
+    json.dump(done, sys.stdout)

@@ -78,10 +78,8 @@ class Sender(Node):
         self.dues: list[Due] = []
 
     def setting(self, name: str) -> int:
-        return {"Transmit.Mailboxes": self._mailboxes}.get(name, 0)
-
-    def seconds(self, name: str) -> float:
-        return math.inf  # no frame is dropped because it waits too long
+        # no frame is dropped because it waits too long
+        return {"Transmit.Mailboxes": self._mailboxes, "Transmit.Mailbox wait": 10**9}.get(name, 0)
 
     @property
     def next_wakeup(self) -> float:

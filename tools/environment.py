@@ -34,7 +34,10 @@ WORKERS = str((os.cpu_count() or 1) + 1)
 """Processes that run tests: one more than there are cores, as many tests wait for other processes."""
 
 SHORT = ("-m", "not long")
-"""What a suite leaves out: tests of many seconds, which tools/long_tests.py runs."""
+"""What a suite leaves out: tests of many seconds, which tools/nightly.py runs."""
+
+SUITE = ("-m", "pytest", "-q", "-n", WORKERS, "--dist", "worksteal", "--durations=10")
+"""Tests on all cores; the slowest are named."""
 
 ONCE_MORE = ("-m", "pytest", "-q", "--last-failed", "--last-failed-no-failures", "none")
 """What failed, alone: a test in real time may come too late on a busy machine. One that fails again has failed."""
@@ -107,9 +110,15 @@ def ensure(module: str, extras: str = "") -> None:
 
 def call(*command: str | Path) -> int:
     """Run a command and return its exit status; 130 if it was interrupted."""
-    # Without compiled files each of a thousand processes would compile what it imports, and each worker all tests.
-    environment = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
     try:
-        return subprocess.run([str(word) for word in command], check=False, env=environment).returncode
+        return subprocess.run([str(word) for word in command], check=False, env=variables()).returncode
     except KeyboardInterrupt:
         return 130
+
+
+def variables() -> dict[str, str]:
+    """Return the environment's variables for a program that is started.
+
+    Without compiled files each of a thousand processes would compile what it imports, and each worker all tests.
+    """
+    return {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}

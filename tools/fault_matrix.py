@@ -1,6 +1,7 @@
 """Runs all shipped check suites against all faults and prints which suite finds which fault.
 
 Every fault has to turn the step red that its table names, and without a fault no suite may be red, whatever the seed.
+The faults of the tests' kit are given to a device that the conformance suites, made from its file, ask for everything.
 The exit status says whether it is so: 0 yes, 1 no.
 """
 
@@ -11,22 +12,29 @@ import sys
 from collections.abc import Iterable, Iterator, Sequence
 from functools import cache, partial
 from importlib import import_module
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
+from environment import ROOT
+
+if str(ROOT) not in sys.path:
+    sys.path.insert(0, str(ROOT))  # the kit is the tests'
+
+from eurobot_od.check.conformance.subject import Tier
 from eurobot_od.check.reader import SuiteReader
 from eurobot_od.check.results import Status
 from eurobot_od.check.runner import RunOptions
 from eurobot_od.check.simulated import run_simulated
 from eurobot_od.check.suite import Suite
 from eurobot_od.cli import campaign
+from eurobot_od.device.simulated import SimulatedDevice
 from eurobot_od.robot import dialects
 from eurobot_od.robot.nodes import ROLES
 from eurobot_od.robot.plugin import ROBOT
 from eurobot_od.season.campaign import blocks
 from eurobot_od.season.campaign.executors import Workers
-
-if TYPE_CHECKING:
-    from eurobot_od.season.campaign.results import Results
+from eurobot_od.season.campaign.results import Results
+from tests.kit.devices import MODULE, first_red, suites
+from tests.kit.faults import CONFORMANCE
 
 FINE, NOT_FOUND = 0, 1
 
@@ -85,7 +93,7 @@ def named_red(fault: str, outcome: Outcome) -> bool:
 
 
 def robot_faults() -> list[str]:
-    """Return the faults that a shipped suite finds; a conformance suite finds the others (tests/device/faults)."""
+    """Return the faults that a shipped suite finds."""
     return [name for name in ROBOT.fault_names() if ROBOT.find_fault(name)[1].caught_by.suite in ROBOT.shipped_suites()]
 
 
@@ -111,7 +119,7 @@ def matrix(outcomes: Sequence[Outcome], suites: Sequence[str]) -> Iterator[str]:
     """Write the matrix, a line for each fault."""
     cells = {(each.run.fault, each.run.suite): cell(each) for each in outcomes}
     names = list(dict.fromkeys(each.run.fault or "" for each in outcomes))
-    width = max(map(len, names))
+    width = max(map(len, names), default=0)
     for row in range(max(map(len, suites))):
         yield " " * width + "  " + " ".join(suite.rjust(max(map(len, suites)))[row] for suite in suites)
     for name in names:
@@ -144,6 +152,18 @@ def wrongly_red(outcomes: Iterable[Outcome]) -> Iterator[str]:
             yield f"{each.run.suite} ({each.run.dialect}, seed {each.run.seed}): {each.red[0]!r} is red without a fault"
 
 
+# Suites made from a file
+
+
+def not_found_by_conformance(names: Iterable[str]) -> Iterator[str]:
+    """Say which faults the first red step of all conformance suites does not name."""
+    for name in names:
+        fault, asked = CONFORMANCE[name], suites(MODULE, Tier.DESTRUCTIVE)
+        red, step = first_red(asked, fault.given_to(SimulatedDevice)), fault.caught_by.step
+        if not red.startswith(step):
+            yield f"conformance: {name}: expected red is {step!r}; red is {red or 'nothing'}"
+
+
 # Command line
 
 
@@ -164,9 +184,15 @@ def parser() -> argparse.ArgumentParser:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Print the matrix for each dialect and what is not as it has to be."""
     options = parser().parse_args(arguments)
-    wrong: list[str] = []
+    asked_for, of_robot = options.fault or [*CONFORMANCE, *robot_faults()], robot_faults()
+    for name in {*asked_for} - {*CONFORMANCE}:
+        ROBOT.find_fault(name)  # complains of a name before the first run
+    of_devices = [name for name in asked_for if name in CONFORMANCE]
+    wrong = list(not_found_by_conformance(of_devices))
+    print(f"conformance: {len(of_devices)} faults, {len(wrong)} not found as named\n")
+    names = [name for name in of_robot if name in asked_for]
     chosen = {
-        dialect: (fault_runs(dialect, options.fault or robot_faults()), healthy_runs(dialect, options.seeds))
+        dialect: (fault_runs(dialect, names), healthy_runs(dialect, options.seeds))
         for dialect in options.dialect or dialects.names()
     }
     number = sum(len(runs) for both in chosen.values() for runs in both)

@@ -1,6 +1,7 @@
 """Asks other people's programs about our files and nodes, and prints the matrix of their answers.
 
     python3 tools/interop.py            installs what is missing (pip, apt, npm), asks; exit status 1 if a row differs
+    python3 tools/interop.py --install  installs only, and the browser of the page's tests
     python3 tools/interop.py --local    installs nothing; names what is absent
     python3 tools/interop.py --write    writes docs/interop.md too
 
@@ -22,6 +23,7 @@ ensure("eurobot_od", "test")
 
 from interop_rows.row import Judgement, Verdict, judge  # noqa: E402  # after the environment is there
 from interop_rows.table import ROWS  # noqa: E402
+from interop_rows.tools import CHROMIUM  # noqa: E402
 
 PAGE = ROOT / "docs" / "interop.md"
 OPENING = """\
@@ -39,7 +41,7 @@ HEAD = ("tool", "version", "asked", "judgement", "answer")
 
 def install_missing() -> None:
     """Install each tool that is not here."""
-    for tool in dict.fromkeys(row.tool for row in ROWS):
+    for tool in dict.fromkeys((*(row.tool for row in ROWS), CHROMIUM)):
         if not tool.present():
             print(f"installing {tool.name} ({tool.source}) ...", file=sys.stderr, flush=True)
             tool.install()
@@ -78,11 +80,15 @@ def text(verdicts: Iterable[Verdict]) -> str:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Install, ask, print; 1 if a row differs."""
     parser = argparse.ArgumentParser(description="Ask other people's programs about our files and nodes.")
-    parser.add_argument("--local", action="store_true", help="install nothing; skip what is absent by name")
+    how = parser.add_mutually_exclusive_group()
+    how.add_argument("--install", action="store_true", help="ask nothing")
+    how.add_argument("--local", action="store_true", help="install nothing; skip what is absent by name")
     parser.add_argument("--write", action="store_true", help=f"write {PAGE.relative_to(ROOT)}")
     options = parser.parse_args(arguments)
     if not options.local:
         install_missing()
+    if options.install:
+        return 0
     verdicts = ask_all()
     print(text(verdicts))
     if options.write:

@@ -33,13 +33,12 @@ from eurobot_od.errors import EurobotError
 from eurobot_od.frame import Frame
 from eurobot_od.robot import dialects
 from eurobot_od.robot.match import stage, strategy
-from eurobot_od.robot.match.observer import Observer
-from eurobot_od.robot.match.referee import Referee
+from eurobot_od.robot.match.referee import Observer, Referee
 from eurobot_od.robot.model.options import NOISE_ONLY, MatchOptions
 from eurobot_od.robot.nodes import ROLES, Core, Drive, Node
 from eurobot_od.robot.nodes.motion import AT_REST, Chassis, Odometry, WheelCommand
 from eurobot_od.robot.world import World
-from eurobot_od.robot.world.assembly import equip
+from eurobot_od.robot.world.instruments import equip
 from eurobot_od.robot.world.timeline import EventKind, MatchEvent, Timeline
 from eurobot_od.season.campaign import blocks
 

@@ -12,8 +12,8 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any, ClassVar, NamedTuple
 
-from eurobot_od.device.drive import SimulatedDrive
 from eurobot_od.device.profiles.axis import DriveAxis
+from eurobot_od.device.profiles.devices import SimulatedDrive
 from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.objects import encode

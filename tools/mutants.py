@@ -23,6 +23,7 @@ from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
 from environment import ROOT, ensure
+from ready import mirror
 
 ensure("cosmic_ray", "test,mutants")
 
@@ -63,8 +64,7 @@ class Verdict(NamedTuple):
 
 def tests_of(module: str) -> str:
     """Return the tests that mirror a module: its own file, or the folder that would have it."""
-    path = Path("tests", *Path(module).parts[1:])
-    own = path.with_name(f"test_{path.name}")
+    own = mirror(module)
     return str(own if (ROOT / own).is_file() else own.parent)
 
 

@@ -1,9 +1,9 @@
 """Runs the tests on other Pythons: the oldest with the lowest versions of all packages, and the newer ones.
 
-`python3 tools/pythons.py [VERSION...]`. The tools, other people's programs and long simulations are run by
-`tools/test.py` alone; what else hardly depends on the Python (the browser, many processes, random inputs) is run on the
-oldest, too, with the oldest packages. A Python that this machine does not have is skipped, and that is said; it is
-looked for as `python3.12`, and in pyenv. The exit status is 1 if tests failed, 2 for an unknown version.
+`python3 tools/pythons.py [ROW...]`. `lowest` is the part of the suite in which an old Python or an old package can make
+a difference; `3.11` and the others are the whole suite on that Python. One that this machine does not have is skipped,
+and that is said; it is looked for as `python3.12`, and in pyenv. The exit status is 1 if tests failed, 2 for an unknown
+row.
 """
 
 from __future__ import annotations
@@ -11,44 +11,41 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-import time
 from collections.abc import Iterator
 from pathlib import Path
 from shutil import which
 from typing import NamedTuple
 
-from environment import ONCE_MORE, ROOT, SHORT, WORKERS, call, ensure, is_current, wanted
+from environment import OLDEST, ONCE_MORE, ROOT, SHORT, SUITE, call, ensure, is_current, wanted
 
 FINE, FAILED, WRONG_USAGE = 0, 1, 2
 
-SIMULATION = ("tests/check/conformance", "tests/device/faults")
-"""Many minutes of our own simulated devices."""
-
-PROGRAMS = ("tests/interop", "tests/tools")
-"""Other people's programs and our tools, which are no part of the package."""
-
-LEFT_OUT = (*PROGRAMS, *SIMULATION, "tests/web", "tests/properties", "tests/test_packaging.py")
-MARKED = "not live and not socketcan and not long"
+OLD = ".".join(map(str, OLDEST))
+PART = (
+    "tests/test_packaging.py",  # all modules are imported
+    "tests/od",
+    "tests/pdo",
+    "tests/bus/live",
+    "tests/traffic",
+    "tests/season",
+    "tests/cli",
+)
+"""Where the packages are that we use, and what depends on threads, files and argparse."""
 
 
 class Row(NamedTuple):
-    """A Python, which versions of the packages it gets, and pytest's arguments."""
+    """A Python, which versions of the packages it gets, and which tests it runs, all if none are named."""
 
     version: str
     resolution: str
-    arguments: tuple[str, ...]
+    tests: tuple[str, ...] = ()
 
 
-def without(folders: tuple[str, ...]) -> tuple[str, ...]:
-    """Return pytest's arguments that leave tests out."""
-    return tuple(f"--ignore={each}" for each in folders)
-
-
-ROWS = (
-    Row("3.11", "lowest-direct", (*without((*PROGRAMS, *SIMULATION)), *SHORT)),
-    Row("3.12", "highest", (*without(LEFT_OUT), "-m", MARKED)),
-    Row("3.13", "highest", (*without(LEFT_OUT), "-m", MARKED)),
-)
+ROWS = {
+    "lowest": Row(OLD, "lowest-direct", PART),
+    OLD: Row(OLD, "lowest-direct"),
+    **{version: Row(version, "highest") for version in ("3.12", "3.13", "3.14")},
+}
 
 
 def candidates(version: str) -> Iterator[str]:
@@ -78,9 +75,10 @@ def prepare(row: Row, python: str) -> Path:
     folder = ROOT / f".venv-{row.version}"
     own, stamp = folder / "bin" / "python", folder / "installed"
     if not is_current(stamp):
-        subprocess.run([python, "-m", "venv", "--clear", str(folder)], check=True)
-        install = ["-m", "uv", "pip", "install", "--quiet", "--python", str(own), "--resolution", row.resolution]
-        subprocess.run([sys.executable, *install, "--editable", f"{ROOT}[test]"], check=True)
+        uv = [sys.executable, "-m", "uv"]
+        subprocess.run([*uv, "venv", "--quiet", "--clear", "--python", python, str(folder)], check=True)
+        install = ["pip", "install", "--quiet", "--python", str(own), "--resolution", row.resolution]
+        subprocess.run([*uv, *install, "--editable", f"{ROOT}[test]"], check=True)
         stamp.write_text(wanted())
     return own
 
@@ -89,29 +87,22 @@ def is_fine(row: Row) -> bool:
     """Run the tests of a row and say how it went; a Python that is missing is not a failure."""
     python = find(row.version)
     if python is None:
-        print(f"== Python {row.version}: skipped: no Python {row.version} here", flush=True)
+        print(f"Python {row.version}: skipped: not on this machine", flush=True)
         return True
-    begin = time.monotonic()
-    print(f"== Python {row.version}, packages: {row.resolution}", flush=True)
+    print(f"Python {row.version}, packages: {row.resolution}", flush=True)
     own = prepare(row, python)
-    cache = ("-o", f"cache_dir={own.parents[1] / 'pytest_cache'}")
-    status = call(own, "-m", "pytest", "-q", "-n", WORKERS, "--dist", "worksteal", *cache, *row.arguments)
-    if status:
-        status = call(own, *ONCE_MORE, *cache, *row.arguments)
-    print(f"== Python {row.version}: {'failed' if status else 'passed'}, {time.monotonic() - begin:.0f} s", flush=True)
-    return status == 0
+    tests = (*SHORT, "-o", f"cache_dir={own.parents[1] / 'pytest_cache'}", *row.tests)
+    return not (call(own, *SUITE, *tests) and call(own, *ONCE_MORE, *tests))
 
 
-def main(versions: list[str]) -> int:
-    """Run the rows of these versions, all without any; go on after one that failed."""
-    rows = {row.version: row for row in ROWS}
-    unknown = [each for each in versions if each not in rows]
-    if unknown:
-        print(f"unknown Python {', '.join(unknown)}; known: {', '.join(rows)}", file=sys.stderr)
+def main(words: list[str]) -> int:
+    """Run these rows, all without any; go on after one that failed."""
+    if unknown := [each for each in words if each not in ROWS]:
+        print(f"unknown: {', '.join(unknown)}; known: {', '.join(ROWS)}", file=sys.stderr)
         return WRONG_USAGE
     ensure("uv", "test")
     os.chdir(ROOT)
-    results = [is_fine(rows[each]) for each in versions or rows]
+    results = [is_fine(ROWS[each]) for each in words or ROWS]
     return FINE if all(results) else FAILED
 
 

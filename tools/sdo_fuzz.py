@@ -1,4 +1,4 @@
-"""Sends random SDO requests to a node, valid, damaged and out of order, and judges every answer by CiA 301, 7.2.4.3.
+"""Sends random SDO requests to nodes, valid, damaged and out of order, and judges every answer by CiA 301, 7.2.4.3.
 
 The judge knows the standard and the EDS, and nothing of the server: what it expects of a request follows from the
 requests and answers so far. A wrong answer is a `Fault`; an exception in the node ends the program.
@@ -20,6 +20,7 @@ from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.objects import data_type
 from eurobot_od.od.values import Address, Value
 from eurobot_od.robot import dialects
+from eurobot_od.robot.nodes import ROLES
 from eurobot_od.sdo.wire import AbortCode
 
 if TYPE_CHECKING:
@@ -394,22 +395,20 @@ def run(dictionary: Dictionary, requests: int, seed: int) -> int:
 def main() -> int:
     """Run from the command line; exit status 1 at the first wrong answer."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
-    parser.add_argument("node", nargs="?", default="core", help="the node (default core)")
-    parser.add_argument("--eds", metavar="FILE", help="anybody's device instead, with node-ID 5")
-    parser.add_argument("--dialect", help=f"its dialect (default {dialects.DEFAULT})")
+    parser.add_argument("--eds", metavar="FILE", help="anybody's device, with node-ID 5 (default: all of our own)")
     parser.add_argument("--requests", type=int, default=10_000, help="how many (default 10000)")
     parser.add_argument("--seed", type=int, default=1, help="which ones (default 1)")
     arguments = parser.parse_args()
-    started = time.perf_counter()
-    eds, node = arguments.eds, arguments.node
-    dictionary = Dictionary.load(eds, ANY_NODE_ID) if eds else dialects.load(node, arguments.dialect)
-    try:
-        aborts = run(dictionary, arguments.requests, arguments.seed)
-    except Fault as fault:
-        print(f"wrong: {fault}")
-        return 1
-    took = time.perf_counter() - started
-    print(f"{arguments.requests} requests to {dictionary.name}, {aborts} aborts, no wrong answer, {took:.1f} s")
+    own = (dialects.load(node, dialect) for dialect in dialects.names() for node in ROLES)
+    for dictionary in [Dictionary.load(arguments.eds, ANY_NODE_ID)] if arguments.eds else own:
+        started = time.perf_counter()
+        try:
+            aborts = run(dictionary, arguments.requests, arguments.seed)
+        except Fault as fault:
+            print(f"{dictionary.name}: wrong: {fault}")
+            return 1
+        took = time.perf_counter() - started
+        print(f"{arguments.requests} requests to {dictionary.name}, {aborts} aborts, no wrong answer, {took:.1f} s")
     return 0
 
 

@@ -14,11 +14,10 @@ from typing import NamedTuple
 
 from eurobot_od.bus.bits import frame_bits
 from eurobot_od.bus.simulated.network import Simulation
-from eurobot_od.device.drive import SimulatedDrive
-from eurobot_od.device.module import SimulatedModule
 from eurobot_od.device.nmt import NmtCommand
 from eurobot_od.device.node import Node
 from eurobot_od.device.profiles.axis import DriveAxis
+from eurobot_od.device.profiles.devices import SimulatedDrive, SimulatedModule
 from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.profiles.cia402 import DriveCommand, Mode

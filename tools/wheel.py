@@ -15,19 +15,20 @@ from pathlib import Path
 from typing import NamedTuple
 
 from environment import ROOT, call, ensure
-from pythons import find
+from pythons import ROWS, find
 
-VERSIONS = ("3.11", "3.12", "3.13", "3.14")
+VERSIONS = tuple(dict.fromkeys(row.version for row in ROWS.values()))
 EXTRAS = ("remote", "monitor", "web", "png", "mf4", "season", "mcap", "cluster")
 """What a user may ask for; the others are for developers."""
 
 
 class Try(NamedTuple):
-    """A command of the installed program, what it has to say, and its exit status."""
+    """A command of an installed program, what it has to say, and its exit status."""
 
     words: tuple[str, ...]
     says: str
     status: int = 0
+    program: str = "eurobot-od"
 
 
 LOG = "match.log"
@@ -36,7 +37,17 @@ ALWAYS = (
     Try(("match", "--duration", "10", "--log", LOG), "points: ours"),
     Try(("decode", LOG), "boot-up"),
     Try(("check", "bytes", "--simulate"), "ok"),
+    Try(("decode", LOG), "node 1, boot-up", program="canopen-workbench"),
+    Try(("new-robot", "wings", "--package"), "pip install"),
 )
+OF_NEW_ROBOT = (
+    Try(("doctor",), "robot      wings loads: wings.robot:ROBOT"),
+    Try(("match", "--duration", "10"), "Lift State Response "),
+    Try(("check", "--simulate"), "1 suite: 20 ok"),
+    Try(("export", "c"), "lift_set"),
+)
+"""What is tried once the robot that `new-robot --package` has written is installed beside it."""
+
 TRIES = {
     "": (*ALWAYS, Try(("archive", LOG, "-o", "season"), "the extra `season` brings it", 2)),
     ",".join(EXTRAS): (
@@ -63,15 +74,20 @@ def install(wheel: Path, python: str, extras: str, folder: Path) -> Path:
     """Install the wheel in an environment of its own, and return the folder of its programs."""
     subprocess.run([sys.executable, "-m", "uv", "venv", "--quiet", "--python", python, str(folder)], check=True)
     own = next(file for name in ("bin/python", "Scripts/python.exe") if (file := folder / name).exists())
-    target = f"{wheel}[{extras}]" if extras else str(wheel)
-    subprocess.run([sys.executable, "-m", "uv", "pip", "install", "--quiet", "--python", str(own), target], check=True)
+    add(own.parent, f"{wheel}[{extras}]" if extras else str(wheel))
     return own.parent
+
+
+def add(programs: Path, target: str) -> None:
+    """Install something in the environment of some programs."""
+    line = [sys.executable, "-m", "uv", "pip", "install", "--quiet", "--python", str(programs.parent), target]
+    subprocess.run(line, check=True)
 
 
 def wrong(programs: Path, tries: tuple[Try, ...], folder: Path) -> Iterator[str]:
     """Give what does not work in an environment."""
     for each in tries:
-        command = [str(programs / "eurobot-od"), *each.words]
+        command = [str(programs / each.program), *each.words]
         done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
         said = done.stdout + done.stderr
         if done.returncode != each.status or each.says not in said:
@@ -83,7 +99,10 @@ def is_fine(wheel: Path, version: str, python: str, extras: str) -> bool:
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch)
         try:
-            found = list(wrong(install(wheel, python, extras, folder / "venv"), TRIES[extras], folder))
+            programs = install(wheel, python, extras, folder / "venv")
+            found = list(wrong(programs, TRIES[extras], folder))
+            add(programs, str(folder / "wings"))
+            found += wrong(programs, OF_NEW_ROBOT, folder)
         except subprocess.CalledProcessError as error:
             found = [f"{' '.join(error.cmd)}: status {error.returncode}"]
     result = "; ".join(found) or "works"

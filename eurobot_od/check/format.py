@@ -1,6 +1,6 @@
 """The format of suites: tables of keys, from which come reading, checking and the JSON Schema.
 
-Rule of this file: a key stands in one table only, with its shape, what it is for, and whether it is needed.
+Each key stands in one table, with its shape, what it is for, and whether it is needed.
 """
 
 from __future__ import annotations

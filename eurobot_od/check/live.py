@@ -10,18 +10,16 @@ import asyncio
 import time
 from collections.abc import Callable
 from contextlib import suppress
-from typing import TYPE_CHECKING
+
+import can
 
 from eurobot_od.bus import live as runtime
+from eurobot_od.check.bench import SeenFrame, Trace
 from eurobot_od.check.results import SuiteResult
 from eurobot_od.check.runner import Runner, RunOptions
 from eurobot_od.check.suite import Suite
-from eurobot_od.check.trace import SeenFrame, Trace
 from eurobot_od.errors import BusError
 from eurobot_od.frame import Frame
-
-if TYPE_CHECKING:
-    import can
 
 SEND_WAIT = 0.5
 """Seconds for which a frame is tried again if the driver does not take it."""

@@ -1,8 +1,7 @@
-"""Results as text: for the console, as annotations, as TAP, as JUnit XML, and as JSON."""
+"""Results as text: for the console, as annotations, as JUnit XML, and as JSON."""
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 from xml.etree import ElementTree
@@ -94,45 +93,6 @@ def github(results: Iterable[SuiteResult]) -> Iterator[str]:
             if step.status in (Status.FAILED, Status.BUS_FAILED) and step.reason is not None:
                 said = (line.strip() for line in reason_lines(step.reason))
                 yield annotation(Level.ERROR, str(result.file), *step.place, f"{result.name}: {step.name}", said)
-
-
-# TAP
-
-
-def tap(results: Iterable[SuiteResult]) -> Iterator[str]:
-    """Yield the lines of a TAP 13 report."""
-    number = 0  # one count over all suites, as TAP has no suites
-    yield "TAP version 13"
-    for result in results:
-        if result.skipped:
-            number += 1
-            yield f"ok {number} - {_plain(result.name)} # SKIP {one_line(result.skipped)}"
-        for step in result.steps:
-            number += 1
-            yield from _tap_step(number, result, step)
-        if result.error:
-            yield one_line(f"Bail out! {result.error}")
-    yield f"1..{number}"
-
-
-def _tap_step(number: int, result: SuiteResult, step: StepResult) -> Iterator[str]:
-    verdict = "ok" if step.status in (Status.PASSED, Status.SKIPPED) else "not ok"
-    skipped = f" # SKIP {one_line(step.reason.what) if step.reason else 'a step before failed'}"
-    directive = skipped if step.status is Status.SKIPPED else ""
-    yield f"{verdict} {number} - {_plain(result.name)}: {_plain(step.name)}{directive}"
-    if step.reason is not None and not directive:
-        # TAP 13 has details as a block of YAML, indented by two; JSON's quotes are YAML's, too.
-        yield "  ---"
-        yield f"  file: {json.dumps(str(result.file))}"
-        yield f"  line: {step.place.line}"
-        yield "  message: |"
-        yield from (f"  {line}" for line in reason_lines(step.reason))
-        yield "  ..."
-
-
-def _plain(text: str) -> str:
-    """Return a text in one line, without the sign that begins a directive."""
-    return one_line(text).replace("#", "no. ")
 
 
 # JUnit

@@ -6,9 +6,10 @@ A service without a node is that of the node under test, if there is one only.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 import yaml
+from canopen.objectdictionary import ODVariable
 
 from eurobot_od.check.patterns import ANY, EmergencyPattern, HeartbeatPattern, Pattern
 from eurobot_od.check.suite import AbortCodes, Action, Dump, Nmt, NodeServices, SdoRead, SdoWrite, SelfReported
@@ -24,9 +25,6 @@ from eurobot_od.support import yaml_shapes as shapes
 from eurobot_od.support.declared import Within
 from eurobot_od.support.yaml_places import Problems, refusing, taken
 from eurobot_od.support.yaml_shapes import NUMBER, SCALAR, TEXT, Key, Shape, converted
-
-if TYPE_CHECKING:
-    from canopen.objectdictionary import ODVariable
 
 T = TypeVar("T")
 

@@ -15,10 +15,10 @@ from typing import Any, NamedTuple, TypeAlias
 
 from eurobot_od.bus.simulated import loop
 from eurobot_od.bus.simulated.network import Simulation, processing_time
+from eurobot_od.check.bench import SeenFrame, Trace
 from eurobot_od.check.results import SuiteResult
 from eurobot_od.check.runner import Runner, RunOptions
 from eurobot_od.check.suite import Suite
-from eurobot_od.check.trace import SeenFrame, Trace
 from eurobot_od.device.nmt import NmtState, error_control
 from eurobot_od.device.node import Node
 from eurobot_od.errors import RemoteError

@@ -13,13 +13,12 @@ import asyncio
 from collections.abc import Sequence
 from contextlib import suppress
 from functools import singledispatchmethod
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from eurobot_od.check import suite
-from eurobot_od.check.bench import Bench
+from eurobot_od.check.bench import Bench, SeenFrame
 from eurobot_od.check.patterns import Mismatch, Pattern, Sent, is_final
 from eurobot_od.check.results import Reason
-from eurobot_od.check.trace import SeenFrame
 from eurobot_od.check.values import ValueProblem
 from eurobot_od.device.emergency import HISTORY, REGISTER_BITS, error_words
 from eurobot_od.errors import BusError, NoAnswer
@@ -41,9 +40,6 @@ from eurobot_od.sdo.wire import LENGTH, code_and_reason
 from eurobot_od.support import durations
 from eurobot_od.support.amounts import amount
 from eurobot_od.traffic.meaning import Decoder
-
-if TYPE_CHECKING:
-    pass
 
 
 class Failed(Exception):

@@ -6,7 +6,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple, TypeAlias
+from typing import NamedTuple, TypeAlias
+
+from canopen.objectdictionary import ODVariable
 
 from eurobot_od.check.patterns import Pattern, Sent
 from eurobot_od.check.values import Expected, Operand, Variables
@@ -20,9 +22,6 @@ from eurobot_od.support import durations
 from eurobot_od.support.amounts import amount
 from eurobot_od.support.yaml_places import Place
 from eurobot_od.traffic.meaning import Decoder
-
-if TYPE_CHECKING:
-    from canopen.objectdictionary import ODVariable
 
 TIMEOUT = 1.0
 """Seconds that an answer may take where the suite does not say."""

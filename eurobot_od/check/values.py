@@ -11,15 +11,14 @@ import operator
 import re
 from collections.abc import Callable, Mapping
 from enum import Enum
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeAlias
+from typing import Any, NamedTuple, Protocol, TypeAlias
+
+from canopen.objectdictionary import ODVariable
 
 from eurobot_od.errors import LocalError, UnknownName
 from eurobot_od.od import objects
 from eurobot_od.od.values import Limits
 from eurobot_od.pdo.kinds import Kind, OutOfRange
-
-if TYPE_CHECKING:
-    from canopen.objectdictionary import ODVariable
 
 Variables: TypeAlias = Mapping[str, Any]
 

@@ -21,6 +21,7 @@ from enum import IntEnum
 from functools import partial
 from importlib import import_module
 from io import TextIOWrapper
+from types import ModuleType
 from typing import TYPE_CHECKING, Any, NoReturn, Protocol
 
 from eurobot_od.errors import (
@@ -321,16 +322,22 @@ class Runnable(Protocol):
 
 def find(command: str, robot: str | None = None) -> Runnable:
     """Import a command, the workbench's or the robot's; raises UnknownName, and as `plugin.find`."""
-    if command in COMMANDS:  # before the robot's: it cannot replace one of ours, and is not even looked for
-        name = f"eurobot_od.cli.{TABLES.get(command, command).replace('-', '_')}"
-    else:
-        own = _find(robot).commands
-        if command not in own:
-            raise UnknownName("command", command, [*COMMANDS, *own])
-        name = own[command].module
-    module = import_module(name)
+    module = _module(command, robot)
     row: Runnable = vars(module).get("COMMANDS", {}).get(command, module)
     return row
+
+
+def _module(command: str, robot: str | None) -> ModuleType:
+    if command in COMMANDS:  # before the robot's: it cannot replace one of ours, and is not even looked for
+        return import_module(f"eurobot_od.cli.{TABLES.get(command, command).replace('-', '_')}")
+    own = _find(robot).commands
+    if command not in own:
+        raise UnknownName("command", command, [*COMMANDS, *own])
+    from eurobot_od.plugin import blaming
+
+    name = own[command].module
+    with blaming(f"command {command}", name, name):
+        return import_module(name)
 
 
 class Version(argparse.Action):

@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from eurobot_od.check.results import SuiteResult
     from eurobot_od.check.suite import Suite
     from eurobot_od.cli.checking import Checks
-    from eurobot_od.od.values import Address
 
 
 FIRST_OWN = 4
@@ -58,7 +57,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seed", type=int, default=1, help="seed of everything random in the simulation (default: 1)")
     parser.add_argument("--junit", type=Path, metavar="FILE", help="write a JUnit XML report")
     form = parser.add_mutually_exclusive_group()
-    form.add_argument("--tap", action="store_true", help="print as TAP")
     form.add_argument("--json", action="store_true", help="print as JSON")
     form.add_argument("--ctt", action="store_true", help="conformance: print by the numbers of CiA's test tool")
     form.add_argument("--format", choices=("github",), help="also print annotations for GitHub Actions")
@@ -78,18 +76,10 @@ def _add_generated(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--motion",
         type=_motion,
-        metavar="WAY@VELOCITY",
+        metavar="DISTANCE@VELOCITY",
         help="profile 402: also move the motor, at most this far and this fast, in the drive's units",
     )
     parser.add_argument("--outputs", action="store_true", help="profile 401: also switch the outputs")
-    parser.add_argument(
-        "--wired",
-        action="append",
-        type=_wire,
-        default=[],
-        metavar="OUTPUT=INPUT",
-        help="profile 401, outputs: what this output does is seen at this input, such as 0x6200:1=0x6000:1; repeatable",
-    )
     tier = parser.add_mutually_exclusive_group()
     tier.add_argument(
         "--reversible",
@@ -117,25 +107,11 @@ def _motion(text: str) -> MotionBounds:
     """Read how far and how fast a motor may be moved; raises ArgumentTypeError."""
     from eurobot_od.check.conformance.drive import MotionBounds
 
-    way, _, velocity = text.partition("@")
-    limits = MotionBounds(*(int(each) if each.isdecimal() and len(each) < 10 else 0 for each in (way, velocity)))
-    if not (limits.way and limits.velocity):
-        raise argparse.ArgumentTypeError(f"{text!r}: a way and a velocity above 0, such as 2000@100")
+    distance, _, velocity = text.partition("@")
+    limits = MotionBounds(*(int(each) if each.isdecimal() and len(each) < 10 else 0 for each in (distance, velocity)))
+    if not all(limits):
+        raise argparse.ArgumentTypeError(f"{text!r}: a distance and a velocity above 0, such as 2000@100")
     return limits
-
-
-def _wire(text: str) -> tuple[Address, Address]:
-    """Read a wire from an output to an input, by their numbers; raises ArgumentTypeError."""
-    from eurobot_od.od.objects import numbered
-
-    try:
-        ends = [numbered(each) or (0, None) for each in text.split("=")]
-    except LocalError:  # a sub-index that cannot be
-        ends = []
-    found = [(index, sub) for index, sub in ends if sub is not None]
-    if len(found) == len(ends) == 2:
-        return found[0], found[1]
-    raise argparse.ArgumentTypeError(f"{text!r}: an output and an input by number, such as 0x6200:1=0x6000:1")
 
 
 def run(arguments: argparse.Namespace) -> ExitStatus:
@@ -173,7 +149,7 @@ def _run(arguments: argparse.Namespace, checks: Checks, suites: Sequence[Suite])
     from eurobot_od.cli.checking import Printer, many_results, results_of
 
     interrupt, seeds = Interrupt(), range(arguments.seed, arguments.seed + arguments.repeat)
-    silent = arguments.tap or arguments.json or arguments.quiet or arguments.ctt
+    silent = arguments.json or arguments.quiet or arguments.ctt
     printer = Printer(bool(silent), arguments.verbose)
     with interrupt.by_ctrl_c():
         if any(getattr(arguments, option) for option in campaign.OPTIONS):
@@ -199,11 +175,9 @@ def _refuse_what_does_not_go_together(arguments: argparse.Namespace) -> None:
         campaign.refuse(arguments, "--simulate --repeat")
     if arguments.profile and (arguments.conformance or arguments.files):
         raise LocalError("--profile makes its suites from the EDS files: leave out --conformance, and files")
-    for option, profile in (("motion", 402), ("outputs", 401), ("wired", 401)):
+    for option, profile in (("motion", 402), ("outputs", 401)):
         if getattr(arguments, option) and arguments.profile != profile:
             raise LocalError(f"--{option} needs --profile {profile}")
-    if arguments.wired and not arguments.outputs:
-        raise LocalError("--wired needs --outputs: it is looked at when outputs are switched")
     if arguments.restore and not arguments.destructive:
         raise LocalError("--restore needs --destructive")
     if arguments.report is not None:
@@ -221,9 +195,7 @@ def _report(arguments: argparse.Namespace, checks: Checks, results: Sequence[Sui
     from eurobot_od.check import report
     from eurobot_od.check.conformance import ctt, page
 
-    if arguments.tap:
-        print("\n".join(report.tap(results)))
-    elif arguments.json:
+    if arguments.json:
         print(json.dumps(report.as_data(results), indent=2))
     elif arguments.ctt:
         for each in checks.conformance_reports(results, ""):

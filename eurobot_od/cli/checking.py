@@ -27,7 +27,6 @@ if TYPE_CHECKING:
     from eurobot_od.check.suite import Suite
     from eurobot_od.od.dictionary import Dictionary
     from eurobot_od.od.pdos import OnRefused
-    from eurobot_od.od.values import Address
     from eurobot_od.season.campaign.executors import Workers
     from eurobot_od.season.campaign.results import Results
 
@@ -51,7 +50,6 @@ class Checks(NamedTuple):
     profile: int | None = None
     motion: MotionBounds | None = None
     outputs: bool = False
-    wired: Sequence[tuple[Address, Address]] = ()
 
     def reader(self, refused: OnRefused = lambda _: None) -> SuiteReader:
         """Return the reader of suites for the devices; `refused` gets each PDO that is left out."""
@@ -77,7 +75,7 @@ class Checks(NamedTuple):
         """How far conformance suites may go."""
         from eurobot_od.check.conformance.subject import Tier
 
-        return next((each for each in Tier if each and getattr(self, each.word)), Tier.READING)
+        return Tier.DESTRUCTIVE if self.destructive else Tier.REVERSIBLE if self.reversible else Tier.READING
 
     def conformance_texts(self) -> dict[Path, str]:
         """Make the conformance suites of each device, by what reports call their file."""
@@ -86,11 +84,11 @@ class Checks(NamedTuple):
         return {_file_of(each): suite.text(each, self.tier, self.restore) for each in self.devices.load()}
 
     def profile_texts(self) -> dict[Path, str]:
-        """Make the suites of each device by its profile, by what reports call their file; raises LocalError."""
+        """Make the suites of each device by its profile, by what reports call their file."""
         from eurobot_od.check.conformance import drive, module
 
         makers = {
-            401: partial(module.text, outputs=self.outputs, wires=dict(self.wired)),
+            401: partial(module.text, outputs=self.outputs),
             402: partial(drive.text, motion=self.motion),
         }
         make = makers[self.profile or 402]
@@ -147,7 +145,7 @@ class Checks(NamedTuple):
         keeps_going, is_chosen_here = self.keep_going or self.is_generated, partial(is_chosen, self.step)
         options = RunOptions(keeps_going, is_chosen_here, self.is_generated, interrupt, show)
         if self.simulate:
-            return self.devices.robot.simulate(suite, options, self.fault, seed, self.profile or 0, dict(self.wired))
+            return self.devices.robot.simulate(suite, options, self.fault, seed, self.profile or 0)
         from eurobot_od.check.live import run_live
 
         return run_live(suite, options, self.open_bus)
@@ -170,7 +168,7 @@ class Checks(NamedTuple):
         found = [file for folder in sorted(folders) for file in sorted(folder.glob("*.eds"))]
         options = {"robot": devices.robot_name, "dialect": dialect, "eds": devices.eds, "network": devices.network}
         options |= {"module": devices.modules, "patch": devices.patches}
-        tiers = ("conformance", "reversible", "destructive", "restore", "profile", "motion", "outputs", "wired")
+        tiers = ("conformance", "reversible", "destructive", "restore", "profile", "motion", "outputs")
         own = ("fault", "tag", "step", *tiers, "keep_going")
         # Beside the options the files' content: an edited suite must not be continued with results of the old one.
         given = {name: str(value) for name, value in (options | {each: getattr(self, each) for each in own}).items()}

@@ -1,4 +1,4 @@
-"""Print what is installed, the CAN interfaces and their state, and the commands that fix what is wrong.
+"""Print what is installed, robots too, the CAN interfaces and their state, and the commands that fix what is wrong.
 
 Exit status 1 if something is wrong; an extra that is not installed is not an error.
 """
@@ -10,7 +10,10 @@ import platform
 import sys
 from collections.abc import Iterable, Iterator, Mapping
 
+from eurobot_od import plugin
 from eurobot_od.cli import ExitStatus, version
+from eurobot_od.errors import LocalError
+from eurobot_od.plugin import Installed
 from eurobot_od.support import extras
 from eurobot_od.support.escaping import one_line
 from eurobot_od.support.extras import Package
@@ -36,7 +39,9 @@ def run(_: argparse.Namespace) -> ExitStatus:
     from eurobot_od.bus.live.interfaces import drivers, here, refused
     from eurobot_od.bus.live.links import INSTEAD, links, troubles, without_socketcan
 
-    wrong = [*(trouble for link in links() for trouble in troubles(link)), *denied(refused())]
+    why = {each: broken(each) for each in plugin.installed().values()}
+    unloaded = [(what, f"{sys.executable} -m pip uninstall {each.package}") for each, what in why.items() if what]
+    wrong = [*unloaded, *(trouble for link in links() for trouble in troubles(link)), *denied(refused())]
     loaded = drivers()
     lacks = without_socketcan()
     buses = [f"interface  {each}" for each in [*map(str, here())] or ["none"]]
@@ -46,7 +51,11 @@ def run(_: argparse.Namespace) -> ExitStatus:
     buses.append(f"no driver  {', '.join(name for name, loads in loaded.items() if not loads)}")
     needed = packages(each for name in NEEDED for each in extras.installed(name))
     brought = extra_lines({name: each for name, each in extras.brought().items() if name not in FOR_DEVELOPERS})
-    for line in (f"{version()}, {platform.platform()}", *needed, "", *brought, "", *buses, ""):
+    robots = [
+        f"robot      {each.name} {'does not load' if what else 'loads'}: {each.target}, entered by {each.file}"
+        for each, what in why.items()
+    ]
+    for line in (f"{version()}, {platform.platform()}", *needed, "", *brought, "", *robots, "", *buses, ""):
         print(folded(one_line(line), sys.stdout, INDENT))
     for what, fix in wrong:
         print(folded(one_line(f"wrong      {what}: {fix}"), sys.stdout, INDENT))
@@ -54,6 +63,15 @@ def run(_: argparse.Namespace) -> ExitStatus:
         return ExitStatus.FOUND
     print("nothing is wrong")
     return ExitStatus.FINE
+
+
+def broken(robot: Installed) -> str:
+    """Say why a robot cannot be loaded, `` if it can."""
+    try:
+        robot.load()
+    except LocalError as error:
+        return str(error)
+    return ""
 
 
 def packages(found: Iterable[Package]) -> Iterator[str]:

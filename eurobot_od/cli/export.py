@@ -136,7 +136,7 @@ def write_concise(node: NodeFile, output: Path | None) -> None:
     """Write or print the concise DCF of a DCF, without PDOs that do not hold; raises DictionaryError, LocalError."""
     from eurobot_od.client.configure import all_writes, check_file, check_whole
     from eurobot_od.client.description import from_file
-    from eurobot_od.client.pdo_order import pdo_of
+    from eurobot_od.client.pdo_mapping import pdo_of
     from eurobot_od.client.reading import decoded
     from eurobot_od.od.concise import pack
 

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from eurobot_od.device.faults.fault import Fault
 
 
-OWNERS = {"Node": "any node", "SimulatedDrive": "any drive of CiA 402", "SimulatedModule": "any I/O module of CiA 401"}
+OWNERS = {"Node": "any node", "SimulatedDrive": "any drive of CiA 402"}
 """What the workbench's own kinds of nodes are called; a robot's have the names of their classes."""
 
 

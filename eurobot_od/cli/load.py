@@ -70,7 +70,8 @@ def run(arguments: argparse.Namespace) -> ExitStatus:
 
     if arguments.path and arguments.network:
         raise LocalError("one network: name it by NETWORK or by --network")
-    messages = _read(arguments.path or arguments.network, arguments.dialect, options.robot(arguments))
+    path = arguments.path or arguments.network
+    messages = _read(path, arguments.dialect, options.robot(arguments, path))
     if arguments.mailboxes is not None:
         nodes = {each.node for each in messages.messages}
         messages = messages._replace(mailboxes=dict.fromkeys(nodes, arguments.mailboxes) if arguments.mailboxes else {})

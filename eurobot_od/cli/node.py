@@ -207,8 +207,7 @@ def _make(arguments: argparse.Namespace) -> tuple[Node, Scene | None]:
 
 def _simulated(dictionary: Dictionary, profile: str | None, travels: bool) -> type[Node]:
     """Return the class of a device that is none of the robot's; raises LocalError for options that it does not have."""
-    from eurobot_od.device.drive import SimulatedDrive
-    from eurobot_od.device.kinds import simulated_kind
+    from eurobot_od.device.profiles.devices import SimulatedDrive, simulated_kind
 
     number = None if profile is None else 0 if profile == "none" else int(profile)
     kind = simulated_kind(dictionary, number)

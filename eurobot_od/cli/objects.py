@@ -24,7 +24,7 @@ from eurobot_od.support.tables import columns
 if TYPE_CHECKING:
     from canopen.objectdictionary import ODVariable
 
-    from eurobot_od.client.history import History
+    from eurobot_od.client.emergencies import History
     from eurobot_od.client.master import RemoteNode
     from eurobot_od.od.dictionary import Dictionary
     from eurobot_od.od.pdos import Pdo
@@ -148,7 +148,7 @@ def pdo(target: Target, action: str | None, name: str | None, objects: Sequence[
 
 def _present_pdos(node: RemoteNode, dictionary: Dictionary) -> list[Pdo]:
     """Return a node's PDOs as they are set now; complains of those whose mapping does not hold."""
-    from eurobot_od.client.pdo_parameters import pdo_parameters
+    from eurobot_od.client.remote_pdos import pdo_parameters
 
     present = dictionary.configured(pdo_parameters(node, dictionary))
     with left_out() as refused:
@@ -178,13 +178,13 @@ def emcy(target: Target, clear: bool, as_json: bool) -> ExitStatus:
 
     Exit status 1 if the node is in an error state now.
     """
-    from eurobot_od.client import history
+    from eurobot_od.client.emergencies import clear_history, read_history
 
     with target.opened() as node:
         target.named_description(node)  # its file may say another SDO server
         if clear:
-            history.clear(node)
-        found = history.history(node)
+            clear_history(node)
+        found = read_history(node)
     words = target.devices.errors().of(node.node_id)
     if as_json:
         print(json.dumps(errors_as_data(found, words), indent=2))

@@ -29,8 +29,7 @@ if TYPE_CHECKING:
     import can
 
     from eurobot_od.bus.live.connection import Opener
-    from eurobot_od.client.master import Master
-    from eurobot_od.client.reconnecting import Guard
+    from eurobot_od.client.master import Guard, Master
     from eurobot_od.device.emergency import ErrorWords
     from eurobot_od.od.pdos import OnRefused
     from eurobot_od.pdo.protocol import Protocol
@@ -138,7 +137,7 @@ def reopener(arguments: argparse.Namespace) -> Opener | None:
 
 def guard(reopen: Opener | None, master: Master) -> Guard:
     """Return what opens a master's bus again by `reopen` when it is lost; without that, a lost bus ends the command."""
-    from eurobot_od.client.reconnecting import Reconnecting, unguarded
+    from eurobot_od.client.master import Reconnecting, unguarded
 
     # `complain` writes to standard error: what is printed may be JSON for another program.
     return Reconnecting(master, reopen, complain) if reopen else unguarded
@@ -153,9 +152,9 @@ def add_dialect(parser: argparse._ActionsContainer) -> None:
     )
 
 
-def robot(arguments: argparse.Namespace) -> Plugin:
-    """Return the robot that a command line without devices is about; raises as `plugin.find`."""
-    return Devices(robot_name=arguments.robot, alone=is_alone()).robot
+def robot(arguments: argparse.Namespace, network: str | None = None) -> Plugin:
+    """Return the robot that a command is about which takes no devices but a network; raises as `plugin.find`."""
+    return Devices(network=network, robot_name=arguments.robot, alone=is_alone()).robot
 
 
 def robot_meant(parser: argparse.ArgumentParser) -> Plugin:
@@ -345,7 +344,7 @@ class Devices(NamedTuple):
         Raises as `load`, BusError.
         """
         from eurobot_od.client.master import Master
-        from eurobot_od.client.pdo_parameters import pdo_parameters
+        from eurobot_od.client.remote_pdos import pdo_parameters
 
         asked = []
         with Master(open_bus()) as master:

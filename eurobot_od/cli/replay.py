@@ -36,7 +36,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> None:
     """Send the frames; say how many, and how late."""
     from eurobot_od.client.master import Master
-    from eurobot_od.client.replay import LATE, replay
+    from eurobot_od.client.producing import LATE, replay
     from eurobot_od.frame import Frame
     from eurobot_od.traffic.senders import by_sender
 

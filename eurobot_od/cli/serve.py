@@ -104,7 +104,7 @@ def _source(
 ) -> dict[str, Any]:
     """Read a log as a source of the page, with what is kept beside it."""
     from eurobot_od.traffic.statistics import DamageCounts
-    from eurobot_od.web.columns import Columns
+    from eurobot_od.web.content import Columns
 
     # No bar: it would share the terminal with the address and with what is wrong in the log.
     columns, damage = Columns(Path(log).name, decoder, bitrate, panels), DamageCounts()

@@ -1,12 +1,12 @@
 """Starts a network as an NMT master does (CiA 302-2): slaves are reset, checked, configured, heard, then started.
 
 Theory of operation. A slave boots in the standard's order: reset communication and its boot-up message; device type
-(0x1000) and identity (0x1018) as its file has them; its configuration, which 0x1020 says to be the DCF's or which is
-loaded; its heartbeat, if it has one. Only when every slave is there are they started, in the order of the network.
+(0x1000) and identity (0x1018) as in its file; its configuration, which is loaded unless 0x1020 says that it is the
+DCF's; its heartbeat, if it has one. Slaves are started only when all of them are there, in the order of the network.
 
-Of many slaves, each step that waits for a heartbeat is for all at once: `prepare_slave` of each, then `hear_slave` of
-each, and `order_start` of each, then `started_state`. So a network waits for the slowest heartbeat, and not for all of
-them one after the other.
+With many slaves, each step that waits for a heartbeat waits for all at once: `prepare_slave` for each, then
+`hear_slave` for each; `order_start` for each, then `started_state`. So a network waits for the slowest heartbeat, and
+not for one heartbeat after the other.
 """
 
 from __future__ import annotations
@@ -39,11 +39,11 @@ MARGIN = 0.2
 """Seconds that a heartbeat may be late on a busy machine."""
 
 LENT = 100
-"""Period in ms of a heartbeat that is turned on only to see the state that a slave was started to."""
+"""Period in ms of a heartbeat that is turned on only to see whether a slave has started."""
 
 
 class BootError(Enum):
-    """Why a slave did not boot, by the letters of CiA 302-2."""
+    """Why a slave did not boot, with the letters of CiA 302-2."""
 
     NO_ANSWER = "B"
     DEVICE_TYPE = "C"
@@ -56,11 +56,11 @@ class BootError(Enum):
 
 
 IDENTITY_ERRORS = (BootError.VENDOR, BootError.PRODUCT, BootError.REVISION, BootError.SERIAL)
-"""By the sub-index of 0x1018, from 1 on."""
+"""The errors of the identity object, in the order of the sub-indices of 0x1018 from 1 on."""
 
 
 class BootFailed(RemoteError):
-    """A slave did not boot; the text says why, in words."""
+    """A slave did not boot; the text says why."""
 
     def __init__(self, error: BootError, what: str) -> None:
         super().__init__(what)
@@ -71,9 +71,10 @@ class BootFailed(RemoteError):
 
 
 class BootedSlave(NamedTuple):
-    """A slave that has booted or not: what was done, in words, and `failed` if it is not there as it should be.
+    """A slave that was booted: what was done, in words, and why it `failed`, None if it is as it should be.
 
-    `heartbeat` is its period in ms, 0 for none; `is_lent` says that its own is off, and has to be again.
+    `heartbeat` is its period in ms, 0 for none. `is_lent` tells that it was turned on by us and has to be turned off
+    again.
     """
 
     name: str
@@ -86,19 +87,19 @@ class BootedSlave(NamedTuple):
 
 @Procedure
 async def boot_slave(node: RemoteNode, description: Description, now: datetime) -> BootedSlave:
-    """Boot one slave up to its start; `now` is what is written to verify its configuration. Raises BusError."""
+    """Boot one slave up to its start; `now` is written to verify its configuration. Raises BusError."""
     return await hear_slave.steps(node, await prepare_slave.steps(node, description, now))
 
 
 @Procedure
 async def prepare_slave(node: RemoteNode, description: Description, now: datetime) -> BootedSlave:
-    """Reset, check and configure one slave as `boot_slave` does: all but its heartbeat. Raises BusError."""
+    """Reset, check and configure one slave as `boot_slave` does, without waiting for its heartbeat. Raises BusError."""
     dictionary, done = description.dictionary, list[str]()
     failed, heartbeat = None, 0
     node.master.follow(dictionary)
     try:
         try:
-            # Communication alone (CiA 302-2): the application, which may hold a load, goes on.
+            # Only the communication (CiA 302-2): the application, which may hold a load, goes on.
             await node.reset.steps(NmtCommand.RESET_COMMUNICATION)
         except NoAnswer as error:
             raise BootFailed(BootError.NO_ANSWER, str(error)) from error
@@ -106,7 +107,7 @@ async def prepare_slave(node: RemoteNode, description: Description, now: datetim
         done.append(await _identified(node, description))
         done.append(await _configured(node, description, now))
         heartbeat = await _number(node, HEARTBEAT_TIME, BootError.NO_HEARTBEAT) or 0
-        # Heartbeats from now on count, also those that come while other slaves are prepared.
+        # Heartbeats count from now on, including those that come while other slaves are prepared.
         node.master.states.pop(node.node_id, None)
     except BootFailed as error:
         failed = error
@@ -115,7 +116,7 @@ async def prepare_slave(node: RemoteNode, description: Description, now: datetim
 
 @Procedure
 async def hear_slave(node: RemoteNode, slave: BootedSlave) -> BootedSlave:
-    """Wait for the heartbeat that a prepared slave is set to, if it has one. Raises BusError."""
+    """Wait for the heartbeat of a prepared slave, if it has one. Raises BusError."""
     period = slave.heartbeat
     if slave.failed:
         return slave
@@ -127,11 +128,11 @@ async def hear_slave(node: RemoteNode, slave: BootedSlave) -> BootedSlave:
 
 
 async def _identified(node: RemoteNode, description: Description) -> str:
-    """Compare device type and identity with the file's, as far as it gives them."""
+    """Compare device type and identity with the file's, as far as the file gives them."""
     dictionary = description.dictionary
     wanted = dictionary.number(DEVICE_TYPE)
     found = await _number(node, DEVICE_TYPE, BootError.NO_ANSWER)
-    # 0, or nothing, in the file means that any device type will do (CiA 302-2, 0x1F84).
+    # 0 or no number in the file means that any device type will do (CiA 302-2, 0x1F84).
     if wanted and found != wanted:
         raise BootFailed(BootError.DEVICE_TYPE, f"device type 0x{found or 0:08X}, its file has 0x{wanted:08X}")
     for sub, (error, wanted) in enumerate(zip(IDENTITY_ERRORS, dictionary.identity), start=1):
@@ -143,14 +144,14 @@ async def _identified(node: RemoteNode, description: Description) -> str:
 
 
 async def _configured(node: RemoteNode, description: Description, now: datetime) -> str:
-    """Load the configuration of a DCF, unless the slave says that it has it already."""
+    """Load the configuration of a DCF, unless the slave says that it already has it."""
     dictionary = description.dictionary
     if dictionary.commissioned_node_id is None:
         return "an EDS: its own configuration"
     if not any(map(dictionary.has_own_value, dictionary.addresses())):
         return "no ParameterValue: its own configuration"
     stamps = [dictionary.default(each) for each in VERIFY_CONFIGURATION]
-    # A date or time of 0 says that no configuration is stored (CiA 301, 7.5.2.23).
+    # A date or time of 0 means that no configuration is stored (CiA 301, 7.5.2.23).
     if all(stamps) and stamps == [await _number(node, each, BootError.CONFIGURATION) for each in VERIFY_CONFIGURATION]:
         return "configured already (0x1020)"
     try:
@@ -174,22 +175,22 @@ async def _number(node: RemoteNode, address: tuple[int, int], error: BootError) 
 
 @Procedure
 async def start_slave(node: RemoteNode, slave: BootedSlave, dictionary: Dictionary) -> NmtState | None:
-    """Start a slave, and return its state, as `order_start` and `started_state` do for many."""
+    """Start a slave and return its state, as `order_start` and `started_state` do for many slaves."""
     started = await order_start.steps(node, slave, dictionary)
     return await started_state.steps(node, started) if started else None
 
 
 @Procedure
 async def order_start(node: RemoteNode, slave: BootedSlave, dictionary: Dictionary) -> BootedSlave | None:
-    """Start a slave, and return it if it will say its state: in its next heartbeat, or in answer to node guarding.
+    """Start a slave; return it if it will report its state, in its next heartbeat or in answer to node guarding.
 
-    A slave that may not be guarded just once is lent a heartbeat, if it has one that is off. Raises BusError.
+    A slave that must not be guarded just once is lent a heartbeat, if it has one that is off. Raises BusError.
     """
     node.command(NmtCommand.START)
     if slave.heartbeat:
         return slave
-    # Without a heartbeat its state comes only when it is asked for (CiA 301, 7.2.8.3.2.1). The first request begins
-    # life guarding: a device with a life time would go back to PRE-OPERATIONAL, as nobody is left to ask again.
+    # Without a heartbeat its state comes only when it is asked for (CiA 301, 7.2.8.3.2.1). The first request starts
+    # life guarding: a device with a life time would go back to PRE-OPERATIONAL, as nobody asks again.
     has_life_time = dictionary.number(GUARD_TIME) and dictionary.number(LIFE_TIME_FACTOR)
     if GUARD_TIME[0] in dictionary.members and not has_life_time:
         node.master.request(ERROR_CONTROL_BASE + node.node_id)
@@ -199,9 +200,9 @@ async def order_start(node: RemoteNode, slave: BootedSlave, dictionary: Dictiona
 
 @Procedure
 async def started_state(node: RemoteNode, slave: BootedSlave) -> NmtState | None:
-    """Wait until a slave that was started says that it is OPERATIONAL; return its last state, None if it said none.
+    """Wait until a slave that was started reports OPERATIONAL; return its last state, None if it reported none.
 
-    A heartbeat that was lent is off again. Raises BusError.
+    A heartbeat that was lent is turned off again. Raises BusError.
     """
     await node.wait_for.steps(NmtState.OPERATIONAL, 2 * slave.heartbeat / 1000 + MARGIN)
     if slave.is_lent:
@@ -210,7 +211,7 @@ async def started_state(node: RemoteNode, slave: BootedSlave) -> NmtState | None
 
 
 async def _beats(node: RemoteNode, period: int) -> bool:
-    """Set the period of a slave's heartbeat in ms; return whether it took that."""
+    """Set the period of a slave's heartbeat in ms; return whether the slave accepted it."""
     with suppress(NodeRefused, NoAnswer):
         await node.download.steps(HEARTBEAT_TIME, period.to_bytes(2, "little"))
         return True

@@ -1,7 +1,7 @@
 """Configures a node from a DCF: what differs is written in the order of CiA 301, read back, stored and verified.
 
-Rule of this file: a plan is made first, from reading alone; then either all of it is written, or what was written is
-taken back. Nothing is stored before everything reads back as it should, so a reset undoes whatever is left.
+Rule of this file: a plan is made first, by reading alone; then either all of it is written, or what was written is
+taken back. Nothing is stored before everything reads back as it should, so that a reset undoes whatever is left.
 """
 
 from __future__ import annotations
@@ -10,11 +10,13 @@ from asyncio import CancelledError
 from collections.abc import Collection, Container, Iterable, Mapping
 from datetime import datetime
 from enum import Enum
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
+
+from canopen.objectdictionary import ODVariable
 
 from eurobot_od.client.description import Description, Identity, read_identity
 from eurobot_od.client.master import STORE_WAIT, RemoteNode
-from eurobot_od.client.pdo_order import Bytes, in_order, pdo_of, procedure_objects
+from eurobot_od.client.pdo_mapping import Bytes, in_order, pdo_of, procedure_objects
 from eurobot_od.client.procedure import Procedure
 from eurobot_od.device.nmt import STATE_NAMES, NmtCommand, NmtState
 from eurobot_od.device.objects import COMMUNICATION_PROFILE
@@ -39,24 +41,20 @@ from eurobot_od.od.time_of_day import TimeOfDay
 from eurobot_od.od.values import DOMAIN, MANUFACTURER, Address
 from eurobot_od.sdo.wire import EXPEDITED_SIZE, LARGEST, AbortCode
 
-if TYPE_CHECKING:
-    from canopen.objectdictionary import ODVariable
-
-
 NOT_CONFIGURATION = frozenset(
     {ERROR_FIELD, STORE, RESTORE, VERIFY_CONFIGURATION[0][0], 0x1023, 0x1024, PROGRAM_DATA, PROGRAM_CONTROL}
 )
-"""Objects that can be written and mean a history, a command or our own mark, no parameter."""
+"""Objects that can be written and are not configuration: a history, a command or our own mark."""
 
 COMMAND_TO: dict[NmtState | None, NmtCommand] = {
     NmtState.OPERATIONAL: NmtCommand.START,
     NmtState.PRE_OPERATIONAL: NmtCommand.ENTER_PRE_OPERATIONAL,
 }
-"""The NMT command that leads back to the state a node was in."""
+"""The NMT command that takes a node back to its former state."""
 
 
 class ChangedObject(NamedTuple):
-    """An object whose bytes differ: `before` in the node (None: it cannot be read), `after` in the file."""
+    """An object that differs: its bytes `before` in the node (None: they cannot be read) and `after` in the file."""
 
     thing: ODVariable
     before: bytes | None
@@ -64,12 +62,12 @@ class ChangedObject(NamedTuple):
 
     @property
     def texts(self) -> tuple[str, str]:
-        """Both values for a person."""
+        """Both values as text."""
         return "?" if self.before is None else shown(self.thing, self.before), shown(self.thing, self.after)
 
 
 class DictionaryArea(Enum):
-    """A part of an object dictionary, and its `indices` (CiA 301, Table 39); PDO parameters are a part of their own."""
+    """A part of an object dictionary with its `indices` (CiA 301, Table 39); PDO parameters are a part of their own."""
 
     COMMUNICATION = "communication"
     PDO = "pdo"
@@ -94,7 +92,7 @@ AREAS: Mapping[DictionaryArea, Container[int]] = {
 class ChangePlan(NamedTuple):
     """What a DCF changes in a node, and the `present` bytes of the PDO parameters that the procedure needs.
 
-    `whole` says whether that is all of the DCF.
+    `whole` tells whether it covers the whole DCF.
     """
 
     dictionary: Dictionary
@@ -107,24 +105,24 @@ class ChangePlan(NamedTuple):
         return in_order({address_of(each.thing): each.after for each in self.changes}, self.present)
 
     def way_back(self, done: Iterable[Write]) -> list[Write]:
-        """Return the writes that undo those of `done`, of objects whose former bytes are known."""
+        """Return the writes that undo those of `done`, for objects whose former bytes are known."""
         state = {**self.present, **{write.address: write.data for write in done}}
         touched = {_unit(write.address) for write in done}
         former = {**{address_of(c.thing): c.before for c in self.changes if c.before is not None}, **self.present}
         return in_order({address: data for address, data in former.items() if _unit(address) in touched}, state)
 
     def verification(self, now: datetime) -> list[Write]:
-        """Return the writes of verify configuration; none if the device does not have it (CiA 301, 7.5.2.23)."""
-        # A part of a DCF must not be marked: a later start would take it for the whole.
+        """Return the writes of verify configuration, none if the device does not have it (CiA 301, 7.5.2.23)."""
+        # Part of a DCF must not be marked: a later start would take it for the whole.
         if not self.whole or any(self.dictionary.variable(address) is None for address in VERIFY_CONFIGURATION):
             return []
         return [Write(a, number.to_bytes(4, "little")) for a, number in zip(VERIFY_CONFIGURATION, TimeOfDay.of(now))]
 
 
 class Configured(NamedTuple):
-    """What a configuration did: how many objects it changed, and whether the node has stored them.
+    """The result of a configuration: how many objects were changed, and whether the node has stored them.
 
-    `verified` says whether the node still had them after a reset.
+    `verified` tells whether the node still had them after a reset.
     """
 
     changed: int
@@ -134,10 +132,10 @@ class Configured(NamedTuple):
 
 @Procedure
 async def configure(node: RemoteNode, description: Description, now: datetime) -> Configured:
-    """Make a node what a DCF says; `now` is what is written to verify configuration 0x1020.
+    """Make a node what a DCF says; `now` is written to verify configuration 0x1020.
 
-    Raises DictionaryError for the file, before anything is written; ConfigurationError if the node did not take all
-    of it, with the state it is left in; RemoteError and BusError before anything is written.
+    Raises DictionaryError for the file, before anything is written; ConfigurationError if the node did not take all of
+    it, with the state it is left in; RemoteError and BusError before anything is written.
     """
     plan = await difference.steps(node, description)
     return await apply.steps(node, plan, now) if plan.changes else Configured(0, False)
@@ -147,26 +145,26 @@ async def configure(node: RemoteNode, description: Description, now: datetime) -
 
 
 def settings(description: Description) -> list[tuple[ODVariable, bytes]]:
-    """Return the objects that a DCF configures, with their bytes: those with a value that can be written.
+    """Return the objects that a DCF configures, with their bytes: those that have a value and can be written.
 
-    A mapping's entries after the last that counts are not among them. Raises DictionaryError for a value that its
+    Left out are the entries of a mapping beyond its number of entries. Raises DictionaryError for a value that its
     object cannot have, and for a file beside the DCF that cannot be read.
     """
     dictionary, found = description.dictionary, []
     for thing in all_objects(dictionary.objects):
         index, subindex = address_of(thing)
-        # What stands in a mapping behind the last entry that counts is left over from another one.
+        # What a mapping holds beyond its number of entries is left over from another one.
         count = dictionary.default((index, 0)) if pdo_of((index, subindex)) not in (None, index) else None
         if is_parameter(thing) and not (isinstance(count, int) and subindex > count):
             data = _configured(dictionary, thing)
-            # A DCF may leave a value to the device: what it does not say is left as it is.
+            # A DCF may leave a value to the device: what it does not say stays as it is.
             if data is not None:
                 found.append((thing, data))
     return found
 
 
 def _configured(dictionary: Dictionary, thing: ODVariable) -> bytes | None:
-    """Return the bytes that a DCF gives an object, None if it gives it none. Raises DictionaryError."""
+    """Return the bytes that a DCF gives an object, None if it gives none. Raises DictionaryError."""
     if not data_type(thing).size:
         return dcf.content(dictionary, address_of(thing))
     try:
@@ -177,23 +175,23 @@ def _configured(dictionary: Dictionary, thing: ODVariable) -> bytes | None:
 
 
 def all_writes(description: Description) -> list[Write]:
-    """Return the writes that configure a device of which nothing is known, in their order; raises as `settings`."""
+    """Return the writes, in order, that configure a device about which nothing is known; raises as `settings`."""
     wanted = {address_of(thing): data for thing, data in settings(description)}
     dictionary = description.dictionary
-    # A mapping can be changed only while its PDO is not valid, so that the COB-ID has to be known even where the DCF
-    # leaves it alone (CiA 301, 7.5.2.36).
+    # A mapping can be changed only while its PDO is not valid, so the COB-ID has to be known even where the DCF leaves
+    # it alone (CiA 301, 7.5.2.36).
     for address in set(procedure_objects(wanted)) - set(wanted):
         wanted[address] = encode(at(address, dictionary.objects), dictionary.default(address))
     return in_order(wanted, {})
 
 
 def is_parameter(thing: ODVariable) -> bool:
-    """Whether a configuration may write an object."""
+    """Tell whether a configuration may write an object."""
     return is_described(thing) and thing.writable and thing.index not in NOT_CONFIGURATION
 
 
 def check_whole(description: Description, refused: OnRefused = fatal) -> None:
-    """Raise DictionaryError unless a DCF is whole; `refused` gets the PDOs whose mappings do not hold."""
+    """Raise DictionaryError unless a DCF is complete; `refused` gets the PDOs whose mappings are wrong."""
     dictionary = description.dictionary
     absent = dcf.missing(description.text)
     if absent:
@@ -202,11 +200,11 @@ def check_whole(description: Description, refused: OnRefused = fatal) -> None:
 
 
 def check_file(description: Description, node_id: int, refused: OnRefused = fatal) -> None:
-    """Raise DictionaryError unless a DCF is whole and for this node-ID; `refused` gets PDOs that do not hold."""
+    """Raise DictionaryError unless a DCF is complete and for this node-ID; `refused` gets the PDOs that are wrong."""
     dictionary = description.dictionary
     intended = dictionary.commissioned_node_id
-    # CiA 306 puts the node-ID of a DCF into [DeviceComissioning]; without it the COB-IDs that depend on it are
-    # nobody's.
+    # CiA 306 puts the node-ID of a DCF into [DeviceComissioning]; without it nobody knows whose the COB-IDs are that
+    # depend on it.
     if intended is None:
         raise DictionaryError(dictionary.file, None, f"incomplete: no NodeID in [{COMMISSIONING}]")
     if intended != node_id:
@@ -223,12 +221,12 @@ async def difference(
 ) -> ChangePlan:
     """Compare a node with a DCF, or with some areas of it, by reading alone.
 
-    Raises DictionaryError for a file that is damaged, for another device or node-ID, or with objects that the node
-    does not have; RemoteError and BusError.
+    Raises DictionaryError for a file that is damaged, for another device or node-ID, or with objects that the node does
+    not have; RemoteError and BusError.
     """
     check_file(description, node.node_id)
     dictionary = description.dictionary
-    # Before anything is read or written: at the wrong device the objects may be there, with another meaning.
+    # Before anything is read or written: another device may have the same objects with other meanings.
     other = Identity.of(dictionary).difference(await read_identity.steps(node))
     if other is not None:
         raise DictionaryError(dictionary.file, None, f"is for another device: node {node.node_id} has {other}")
@@ -247,7 +245,7 @@ async def difference(
 
 
 def _check_own_node_id(node: RemoteNode, dictionary: Dictionary, changes: Iterable[ChangedObject]) -> None:
-    """Raise DictionaryError if a change would give the node another node-ID than the file is for.
+    """Raise DictionaryError if a change would give the node a node-ID other than the file's.
 
     A maker's object may have the same name and another meaning: it counts only if it has the node's own number.
     """
@@ -260,8 +258,8 @@ def _check_own_node_id(node: RemoteNode, dictionary: Dictionary, changes: Iterab
 
 @Procedure
 async def read_object(node: RemoteNode, thing: ODVariable) -> bytes:
-    """Read an object, as many bytes as its type has: some devices send 4 of everything. Raises as `upload`."""
-    # A DOMAIN may be a program or a recording; by segments a megabyte takes 150 000 requests.
+    """Read an object, only as many bytes as its type has: some devices always send 4. Raises as `upload`."""
+    # A DOMAIN may be a program or a recording; a megabyte takes 150 000 requests by segments.
     if data_type(thing) == DOMAIN and is_described(thing):
         return await node.upload_block.steps(address_of(thing), thing.qualname)
     size = data_type(thing).size or None
@@ -283,9 +281,9 @@ async def _present(node: RemoteNode, dictionary: Dictionary, thing: ODVariable) 
 
 
 def _unit(address: Address) -> Address:
-    """Return what changes together: a PDO's communication record, or the object itself."""
+    """Return the address of what changes together: a PDO's communication record, or the object itself."""
     pdo = pdo_of(address)
-    # A mapping without its COB-ID, or the other way round, is a PDO that nobody has asked for.
+    # A mapping without its COB-ID, or the reverse, is a PDO that nobody has asked for.
     return address if pdo is None else (pdo, 0)
 
 
@@ -296,28 +294,29 @@ def _unit(address: Address) -> Address:
 async def apply(
     node: RemoteNode, plan: ChangePlan, now: datetime, *, stores: bool = True, resets: bool = True
 ) -> Configured:
-    """Write a plan: pre-operational, writes, read back, verify configuration, store, reset, verify.
+    """Carry out a plan: pre-operational, write, read back, verify configuration, store, reset, verify.
 
-    Verify configuration is only for a whole DCF, and the reset for a node that has stored. Raises ConfigurationError,
-    or BusError, that names the state in which the node is.
+    Verify configuration is only for a whole DCF, and the reset only for a node that has stored. Raises
+    ConfigurationError or BusError, which name the state of the node.
     """
     former, mark = node.last_state, plan.verification(now)
     done: list[Write] = []
     try:
-        # A node at work would send PDOs half in the old form, half in the new, and some refuse to be mapped anew.
+        # A node at work would send PDOs half in the old form and half in the new, and some refuse to be remapped.
         node.command(NmtCommand.ENTER_PRE_OPERATIONAL)
         await _write(node, plan, plan.writes(), done)
         await read_back.steps(node, plan)
-        # The node clears the mark when its configuration changes, so it comes after all else; and it is stored too.
+        # The mark comes after everything else, as the node clears it when its configuration changes; it is stored as
+        # well.
         await _write(node, plan, mark, [])
-        # 0x1010 is optional (CiA 301, 7.5.2.13): a device without it has its values until the next reset, and a reset
-        # would lose them.
+        # 0x1010 is optional (CiA 301, 7.5.2.13): a device without it keeps its values until the next reset, which would
+        # lose them.
         stored = stores and plan.dictionary.variable((STORE, ALL_PARAMETERS)) is not None
         if stored:
             await store.steps(node)
     except (EurobotError, KeyboardInterrupt, CancelledError) as error:
         failed = await _take_back(error, node, plan, done, former)
-        if isinstance(error, CancelledError):  # an event loop has to see that its task has ended so
+        if isinstance(error, CancelledError):  # an event loop has to see that its task was cancelled
             raise
         raise failed from error
     if stored and resets:
@@ -329,9 +328,9 @@ async def apply(
 
 @Procedure
 async def read_back(node: RemoteNode, plan: ChangePlan) -> None:
-    """Raise ConfigurationError unless a node has all that a plan was to write."""
+    """Raise ConfigurationError unless a node has everything that a plan was to write."""
     for thing, _, after in plan.changes:
-        # What cannot be read cannot be checked; the device has confirmed the write, and that is all there is.
+        # What cannot be read cannot be checked; all there is, is the device's confirmation of the write.
         if not thing.readable:
             continue
         found = await _present(node, plan.dictionary, thing)
@@ -349,14 +348,14 @@ async def store(node: RemoteNode) -> None:
 
 @Procedure
 async def restore(node: RemoteNode) -> None:
-    """Have a node take the defaults of its parameters again, from its next reset on; raises as `store`."""
+    """Have a node restore the defaults of its parameters, from its next reset on; raises as `store`."""
     await node.download.steps(
         (RESTORE, ALL_PARAMETERS), SIGNATURES[RESTORE], "Restore all default parameters", STORE_WAIT
     )
 
 
 async def _write(node: RemoteNode, plan: ChangePlan, writes: Iterable[Write], done: list[Write]) -> None:
-    """Write and note in `done` what the node has, or may have; not a write that it refused."""
+    """Write, and note in `done` what the node has or may have, but not a write that it has refused."""
     for write in writes:
         done.append(write)
         try:
@@ -367,10 +366,10 @@ async def _write(node: RemoteNode, plan: ChangePlan, writes: Iterable[Write], do
 
 
 async def _reset(node: RemoteNode, plan: ChangePlan, mark: list[Write]) -> None:
-    """Reset a node that has stored its parameters and see that it still has them."""
+    """Reset a node that has stored its parameters, and check that it still has them."""
     try:
         await node.reset.steps()
-        # The mark that it still has stands for all of them: that saves reading every object once more.
+        # If it still has the mark it has all of them, which saves reading every object once more.
         if not mark or [await node.upload.steps(write.address) for write in mark] != [write.data for write in mark]:
             await read_back.steps(node, plan)
     except EurobotError as error:
@@ -388,7 +387,7 @@ async def _take_back(
     names = [label(each.thing) for each in plan.changes]
     try:
         await _write(node, plan, plan.way_back(done), [])
-        # Not back to STOPPED, where the node would answer no SDO: whoever looks for what went wrong has to ask it.
+        # Not back to STOPPED, where the node would not answer SDO: whoever looks for the cause has to ask it.
         state = former if former is NmtState.OPERATIONAL else NmtState.PRE_OPERATIONAL
         node.command(COMMAND_TO[state])
     except EurobotError:

@@ -1,6 +1,6 @@
-"""What a node is: its identity 0x1018, and the EDS that describes it, wherever there is one.
+"""What a node is: its identity 0x1018, and the EDS that describes it, wherever that is found.
 
-Rule of this file: an EDS is only taken for a node whose identity it has; a file that a person names is taken as it is.
+An EDS is taken only for a node with the same identity; a file that a person names is taken as it is.
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ from eurobot_od.od.standard import DEVICE_NAME, IDENTITY, STORE_FORMAT, STORED_E
 from eurobot_od.od.values import Address
 
 PLAIN_TEXT = b"\0"
-"""Value of 0x1022 for an EDS that is not compressed (CiA 301, 7.5.2.23)."""
+"""Value of 0x1022 for an EDS that is not compressed (CiA 301, 7.5.2.25)."""
 
 
 class Identity(NamedTuple):
-    """The identity object 0x1018; 0 for a number that a node does not have (CiA 301, 7.5.2.19)."""
+    """The identity object 0x1018; 0 for a number that a node does not have (CiA 301, 7.5.2.21)."""
 
     vendor: int = 0
     product: int = 0
@@ -37,10 +37,10 @@ class Identity(NamedTuple):
         return cls(*dictionary.identity)
 
     def difference(self, other: Identity) -> str | None:
-        """Say in what another device is another kind of device than this one; None if it is one of the same.
+        """Return in what another device is of another kind than this one; None if it is of the same kind.
 
-        The serial number tells apart devices of one kind. Of the revision only the upper half must agree: the lower
-        one leaves the CANopen behaviour as it was (CiA 301, 7.5.2.19).
+        The serial number tells devices of one kind apart. Only the upper half of the revision must agree: the lower
+        half does not change the CANopen behaviour (CiA 301, 7.5.2.21).
         """
         pairs = {
             "vendor-ID": (self.vendor, other.vendor),
@@ -59,7 +59,7 @@ async def read_identity(node: RemoteNode) -> Identity:
 
 
 class Description(NamedTuple):
-    """An EDS or DCF: `dictionary`, and the `text` it was read from."""
+    """An EDS or DCF as a `dictionary`, and the `text` it was read from."""
 
     dictionary: Dictionary
     text: str
@@ -68,7 +68,7 @@ class Description(NamedTuple):
 def from_file(
     file: str | Path, node_id: int | None = None, modules: Sequence[str] | None = None, patch: Sequence[str] = ()
 ) -> Description:
-    """Read an EDS or DCF for a node-ID, without one for the one it names; raises as `Dictionary.load`."""
+    """Read an EDS or DCF for a node-ID, by default the file's own; raises as `Dictionary.load`."""
     return described(Dictionary.load(file, node_id, modules=modules, patch=patch))
 
 
@@ -79,7 +79,7 @@ def described(dictionary: Dictionary) -> Description:
 
 @Procedure
 async def uploaded(node: RemoteNode) -> Description | None:
-    """Return the EDS that a node keeps of itself in 0x1021, None if it has none that is plain text.
+    """Return the EDS that a node keeps of itself in 0x1021; None if it has none in plain text.
 
     Raises DictionaryError for one that cannot be read.
     """
@@ -96,9 +96,9 @@ async def uploaded(node: RemoteNode) -> Description | None:
 
 @Procedure
 async def fitting(node: RemoteNode, known: Iterable[Dictionary]) -> Description | None:
-    """Return the first of the known EDS files that has the node's identity; None if there is none.
+    """Return the first of the known EDS files with the node's identity, None if there is none.
 
-    Raises DictionaryError, and what reading the identity raises.
+    Raises DictionaryError, and the errors of reading the identity.
     """
     identity = await read_identity.steps(node)
     found = next((each for each in known if Identity.of(each).difference(identity) is None), None)
@@ -107,12 +107,12 @@ async def fitting(node: RemoteNode, known: Iterable[Dictionary]) -> Description 
 
 @Procedure
 async def device_name(node: RemoteNode) -> str:
-    """Return the name in 0x1008, `` if the node has none."""
+    """Return the name in 0x1008, an empty one if the node has none."""
     return (await _optional(node, DEVICE_NAME, "Manufacturer device name")).decode(errors="replace").rstrip("\0")
 
 
 async def _optional(node: RemoteNode, address: Address, name: str) -> bytes:
-    """Read an object that a node need not have: without it there are no bytes."""
+    """Read an object that a node need not have; without it, return no bytes."""
     try:
         return await node.upload.steps(address, name)
     except NodeRefused:

@@ -1,9 +1,9 @@
 """A drive of CiA 402 from the master's side: enabled, homed and moved over SDO.
 
-Theory of operation. What is done is written once, in `DriveAtNode`, as steps that blocking programs finish and event
-loops await. Every wait asks the drive again and again; one that is interrupted, by Ctrl-C or a cancelled task, halts
-the drive first: nobody is there any more to see where it goes. Positions, velocities and accelerations are in the
-drive's own units.
+Theory of operation. Everything is written once, in `DriveAtNode`, as steps that blocking programs run to their end and
+event loops await. Every wait polls the drive. A wait that is interrupted, by Ctrl-C or a cancelled task, halts the
+drive first: nobody is watching any more where it goes. Positions, velocities and accelerations are in the drive's own
+units.
 """
 
 from __future__ import annotations
@@ -24,13 +24,13 @@ from eurobot_od.od.profiles.homing import METHODS
 from eurobot_od.od.values import DATA_TYPES, UNSIGNED16, UNSIGNED32, DataType
 
 POLL = 0.01
-"""Seconds between two questions to a drive that is waited for."""
+"""Seconds between two polls of a drive."""
 
 ENABLE_WAIT = 2.0
-"""Seconds that a drive has for one arrow of its state machine: some switch a brake or charge a capacitor first."""
+"""Seconds that a drive has for one arrow of its state machine: some have to switch a brake or charge a capacitor."""
 
 MOTION_WAIT = 60.0
-"""Seconds that a motion may take where nothing else is said."""
+"""Seconds that a motion may take by default."""
 
 FAULTY = (State.FAULT, State.FAULT_REACTION)
 """The states of a drive that has a fault."""
@@ -41,7 +41,8 @@ NEXT: Mapping[State, DriveCommand] = {
     State.SWITCHED_ON: DriveCommand.ENABLE,
     State.QUICK_STOP: DriveCommand.DISABLE_VOLTAGE,
 }
-"""What brings a drive from each state nearer to Operation enabled; from the others it goes on by itself, or not."""
+"""The command that takes a drive one state nearer to Operation enabled; a drive leaves other states by itself, if at
+all."""
 
 INTEGER8, INTEGER32 = DATA_TYPES[0x02], DATA_TYPES[0x04]
 
@@ -62,7 +63,7 @@ TYPES: Mapping[int, DataType] = {
 
 
 class DriveStatus(NamedTuple):
-    """What a drive says about itself; `state` is None for a statusword that belongs to no state."""
+    """What a drive reports; `state` is None for a statusword that does not belong to any state."""
 
     state: State | None
     statusword: int
@@ -90,7 +91,7 @@ class DriveAtNode:
 
     async def _read(self, index: int) -> int:
         data = await self._node.upload.steps((index + self._offset, 0))
-        # An expedited answer may leave its size out, and has four bytes then, whatever the type (CiA 301, 7.2.4.3.6).
+        # An expedited answer may leave out its size, and then has four bytes, whatever the type (CiA 301, 7.2.4.3.6).
         value = self._type(index).read(data[: self._type(index).size])
         assert isinstance(value, int)
         return value
@@ -98,7 +99,7 @@ class DriveAtNode:
     async def _write(self, index: int, value: int) -> None:
         type_ = self._type(index)
         if not type_.low <= value <= type_.high:
-            raise LocalError(f"{value} is none of 0x{index + self._offset:04X}: {type_.low}..{type_.high}")
+            raise LocalError(f"{value} does not fit 0x{index + self._offset:04X}: {type_.low}..{type_.high}")
         await self._node.download.steps((index + self._offset, 0), type_.write(value))
 
     # State
@@ -115,7 +116,7 @@ class DriveAtNode:
         return DriveStatus(state, word, mode, position, velocity, code)
 
     async def _poll(self, within: float, done: Callable[[int], bool]) -> tuple[int, bool]:
-        """Wait for a statusword that is `done`; return the last one, and whether it is."""
+        """Wait for a statusword that is `done`; return the last one, and whether it is done."""
         clock = self._node.master.clock
         end = clock() + within
         while not done(word := await self._read(cia402.STATUSWORD)):
@@ -125,11 +126,11 @@ class DriveAtNode:
         return word, True
 
     async def _until(self, what: str, within: float, done: Callable[[int], bool]) -> int:
-        """Wait for a statusword that is `done`, and return it; raises DriveError at the end of its time, or a fault."""
+        """Wait for a statusword that is `done`, and return it; raises DriveError for a fault or when time is up."""
         word, ended = await self._poll(within, lambda word: done(word) or cia402.state_of(word) in FAULTY)
         state = cia402.state_of(word)
         if not ended:
-            said = f"it is in {state.words}" if state else "it is in no state"
+            said = f"it is in {state.words}" if state else "it is in an unknown state"
             raise DriveError(f"{self._name}: {what}: not within {within:g} s; {said} (statusword 0x{word:04X})")
         if state in FAULTY:
             raise await self._fault(what)
@@ -146,7 +147,8 @@ class DriveAtNode:
         while (state := await self._state()) is not State.ENABLED:
             if state is State.FAULT:
                 raise await self._fault("enable")
-            # Nothing to command: the drive leaves this state by itself, or the wait below ends with an error.
+            # If there is nothing to command, the drive leaves this state by itself, or the wait below ends with an
+            # error.
             command = NEXT.get(state) if state else None
             if command is not None:
                 await self._command(command)
@@ -168,14 +170,14 @@ class DriveAtNode:
     async def _fault_reset(self, within: float) -> None:
         if await self._state() not in FAULTY:
             return
-        # Until the motor stands the drive is in Fault reaction active, where a reset does nothing.
+        # Until the motor stands, the drive is in Fault reaction active, where a reset does nothing.
         await self._poll(within, lambda word: cia402.state_of(word) is not State.FAULT_REACTION)
         await self._command(DriveCommand.DISABLE_VOLTAGE)  # the reset is a rising edge
         await self._command(DriveCommand.FAULT_RESET)
         _, is_reset = await self._poll(within, lambda word: cia402.state_of(word) not in FAULTY)
         if not is_reset:
             raise await self._fault("fault reset")
-        await self._command(DriveCommand.DISABLE_VOLTAGE)  # takes the bit back: the next reset is an edge again
+        await self._command(DriveCommand.DISABLE_VOLTAGE)  # clears the bit: the next reset is an edge again
 
     # Motion
 
@@ -184,13 +186,13 @@ class DriveAtNode:
         """Halt the drive if whoever waits for its motion gives up, for whatever reason."""
         try:
             yield
-        # Ctrl-C and a cancelled task too: a motor must not go on turning for want of somebody who waits.
+        # Including Ctrl-C and a cancelled task: a motor must not go on turning when nobody waits for it.
         except BaseException:
             await self._halt()
             raise
 
     async def _enter(self, mode: Mode, within: float = ENABLE_WAIT) -> None:
-        """Choose a mode of operation and enable, without any command of the mode before."""
+        """Choose a mode of operation and enable, clearing all commands of the former mode."""
         if await self._read(cia402.MODE_DISPLAY) != mode:
             await self._write(cia402.MODE, mode)
             clock = self._node.master.clock
@@ -202,18 +204,19 @@ class DriveAtNode:
                     raise DriveError(f"{self._name}: {wanted}: it stays in {is_}")
                 await self._node.master.pump.steps(POLL)
         await self._enable(within)
-        # Bits 4 to 6 and 8 belong to the mode: a set-point or halt of the one before must not count in this one.
+        # Bits 4 to 6 and 8 belong to the mode: a set-point or halt of the former mode must not count in this one.
         await self._command(DriveCommand.ENABLE)
 
     async def _home(self, method: int | None, within: float) -> None:
         if method is not None and method > 0 and method not in METHODS:
-            raise LocalError(f"{method} is no homing method of CiA 402")
+            raise LocalError(f"{method} is not a homing method of CiA 402")
         if method is not None:
             await self._write(cia402.HOMING_METHOD, method)
         async with self._watched():
             await self._enter(Mode.HOMING)
             await self._command(DriveCommand.ENABLE, cia402.HOMING_START)
-            # Both: bit 12 alone means that home was found and the axis is still coming to rest (CiA 402-2, clause 11).
+            # Both bits: bit 12 alone means that home was found and the axis is still coming to rest (CiA 402-2, clause
+            # 11).
             done = cia402.BIT_12 | cia402.TARGET_REACHED
             word = await self._until("home", within, lambda word: word & done == done or bool(word & cia402.BIT_13))
         if word & cia402.BIT_13:
@@ -226,17 +229,17 @@ class DriveAtNode:
             if velocity is not None:
                 await self._write(cia402.PROFILE_VELOCITY, velocity)
             await self._write(cia402.TARGET_POSITION, position)
-            # At once: a set-point that an interrupted program has left need not be reached first.
+            # At once: a set-point that an interrupted program has left behind does not have to be reached first.
             reached, bits = cia402.TARGET_REACHED, cia402.NEW_SET_POINT | cia402.AT_ONCE | cia402.RELATIVE * relative
             await self._command(DriveCommand.ENABLE, bits)
             await self._until("move", within, lambda word: bool(word & cia402.BIT_12))
             await self._command(DriveCommand.ENABLE)
-            # While bit 12 is set, the target that is reached may be that of the set-point before.
+            # While bit 12 is set, "target reached" may still be about the set-point before.
             await self._until("move", within, lambda word: word & (reached | cia402.BIT_12) == reached)
 
     async def _turn(self, velocity: int) -> None:
         async with self._watched():
-            # Before the mode: it would begin with the velocity that somebody has left in the object.
+            # Before the mode: the drive would otherwise start with whatever velocity is in the object.
             await self._write(cia402.TARGET_VELOCITY, velocity)
             await self._enter(Mode.PROFILE_VELOCITY)
 
@@ -253,29 +256,29 @@ class Drive402(DriveAtNode):
         drive.home(method=35)
         drive.move_to(20_000, velocity=500)
 
-    Positions and velocities are in the drive's units. Whatever waits raises DriveError if the drive has a fault, or
-    does not do it in its time, and NodeRefused, NoAnswer or BusError; a motion that is given up, as by Ctrl-C, is
-    halted. `within` is in seconds.
+    Positions and velocities are in the drive's units, `within` is in seconds. Calls that wait raise DriveError if the
+    drive has a fault or takes too long, and NodeRefused, NoAnswer or BusError. A motion that is given up, as by Ctrl-C,
+    is halted.
     """
 
     @property
     def state(self) -> State | None:
-        """The state of the drive; None for a statusword that belongs to no state."""
+        """The state of the drive; None for a statusword that does not belong to any state."""
         return finished(self._state())
 
     @property
     def status(self) -> DriveStatus:
-        """What the drive says about itself."""
+        """What the drive reports about itself."""
         return finished(self._status())
 
     @property
     def position(self) -> int:
-        """Where it is (0x6064)."""
+        """The position of the drive (0x6064)."""
         return finished(self._read(cia402.POSITION))
 
     @property
     def velocity(self) -> int:
-        """How fast it turns (0x606C); set, it is enabled and turns at that velocity, in profile velocity mode."""
+        """The velocity (0x606C); setting it enables the drive and turns it at that velocity (profile velocity mode)."""
         return finished(self._read(cia402.VELOCITY))
 
     @velocity.setter
@@ -283,7 +286,7 @@ class Drive402(DriveAtNode):
         finished(self._turn(velocity))
 
     def enable(self, within: float = ENABLE_WAIT) -> None:
-        """Bring it to Operation enabled; each state on the way has `within` seconds."""
+        """Bring it to Operation enabled; each state on the way may take `within` seconds."""
         finished(self._enable(within))
 
     def disable(self, within: float = ENABLE_WAIT) -> None:
@@ -303,13 +306,13 @@ class Drive402(DriveAtNode):
         finished(self._fault_reset(within))
 
     def home(self, method: int | None = None, within: float = MOTION_WAIT) -> None:
-        """Enable and home it, by a method of CiA 402, or a negative one of the maker's (default: what it is set to)."""
+        """Enable and home it, by a method of CiA 402 or a maker's negative one (default: the one that is set)."""
         finished(self._home(method, within))
 
     def move_to(
         self, position: int, velocity: int | None = None, *, relative: bool = False, within: float = MOTION_WAIT
     ) -> None:
-        """Enable it, move it to a position, or by a way if it is `relative`, and wait until it is there."""
+        """Enable it, move it to a position, or by a distance if it is `relative`, and wait until it is there."""
         finished(self._move(position, velocity, relative, within))
 
 
@@ -318,30 +321,30 @@ class AsyncDrive402(DriveAtNode):
 
     @property
     async def state(self) -> State | None:
-        """The state of the drive; None for a statusword that belongs to no state."""
+        """The state of the drive; None for a statusword that does not belong to any state."""
         return await self._state()
 
     @property
     async def status(self) -> DriveStatus:
-        """What the drive says about itself."""
+        """What the drive reports about itself."""
         return await self._status()
 
     @property
     async def position(self) -> int:
-        """Where it is (0x6064)."""
+        """The position of the drive (0x6064)."""
         return await self._read(cia402.POSITION)
 
     @property
     async def velocity(self) -> int:
-        """How fast it turns (0x606C)."""
+        """The velocity of the drive (0x606C)."""
         return await self._read(cia402.VELOCITY)
 
     async def turn(self, velocity: int) -> None:
-        """Enable it, and have it turn at a velocity, in profile velocity mode."""
+        """Enable it, and let it turn at a velocity, in profile velocity mode."""
         await self._turn(velocity)
 
     async def enable(self, within: float = ENABLE_WAIT) -> None:
-        """Bring it to Operation enabled; each state on the way has `within` seconds."""
+        """Bring it to Operation enabled; each state on the way may take `within` seconds."""
         await self._enable(within)
 
     async def disable(self, within: float = ENABLE_WAIT) -> None:

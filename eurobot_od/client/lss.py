@@ -1,7 +1,7 @@
-"""Layer setting services: devices are found by their identity, given node-ID and bit rate, and store them (CiA 305).
+"""Layer setting services: find devices by their identity, give them node-ID and bit rate, have them store it (CiA 305).
 
-Rule of this file: a service is a generator that yields requests and is given the answer, None if none came; only
-`perform` has a bus. What the standard does not allow is refused before there is a generator.
+A service is a generator that yields requests and gets the answers, None if there was none; only `perform` has a bus.
+What the standard does not allow is refused before the generator is made.
 
 canopen's LssMaster is not used: it waits in a queue that another thread has to fill, sleeps 0.2 s after each part of an
 identity, and turns every error into a number.
@@ -32,14 +32,14 @@ from eurobot_od.od.values import NODE_IDS
 from eurobot_od.support.progress import Progress, unwatched
 
 ANSWER_WAIT = 0.1
-"""Seconds that a device has for an answer; `find_all` waits so long about 130 times for each device."""
+"""Seconds that a device has for an answer; `find_all` waits for this long about 130 times for each device."""
 
 FIRST_BIT = 31
 """Fastscan starts with the highest bit."""
 
 
 class LssRequest(NamedTuple):
-    """A request: its command, the bytes after it, and the answer's command (None: no answer)."""
+    """A request: its command, the bytes after it, and the command of the answer (None: there is no answer)."""
 
     command: Lss | int
     rest: bytes = b""
@@ -47,7 +47,7 @@ class LssRequest(NamedTuple):
 
     @property
     def data(self) -> bytes:
-        """The frame's bytes; those that are not used are 0."""
+        """The bytes of the frame; unused ones are 0."""
         return bytes([self.command, *self.rest]).ljust(LENGTH, b"\0")
 
 
@@ -59,15 +59,15 @@ LssSteps: TypeAlias = "Generator[LssRequest, bytes | None, Result]"
 
 
 def switch(state: LssState) -> LssSteps[None]:
-    """Put all devices into a state; there is no answer."""
+    """Put all devices into a state; they do not answer."""
     return _sent(LssRequest(Lss.SWITCH_GLOBAL, bytes([state])))
 
 
 def select(identity: Identity) -> LssSteps[bool]:
     """Put the device with an identity into configuration state; return whether there is one."""
     yield from switch(LssState.WAITING)
-    # Four frames, one part of the identity in each; only the last is answered, by the device that agrees with all of
-    # them (CiA 305).
+    # Four frames with one part of the identity in each; only the last one is answered, by the device that agrees with
+    # all of them (CiA 305).
     *first, last = [LssRequest(Lss.SELECT + part, _number(value)) for part, value in enumerate(identity)]
     yield from first
     return (yield last._replace(answer=Lss.SELECTED)) is not None
@@ -76,20 +76,20 @@ def select(identity: Identity) -> LssSteps[bool]:
 def fastscan() -> LssSteps[Identity | None]:
     """Find a device without a node-ID and put it into configuration state; None if there is none.
 
-    Of several the one that has 0 in the first bit in which they differ is found. Raises RemoteError if it goes away.
+    Of several devices, it finds the one that has 0 in the first bit in which they differ. Raises RemoteError if it goes
+    away.
     """
     if not (yield from _scanned(0, ANY_BIT, 0, 0)):
         return None
     found: list[int] = []
     for part in range(len(Identity._fields)):
         number = 0
-        # From the highest bit down: each question halves what is left. Silence is the only way in which LSS says no, so
-        # that a 0 nobody confirms is a 1.
+        # From the highest bit down, each question halves what is left. LSS can say no only by silence, so a 0 that
+        # nobody confirms is a 1.
         for bit in range(FIRST_BIT, -1, -1):
             if not (yield from _scanned(number, bit, part, part)):
                 number |= 1 << bit
-        # Asked once more with the whole part, which is what has the device go on to the next one (CiA 305, LSS
-        # fastscan).
+        # Asked once more with the whole part, which makes the device go on to the next part (CiA 305, LSS fastscan).
         if not (yield from _scanned(number, 0, part, (part + 1) % len(Identity._fields))):
             raise RemoteError("the device that fastscan was about to find no longer answers")
         found.append(number)
@@ -97,18 +97,18 @@ def fastscan() -> LssSteps[Identity | None]:
 
 
 def find_all() -> LssSteps[list[Identity]]:
-    """Return all devices without a node-ID, at most as many as there are node-IDs; none is configured meanwhile.
+    """Return all devices without a node-ID, at most as many as there are node-IDs; nothing is configured.
 
-    Devices answer by one identifier all alike, so that they are told apart by asking for both values of each bit. They
-    stay in waiting state: in the other one CiA 305 has them answer no more, but CANopenNode's then say yes to whatever
-    they are asked.
+    All devices answer with the same identifier, so they are told apart by asking for both values of each bit. They stay
+    in waiting state: in configuration state they must not answer (CiA 305), but CANopenNode's then say yes to
+    everything.
     """
     yield from switch(LssState.WAITING)
     seen: list[Identity] = []
     if (yield from _positioned(())):
         yield from _explore((), 0, FIRST_BIT + 1, seen)
     found = []
-    for each in seen:  # one whose slave keeps no position may be made of parts of two devices
+    for each in seen:  # where slaves keep no position, one may be made of parts of two devices
         if (yield from select(each)):
             found.append(each)
     yield from switch(LssState.WAITING)
@@ -116,9 +116,9 @@ def find_all() -> LssSteps[list[Identity]]:
 
 
 def _explore(head: tuple[int, ...], number: int, bit: int, seen: list[Identity]) -> LssSteps[None]:
-    """Note the devices whose identities start with `head`, and go on with a number of these bits from `bit` upwards.
+    """Note the devices whose identities start with `head` and whose next part has the bits of `number` from `bit` up.
 
-    There is one at least.
+    There is at least one.
     """
     part = len(head)
     if bit == 0 and part + 1 == len(Identity._fields):
@@ -130,11 +130,11 @@ def _explore(head: tuple[int, ...], number: int, bit: int, seen: list[Identity])
         bit -= 1
         other = number | 1 << bit
         is_first = yield from _scanned(number, bit, part, part)
-        # Nobody in the first half, and one at least in both: then it is in the other one, without asking.
+        # If nobody is in the first half there must be somebody in the other half, without asking.
         is_other = not is_first or (yield from _scanned(other, bit, part, part))
         if is_first:
             yield from _explore(head, number, bit, seen)
-        # Exploring the first half has moved everybody on: the devices of the other one are led to this part again.
+        # Exploring the first half has moved everybody on: the devices of the other half are led to this part again.
         if is_first and is_other:
             yield from _positioned(head)
         if is_other and len(seen) < len(NODE_IDS):
@@ -142,7 +142,7 @@ def _explore(head: tuple[int, ...], number: int, bit: int, seen: list[Identity])
 
 
 def _positioned(head: tuple[int, ...]) -> LssSteps[bool]:
-    """Have the devices whose identities start with `head` expect its next part; return whether any device is there."""
+    """Have devices whose identities start with `head` expect its next part; return whether any device is there."""
     is_there = yield from _scanned(0, ANY_BIT, 0, 0)
     for part, number in enumerate(head):
         yield from _scanned(number, 0, part, part + 1)
@@ -169,9 +169,9 @@ def configure_bit_rate(kbit: int) -> LssSteps[None]:
 
 
 def activate_bit_rate(delay: float) -> LssSteps[None]:
-    """Have the devices being configured change their bit rate `delay` seconds from now; there is no answer.
+    """Have the devices being configured change their bit rate in `delay` seconds; they do not answer.
 
-    They are silent for as long again (CiA 305: switch delay). Raises LocalError.
+    They are then silent for as long again (CiA 305: switch delay). Raises LocalError.
     """
     milliseconds = round(delay * 1000)
     if not 0 <= milliseconds <= 0xFFFF:
@@ -185,9 +185,9 @@ def store() -> LssSteps[None]:
 
 
 def chosen(identity: Identity | None, alone: bool = False) -> LssSteps[Identity | None]:
-    """Put the device that is meant into configuration state; return its identity, None for the only one on the bus.
+    """Put one device into configuration state; return its identity, None if it is the only one on the bus.
 
-    It is the only one (`alone`), the one with an identity, or else the first without a node-ID. Raises RemoteError if
+    It is the only one (`alone`), the one with an `identity`, or else the first without a node-ID. Raises RemoteError if
     there is none.
     """
     if alone:
@@ -197,7 +197,7 @@ def chosen(identity: Identity | None, alone: bool = False) -> LssSteps[Identity 
         found = identity if (yield from select(identity)) else None
         missing = f"no device has the identity {identity}"
     else:
-        yield from switch(LssState.WAITING)  # fastscan is for devices in waiting state only (CiA 305)
+        yield from switch(LssState.WAITING)  # fastscan is only for devices in waiting state (CiA 305)
         found, missing = (yield from fastscan()), "no device without a node-ID answers"
     if found is None:
         raise RemoteError(missing)
@@ -205,7 +205,7 @@ def chosen(identity: Identity | None, alone: bool = False) -> LssSteps[Identity 
 
 
 def assigned(node_id: int, identity: Identity | None, bit_rate: int | None, stores: bool) -> LssSteps[Identity | None]:
-    """Give the device of `chosen` a node-ID and, unless None, a bit rate in kbit/s, and have it store them."""
+    """Give the `chosen` device a node-ID and, unless None, a bit rate in kbit/s; have it store them if it `stores`."""
     services = [configure_node_id(node_id)]
     services += [] if bit_rate is None else [configure_bit_rate(bit_rate)]
     device = yield from chosen(identity)
@@ -221,7 +221,7 @@ def _sent(request: LssRequest) -> LssSteps[None]:
 
 
 def _scanned(number: int, bit: int, part: int, then: int) -> LssSteps[bool]:
-    """Ask who agrees in the bits from 31 down to `bit` of a part of the identity, and is to expect `then` next."""
+    """Ask who agrees in bits 31 to `bit` of a part of the identity; those expect the part `then` next."""
     rest = _number(number) + bytes([bit, part, then])
     return (yield LssRequest(Lss.FASTSCAN, rest, Lss.IDENTIFY_SLAVE)) is not None
 
@@ -255,7 +255,7 @@ def _number(value: int) -> bytes:
 async def perform(
     master: Master, steps: LssSteps[Result], wait: float = ANSWER_WAIT, progress: Progress = unwatched
 ) -> Result:
-    """Do a service; a device has `wait` seconds for each answer, more to store. Raises as it does, and BusError.
+    """Carry out a service; a device has `wait` seconds for each answer, more to store. Raises its errors and BusError.
 
     `progress` is called with the number of requests so far.
     """
@@ -267,7 +267,7 @@ async def perform(
             request = steps.send(answer)
             progress(number, None)
             answer = await _exchange(master, request, answers, wait)
-        raise AssertionError  # `count` has no end
+        raise AssertionError  # `count` never ends
     except StopIteration as end:
         result: Result = end.value
         return result
@@ -276,7 +276,7 @@ async def perform(
 
 
 async def _exchange(master: Master, request: LssRequest, answers: list[bytes], wait: float) -> bytes | None:
-    master.drain()  # a late answer to the request before is none to this one
+    master.drain()  # a late answer to the request before is not an answer to this one
     answers.clear()
     master.send(REQUESTS, request.data)
     if request.answer is None:

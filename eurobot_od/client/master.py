@@ -1,8 +1,8 @@
 """A CANopen master: SDO transfers, NMT, heartbeats, as procedures (see `procedure`) that await frames in `pump`.
 
-Rule of this file: no thread receives. Whoever waits for something takes the frames from the bus meanwhile, and each
-frame goes to the listener of its COB-ID; so a frame that comes while nothing waits is read at the next wait. Masters
-that receive all the time, in a thread, in an event loop or in simulated time, stand in `masters`.
+No thread receives in here. Whoever waits for something takes frames from the bus meanwhile, and each frame goes to the
+listener of its COB-ID; a frame that comes while nothing waits is read at the next wait. Masters that receive all the
+time, in a thread or in an event loop, are in `masters`.
 """
 
 from __future__ import annotations
@@ -13,10 +13,13 @@ from collections.abc import Callable, Iterator
 from contextlib import AbstractAsyncContextManager, AbstractContextManager, contextmanager, nullcontext
 from typing import TYPE_CHECKING, Protocol, TypeAlias
 
+from eurobot_od.bus.live import Driver, Opener
 from eurobot_od.bus.live.buses import failure
+from eurobot_od.bus.live.connection import Connection
 from eurobot_od.client.procedure import Procedure
 from eurobot_od.device.nmt import COMMAND_NAMES, NmtCommand, NmtState
-from eurobot_od.errors import NamedObject, NoAnswer, NodeRefused, RemoteError, WrongAnswer
+from eurobot_od.errors import BusError, NamedObject, NoAnswer, NodeRefused, RemoteError, WrongAnswer
+from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.sdo_channel import SdoChannel
 from eurobot_od.od.values import (
     ERROR_CONTROL_BASE,
@@ -43,16 +46,15 @@ from eurobot_od.support.progress import Progress, unwatched
 if TYPE_CHECKING:
     import can
 
-    from eurobot_od.od.dictionary import Dictionary
 
 ANSWER_WAIT = 0.5
-"""Seconds that a node has for the answer to an SDO request, where nothing else is said."""
+"""Seconds that a node has to answer an SDO request, by default."""
 
 BLOCK_FROM = 128
-"""Longer contents are written by block transfer; a few segments are as quick, and every node takes them."""
+"""Longer contents are written by block transfer; for shorter ones segments are as quick, and every node takes them."""
 
 STORE_WAIT = 5.0
-"""Seconds that a node has to store its parameters: it may have to erase a flash memory."""
+"""Seconds that a node has to store its parameters, for which it may have to erase a flash memory."""
 
 BACKLOG = 1 << 16
 """Most waiting frames that are taken in at once: more than any adapter's buffer holds."""
@@ -62,11 +64,11 @@ BOOT_WAIT = 5.0
 
 
 Observer: TypeAlias = Callable[[int, bytes, float], object]
-"""Called with COB-ID, data, and time of a frame in seconds."""
+"""Called with a frame's COB-ID, data, and time in seconds."""
 
 
 class Periodic(Protocol):
-    """What is sent again and again until it is stopped."""
+    """Something that is sent again and again until it is stopped."""
 
     def resume(self) -> None:
         """Go on, on a bus that was opened again."""
@@ -76,12 +78,12 @@ class Periodic(Protocol):
 
 
 class Master:
-    """The master's end of a bus; use it as a context manager, it shuts the bus down at its end.
+    """The master's end of a bus; a context manager that shuts the bus down at its end.
 
-    `answer_wait` is how many seconds a node has for an answer, by `clock`; `unannounced` how many bytes are read of an
-    object whose size the node does not say. `states` has the last NMT state heard of
-    each node, `listeners` what is called with the data of a frame, by COB-ID, `observers` what is called with COB-ID,
-    data and time of every frame; the time is the driver's, in seconds.
+    `answer_wait` is how many seconds of `clock` a node has for an answer. `unannounced` is how many bytes are read of
+    an object whose size the node does not give. `states` has the last NMT state heard of each node. `listeners` are
+    called with the data of the frames of one COB-ID, `observers` with COB-ID, data and time of every frame; the time is
+    the driver's, in seconds.
     """
 
     def __init__(
@@ -100,7 +102,7 @@ class Master:
         self.periodic: list[Periodic] = []
         self._sdo_servers: dict[int, SdoChannel] = {}
         self.guard: AbstractContextManager[object] = nullcontext()
-        """Held while frames are taken in, where a thread of its own does that."""
+        """Held while frames are taken in, where another thread does that."""
         self._message = can.Message
 
     def __enter__(self) -> Master:
@@ -120,9 +122,9 @@ class Master:
             task.stop()
 
     def call(self, function: Callable[[], object]) -> None:
-        """Call a user's function that listens to frames: here at once, by whoever takes frames in.
+        """Call a user's function that listens to frames: here at once, on the thread that takes frames in.
 
-        What it raises is logged: the others are still called.
+        An exception it raises is logged, and the others are still called.
         """
         try:
             function()
@@ -130,15 +132,15 @@ class Master:
             logging.getLogger("eurobot_od").exception("a function that was to be called has failed")
 
     def node(self, node_id: int) -> RemoteNode:
-        """Return a node to talk to, whether it is there or not."""
+        """Return a node to talk to, which need not be there."""
         return RemoteNode(self, node_id)
 
     def sdo_server(self, node_id: int) -> SdoChannel:
-        """Return where a node's SDO server is: at its default COB-IDs (CiA 301, 7.3.3), if `follow` knows no others."""
+        """Return where a node's SDO server is: at its default COB-IDs (CiA 301, 7.3.3), unless `follow` has others."""
         return self._sdo_servers.get(node_id, SdoChannel.default(node_id))
 
     def follow(self, device: Dictionary) -> None:
-        """Talk to a device where its file says that its SDO server is (0x1200; the rule is in `od.sdo_channel`)."""
+        """Talk to a device at the SDO server that its file gives (0x1200; the rule is in `od.sdo_channel`)."""
         self._sdo_servers[device.node_id] = SdoChannel.of(device)
 
     def turn(self, node_id: int) -> AbstractAsyncContextManager[object]:
@@ -150,18 +152,18 @@ class Master:
         self._send(self._message(arbitration_id=cob_id, data=data, is_extended_id=False))
 
     def request(self, cob_id: int) -> None:
-        """Ask for a frame by a remote frame, as node guarding does; raises BusError."""
+        """Ask for a frame with a remote frame, as node guarding does; raises BusError."""
         self._send(self._message(arbitration_id=cob_id, is_remote_frame=True, dlc=1, is_extended_id=False))
 
     def _send(self, message: can.Message) -> None:
         try:
             self.bus.send(message)
-        except Exception as error:  # drivers raise OSError, CanError, ValueError and whatever else their makers liked
+        except Exception as error:  # drivers raise OSError, CanError, ValueError, or whatever else their makers chose
             raise failure(self.bus, error) from error
 
     def drain(self) -> None:
         """Take in the frames that are waiting already. Raises BusError."""
-        # With a bound: on a bus at full load a frame is always waiting.
+        # With a bound: on a fully loaded bus a frame is always waiting.
         for _ in range(BACKLOG):
             if not self._receive(0):
                 break
@@ -172,9 +174,9 @@ class Master:
         return await self.take_in(wait, done)
 
     async def take_in(self, wait: float, done: Callable[[], bool]) -> bool:
-        """Do what `pump` does.
+        """Do what `pump` does; subclasses have other ways.
 
-        Frames that are waiting at the end count too: they have come in time, however late this process looks.
+        Frames that are waiting at the end count as well: they have come in time, however late this process looks.
         """
         end = self.clock() + wait
         while not done() and (left := end - self.clock()) > 0:
@@ -184,12 +186,12 @@ class Master:
         return done()
 
     def _receive(self, wait: float) -> bool:
-        """Take in the next frame; False if there is none in `wait` seconds."""
+        """Take in the next frame; return False if there was none within `wait` seconds."""
         try:
             message = self.bus.recv(wait)
         except Exception as error:  # as in `send`
             raise failure(self.bus, error) from error
-        # CANopen has 11-bit data frames; a remote frame is what a master itself sends, when it guards a node.
+        # CANopen has 11-bit data frames; remote frames are what a master itself sends to guard a node.
         if message is not None and not (message.is_extended_id or message.is_error_frame or message.is_remote_frame):
             self.heard(message.arbitration_id, bytes(message.data), message.timestamp)
         return message is not None
@@ -197,7 +199,7 @@ class Master:
     @contextmanager
     def observed(self, observer: Observer) -> Iterator[None]:
         """Have an observer called with every frame."""
-        self.observers = (*self.observers, observer)  # replaced whole: a reader may be going through it
+        self.observers = (*self.observers, observer)  # replaced as a whole: a reader may be iterating over it
         try:
             yield
         finally:
@@ -207,8 +209,7 @@ class Master:
         """Take in a classic data frame with an 11-bit identifier."""
         node_id = cob_id - ERROR_CONTROL_BASE
         if node_id in NODE_IDS and len(data) == 1 and data[0] in set(NmtState):
-            # One with bit 7 set is an answer to node guarding with its toggle bit: that is for `NodeWatch`, which
-            # asked.
+            # With bit 7 set it is an answer to node guarding with its toggle bit, which `NodeWatch` has asked for.
             self.states[node_id] = NmtState(data[0])
         for observe in self.observers:
             observe(cob_id, data, now)
@@ -226,7 +227,7 @@ class RemoteNode:
     async def upload(
         self, address: Address, name: str = "", progress: Progress = unwatched, most: int = LARGEST
     ) -> bytes:
-        """Read an object's bytes, of which it can have `most`.
+        """Read an object's bytes, at most `most` of them.
 
         Raises NodeRefused, NoAnswer, RemoteError for an odd answer, BusError.
         """
@@ -235,7 +236,7 @@ class RemoteNode:
 
     @Procedure
     async def upload_block(self, address: Address, name: str = "", progress: Progress = unwatched) -> bytes:
-        """Read a long object by block transfer; by segments if the node has no blocks, however it says so."""
+        """Read a long object by block transfer; by segments if the node has no block transfer, however it says so."""
         master = self.master
         room = Room(unannounced=master.unannounced)
         by_blocks = block_upload(address, master.answer_wait, progress=progress, room=room)
@@ -255,7 +256,8 @@ class RemoteNode:
     ) -> None:
         """Write an object's bytes, waiting up to `wait` seconds for each answer. Raises as `upload` does.
 
-        Many bytes go by block transfer, but by segments if the node does not take the first block, however it says so.
+        Long contents go by block transfer, or by segments if the node does not take the first block, however it says
+        so.
         """
         answer_wait, taken = wait or self.master.answer_wait, [0]
         if len(data) > BLOCK_FROM:
@@ -267,7 +269,7 @@ class RemoteNode:
             try:
                 await self._transfer("write", address, name, block_download(address, data, answer_wait, noted))
             except RemoteError:
-                # It has block transfer: what failed in the middle is an error, and no reason to begin again by
+                # It does have block transfer: a failure in the middle is an error, not a reason to start over by
                 # segments.
                 if taken[-1]:
                     raise
@@ -276,8 +278,8 @@ class RemoteNode:
         await self._transfer("write", address, name, download(address, data, answer_wait, progress))
 
     def command(self, command: NmtCommand) -> None:
-        """Send an NMT command to this node; it is not confirmed, and heartbeats from before it no longer count."""
-        # What waits already was sent before the command, and must not be taken for its effect.
+        """Send an NMT command to this node; it is not confirmed, and earlier heartbeats no longer count."""
+        # A frame that is already waiting was sent before the command, and must not be taken for its effect.
         self.master.drain()
         self.master.states.pop(self.node_id, None)
         self.master.send(NMT_COB_ID, bytes([command, self.node_id]))
@@ -285,20 +287,20 @@ class RemoteNode:
     @Procedure
     async def state(self, wait: float) -> NmtState | None:
         """Wait for the node's next heartbeat and return its state, None if there is no heartbeat."""
-        # What was heard before says nothing of now.
+        # What was heard before says nothing about the present.
         self.master.states.pop(self.node_id, None)
         await self.master.pump.steps(wait, lambda: self.node_id in self.master.states)
         return self.last_state
 
     @Procedure
     async def wait_for(self, state: NmtState, wait: float) -> bool:
-        """Wait for a heartbeat with a state, INITIALISING being the boot-up; return whether one came."""
+        """Wait for a heartbeat with a state (INITIALISING is the boot-up); return whether one came."""
         with self._states_heard() as heard:
             return await self.master.pump.steps(wait, lambda: state in (self.last_state, *heard))
 
     @contextmanager
     def _states_heard(self) -> Iterator[list[NmtState | None]]:
-        """Give all states that are heard: a heartbeat may follow the boot-up before whoever waits has looked."""
+        """Collect all states that are heard: a heartbeat may follow the boot-up before a waiting thread has looked."""
         heard: list[NmtState | None] = []
 
         def hear(cob_id: int, *_: object) -> None:
@@ -323,7 +325,7 @@ class RemoteNode:
             raise NoAnswer(COMMAND_NAMES[command], f"boot-up of node {self.node_id}", 1, BOOT_WAIT, self.node_id)
 
     async def _transfer(self, verb: str, address: Address, name: str, transfer: Transfer) -> bytes:
-        """Do a transfer, and turn how it failed into the error that says it of this node and object."""
+        """Carry out a transfer; a failure becomes an error that names this node and the object."""
         await self.run.steps(transfer)
         request, where = f"{verb} {label(address, name)}", NamedObject(self.node_id, address, name)
         try:
@@ -338,7 +340,7 @@ class RemoteNode:
 
     @Procedure
     async def run(self, transfer: Transfer) -> None:
-        """Do a transfer to its end, whatever that is. Raises BusError."""
+        """Carry out a transfer to its end, whether it succeeds or not. Raises BusError."""
         master, clock = self.master, self.master.clock
         requested_at, cob_id = master.sdo_server(self.node_id)
 
@@ -347,7 +349,7 @@ class RemoteNode:
                 master.send(requested_at, request)
 
         async with master.turn(self.node_id):
-            # An answer that came too late for the request before would be taken for the answer to this one.
+            # A late answer to the request before would be taken for the answer to this one.
             master.drain()
             with master.guard:
                 master.listeners[cob_id] = lambda data: send(transfer.receive(data, clock()))
@@ -356,3 +358,47 @@ class RemoteNode:
                 await master.pump.steps(transfer.deadline - clock(), lambda: transfer.done)
                 with master.guard:
                     send(transfer.tick(clock()))
+
+
+# A bus that is lost and comes back
+
+
+Guard: TypeAlias = Callable[[Callable[[], object]], None]
+"""Takes one step; raises BusError if the bus has failed and will not be opened again."""
+
+
+def unguarded(step: Callable[[], object]) -> None:
+    """Take a step; a failing bus ends everything."""
+    step()
+
+
+class Reconnecting:
+    """A guard that uses `opener` to open a master's bus again when a step fails; that step is not repeated.
+
+    A bus that has never worked is an error; only one that has worked is opened again. `tell` gets a line when the bus
+    is lost and when it is back.
+    """
+
+    def __init__(self, master: Master, opener: Opener, tell: Callable[[str], object]) -> None:
+        def lost(why: BusError, _: bool) -> None:
+            tell(f"{why}; it is opened again")
+
+        def back(gap: float) -> None:
+            tell(f"the bus is back after a gap of {gap:.1f} s")
+
+        self._master, self._has_worked = master, False
+        self._connection = Connection(Driver(master.bus), opener, master.clock, lost, lambda: None, back)
+
+    def __call__(self, step: Callable[[], object]) -> None:
+        """Take a step."""
+        try:
+            step()
+        except BusError as error:
+            if not self._has_worked:
+                raise
+            self._connection.fail(error)
+            self._connection.reopen()
+            self._master.bus = self._connection.driver.bus
+        else:
+            self._has_worked = True
+            self._connection.works()

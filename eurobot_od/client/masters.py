@@ -1,13 +1,14 @@
 """Masters that receive all the time: in a thread of their own, or in an event loop.
 
-Theory of operation. Both have one thread a bus, whatever the number of nodes: the reader, which waits for frames. In a
-program that blocks (`ThreadedMaster`) it also takes them in: it continues transfers, so that no other thread has to be
-woken for each segment, and wakes those who wait in `pump` once what they wait for may be there. Functions of users run
-in one more thread, in the order of their calls: they may ask nodes themselves, for which the reader must be
-free. In an event loop (`LoopMaster`) the reader hands frames over to the loop, and everything else happens there.
+Theory of operation. Both have one thread for each bus, whatever the number of nodes: the reader, which waits for
+frames. In a blocking program (`ThreadedMaster`) the reader also takes them in: it continues transfers, so that no other
+thread has to be woken for each segment, and wakes those who wait in `pump` once what they wait for may be there. Users'
+functions run in one more thread, in the order of their calls: they may talk to nodes themselves, for which the reader
+must be free. In an event loop (`LoopMaster`) the reader hands frames over to the loop, and everything else happens
+there.
 
 Locks. `guard` protects what `heard` changes; nobody holds it while waiting for frames. A node's `turn` is held for a
-whole transfer, by which two threads, or two tasks, can talk to one node. It is taken before the guard, never after it.
+whole transfer, so that two threads or tasks can talk to one node. It is taken before the guard, never after it.
 """
 
 from __future__ import annotations
@@ -19,48 +20,46 @@ from collections.abc import Callable, Sequence
 from contextlib import AbstractAsyncContextManager
 from math import inf
 from queue import SimpleQueue
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Any, Protocol
+
+import can
 
 from eurobot_od.bus.live.buses import Driver, failure
+from eurobot_od.bus.live.connection import Opener
 from eurobot_od.bus.live.reader import FrameReader
 from eurobot_od.client.master import ANSWER_WAIT, Master
 from eurobot_od.errors import BusError, LocalError
 from eurobot_od.frame import HIGHEST_IDENTIFIER, Frame
 
-if TYPE_CHECKING:
-    import can
-
-    from eurobot_od.bus.live.connection import Opener
-
 SEND_WAIT = 0.5
 """Seconds that a driver may take to accept a frame."""
 
 PATIENCE = 1.0
-"""Seconds that the end waits for functions of users."""
+"""Seconds that the end waits for users' functions."""
 
 Seen = Callable[[float, Frame], object]
 Failed = Callable[[BusError], object]
 
 
 class Feed(Protocol):
-    """A bus that gives each classic data frame to `seen`, in whatever thread, between `start` and `stop`."""
+    """A bus that gives each classic data frame to `seen`, on any thread, between `start` and `stop`."""
 
     @property
     def bus(self) -> can.BusABC:
-        """The bus as it is opened now."""
+        """The bus that is open now."""
 
     def start(self, seen: Seen, failed: Failed, back: Callable[[], object]) -> None:
-        """Begin to read; `failed` is called with why the bus is lost, `back` when it is there again."""
+        """Start reading; `failed` is called with the error when the bus is lost, `back` when it is there again."""
 
     def send(self, frame: Frame) -> None:
         """Send a frame; raises BusError."""
 
     def stop(self) -> None:
-        """End reading."""
+        """Stop reading."""
 
 
 class OwnFeed:
-    """A bus that is opened by `opener`, opened again when it is lost, and shut down at the end."""
+    """A bus that `opener` opens, and opens again when it is lost; it is shut down at the end."""
 
     def __init__(self, opener: Opener) -> None:
         self._opener, self._first = opener, opener()
@@ -85,19 +84,15 @@ class OwnFeed:
 
 
 class SharedFeed:
-    """Somebody else's bus and python-can notifier; neither is touched at the end. Without a notifier there is ours."""
+    """Somebody else's bus and python-can notifier, left alone at the end. Without a notifier we make our own."""
 
     def __init__(self, bus: can.BusABC, notifier: can.Notifier | None = None) -> None:
-        import can
-
         self.bus, self._driver = bus, Driver(bus)
         found = getattr(can.Notifier, "find_instances", lambda _: ())(bus)  # since python-can 4.5
         self._notifier, self._own = notifier or next(iter(found), None), False
         self._hear: Any = None
 
     def start(self, seen: Seen, failed: Failed, back: Callable[[], object]) -> None:
-        import can
-
         def hear(message: can.Message) -> None:
             odd = message.is_extended_id or message.is_remote_frame or message.is_error_frame or message.is_fd
             if not odd and message.arbitration_id <= HIGHEST_IDENTIFIER:
@@ -122,29 +117,25 @@ class SharedFeed:
 
 def feed_of(network: Any) -> SharedFeed:
     """Return the feed of an open python-can bus, or of a connected `canopen.Network`; raises LocalError."""
-    import can
-
     if isinstance(network, can.BusABC):
         return SharedFeed(network)
     bus = getattr(network, "bus", None)
     if not isinstance(bus, can.BusABC):
-        raise LocalError(f"{network!r} is no interface's name, no open bus and no connected canopen.Network")
+        raise LocalError(f"{network!r} is neither an interface's name nor an open bus nor a connected canopen.Network")
     return SharedFeed(bus, getattr(network, "notifier", None))
 
 
 class PeriodicTask:
-    """Frames sent one after the other, one every `period` seconds, by the driver or the kernel, until `stop`."""
+    """Frames sent in turn, one every `period` seconds, by the driver or the kernel, until `stop`."""
 
     def __init__(self, master: Master, frames: Sequence[Frame], period: float) -> None:
-        import can
-
         self._messages = [can.Message(arbitration_id=f.cob_id, data=f.data, is_extended_id=False) for f in frames]
         self._master, self.period = master, period
         self._task: Any = None
         self._start()
 
     def resume(self) -> None:
-        """Begin anew on a bus that was opened again, unless it was stopped."""
+        """Start over on a bus that was opened again, unless it was stopped."""
         if self._task is not None:
             self.stop()
             self._start()
@@ -154,7 +145,7 @@ class PeriodicTask:
             self._task = self._master.bus.send_periodic(self._messages, self.period, store_task=False)
         except Exception as error:  # whatever a driver raises
             raise failure(self._master.bus, error) from error
-        # Where a thread of python-can sends, it ends with the bus: whoever waits for frames hears of it, once.
+        # A sending thread of python-can ends with the bus: whoever waits for frames hears of that, once.
         if hasattr(self._task, "on_error"):
             self._task.on_error = lambda _: False
 
@@ -172,7 +163,7 @@ class PeriodicTask:
 
 
 class FedMaster(Master):
-    """What both kinds of masters have: a feed, why it has failed (`failure`), and what is sent periodically."""
+    """The common part of both kinds of masters: a feed, its `failure`, and what is sent periodically."""
 
     def __init__(self, feed: Feed, answer_wait: float = ANSWER_WAIT, **options: Any) -> None:
         super().__init__(feed.bus, answer_wait, **options)
@@ -187,7 +178,7 @@ class FedMaster(Master):
         """Do nothing: frames are taken in as they come."""
 
     def close(self) -> None:
-        """End what is sent periodically, and the reading."""
+        """Stop what is sent periodically, and the reading."""
         self.stop_periodic()
         self._feed.stop()
 
@@ -198,7 +189,7 @@ class FedMaster(Master):
 
 
 class ThreadedMaster(FedMaster):
-    """A master for programs that block; its reader takes frames in. See the top of the file."""
+    """A master for blocking programs; its reader takes frames in. See the top of the file."""
 
     def __init__(self, feed: Feed, answer_wait: float = ANSWER_WAIT) -> None:
         super().__init__(feed, answer_wait)
@@ -215,7 +206,7 @@ class ThreadedMaster(FedMaster):
         return self._turns[node_id]
 
     def call(self, function: Callable[[], object]) -> None:
-        """Have a function of a user called soon, in the thread for such."""
+        """Have a user's function called soon, on the thread for them."""
         self._calls.put(function)
 
     def _call(self) -> None:
@@ -240,7 +231,7 @@ class ThreadedMaster(FedMaster):
             return done()
 
     def close(self) -> None:
-        """End what is sent periodically, the reading and the functions."""
+        """Stop what is sent periodically, the reading and the users' functions."""
         super().close()
         self._calls.put(None)
         if self._caller is not threading.current_thread():
@@ -248,7 +239,7 @@ class ThreadedMaster(FedMaster):
 
 
 class _BlockingTurn:
-    """A lock of threads in the form in which procedures use it."""
+    """A thread lock in the form that procedures use."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
@@ -261,7 +252,7 @@ class _BlockingTurn:
 
 
 class LoopMaster(FedMaster):
-    """A master in the event loop that is running; its reader hands frames over to the loop."""
+    """A master in the running event loop; its reader hands frames over to the loop."""
 
     def __init__(self, feed: Feed, answer_wait: float = ANSWER_WAIT) -> None:
         self._loop = asyncio.get_running_loop()
@@ -277,21 +268,21 @@ class LoopMaster(FedMaster):
         return self._turns[node_id]
 
     def _seen(self, now: float, frame: Frame) -> None:
-        """Hand a frame over; in the reader's thread. The loop is woken once for all that come before it looks."""
+        """Hand a frame over, on the reader's thread. The loop is woken once for all frames until it looks."""
         self._arrived.append((now, frame))
         if not self._is_called and not self._loop.is_closed():
             self._is_called = True
             self._loop.call_soon_threadsafe(self._look)
 
     def _look(self) -> None:
-        self._is_called = False  # first: a frame that comes from now on is seen in this round, or calls for the next
+        self._is_called = False  # first: a frame that comes from now on is seen in this round, or asks for another one
         while self._arrived:
             now, frame = self._arrived.popleft()
             try:
                 self.heard(frame.cob_id, frame.data, now)
-            except BusError as error:  # of what a transfer sends next
+            except BusError as error:  # from what a transfer sends next
                 self.failure = error
-            self._wake()  # after each: the next one may undo what somebody waits for
+            self._wake()  # after each frame: the next one may undo what somebody waits for
 
     def _failed(self, why: BusError) -> None:
         def fail() -> None:
@@ -314,7 +305,7 @@ class LoopMaster(FedMaster):
                 await asyncio.wait([future], timeout=None if wait == inf else max(wait, 0))
             finally:
                 del self._waiting[future]
-            if future.done() and future.result():  # it was done, even if a later frame has undone it since
+            if future.done() and future.result():  # it was done, even if a later frame has undone it
                 return True
         if self.failure is not None and not done():
             raise self.failure

@@ -1,8 +1,8 @@
 """A CANopen network as a program sees it: `Network` for programs that block, `AsyncNetwork` for event loops.
 
-Theory of operation. Both are faces of one master (`master`, `masters`): what they do is written once, as procedures.
-A `Network` on a bus reads in a thread of its own, so that states, emergency messages and PDOs are there when a program
-looks; in simulated time (`simulated`) there is no thread, and time passes while the program waits.
+Theory of operation. Both are faces of one master (`master`, `masters`), and what they do is written once, as
+procedures. A `Network` on a bus reads on a thread of its own, so that states, emergency messages and PDOs are there
+when a program looks. In simulated time (`simulated`) there is no thread, and time passes while the program waits.
 """
 
 from __future__ import annotations
@@ -14,9 +14,14 @@ from functools import partial
 from io import StringIO
 from itertools import islice
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Generic, Self, TypeAlias, TypeVar
+from typing import Any, Generic, Self, TypeAlias, TypeVar
+
+import can
+import canopen
 
 from eurobot_od.bus.live import open_bus
+from eurobot_od.bus.simulated.network import Simulation
+from eurobot_od.bus.simulated.simulated_bus import SimulatedBus
 from eurobot_od.client import lss
 from eurobot_od.client.description import Identity
 from eurobot_od.client.lss import LssSteps, Result
@@ -28,25 +33,19 @@ from eurobot_od.client.remote_device import AsyncRemoteDevice, DeviceAtNode, Rem
 from eurobot_od.client.scan import LISTEN, Found, scan
 from eurobot_od.client.watch import LOST_AFTER, NodeEvent, NodeWatch
 from eurobot_od.device.nmt import ALL_NODES, NmtCommand
+from eurobot_od.device.simulated import SimulatedDevice
+from eurobot_od.device.station import Station
 from eurobot_od.errors import LocalError, StateError, UnknownName
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.lss import LssState
 from eurobot_od.od.network import DEFAULT, load, read_network
 from eurobot_od.od.values import ERROR_CONTROL_BASE, NMT_COB_ID, NODE_IDS, SYNC_COB_ID
 
-if TYPE_CHECKING:
-    import can
-    import canopen
-
-    from eurobot_od.bus.simulated.network import Simulation
-    from eurobot_od.device.simulated import SimulatedDevice
-    from eurobot_od.device.station import Station
-
 BusName: TypeAlias = "str | can.BusABC | canopen.Network | None"
-"""An interface as python-can names it, a bus that is open, or somebody else's network, whose bus is shared."""
+"""An interface by python-can's name, an open bus, or somebody else's network, whose bus is shared."""
 
 DeviceFile: TypeAlias = "str | Path | Dictionary | canopen.ObjectDictionary | None"
-"""An EDS or DCF, or what was made of one; None for a device of which nothing is known but its node-ID."""
+"""An EDS or DCF, or a dictionary made from one; None for a device of which only the node-ID is known."""
 
 SimulatedFile: TypeAlias = "SimulatedDevice | Dictionary | str | Path"
 """A simulated device, or an EDS or DCF from which it runs."""
@@ -56,7 +55,7 @@ AnyDevice = TypeVar("AnyDevice", bound=DeviceAtNode)
 LSS_WAIT = lss.ANSWER_WAIT
 
 SHORTEST_PAUSE = 0.001
-"""Seconds between two looks at who is lost."""
+"""Shortest time between two checks for lost nodes, in seconds."""
 
 
 def _feed(bus: BusName, channel: str | None, bitrate: int | None) -> Feed:
@@ -71,8 +70,6 @@ def _dictionary(file: DeviceFile, node_id: int) -> Dictionary | None:
         return file if file is None or file.node_id == node_id else file.renumbered(node_id)
     if isinstance(file, (str, Path)):
         return Dictionary.load(file, node_id)
-    import canopen
-
     text = StringIO()
     canopen.export_od(file, text, "eds")
     return Dictionary.read(text.getvalue().encode(), Path(f"canopen {node_id}"), node_id)
@@ -90,7 +87,7 @@ class NodeWatcher(Iterator[NodeEvent], AsyncIterator[NodeEvent]):
     def __init__(self, master: Master, node_ids: Sequence[int], within: float, guard: float | None) -> None:
         self._master, self._events = master, deque[NodeEvent]()
         guarded = dict.fromkeys(node_ids, guard) if guard else {}
-        periods = dict.fromkeys(node_ids, within / LOST_AFTER)  # until its period is known by two heartbeats
+        periods = dict.fromkeys(node_ids, within / LOST_AFTER)  # until two heartbeats have shown its period
         self._watch = NodeWatch(self._events.append, periods, node_ids, within, guarded)
         self._watch.tick(master.clock())
         self._observed = master.observed(self._hear)
@@ -101,7 +98,7 @@ class NodeWatcher(Iterator[NodeEvent], AsyncIterator[NodeEvent]):
             self._watch.receive(cob_id - ERROR_CONTROL_BASE, data, self._master.clock())
 
     def close(self) -> None:
-        """Watch no more."""
+        """Stop watching."""
         self._observed.__exit__(None, None, None)
 
     async def _next(self) -> NodeEvent:
@@ -127,7 +124,7 @@ class NodeWatcher(Iterator[NodeEvent], AsyncIterator[NodeEvent]):
 
 
 class NetworkOfDevices(Generic[AnyDevice]):
-    """What both kinds of networks have in common; nothing here waits."""
+    """The common part of both kinds of networks; nothing in here waits."""
 
     master: Master
     _kind: type[AnyDevice]
@@ -146,15 +143,15 @@ class NetworkOfDevices(Generic[AnyDevice]):
     def add(self, node_id: int, file: DeviceFile = None, name: str = "") -> AnyDevice:
         """Add a device by its node-ID (1..127) and its EDS or DCF, and return it; nothing is sent.
 
-        Instead of a file it may be a `Dictionary`, or canopen's ObjectDictionary. Without any, objects are numbers and
-        bytes. `name` is the file's unless another one is given. Raises DictionaryError, LocalError.
+        In place of a file, a `Dictionary` or canopen's ObjectDictionary will do. Without any of them, objects are
+        numbers and bytes. `name` is the file's by default. Raises DictionaryError, LocalError.
         """
         if node_id not in NODE_IDS:
             raise LocalError(f"node-ID {node_id} is not in {NODE_IDS[0]}..{NODE_IDS[-1]}")
         if not hasattr(self, "master"):
             raise StateError("the network is not open yet: `async with` begins it")
         device = self._kind(self.master, node_id, _dictionary(file, node_id), name)
-        self._devices = {**self._devices, node_id: device}  # replaced whole: the reader may be going through it
+        self._devices = {**self._devices, node_id: device}  # replaced as a whole: the reader may be iterating over it
         return device
 
     def __getitem__(self, node: int | str) -> AnyDevice:
@@ -182,8 +179,8 @@ class NetworkOfDevices(Generic[AnyDevice]):
     def sync(self, period: float, counter: int | None = None, cob_id: int = SYNC_COB_ID) -> PeriodicTask:
         """Send a SYNC every `period` seconds from now on, until `stop()` of what is returned, or the network's end.
 
-        With a `counter` (2..240) they are numbered from 1 to it, again and again (0x1019). The driver sends them, with
-        SocketCAN the kernel, so that a busy program does not delay them. Raises LocalError, BusError.
+        With a `counter` (2..240) they are numbered from 1 to it, again and again (0x1019). The driver sends them, or
+        the kernel with SocketCAN, so that a busy program does not delay them. Raises LocalError, BusError.
         """
         if not period > 0:
             raise LocalError(f"the period of SYNC is a time longer than 0 s, not {period} s")
@@ -192,11 +189,11 @@ class NetworkOfDevices(Generic[AnyDevice]):
         return task
 
     def watch(self, *node_ids: int, within: float = LOST_AFTER, guard: float | None = None) -> NodeWatcher:
-        """Return an endless iterator over what happens to nodes: each NodeEvent says who was found, booted, lost, back.
+        """Return an endless iterator over what happens to nodes: who was found, has booted, is lost or back.
 
-        The nodes that are named are lost if they are not heard within that many seconds; every node that is heard is
-        watched by the period of its heartbeats, and lost after two of them. `guard` is the period in seconds at which
-        nodes without heartbeats are asked by remote frames.
+        The named nodes are lost if they are not heard `within` that many seconds. Every node that is heard is watched
+        by the period of its heartbeats, and lost after two periods of silence. `guard` is the period in seconds at
+        which nodes without heartbeats are asked by remote frames.
         """
         return NodeWatcher(self.master, node_ids, within, guard)
 
@@ -204,7 +201,7 @@ class NetworkOfDevices(Generic[AnyDevice]):
         try:
             return await lss.perform.steps(self.master, steps, wait)
         finally:
-            # A device left in configuration state would obey the next command, whichever device that is for.
+            # A device left in configuration state would obey the next command, whoever that is meant for.
             await lss.perform.steps(self.master, lss.switch(LssState.WAITING))
 
 
@@ -215,25 +212,25 @@ class NetworkNmt:
         self._master = master
 
     def command(self, command: NmtCommand) -> None:
-        """Send a command to all nodes; what heartbeats said before no longer counts."""
+        """Send a command to all nodes; earlier heartbeats no longer count."""
         with self._master.guard:
             self._master.states.clear()
         self._master.send(NMT_COB_ID, bytes([command, ALL_NODES]))
 
     def start(self) -> None:
-        """Have all nodes become OPERATIONAL."""
+        """Make all nodes OPERATIONAL."""
         self.command(NmtCommand.START)
 
     def stop(self) -> None:
-        """Have all nodes become STOPPED."""
+        """Make all nodes STOPPED."""
         self.command(NmtCommand.STOP)
 
     def enter_pre_operational(self) -> None:
-        """Have all nodes become PRE-OPERATIONAL."""
+        """Make all nodes PRE-OPERATIONAL."""
         self.command(NmtCommand.ENTER_PRE_OPERATIONAL)
 
     def reset(self) -> None:
-        """Have all nodes reset themselves; nobody waits for their boot-up messages."""
+        """Reset all nodes, without waiting for their boot-up messages."""
         self.command(NmtCommand.RESET_NODE)
 
 
@@ -244,7 +241,7 @@ class NetworkLss:
         self._perform = network._perform_lss
 
     def find(self, wait: float = LSS_WAIT) -> list[Identity]:
-        """Return the devices without a node-ID; about 130 requests a device. Raises BusError."""
+        """Return the devices without a node-ID, with about 130 requests for each. Raises BusError."""
         return finished(self._perform(lss.find_all(), wait))
 
     def assign(
@@ -258,20 +255,20 @@ class NetworkLss:
     ) -> Identity | None:
         """Give the device with an identity, or the first that has none, a node-ID, and a bit rate in kbit/s.
 
-        Returns which device that was. Raises RemoteError if there is none, or if it refuses; NoAnswer, LocalError,
+        Returns the identity of that device. Raises RemoteError if there is none or if it refuses; NoAnswer, LocalError,
         BusError.
         """
         return finished(self._perform(lss.assigned(node_id, identity, bit_rate, store), wait))
 
 
 class AsyncNetworkLss:
-    """Devices without a node-ID, as NetworkLss, awaited."""
+    """Devices without a node-ID: NetworkLss, awaited."""
 
     def __init__(self, network: NetworkOfDevices[Any]) -> None:
         self._perform = network._perform_lss
 
     async def find(self, wait: float = LSS_WAIT) -> list[Identity]:
-        """Return the devices without a node-ID; about 130 requests a device. Raises BusError."""
+        """Return the devices without a node-ID, with about 130 requests for each. Raises BusError."""
         return await self._perform(lss.find_all(), wait)
 
     async def assign(
@@ -298,9 +295,9 @@ class Network(NetworkOfDevices[RemoteDevice]):
             for reading in drive.pdo["TPDO1"]:
                 print(reading.time, reading["Velocity actual value"])
 
-    `network.scan()` finds nodes, `network.watch()` notices who is lost, `network.lss` gives node-IDs, `network.nmt`
-    commands all nodes. Functions of yours (`drive.emcy.on(print)`) run in one thread beside yours, and may talk to
-    nodes. A bus that is lost is opened again; who waits meanwhile gets the BusError.
+    `network.scan()` finds nodes, `network.watch()` notices lost ones, `network.lss` assigns node-IDs, `network.nmt`
+    commands all nodes. Your own functions (`drive.emcy.on(print)`) run on one thread beside yours, and may talk to
+    nodes. A bus that is lost is opened again; a call that is waiting then raises BusError.
     """
 
     _kind = RemoteDevice
@@ -319,9 +316,9 @@ class Network(NetworkOfDevices[RemoteDevice]):
         *,
         answer_wait: float = ANSWER_WAIT,
     ) -> Self:
-        """Open a bus by python-can's names of interface and channel, `bitrate` in bit/s.
+        """Open a bus by python-can's names for interface and channel; `bitrate` is in bit/s.
 
-        What is not given comes from python-can's configuration. A bus that is open already, or a connected
+        Whatever is left out comes from python-can's configuration. A bus that is already open, or a connected
         `canopen.Network`, is shared and stays open at the end. A node has `answer_wait` seconds for each answer. Raises
         BusError, LocalError.
         """
@@ -331,7 +328,7 @@ class Network(NetworkOfDevices[RemoteDevice]):
     def load(cls, file: str | Path = DEFAULT, bus: BusName = None, channel: str | None = None, **options: Any) -> Self:
         """Open a bus with all devices of a network file (`network.yaml`, `nodelist.cpj`) or of a folder of EDS files.
 
-        Its bit rate is the file's; `options` are those of `open`. Raises FileError, BusError, LocalError.
+        The bit rate is the file's; `options` are those of `open`. Raises FileError, BusError, LocalError.
         """
         described, kbit = _described(file)
         network = cls.open(bus, channel, kbit and kbit * 1000, **options)
@@ -340,7 +337,7 @@ class Network(NetworkOfDevices[RemoteDevice]):
         return network
 
     def close(self) -> None:
-        """End what is sent periodically, the threads, and the bus unless it is somebody else's."""
+        """Stop what is sent periodically, the threads, and the bus unless it is somebody else's."""
         self.master.close()
 
     def __enter__(self) -> Self:
@@ -350,7 +347,7 @@ class Network(NetworkOfDevices[RemoteDevice]):
         self.close()
 
     def sleep(self, seconds: float) -> None:
-        """Let time pass, in which states, emergency messages and PDOs come in; raises BusError if the bus is lost."""
+        """Let time pass, while states, emergency messages and PDOs come in; raises BusError if the bus is lost."""
         self.master.pump(seconds)
 
     def scan(self, node_ids: Iterable[int] = NODE_IDS, listen: float = LISTEN) -> list[Found]:
@@ -359,7 +356,7 @@ class Network(NetworkOfDevices[RemoteDevice]):
 
 
 class AsyncNetwork(NetworkOfDevices[AsyncRemoteDevice]):
-    """A CANopen network in an event loop: what Network has, awaited, without a thread a node.
+    """A CANopen network in an event loop: what Network has, awaited, without a thread for each node.
 
         async with AsyncNetwork.open("socketcan", "can0") as network:
             drives = [network.add(node_id, "epos4.eds") for node_id in range(1, 21)]
@@ -367,7 +364,7 @@ class AsyncNetwork(NetworkOfDevices[AsyncRemoteDevice]):
             async for reading in drives[0].pdo["TPDO1"]:
                 print(reading.time, reading["Velocity actual value"])
 
-    Functions of yours run in the loop.
+    Your own functions run in the loop.
     """
 
     _kind = AsyncRemoteDevice
@@ -386,7 +383,7 @@ class AsyncNetwork(NetworkOfDevices[AsyncRemoteDevice]):
         *,
         answer_wait: float = ANSWER_WAIT,
     ) -> Self:
-        """Open a bus, as Network.open does; it is opened by `async with`, which raises BusError."""
+        """Prepare a bus, as Network.open does; `async with` opens it, and raises BusError."""
         return cls(partial(_feed, bus, channel, bitrate), answer_wait)
 
     @classmethod
@@ -408,7 +405,7 @@ class AsyncNetwork(NetworkOfDevices[AsyncRemoteDevice]):
         self.close()
 
     def close(self) -> None:
-        """End what is sent periodically, the reading, and the bus unless it is somebody else's."""
+        """Stop what is sent periodically, the reading, and the bus unless it is somebody else's."""
         self.master.close()
 
     async def scan(self, node_ids: Iterable[int] = NODE_IDS, listen: float = LISTEN) -> list[Found]:
@@ -417,28 +414,23 @@ class AsyncNetwork(NetworkOfDevices[AsyncRemoteDevice]):
 
 
 class SimulatedNetwork(Network):
-    """A network in simulated time with the devices on it: time passes while the program waits, and costs none.
+    """A network and its devices in simulated time, which passes while the program waits, and costs no real time.
 
-    `simulation` is the bus, to which more devices are attached, and which loses or spoils frames on demand; `devices`
-    are the simulated ones by node-ID, to look at their values and to set them, `stations` their places on the bus.
+    `simulation` is the bus, to which more devices can be attached, and which loses frames on demand. `devices` are the
+    simulated ones by node-ID, whose values can be read and set; `stations` are their places on the bus.
     """
 
     def __init__(self, simulation: Simulation | None = None) -> None:
-        from eurobot_od.bus.simulated.network import Simulation
-        from eurobot_od.bus.simulated.simulated_bus import SimulatedBus
-
         self.simulation = simulation or Simulation()
         self.devices: dict[int, SimulatedDevice] = {}
         self.stations: dict[int, Station] = {}
         super().__init__(Master(SimulatedBus(self.simulation), clock=lambda: self.simulation.now))
 
     def simulate(self, device: SimulatedFile, node_id: int | None = None, **options: Any) -> RemoteDevice:
-        """Attach a device, or one that runs from its EDS or DCF, and add it; it has booted when this returns.
+        """Attach a device, which may be just its EDS or DCF, and add it; it has booted when this returns.
 
         `options` are those of SimulatedDevice: `given` values, `waveforms`.
         """
-        from eurobot_od.device.simulated import SimulatedDevice
-
         if isinstance(device, (str, Path)):
             device = Dictionary.load(device, node_id)
         made = SimulatedDevice(device, **options) if isinstance(device, Dictionary) else device
@@ -456,10 +448,10 @@ BOOT_TIME = 0.05
 
 @contextmanager
 def simulated(*devices: SimulatedFile, node_id: int | None = None, **options: Any) -> Iterator[SimulatedNetwork]:
-    """Give a network in simulated time with devices that run from their EDS or DCF files.
+    """Return a network in simulated time, as a context manager, with devices that run from their EDS or DCF files.
 
-    A file without a node-ID of its own takes `node_id`, of several files the following ones. `options` are those of
-    SimulatedDevice: `given` values by name, `waveforms`. For tests: nothing waits in real time.
+    A file without a node-ID of its own gets `node_id`, and further ones the numbers after it. `options` are those of
+    SimulatedDevice: `given` values by name, `waveforms`. It is made for tests: nothing waits in real time.
 
         with simulated("motor.eds", node_id=5) as network:
             assert network[5]["Temperature"].value == 20.0

@@ -1,13 +1,13 @@
 """Procedures: what a master does with a node, written once for programs that block and for event loops.
 
-Theory of operation. A procedure is a coroutine that awaits nothing but other procedures, down to `Master.pump`, where
+Theory of operation. A procedure is a coroutine that awaits only other procedures, down to `Master.pump`, where
 frames are awaited. The pump of a blocking master waits inside itself: a procedure on it runs from beginning to end in
 one step, which is what calling it does. The pump of an event loop's master suspends, and its procedures are awaited:
 
     configure(node, description, now)               # on a blocking master
     await configure.steps(node, description, now)   # in an event loop, and in other procedures
 
-So there is one text of each procedure, and neither a thread nor a loop that nobody has asked for.
+So each procedure is written only once, and there is no thread or loop that nobody has asked for.
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ Rest = ParamSpec("Rest")
 
 
 class Procedure(Generic[P, Result]):
-    """A coroutine function; to call it is to do all of it at once, its `steps` are to be awaited.
+    """A coroutine function: calling it carries all of it out at once, its `steps` have to be awaited.
 
-    A decorator for functions and for methods. Called for a master of an event loop it raises StateError.
+    It is a decorator for functions and methods. Called for the master of an event loop, it raises StateError.
     """
 
     def __init__(self, function: Callable[P, Coroutine[Any, Any, Result]]) -> None:
@@ -36,18 +36,18 @@ class Procedure(Generic[P, Result]):
             update_wrapper(self, function)
 
     def __call__(self, *args: P.args, **kwargs: P.kwargs) -> Result:
-        """Do it, and wait until it is done."""
+        """Carry it out, and return when it is done."""
         return finished(self.steps(*args, **kwargs))
 
     def __get__(
         self: Procedure[Concatenate[Owner, Rest], Result], instance: Owner, owner: type[Owner]
     ) -> Procedure[Rest, Result]:
-        """Return the procedure of one object, as a method is."""
+        """Return the procedure bound to an object, like a method."""
         return Procedure(partial(self.steps, instance))
 
 
 def finished(steps: Coroutine[Any, Any, Result]) -> Result:
-    """Return the result of a coroutine that never suspends; raises StateError for one that does."""
+    """Return the result of a coroutine that must not suspend; raises StateError if it does."""
     try:
         steps.send(None)
     except StopIteration as end:

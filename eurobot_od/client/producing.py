@@ -1,6 +1,6 @@
-"""What a master sends again and again: SYNC, with or without a counter, and TIME (CiA 301, 7.2.5 and 7.2.6).
+"""What a master sends by the clock: SYNC and TIME, and the frames of a log at their recorded times.
 
-A frame that is late is sent late, and the next one at its own time; missed frames are not sent later.
+A late frame is sent at once, and the next one at its own time.
 """
 
 from __future__ import annotations
@@ -9,20 +9,23 @@ from collections.abc import Callable, Iterable, Iterator
 from datetime import datetime
 from functools import partial
 from itertools import count
+from typing import NamedTuple
 
-from eurobot_od.client.master import Master
-from eurobot_od.client.reconnecting import Guard, unguarded
+from eurobot_od.client.master import Guard, Master, unguarded
 from eurobot_od.errors import LocalError
 from eurobot_od.frame import Frame
 from eurobot_od.od.time_of_day import TimeOfDay
 from eurobot_od.od.values import SYNC_COB_ID, TIME_COB_ID
 
+# SYNC, with or without a counter, and TIME (CiA 301, 7.2.5 and 7.2.6)
+
+
 COUNTERS = range(2, 241)
-"""Values that the synchronous counter may overflow at (CiA 301, 7.5.2.22, object 0x1019)."""
+"""Values at which the synchronous counter may overflow (CiA 301, 7.5.2.22, object 0x1019)."""
 
 
 def syncs(overflow: int | None = None, cob_id: int = SYNC_COB_ID) -> Iterator[Frame]:
-    """Yield endless SYNC messages, counted from 1 to `overflow` and again if there is one; raises LocalError."""
+    """Yield SYNC messages without end, counted from 1 to `overflow` if there is one; raises LocalError."""
     if overflow is None:
         return (Frame(cob_id) for _ in count())
     if overflow not in COUNTERS:
@@ -31,14 +34,14 @@ def syncs(overflow: int | None = None, cob_id: int = SYNC_COB_ID) -> Iterator[Fr
 
 
 def times(now: Callable[[], datetime], cob_id: int = TIME_COB_ID) -> Iterator[Frame]:
-    """Yield endless TIME messages, each with the time at which it is taken."""
+    """Yield TIME messages without end, each with the time at which it is taken."""
     return (Frame(cob_id, TimeOfDay.of(now()).data) for _ in count())
 
 
 def produce(master: Master, frames: Iterable[Frame], period: float, guard: Guard = unguarded) -> None:
-    """Send the first frame at once and then one every `period` seconds until there are no more, with the guard held.
+    """Send the first frame at once, then one every `period` seconds until there are no more. Raises BusError.
 
-    Raises BusError.
+    Each is sent and waited for under the guard.
     """
     due = master.clock()
     for frame in frames:
@@ -46,3 +49,32 @@ def produce(master: Master, frames: Iterable[Frame], period: float, guard: Guard
         due += period * (1 + max(0, int((master.clock() - due) // period)))
         while (left := due - master.clock()) > 0:
             guard(partial(master.pump, left))
+
+
+# A log, so that a real node meets yesterday's other nodes
+
+
+LATE = 0.001
+"""Seconds after its time from which a frame counts as late."""
+
+
+class Replayed(NamedTuple):
+    """The number of frames that were sent and of those that were late, and the worst delay in seconds."""
+
+    frames: int = 0
+    late: int = 0
+    worst: float = 0.0
+
+
+def replay(master: Master, frames: Iterable[tuple[float, Frame]], speed: float) -> Replayed:
+    """Send frames with their times in seconds, `speed` times as fast as they came. Raises BusError."""
+    sent, begin = Replayed(), master.clock()
+    first: float | None = None
+    for time, frame in frames:
+        first = time if first is None else first
+        due = begin + (time - first) / speed
+        master.pump(due - master.clock())
+        lag = max(master.clock() - due, 0.0)
+        master.send(*frame)
+        sent = Replayed(sent.frames + 1, sent.late + (lag > LATE), max(sent.worst, lag))
+    return sent

@@ -1,7 +1,7 @@
 """Downloads a program into a node: look, stop, clear, write, verify, start, and see that it runs (CiA 302-3).
 
-Rule of this file: nothing is written before everything that can be known by reading is as it should be. A step that
-fails ends the download, and its error says in which state the node was left, and how to go on.
+Rule of this file: nothing is written until everything that can be known by reading is right. A step that fails ends the
+download, and its error says in which state the node was left, and how to go on.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ class ProgramControl(IntEnum):
 
 
 IN_PROGRESS = 0x01
-"""Bit of the flash status: it is at work. The seven bits above it are the error of its last operation."""
+"""Bit of the flash status: it is busy. The seven bits above it are the error of its last operation."""
 
 NO_ERROR, NO_PROGRAM = 0, 1
 FLASH_ERRORS: Mapping[int, str] = {
@@ -60,13 +60,13 @@ FLASH_WAIT = 30.0
 """Seconds that a node has to erase or write its flash memory, or to restart."""
 
 POLL = 0.1
-"""Seconds between two questions for the flash status."""
+"""Seconds between two reads of the flash status."""
 
 ABSENT = (AbortCode.NO_OBJECT, AbortCode.NO_SUBINDEX)
 
 
 class Loaded(NamedTuple):
-    """What was downloaded: `size` in bytes, and by which CRC the node identifies it (`` if it does not)."""
+    """What was downloaded: its `size` in bytes, and the CRC by which the node identifies it (empty if it does not)."""
 
     size: int
     crc: str
@@ -81,19 +81,20 @@ async def load(
     progress: Progress = unwatched,
     dictionary: Dictionary | None = None,
 ) -> Loaded:
-    """Download a program and start it; `program` is the sub-index, 1 to 254, `dictionary` what the node should be.
+    """Download a program and start it.
 
-    Raises ProgramError or BusError, with the state that the node was left in.
+    `program` is the sub-index, 1 to 254; `dictionary` describes what the node should be. Raises ProgramError or
+    BusError, with the state in which the node was left.
     """
     memory = ProgramMemory(node, program)
-    start = f"write {node.node_id} 0x{PROGRAM_CONTROL:X}:{program} {ProgramControl.START:d} starts it"
+    start = f"`write {node.node_id} 0x{PROGRAM_CONTROL:X}:{program} {ProgramControl.START:d}` starts it"
     # Each phase says what it leaves behind: between CLEAR and the end of the download a device has no program, and only
     # its loader answers.
     with _left(node, "its program is as it was"):
         state = await memory.look(content, dictionary)
     with _left(node, f"its program may be stopped; {start} again"):
-        if state != ProgramControl.STOP:  # a node that is in its loader already may refuse to be stopped
-            with suppress(NoAnswer):  # and one that leaves its program for its loader need not confirm
+        if state != ProgramControl.STOP:  # a node that is already in its loader may refuse to be stopped
+            with suppress(NoAnswer):  # and one that goes to its loader need not confirm
                 await memory.control(ProgramControl.STOP)
         await memory.wait()
     with _left(
@@ -107,7 +108,7 @@ async def load(
     with _left(node, f"the program is written and not started: download it again, or {start} as it is"):
         crc = await memory.identify(content) if check_crc else ""
     with _left(node, f"the program is written and does not run; {start}, or download it again"):
-        with suppress(NoAnswer):  # nor need one that leaves its loader for its program
+        with suppress(NoAnswer):  # nor need one that leaves its loader
             await memory.control(ProgramControl.START)
         await memory.wait(NO_ERROR)
         await memory.check_started()
@@ -121,7 +122,7 @@ class ProgramMemory:
         self._node, self._program = node, program
 
     async def look(self, content: bytes, dictionary: Dictionary | None) -> int:
-        """Return the state that program control tells; raises ProgramError if there is nowhere to load a content to."""
+        """Return the state of program control; raises ProgramError if the content cannot be downloaded."""
         if len(content) > LARGEST:
             raise ProgramError(f"the file has {len(content)} bytes; a program has at most {LARGEST}")
         if dictionary is not None:
@@ -131,12 +132,12 @@ class ProgramMemory:
         try:
             return await self.read(PROGRAM_CONTROL)
         except NodeRefused as error:
-            if error.code == AbortCode.WRITE_ONLY:  # then a program that answers at all has been started
+            if error.code == AbortCode.WRITE_ONLY:  # a program that answers at all has been started
                 return ProgramControl.START
             raise
 
     async def _check_number(self, index: int) -> None:
-        """Raise ProgramError if the node has fewer programs; how many, not every node tells."""
+        """Raise ProgramError if the node has fewer programs; not every node tells how many it has."""
         try:
             number = int.from_bytes(await self._node.upload.steps((index, 0), NAMES[index]), "little")
         except NodeRefused as error:
@@ -148,7 +149,7 @@ class ProgramMemory:
                 raise ProgramError(f"{has}: there is no program {self._program}")
 
     async def _check_file(self, dictionary: Dictionary) -> None:
-        """Raise ProgramError if the node is not the device of a file, or if the file has no such program."""
+        """Raise ProgramError if the node is not the device of a file, or the file has no such program."""
         other = Identity.of(dictionary).difference(await read_identity.steps(self._node))
         if other is not None:
             raise ProgramError(f"{dictionary.file} is for another device: node {self._node.node_id} has {other}")
@@ -167,14 +168,14 @@ class ProgramMemory:
         await self._node.download.steps((PROGRAM_CONTROL, self._program), bytes([command]), what, wait)
 
     async def wait(self, *allowed: int) -> None:
-        """Wait until the flash memory is not at work; its error has to be one of the allowed, any if none is named."""
+        """Wait until the flash memory is no longer busy; its error must be one of the `allowed`, if any are named."""
         clock = self._node.master.clock
         end = clock() + FLASH_WAIT
         while (status := await self._status()) & IN_PROGRESS:
             if clock() >= end:
                 raise NoAnswer("start of an operation", f"end of it in {self._where(FLASH_STATUS)}", 1, FLASH_WAIT)
             await self._node.master.pump.steps(POLL)
-        # Bit 0 is "in progress", bits 1 to 7 the error, the upper half the maker's (CiA 302-3, 0x1F57).
+        # Bit 0 is "in progress", bits 1 to 7 are the error, the upper half is the maker's (CiA 302-3, 0x1F57).
         error = status >> 1 & 0x7F
         if allowed and error not in allowed:
             words = FLASH_ERRORS.get(error, f"error {error}")
@@ -182,7 +183,7 @@ class ProgramMemory:
             raise ProgramError(f"{self._where(FLASH_STATUS)} says: {words}{maker}")
 
     async def identify(self, content: bytes) -> str:
-        """Return by which CRC the node identifies a program, `` if it does not; raises ProgramError for another one."""
+        """Return the CRC by which the node identifies a program, empty if it does not; raises ProgramError."""
         found = await self._read_if_there(PROGRAM_IDENTIFICATION)
         known = {
             "CRC-32": crc32(content),
@@ -194,23 +195,23 @@ class ProgramMemory:
         for name, crc in known.items():
             if crc == found:
                 return name
-        # CiA 302-3 leaves it to the maker by what 0x1F56 identifies a program; these three are in use.
+        # CiA 302-3 leaves to the maker how 0x1F56 identifies a program; these three CRCs are in use.
         no_crc = ", ".join(f"{name} 0x{crc:X}" for name, crc in known.items())
         raise ProgramError(
-            f"{self._where(PROGRAM_IDENTIFICATION)} is 0x{found:X}, which is no CRC of the file ({no_crc})"
+            f"{self._where(PROGRAM_IDENTIFICATION)} is 0x{found:X}, which is not a CRC of the file ({no_crc})"
         )
 
     async def check_started(self) -> None:
-        """Raise ProgramError if the node says that the program is stopped; a program need not have the object."""
+        """Raise ProgramError if the node says that the program is stopped; it need not have the object."""
         if await self._read_if_there(PROGRAM_CONTROL) == ProgramControl.STOP:
             raise ProgramError(f"{self._where(PROGRAM_CONTROL)} says: stopped")
 
     async def _status(self) -> int:
-        """Return the flash status; at work for a node that is silent, at rest for one that has none."""
+        """Return the flash status: busy for a node that is silent, idle for one that has none."""
         try:
             return await self._read_if_there(FLASH_STATUS) or 0
         except NoAnswer:
-            # While it erases its flash memory a small controller cannot run the code that would answer.
+            # While it erases its flash memory, a small controller cannot run the code that would answer.
             return IN_PROGRESS
 
     async def _read_if_there(self, index: int) -> int | None:
@@ -227,7 +228,7 @@ class ProgramMemory:
 
 @contextmanager
 def _left(node: RemoteNode, state: str) -> Iterator[None]:
-    """Add to an error in which state the node is then."""
+    """Add to an error the state in which the node was left."""
     try:
         yield
     except (EurobotError, KeyboardInterrupt) as error:

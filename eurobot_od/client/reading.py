@@ -1,12 +1,14 @@
-"""Reads all objects of a node: for a listing of them, for a comparison, and for a DCF of the node as it is.
+"""Reads all objects of a node, to list them, to compare them, or to make a DCF of the node as it is.
 
-A node that refuses one object is asked for the next; one that does not answer ends the reading.
+After an object that a node refuses, the next one is read; no answer ends the reading.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
+
+from canopen.objectdictionary import ODVariable
 
 from eurobot_od.client.configure import is_parameter, read_object
 from eurobot_od.client.description import device_name
@@ -20,12 +22,9 @@ from eurobot_od.od.values import DOMAIN, Address, Value
 from eurobot_od.sdo.wire import AbortCode
 from eurobot_od.support.amounts import amount
 
-if TYPE_CHECKING:
-    from canopen.objectdictionary import ODVariable
-
 
 class ObjectReading(NamedTuple):
-    """An object's `value` in a node, or why there is none: the text of the refusal."""
+    """The `value` of an object in a node, or the text of the `refusal`."""
 
     thing: ODVariable
     value: Value = None
@@ -43,9 +42,9 @@ def read_all(node: RemoteNode, things: Iterable[ODVariable]) -> Iterator[ObjectR
 
 @Procedure
 async def read_bytes(node: RemoteNode, addresses: Iterable[Address]) -> dict[Address, bytes | int]:
-    """Read objects as their bytes, or the abort code; raises as `read_all`.
+    """Read objects as bytes; the value of one that is refused is its abort code. Raises as `read_all`.
 
-    Once the node has said that there is nothing at an index, its other sub-indices are not asked for.
+    Once the node has said that an index does not exist, its other sub-indices are not asked for.
     """
     found: dict[Address, bytes | int] = {}
     missing: set[int] = set()
@@ -59,12 +58,12 @@ async def read_bytes(node: RemoteNode, addresses: Iterable[Address]) -> dict[Add
 
 
 def readable(dictionary: Dictionary) -> Iterator[ODVariable]:
-    """Give the objects that can be read, files (DOMAIN) not among them."""
+    """Yield the objects that can be read, except for files (DOMAIN)."""
     return (thing for thing in _readable(dictionary) if data_type(thing) != DOMAIN)
 
 
 def parameters(dictionary: Dictionary) -> Iterator[ODVariable]:
-    """Give the objects that are a node's configuration: what can be read and written and is not process data."""
+    """Yield the objects of a node's configuration: those that can be read and written and are not process data."""
     for thing in _readable(dictionary):
         if is_parameter(thing) and not thing.pdo_mappable:
             yield thing
@@ -75,7 +74,7 @@ def _readable(dictionary: Dictionary) -> Iterator[ODVariable]:
 
 
 def decoded(writes: Iterable[tuple[Address, bytes]], dictionary: Dictionary | None) -> Iterator[ObjectReading]:
-    """Give objects and their values by their bytes."""
+    """Yield objects with the values that their bytes mean."""
     for address, data in writes:
         thing = at(address, dictionary.objects if dictionary else None)
         yield ObjectReading(thing, decode(thing, data))
@@ -84,7 +83,7 @@ def decoded(writes: Iterable[tuple[Address, bytes]], dictionary: Dictionary | No
 def dcf_of_writes(
     dictionary: Dictionary, writes: Iterable[tuple[Address, bytes]], baudrate_kbit: int, stem: str
 ) -> Dcf:
-    """Return the DCF of what objects have after all writes; raises UnknownName for one that the EDS does not have."""
+    """Return a DCF with the values after all writes; raises UnknownName for an object that the EDS does not have."""
     return with_contents(dictionary, dict(writes), dictionary.node_id, dictionary.name, baudrate_kbit, stem)
 
 
@@ -95,10 +94,10 @@ def dcf_of_node(
     stem: str,
     things: Iterable[ODVariable] | None = None,
 ) -> tuple[Dcf, list[ObjectReading]]:
-    """Return the DCF of a node as it is, and the objects that are not in it, and why.
+    """Return the DCF of a node as it is, and the objects that are left out, with the reasons.
 
-    `things` are the objects that are read, all `parameters` if left out. Not in the DCF are those that the node refused
-    to tell, or told with fewer bytes than their type has.
+    `things` are the objects to read, by default all `parameters`. Left out are those that the node refuses to give, or
+    gives with fewer bytes than their type has.
     """
     contents, left_out = dict[Address, bytes](), list[ObjectReading]()
     for thing in parameters(dictionary) if things is None else things:
@@ -109,7 +108,7 @@ def dcf_of_node(
             continue
         if len(data) < data_type(thing).size:
             left_out.append(
-                ObjectReading(thing, refusal=f"{amount(len(data), 'byte')}, which is no {data_type(thing).name}")
+                ObjectReading(thing, refusal=f"{amount(len(data), 'byte')}, too few for {data_type(thing).name}")
             )
         else:
             contents[address_of(thing)] = data

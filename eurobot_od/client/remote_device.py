@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from datetime import datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+from canopen.objectdictionary import ObjectDictionary, ODVariable
 
 from eurobot_od.client import configure, program
 from eurobot_od.client.configure import ChangePlan, Configured
@@ -13,7 +15,7 @@ from eurobot_od.client.description import Identity, from_file, read_identity
 from eurobot_od.client.drive402 import AsyncDrive402, Drive402
 from eurobot_od.client.emergencies import AsyncEmergencyStream, EmergencyStream, HeardEmergencies
 from eurobot_od.client.master import Master
-from eurobot_od.client.pdo_order import pdo_of
+from eurobot_od.client.pdo_mapping import pdo_of
 from eurobot_od.client.procedure import finished
 from eurobot_od.client.program import Loaded
 from eurobot_od.client.remote_objects import AsyncRemoteObject, ObjectKey, RemoteObject, found_variables
@@ -25,14 +27,11 @@ from eurobot_od.od.objects import address_of, all_objects, data_type, decode
 from eurobot_od.od.values import EMCY_BASE
 from eurobot_od.support.progress import Progress, unwatched
 
-if TYPE_CHECKING:
-    from canopen.objectdictionary import ObjectDictionary, ODVariable
-
 EMCY_COB_ID = (0x1014, 0)
 
 
 class DeviceAtNode:
-    """What the devices of both kinds of networks have in common."""
+    """The common part of the devices of both kinds of networks."""
 
     def __init__(self, master: Master, node_id: int, dictionary: Dictionary | None, name: str = "") -> None:
         self.node_id, self.dictionary = node_id, dictionary
@@ -57,7 +56,7 @@ class DeviceAtNode:
 
     @property
     def state(self) -> NmtState | None:
-        """The NMT state in the last heartbeat or boot-up message, None before the first and after a command."""
+        """The NMT state in the last heartbeat or boot-up message, None before the first one and after a command."""
         self._node.master.drain()
         return self._node.last_state
 
@@ -65,13 +64,13 @@ class DeviceAtNode:
         return f"<{type(self).__name__} {self.node_id} {self.name}>"
 
     def hear(self, cob_id: int, data: bytes, now: float) -> None:
-        """Take in a frame that may be the node's."""
+        """Take in a frame, which may be this node's."""
         if cob_id == self._emcy_id:
             self._emergencies.hear(data, now)
         self._pdos.hear(cob_id, data, now)
 
     def _wrote(self, thing: ODVariable, data: bytes) -> None:
-        """Read PDOs as they are from now on, if what was written is a parameter of one."""
+        """Follow a PDO as it is now, if what was written is one of its parameters."""
         address = address_of(thing)
         if pdo_of(address) is not None and len(data) >= data_type(thing).size:
             self._pdos.present({address: decode(thing, data)})
@@ -82,7 +81,7 @@ class DeviceAtNode:
         done = Configured(0, False)
         if plan.changes:
             done = await configure.apply.steps(self._node, plan, datetime.now(), stores=store, resets=reset)
-        # All of the file is what the node has: it was so before, or was written and read back.
+        # The node has everything in the file: it had it before, or it was written and read back.
         has = {address_of(thing): decode(thing, data) for thing, data in configure.settings(description)}
         self._pdos.present({address: value for address, value in has.items() if pdo_of(address) is not None})
         return done
@@ -101,7 +100,7 @@ class DeviceAtNode:
 
 
 class NmtOfNode:
-    """What the NMT commands of both kinds of networks have in common."""
+    """The common part of the NMT commands of both kinds of networks."""
 
     def __init__(self, device: DeviceAtNode) -> None:
         self._node = device._node
@@ -113,21 +112,22 @@ class NmtOfNode:
 
 
 class NodeNmt(NmtOfNode):
-    """NMT commands to one node. They are not confirmed: with `within` seconds the heartbeat has to show the state.
+    """NMT commands to one node.
 
-    If it does not in that time, HeartbeatLost is raised. All raise BusError.
+    They are not confirmed. With `within` seconds the heartbeat has to show the state in that time, or HeartbeatLost is
+    raised. All raise BusError.
     """
 
     def start(self, within: float | None = None) -> None:
-        """Have the node become OPERATIONAL: PDOs come and go."""
+        """Make the node OPERATIONAL: PDOs are sent and received."""
         finished(self._go(NmtCommand.START, within))
 
     def stop(self, within: float | None = None) -> None:
-        """Have the node become STOPPED: it hears NMT alone."""
+        """Make the node STOPPED: it listens to NMT alone."""
         finished(self._go(NmtCommand.STOP, within))
 
     def enter_pre_operational(self, within: float | None = None) -> None:
-        """Have the node become PRE-OPERATIONAL: SDO, no PDOs."""
+        """Make the node PRE-OPERATIONAL: SDO, but no PDOs."""
         finished(self._go(NmtCommand.ENTER_PRE_OPERATIONAL, within))
 
     def reset(self, command: NmtCommand = NmtCommand.RESET_NODE) -> None:
@@ -136,18 +136,18 @@ class NodeNmt(NmtOfNode):
 
 
 class AsyncNodeNmt(NmtOfNode):
-    """NMT commands to one node, as those of NodeNmt, awaited."""
+    """NMT commands to one node: those of NodeNmt, awaited."""
 
     async def start(self, within: float | None = None) -> None:
-        """Have the node become OPERATIONAL: PDOs come and go."""
+        """Make the node OPERATIONAL: PDOs are sent and received."""
         await self._go(NmtCommand.START, within)
 
     async def stop(self, within: float | None = None) -> None:
-        """Have the node become STOPPED: it hears NMT alone."""
+        """Make the node STOPPED: it listens to NMT alone."""
         await self._go(NmtCommand.STOP, within)
 
     async def enter_pre_operational(self, within: float | None = None) -> None:
-        """Have the node become PRE-OPERATIONAL: SDO, no PDOs."""
+        """Make the node PRE-OPERATIONAL: SDO, but no PDOs."""
         await self._go(NmtCommand.ENTER_PRE_OPERATIONAL, within)
 
     async def reset(self, command: NmtCommand = NmtCommand.RESET_NODE) -> None:
@@ -179,17 +179,17 @@ class RemoteDevice(DeviceAtNode):
         return RemoteObject(self._node, self._variables(key), self._wrote)
 
     def __iter__(self) -> Iterator[RemoteObject]:
-        """Give every object of the file."""
+        """Yield every object of the file."""
         things = all_objects(self.dictionary.objects) if self.dictionary else ()
         return (RemoteObject(self._node, [each], self._wrote) for each in things)
 
     @property
     def drive402(self) -> Drive402:
-        """The drive of CiA 402 that it is: enabled, homed, moved."""
+        """The node as a drive of CiA 402: enabled, homed, moved."""
         return self.axis402(1)
 
     def axis402(self, axis: int) -> Drive402:
-        """Return one axis of a drive of several, by its number from 1 on; raises LocalError."""
+        """Return one axis of a drive with several, by its number from 1 on; raises LocalError."""
         return Drive402(self._node, self.dictionary, axis)
 
     def identity(self) -> Identity:
@@ -199,15 +199,16 @@ class RemoteDevice(DeviceAtNode):
     def configure(self, file: str | Path, *, store: bool = True, reset: bool = True) -> Configured:
         """Make the node what a DCF says: write what differs, read it back, store it, reset the node, verify.
 
-        Returns how many objects were changed, whether they are stored, and verified after the reset. Without `store`
-        they last until the next reset; without `reset` nothing is verified after one. Raises DictionaryError for a file
-        that is damaged or for another device, before anything is written; ConfigurationError if the node did not take
-        all of it: it has its former values again, or `written` and `left` say which objects have and have not changed.
+        Returns how many objects were changed, and whether they are stored and were verified after the reset. Without
+        `store` they last until the next reset; without `reset` they are not verified after one. Raises DictionaryError
+        for a file that is damaged or for another device, before anything is written; ConfigurationError if the node did
+        not take all of it: it then has its former values again, or `written` and `left` say which objects have changed
+        and which have not.
         """
         return finished(self._configure(file, store, reset))
 
     def difference(self, file: str | Path) -> ChangePlan:
-        """Return what `configure` would write, by reading alone; raises DictionaryError."""
+        """Return what `configure` would write, without writing anything; raises DictionaryError."""
         return finished(self._difference(file))
 
     def store(self) -> None:
@@ -215,7 +216,7 @@ class RemoteDevice(DeviceAtNode):
         configure.store(self._node)
 
     def restore(self) -> None:
-        """Have the node take the defaults of its parameters again, from its next reset on (0x1011)."""
+        """Have the node restore the defaults of its parameters, from its next reset on (0x1011)."""
         configure.restore(self._node)
 
     def heartbeat(self, within: float = 1.0) -> NmtState:
@@ -227,7 +228,7 @@ class RemoteDevice(DeviceAtNode):
     ) -> Loaded:
         """Download a program, verify and start it (CiA 302-3); `number` is 1..254, `progress` gets bytes so far.
 
-        Raises ProgramError with the state that the node was left in, and how to go on.
+        Raises ProgramError with the state in which the node was left, and how to go on.
         """
         return finished(self._program(content, number, check_crc, progress))
 
@@ -250,17 +251,17 @@ class AsyncRemoteDevice(DeviceAtNode):
         return AsyncRemoteObject(self._node, self._variables(key), self._wrote)
 
     def __iter__(self) -> Iterator[AsyncRemoteObject]:
-        """Give every object of the file."""
+        """Yield every object of the file."""
         things = all_objects(self.dictionary.objects) if self.dictionary else ()
         return (AsyncRemoteObject(self._node, [each], self._wrote) for each in things)
 
     @property
     def drive402(self) -> AsyncDrive402:
-        """The drive of CiA 402 that it is: enabled, homed, moved."""
+        """The node as a drive of CiA 402: enabled, homed, moved."""
         return self.axis402(1)
 
     def axis402(self, axis: int) -> AsyncDrive402:
-        """Return one axis of a drive of several, by its number from 1 on; raises LocalError."""
+        """Return one axis of a drive with several, by its number from 1 on; raises LocalError."""
         return AsyncDrive402(self._node, self.dictionary, axis)
 
     async def identity(self) -> Identity:
@@ -268,11 +269,11 @@ class AsyncRemoteDevice(DeviceAtNode):
         return await read_identity.steps(self._node)
 
     async def configure(self, file: str | Path, *, store: bool = True, reset: bool = True) -> Configured:
-        """Make the node what a DCF says, as RemoteDevice.configure does; cancelled, it takes back what was written."""
+        """Make the node what a DCF says, as RemoteDevice.configure does; when cancelled it takes back its writes."""
         return await self._configure(file, store, reset)
 
     async def difference(self, file: str | Path) -> ChangePlan:
-        """Return what `configure` would write, by reading alone; raises DictionaryError."""
+        """Return what `configure` would write, without writing anything; raises DictionaryError."""
         return await self._difference(file)
 
     async def store(self) -> None:
@@ -280,7 +281,7 @@ class AsyncRemoteDevice(DeviceAtNode):
         await configure.store.steps(self._node)
 
     async def restore(self) -> None:
-        """Have the node take the defaults of its parameters again, from its next reset on (0x1011)."""
+        """Have the node restore the defaults of its parameters, from its next reset on (0x1011)."""
         await configure.restore.steps(self._node)
 
     async def heartbeat(self, within: float = 1.0) -> NmtState:

@@ -1,17 +1,19 @@
 """Objects of a node, read and written by name with their types, limits, units and words.
 
-    drive["Profile velocity"].value = 1500        # FieldError outside of the limits, before anything is sent
+    drive["Profile velocity"].value = 1500        # FieldError outside the limits, before anything is sent
     drive["Profile velocity"].value = "1500 rpm"  # as a person writes it, if the file has the unit
     drive["Motion"]["Maximum speed"].value        # or drive["Motion.Maximum speed"], drive[0x2101, 1]
 
-Rule of this file: `bytes` are what the SDO carries, `raw` is the number in them, `value` is what the number means:
-`raw` times the Factor that the file gives the object, if it does.
+`bytes` are what the SDO carries, `raw` is the number in them, and `value` is what the number means: `raw` times the
+Factor of the object, if the file gives one.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import Any, TypeAlias
+
+from canopen.objectdictionary import ObjectDictionary, ODVariable
 
 from eurobot_od.client.configure import read_object
 from eurobot_od.client.master import RemoteNode
@@ -37,20 +39,17 @@ from eurobot_od.od.profiles.words import with_words, words
 from eurobot_od.od.values import Address, Value
 from eurobot_od.support.progress import Progress, unwatched
 
-if TYPE_CHECKING:
-    from canopen.objectdictionary import ObjectDictionary, ODVariable
-
 ObjectKey: TypeAlias = "str | int | Address"
-"""A name, or a number as a person writes it; an index; index and sub-index."""
+"""An object's name, a number as a person writes it, an index, or an index and sub-index."""
 
 Content: TypeAlias = bytes
-"""Bytes, where a property has that name."""
+"""Bytes, under a name that no property has taken."""
 
 Wrote: TypeAlias = Callable[["ODVariable", bytes], object]
 
 
 def found_variables(key: ObjectKey, objects: ObjectDictionary | None) -> list[ODVariable]:
-    """Return the variables that a program names: one, or all of a record; raises UnknownName, LocalError."""
+    """Return the variables that a key names: one, or all of a record; raises UnknownName, LocalError."""
     if isinstance(key, str):
         return find(key, objects)
     if isinstance(key, int):
@@ -59,7 +58,7 @@ def found_variables(key: ObjectKey, objects: ObjectDictionary | None) -> list[OD
 
 
 class ObjectAtNode:
-    """What the objects of both kinds of networks have in common; nothing here talks to the node."""
+    """The common part of the objects of both kinds of networks; nothing in here talks to the node."""
 
     def __init__(self, node: RemoteNode, variables: Sequence[ODVariable], wrote: Wrote) -> None:
         self._node, self._variables, self._wrote = node, variables, wrote
@@ -79,24 +78,24 @@ class ObjectAtNode:
 
     @property
     def name(self) -> str:
-        """ParameterName in the file, `Record.Member`; empty without a file."""
+        """The ParameterName in the file, `Record.Member`; empty without a file."""
         name: str = self.od.qualname
         return name
 
     @property
     def unit(self) -> str:
-        """The Unit that the file gives it, which is not a key of CiA 306; empty without one."""
+        """The Unit in the file, which is not a key of CiA 306; empty without one."""
         unit: str = self.od.unit
         return unit
 
     @property
     def limits(self) -> Range | None:
-        """The least and the greatest `raw`, from limits and type; None for anything but a number."""
+        """The least and the greatest `raw` value, by limits and type; None for anything but a number."""
         return limits(self.od)
 
     @property
     def words(self) -> dict[int, str]:
-        """What its values mean: canopen's `value_descriptions`."""
+        """The meanings of its values: canopen's `value_descriptions`."""
         words: dict[int, str] = self.od.value_descriptions
         return words
 
@@ -110,12 +109,12 @@ class ObjectAtNode:
         return found
 
     def _meant(self, raw: Value) -> Any:
-        """Return what a raw value means."""
+        """Return the meaning of a raw value."""
         factor = self.od.factor
         return raw * factor if isinstance(raw, (int, float)) and factor != 1 else raw
 
     def _bytes_of(self, value: Any) -> bytes:
-        """Return the bytes of a value as a program gives it; raises FieldError."""
+        """Return the bytes of a value that a program gives; raises FieldError."""
         thing = self.od
         if isinstance(value, bytes):
             return value
@@ -128,11 +127,11 @@ class ObjectAtNode:
         return encode(thing, value)
 
     def _raw_of_text(self, text: str) -> Value:
-        """Return the raw value that a person writes: a word, a number with or without its unit, a text."""
+        """Return the raw value of a text: a word, a number with or without its unit, or a text itself."""
         for raw, word in self.words.items():
             if word.casefold() == text.strip().casefold():
                 return raw
-        # A person may write what was shown before, and that has its unit.
+        # A person may write what was shown before, which includes the unit.
         number = text.strip().removesuffix(self.unit).strip() if self.unit else text
         value = parse(self.od, number)
         return self._unscaled(value) if isinstance(value, (int, float)) and self.od.factor != 1 else value
@@ -142,7 +141,7 @@ class ObjectAtNode:
         return round(raw) if data_type(self.od).is_integer else raw
 
     def text_of(self, raw: Value) -> str:
-        """Write a raw value for a person, with its word or its unit."""
+        """Return a raw value as text, with its word or its unit."""
         if isinstance(raw, int) and raw in self.words:
             return self.words[raw]
         value = self._meant(raw)
@@ -162,8 +161,8 @@ class ObjectAtNode:
 class RemoteObject(ObjectAtNode):
     """An object of a node of a `Network`, or a record of them.
 
-    Every read and write is an SDO transfer, and raises NodeRefused (the node aborts, with its reason in words),
-    NoAnswer, WrongAnswer, BusError; writing also FieldError for a value that type or limits do not allow, before
+    Every read and write is an SDO transfer, and raises NodeRefused (the node aborts, with the reason in words),
+    NoAnswer, WrongAnswer, BusError. Writing also raises FieldError for a value that type or limits do not allow, before
     anything is sent. Errors name node and object.
     """
 
@@ -175,16 +174,16 @@ class RemoteObject(ObjectAtNode):
         return (RemoteObject(self._node, [each], self._wrote) for each in self._variables)
 
     def read(self) -> Any:
-        """Return what `value` is."""
+        """Return `value`."""
         return self._meant(decode(self.od, finished(self._read())))
 
     def write(self, value: Any) -> None:
-        """Do what setting `value` does."""
+        """Set `value`."""
         finished(self._write(self._bytes_of(value)))
 
     @property
     def value(self) -> Any:
-        """The object's value of its type: int, float, str or bytes; in the file's unit if it has a Factor."""
+        """The value of the object's type: int, float, str or bytes; in the file's unit if it has a Factor."""
         return self.read()
 
     @value.setter
@@ -202,7 +201,7 @@ class RemoteObject(ObjectAtNode):
 
     @property
     def bytes(self) -> Content:
-        """The bytes that the SDO carries; what is written is not checked."""
+        """The bytes of the SDO; what is written is not checked."""
         return finished(self._read())
 
     @bytes.setter
@@ -211,19 +210,19 @@ class RemoteObject(ObjectAtNode):
 
     @property
     def text(self) -> str:
-        """The value for a person: `1500 rpm`, or its word."""
+        """The value as text: `1500 rpm`, or its word."""
         return self.text_of(self.raw)
 
     def read_block(self, progress: Progress = unwatched) -> Content:
-        """Read a long object by block transfer, by segments if the node has none; `progress` gets bytes so far."""
+        """Read a long object by block transfer, or by segments if the node has none; `progress` gets bytes so far."""
         return finished(self._read_block(progress))
 
 
 class AsyncRemoteObject(ObjectAtNode):
-    """An object of a node of an `AsyncNetwork`, or a record of them: `await object.read()`, `await object.write(5)`.
+    """An object of a node of an `AsyncNetwork`, or a record: `await object.read()`, `await object.write(5)`.
 
-    Every read and write is an SDO transfer, and raises what RemoteObject's raise. `value`, `raw`, `bytes` and `text`
-    are awaited, and only read: a property cannot be written in an event loop.
+    Every read and write is an SDO transfer, and raises the same errors as RemoteObject. `value`, `raw`, `bytes` and
+    `text` are awaited and can only be read: a property cannot be written in an event loop.
     """
 
     def __getitem__(self, key: str | int) -> AsyncRemoteObject:
@@ -234,16 +233,16 @@ class AsyncRemoteObject(ObjectAtNode):
         return (AsyncRemoteObject(self._node, [each], self._wrote) for each in self._variables)
 
     async def read(self) -> Any:
-        """Return the object's value of its type: int, float, str or bytes; in the file's unit if it has a Factor."""
+        """Return the value of the object's type: int, float, str or bytes; in the file's unit if it has a Factor."""
         return self._meant(decode(self.od, await self._read()))
 
     async def write(self, value: Any) -> None:
-        """Write a value, which type and limits must allow."""
+        """Write a value that type and limits allow; raises FieldError for any other."""
         await self._write(self._bytes_of(value))
 
     @property
     async def value(self) -> Any:
-        """What `read` gives."""
+        """The same as `read` returns."""
         return await self.read()
 
     @property
@@ -253,14 +252,14 @@ class AsyncRemoteObject(ObjectAtNode):
 
     @property
     async def bytes(self) -> Content:
-        """The bytes that the SDO carries."""
+        """The bytes of the SDO."""
         return await self._read()
 
     @property
     async def text(self) -> str:
-        """The value for a person: `1500 rpm`, or its word."""
+        """The value as text: `1500 rpm`, or its word."""
         return self.text_of(await self.raw)
 
     async def read_block(self, progress: Progress = unwatched) -> Content:
-        """Read a long object by block transfer, by segments if the node has none; `progress` gets bytes so far."""
+        """Read a long object by block transfer, or by segments if the node has none; `progress` gets bytes so far."""
         return await self._read_block(progress)

@@ -1,39 +1,47 @@
 """The PDOs of a node as a master sees them: TPDOs are heard, RPDOs are sent, by the names of the mapped objects.
 
-Rule of this file: a PDO is read as the node has it mapped, as far as the master knows: by its file, by what a
-configuration has written and read back, by what was written with `drive[...]`, or as `read()` has found it.
+A PDO is read by its present mapping, as far as the master knows it: from the file, from what a configuration has
+written and read back, from what was written with `drive[...]`, or as `read()` has found it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING, Any, Generic, NamedTuple, TypeVar
+from typing import Any, Generic, NamedTuple, TypeVar
 
 from eurobot_od.client.master import RemoteNode
-from eurobot_od.client.pdo_parameters import pdo_parameters
-from eurobot_od.client.procedure import finished
+from eurobot_od.client.pdo_mapping import pdo_of
+from eurobot_od.client.procedure import Procedure, finished
+from eurobot_od.client.reading import read_bytes
 from eurobot_od.client.streams import AsyncStream, BlockingStream, Stream
 from eurobot_od.errors import FieldError, FrameLengthError, LocalError, MappingError, UnknownName
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.objects import address_of
 from eurobot_od.od.pdos import Pdo
-from eurobot_od.od.values import SLICE, PdoDirection, Value
+from eurobot_od.od.values import SLICE, Address, PdoDirection, Value
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.catalogue import plain_name
 
-if TYPE_CHECKING:
-    from eurobot_od.od.values import Address
+
+@Procedure
+async def pdo_parameters(node: RemoteNode, dictionary: Dictionary) -> dict[Address, Value]:
+    """Read the numbers in the records of a node's PDOs; those that it refuses are left out.
+
+    Raises NoAnswer, RemoteError, BusError.
+    """
+    found = await read_bytes.steps(node, (each for each in dictionary.addresses() if pdo_of(each) is not None))
+    return {address: int.from_bytes(data, "little") for address, data in found.items() if isinstance(data, bytes)}
 
 
 class PdoValue(NamedTuple):
-    """A value in a TPDO, and when it came: the driver's time stamp in seconds (Unix time with SocketCAN)."""
+    """A value in a TPDO, and its time: the driver's time stamp in seconds (Unix time with SocketCAN)."""
 
     time: float
     value: Any
 
 
 class PdoReading(NamedTuple):
-    """A TPDO that has come: `time` as of `PdoValue`, the `values` by their objects' names."""
+    """A TPDO that has come: `time` as in `PdoValue`, and its `values` by the names of the objects."""
 
     time: float
     values: Mapping[str, Any]
@@ -48,14 +56,14 @@ class PdoReading(NamedTuple):
 
 
 class MappedPdo(Stream[PdoReading]):
-    """What the PDOs of both kinds of networks have in common."""
+    """The common part of the PDOs of both kinds of networks."""
 
     def __init__(self, node: RemoteNode, name: str) -> None:
         super().__init__(node.master, name, node.node_id)
         self._signals: dict[str, Stream[PdoValue]] = {}
         self._fields: dict[str, str] = {}
         self.refused: FrameLengthError | None = None
-        """Why the last frame that could not be read was none of this PDO."""
+        """Why the last frame that could not be read was refused."""
 
     def adopt(self, binding: Binding) -> None:
         """Read frames by this mapping from now on."""
@@ -65,14 +73,14 @@ class MappedPdo(Stream[PdoReading]):
         for entry, slot in entries:
             if slot.field is not None:
                 name: str = entry.variable.qualname or "0x{:04X}:{}".format(*address_of(entry.variable))
-                # An object may be mapped in slices of a few bits; whoever asks for it means the whole.
+                # An object may be mapped in slices of a few bits; whoever asks for it means all of it.
                 part = SLICE.match(name)
                 fields[part["name"] if part else name] = slot.field
-        self._fields = fields  # replaced whole: another thread may be reading it
+        self._fields = fields  # replaced as a whole: another thread may be reading it
 
     @property
     def cob_id(self) -> int:
-        """Its identifier."""
+        """The identifier."""
         return self._binding.cob_id
 
     @property
@@ -105,7 +113,7 @@ class MappedPdo(Stream[PdoReading]):
         self.push(PdoReading(now, values))
 
     def transmit(self, values: Mapping[str, Value]) -> None:
-        """Send an RPDO with these values by name, all that it maps; the node acts on it when it is OPERATIONAL.
+        """Send an RPDO with values for all that it maps, by name; the node acts on it when it is OPERATIONAL.
 
         Raises FieldError for a value that is missing, or that object or mapping do not allow; UnknownName, LocalError
         for a TPDO, BusError.
@@ -120,7 +128,7 @@ class MappedPdo(Stream[PdoReading]):
 
 
 class PdoSignal(BlockingStream[PdoValue]):
-    """One object's value in a PDO: `last`, `wait`, `on`, and `for time, value in signal`."""
+    """One object's values in a PDO: `last`, `wait`, `on`, and `for time, value in signal`."""
 
     @property
     def value(self) -> Any:
@@ -129,7 +137,7 @@ class PdoSignal(BlockingStream[PdoValue]):
 
 
 class AsyncPdoSignal(AsyncStream[PdoValue]):
-    """One object's value in a PDO: `last`, `wait`, `on`, and `async for time, value in signal`."""
+    """One object's values in a PDO: `last`, `wait`, `on`, and `async for time, value in signal`."""
 
     @property
     def value(self) -> Any:
@@ -138,7 +146,7 @@ class AsyncPdoSignal(AsyncStream[PdoValue]):
 
 
 class RemotePdo(MappedPdo, BlockingStream[PdoReading]):
-    """A PDO of a node: its readings as they come, its objects by name, `transmit` for an RPDO."""
+    """A PDO of a node: its readings as they come, its objects by name, and `transmit` for an RPDO."""
 
     def __getitem__(self, name: str) -> PdoSignal:
         """Return one object's values; raises UnknownName."""
@@ -149,7 +157,7 @@ class RemotePdo(MappedPdo, BlockingStream[PdoReading]):
 
 
 class AsyncRemotePdo(MappedPdo, AsyncStream[PdoReading]):
-    """A PDO of a node: its readings as they come, its objects by name, `transmit` for an RPDO."""
+    """A PDO of a node: its readings as they come, its objects by name, and `transmit` for an RPDO."""
 
     def __getitem__(self, name: str) -> AsyncPdoSignal:
         """Return one object's values; raises UnknownName."""
@@ -163,20 +171,20 @@ AnyPdo = TypeVar("AnyPdo", bound=MappedPdo)
 
 
 class MappedPdos(Generic[AnyPdo]):
-    """The PDOs of a node by `TPDO1`, `RPDO2`, or by the names of their communication records."""
+    """The PDOs of a node, as `TPDO1`, `RPDO2`, or by the names of their communication records."""
 
     def __init__(self, node: RemoteNode, dictionary: Dictionary | None, kind: type[AnyPdo]) -> None:
         self._node, self._kind = node, kind
         self._pdos: dict[str, AnyPdo] = {}
         self._made: dict[str, AnyPdo] = {}
-        """Those that were valid once, too: a program that has one keeps it while it is mapped anew."""
+        """All that were ever valid: a program that holds one keeps it while it is remapped."""
         self._records: dict[str, str] = {}
         self._refused: dict[int, MappingError] = {}
         self.dictionary = dictionary
         self._adopt()
 
     def _adopt(self) -> None:
-        """Take over the mappings that the dictionary says."""
+        """Take over the mappings in the dictionary."""
         if self.dictionary is None:
             return
         refusals = list[MappingError]()
@@ -200,19 +208,19 @@ class MappedPdos(Generic[AnyPdo]):
         self._pdos = {**self._pdos, key: self._made[key]}
 
     def present(self, values: Mapping[Address, Value]) -> None:
-        """Take over values that the node has in its PDO parameters now."""
+        """Take over the present values of a node's PDO parameters."""
         if self.dictionary is not None and values:
             self.dictionary = self.dictionary.configured(values)
             self._adopt()
 
     def hear(self, cob_id: int, data: bytes, now: float) -> None:
-        """Take in a frame, if it is a TPDO of the node."""
+        """Take in a frame, if it is one of the node's TPDOs."""
         for pdo in self._pdos.values():
             if pdo.cob_id == cob_id and pdo.direction is PdoDirection.TPDO:
                 pdo.hear(data, now)
 
     def __getitem__(self, name: str) -> AnyPdo:
-        """Return a PDO; raises UnknownName, also for one that is switched off (its COB-ID not valid)."""
+        """Return a PDO; raises UnknownName, also if it is switched off (its COB-ID is not valid)."""
         key = name.upper() if name.upper() in self._pdos else self._records.get(plain_name(name), name)
         if key in self._pdos:
             return self._pdos[key]

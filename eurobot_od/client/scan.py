@@ -1,7 +1,7 @@
 """Finds the nodes of a bus.
 
-A node is there if it answers an SDO request of ours, or if its heartbeat is heard. Other frames
-prove nothing: a protocol's own identifiers may look like PDOs of any node.
+A node is there if it answers one of our SDO requests, or if its heartbeat is heard. Other frames prove nothing: a
+protocol's own identifiers may look like PDOs of any node.
 """
 
 from __future__ import annotations
@@ -20,17 +20,17 @@ from eurobot_od.od.values import NODE_IDS
 from eurobot_od.sdo.wire import LENGTH, ClientCommand, Initiate, ServerCommand, initiate
 
 PACE = 0.005
-"""Seconds between two requests: 127 of them are not to fill a bus that others use."""
+"""Seconds between two requests, so that 127 of them do not fill a bus that others use."""
 
 UPLOADED = (ServerCommand.UPLOAD, ServerCommand.ABORT)
-"""What an SDO server says to an upload."""
+"""The ways in which an SDO server answers an upload."""
 
 LISTEN = 1.5
-"""Seconds for which heartbeats are awaited; most nodes send one a second."""
+"""Seconds of waiting for heartbeats; most nodes send one every second."""
 
 
 class Found(NamedTuple):
-    """A node: its NMT `state` if a heartbeat reported it, its `identity` if it answers SDO, its `name` in 0x1008."""
+    """A node: its NMT `state` if a heartbeat was heard, its `identity` if it answers SDO, its `name` in 0x1008."""
 
     node_id: int
     state: NmtState | None
@@ -47,13 +47,13 @@ async def scan(
     answered: set[int] = set()
 
     def received(node_id: int, data: bytes) -> None:
-        # An abort of 0x1000 is an answer too. A transfer would not do here: it ends with the first odd answer, and
+        # An abort of 0x1000 is an answer, too. A transfer would not do here: it ends with the first odd answer, and
         # another master may be asking the node as well.
         answer = Initiate.of(data) if len(data) == LENGTH else None
         if answer is not None and answer.address == DEVICE_TYPE and answer.command >> 5 in UPLOADED:
             answered.add(node_id)
 
-    # All are asked before the first has to have answered: one after the other, silent node-IDs would take a minute.
+    # All are asked before the first has to answer: one after the other, silent node-IDs would take a minute.
     for node_id in wanted:
         server = master.sdo_server(node_id)
         master.listeners[server.answers] = partial(received, node_id)
@@ -64,7 +64,7 @@ async def scan(
 
 
 async def _found(master: Master, node_id: int) -> Found:
-    """Ask a node that is there for its identity; one in STOPPED does not answer."""
+    """Ask a node that is there for its identity; one that is STOPPED does not answer."""
     node = master.node(node_id)
     try:
         identity, name = await read_identity.steps(node), await device_name.steps(node)

@@ -1,7 +1,6 @@
-"""What a node sends again and again, as a program takes it: the last one, a callback, an iterator, the next one.
+"""Items that a node sends again and again, for a program: the last one, a callback, an iterator, the next one.
 
-Rule of this file: nothing that came is lost to an iterator that is behind, up to `BACKLOG`; then the oldest are, and it
-counts them.
+An iterator that is behind loses nothing, up to `BACKLOG` items; then it loses the oldest ones, and counts them.
 """
 
 from __future__ import annotations
@@ -20,11 +19,11 @@ from eurobot_od.errors import NoAnswer
 Item = TypeVar("Item")
 
 BACKLOG = 10_000
-"""What an iterator keeps for a program that is behind: 10 s of a PDO every millisecond."""
+"""Most items that an iterator keeps for a program that is behind: 10 s of a PDO every millisecond."""
 
 
 class Stream(Generic[Item]):
-    """What comes again and again: the `last` of it (None before the first), and `count`, how many came."""
+    """Items that come again and again: the `last` one (None before the first), and the `count` of them."""
 
     def __init__(self, master: Master, name: str, node_id: int) -> None:
         self.last: Item | None = None
@@ -35,19 +34,20 @@ class Stream(Generic[Item]):
         self._readers: WeakSet[StreamReader[Item]] = WeakSet()
 
     def on(self, function: Callable[[Item], object]) -> Callable[[Item], object]:
-        """Have a function called with each one, in the order in which they come; a decorator, too.
+        """Have a function called with each item, in the order in which they come; also a decorator.
 
-        It runs in a thread of its own, or in the event loop. What it raises is logged, and the next one still comes.
+        It runs on a thread of its own, or in the event loop. An exception it raises is logged, and the next item still
+        comes.
         """
         self._functions.append(function)
         return function
 
     def off(self, function: Callable[[Item], object]) -> None:
-        """Have a function called no more; raises ValueError if it is not."""
+        """Stop calling a function; raises ValueError if it was not called before."""
         self._functions.remove(function)
 
     def push(self, item: Item) -> None:
-        """Take in one that has come."""
+        """Take in an item."""
         self.last, self.count = item, self.count + 1
         for function in self._functions:
             self._master.call(partial(function, item))
@@ -55,7 +55,7 @@ class Stream(Generic[Item]):
             reader.put(item)
 
     def reader(self) -> StreamReader[Item]:
-        """Return what keeps each one from now on."""
+        """Return an iterator that keeps each item from now on."""
         made = StreamReader[Item](self._master)
         self._readers.add(made)
         return made
@@ -69,13 +69,13 @@ class Stream(Generic[Item]):
 
 
 class StreamReader(Iterator[Item], AsyncIterator[Item]):
-    """An endless iterator over a stream, for programs that block and for event loops; `lost` counts what it dropped."""
+    """An endless iterator over a stream, for blocking programs and event loops; `lost` counts the items it dropped."""
 
     def __init__(self, master: Master) -> None:
         self._master, self._waiting, self.lost = master, deque[Item](), 0
 
     def put(self, item: Item) -> None:
-        """Keep one more."""
+        """Keep one more item."""
         if len(self._waiting) == BACKLOG:
             self._waiting.popleft()
             self.lost += 1
@@ -103,7 +103,7 @@ class BlockingStream(Stream[Item]):
     """A stream of a `Network`: `for each in stream` never ends by itself."""
 
     def wait(self, timeout: float = 1.0) -> Item:
-        """Wait for the next one and return it; raises NoAnswer after `timeout` seconds, BusError."""
+        """Wait for the next item and return it; raises NoAnswer after `timeout` seconds, BusError."""
         return finished(self._next(timeout))
 
     def __iter__(self) -> StreamReader[Item]:
@@ -114,7 +114,7 @@ class AsyncStream(Stream[Item]):
     """A stream of an `AsyncNetwork`: `async for each in stream` never ends by itself."""
 
     async def wait(self, timeout: float = 1.0) -> Item:
-        """Wait for the next one and return it; raises NoAnswer after `timeout` seconds, BusError."""
+        """Wait for the next item and return it; raises NoAnswer after `timeout` seconds, BusError."""
         return await self._next(timeout)
 
     def __aiter__(self) -> StreamReader[Item]:

@@ -1,7 +1,7 @@
 """Notices which nodes boot, fall silent and come back, by their heartbeats or by guarding them (CiA 301, 7.2.8.3).
 
-No clock and no bus in `Heartbeats` and `NodeWatch`: frames and the time in seconds go in, events come out, and the
-COB-IDs to be asked by remote frames.
+`Heartbeats` and `NodeWatch` have no clock and no bus: frames and the time in seconds go in; events, and the COB-IDs to
+ask by remote frames, come out.
 """
 
 from __future__ import annotations
@@ -12,33 +12,29 @@ from enum import Enum
 from functools import partial
 from math import inf
 from statistics import median_low
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
+from eurobot_od.client.master import Guard, Master, unguarded
 from eurobot_od.client.procedure import Procedure
-from eurobot_od.client.reconnecting import Guard, unguarded
-from eurobot_od.device.guarding import TOGGLE
-from eurobot_od.device.nmt import NmtState
+from eurobot_od.device.nmt import TOGGLE, NmtState
 from eurobot_od.errors import RemoteError
 from eurobot_od.od.standard import HEARTBEAT_TIME
 from eurobot_od.od.values import ERROR_CONTROL_BASE, NODE_IDS
 
-if TYPE_CHECKING:
-    from eurobot_od.client.master import Master
-
 LOST_AFTER = 2.0
-"""Heartbeat periods without a heartbeat after which a node is lost."""
+"""A node is lost after this many heartbeat periods without a heartbeat."""
 
 REMEMBERED_INTERVALS = 5
-"""A node's period is the median of this many last intervals, so that one long silence does not change it."""
+"""A node's period is the median of this many intervals, so that one long silence does not change it."""
 
 LONGEST_PAUSE = 0.1
-"""Seconds after which `watch_nodes` looks whether it is to end."""
+"""Seconds after which `watch_nodes` checks whether it should end."""
 
 
 class Heartbeats:
-    """The heartbeats of a node: `heard` is when it was heard last, None before that.
+    """The heartbeats of a node: `heard` is the time of the last one, None before the first.
 
-    `period` is what it should have, in seconds; 0 if unknown. The measured period takes precedence.
+    `period` is the expected period in seconds, 0 if unknown. The measured period takes precedence.
     """
 
     def __init__(self, period: float = 0.0) -> None:
@@ -55,14 +51,14 @@ class Heartbeats:
         self.heard = self._last_beat = now
 
     def boot(self, now: float) -> None:
-        """Note a boot-up message: the first heartbeat after it may come at any time of the period."""
+        """Note a boot-up message: the next heartbeat may come at any time in the period."""
         self.heard, self._last_beat = now, None
         self._intervals.clear()
 
     @property
     def deadline(self) -> float:
-        """When the node is lost if it is not heard before; infinite if nothing says that it has a period."""
-        # The median: one heartbeat that was late, or one that was lost, changes it by nothing.
+        """When the node is lost unless it is heard before; infinite if no period is known."""
+        # The median: one late or lost heartbeat does not change it.
         period = median_low(self._intervals) if self._intervals else self.period
         return self.heard + LOST_AFTER * period if self.heard is not None and period else inf
 
@@ -72,7 +68,7 @@ class Heartbeats:
 
 
 class NodeChange(Enum):
-    """What happens to a node, in the words for a person."""
+    """What happens to a node, in words for a person."""
 
     FOUND = "is there"
     BOOTED = "has booted"
@@ -81,7 +77,7 @@ class NodeChange(Enum):
 
 
 class NodeEvent(NamedTuple):
-    """A `change` of a node at a `time` in seconds; `state` is the last one reported, None if none was."""
+    """A `change` of a node at a `time` in seconds; `state` is the last one reported, None if there was none."""
 
     time: float
     node_id: int
@@ -90,7 +86,7 @@ class NodeEvent(NamedTuple):
 
 
 class WatchedNode:
-    """What is known of one node: its `pulse`, its `state`, whether it is `lost`."""
+    """One node: its `pulse`, its `state`, and whether it is `lost`."""
 
     def __init__(self, period: float = 0.0) -> None:
         self.pulse, self.lost = Heartbeats(period), False
@@ -102,8 +98,8 @@ class NodeWatch:
     """Watches nodes and calls `report` with each event.
 
     `periods` are heartbeat periods in seconds by node-ID, where they are known. `expected` nodes are lost if they are
-    not heard within `patience` seconds from the first tick. `guarded` has the periods in seconds, by node-ID, at which
-    nodes are asked by a remote frame: a node without heartbeat can be watched only so.
+    not heard within `patience` seconds of the first tick. `guarded` has, by node-ID, the periods in seconds at which
+    nodes are asked by a remote frame: without a heartbeat a node can be watched only in this way.
     """
 
     def __init__(
@@ -127,10 +123,10 @@ class NodeWatch:
         if state not in set(NmtState):
             return
         node = self._node(node_id)
-        # A boot-up is no answer, and comes with the toggle bit 0 whatever the last answer had.
+        # A boot-up is not an answer, and has the toggle bit 0 whatever the last answer had.
         if state and node_id in self._guarded and data[0] & TOGGLE == node.toggle:
-            return  # an answer heard twice, or a node that is stuck: no sign of life
-        # A boot-up begins anew: the first answer after it has the toggle bit 0 (CiA 301, 7.2.8.3.2.1).
+            return  # an answer heard twice, or a node that is stuck, is not a sign of life
+        # After a boot-up the first answer has the toggle bit 0 (CiA 301, 7.2.8.3.2.1).
         node.toggle = data[0] & TOGGLE if state and node_id in self._guarded else None
         first, was_lost = node.pulse.heard is None, node.lost
         node.state, node.lost = NmtState(state), False
@@ -142,7 +138,7 @@ class NodeWatch:
             self._tell(now, node_id, change)
 
     def tick(self, now: float) -> list[int]:
-        """Notice which nodes are lost, and return the COB-IDs to be asked by remote frames now."""
+        """Notice which nodes are lost, and return the COB-IDs that have to be asked by remote frames now."""
         if self._started is None:
             self._started = now
         for node_id in sorted({*self.nodes, *self._expected}):
@@ -151,7 +147,7 @@ class NodeWatch:
                 node.lost = True
                 self._tell(now, node_id, NodeChange.LOST)
         asked = [node_id for node_id, due in self._next_guard.items() if now >= due]
-        # From now, not from when it was due: after a pause the questions that were missed must not go out at once.
+        # From now, not from when it was due: after a pause, the requests that were missed must not go out at once.
         self._next_guard |= {node_id: now + self._guarded[node_id] for node_id in asked}
         return [ERROR_CONTROL_BASE + node_id for node_id in asked]
 
@@ -165,7 +161,7 @@ class NodeWatch:
         return self.nodes.setdefault(node_id, WatchedNode(self._guarded.get(node_id, 0.0)))
 
     def _deadline(self, node_id: int, node: WatchedNode) -> float:
-        # Never heard, it has no period of its own yet: all nodes have the same time to boot.
+        # A node that was never heard has no period yet: all nodes have the same time to boot.
         if node.pulse.heard is None and node_id in self._expected and self._started is not None:
             return self._started + self._patience
         return node.pulse.deadline
@@ -176,9 +172,9 @@ class NodeWatch:
 
 @Procedure
 async def without_heartbeat(master: Master, node_ids: Iterable[int]) -> list[int]:
-    """Return the nodes that do not say that they produce a heartbeat (0x1017). Raises BusError.
+    """Return the nodes that do not say that they send a heartbeat (0x1017). Raises BusError.
 
-    A device with a heartbeat does not answer node guarding: it has one of them at a time (CiA 301, 7.2.8.2.2).
+    A device with a heartbeat does not answer node guarding: it has one or the other (CiA 301, 7.2.8.2.2).
     """
     found = []
     for node_id in node_ids:
@@ -192,7 +188,7 @@ async def without_heartbeat(master: Master, node_ids: Iterable[int]) -> list[int
 
 
 def watch_nodes(master: Master, watch: NodeWatch, end: float = inf, guard: Guard = unguarded) -> None:
-    """Watch the nodes of a bus until its clock is at `end`, holding the guard for each step. Raises BusError."""
+    """Watch the nodes of a bus until its clock is at `end`, each step under the guard. Raises BusError."""
 
     def received(node_id: int, data: bytes) -> None:
         watch.receive(node_id, data, master.clock())
@@ -201,7 +197,7 @@ def watch_nodes(master: Master, watch: NodeWatch, end: float = inf, guard: Guard
         now = master.clock()
         for cob_id in watch.tick(now):
             master.request(cob_id)
-        # At least a millisecond, as a deadline of this very moment is not over yet, and the loop would run without a
+        # At least a millisecond: a deadline at this very moment is not over yet, and the loop would run without a
         # pause.
         master.pump(min(max(watch.next_wakeup - now, 0.001), LONGEST_PAUSE, end - now))
 

@@ -1,7 +1,7 @@
-"""Objects bound to the application: what it measures is asked from it, what is written to them is a command to it.
+"""Binds objects to the application: reading one asks for what the application measures, writing one commands it.
 
-Rule of this file: what an object's sub-indices mean is what the file's own PDO says, whatever a master has made of that
-PDO since. So an SDO, a PDO under any mapping and the answer to a request all carry the bits of one message.
+What an object's sub-indices mean is what the file's own PDO says, even if a master has remapped that PDO since. So an
+SDO, a PDO under any mapping and the answer to a request all carry the bits of one message.
 """
 
 from __future__ import annotations
@@ -23,9 +23,10 @@ from eurobot_od.sdo.aborts import Abort, Reason
 
 
 class BoundObject(NamedTuple):
-    """What an object of a node is bound to, sub-indices to fields by their names.
+    """What an object of a node is bound to; its sub-indices are bound to fields of the same name.
 
-    `read` gives the message that has its present values; `write` is the type of the message that writing it means.
+    `read` gives the message with the object's present values. `write` is the type of message that writing it stands
+    for.
     """
 
     read: Callable[[Any], Message] | None = None
@@ -33,13 +34,13 @@ class BoundObject(NamedTuple):
 
 
 class Application(NamedTuple):
-    """What a device's objects, by their ParameterNames, are bound to.
+    """What a device's objects are bound to, by their ParameterNames.
 
-    `readers` give the messages with their present values, `writers` are the message types that writing them means, and
-    `act` acts on such a message; it raises Refused, and has done nothing then.
+    `readers` give messages with their present values. `writers` are the types of messages that writing them stands for.
+    `act` acts on such a message, or raises Refused and has done nothing.
 
-    Single objects are bound by their addresses: values that are `given` count in place of the file's, those that are
-    `measured` are asked for, and new ones are `told`.
+    Single objects are bound by their addresses: a `given` value replaces the file's, a `measured` one is asked for, and
+    a new one is `told`.
     """
 
     readers: Mapping[str, Callable[[], Message]] = MappingProxyType({})
@@ -51,11 +52,11 @@ class Application(NamedTuple):
 
 
 NO_APPLICATION = Application()
-"""For a device that nobody has bound anything to: its objects keep what was written or received last."""
+"""For a device without an application: its objects keep what was written or received last."""
 
 
 class BoundObjects:
-    """The bound ones of a device's `objects`; `command` gets what writing one means, and may raise Abort."""
+    """The bound objects of a device; `command` gets what writing one stands for, and may raise Abort."""
 
     def __init__(
         self,
@@ -66,17 +67,17 @@ class BoundObjects:
     ) -> None:
         self._objects, self._dictionary, self._catalogue = objects, objects.dictionary, catalogue
         self._application, self._command = application, command
-        self._bindings: dict[type[Message], Binding] = {}  # as they are asked for
-        self._before: dict[int, dict[Address, Value]] = {}  # the values of objects of which a part was written
+        self._bindings: dict[type[Message], Binding] = {}  # filled when first asked for
+        self._before: dict[int, dict[Address, Value]] = {}  # what the objects held before a part of them was written
 
     def readers(self) -> dict[int, OnRead]:
-        """Return what gives the value of a bound object, by its index."""
+        """Return the functions that read bound objects, by index."""
         found = ((self._dictionary.data_index(name), read) for name, read in self._application.readers.items())
         measured: dict[int, OnRead] = {index: partial(self._measure, index) for index, _ in self._application.measured}
         return measured | {index: partial(self._read, index, read) for index, read in found if index is not None}
 
     def writers(self) -> dict[int, OnWrite]:
-        """Return what writing a bound object does, by its index; its slices are written likewise."""
+        """Return the functions that write bound objects, by index; slices of an object are written in the same way."""
         return {
             record: partial(self._write, index, message_type)
             for name, message_type in self._application.writers.items()
@@ -95,28 +96,28 @@ class BoundObjects:
         message = read()
         binding = self._binding(type(message))
         try:
-            # Through the frame: an SDO has to read the very bits that the PDO would carry.
+            # Through the frame, so that an SDO reads exactly the bits that the PDO would carry.
             raw = binding.unpack(binding.encode(message).data)
-        except FieldError as error:  # the application measures what its own field cannot hold: not the client's fault
+        except FieldError as error:  # its own field cannot hold what it measures: not the client's fault
             raise Abort(Reason.MEASURED_VALUE, str(error)) from error
         fields = dict(self._fields(index, binding))
         return raw[fields[subindex]] if subindex in fields else self._objects.kept((index, subindex))
 
     def _fields(self, index: int, binding: Binding) -> Iterator[tuple[int, str]]:
-        """Give the sub-indices that are a field of the message, and its name."""
+        """Yield the sub-indices that are a field of the message, with its name."""
         for subindex, variable in self._dictionary.members[index].items():
             if (field := field_name(variable.name)) in binding.layout.fields:
                 yield subindex, field
 
     def _binding(self, message_type: type[Message]) -> Binding:
-        """Return how the file maps a message, in a PDO that is valid or not; raises Abort if it does not."""
+        """Return how the file maps a message, in a PDO that need not be valid; raises Abort if it does not map it."""
         if message_type in self._bindings:
             return self._bindings[message_type]
-        # By the file's defaults: the present mapping is a master's, and it may have taken the message apart.
+        # By the file's defaults: a master may have remapped the PDO and taken the message apart.
         for pdo in self._dictionary.read_pdos(self._dictionary.default, lambda _: None):
             entry = self._catalogue.find(pdo.name)
             if entry is not None and entry.type is message_type:
-                with suppress(MappingError):  # another PDO of the file may bring the same message
+                with suppress(MappingError):  # another PDO of the file may carry the same message
                     self._bindings[message_type] = Binding(self._dictionary.file, pdo, pdo.name, entry)
                     return self._bindings[message_type]
         raise Abort(Reason.NO_MESSAGE, f"the file has no PDO for {message_type.__name__}")
@@ -124,9 +125,9 @@ class BoundObjects:
     # A command
 
     def _write(self, index: int, message_type: type[Message], address: Address, value: Value) -> None:
-        """Keep a value; the last one of an object is the command. A refused one leaves the object as it was before."""
+        """Keep a value. The last one of an object is the command; if it is refused, the object is as it was before."""
         values, own = self._objects.values, (index, address[0])  # a slice is kept in the whole
-        # Noted at the first part that is written: by the last one, half of the command is in the objects.
+        # Noted when the first part is written: by the last one, half of the command is already in the objects.
         before = self._before.setdefault(index, {each: values[each] for each in values if each[0] in own})
         self._objects.put(address, value)
         members = self._dictionary.members[address[0]].items()
@@ -140,7 +141,7 @@ class BoundObjects:
                 raise
 
     def _message(self, index: int, binding: Binding) -> Message:
-        """Return the message with the values kept; raises Abort if its field cannot have one of them."""
+        """Return the message with the values kept; raises Abort if one of its fields cannot hold its value."""
         kept = {field: self._objects.kept((index, subindex)) for subindex, field in self._fields(index, binding)}
         try:
             message = binding.decode(binding.pack({f: value for f, value in kept.items() if isinstance(value, int)}))

@@ -1,8 +1,7 @@
-"""One CANopen device from its EDS: NMT slave, SDO server, PDOs gated by state, SYNC, TIME, heartbeats, node guarding,
-emergencies, stored values.
+"""One CANopen device, made from its EDS: NMT, SDO server, PDOs, SYNC, TIME, heartbeats, emergencies, stored values.
 
-Rule of this file: no clock and no bus. Frames and the time in seconds go in, frames and typed messages come out;
-what a peer sends wrong becomes an EMCY, an SDO abort and a count, never an exception.
+There is no clock and no bus in here: frames and the time in seconds go in, frames and typed messages come out. What a
+peer sends wrong becomes an EMCY, an SDO abort and a count, never an exception.
 """
 
 from __future__ import annotations
@@ -12,18 +11,24 @@ from math import inf
 from typing import NamedTuple
 
 from eurobot_od.device.bound import NO_APPLICATION, Application, BoundObjects
-from eurobot_od.device.deadlines import Deadlines
+from eurobot_od.device.broadcasts import TIME_CONSUMER, TIME_PRODUCER, Arrival, Clock, Synchronous, SyncProducer
 from eurobot_od.device.emergency import Emergencies, ErrorCode
-from eurobot_od.device.guarding import NodeGuarding
-from eurobot_od.device.heartbeat import HeartbeatConsumer, split
-from eurobot_od.device.nmt import SERVICES, TARGET, NmtCommand, NmtState, boot_state, command_in, error_control
-from eurobot_od.device.objects import COMMUNICATION_PROFILE, REFUSAL, Objects, OnRead, OnWrite
+from eurobot_od.device.nmt import (
+    SERVICES,
+    TARGET,
+    HeartbeatConsumer,
+    NmtCommand,
+    NmtState,
+    NodeGuarding,
+    boot_state,
+    command_in,
+    error_control,
+    heartbeat_entry,
+)
+from eurobot_od.device.objects import COMMUNICATION_PROFILE, REFUSAL, Objects, OnRead, OnWrite, predefined
 from eurobot_od.device.pdo import Changes, Pacing, Pdos, ProcessData
-from eurobot_od.device.predefined import predefined
 from eurobot_od.device.storage import Store, refused
-from eurobot_od.device.sync import Arrival, Synchronous, SyncProducer
-from eurobot_od.device.time_of_day import CONSUMER, PRODUCER, Clock
-from eurobot_od.device.timers import Plan, caught_up
+from eurobot_od.device.timers import Deadlines, Plan, caught_up
 from eurobot_od.errors import DamagedFile, DictionaryError, FrameLengthError, Refused, StateError
 from eurobot_od.frame import Frame
 from eurobot_od.gatekeeper import Stay
@@ -50,15 +55,15 @@ ON_COMMUNICATION_ERROR: Mapping[int, NmtCommand | None] = {
     1: None,
     2: NmtCommand.STOP,
 }
-"""What an operational device does when a heartbeat is lost, by error behaviour 0x1029:1 (CiA 301, 7.5.2.32)."""
+"""What an operational device does when a heartbeat is lost, by its error behaviour 0x1029:1 (CiA 301, 7.5.2.32)."""
 
 
 class Reaction(NamedTuple):
     """What a frame, or the time, did to a device.
 
-    `frames` to send, the `message` for the application, whether it was `reset`, the node-IDs whose heartbeat was
-    `lost`, an SDO `answer` to the device as a client, the node-ID of a watched node that has `booted`, and the messages
-    that waited for SYNC and are `synchronous`.
+    The `frames` to send, the `message` for the application, whether it was `reset`, the node-IDs whose heartbeats were
+    `lost`, an SDO `answer` to the device as a client, the node-ID of a watched node that has `booted`, and the
+    `synchronous` messages, which had waited for SYNC.
     """
 
     frames: list[Frame]
@@ -79,11 +84,12 @@ class Device:
 
     `store` keeps what 0x1010 saves over power-off, `catalogue` has its message types, and `application` is what its
     objects are bound to. `operational` tells whether its NMT `state` allows PDOs. `objects` has its values, `protocol`
-    its messages as they are mapped now, `identifiers` the COB-IDs of all frames, remote ones too, that it listens to.
-    Both are replaced as a whole when a master changes them. `time_of_day` is its clock, which no reset changes.
-    `sdo_requests` and `sdo_answers` are the COB-IDs of its SDO server; no master changes them (CiA 301, 7.5.2.33: ro).
-    `plan` has what frames have made it plan, and `next_wakeup` everything. `refused` says, in a sentence each, what was
-    stored and cannot be used: defaults take its place, and an EMCY says so at each start until the device stores again.
+    its messages as they are mapped now, `identifiers` the COB-IDs of all frames that it listens to, including remote
+    frames; both are replaced as a whole when a master changes them. `time_of_day` is its clock, which no reset changes.
+    `sdo_requests` and `sdo_answers` are the COB-IDs of its SDO server; a master cannot change them (CiA 301, 7.5.2.33:
+    ro). `plan` has what frames have made it plan, and `next_wakeup` everything. `refused` has a sentence for each
+    stored value that cannot be used: the default takes its place, and an EMCY says so at each start until the device
+    stores again.
     """
 
     def __init__(
@@ -101,7 +107,7 @@ class Device:
             values |= store.load() if store else {}
         except DamagedFile as error:
             self.refused = (f"{error}; the defaults are taken",)
-        # One by one: a range that a newer file has narrowed must not cost the device all the rest of what was stored.
+        # One by one: if a newer file has narrowed one range, all other stored values must survive.
         wrong = dict(refused(dictionary, values))
         self.refused += tuple(f"stored value refused: {what}" for what in wrong.values())
         self._stored = {address: value for address, value in values.items() if address not in wrong}
@@ -120,17 +126,17 @@ class Device:
         self._listens, self._reports, self._serves, self.operational = SERVICES[state]
 
     def _load(self, values: dict[Address, Value]) -> None:
-        """Make everything anew from these values, as after power-on or a reset."""
+        """Make everything from these values, as after power-on or a reset."""
         own = self._file.node_id_address
         number = values.setdefault(own, self._file.node_id) if own else self._file.node_id
         self.node_id = number if isinstance(number, int) else self._file.node_id
-        # Values with $NODEID in them, the identifiers above all, follow a new node-ID (CiA 306-1).
+        # Values with $NODEID in them, above all identifiers, follow a new node-ID (CiA 306-1).
         self.dictionary = self._file if self.node_id == self._file.node_id else self._file.renumbered(self.node_id)
-        # Functions, as a master may change 0x1014 and 0x1015 at any time; the inhibit time counts 100 µs.
+        # Functions, because a master may change 0x1014 and 0x1015 at any time; the inhibit time counts 100 µs.
         self.emergencies = Emergencies(
             lambda: self.objects.cob_id(standard.EMCY), lambda: self.objects.raw(standard.EMCY_INHIBIT_TIME) / 10_000
         )
-        readers: dict[int, OnRead] = {}  # empty until _connect: who answers for an object is made from the objects
+        readers: dict[int, OnRead] = {}  # filled by _connect: what reads an object is made from the objects
         writers: dict[int, OnWrite] = {}
         given = {**predefined(self.dictionary), **self._application.given}
         self.objects = Objects(self.dictionary, readers, writers, given, self._application.told)
@@ -151,9 +157,10 @@ class Device:
         self._configure()
 
     def _connect(self, bound: BoundObjects, readers: dict[int, OnRead], writers: dict[int, OnWrite]) -> None:
-        """Enter who answers for the objects that are more than a value."""
+        """Enter what reads and writes the objects that are more than a value."""
         eds = self.dictionary.variable(standard.STORED_EDS)
-        # Some files call 0x1021 a number, of a fixed size that no EDS has: then it keeps its value like any other.
+        # In some files 0x1021 is a number, of a fixed size that no EDS has: then it keeps its value like any other
+        # object.
         serves_eds = eds is not None and not data_type(eds).size
         readers |= {
             **bound.readers(),
@@ -175,23 +182,23 @@ class Device:
         }
 
     def _configure(self) -> None:
-        """Listen to what is configured now."""
+        """Listen to the services as they are configured now."""
         self._consumer.configure(self._consumed())
         self._guarding.configure(self._life_time())
         self.sdo_requests, self.sdo_answers = SdoChannel.of(self.dictionary)
         time, sync = self.objects.raw(standard.TIME), self.objects.raw(standard.SYNC)
         # Bit 30 of 0x1005 and 0x1012: the device itself sends SYNC or TIME (CiA 301, 7.5.2.5 and 7.5.2.15).
-        produced = {each & BASE_IDENTIFIER for each in (time, sync) if each & PRODUCER}
+        produced = {each & BASE_IDENTIFIER for each in (time, sync) if each & TIME_PRODUCER}
         self._periodic = produced | {ERROR_CONTROL_BASE + self.node_id}
-        # Sub-index 2 of 0x1280 and those after it: where a server answers this device as its client (7.5.2.34).
+        # Sub-index 2 of 0x1280 and following: where a server answers this device as its client (7.5.2.34).
         clients = [index for index in standard.SDO_CLIENTS if index in self.dictionary.members]
         answers = {self.objects.cob_id((index, 2)) for index in clients}
-        # Where a file gives two services one identifier, the later of these has it: NMT is never lost.
+        # Where a file gives two services the same identifier, the later one in this table gets it: NMT is never lost.
         ears: dict[int | None, Ear] = {
             **dict.fromkeys(self._consumer.identifiers, self._receive_heartbeat),
             **dict.fromkeys(answers, lambda frame: Reaction([], answer=frame)),
             **dict.fromkeys(self._pdos.received, self._receive_pdo),
-            time & BASE_IDENTIFIER if time & CONSUMER else None: self._receive_time,
+            time & BASE_IDENTIFIER if time & TIME_CONSUMER else None: self._receive_time,
             self._pdos.sync_cob_id: self._receive_sync,
             self.sdo_requests: self._receive_sdo,
             NMT_COB_ID: self._receive_command,
@@ -207,28 +214,28 @@ class Device:
     def _restart_pdos(self) -> None:
         self._pacing.restart(self._pdos.sent.values(), self._now)
         self._synchronous.restart(self._pdos.sent.values(), self._pdos.received.values())
-        # They belong to a SYNC before the change: a remote frame must not be answered by them.
+        # They belong to a SYNC before the change, and must not answer a remote frame.
         self._sampled.clear()
-        # Decided here, not at each SYNC: hundreds of PDOs of many devices would be asked in each of its periods.
+        # Decided here and not at each SYNC, which would ask hundreds of PDOs of many devices in each period.
         self._at_sync = [each for each in self._pdos.requestable.values() if self._pdos.is_sampled(each)]
         self._following = [each for each in self._pdos.sent.values() if self._pdos.follows_changes(each)]
-        for binding in self._deadlines.missed:  # nobody would report them as back: the watch begins anew
+        for binding in self._deadlines.missed:  # nobody would report them as back: the watch starts over
             self.emergencies.cleared((Deadlines, binding.name))
         received = self._pdos.received.values()
         self._deadlines.restart({each: time for each in received if (time := self._pdos.deadline(each))})
 
     def _restart_broadcasts(self) -> None:
-        """Send SYNC and TIME from now on, if that is configured and the NMT state allows it (CiA 301, Table 36)."""
+        """Send SYNC and TIME from now on, if they are configured and the NMT state allows them (CiA 301, Table 36)."""
         self._sync.restart(self._pdos.sync_period if self._reports else 0.0, self._pdos.sync_counter, self._now)
         time = self.objects.raw(standard.TIME)
-        if self._reports and time & PRODUCER and time & BASE_IDENTIFIER:
+        if self._reports and time & TIME_PRODUCER and time & BASE_IDENTIFIER:
             self.time_of_day.produce(self._now)
         else:
             self.time_of_day.rest()
 
     @property
     def service_identifiers(self) -> list[int]:
-        """The COB-IDs, as they are now, of all services of the device but its PDOs."""
+        """The present COB-IDs of all services of the device except its PDOs."""
         said = (self.objects.cob_id(standard.EMCY), self._pdos.sync_cob_id, self.objects.raw(standard.TIME))
         broadcast = [each & BASE_IDENTIFIER for each in said if each]
         return [NMT_COB_ID, self.sdo_requests, self.sdo_answers, ERROR_CONTROL_BASE + self.node_id, *broadcast]
@@ -239,7 +246,7 @@ class Device:
         return self._pdos.sync_cob_id
 
     def check_mapped(self, index: int, entry: int) -> None:
-        """Raise Abort if an entry of a mapping record stands for nothing that may be mapped there."""
+        """Raise Abort if an entry of a mapping record names something that may not be mapped there."""
         self._pdos.mapped(index, entry)
 
     @property
@@ -253,10 +260,11 @@ class Device:
         return self._pdos.always_sent
 
     def stay(self, frame: Frame) -> Stay:
-        """Return how long a frame of this device waits for a mailbox; a boot-up message is sent but once."""
+        """Return how long a frame of this device waits for a mailbox."""
         if frame.cob_id == self.sdo_answers:
             return Stay.TRANSFER
-        # Without its boot-up message a master does not learn that the node is there, or has forgotten everything.
+        # Without its boot-up message, which is sent only once, a master does not learn that the node is there, or has
+        # forgotten everything.
         if frame.cob_id in self.always_sent or frame == error_control(self.node_id, NmtState.INITIALISING):
             return Stay.LASTING
         return Stay.PERIODIC if frame.cob_id in self._periodic else Stay.SHORT
@@ -267,26 +275,19 @@ class Device:
         """Return an object's present value as a number; raises DictionaryError if it has none."""
         return self.objects.number(address)
 
-    def setting(self, name: str) -> int:
-        """Return the value of a setting by its ParameterNames, `Goto handshake.Confirm wait`.
-
-        Raises DictionaryError.
-        """
-        return self.objects.number(self.dictionary.address(name))
-
     @property
     def aborted(self) -> Abort | None:
-        """Why the device aborted an SDO transfer last; None if it has not since it was switched on or reset."""
+        """Why the device last aborted an SDO transfer; None if it has not since it was switched on or reset."""
         return self._server.aborted
 
     def settle(self) -> None:
-        """Bring into the objects what PDOs have brought."""
+        """Store in the objects what PDOs have brought."""
         self._process.settle()
 
     # Objects that do more than keep a value
 
     def _followed(self, write: OnWrite) -> OnWrite:
-        """Return what writes an object and then has the device listen to what is configured now."""
+        """Return a function that writes an object and then reconfigures what the device listens to."""
 
         def written(address: Address, value: Value) -> None:
             write(address, value)
@@ -295,7 +296,7 @@ class Device:
         return written
 
     def _command(self, binding: Binding, message: Message) -> None:
-        """Have the application act on what was written as on a PDO; raises Abort with the reason if it does not."""
+        """Have the application act on a message that was written by SDO; raises Abort if it does not."""
         if not self.operational and not binding.always:
             raise Abort(Reason.WRONG_STATE, f"{self.dictionary.name} is {self.state.name}")
         try:
@@ -304,8 +305,8 @@ class Device:
             raise Abort(REFUSAL[refused.cause], str(refused)) from refused
 
     def _keep(self, address: Address, signature: Value) -> None:
-        """Store the present values, or, from the next reset on, those of the file (CiA 301, 7.5.2.13, 7.5.2.14)."""
-        # Spelt out, `save` and `load`, so that no stray write stores or restores anything.
+        """Store the present values, or restore the file's from the next reset on (CiA 301, 7.5.2.13, 7.5.2.14)."""
+        # Spelt out, as `save` and `load`, so that no stray write stores or restores anything.
         if signature != int.from_bytes(standard.SIGNATURES[address[0]], "little"):
             raise Abort(Reason.SIGNATURE)
         values = self.objects.configuration() if address[0] == standard.STORE else {}
@@ -315,21 +316,23 @@ class Device:
                 self._store.save(values, self.objects.number(own) if own else self.node_id)
         except (OSError, DictionaryError) as error:
             raise Abort(Reason.NOT_STORED, str(error)) from error
-        # What was refused at the start has been overwritten: nothing is left to complain of.
+        # The values refused at the start have been overwritten: there is nothing left to complain about.
         self._stored, self.refused = values, ()
         self.emergencies.cleared(Store)
         if own and address[0] == standard.RESTORE:
-            self.objects.values.pop(own, None)  # a reset takes over the node-ID that is there
+            self.objects.values.pop(own, None)  # a reset keeps the present node-ID
 
     def _consumed(self) -> list[int]:
         count = self.objects.raw((standard.CONSUMED_HEARTBEATS, 0))
         return [self.objects.raw((standard.CONSUMED_HEARTBEATS, subindex)) for subindex in range(1, count + 1)]
 
     def _consume(self, address: Address, value: Value) -> None:
-        """Watch other nodes' heartbeats, each but once (CiA 301, 7.5.2.19)."""
-        node_id, time = split(value if isinstance(value, int) else 0)
-        others = [split(entry) for subindex, entry in enumerate(self._consumed(), 1) if subindex != address[1]]
-        # With two times for one node it would be lost by the one and still there by the other.
+        """Watch another node's heartbeat; no node may be watched twice (CiA 301, 7.5.2.19)."""
+        node_id, time = heartbeat_entry(value if isinstance(value, int) else 0)
+        others = [
+            heartbeat_entry(entry) for subindex, entry in enumerate(self._consumed(), 1) if subindex != address[1]
+        ]
+        # With two times, one node would be lost by one of them and still there by the other.
         if time and any(node_id == other and others_time for other, others_time in others):
             raise Abort(Reason.WATCHED_TWICE)
         self.objects.put(address, value)
@@ -337,23 +340,23 @@ class Device:
 
     def _produce(self, address: Address, value: Value) -> None:
         self.objects.put(address, value)
-        # From now on, not after what is left of the old time, which may be a minute.
+        # From now on, not when the rest of the old period is over, which may take a minute.
         self._plan_heartbeat(self._now)
         self._guarding.configure(self._life_time())
 
     def _life_time(self) -> float:
-        """Return how long a master that guards may be silent; 0.0 for ever, or if heartbeats take guarding's place."""
+        """Return how long a guarding master may be silent; 0.0 for ever, or if heartbeats are used instead."""
         factor = 0 if self.objects.raw(standard.HEARTBEAT_TIME) else self.objects.raw(standard.LIFE_TIME_FACTOR)
         return self.objects.raw(standard.GUARD_TIME) / 1000 * factor
 
     # NMT
 
     def start(self, now: float) -> list[Frame]:
-        """Boot: send the boot-up message and enter the state that NMT startup 0x1F80 says (CiA 301, 7.3.2.2)."""
+        """Boot: send the boot-up message and enter the state given by NMT startup 0x1F80 (CiA 301, 7.3.2.2)."""
         self._now = now
         self._beating = False
         self._plan_heartbeat(now)
-        # As an EMCY too: nobody need be looking at a console when a device boots with defaults.
+        # By EMCY as well: when a device boots with defaults, nobody may be looking at a console.
         if self.refused:
             self.emergencies.raised(ErrorCode.DATA_SET, Store)
         self._enter(boot_state(self.objects.value(standard.NMT_STARTUP)))
@@ -363,10 +366,10 @@ class Device:
         reported, self.state = self._reports, state
         self._restart_pdos()
         self._changes.restart()
-        # Both PRE-OPERATIONAL and OPERATIONAL have SYNC and TIME: a change between them must not shift their periods.
+        # SYNC and TIME run in PRE-OPERATIONAL and OPERATIONAL: a change between them must not shift their periods.
         if reported is not self._reports:
             self._restart_broadcasts()
-        if state is NmtState.STOPPED:  # no SDO there, not even the abort at its time-out
+        if state is NmtState.STOPPED:  # no SDO there, not even an abort after a time-out
             self._server.forget()
 
     def _plan_heartbeat(self, now: float) -> None:
@@ -374,7 +377,7 @@ class Device:
         self._next_heartbeat = now + period / 1000 if period else inf
 
     def first_heartbeat(self) -> list[Frame]:
-        """Return a heartbeat to send now if there has been none since the boot-up, and if there will be any.
+        """Return a heartbeat to send now, if there are heartbeats and none has been sent since the boot-up.
 
         For a node that others have to miss from now on: they watch it from its first heartbeat.
         """
@@ -384,15 +387,15 @@ class Device:
         return [error_control(self.node_id, self.state)]
 
     def restart(self, now: float) -> Reaction:
-        """Do what an NMT reset of the node does."""
+        """Do what an NMT command to reset the node does."""
         self._now = now
         return self._reset(NmtCommand.RESET_NODE)
 
     def _reset(self, command: NmtCommand) -> Reaction:
-        """Restore what was stored, but for a new node-ID, which takes effect now (CiA 301, 7.3.2.2.3)."""
+        """Restore what was stored, except for a new node-ID, which takes effect now (CiA 301, 7.3.2.2.3)."""
         values = dict(self._stored)
         if command is NmtCommand.RESET_COMMUNICATION:
-            # Only 0x1000 to 0x1FFF go back to what was stored; the application goes on with its parameters as they are.
+            # Only 0x1000 to 0x1FFF go back to what was stored; the application keeps its parameters as they are.
             values = {a: value for a, value in values.items() if a[0] in COMMUNICATION_PROFILE}
             values |= {a: v for a, v in self.objects.values.items() if a[0] not in COMMUNICATION_PROFILE}
         if self._file.node_id_address:
@@ -404,26 +407,26 @@ class Device:
 
     @property
     def next_wakeup(self) -> float:
-        """When to call `tick`, infinite if nothing is planned."""
+        """Time at which to call `tick`, infinite if nothing is planned."""
         watched = self._consumer.next, self._guarding.next
-        # What the NMT state holds back must wake nobody: `tick` would do nothing, and be called again at once.
+        # Whatever the NMT state holds back must not wake anybody: `tick` would do nothing, and be called again at once.
         pdo = (self._pacing.next, self._deadlines.next) if self.operational else ()
         broadcast = (self._sync.next, self.time_of_day.next, self.emergencies.next) if self._reports else ()
         return min(self._next_heartbeat, self._server.deadline, *watched, *pdo, *broadcast)
 
     def tick(self, now: float) -> Reaction:
-        """Do what is due: heartbeat and TPDOs at their times, and notice who has fallen silent."""
+        """Do what is due: send heartbeat and TPDOs at their times, and notice nodes that have fallen silent."""
         self._now = now
         frames = []
         if now >= self._next_heartbeat:
-            # From the time it was planned for, or each late call would put off all the heartbeats after it.
+            # From its planned time, or each late call would put off all later heartbeats.
             self._plan_heartbeat(caught_up(self._next_heartbeat, now))
             self._beating = True
             frames.append(error_control(self.node_id, self.state))
         own = self._broadcast(now)
         frames += own.frames
         if self.operational:
-            # These first: what an inhibit time has held back is older than what an event timer sends now.
+            # These come first: what an inhibit time has held back is older than what an event timer sends now.
             frames += self._pacing.released(now)
             frames += [self._process.frame(binding) for binding in self._pacing.due(now)]
             for binding in self._deadlines.overdue(now):
@@ -434,37 +437,36 @@ class Device:
         return Reaction(frames + self.emergency_frames(now), lost=lost, synchronous=own.synchronous)
 
     def _broadcast(self, now: float) -> Reaction:
-        """Send SYNC and TIME at their times; what follows the device's own SYNC is as with another's."""
+        """Send SYNC and TIME at their times; the device's own SYNC does what another's would."""
         frames = [Frame(self.objects.raw(standard.TIME) & BASE_IDENTIFIER, data) for data in self.time_of_day.due(now)]
         messages: tuple[Message, ...] = ()
         for data in self._sync.due(now):
             sync = Frame(self.objects.raw(standard.SYNC) & BASE_IDENTIFIER, data)
-            # A CAN controller does not receive its own frames: without this the device's own SYNC would pass by its
-            # PDOs.
+            # A CAN controller does not receive its own frames, so PDOs would miss the device's own SYNC.
             followed = self._receive_sync(sync)
             frames += [sync, *followed.frames]
             messages += followed.synchronous
         return Reaction(frames, synchronous=messages)
 
     def _lose(self, now: float) -> tuple[int, ...]:
-        """Notice nodes, and the master that guards this one, who have fallen silent (CiA 301, 7.5.2.32)."""
+        """Notice nodes that have fallen silent, and a silent master that guards this one (CiA 301, 7.5.2.32)."""
         lost, unguarded = tuple(self._consumer.overdue(now)), self._guarding.overdue(now)
         for node_id in lost:
             self.emergencies.raised(ErrorCode.HEARTBEAT_LOST, (HeartbeatConsumer, node_id), bytes([node_id]))
         if unguarded:
             self.emergencies.raised(ErrorCode.HEARTBEAT_LOST, NodeGuarding)
-        # 0x1029 is for a device at work only: in the other states its PDOs do nothing that would have to be stopped.
+        # 0x1029 counts only for a device at work: in other states there are no PDOs to be stopped.
         command = ON_COMMUNICATION_ERROR.get(self.objects.raw(standard.COMMUNICATION_ERROR))
         if (lost or unguarded) and command is not None and self.operational:
             self._enter(TARGET[command])
         return lost
 
     def bus_error(self, code: int, now: float) -> None:
-        """Note what the CAN controller reports; `tick` sends the EMCY."""
+        """Note an error that the CAN controller reports; `tick` sends the EMCY."""
         self.emergencies.happened(code, now)
 
     def bus_lost(self) -> None:
-        """Give up the SDO transfer that is under way: its client will."""
+        """Give up the SDO transfer that is under way, as its client will."""
         self._server.forget()
 
     def emergency_frames(self, now: float) -> list[Frame]:
@@ -482,7 +484,7 @@ class Device:
         return self._hear(self._ears.get(frame.cob_id), frame, now)
 
     def requested(self, cob_id: int, now: float) -> Reaction:
-        """Take in one remote frame: somebody asks for a TPDO, or whether the device is there."""
+        """Take in one remote frame, which asks for a TPDO or whether the device is there."""
         return self._hear(self._remote_ears.get(cob_id), Frame(cob_id), now)
 
     def _hear(self, ear: Ear | None, frame: Frame, now: float) -> Reaction:
@@ -490,7 +492,7 @@ class Device:
             return Reaction([])
         self._now = now
         reaction = ear(frame)
-        # Every frame comes through here, and hardly ever is there an error: a flag is cheaper than a call.
+        # Every frame comes through here, and errors are rare: a flag is cheaper than a call.
         if not self.emergencies.quiet:
             reaction.frames.extend(self.emergency_frames(now))
         if reaction.message is None:  # a message for the application plans nothing here
@@ -511,7 +513,7 @@ class Device:
         return Reaction([], booted=node_id if boot_up else None)
 
     def _answer_guard(self, _: Frame) -> Reaction:
-        """Say that the device is there; one that sends heartbeats is not guarded (CiA 301, 7.2.8.2.2)."""
+        """Answer that the device is there; a device that sends heartbeats is not guarded (CiA 301, 7.2.8.2.2)."""
         if self.objects.raw(standard.HEARTBEAT_TIME):
             return Reaction([])
         if self._guarding.lost:
@@ -519,7 +521,7 @@ class Device:
         return Reaction([self._guarding.answer(self.node_id, self.state, self._now)])
 
     def _send_requested(self, frame: Frame) -> Reaction:
-        """Send a TPDO that is asked for, one that is sampled with the values of the last SYNC."""
+        """Send a TPDO that was asked for; a sampled one has the values of the last SYNC."""
         binding = self._pdos.requestable[frame.cob_id]
         if not self.operational:
             return Reaction([])
@@ -532,7 +534,7 @@ class Device:
     def _receive_sdo(self, frame: Frame) -> Reaction:
         if not self._serves:
             return Reaction([])
-        self._process.settle()  # first, so that a read gives what the latest PDO has brought
+        self._process.settle()  # first, so that a read gives the values of the latest PDO
         return Reaction(self._sdo_frames(self._server.receive(frame.data, self._now)))
 
     def _sdo_frames(self, answers: list[bytes]) -> list[Frame]:
@@ -549,7 +551,7 @@ class Device:
             return Reaction([])
         if len(frame.data) > binding.layout.length:
             self._raise_length(ErrorCode.PDO_TOO_LONG, binding, frame)
-        # The right length again: that an error has gone is reported, too, by the error code 0x0000.
+        # The length is right again: the end of an error is reported as well, by the error code 0x0000.
         elif binding.name in self.emergencies.errors:
             self.emergencies.cleared(binding.name)
         if self._deadlines.heard(binding, self._now):
@@ -562,10 +564,10 @@ class Device:
         return Reaction([], message)
 
     def _receive_sync(self, sync: Frame) -> Reaction:
-        """Send what goes with this SYNC, with the values of now, and let take effect what has waited for it."""
+        """Send what goes with this SYNC, with the present values; then let what waited for it take effect."""
         if not self.operational:
             return Reaction([])
-        # First: a TPDO carries the values at the SYNC, not those that the SYNC lets in.
+        # In this order: a TPDO carries the values at the SYNC, not those that the SYNC lets in.
         number = sync.data[0] if sync.data else None
         frames = [self._process.frame(binding) for binding in self._synchronous.due(number)]
         self._sampled = {binding: self._process.frame(binding) for binding in self._at_sync}
@@ -593,7 +595,7 @@ class Device:
         return binding
 
     def check_received(self, message: type[Message]) -> None:
-        """Raise StateError if no RPDO brings a message."""
+        """Raise StateError if no RPDO carries a message."""
         if message not in {each.type for each in self._pdos.received.values()}:
             raise StateError(f"{self.dictionary.name} has no RPDO for {message.__name__}; {self._has('receive')}")
 
@@ -601,15 +603,15 @@ class Device:
         return f"{self.dictionary.file} says what it can {way}"
 
     def send(self, message: Message, now: float) -> list[Frame]:
-        """Return the frame of a message to send now, none if it has to wait for SYNC or for its inhibit time.
+        """Return the frame of a message to send now; none if it has to wait for SYNC or for its inhibit time.
 
-        Raises as `transmit`.
+        Raises the errors of `transmit`.
         """
         binding = self._pdos.sent.get(type(message)) if self.operational else None
         if binding is None:
-            binding = self._sendable(message)  # a stop, or it says what is wrong
+            binding = self._sendable(message)  # a stop, or the error says what is wrong
         frame = binding.encode(message)
-        if frame.data:  # into the objects as well: an SDO, a SYNC or a remote frame is to find what was said last
+        if frame.data:  # into the objects as well: an SDO, a SYNC or a remote frame has to find what was sent last
             self._process.note(binding, frame.data)
         if binding in self._synchronous:
             self._synchronous.ask(binding)
@@ -620,12 +622,11 @@ class Device:
         return frames
 
     def changed(self, now: float, may_go: Callable[[Binding], bool] | None = None) -> list[Frame]:
-        """Return the event-driven TPDOs to send because their values are others than when this was asked last.
+        """Return the event-driven TPDOs whose values have changed since this was last asked.
 
-        One that may not go is passed over, and this change of it is over.
-
-        For a device whose application sends nothing by itself: each counts as changed when it becomes OPERATIONAL. What
-        goes with the next SYNC waits for it (transmission type 0), and what is inhibited is held back.
+        It is for a device whose application sends nothing by itself. Each TPDO counts as changed when the device
+        becomes OPERATIONAL. One that goes with the next SYNC waits for it (transmission type 0), an inhibited one is
+        held back, and one that `may_go` refuses is passed over until its next change.
         """
         self._process.settle()
         frames: list[Frame] = []

@@ -1,7 +1,7 @@
 """The emergency producer: error codes, error register 0x1001 and error field 0x1003 (CiA 301, 7.2.7, 7.5.2.2, 7.5.2.4).
 
-Rule of this file: an error is reported once when it comes and once when it goes, whatever happens in between. Reports
-wait until the inhibit time lets them go, the newest ones if there are too many.
+An error is reported once when it comes and once when it goes, whatever happens in between. Reports wait until the
+inhibit time lets them go; if too many wait, the newest are kept.
 """
 
 from __future__ import annotations
@@ -25,10 +25,10 @@ from eurobot_od.pdo.catalogue import Catalogue
 from eurobot_od.sdo.aborts import Abort, Reason
 
 HISTORY = 8
-"""How many errors 0x1003 remembers, the newest first."""
+"""Most errors that 0x1003 remembers, newest first."""
 
 WAITING = 16
-"""How many reports wait for the inhibit time; 0x1003 has the errors of those that are dropped."""
+"""Most reports that wait for the inhibit time; 0x1003 still has the errors of those that are dropped."""
 
 PASSING = 1.0
 """Seconds for which a momentary error, such as an overrun, counts as present after it last happened."""
@@ -44,9 +44,9 @@ REGISTER_BITS = (
 
 
 class ErrorCode(IntEnum):
-    """Emergency error codes that any device of ours reports (CiA 301, Table 26).
+    """Emergency error codes that any of our devices reports (CiA 301, Table 26).
 
-    There is none for a PDO with a value out of its range: that is one of the device's own.
+    CiA 301 has none for a PDO with a value out of range, so that code is one of the device's own.
     """
 
     NO_ERROR = 0x0000
@@ -65,7 +65,7 @@ class ErrorCode(IntEnum):
 
 
 NAMED = frozenset(ErrorCode) - {ErrorCode.VALUE_OUT_OF_RANGE}
-"""The codes that mean the same in any device; 0xFF00 of a foreign one is whatever its maker says."""
+"""The codes that mean the same in any device; what 0xFF00 means in another maker's device, only its maker knows."""
 
 CLASSES = {
     0x00: "no error", 0x10: "generic error", 0x20: "current", 0x21: "current, device input side",
@@ -81,7 +81,8 @@ CLASSES = {
 def error_words(code: int, own: Mapping[int, str], profile: int = 0) -> str:
     """Return an emergency error code in words.
 
-    They are the device's `own`, CiA 301's, those of its `profile` (0: none), or the class that CiA 301 gives the code.
+    They are the device's `own` words, CiA 301's, those of its `profile` (0: none), or else the class that CiA 301 gives
+    the code.
     """
     if code in own:
         return own[code]
@@ -93,10 +94,10 @@ def error_words(code: int, own: Mapping[int, str], profile: int = 0) -> str:
 
 
 class ErrorWords(NamedTuple):
-    """The words for the error codes of a network's devices: those of a robot, of some by node-ID, and their profiles.
+    """The words for the error codes of a network's devices: a robot's, those of single nodes, and those of profiles.
 
-    The words of a node go before all others. Those of the `robot` are for its `own` devices, by their node-IDs: codes
-    from 0xFF00 on of any other device mean what its maker says.
+    A node's words come before all others. Those of the `robot` count only for its `own` devices, by node-ID: codes from
+    0xFF00 on mean something else in every maker's devices.
     """
 
     robot: Mapping[int, str]
@@ -111,32 +112,32 @@ class ErrorWords(NamedTuple):
         catalogue: Catalogue,
         nodes: Mapping[int, Mapping[int, str]] = MappingProxyType({}),
     ) -> ErrorWords:
-        """Return the words for devices that are described by these files; those are own that speak the catalogue."""
+        """Return the words for the devices of these files; those with PDOs of the catalogue are the robot's own."""
         devices = tuple(dictionaries)
         own = frozenset(each.node_id for each in devices if any(map(catalogue.find, pdo_names(each))))
         return cls(catalogue.errors, nodes, {each.node_id: device_profile(each.number) for each in devices}, own)
 
     def of(self, node_id: int) -> Callable[[int], str]:
-        """Return what gives the words for a code of a node."""
+        """Return a function that puts the error codes of a node into words."""
         robot = self.robot if node_id in self.own else {}
         own = {**robot, **self.nodes.get(ALL_NODES, {}), **self.nodes.get(node_id, {})}
         return partial(error_words, own=own, profile=self.profiles.get(node_id, 0))
 
 
 def pdo_names(dictionary: Dictionary) -> list[str]:
-    """Return the names of a device's PDOs, by which a catalogue knows them."""
+    """Return the names of a device's PDOs; a catalogue knows them by these."""
     return [dictionary.objects[index].name for index in values.COMMUNICATIONS.intersection(dictionary.members)]
 
 
 REGISTER_BIT = {0x5000: 0, 0x6000: 0, 0x8000: COMMUNICATION, 0xF000: MANUFACTURER}
-"""Error register bit by the code's highest digit; every error sets the generic bit, too."""
+"""Bit of the error register by the highest digit of the code; every error sets the generic bit as well."""
 
 
 class Emergencies:
     """The errors of one device; `due` returns the EMCY frames to send.
 
-    `cob_id` gives the identifier of 0x1014 (None: the device sends no EMCY), `inhibit` the seconds of 0x1015. It is
-    `quiet` if there is nothing to report, now or later. `errors` are those that are there now, by what is concerned.
+    `cob_id` gives the identifier in 0x1014 (None: no EMCY is sent), `inhibit` the seconds in 0x1015. `quiet` tells that
+    there is nothing to report, now or later. `errors` are the present errors, by what they concern.
     """
 
     def __init__(self, cob_id: Callable[[], int | None], inhibit: Callable[[], float]) -> None:
@@ -159,7 +160,7 @@ class Emergencies:
     # What happens
 
     def raised(self, code: int, what: Hashable, info: bytes = b"") -> None:
-        """Note an error of `what` with up to 5 bytes of manufacturer `info`; a known one is not reported again."""
+        """Note an error of `what`, with up to 5 bytes of manufacturer `info`; a known error is not reported again."""
         if self.errors.get(what) != code:
             self.errors[what] = code
             self.history = [code, *self.history][:HISTORY]
@@ -167,25 +168,25 @@ class Emergencies:
 
     def cleared(self, what: Hashable) -> None:
         """Note that the error of `what` is gone, if there was one."""
-        if self.errors.pop(what, None) is not None:  # out first: the report's error register has only what is left
+        if self.errors.pop(what, None) is not None:  # first: the report has the register without it
             self._report(ErrorCode.NO_ERROR, b"")
 
     def happened(self, code: int, now: float) -> None:
-        """Note a momentary error: it is gone when it has not happened again for a while."""
+        """Note a momentary error; it is gone when it has not happened again for a while."""
         self._passing[code] = now + PASSING
-        self._free = max(self._free, now)  # what is due since now has not been missed
+        self._free = max(self._free, now)  # a report that is due now is not late
         self.quiet = False
         self.raised(code, code)
 
     def _report(self, code: int, info: bytes) -> None:
         self.quiet = False
-        # With the register of now and not of when the frame leaves: it belongs to this error.
+        # With the present register, not that of the time when the frame leaves: it belongs to this error.
         self._waiting.append(code.to_bytes(2, "little") + bytes([self.register]) + info[:5].ljust(5, b"\0"))
 
     # The error field
 
     def read_field(self, subindex: int) -> int:
-        """Return what 0x1003 has at a sub-index: how many errors, then the errors; raises Abort where there is none."""
+        """Return what 0x1003 has at a sub-index: the number of errors, or an error; raises Abort if there is none."""
         if subindex > len(self.history):
             raise Abort(Reason.NO_SUCH_ERROR)
         return self.history[subindex - 1] if subindex else len(self.history)
@@ -194,14 +195,14 @@ class Emergencies:
         """Empty 0x1003; only 0 may be written (CiA 301, 7.5.2.4)."""
         if value != 0:
             raise Abort(Reason.ERRORS_NOT_CLEARED)
-        # Only the history: what is wrong still is, and the error register goes on saying so.
+        # Only the history: what is wrong stays wrong, and the error register goes on saying so.
         self.history.clear()
 
     # What is sent
 
     @property
     def next(self) -> float:
-        """When there will be something to send, in seconds; infinite if nothing is planned."""
+        """Time of the next report in seconds, infinite if none is planned."""
         if self.quiet:
             return inf
         return min([*self._passing.values(), self._free if self._waiting else inf])
@@ -213,8 +214,7 @@ class Emergencies:
             self.cleared(code)
         frames: list[Frame] = []
         while self._waiting and self._free <= now:
-            # Taken out even without an identifier: reports of long ago must not come when a master makes 0x1014 valid
-            # again.
+            # Taken out even without an identifier: old reports must not go out when a master makes 0x1014 valid again.
             data, cob_id = self._waiting.popleft(), self._cob_id()
             frames += [] if cob_id is None else [Frame(cob_id, data)]
             self._free = now + inhibit if (inhibit := self._inhibit()) else self._free

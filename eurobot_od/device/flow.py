@@ -8,7 +8,7 @@ is a sequence that stops at each `yield` and holds no thread while it waits:
         the answer is heard                         the script goes on with it
         the timer is due                            the request is sent again; after the sixth, NoAnswer is thrown in
     script: yield Pause(0.2)                        the flow sets a timer; when it is due, the script goes on
-    script: return result                           the call has its result; the node forgets the flow
+    script: return result                           the call gets its result; the node forgets the flow
 
 There is no clock, no bus and no thread in here. Two things resume a script: `heard`, which the node calls with each
 message that it receives, and the node's timers. Both happen inside the node's `receive` and `tick`, so on whatever
@@ -22,7 +22,7 @@ nothing is sent for a caller who has gone; `drop` is one that a node takes as so
 
 Every script yields `START` first. The flow runs it up to there when it is made, on the caller's thread, without having
 done anything; the first real step is the node's, with the node's time. From START on, the script is inside its `try`
-and can be made to end like at any later place.
+and can be made to end as at any later place.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ class Ask(NamedTuple):
         return not isinstance(self.answer, int) and isinstance(heard, self.answer)
 
     def unanswered(self) -> NoAnswer:
-        """Return the error that nobody answered."""
+        """Return the error for a request that nobody has answered."""
         request = str(self.request) if isinstance(self.request, Frame) else type(self.request).__name__
         answer = f"0x{self.answer:03X}" if isinstance(self.answer, int) else self.answer.__name__
         return NoAnswer(request, answer, self.attempts, self.wait)
@@ -81,9 +81,9 @@ Script: TypeAlias = Generator[Ask | Pause, Any, Result]
 
 
 class Call(Future[Result], Generic[Result]):
-    """The result of a flow, to come: `await` it in asyncio, or `result(timeout)` from another thread.
+    """The result of a flow: `await` it in asyncio, or get it with `result(timeout)` from another thread.
 
-    `is_wanted` is whether anybody has awaited it, or asked for anything of it.
+    `is_wanted` tells whether anybody has awaited it or asked it for anything.
     """
 
     is_wanted = False
@@ -93,7 +93,7 @@ class Call(Future[Result], Generic[Result]):
         return asyncio.wrap_future(self).__await__()
 
     def result(self, timeout: float | None = None) -> Result:
-        """Return the result when it is there; raises what the flow raised, CancelledError, TimeoutError."""
+        """Return the result once it is there; raises what the flow raised, CancelledError, TimeoutError."""
         self.is_wanted = True
         return super().result(timeout)
 
@@ -103,7 +103,7 @@ class Call(Future[Result], Generic[Result]):
         return super().done()
 
     def cancel(self) -> bool:
-        """Give the call up; tell whether it was not too late."""
+        """Give the call up; return whether it was still possible."""
         self.is_wanted = True
         return super().cancel()
 
@@ -123,7 +123,7 @@ def shielded(call: Call[Result]) -> Call[Result]:
 
 
 class Flow(Generic[Result]):
-    """One running script; `send` puts a message on the bus, `ended` is called once with the flow."""
+    """One running script; `send` puts a message on the bus, `ended` is called once, with the flow."""
 
     def __init__(
         self,
@@ -137,11 +137,11 @@ class Flow(Generic[Result]):
         self._ask: Ask | None = None
         self._sent = 0
         self._timer: Timer | None = None
-        # To its START: only a script that has begun can have an error thrown into it, and run its `finally`.
+        # Up to its START: only a script that has begun can have an error thrown into it, and runs its `finally`.
         next(script)
 
     def start(self, now: float) -> None:
-        """Run the script from its START to its first Ask or Pause, unless it was made to end before."""
+        """Run the script from its START to its first Ask or Pause, unless it has been ended before."""
         if getgeneratorstate(self._script) != GEN_CLOSED:
             self._go_on(now)
 
@@ -166,14 +166,14 @@ class Flow(Generic[Result]):
         if self._timer:
             self._timer.cancel()
         if self.call.cancelled():
-            self._script.close()  # its `finally` runs now, on this thread, and not when it is collected some time
+            self._script.close()  # its `finally` runs now, on this thread, and not whenever it is garbage collected
             self._ended(self)
             return
         try:
             wanted = step()
         except StopIteration as end:
             self._end(partial(self.call.set_result, end.value))
-        except Exception as error:  # also a bug in a script: it belongs to the caller, and must not stop the node
+        except Exception as error:  # including a bug in a script: it is the caller's, and must not stop the node
             self._end(partial(self.call.set_exception, error))
         else:
             if isinstance(wanted, Pause):
@@ -184,7 +184,7 @@ class Flow(Generic[Result]):
 
     def _end(self, settle: Callable[[], None]) -> None:
         self._ended(self)
-        if self.call.set_running_or_notify_cancel():  # from here on nobody can cancel it any more
+        if self.call.set_running_or_notify_cancel():  # from here on it is too late to cancel it
             settle()
 
     def _go_on(self, now: float) -> None:
@@ -194,7 +194,7 @@ class Flow(Generic[Result]):
         ask = self._ask
         if ask is None:
             return
-        # The last attempt has its whole wait, too: only the timer after it says that nobody answered.
+        # The last attempt gets its full wait, too: only the timer after it says that nobody answered.
         if self._sent == ask.attempts or self.call.cancelled():
             self.fail(ask.unanswered(), now)
             return

@@ -1,6 +1,6 @@
-"""Several nodes that share one connection to a bus: what one of them sends, the others hear, as on the bus itself.
+"""Several nodes that share one connection to a bus: each hears what the others send, as on the bus itself.
 
-Rule of this file: no clock and no bus. Every method takes the time in seconds and returns the frames to send.
+There is no clock and no bus in here: every method takes the time in seconds and returns the frames to send.
 """
 
 from __future__ import annotations
@@ -13,11 +13,11 @@ from eurobot_od.device.node import Node
 from eurobot_od.frame import Frame
 
 MOST_AT_ONCE = 1000
-"""Frames among the nodes before the time goes on: two that answer each other for ever must not stop it."""
+"""Most frames among the nodes before time goes on: two nodes that answer each other for ever must not stop it."""
 
 
 class NodeGroup:
-    """Nodes of which each hears what comes from outside and what the others send."""
+    """Nodes that hear what comes from outside and what the others of the group send."""
 
     def __init__(self, nodes: Sequence[Node]) -> None:
         self.nodes = tuple(nodes)
@@ -42,7 +42,7 @@ class NodeGroup:
         return self._settled(now)
 
     def receive(self, frame: Frame, now: float) -> list[Frame]:
-        """Take in one frame, which may be a remote one, and return the frames to send."""
+        """Take in one frame, which may be a remote frame, and return the frames to send."""
         self._waiting.append((None, frame))
         return self._settled(now)
 
@@ -54,7 +54,7 @@ class NodeGroup:
         return self._settled(now)
 
     def _settled(self, now: float) -> list[Frame]:
-        """Have the nodes hear what waits, and what they answer; return what they have sent."""
+        """Let the nodes hear what is waiting, and each other's answers; return what they have sent."""
         self._now, sent = now, list[Frame]()
         for _ in range(MOST_AT_ONCE):
             if not self._waiting:
@@ -70,11 +70,11 @@ class NodeGroup:
         return sent
 
     def _note(self, node: Node) -> None:
-        """Keep when a node wants to be called, and what it listens to: a master may have changed that."""
+        """Note when a node wants to be called and what it listens to: a master may have changed that."""
         self._wakeups[node] = node.next_wakeup
         identifiers = node.device.identifiers
         before = self._identifiers.get(node)
-        if identifiers is not before:  # the device replaces the list as a whole
+        if identifiers is not before:  # the device replaces the whole list
             for each in before or ():
                 self._heard_by[each].remove(node)
             for each in identifiers:

@@ -1,16 +1,20 @@
-"""The NMT slave: states, commands, boot-up and heartbeat (CiA 301, 7.2.8 and 7.3.2).
+"""Network management: NMT states and commands, boot-up, heartbeat, watching other nodes, node guarding.
 
-Rule of this file: no clock and no bus; the state machine is one table, and its result says who resets what.
+CiA 301, 7.2.8 and 7.3.2. The state machine is one table, and its result says who resets what. There is no clock and no
+bus in here: times are in seconds. A node that is watched, or a master that guards, counts as lost only after it was
+heard once.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from enum import IntEnum
+from math import inf
 from typing import NamedTuple
 
+from eurobot_od.device.timers import Deadlines
 from eurobot_od.frame import Frame
-from eurobot_od.od.values import ERROR_CONTROL_BASE, NMT_COB_ID, Value
+from eurobot_od.od.values import ERROR_CONTROL_BASE, NMT_COB_ID, NODE_IDS, Value
 
 ALL_NODES = 0
 
@@ -25,7 +29,7 @@ class NmtState(IntEnum):
 
 
 STATE_NAMES: Mapping[int, str] = {each: each.name.lower().replace("_", "-") for each in NmtState} | {0: "boot-up"}
-"""What a heartbeat says, by the state in it: of INITIALISING nothing is ever heard but the boot-up message."""
+"""What a heartbeat says, by the state in it; the only one ever heard with INITIALISING is the boot-up message."""
 
 
 class Services(NamedTuple):
@@ -77,15 +81,15 @@ STAY_PRE_OPERATIONAL = 1 << 2
 
 
 def command_in(frame: Frame, node_id: int) -> NmtCommand | None:
-    """Return the NMT command a frame has for this node, None for any other frame."""
-    # NMT has no answers (CiA 301, 7.2.8.2.1), so there is nobody to tell of a command that is malformed or unknown.
+    """Return the NMT command that a frame has for this node, None for any other frame."""
+    # NMT has no answers (CiA 301, 7.2.8.2.1), so nobody can be told of a malformed or unknown command.
     if frame.cob_id != NMT_COB_ID or len(frame.data) != 2 or frame.data[1] not in (ALL_NODES, node_id):
         return None
     return NmtCommand(frame.data[0]) if frame.data[0] in set(NmtCommand) else None
 
 
 def boot_state(nmt_startup: Value) -> NmtState:
-    """Return the state a node enters after its boot-up by 0x1F80; one without it waits for a master."""
+    """Return the state that a node enters after its boot-up, by 0x1F80; without that object it waits for a master."""
     waits = not isinstance(nmt_startup, int) or nmt_startup & STAY_PRE_OPERATIONAL
     return NmtState.PRE_OPERATIONAL if waits else NmtState.OPERATIONAL
 
@@ -93,3 +97,70 @@ def boot_state(nmt_startup: Value) -> NmtState:
 def error_control(node_id: int, state: NmtState) -> Frame:
     """Return the heartbeat frame; with INITIALISING it is the boot-up message."""
     return Frame(ERROR_CONTROL_BASE + node_id, bytes([state]))
+
+
+# The heartbeats of other nodes
+
+
+def heartbeat_entry(entry: int) -> tuple[int, float]:
+    """Return node-ID and time in seconds of an entry of 0x1016 (CiA 301, Figure 60); 0.0 if it is not used."""
+    node_id, milliseconds = entry >> 16 & 0xFF, entry & 0xFFFF
+    return node_id, milliseconds / 1000 if node_id in NODE_IDS else 0.0
+
+
+class HeartbeatConsumer(Deadlines[int]):
+    """Watches the heartbeats that 0x1016 names; `missed` are the node-IDs that are silent now."""
+
+    def configure(self, entries: Iterable[int]) -> None:
+        """Take over the entries of 0x1016."""
+        # Any change of a communication object ends up here, and must not interrupt the watch over the other nodes.
+        self.change({node_id: time for node_id, time in map(heartbeat_entry, entries) if time})
+
+    @property
+    def identifiers(self) -> set[int]:
+        """COB-IDs of the heartbeats that are watched."""
+        return {ERROR_CONTROL_BASE + node_id for node_id in self.times}
+
+    def booted(self, node_id: int, now: float) -> bool:
+        """Note a boot-up message; return whether its node had been lost."""
+        # A node without heartbeats boots, too. That does not start a watch, but it ends the loss of a node that is
+        # watched.
+        return self.heard(node_id, now) if self.awaits(node_id) else self.back(node_id)
+
+
+# Node guarding
+
+
+TOGGLE = 1 << 7
+"""The bit of an answer that toggles, from 0 on, so that a repeated answer can be told from a new one."""
+
+
+class NodeGuarding:
+    """The guarded side; `next` is when the master will have been silent for too long, infinite if it is not watched."""
+
+    def __init__(self) -> None:
+        self.next = inf
+        self.lost = False
+        self._toggle = 0
+        self._life_time = 0.0
+
+    def configure(self, life_time: float) -> None:
+        """Set how long the master may be silent, 0.0 for ever; a changed time counts from the next request on."""
+        if life_time != self._life_time:
+            self._life_time, self.next, self.lost = life_time, inf, False
+
+    def answer(self, node_id: int, state: NmtState, now: float) -> Frame:
+        """Return the answer to a guarding request."""
+        data = bytes([self._toggle | state])
+        # Only a reset, which makes a new object, starts at 0 again; a silent master does not.
+        self._toggle ^= TOGGLE
+        self.next = now + self._life_time if self._life_time else inf
+        self.lost = False
+        return Frame(ERROR_CONTROL_BASE + node_id, data)
+
+    def overdue(self, now: float) -> bool:
+        """Tell whether the master has fallen silent by now; it is told only once."""
+        if now < self.next:
+            return False
+        self.next, self.lost = inf, True
+        return True

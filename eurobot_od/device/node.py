@@ -1,7 +1,7 @@
 """A node: a CANopen device with an application, which has timers and a table of what each message does.
 
-Rule of this package: no clock and no bus. `receive`, `requested` and `tick` take the time in seconds and return the
-frames to send; `next_wakeup` says when to call `tick`. A message whose value is out of range is never acted on.
+There is no clock and no bus in here: `receive`, `requested` and `tick` take the time in seconds and return the frames
+to send, and `next_wakeup` says when to call `tick`. A message with a value out of range is never acted on.
 """
 
 from __future__ import annotations
@@ -11,11 +11,13 @@ from collections.abc import Callable, Hashable, Mapping
 from contextlib import AbstractContextManager, nullcontext, suppress
 from functools import partial
 from math import inf
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 from eurobot_od.device.bound import Application, BoundObject
 from eurobot_od.device.device import Device, Reaction
 from eurobot_od.device.emergency import ErrorCode
+from eurobot_od.device.flow import Call
+from eurobot_od.device.settings import names_of
 from eurobot_od.device.storage import Store
 from eurobot_od.device.timers import LATE, Timer, TimerAction, Timers
 from eurobot_od.errors import Cause, Refused, StateError
@@ -25,29 +27,22 @@ from eurobot_od.od.values import Value
 from eurobot_od.pdo.catalogue import NOTHING, Catalogue
 from eurobot_od.pdo.message import Message, is_flagged
 
-if TYPE_CHECKING:
-    from eurobot_od.device.flow import Call
-
-
-SHORTEST_PERIOD = 0.001
-"""In seconds: what comes again after no time at all would be due for ever."""
-
 
 class Node:
-    """A node, made from its EDS; `store` keeps its settings over a restart, None as long as it runs.
+    """A node, made from its EDS; `store` keeps its settings over a restart, without one they last while it runs.
 
-    `CATALOGUE` has its message types. `HANDLERS` says for each of them what is done; a handler returns the message to
-    answer with, or None, and raises Refused if the node does not act on the message. `OBJECTS` says, by ParameterName,
-    which objects are read from the node and which ones, written over SDO, mean a message: when the last sub-index is
-    written, the node acts as if the frame had come. `MEASURED` gives the values of single objects that are in no
-    message, by ParameterNames as those of a setting. As it stands, the class does nothing with a message: it runs
-    anybody's device.
+    `CATALOGUE` has its message types. `HANDLERS` has a handler for each message type: it returns the message to answer
+    with, or None, and raises Refused if the node does not act on the message. `OBJECTS` says, by ParameterName, which
+    objects are read from the node, and which stand for a message when they are written by SDO: once the last sub-index
+    is written, the node acts as if the frame had come. `MEASURED` gives the values of single objects that are in no
+    message, by ParameterNames like those of a setting; settings are attributes (see `settings`). The class itself does
+    nothing with messages: it runs anybody's device.
 
-    `ignored` counts messages that were not acted on because of what they say, `withheld` those that were not
-    sent because of the NMT state or because their TPDO is not valid. Whoever runs the node from several threads sets
-    `guard` to their lock, and `wake` to what makes them call `tick` soon; it is called with the guard held, and not
-    while `receive` or `tick` is under way: whoever has called those sees to what the node wants. `alarm` takes a
-    sentence that a person has to read.
+    `ignored` counts messages that were not acted on because of their values, `withheld` those that were not sent
+    because of the NMT state or because their TPDO is not valid. A program that runs the node from several threads sets
+    `guard` to its lock, and `wake` to a function that makes it call `tick` soon; `wake` is called with the guard held,
+    and never during `receive` or `tick`, whose caller looks at the node afterwards anyway. `alarm` takes a sentence
+    that a person has to read.
     """
 
     CATALOGUE: ClassVar[Catalogue] = NOTHING
@@ -56,6 +51,7 @@ class Node:
     MEASURED: ClassVar[Mapping[str, Callable[[Any], Value]]] = {}
 
     def __init__(self, dictionary: Dictionary, *, store: Store | None = None) -> None:
+        self._addresses = {name: dictionary.address(name) for name in names_of(type(self))}
         self.device = Device(dictionary, store, self.CATALOGUE, self._application(dictionary))
         self.name = dictionary.name
         self.now = 0.0
@@ -69,23 +65,11 @@ class Node:
         self._out: list[Frame] = []
 
     def _application(self, dictionary: Dictionary) -> Application:
-        """Return what the node gives its objects and takes from them; before the device is made."""
+        """Return what the node's objects are bound to; called before the device is made."""
         readers = {name: partial(each.read, self) for name, each in self.OBJECTS.items() if each.read}
         writers = {name: each.write for name, each in self.OBJECTS.items() if each.write}
         measured = {dictionary.address(name): partial(read, self) for name, read in self.MEASURED.items()}
         return Application(readers, writers, self._obey, measured=measured)
-
-    def setting(self, name: str) -> int:
-        """Return a setting from the object dictionary by its ParameterNames."""
-        return self.device.setting(name)
-
-    def seconds(self, name: str) -> float:
-        """Return a setting in milliseconds as seconds."""
-        return self.setting(name) / 1000
-
-    def period(self, name: str) -> float:
-        """Return a setting in milliseconds as seconds, of what comes again and again: never 0, whatever a file says."""
-        return max(self.seconds(name), SHORTEST_PERIOD)
 
     # From outside
 
@@ -95,7 +79,7 @@ class Node:
         return min(self._timers.next, self.device.next_wakeup, self.now if self._out or self._soon else inf)
 
     def start(self, now: float) -> list[Frame]:
-        """Switch the node on: boot-up, and what it does from then on."""
+        """Switch the node on: boot-up, and everything that follows."""
         self.now = now
         for what in self.device.refused:
             self.alarm(what)
@@ -115,14 +99,14 @@ class Node:
     def tick(self, now: float) -> list[Frame]:
         """Do what is due by now and return the frames to send.
 
-        A node that has stood still does once what it has missed, and says so.
+        A node that has stood still does only once what it has missed, and says so.
         """
         late = now - min(self._timers.next, self.device.next_wakeup)
         if late > LATE:
             self.alarm(f"stood still for {late:.1f} s; what was due meanwhile is skipped")
 
         def do_due() -> Reaction:
-            for _ in range(len(self._soon)):  # what one of them plans anew is for the next time
+            for _ in range(len(self._soon)):  # anything that these plan in turn is for the next tick
                 self._soon.popleft()(now)
             for action, time in self._timers.due(now):
                 action(time)
@@ -131,7 +115,7 @@ class Node:
         return self._attend(do_due, now)
 
     def _attend(self, step: Callable[[], Reaction], now: float) -> list[Frame]:
-        """Let the device take a step, and return the frames to send; meanwhile nobody has to be woken."""
+        """Let the device take a step, and return the frames to send; nobody has to be woken meanwhile."""
         self.now = now
         self._attended = True
         try:
@@ -141,12 +125,12 @@ class Node:
         return self._flush()
 
     def bus_error(self, code: ErrorCode, now: float) -> None:
-        """Take in what the CAN controller reports, such as an overrun."""
+        """Take in an error that the CAN controller reports, such as an overrun."""
         self.device.bus_error(code, now)
         self._call()
 
     def bus_lost(self, now: float) -> list[Frame]:
-        """Note that the bus is lost, and return what is to be sent as soon as it is back."""
+        """Note that the bus is lost, and return the frames to send as soon as it is back."""
 
         def cut_off() -> Reaction:
             self.device.bus_lost()
@@ -156,20 +140,20 @@ class Node:
         return self._attend(cut_off, now)
 
     def failed(self, error: BaseException, now: float) -> list[Frame]:
-        """Stop, and return what is to be sent because the node has raised an exception: stops, and the EMCY.
+        """Stop, and return the frames to send because the node has raised an exception: stops, and the EMCY.
 
-        Nobody is to call anything but `restart` then.
+        After that, only `restart` may be called.
         """
         self.now = now
         for stop in (self.cut_off, self.reset):
-            with suppress(Exception):  # what has failed may fail once more; the rest is done all the same
+            with suppress(Exception):  # what has failed once may fail again; the rest must still be done
                 stop()
         code = ErrorCode.HARDWARE if isinstance(error, OSError) else ErrorCode.INTERNAL_SOFTWARE
         self.device.emergencies.raised(code, Node.failed)
         return self._flush()
 
     def restart(self, now: float) -> list[Frame]:
-        """Do what an NMT reset does, whatever state the node is in, and return the frames to send."""
+        """Do what an NMT command to reset the node does, in any state, and return the frames to send."""
         return self._attend(lambda: self.device.restart(now), now)
 
     def _react(self, reaction: Reaction) -> None:
@@ -193,51 +177,51 @@ class Node:
             self.answered(answer)
 
     def _call(self) -> None:
-        """Wake whoever runs the node, unless they are here."""
+        """Wake whoever runs the node, unless they are at work on it already."""
         if not self._attended:
             self.wake()
 
-    # For the nodes
+    # For subclasses
 
     def reset(self) -> None:
-        """Go back to the state after power-on; the nodes add what is theirs."""
+        """Go back to the state after power-on; subclasses add what is theirs."""
         self._timers.clear()
         self._soon.clear()
 
     def halted(self) -> None:
-        """Do what is to be done when the node is no longer OPERATIONAL; the nodes that care say what."""
+        """The node is no longer OPERATIONAL; a hook for subclasses."""
 
     def cut_off(self) -> None:
-        """Do what is to be done when the bus is lost, so that nobody can command the node: as when it is halted."""
+        """The bus is lost, so nobody can command the node: by default the same as `halted`."""
         self.halted()
 
     def heartbeat_lost(self, node_id: int) -> None:
-        """Do what is to be done when another node has fallen silent; the nodes that care say what."""
+        """Another node has fallen silent; a hook for subclasses."""
 
     def booted(self, node_id: int) -> None:
-        """Do what is to be done when a watched node has booted, and so forgotten everything; see `heartbeat_lost`."""
+        """A watched node has booted and so has forgotten everything; a hook for subclasses."""
 
     def leave(self) -> Call[Any] | None:
-        """Begin what is to be done before the node is switched off, and return its call; None if there is nothing.
+        """Begin what has to be done before the node is switched off; return its call, None if there is nothing to do.
 
-        Whoever runs the node waits for the call before they end. It may be called from any thread.
+        Whoever runs the node waits for the call before they end it. It may be called from any thread.
         """
         return None
 
     def switched_off(self) -> None:
-        """Give up whatever somebody may still wait for: nobody will call `receive` and `tick` any more."""
+        """Give up whatever anybody still waits for: `receive` and `tick` will not be called again."""
 
     def answered(self, frame: Frame) -> None:
-        """Take in another node's answer to an SDO request of ours; the nodes that ask say what."""
+        """Take in another node's answer to one of our SDO requests; a hook for subclasses."""
 
     def soon(self, action: TimerAction) -> None:
-        """Have `action` called at the next `tick`, with its time: a caller from outside has no time to give."""
+        """Have `action` called, with the time, at the next `tick`: a caller from outside does not know the time."""
         self._soon.append(action)
         self.device.plan.at(self.now)
         self._call()
 
     def send(self, message: Message) -> None:
-        """Put a message among the frames to send, and wake whoever runs the node; from any thread.
+        """Put a message among the frames to send, and wake whoever runs the node; may be called from any thread.
 
         Raises StateError if the node has no TPDO for it or if its NMT state does not allow it, FieldError for a value.
         """
@@ -249,12 +233,12 @@ class Node:
         self._call()
 
     def put(self, frame: Frame) -> None:
-        """Put a frame among those to send, whatever it means, and wake whoever runs the node."""
+        """Put any frame among those to send, and wake whoever runs the node."""
         self._out.append(frame)
         self._call()
 
     def offer(self, message: Message) -> None:
-        """Send a message nobody waits for: if it may not be sent now, it is counted and dropped."""
+        """Send a message that nobody waits for; if it may not be sent now, it is counted and dropped."""
         try:
             self._send(message)
         except StateError:
@@ -272,12 +256,21 @@ class Node:
         """Report by EMCY that an error is gone."""
         self.device.emergencies.cleared(what)
 
-    # Hooks: what a faulty node does differently, without knowing how a healthy one works inside (`reset` is one, too)
+    # Hooks for faults: what a faulty node does differently, without knowing how a healthy one works (`reset` is one,
+    # too)
+
+    def setting(self, name: str) -> int:
+        """Return the number that a setting has now, by its ParameterNames; a node's class has them as attributes.
+
+        Raises DictionaryError.
+        """
+        return self.device.number(self._addresses.get(name) or self.device.dictionary.address(name))
 
     def handle(self, message: Message) -> None:
-        """Take in a message that has come, and act on it if it can be believed and the node does not refuse it.
+        """Take in a message, and act on it if it can be believed and the node does not refuse it.
 
-        One that cannot be believed is counted and reported by EMCY, once until a message of its type can be again.
+        One that cannot be believed is counted, and reported by EMCY once until a message of its type can be believed
+        again.
         """
         emergencies, what = self.device.emergencies, (Node.doubt, type(message))
         doubt = self.doubt(message)
@@ -285,22 +278,22 @@ class Node:
             self.ignored += 1
             emergencies.raised(doubt, what, self.device.protocol.cob_id(type(message)).to_bytes(2, "little"))
             return
-        # It can be believed again, which an EMCY with the error code 0x0000 says.
+        # It can be believed again, which an EMCY with the error code 0x0000 reports.
         if what in emergencies.errors:
             emergencies.cleared(what)
         with suppress(Refused):
             self._act(message)
 
     def doubt(self, message: Message) -> int | None:
-        """Return the error code for a message that is not to be acted on, None for any other.
+        """Return the error code for a message that must not be acted on, None for any other.
 
-        A stop is acted on whatever it says: it is not the time to be particular.
+        A stop is acted on whatever it contains: this is no time to be particular.
         """
         flagged = message and is_flagged(message) and type(message) not in self.CATALOGUE.always
         return ErrorCode.VALUE_OUT_OF_RANGE if flagged else None
 
     def _obey(self, command: Message) -> None:
-        """Act on what writing an object means; raises Refused."""
+        """Act on the message that a written object stands for; raises Refused."""
         if self.doubt(command) is not None:
             raise Refused(Cause.VALUES, "it cannot be believed")
         self._act(command)
@@ -312,7 +305,7 @@ class Node:
             self.offer(answer)
 
     def answer_to(self, message: Message) -> Message | None:
-        """Do what a message says, and return the answer to it without sending it; None if there is none.
+        """Carry out a message, and return the answer without sending it, None if there is none.
 
         Raises Refused, and has done nothing then.
         """
@@ -320,7 +313,7 @@ class Node:
         return handler(self, message) if handler is not None else None
 
     def outgoing(self, frames: list[Frame]) -> list[Frame]:
-        """Return what really leaves of the frames to send: all of them, unless something is wrong with the node."""
+        """Return the frames that really leave: all of them, unless the node is faulty."""
         return frames
 
     def _flush(self) -> list[Frame]:

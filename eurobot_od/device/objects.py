@@ -1,65 +1,77 @@
-"""The objects of a running device: present values, who may access them, and their form in an SDO.
+"""The objects of a running device: present values, access rights, and their form in an SDO.
 
-Rule of this file: a value is checked before it is stored, and a refused one changes nothing. Access type, data type and
-limits are the file's; what an object does beyond keeping its value comes in as a function in `readers` or `writers`.
+A value is checked before it is stored, and a refused one changes nothing. Access type, data type and limits are the
+file's. What an object does beyond keeping its value comes in as a function in `readers` or `writers`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+from canopen.objectdictionary import ODVariable
 
 from eurobot_od.errors import Cause, DictionaryError, Refused
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.objects import data_type, initial, limits
 from eurobot_od.od.pdos import Part
-from eurobot_od.od.standard import COMMANDS, VERIFY_CONFIGURATION
-from eurobot_od.od.values import DOMAIN, MAPPINGS, VISIBLE_STRING, Address, Value, base_identifier
+from eurobot_od.od.sdo_channel import SdoChannel
+from eurobot_od.od.standard import COMMANDS, EMCY, IDENTITY, SDO_ANSWERS, SDO_REQUESTS, SYNC, TIME, VERIFY_CONFIGURATION
+from eurobot_od.od.values import (
+    COB_ID,
+    DEFAULT_PDO_BASES,
+    DOMAIN,
+    EMCY_BASE,
+    MAPPINGS,
+    SYNC_COB_ID,
+    TIME_COB_ID,
+    VISIBLE_STRING,
+    Address,
+    Value,
+    base_identifier,
+)
 from eurobot_od.sdo.aborts import Abort, Reason
 from eurobot_od.sdo.wire import LARGEST
-
-if TYPE_CHECKING:
-    from canopen.objectdictionary import ODVariable
 
 COMMUNICATION_PROFILE = range(0x1000, 0x2000)
 """Indices of communication objects, which are configuration; a reset of the communication restores them (CiA 301,
 7.3.2.2.3)."""
 
 PARAMETERS = {*COMMUNICATION_PROFILE} - {*COMMANDS, *MAPPINGS}
-"""Communication objects that may always be written the value they have, also where the file contradicts itself: only
-of a mapping CiA 301 asks for a procedure whatever is written."""
+"""Communication objects to which their present value may always be written, even where the file contradicts itself.
+Mappings are not among them: CiA 301 asks for its procedure whatever is written."""
 
 SETTINGS = ("rw", "wo")
-"""Access types of a device's own settings; what PDOs bring (rww) or carry away (rwr, ro) is not one of them."""
+"""Access types of a device's own settings; what PDOs bring (rww) or carry away (rwr, ro) does not count."""
 
 OnRead = Callable[[int], Value]
-"""Gives the value of an object at a sub-index, where that is not simply kept; may raise Abort."""
+"""Gives the value of an object at a sub-index where it is not simply kept; may raise Abort."""
 
 OnWrite = Callable[[Address, Value], None]
-"""Does what writing an object means, keeping its value or not; raises Abort if it must not be."""
+"""Carries out what writing an object means, and keeps its value if it has to; raises Abort for a refused one."""
 
 OnTold = Callable[[Any], object]
-"""Takes each new value of an object, from an SDO or an RPDO; raises Refused for one that is not to be kept."""
+"""Takes each new value of an object, from an SDO or an RPDO; raises Refused for one that must not be kept."""
 
 REFUSAL: Mapping[Cause, Reason] = {Cause.STATE: Reason.REFUSED_NOW, Cause.VALUES: Reason.REFUSED_VALUE}
-"""How what the application does not act on is refused over SDO, by why it does not."""
+"""The reason for which a write is aborted that the application does not accept, by the application's cause."""
 
 LONGEST_TEXT = 1 << 16
-"""Most bytes of an object that has no length of its own; a DOMAIN, which is a file, may have more."""
+"""Most bytes of an object without a length of its own; a DOMAIN, which is a file, may have more."""
 
 NO_VALUES: Mapping[Address, Value] = MappingProxyType({})
 TELL_NOBODY: Mapping[Address, OnTold] = MappingProxyType({})
 
 
 def is_configuration(dictionary: Dictionary, address: Address) -> bool:
-    """Tell whether an object belongs to what 0x1010 stores."""
+    """Tell whether 0x1010 stores an object."""
     variable = dictionary.variable(address)
     return address[0] in COMMUNICATION_PROFILE or (variable is not None and variable.access_type in SETTINGS)
 
 
 def out_of_limits(variable: ODVariable, value: Value) -> Reason | None:
-    """Return why a number is not within the limits of its object in the file; None if it is, or is not a number."""
+    """Return why a number is outside the limits of its object in the file; None if it is inside, or not a number."""
     range_ = limits(variable)
     if range_ is not None and isinstance(value, (int, float)):
         if value > range_.high:
@@ -70,9 +82,9 @@ def out_of_limits(variable: ODVariable, value: Value) -> Reason | None:
 
 
 class Objects:
-    """Values of a device by address; `values` holds those that are not the file's.
+    """The values of a device by address; `values` holds those that differ from the file's.
 
-    Values that are `given` count in place of the file's; `told` are functions that want to know of new values.
+    A `given` value replaces the file's; the functions in `told` get each new value.
     """
 
     def __init__(
@@ -92,7 +104,7 @@ class Objects:
     # For the device
 
     def value(self, address: Address) -> Value:
-        """Return an object's present value: from its reader, else what is kept; raises Abort if a reader does."""
+        """Return an object's present value: from its reader, or else the one kept; raises Abort if a reader does."""
         part = self._part(address)
         if part is not None:
             return part.of(self.raw(part.whole))
@@ -100,7 +112,7 @@ class Objects:
         return self.kept(address) if reader is None else reader(address[1])
 
     def kept(self, address: Address) -> Value:
-        """Return the value that was written or received last, else the one given, else the file's."""
+        """Return the value written or received last, or else the one given, or else the file's."""
         if address in self.values:
             return self.values[address]
         if address not in self._defaults:  # a PDO asks for the same few at each SYNC
@@ -108,9 +120,10 @@ class Objects:
         return self._defaults[address]
 
     def raw(self, address: Address) -> int:
-        """Return a value as the bits that a PDO carries; 0 without one, where a reader has none, or of a wrong type.
+        """Return a value as the bits that a PDO carries.
 
-        A negative number stays one: its bits are those of the two's complement at any width.
+        It is 0 without a value, where a reader has none, and for one of a wrong type. The bits of a negative number are
+        those of its two's complement, at any width.
         """
         try:
             value = self.value(address)
@@ -118,11 +131,11 @@ class Objects:
                 return value
             variable = self.dictionary.variable(address)
             return 0 if variable is None else int.from_bytes(data_type(variable).write(value), "little")
-        except (Abort, ValueError, OverflowError):  # a PDO has no way to say that a value is missing
+        except (Abort, ValueError, OverflowError):  # a PDO cannot say that a value is missing
             return 0
 
     def number(self, address: Address) -> int:
-        """Return a value that has to be a number; raises DictionaryError."""
+        """Return a value that must be a number; raises DictionaryError."""
         value = self.value(address)
         if not isinstance(value, int):
             raise DictionaryError(self.dictionary.file, address[0], f"sub {address[1]} has no number as its value")
@@ -137,7 +150,7 @@ class Objects:
 
         Raises Refused if the application does not accept it.
         """
-        if address in self._told:  # before it is kept: what the application refuses must leave no trace
+        if address in self._told:  # before it is kept: a value that the application refuses must leave no trace
             self._told[address](value)
         part = self._part(address)
         if part is None or not isinstance(value, int):
@@ -152,7 +165,7 @@ class Objects:
         return self._parts[address]
 
     def configuration(self) -> dict[Address, Value]:
-        """Return what was changed in the configuration, for 0x1010 to store."""
+        """Return the changed configuration, for 0x1010 to store."""
         return {address: value for address, value in self.values.items() if is_configuration(self.dictionary, address)}
 
     # For the SDO server
@@ -167,7 +180,7 @@ class Objects:
             value = self.value(address)
             if type_ == VISIBLE_STRING and isinstance(value, str):
                 return value.encode(self.dictionary.encoding)
-            if value is None and type_.size:  # a text or a file may be there or not; a number always is
+            if value is None and type_.size:  # a text or a file may be missing, a number never is
                 return initial(variable) or bytes(type_.size)
             return type_.write(value)
         except (DictionaryError, ValueError, OverflowError) as error:
@@ -175,25 +188,25 @@ class Objects:
             raise Abort(Reason.NO_VALUE, str(error)) from error
 
     def admit(self, address: Address, size: int | None) -> int:
-        """Return how many bytes an object takes; raises Abort if it is not to be written, or not with `size` bytes."""
+        """Return how many bytes an object takes; raises Abort if it cannot be written, or not with `size` bytes."""
         variable = self._variable(address)
         if not variable.writable:
             raise Abort(Reason.READ_ONLY)
         type_ = data_type(variable)
         room = type_.size or (LARGEST if type_ == DOMAIN else LONGEST_TEXT)
         if size is not None and size > room:
-            # A text or a DOMAIN has no size that its type fixes: all it can exceed is memory (CiA 301, Table 22).
+            # The type of a text or a DOMAIN fixes no size: all it can exceed is memory (CiA 301, Table 22).
             raise Abort(Reason.LONGER_THAN_TYPE if type_.size else Reason.OUT_OF_MEMORY)
         if size is not None and size < type_.size:
             raise Abort(Reason.SHORTER_THAN_TYPE)
         return room
 
     def write(self, address: Address, data: bytes) -> None:
-        """Give an object the value in its SDO form, with all that follows from it; raises Abort."""
+        """Write an object in its SDO form, with everything that follows from it; raises Abort."""
         self.admit(address, len(data))
         variable, before = self._variable(address), self.kept(address)
         value = data_type(variable).read(data)
-        # The limits of a command are those of what is read: 0x1010 says what can be stored, and is written `save`.
+        # The limits of a command are for reading: 0x1010 says what can be stored, and is written with `save`.
         if address[0] not in COMMANDS and (wrong := out_of_limits(variable, value)):
             raise Abort(wrong)
         if value == before and address[0] in PARAMETERS:
@@ -204,7 +217,7 @@ class Objects:
             raise Abort(REFUSAL[refused.cause], str(refused)) from refused
         is_setting = address not in VERIFY_CONFIGURATION and is_configuration(self.dictionary, address)
         if is_setting and self.kept(address) != before:
-            # A changed configuration is not the verified one any more (CiA 301, 7.5.2.23).
+            # Once it is changed, the configuration is no longer the verified one (CiA 301, 7.5.2.23).
             self.values |= {mark: 0 for mark in VERIFY_CONFIGURATION if self.dictionary.variable(mark)}
 
     def _variable(self, address: Address) -> ODVariable:
@@ -213,3 +226,31 @@ class Objects:
             known = address[0] in self.dictionary.objects.indices
             raise Abort(Reason.NO_SUBINDEX if known else Reason.NO_OBJECT)
         return variable
+
+
+# Values that a file leaves out: the pre-defined connection set (CiA 301, 7.3.3), the identity
+
+
+BROADCASTS: Mapping[Address, int] = {SYNC: SYNC_COB_ID, TIME: TIME_COB_ID}
+
+BASES: Mapping[Address, int] = {
+    EMCY: EMCY_BASE,
+    **{
+        (direction.value + number, COB_ID): base
+        for direction, bases in DEFAULT_PDO_BASES.items()
+        for number, base in enumerate(bases)
+    },
+}
+"""What the node-ID is added to."""
+
+
+def predefined(dictionary: Dictionary) -> dict[Address, int]:
+    """Return values for the objects that a file has but gives no value: identifiers, and the identity."""
+    identifiers = {**BROADCASTS, **{address: base + dictionary.node_id for address, base in BASES.items()}}
+    # Only where the file is silent: an identifier that it gives counts, even if it is not valid.
+    silent = (each for each in identifiers if each[1] in dictionary.members.get(each[0], ()))
+    identity = {(IDENTITY, sub): number for sub, number in enumerate(dictionary.identity, start=1) if number}
+    given = {address: identifiers[address] for address in silent if dictionary.default(address) is None}
+    # What counts is where the server really is, even where the file's own identifiers are not followed.
+    server = zip((SDO_REQUESTS, SDO_ANSWERS), SdoChannel.of(dictionary), strict=True)
+    return identity | given | {address: cob_id for address, cob_id in server if dictionary.variable(address)}

@@ -1,7 +1,7 @@
-"""The PDOs of a running device: changed over SDO by CiA 301's procedure, swapped whole, their values in the objects.
+"""The PDOs of a running device: changed over SDO by CiA 301's procedure, with their values kept in the objects.
 
-Rule of this file: there is always one complete `protocol`. A change is built beside it and takes its place in one step,
-or is refused and leaves no trace (CiA 301, 7.5.2.35 to 7.5.2.38: invalidate, sub0 = 0, entries, sub0 = n, validate).
+There is always one complete `protocol`. A change is built beside it and takes its place in one step, or is refused and
+leaves no trace (CiA 301, 7.5.2.35 to 7.5.2.38: invalidate, sub0 = 0, entries, sub0 = n, validate).
 """
 
 from __future__ import annotations
@@ -10,8 +10,8 @@ from collections.abc import Callable, Collection, Iterable
 from contextlib import suppress
 from math import inf
 
+from eurobot_od.device.broadcasts import ACYCLIC, COUNTERS
 from eurobot_od.device.objects import Objects, OnWrite
-from eurobot_od.device.sync import ACYCLIC, COUNTERS
 from eurobot_od.device.timers import caught_up
 from eurobot_od.errors import MappingError, Refused
 from eurobot_od.frame import Frame
@@ -39,37 +39,37 @@ from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.sdo.aborts import Abort, Reason
 
 REFUSED = (*values.RESTRICTED, values.CIA_EXTENSIONS)
-"""Identifiers that no PDO may have; the low restricted ones are allowed, as this protocol has its messages there."""
+"""Identifiers that no PDO may have. The low restricted ones are allowed, because the robot has messages there."""
 
 EVENT_DRIVEN = (254, 255)
-"""Transmission types that need no SYNC (CiA 301, Tables 68 and 72)."""
+"""Transmission types that do not need SYNC (CiA 301, Tables 68 and 72)."""
 
 SAMPLED, REQUESTED = 252, 253
-"""Transmission types of TPDOs that go only when a remote frame asks: with the values of the last SYNC, or of now."""
+"""Transmission types of TPDOs that a remote frame asks for: with the values of the last SYNC, or the present ones."""
 
 
 class Pdos:
-    """The PDOs as they are configured now, by the values in `objects`.
+    """The PDOs as the values in `objects` configure them now.
 
-    `protocol` are the messages of the valid ones, `received` the bindings of its RPDOs by COB-ID, `sent` those of its
+    `protocol` has the messages of the valid ones, `received` the bindings of its RPDOs by COB-ID, `sent` those of its
     TPDOs by message type, `always_sent` the COB-IDs of those that act in every NMT state, `requestable` the TPDOs that
-    remote frames may ask for, by COB-ID. `unusable` says what is wrong with those that the file does not describe well,
+    remote frames may ask for, by COB-ID. `unusable` says what is wrong with PDOs that the file does not describe well,
     by index.
     """
 
     def __init__(self, objects: Objects, catalogue: Catalogue) -> None:
         self._objects, self._catalogue = objects, catalogue
         self.unusable: dict[int | None, MappingError] = {}
-        # A PDO that the file does not describe well is left out, and the others work.
+        # A PDO that the file does not describe well is left out, and the others still work.
         self._apply(self._built(objects.value, lambda error: self.unusable.update({error.index: error})))
 
     def _built(self, value: Callable[[Address], Value], harm: Callable[[MappingError], object]) -> Protocol:
-        """Return the messages by these values of objects; `harm` gets each error of a mapping, and may raise it."""
+        """Return the messages by these values of objects; `harm` gets each error in a mapping, and may raise it."""
         dictionary = self._objects.dictionary
         return Protocol([(dictionary, dictionary.read_pdos(value, harm))], self._catalogue, harm)
 
     def _refuse_new_harm(self, error: MappingError) -> None:
-        """Refuse a change that does more harm than there is already."""
+        """Refuse a change that breaks another PDO."""
         if error.index not in self.unusable:
             raise error
 
@@ -82,29 +82,29 @@ class Pdos:
         self.protocol = protocol
 
     def inhibit_time(self, binding: Binding) -> float:
-        """Return the seconds from a TPDO to the next one, 0.0 for no inhibit time; what acts always never waits."""
+        """Return the inhibit time of a TPDO in seconds, 0.0 for none; a message that always acts never waits."""
         # Sub-index 3 counts 100 µs, the event timer in sub-index 5 milliseconds (CiA 301, 7.5.2.37).
         return 0.0 if binding.always else self._objects.raw((binding.pdo.index, INHIBIT_TIME)) / 10_000
 
     def event_timer(self, binding: Binding) -> float:
-        """Return after how many seconds without an event a TPDO is sent; 0.0 if it is not, or is not event-driven."""
+        """Return the event timer of an event-driven TPDO in seconds; 0.0 if it has none, or for any other TPDO."""
         return self.deadline(binding) if self.is_event_driven(binding) else 0.0
 
     def deadline(self, binding: Binding) -> float:
-        """Return the event timer in seconds: until when an RPDO has to come again; 0.0 for none."""
+        """Return the event timer in seconds, within which an RPDO has to come again; 0.0 for none."""
         return self._objects.raw((binding.pdo.index, EVENT_TIMER)) / 1000
 
     def is_event_driven(self, binding: Binding) -> bool:
-        """Whether a TPDO goes whenever the application wants it to."""
+        """Tell whether a TPDO is sent whenever the application wants to send it."""
         asked_for = self._type(binding.pdo.index) in (SAMPLED, REQUESTED)
         return self.sync_type(binding) is None and not asked_for
 
     def follows_changes(self, binding: Binding) -> bool:
-        """Whether a TPDO goes because its values have changed: at once, or with the next SYNC (transmission type 0)."""
+        """Tell whether a TPDO is sent when its values change: at once, or with the next SYNC (transmission type 0)."""
         return self.sync_type(binding) == ACYCLIC or self.is_event_driven(binding)
 
     def is_sampled(self, binding: Binding) -> bool:
-        """Whether a TPDO has the values of the last SYNC when it is asked for."""
+        """Tell whether a TPDO carries the values of the last SYNC when it is asked for."""
         return self._type(binding.pdo.index) == SAMPLED and self.sync_cob_id is not None
 
     def _type(self, index: int) -> int:
@@ -117,16 +117,16 @@ class Pdos:
 
     @property
     def sync_cob_id(self) -> int | None:
-        """The COB-ID of SYNC, None if the device has no object for it, or no identifier in it but that of NMT."""
+        """The COB-ID of SYNC; None if the device has no object for it, or only the identifier of NMT in it."""
         return self._objects.raw(SYNC) & values.BASE_IDENTIFIER or None
 
     def sync_type(self, binding: Binding) -> int | None:
-        """Return the transmission type of a PDO that follows SYNC, None for another; what acts always never waits."""
+        """Return the transmission type of a PDO that follows SYNC, None for any other; what always acts never waits."""
         number = self._type(binding.pdo.index)
         return number if number in self._sync_types and not binding.always else None
 
     def sync_start(self, binding: Binding) -> int:
-        """Return the number of the SYNC that is the first one for a TPDO; 0: any, as without a counter."""
+        """Return the number of the SYNC that a TPDO starts with; 0 for any, as without a counter."""
         return self._objects.raw((binding.pdo.index, SYNC_START)) if self.sync_counter else 0
 
     @property
@@ -135,13 +135,13 @@ class Pdos:
 
     @property
     def sync_period(self) -> float:
-        """Seconds from one SYNC of the device to the next, 0.0 if it sends none."""
+        """Seconds between two SYNCs of the device, 0.0 if it sends none."""
         sends = self._objects.raw(SYNC) & SYNC_PRODUCER and self.sync_cob_id is not None
         return self._objects.raw(SYNC_PERIOD) / 1_000_000 if sends else 0.0
 
     @property
     def sync_counter(self) -> int:
-        """Up to which number SYNC is counted, 0 if it is not."""
+        """The number up to which SYNC is counted, 0 if it is not counted."""
         overflow = self._objects.raw(SYNC_COUNTER)
         return overflow if overflow in COUNTERS else 0
 
@@ -167,7 +167,7 @@ class Pdos:
     # Written over SDO
 
     def writers(self) -> dict[int, OnWrite]:
-        """Return what writing a parameter of SYNC and a record of a PDO does, by the index."""
+        """Return what writing a SYNC parameter or a record of a PDO does, by index."""
         members = self._objects.dictionary.members
         records = [n for each in PdoDirection for n in range(each.value, each.value + values.PDO_COUNT) if n in members]
         mappings = [index + values.MAPPING_OFFSET for index in records]
@@ -200,7 +200,7 @@ class Pdos:
         return self._objects.cob_id((index, COB_ID)) is not None
 
     def _write_cob_id(self, index: int, entry: int) -> None:
-        """Change validity and identifier; the identifier of a PDO that is and stays valid is fixed."""
+        """Change validity and identifier; while a PDO is valid and stays so, its identifier is fixed."""
         address = index, COB_ID
         valid = not entry & values.NOT_VALID
         if entry & ~(values.NOT_VALID | values.NO_RTR | values.BASE_IDENTIFIER):
@@ -208,15 +208,15 @@ class Pdos:
         if valid and self._is_valid(index) and entry != self._objects.raw(address):
             raise Abort(Reason.PDO_VALID)
         cob_id = entry & values.BASE_IDENTIFIER
-        # EMCY and SYNC are where this device has them now, which need not be the pre-defined connection set.
+        # EMCY and SYNC count where this device has them now, which need not be the pre-defined connection set.
         if valid and (cob_id in (self._objects.raw(EMCY), self.sync_cob_id) or owner(cob_id, REFUSED)):
             raise Abort(Reason.COB_ID_TAKEN)
         try:
             protocol = self._built(lambda a: entry if a == address else self._objects.value(a), self._refuse_new_harm)
         except MappingError as error:
             raise Abort(Reason.PDO_CONFLICT, str(error)) from error
-        # A node could not send a message with such a value, and nobody would know why it does not answer. A message of
-        # no catalogue is its mapped bits, however few.
+        # The node could not send a message with such a value, and nobody would know why it does not answer. A message
+        # that no catalogue knows is just its mapped bits, however few.
         ours = (each for each in protocol.bindings if each.pdo.index == index >= PdoDirection.TPDO.value)
         if narrow := [field for each in ours if self._catalogue.find(each.name) for field in each.too_narrow]:
             raise Abort(Reason.TOO_FEW_BITS, f"too few bits for {', '.join(narrow)}")
@@ -228,7 +228,7 @@ class Pdos:
         number = value if isinstance(value, int) else 0
         if self._is_valid(index - values.MAPPING_OFFSET):
             raise Abort(Reason.PDO_VALID)
-        if subindex == 0:  # entries are written one by one: only the number of them shows how long the PDO is
+        if subindex == 0:  # entries are written one by one: only their number shows how long the PDO is
             entries = (self._objects.raw((index, sub)) for sub in range(1, number + 1))
             if sum(self.mapped(index, entry).bits for entry in entries) > MAX_BITS:
                 raise Abort(Reason.MAPPING_TOO_LONG)
@@ -239,13 +239,13 @@ class Pdos:
         self._objects.put(address, number)
 
     def mapped(self, index: int, entry: int) -> Mapped:
-        """Return what a mapping entry stands for; raises Abort if that cannot be mapped there."""
+        """Return what a mapping entry stands for; raises Abort if it cannot be mapped there."""
         direction = PdoDirection(index - values.MAPPING_OFFSET & ~(values.PDO_COUNT - 1))
         dictionary = self._objects.dictionary
         variable = dictionary.variable((entry >> 16, entry >> 8 & 0xFF))
         if variable is None:
             raise Abort(Reason.MAPPED_MISSING)
-        # A dummy skips received bits that mean nothing to this device; there is nothing in it to be sent.
+        # A dummy skips received bits that mean nothing to this device; it has nothing to send.
         dummy = variable.index in DUMMIES and direction is PdoDirection.RPDO
         if not dummy and not (variable.pdo_mappable and variable.access_type in MAPPABLE[direction]):
             raise Abort(Reason.NOT_MAPPABLE)
@@ -256,33 +256,34 @@ class Pdos:
 
 
 class ProcessData:
-    """What PDOs carry, in the objects: each frame's values are stored together, when somebody asks for one of them."""
+    """Stores in the objects what PDOs carry; a frame's values are stored together, when one of them is asked for."""
 
     def __init__(self, objects: Objects) -> None:
         self._objects = objects
         self._latest: dict[str, tuple[Binding, bytes]] = {}
 
     def note(self, binding: Binding, data: bytes) -> None:
-        """Remember the newest frame of a message; `data` has a length that the mapping allows."""
-        # Taken out first: a dict leaves a known key in its old place, and where PDOs share an object the newest counts.
+        """Note the newest frame of a message; `data` has a length that the mapping allows."""
+        # Removed first: a dict leaves a known key in its old place, and where PDOs share an object the newest one
+        # counts.
         self._latest.pop(binding.name, None)
         self._latest[binding.name] = binding, data
 
     def settle(self) -> None:
-        """Bring the values of the frames noted into the objects, in the order in which they came."""
+        """Store the values of the noted frames in the objects, in the order in which the frames came."""
         for binding, data in self._latest.values():
             word = int.from_bytes(binding.complete(data), "little")
             for entry, address, mask, offset in binding.placed:
-                with suppress(Refused):  # what the application does not take is as if it had not come
+                with suppress(Refused):  # a value that the application refuses counts as if it had not come
                     self._objects.put(address, entry.meant(word >> offset & mask))
         self.forget()
 
     def forget(self) -> None:
-        """Drop what has not been asked for."""
+        """Drop what nobody has asked for."""
         self._latest.clear()
 
     def frame(self, binding: Binding) -> Frame:
-        """Return a PDO with the objects' present values."""
+        """Return a PDO with the present values of its objects."""
         if self._latest:
             self.settle()
         word, raw = 0, self._objects.raw
@@ -292,29 +293,30 @@ class ProcessData:
 
 
 class Changes:
-    """Notices PDOs that carry something else than when they were looked at last; `frame` gives what they carry now."""
+    """Notices PDOs whose contents have changed since they were last looked at; `frame` gives the present contents."""
 
     def __init__(self, frame: Callable[[Binding], Frame]) -> None:
         self._frame = frame
         self._seen: dict[int, Frame] = {}
 
     def restart(self) -> None:
-        """Begin anew: every PDO counts as changed."""
+        """Start over: every PDO counts as changed."""
         self._seen.clear()
 
     def since(self, bindings: Iterable[Binding]) -> list[tuple[Binding, Frame]]:
-        """Return those of these PDOs that have changed, with their frames; one without data never does."""
+        """Return the PDOs that have changed, with their frames; one without data never changes."""
         looked_at = [(each, self._frame(each)) for each in bindings if each.layout.length]
-        # By index, which stays when a master maps the PDO anew; its binding is another one then.
+        # By index, which stays when a master remaps the PDO and it gets another binding.
         changed = [(each, frame) for each, frame in looked_at if self._seen.get(each.pdo.index) != frame]
         self._seen |= {each.pdo.index: frame for each, frame in changed}
         return changed
 
 
 class Pacing:
-    """When TPDOs are sent: not sooner than their inhibit time allows, not later than their event timer wants.
+    """When TPDOs are sent: not sooner than their inhibit time allows, not later than their event timer asks.
 
-    `inhibit` and `event` give a TPDO's two times in seconds, 0.0 for none. Of what is held back, the newest is sent.
+    `inhibit` and `event` give a TPDO's two times in seconds, 0.0 for none. When several frames are held back, the
+    newest is sent.
     """
 
     def __init__(self, inhibit: Callable[[Binding], float], event: Callable[[Binding], float]) -> None:
@@ -325,14 +327,14 @@ class Pacing:
         self._held: dict[Binding, Frame] = {}
 
     def restart(self, bindings: Collection[Binding], now: float) -> None:
-        """Begin anew with these TPDOs, and with their times as they are now; what was held back is dropped."""
+        """Start over with these TPDOs and their present times; what was held back is dropped."""
         self._inhibits = {each: time for each in bindings if (time := self._inhibit(each))}
         self._events = {each: now + time for each in bindings if (time := self._event(each))}
         self._free.clear()
         self._held.clear()
 
     def admit(self, binding: Binding, frame: Frame, now: float) -> list[Frame]:
-        """Return the frame if it may be sent now; otherwise hold it back in place of an older one."""
+        """Return the frame if it may be sent now; otherwise hold it back, in place of an older one."""
         if now < self._free.get(binding, now):
             self._held[binding] = frame
             return []
@@ -341,7 +343,7 @@ class Pacing:
         return [frame]
 
     def sent(self, binding: Binding, now: float) -> None:
-        """Note that a TPDO is sent: both its times begin."""
+        """Note that a TPDO is sent, which starts both its times."""
         self._held.pop(binding, None)
         if binding in self._events:
             self._events[binding] = now + self._event(binding)
@@ -350,7 +352,7 @@ class Pacing:
 
     @property
     def next(self) -> float:
-        """When the next TPDO is due, infinite if none is."""
+        """Time of the next TPDO, infinite if none is planned."""
         if not self._events and not self._held:
             return inf
         return min([*self._events.values(), *map(self._free.__getitem__, self._held)])
@@ -358,12 +360,12 @@ class Pacing:
     def released(self, now: float) -> list[Frame]:
         """Return what was held back and may be sent now."""
         released = {each: frame for each, frame in self._held.items() if self._free[each] <= now}
-        for binding in released:  # as if sent when it was free: a late call does not stretch the inhibit time
+        for binding in released:  # as if sent at the first allowed time: a late call does not stretch the inhibit time
             self.sent(binding, self._free[binding])
         return list(released.values())
 
     def due(self, now: float) -> list[Binding]:
-        """Return the TPDOs whose event timer wants them sent now."""
+        """Return the TPDOs whose event timer is up."""
         due = [binding for binding, time in self._events.items() if time <= now]
         for binding in due:
             self.sent(binding, caught_up(self._events[binding], now))

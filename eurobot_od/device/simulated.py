@@ -1,8 +1,8 @@
 """Anybody's device, run from its file: it has the values that it is given, and sends what changes.
 
-Theory of operation. The device itself (`device.Device`) does all that CANopen asks for. What an application would add
-is here: where values come from, and when an event-driven TPDO is sent. After each frame and each tick the device is
-asked for the TPDOs that would carry something else than before, and those go, as their transmission type, inhibit time
+Theory of operation. The device itself (`device.Device`) does everything that CANopen asks for. This file adds what an
+application would: where values come from, and when an event-driven TPDO is sent. After each frame and each tick the
+device is asked for the TPDOs whose contents have changed, and these are sent as their transmission type, inhibit time
 and NMT state allow. A value that changes by itself is looked at every `SAMPLING` seconds; an SDO, a SYNC, an event
 timer and a remote frame ask for it when they come.
 """
@@ -25,16 +25,16 @@ from eurobot_od.od.objects import data_type
 from eurobot_od.od.values import Address, Value
 
 ObjectName: TypeAlias = "str | Address"
-"""An object by its ParameterNames, `Motor.Speed`, or by index and sub-index."""
+"""An object by its ParameterNames, such as `Motor.Speed`, or by index and sub-index."""
 
 
 class SimulatedDevice(Node):
     """A device, made from its EDS or DCF.
 
-    A program of its own is a class with `READERS`, which give the values of objects, and `WRITERS`, which get each
-    new value, as an SDO or an RPDO brings it, and raise Refused for one they do not accept. Both get the device, whose
-    `now` is the time in seconds. Without either, and for all other objects: `given` values count in place of the
-    file's, `waveforms` are asked for theirs. Raises DictionaryError for an object that the file does not have.
+    A program of its own is a subclass with `READERS`, which give the values of objects, and `WRITERS`, which get each
+    new value that an SDO or an RPDO brings, and raise Refused for one they do not accept. Both get the device, whose
+    `now` is the time in seconds. For all other objects, `given` values replace the file's, and `waveforms` are asked
+    for theirs. Raises DictionaryError for an object that the file does not have.
     """
 
     READERS: ClassVar[Mapping[ObjectName, Callable[[Any], Value]]] = {}
@@ -55,12 +55,12 @@ class SimulatedDevice(Node):
 
     @classmethod
     def load(cls, file: str | Path, node_id: int | None = None, **options: Any) -> Self:
-        """Make a device of an EDS or DCF file; `options` are those of the class. Raises DictionaryError."""
+        """Make a device from an EDS or DCF file; `options` are those of the class. Raises DictionaryError."""
         return cls(Dictionary.load(file, node_id), **options)
 
     @property
     def dictionary(self) -> Dictionary:
-        """What its file says."""
+        """The dictionary of its file."""
         return self._dictionary
 
     # Values
@@ -71,7 +71,7 @@ class SimulatedDevice(Node):
             return self.device.objects.value(self._address(name))
 
     def set_value(self, name: ObjectName, value: Value) -> None:
-        """Give an object a value, from any thread: what it changes is sent. Raises as `value`."""
+        """Give an object a value, from any thread, and send what this changes; raises the errors of `value`."""
         with self.guard:
             self.device.objects.put(self._address(name), value)
             self.soon(lambda _: None)
@@ -81,7 +81,7 @@ class SimulatedDevice(Node):
             name: partial(lambda waveform, device: waveform(device.now - device._switched_on), waveform)
             for name, waveform in self._waveforms.items()
         }
-        readers |= self.READERS  # after the waveforms: a program's own reader knows more
+        readers |= self.READERS  # after the waveforms: a program's own reader takes precedence
         measured = [(self._address(name), read) for name, read in readers.items()]
         return (
             super()
@@ -123,12 +123,12 @@ class SimulatedDevice(Node):
         return self.outgoing(self.device.changed(self.now))
 
     def reset(self) -> None:
-        """Begin anew: waveforms as well."""
+        """Start over, and the waveforms as well."""
         super().reset()
         self._switched_on = self.now
         if self._waveforms or self.READERS:
             self._sample(self.now)
 
     def _sample(self, now: float) -> None:
-        """Look at what changes by itself: each `tick` does."""
+        """Look at what changes by itself, which each `tick` does."""
         self.at(now + self.SAMPLING, self._sample)

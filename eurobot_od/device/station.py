@@ -1,8 +1,8 @@
 """A node at its gatekeeper: received frames to the node, its frames to the mailboxes, and what happens when it fails.
 
-Still no bus and no thread: `live` and `simulation` both drive stations. Whichever thread calls, the node's `guard` is
-held while the node works and until its frames are in the mailboxes, so that frames leave in the order in which the node
-made them.
+There is no bus and no thread in here yet: `bus/live` and `bus/simulated` both drive stations. Whichever thread calls,
+the node's `guard` is held while the node works and until its frames are in the mailboxes, so that frames leave in the
+order in which the node made them.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from eurobot_od.support.backoff import Backoff
 
 
 class OnError(Enum):
-    """What becomes of a node that raises an exception; it is stopped before, and reported by EMCY."""
+    """What happens to a node that raises an exception, after it was stopped and an EMCY has reported it."""
 
     END = "end"
     RESTART = "restart"
@@ -31,9 +31,9 @@ class OnError(Enum):
 class Station:
     """One node with its own gatekeeper, to which more listeners may be added.
 
-    Its `plan` tells whether the node has planned anything sooner than when `next_wakeup` was asked for last. An
-    exception of the node is reported like a listener's; what becomes of the node then, `on_error` says. Without that
-    (a simulation, whose user wants to see it) the exception is raised where it is not a frame that has caused it.
+    Its `plan` tells whether the node has planned anything sooner than when `next_wakeup` was last asked for. An
+    exception of the node is reported like a listener's, and `on_error` says what happens to the node then. Without
+    `on_error`, as in a simulation whose user wants to see it, the exception is raised unless a frame has caused it.
     `failure` tells why the node has ended, None while it goes on.
     """
 
@@ -55,10 +55,10 @@ class Station:
         self.failure: NodeFailed | None = None
         self._on_error, self._backoff = on_error, Backoff()
         self._restarts_at: float | None = None
-        """When a node that has failed is restarted; None while it runs."""
+        """When a failed node is restarted; None while it runs."""
         self._identifiers = node.device.identifiers
         node.alarm = lambda text: self.gatekeeper.report(Report(Event.NODE_ALARM, node.name, text, node.now))
-        # A function for the identifiers: a master may change them, and the gatekeeper then asks again.
+        # A function, because a master may change the identifiers; the gatekeeper then asks again.
         self._listener = self.gatekeeper.add_node(lambda: self._identifiers, self._received, node.name)
 
     def start(self, now: float) -> None:
@@ -67,7 +67,7 @@ class Station:
             self._submit(self.node.start(now), now)
 
     def tick(self, now: float) -> None:
-        """Let the node do what is due; one that has failed is restarted."""
+        """Let the node do what is due, or restart it after a failure."""
         with self.node.guard:
             restarts = self._restarts_at is not None and now >= self._restarts_at
             if restarts:
@@ -75,7 +75,7 @@ class Station:
             self._do(self.node.restart if restarts else self.node.tick, now)
 
     def requested(self, cob_id: int, now: float) -> None:
-        """Hand the node a remote frame: no listener hears those, but a node may be asked by them."""
+        """Hand the node a remote frame: listeners do not hear those, but a node may be asked by them."""
         self._do(lambda now: self.node.requested(cob_id, now), now)
 
     @property
@@ -83,7 +83,7 @@ class Station:
         """When to call `tick`, in the node's time; infinite if nothing is planned."""
         with self.node.guard:
             wakeup = self.node.next_wakeup if self._restarts_at is None else self._restarts_at
-            # Whoever asks sleeps until then: from here on, only what is planned for sooner has to wake them.
+            # Whoever asks sleeps until then: from now on, only something that is planned for sooner has to wake them.
             self.plan.soonest = wakeup
             return wakeup
 
@@ -95,7 +95,7 @@ class Station:
     def bus_lost(self, now: float) -> None:
         """Tell the node that the bus is lost."""
         with self.node.guard:
-            # The transfer they belong to is given up: after the gap they would answer a question nobody asks any more.
+            # The transfer they belong to is given up: after the gap nobody is waiting for these answers.
             self.gatekeeper.mailboxes.withdraw(self.node.device.sdo_answers)
             self._do(self.node.bus_lost, now)
 
@@ -114,12 +114,12 @@ class Station:
 
     def _fail(self, error: BaseException, now: float) -> list[Frame]:
         """Stop a node that has raised an exception, report that, and end it or have it restarted later."""
-        frames = self.node.failed(error, now)  # stops first, whatever becomes of the node
+        frames = self.node.failed(error, now)  # stops come first, whatever happens to the node
         text = f"{type(error).__name__}: {error}"
         if self._on_error is OnError.END:
             self.failure = NodeFailed(f"{self.node.name} has failed and ended: {text}")
             self.node.switched_off()
-            pause, what = inf, "it has ended"  # inf: like one that waits for ever
+            pause, what = inf, "it has ended"  # inf: as if it waited for ever
         else:
             pause = self._backoff.pause(now)
             what = f"it is restarted in {pause:g} s"
@@ -132,7 +132,7 @@ class Station:
         with self.node.guard:
             if self._restarts_at is not None:
                 return
-            try:  # as `_do`, written out: every frame goes through here
+            try:  # the same as `_do`, written out: every frame goes through here
                 frames = self.node.receive(frame, now)
             except (Exception, SystemExit) as error:
                 if self._on_error is None:
@@ -147,23 +147,23 @@ class Station:
     def _submit(self, frames: list[Frame], now: float) -> None:
         mailboxes, device = self.gatekeeper.mailboxes, self.node.device
         if frames and frames[0].cob_id == device.sdo_answers:
-            # One transfer at a time: a client that asks again no longer waits for the earlier answer. Without this, one
-            # that asks for block after block would let the answers pile up.
+            # One transfer at a time: a client that asks again no longer waits for the earlier answer. Without this, the
+            # answers to a client that asks for block after block would pile up.
             mailboxes.withdraw(device.sdo_answers)
         for frame in frames:
             stay = device.stay(frame)
-            # A stop is repeated: one of a kind that waits is enough.
+            # A stop is repeated: it is enough if one of a kind waits.
             if not (stay is Stay.LASTING and frame.cob_id in device.always_sent and mailboxes.holds(frame)):
                 mailboxes.submit(frame, now, stay)
 
 
 def _sizes(node: Node) -> dict[str, Any]:
-    """Return the sizes in a node's Transmit settings; nothing for a device that has none: the gatekeeper's own do."""
+    """Return the sizes in a node's Transmit settings; nothing for a device without them, which uses the defaults."""
     try:
         return {
             "table_size": node.setting("Transmit.Listener table size"),
             "mailboxes": node.setting("Transmit.Mailboxes"),
-            "mailbox_wait": node.seconds("Transmit.Mailbox wait"),
+            "mailbox_wait": node.setting("Transmit.Mailbox wait") / 1000,
         }
     except DictionaryError:
         return {}

@@ -1,7 +1,7 @@
-"""Waveforms: what a simulated device measures, as functions of the time; and the YAML file that says them.
+"""Waveforms: what a simulated device measures, as functions of time; and the YAML file that describes them.
 
-Rule of this file: a waveform is a function of the seconds since the device was switched on or reset, so that simulated
-and real time give the same values.
+A waveform is a function of the seconds since the device was switched on or reset, so that simulated and real time give
+the same values.
 
     Temperature: 21.5                                                   # one that does not change
     Motor.Speed: {sine: {low: 0, high: 3000, period: 2 s}}              # objects by name, or by number
@@ -43,39 +43,39 @@ Period: TypeAlias = Annotated[float, DURATION, longer_than_0]
 
 
 def constant(value: float) -> Waveform:
-    """Always the same."""
+    """A waveform that does not change."""
     return lambda _: value
 
 
 def ramp(low: float, high: float, period: Period) -> Waveform:
-    """From `low` to `high` in each period, in seconds, and back to `low` at once."""
+    """Rises from `low` to `high` in each period, in seconds, and drops back to `low` at once."""
     return lambda time: low + (high - low) * (time / period % 1)
 
 
 def sine(low: float, high: float, period: Period) -> Waveform:
-    """Between `low` and `high`, from the middle upwards."""
+    """Swings between `low` and `high`, starting upwards from the middle."""
     return lambda time: (low + high) / 2 + (high - low) / 2 * sin(2 * pi * time / period)
 
 
 def square(low: float, high: float, period: Period) -> Waveform:
-    """`low` for half of each period, then `high`."""
+    """`low` for the first half of each period, `high` for the second."""
     return lambda time: low if time / period % 1 < 0.5 else high
 
 
 def steps(values: Annotated[Sequence[float], filled], every: Period) -> Waveform:
-    """One value after the other, each for `every` seconds, and again."""
+    """One value after the other, each for `every` seconds, then from the beginning."""
     return lambda time: values[int(time / every) % len(values)]
 
 
 def walk(start: float, step: float, every: Period, seed: int = 1, low: float = -inf, high: float = inf) -> Waveform:
-    """A random walk: up to `step` up or down every so many seconds, the same for the same seed; it stays inside."""
+    """A random walk within limits: up to `step` up or down `every` so many seconds, the same for the same seed."""
     chance, steps_done, place = Random(seed), 0, start
 
     def at(time: float) -> float:
         nonlocal chance, steps_done, place
-        if time < steps_done * every:  # the time has begun anew
+        if time < steps_done * every:  # the time has started over
             chance, steps_done, place = Random(seed), 0, start
-        # Every step, however seldom somebody looks: the same seed has to give the same walk at any rate of sampling.
+        # Every step, however seldom anybody looks: the same seed must give the same walk at any sampling rate.
         for _ in range(int(time / every) - steps_done):
             place = min(max(place + chance.uniform(-step, step), low), high)
             steps_done += 1
@@ -85,10 +85,10 @@ def walk(start: float, step: float, every: Period, seed: int = 1, low: float = -
 
 
 def fitted(value: float, type_: DataType) -> Value:
-    """Return what an object of a type holds of a value: integers are rounded, and end where their type ends."""
+    """Return what an object of a type holds of a value: an integer is rounded, and kept within the type's range."""
     if not type_.is_integer:
         return value
-    # A user's function may give infinity or NaN, at which round() raises.
+    # A user's function may return infinity or NaN, for which round() raises.
     return min(max(round(value), type_.low), type_.high) if isfinite(value) else type_.low
 
 
@@ -101,7 +101,7 @@ def _number(text: str) -> float:
         number = whole.value if whole and not whole.relative else float(text)
     except ValueError:
         number = nan
-    if not isfinite(number):  # float() takes `nan` and `inf` as well
+    if not isfinite(number):  # float() accepts `nan` and `inf` as well
         raise LocalError(f"expected a number, found {str(text)!r}")
     return number
 
@@ -110,7 +110,7 @@ NUMBER: Shape[float] = converted(SCALAR, _number)
 WAVEFORMS: Mapping[str, Shape[Waveform]] = {
     each.__name__: shape_of(each, {float: NUMBER, int: NUMBER}) for each in (ramp, sine, square, steps, walk)
 }
-"""How each waveform is read, by its name in the file."""
+"""The reader of each waveform, by its name in the file."""
 
 
 def _waveform(node: yaml.Node, problems: Problems) -> Waveform:

@@ -1,7 +1,7 @@
 """The messages as a C99 header without dependencies: identifiers, lengths, structs, and functions that pack and unpack.
 
 Each message with data gets a struct of its fields, `NAME_MESSAGE_pack` and `NAME_MESSAGE_unpack`; values with names,
-limits, identifier and length are macros. Goto XY of a network called `robot` becomes, shortened to one field:
+limits, identifier and length are macros. Goto XY in a network called `robot` becomes, cut down to one field:
 
     #define ROBOT_GOTO_XY_COB_ID 0x008u
     #define ROBOT_GOTO_XY_LENGTH 8u
@@ -13,8 +13,9 @@ limits, identifier and length are macros. Goto XY of a network called `robot` be
     static inline size_t robot_goto_xy_pack(uint8_t *data, size_t size, const robot_goto_xy_t *message)
     static inline bool robot_goto_xy_unpack(robot_goto_xy_t *message, const uint8_t *data, size_t length)
 
-Rule of this file: the C depends on neither byte order nor width of int of the machine, and compiles without a warning;
-bits go byte by byte, in unsigned types as wide as the field, so that an 8-bit controller needs no 64-bit shifts.
+Rule of this file: the C depends neither on the machine's byte order nor on its width of int, and compiles without a
+warning; bits go byte by byte, in unsigned types as wide as the field, so that an 8-bit controller needs no 64-bit
+shifts.
 """
 
 from __future__ import annotations
@@ -23,8 +24,15 @@ from collections.abc import Iterable, Iterator
 from textwrap import TextWrapper
 from typing import NamedTuple
 
-from eurobot_od.export.description import DescribedField, DescribedMessage, Numeral, described
-from eurobot_od.export.names import LONGEST_IDENTIFIER, Identifiers, printable
+from eurobot_od.export.description import (
+    LONGEST_IDENTIFIER,
+    DescribedField,
+    DescribedMessage,
+    Identifiers,
+    Numeral,
+    described,
+    printable,
+)
 from eurobot_od.pdo.protocol import Protocol
 
 WORDS = """auto break case char const continue default do double else enum extern float for goto if inline int long

@@ -1,7 +1,7 @@
 """The messages as a DBC file (Vector's CAN database): identifiers, bits, units, limits, value tables, nodes.
 
-Rule of this file: no multiplexing is invented. A field that DBC cannot express, because its bits are not contiguous in
-either byte order, is an error.
+No multiplexing is invented: a field that DBC cannot express, because its bits are not contiguous in either byte order,
+is an error.
 """
 
 from __future__ import annotations
@@ -10,8 +10,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import NamedTuple
 
 from eurobot_od.errors import MappingError
-from eurobot_od.export.description import DescribedField, DescribedMessage, Numeral, described
-from eurobot_od.export.names import Identifiers, printable
+from eurobot_od.export.description import DescribedField, DescribedMessage, Identifiers, Numeral, described, printable
 from eurobot_od.pdo.protocol import Protocol
 
 HEAD = """VERSION ""
@@ -41,7 +40,7 @@ SIGNS = {Numeral.UNSIGNED: "+", Numeral.SIGNED: "-", Numeral.REAL: "-"}
 
 RESERVED = """version ns_ bs_ bu_ bo_ sg_ ev_ cm_ val_ val_table_ ba_ ba_def_ ba_def_def_ ba_def_rel_ ba_rel_ bo_tx_bu_
  sig_valtype_ sgtype_ sig_group_ envvar_data_ cat_def_ cat_ filter int hex float string enum vector__xxx"""
-"""The words of the format."""
+"""The keywords of the format."""
 
 ATTRIBUTES = (
     'BA_DEF_ "BusType" STRING ;',
@@ -81,7 +80,7 @@ class DbcMessage(NamedTuple):
             order, start = _place(self.message, field)
             low, high = (0, 0) if field.numeral is Numeral.REAL else field.limits  # equal ones mean that there are none
             bits = f"{start}|{field.width}@{order}{SIGNS[field.numeral]}"
-            # Factor 1, offset 0: the numbers of the object dictionary are what the unit counts.
+            # Factor 1, offset 0: the unit counts the numbers of the object dictionary.
             yield f" SG_ {name} : {bits} (1,0) [{low}|{high}] {_quoted(field.unit)} {receivers}"
 
 
@@ -123,7 +122,7 @@ def text_of(messages: Iterable[DescribedMessage]) -> str:
 
 
 def _named(messages: Iterable[DescribedMessage], nodes: dict[str, str]) -> Iterator[DbcMessage]:
-    """Give messages, nodes and fields names of the file; `nodes` are filled in the order in which they are met."""
+    """Give messages, nodes and fields their names in the file; `nodes` is filled in the order in which they are met."""
     of_nodes, of_messages = Identifiers(RESERVED), Identifiers(RESERVED)
     for each in messages:
         for node in (*each.senders, *each.receivers):
@@ -140,7 +139,7 @@ def _named(messages: Iterable[DescribedMessage], nodes: dict[str, str]) -> Itera
 
 
 def _comments(entries: Iterable[DbcMessage]) -> Iterator[str]:
-    """Give what names of the file cannot say: how messages and objects are really called, what is allowed."""
+    """Yield comments for what the names cannot say: real names of messages and objects, allowed values."""
     for each in entries:
         text = ": ".join(filter(None, (each.message.name, each.message.text)))
         yield from _comment(f"BO_ {each.identifier}", text)
@@ -155,7 +154,7 @@ def _comment(of: str, text: str) -> Iterator[str]:
 
 
 def _quoted(text: str) -> str:
-    """Write a text; a double quote becomes a single one, as not every reader knows backslashes."""
+    """Return a quoted text; a double quote becomes a single one, as not every reader knows backslashes."""
     return '"' + printable(text).replace("\\", "/").replace('"', "'") + '"'
 
 
@@ -164,7 +163,7 @@ def _place(message: DescribedMessage, field: DescribedField) -> tuple[int, int]:
     places = list(field.places)
     if places == list(range(places[0], places[0] + field.width)):
         return INTEL, places[0]
-    # Numbered so that the byte before continues a byte, the bits of a big-endian value are consecutive too.
+    # Numbered so that a byte continues in the byte before it, the bits of a big-endian value are also consecutive.
     turned = [place % 8 - place // 8 * 8 for place in places]
     if turned == list(range(turned[0], turned[0] + field.width)):
         return MOTOROLA, places[-1]

@@ -1,13 +1,16 @@
-"""A protocol's messages as other tools need them: plain values, and the position of each field's bits.
+"""A protocol's messages as other tools need them: plain values, the position of each field's bits, valid names.
 
-Rule of this file: only this file reads the protocol; the writers of the formats use what it returns.
+Only this file reads the protocol; the writers of the formats use what it returns. Whatever a file contains, its names
+and texts become printable ASCII in one line here, and never an empty name.
 """
 
 from __future__ import annotations
 
 import inspect
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from enum import Enum
+from itertools import count
 from pathlib import Path
 from typing import NamedTuple
 
@@ -19,7 +22,7 @@ from eurobot_od.pdo.protocol import Protocol
 
 
 class Numeral(Enum):
-    """What a field's bits are as a number: two's complement if SIGNED, IEEE 754 if REAL."""
+    """The kind of number in a field's bits: two's complement if SIGNED, IEEE 754 if REAL."""
 
     UNSIGNED = "unsigned"
     SIGNED = "signed"
@@ -27,7 +30,7 @@ class Numeral(Enum):
 
 
 class Chunk(NamedTuple):
-    """Bits of a field that lie side by side in one byte: value bit `shift` is bit `bit` of `byte`, for `bits` bits."""
+    """Bits of a field that are neighbours in one byte: value bit `shift` is bit `bit` of `byte`, for `bits` bits."""
 
     byte: int
     bit: int
@@ -36,17 +39,17 @@ class Chunk(NamedTuple):
 
     @property
     def mask(self) -> int:
-        """A mask of as many bits."""
+        """A mask of `bits` bits."""
         return (1 << self.bits) - 1
 
 
 class DescribedField(NamedTuple):
-    """A field: `width` in bits, its `limits` as its numeral counts, what is `allowed`, and its `named` raw values.
+    """A field: `width` in bits, `limits` as its numeral counts, what is `allowed`, and its `named` raw values.
 
-    `objects` are the mapped objects that make it up, by address and their own names.
-    `places` are the frame bits (8 times the byte plus the bit in it) of its bits 0, 1, 2, ... `default` is the raw
-    value that a shorter frame means, None if no frame leaves the field out. `unknown` is the raw value that means
-    "unknown" together with those of the message's other fields that have one, None if there is none.
+    `objects` are the mapped objects that make it up, by address and their own names. `places` are the frame bits (8
+    times the byte plus the bit in it) of its bits 0, 1, 2, ... `default` is the raw value that a shorter frame means,
+    None if every frame has the field. `unknown` is the raw value that means "unknown", together with those of the
+    message's other fields that have one; None if there is none.
     """
 
     name: str
@@ -63,7 +66,7 @@ class DescribedField(NamedTuple):
 
     @property
     def chunks(self) -> list[Chunk]:
-        """The field's bits byte by byte, from its lowest bit on."""
+        """The field's bits byte by byte, from its lowest bit."""
         found: list[Chunk] = []
         for shift, place in enumerate(self.places):
             byte, bit = divmod(place, 8)
@@ -78,7 +81,7 @@ class DescribedField(NamedTuple):
 class DescribedMessage(NamedTuple):
     """A message: who sends it to whom, what it is for (`text`), and its fields in wire order.
 
-    `length` is in bytes; `shortest` is what a frame has at least, and no frame has a length between the two.
+    A frame has `shortest` or `length` bytes, and no number in between.
     """
 
     name: str
@@ -95,7 +98,7 @@ class DescribedMessage(NamedTuple):
 
     @property
     def path(self) -> str:
-        """Who sends it to whom, for a person."""
+        """Sender and receiver in words."""
         return f"{', '.join(self.senders) or 'nobody'} to {', '.join(self.receivers) or 'nobody'}"
 
 
@@ -113,7 +116,7 @@ def described(protocol: Protocol) -> list[DescribedMessage]:
             shortest=binding.lengths[0],
             senders=binding.senders,
             receivers=binding.receivers,
-            # `Name(x, y)` is what Python gives a named tuple that has no docstring of its own.
+            # Python gives a named tuple without a docstring of its own `Name(x, y)`.
             text="" if text.startswith(f"{binding.type.__name__}(") else text,
             group=binding.group,
             fields=list(_fields(binding)),
@@ -146,7 +149,51 @@ def _fields(binding: Binding) -> Iterator[DescribedField]:
 
 
 def numeral(binding: Binding, field: str) -> Numeral:
-    """Return what a field's bits are as a number."""
+    """Return the kind of number in a field's bits."""
     if isinstance(binding.kinds[field], Real):
         return Numeral.REAL
     return Numeral.SIGNED if field in binding.layout.signed else Numeral.UNSIGNED
+
+
+# Names and texts of files, made fit for other languages
+
+
+LONGEST_IDENTIFIER = 31
+"""Significant characters of an identifier in every C compiler (C99, 5.2.4.1)."""
+
+LONGEST_TEXT = 400
+"""Characters of a text that goes into a comment or a label."""
+
+UNNAMED = "unnamed"
+
+NOT_PRINTABLE = re.compile(r"[^\x20-\x7E]+")
+NOT_AN_IDENTIFIER = re.compile(r"[^A-Za-z0-9]+")
+
+
+def printable(text: str, longest: int = LONGEST_TEXT) -> str:
+    """Return a text as printable ASCII in one line, cut at `longest` characters; anything else becomes a dot."""
+    # Cut before it is split: a text in a file may be of any length.
+    shown = NOT_PRINTABLE.sub(".", " ".join(text[: 2 * longest].split()))
+    return shown if len(shown) <= longest else f"{shown[: longest - 3]}..."
+
+
+def printable_name(name: str) -> str:
+    """Return a name as printable ASCII that is not empty."""
+    return printable(name) or UNNAMED
+
+
+class Identifiers:
+    """Hands out identifiers, each only once in any case of letters; never one of the `reserved` words (lower case)."""
+
+    def __init__(self, reserved: str = "", longest: int = LONGEST_IDENTIFIER) -> None:
+        self._taken, self._longest = set(reserved.split()), longest
+
+    def new(self, name: str) -> str:
+        """Return the identifier for a name: `Status (raw)` is `Status_raw`, a second one `Status_raw_2`."""
+        base = NOT_AN_IDENTIFIER.sub("_", name).strip("_")[: self._longest] or UNNAMED
+        base = f"n{base}"[: self._longest] if base[0].isdigit() else base
+        ends = (f"_{number}" if number > 1 else "" for number in count(1))
+        candidates = (base[: self._longest - len(end)] + end for end in ends)
+        found = next(each for each in candidates if each.lower() not in self._taken)
+        self._taken.add(found.lower())
+        return found

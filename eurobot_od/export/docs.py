@@ -23,7 +23,7 @@ def docs_text(protocol: Protocol, dictionaries: Iterable[Dictionary], form: str)
 
 
 def blocks(protocol: Protocol, dictionaries: Sequence[Dictionary]) -> Iterator[DocBlock]:
-    """Give the document: all messages as a table, each message with data, each device."""
+    """Yield the document: all messages as a table, each message with data, each device."""
     yield DocHeading(1, f"CANopen network: {', '.join(each.name for each in dictionaries)}")
     messages = described(protocol) if protocol.bindings else []
     yield DocHeading(2, "Messages")

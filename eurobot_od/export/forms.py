@@ -1,6 +1,6 @@
-"""A document as a list of blocks, and what writes it: Markdown or HTML.
+"""A document as a list of blocks, and its forms: Markdown or HTML.
 
-Rule of this file: a form writes each kind of block, and escapes all texts.
+Each form writes every kind of block, and escapes all texts.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ class Paragraph(NamedTuple):
 
 
 class DocTable(NamedTuple):
-    """A table: its column heads and rows; the columns `numbers` are flush right, `words` are never broken."""
+    """A table: its column heads and rows; the columns `numbers` are right-aligned, `words` are never broken."""
 
     head: Sequence[str]
     rows: Sequence[Sequence[Cell]]
@@ -49,7 +49,7 @@ class DocTable(NamedTuple):
 
 
 class Preformatted(NamedTuple):
-    """Lines that are shown as they stand."""
+    """Lines that are shown as they are."""
 
     lines: Sequence[str]
 
@@ -58,7 +58,7 @@ DocBlock: TypeAlias = "DocHeading | Paragraph | DocTable | Preformatted"
 
 
 def form_of(file: Path) -> str:
-    """Return the form of a file's suffix; raises UnknownName for any other suffix."""
+    """Return the form for a file's suffix; raises UnknownName for an unknown suffix."""
     try:
         return SUFFIXES[file.suffix.lower()]
     except KeyError:

@@ -1,7 +1,7 @@
 """A log as MCAP, which Foxglove and PlotJuggler open: a channel for each message, JSON with a schema.
 
-A message has the words and numbers of `decode --json`, null for unknown. What a message draws, such as a pose, goes
-into a channel of its own; the caller says which message draws what.
+A message has the words and numbers of `decode --json`, null for unknown. If a message draws something, such as a pose,
+that goes into a channel of its own; the caller says which message draws what.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from eurobot_od.traffic.meaning import Decoder, Meaning, with_defects
 
 NANOSECONDS = 1_000_000_000
 END_OF_TIME = float(1 << 64) // NANOSECONDS
-"""Times of MCAP are below, in seconds: nanoseconds in 64 bits."""
+"""Times in MCAP are below this, in seconds: nanoseconds in 64 bits."""
 
 JSON = "json"
 SCHEMA = "jsonschema"
@@ -36,13 +36,13 @@ TYPES: Mapping[ColumnForm, str] = {
     ColumnForm.TEXT: "string",
     ColumnForm.OCTETS: "string",
 }
-"""JSON's types of the values of fields, as `Kind.plain` writes them."""
+"""JSON types of field values, as `Kind.plain` writes them."""
 
 
 class Drawing(NamedTuple):
-    """How a message is drawn: the name of a well-known schema, its properties, and what makes the drawing.
+    """How a message is drawn: the name of a well-known schema, its properties, and the function that draws it.
 
-    `of` gets the message and the time as MCAP's schemas write it.
+    `of` gets the message and the time in the form of MCAP's schemas.
     """
 
     schema: str
@@ -55,7 +55,7 @@ Drawings = Mapping[str, Drawing]
 
 
 class Written(NamedTuple):
-    """How many messages and drawings a file got, and how many entries with damage."""
+    """How many messages and drawings were written, and how many entries were damaged."""
 
     messages: int = 0
     drawings: int = 0
@@ -63,7 +63,7 @@ class Written(NamedTuple):
 
 
 def write(file: IO[bytes], entries: Iterable[LogEntry], decoder: Decoder, drawings: Drawings) -> Written:
-    """Write the entries of a log; services become text, and what is damaged goes to the channel `damage`."""
+    """Write the entries of a log; services become text, and damaged entries go to the channel `damage`."""
     writer = Writer(file)
     writer.start(library="eurobot-od")
     channels = _Channels(writer, decoder, drawings)
@@ -72,7 +72,7 @@ def write(file: IO[bytes], entries: Iterable[LogEntry], decoder: Decoder, drawin
     for line, time, channel, raw in entries:
         meaning = following(time, channel, raw)
         place = {"line": line, "channel": channel}
-        # MCAP's times are unsigned 64-bit nanoseconds: an entry with another time is reported at the last good one.
+        # MCAP's times are unsigned nanoseconds in 64 bits: an entry with another time is reported at the last good one.
         if 0 <= time < END_OF_TIME:
             latest, made = time, channels.of(meaning, place, time)
         else:
@@ -95,7 +95,7 @@ DRAWN = "/drawing"
 
 
 class _Channels:
-    """The channels of a file; each is made when there is something for it."""
+    """The channels of a file; each is made when something is written to it."""
 
     def __init__(self, writer: Writer, decoder: Decoder, drawings: Drawings) -> None:
         self._writer, self._drawings = writer, drawings
@@ -103,7 +103,7 @@ class _Channels:
         self._ids: dict[str, int] = {}
 
     def of(self, meaning: Meaning, place: dict[str, Any], time: float) -> list[tuple[str, dict[str, Any]]]:
-        """Return what an entry is in each of its channels."""
+        """Return what an entry becomes, with the channel for each part."""
         made: list[tuple[str, dict[str, Any]]] = []
         if meaning.message is not None:
             made.append((meaning.name, plain(meaning.message) | {"_": place}))
@@ -130,20 +130,20 @@ class _Channels:
                 else {}
             )
             self._ids[name] = self._writer.register_channel(f"/{name}", JSON, schema_id, known)
-        # The time it was published is when it was logged: a bus has no other time than that of the log.
+        # It was published when it was logged: a bus has no other time than its log's.
         now = round(time * NANOSECONDS)
         self._writer.add_message(self._ids[name], now, json.dumps(content, ensure_ascii=False).encode(), now)
 
     def _schema(self, name: str) -> tuple[str, dict[str, Any]]:
         drawing = self._drawings.get(name.removesuffix(DRAWN)) if name.endswith(DRAWN) else None
-        if drawing is not None:  # viewers know what to draw by the name of its schema
+        if drawing is not None:  # viewers know what to draw by the name of the schema
             return drawing.schema, {"type": "object", "title": drawing.schema, "properties": dict(drawing.properties)}
         binding = self._bindings.get(name)
         properties: dict[str, Any] = {"text": {"type": "string"}}
         if binding is not None:
             properties = {}
             for field, kind in binding.kinds.items():
-                # A code, or a value out of range, may stand for a number or a word.
+                # A code, or a value out of range, may take the place of a number or a word.
                 types = dict.fromkeys([TYPES[kind.column_form], "number", "string", "null"])
                 properties[field] = {"type": [*types], **({"description": f"in {kind.unit}"} if kind.unit else {})}
         return name, {"type": "object", "title": name, "properties": properties | {"_": PLACE}}

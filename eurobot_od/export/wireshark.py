@@ -1,6 +1,6 @@
 """The messages as a dissector for Wireshark and tshark from 3.4 on, in Lua: names, fields, units, values with names.
 
-The file is a table of the messages, and `wireshark.lua`, which reads it. It takes the frames of the network's
+The file is a table of the messages, and `wireshark.lua`, which reads the table. It takes the frames of the network's
 identifiers and leaves all others to other dissectors.
 """
 
@@ -9,22 +9,29 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
-from eurobot_od.export.description import DescribedField, DescribedMessage, Numeral, described
-from eurobot_od.export.names import Identifiers, label, printable
+from eurobot_od.export.description import (
+    DescribedField,
+    DescribedMessage,
+    Identifiers,
+    Numeral,
+    described,
+    printable,
+    printable_name,
+)
 from eurobot_od.pdo.protocol import Protocol
 
 READER = Path(__file__).with_name("wireshark.lua")
 
 WORDS = "can canopen length"
-"""Names of other protocols, which no network or message may have in a display filter."""
+"""Names of other protocols, which a network or message must not have in a display filter."""
 
 SHORTEST = 2
-"""Letters that Wireshark wants in a protocol's filter name at least (tshark 4.0 ends with "Dissector bug")."""
+"""Least number of letters in a protocol's filter name (tshark 4.0 ends with "Dissector bug")."""
 
 FIELD_TYPES = {Numeral.UNSIGNED: {bits: f"uint{bits}" for bits in (8, 16, 24, 32, 64)}}
 FIELD_TYPES[Numeral.SIGNED] = {bits: f"int{bits}" for bits in (8, 16, 24, 32, 64)}
 FIELD_TYPES[Numeral.REAL] = {32: "float", 64: "double"}
-"""Wireshark's types of fields by their bits."""
+"""Wireshark's types of fields, by their bits."""
 
 MOST_EXACT = 1 << 53
 """Lua rounds numbers from here on: such limits are left out."""
@@ -41,7 +48,7 @@ def text_of(messages: Iterable[DescribedMessage], name: str) -> str:
 
 
 def filter_name(name: str) -> str:
-    """Return the prefix of the display filters of a network with that name."""
+    """Return the prefix of the display filters of a network."""
     short = Identifiers(WORDS).new(name).lower()
     return short if len(short) >= SHORTEST else f"{short}_bus"
 
@@ -60,7 +67,7 @@ def _table(messages: list[DescribedMessage], short: str) -> Iterator[str]:
         yield ""
         yield from _message(each, f"{short}.{of_messages.new(each.name).lower()}")
     yield ""
-    # Wireshark takes the fields of a protocol as one list, at once.
+    # Wireshark takes all fields of a protocol at once, as one list.
     yield "local PROTO_FIELDS = {}"
     yield "for _, message in pairs(MESSAGES) do"
     yield "    for _, field in ipairs(message.fields) do PROTO_FIELDS[#PROTO_FIELDS + 1] = field.proto end"
@@ -72,7 +79,7 @@ def _table(messages: list[DescribedMessage], short: str) -> Iterator[str]:
 def _message(message: DescribedMessage, filters: str) -> Iterator[str]:
     expected = " or ".join(map(str, sorted({message.shortest, message.length})))
     yield f"MESSAGES[0x{message.cob_id:03X}] = {{"
-    yield f"    name = {_quoted(label(message.name))}, path = {_quoted(message.path)},"
+    yield f"    name = {_quoted(printable_name(message.name))}, path = {_quoted(message.path)},"
     yield f"    length = {message.length}, shortest = {message.shortest}, expected = {_quoted(expected)},"
     yield "    fields = {"
     of_fields = Identifiers()
@@ -84,19 +91,19 @@ def _message(message: DescribedMessage, filters: str) -> Iterator[str]:
 
 def _field(field: DescribedField, filters: str) -> Iterator[str]:
     types, chunks = FIELD_TYPES[field.numeral], field.chunks
-    kind = types[next(bits for bits in types if bits >= field.width)]  # there is none of 12 bits, say
+    kind = types[next(bits for bits in types if bits >= field.width)]  # Wireshark has no type of 12 bits, for example
     first, last = min(each.byte for each in chunks), max(each.byte for each in chunks)
-    names = "{" + ", ".join(f"[{raw}] = {_quoted(label(name))}" for raw, name in field.named.items()) + "}"
+    names = "{" + ", ".join(f"[{raw}] = {_quoted(printable_name(name))}" for raw, name in field.named.items()) + "}"
     given = f", base.DEC, {names}" if field.named else ""
     yield "        {"
-    yield f"            proto = ProtoField.{kind}({_quoted(filters)}, {_quoted(label(field.name))}{given}),"
-    yield f"            name = {_quoted(label(field.name))}, unit = {_quoted(field.unit)}, names = {names},"
+    yield f"            proto = ProtoField.{kind}({_quoted(filters)}, {_quoted(printable_name(field.name))}{given}),"
+    yield f"            name = {_quoted(printable_name(field.name))}, unit = {_quoted(field.unit)}, names = {names},"
     yield f"            numeral = {_quoted(field.numeral.value)}, width = {field.width}, first = {first},"
     yield f"            bytes = {last - first + 1},"
     if field.numeral is not Numeral.REAL and max(map(abs, field.limits)) < MOST_EXACT:
         yield f"            low = {field.limits.low}, high = {field.limits.high},"
     if field.default is not None:
-        # In two halves: Lua 5.2 in Wireshark has doubles only, which are exact up to 53 bits.
+        # In two halves: Lua 5.2 in Wireshark has only doubles, which are exact up to 53 bits.
         yield f"            default = {{{field.default % (1 << 32)}, {field.default >> 32}}},"
     listed = ", ".join(f"{{{each.byte}, {each.bit}, {each.shift}, {each.bits}}}" for each in chunks)
     yield f"            chunks = {{{listed}}}, -- byte, bit, bit of the value, bits"

@@ -1,8 +1,8 @@
 """A device's EDS or DCF as CANopen device description in XML (CiA 311, schema 1.1; ISO 15745-1 profiles).
 
-The device profile names the device and its maker, the communication profile lists the objects with all they have in
-the file. Values keep `$NODEID`. Elements that the schema declares globally are in its namespace, `co:`, and no others.
-A character that XML does not allow becomes U+FFFD.
+The device profile names the device and its maker, the communication profile lists the objects with everything they have
+in the file. Values keep `$NODEID`. Only elements that the schema declares globally are in its namespace, `co:`. A
+character that XML does not allow becomes U+FFFD.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ MAPPED_ACCESS = {"rwr": ("rw", "TPDO"), "rww": ("rw", "RPDO")}
 """Access types of an EDS that XDD splits into access and mapping."""
 
 BIT_RATES = (10, 20, 50, 125, 250, 500, 800, 1000)
-"""Those that an EDS can support, in kbit/s (CiA 306-1, 4.5.2)."""
+"""Bit rates that an EDS can support, in kbit/s (CiA 306-1, 4.5.2)."""
 
 LIMITS_AND_VALUES = {
     "lowLimit": "lowlimit",
@@ -48,7 +48,7 @@ COMMISSIONED = {
     "networkNumber": ("netnumber", "0"),
     "networkName": ("networkname", ""),
 }
-"""Attributes of a commissioned device, their keys in a DCF, and the value without a key."""
+"""Attributes of a commissioned device, their keys in a DCF, and the value without such a key."""
 
 NO_DAY = "1970-01-01"
 """The date of a file that has none, as the schema requires one."""
@@ -80,7 +80,7 @@ class _Writer:
 
     def __init__(self, dictionary: Dictionary) -> None:
         self._dictionary, self._device = dictionary, dictionary.device
-        # The normal form has neither types nor values that only a maker knows; an XDD can say both.
+        # The normal form does not have types and values that only a maker knows; an XDD can.
         self._said = DescribedDevice(read(dictionary.content))
 
     def text(self) -> str:
@@ -151,7 +151,7 @@ class _Writer:
             ("orderNumber", self._file("deviceinfo", "ordercode")),
         )
         identity = _element("co:DeviceIdentity", {}, *(_element(f"co:{tag}", {}, text=text) for tag, text in texts))
-        # The schema requires at least one characteristic: the file that this was made from.
+        # The schema requires at least one characteristic: the name of the source file.
         about = (("co:characteristicName", "Made from"), ("co:characteristicContent", self._dictionary.file.name))
         parts = (_element(tag, {}, _element("label", {"lang": "en"}, text=text)) for tag, text in about)
         listed = _element("co:characteristicsList", {}, _element("co:characteristic", {}, *parts))
@@ -171,7 +171,7 @@ class _Writer:
         master = {"bootUpMaster": _boolean(bool(self._info("simplebootupmaster")))}
         parts = [_element("CANopenGeneralFeatures", general), _element("CANopenMasterFeatures", master)]
         section = self._device.commissioning
-        if section and section.text("nodeid"):  # a DCF; an EDS is of no device in particular
+        if section and section.text("nodeid"):  # a DCF; an EDS is not for one particular device
             texts = {name: section.text(key) or nothing for name, (key, nothing) in COMMISSIONED.items()}
             is_manager = DescribedVariable(0, 0, section).number("canopenmanager") == (1, False)
             parts.append(_element("deviceCommissioning", {**texts, "CANopenManager": _boolean(is_manager)}))
@@ -210,7 +210,7 @@ class _Writer:
         }
 
     def _type(self, variable: DescribedVariable) -> str:
-        """Write the code of a data type: the file's own, which may be a maker's, or else the basic one."""
+        """Return the code of a data type: the file's own, which may be a maker's, or else the basic one."""
         said = self._said.variable(variable.index, variable.sub)
         own = said.number("datatype") if said and said.type is None else None
         if own and not own.relative and 0 < own.value <= 0xFFFF:
@@ -218,12 +218,12 @@ class _Writer:
         return f"{(variable.type or DOMAIN).code:02X}"
 
     def _value(self, variable: DescribedVariable, key: str) -> str | None:
-        """Write an entry: a whole number in the form of CiA 306, anything else unchanged."""
+        """Return an entry as text: a whole number in the form of CiA 306, anything else unchanged."""
         entry = variable.section.entries.get(key)
         if entry is None:
             said = self._said.variable(variable.index, variable.sub)
             return (said and said.section.text(key)) or None
-        text = entry.value  # which may be empty: a text of no letters is a value
+        text = entry.value  # may be empty: a text without letters is a value
         number = variable.number(key) if variable.type and variable.type.is_integer else None
         if number is None or number.relative:
             return text

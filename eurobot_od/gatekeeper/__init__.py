@@ -4,14 +4,15 @@ How the document's wishes are met:
 
 - *Listeners* (section 4.1). `setQueueCANListener` is `Gatekeeper.add_queue`, `setFunctionCANListener` is
   `add_function`. Listeners are registered before the start, in a table that may be bounded as in the 2014 robot; one
-  that does not fit is an error with its name, not a silence.
-- *Hardware filters* (section 6). The robot kept its listener table for ever, as its filters were an index into it.
-  Here `Gatekeeper.filters` makes the filters anew from the routes whenever a bus wants them, and the bus keeps them.
+  that does not fit is an error with its name, and not lost silently.
+- *Hardware filters* (section 6). The robot had to keep its listener table for ever, as its filters were an index into
+  it. Here `Gatekeeper.filters` makes the filters from the routes whenever a bus wants them, and the bus keeps them.
 - *Transmit-complete interrupt* (section 6). Nothing waits for a mailbox and nothing polls one: a frame is submitted to
-  `Mailboxes`, and `complete`, which an interrupt would call, makes room for the next.
+  `Mailboxes`, and `complete`, which an interrupt would call, makes room for the next one.
 
-No file of this package opens a bus, starts a thread or reads a clock of its own accord: `live` and `simulation` bring
-the frames, the time and the threads. Only a program that reads a `MessageQueue` may wait, for as long as it says.
+Rule of this package: it opens no bus, starts no thread and reads no clock of its own accord; `bus/live` and
+`bus/simulated` bring the frames, the time and the threads. Only a program that reads a `MessageQueue` may wait, for as
+long as it says.
 """
 
 from eurobot_od.gatekeeper.gatekeeper import Gatekeeper as Gatekeeper

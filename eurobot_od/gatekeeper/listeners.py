@@ -15,11 +15,11 @@ from eurobot_od.support.amounts import amount
 T = TypeVar("T")
 
 Function: TypeAlias = Callable[[T, float], object]
-"""Gets what it listens to and when that came, in the bus's seconds."""
+"""Gets what it listens to, and the time of that in the bus's seconds."""
 
 
 class Received(NamedTuple, Generic[T]):
-    """A message as it waits in a queue, and when it came, in the bus's seconds."""
+    """A message in a queue, with its time in the bus's seconds."""
 
     message: T
     timestamp: float
@@ -38,33 +38,32 @@ class ListenerStatistics(NamedTuple):
 class MessageQueue(Generic[T]):
     """A FIFO of received messages, at most `maxsize` (0: any number). One thread puts, any number may get.
 
-    The oldest message makes room when the queue is full: the newest position or goto is the one that counts.
+    When the queue is full, the oldest message makes room: the newest position or goto is the one that counts.
     """
 
     def __init__(self, name: str, maxsize: int, report: Reporter) -> None:
         self.name, self.maxsize = name, maxsize
         self.delivered = self.lost = 0
         self._report = report
-        # Its `put` waits for nobody, and may be interrupted by another one: the bus's thread must never be held up by a
-        # program.
+        # Its `put` never waits, and may be interrupted by another one: a program must never hold up the bus's thread.
         self._items: SimpleQueue[tuple[T, float]] = SimpleQueue()
 
     def __len__(self) -> int:
         return self._items.qsize()
 
     def put(self, message: T, timestamp: float) -> None:
-        """Append a message; never waits."""
-        # Full, unless a reader has made room in the meantime.
+        """Append a message, without waiting."""
+        # Full, unless a reader has made room meanwhile.
         if 0 < self.maxsize <= self._items.qsize() and self.get_nowait() is not None:
             self.lost += 1
             if has_doubled(self.lost):
                 text = f"full with {self.maxsize} messages, {self.lost} lost so far; the newest are kept"
                 self._report(Report(Event.QUEUE_OVERFLOW, self.name, text, timestamp))
-        self._items.put((message, timestamp))  # the program that reads makes a Received of it, not the bus's thread
+        self._items.put((message, timestamp))  # the reading program makes a Received of it, not the bus's thread
         self.delivered += 1
 
     def get(self, timeout: float | None = None) -> Received[T] | None:
-        """Take the oldest message, waiting at most `timeout` seconds for one (None: for ever); None if none came."""
+        """Take the oldest message, waiting up to `timeout` seconds (None: for ever); None if none came."""
         try:
             return Received(*self._items.get(timeout=None if timeout is None else max(timeout, 0)))
         except Empty:
@@ -75,7 +74,7 @@ class MessageQueue(Generic[T]):
         return self.get(timeout=0.0)
 
     def drain(self) -> list[Received[T]]:
-        """Take all messages that are there, the oldest first."""
+        """Take all messages that are waiting, the oldest first."""
         return list(iter(self.get_nowait, None))
 
     def statistics(self) -> ListenerStatistics:
@@ -84,7 +83,7 @@ class MessageQueue(Generic[T]):
 
 
 class FunctionListener(Generic[T]):
-    """A function with its name and its counts; a call that takes longer than `slow_after` seconds is reported."""
+    """A function with its name and counts; a call that takes longer than `slow_after` seconds is reported."""
 
     def __init__(
         self, name: str, function: Function[T], report: Reporter, clock: Callable[[], float], slow_after: float

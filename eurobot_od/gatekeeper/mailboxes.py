@@ -1,14 +1,14 @@
-"""Transmit side of a CAN controller: a few mailboxes, and an ordered queue in front of them (document section 6).
+"""The transmit side of a CAN controller: a few mailboxes, with an ordered queue in front of them (document section 6).
 
-A frame is submitted, loaded when a mailbox is free, and done when the controller says transmit-complete. Nothing waits
-and nothing is polled. The lowest COB-ID leaves first, equal ones in the order submitted.
+A frame is submitted, loaded when a mailbox is free, and done when the controller reports transmit-complete. Nothing
+waits and nothing is polled. The lowest COB-ID leaves first, equal ones in the order submitted.
 
-A frame that finds a mailbox free never expires, however late the driver takes it; only one that has to wait for a
+A frame that finds a mailbox free never expires, however late the driver takes it. Only a frame that has to wait for a
 mailbox may be dropped, and its `Stay` says how long it waits. While the bus is away only LASTING frames are kept: an
 old goto or heartbeat is of no use to anybody. `load` is ordered so that an exception between two lines (Ctrl-C) leaves
-a frame in both places rather than in none: a stop is better sent twice than never.
+a frame in both places rather than in neither: a stop had better be sent twice than never.
 
-Not thread-safe: one owner calls it, or callers share a lock.
+It is not thread-safe: one owner calls it, or callers share a lock.
 """
 
 from __future__ import annotations
@@ -35,17 +35,17 @@ class Stay(Enum):
     SHORT = auto()
     """As long as the document says (section 6)."""
     PERIODIC = auto()
-    """Until the next of its identifier takes its place: a heartbeat, of which only the newest counts."""
+    """Until the next frame of its identifier takes its place: a heartbeat, of which only the newest counts."""
     TRANSFER = auto()
-    """As long as it takes: a part of an SDO transfer, which would fail without it. It lets a heartbeat go first."""
+    """As long as it takes: part of an SDO transfer, which would fail without it. It lets a heartbeat go first."""
     LASTING = auto()
     """As long as it takes, even while the bus is away: a stop."""
 
 
 class Waiting(NamedTuple):
-    """A frame on its way; tuples compare from the left, so they sort as they leave.
+    """A frame on its way; tuples compare from the left, so they sort in the order in which they leave.
 
-    `sequence` counts the frames submitted: it keeps equal COB-IDs in their order, and no comparison goes further.
+    `sequence` counts the submitted frames: it keeps equal COB-IDs in order, and comparisons never go beyond it.
     """
 
     cob_id: int
@@ -56,9 +56,9 @@ class Waiting(NamedTuple):
 
 
 class TransmitStatistics(NamedTuple):
-    """Frames submitted, and what became of them: submitted = completed + dropped + waiting + loaded.
+    """Numbers of frames: submitted = completed + dropped + waiting + loaded.
 
-    Among those dropped are periodic ones whose next one was there before a mailbox was free.
+    A periodic frame counts as dropped if the next one has come before a mailbox was free.
     """
 
     submitted: int
@@ -69,7 +69,7 @@ class TransmitStatistics(NamedTuple):
 
 
 class Mailboxes:
-    """`count` mailboxes; a frame that has waited `wait` seconds for one since its own submission is dropped."""
+    """`count` mailboxes; a frame that has waited for one for `wait` seconds since its submission is dropped."""
 
     def __init__(self, report: Reporter, count: int = MAILBOXES, wait: float = MAILBOX_WAIT) -> None:
         self.count, self.wait = count, wait
@@ -78,35 +78,34 @@ class Mailboxes:
         self._waiting: list[Waiting] = []
         self._loaded: list[Waiting] = []
         self._away: int | None = None
-        """How many frames had been dropped when the bus was lost, None while it is there."""
+        """How many frames had been dropped when the bus was lost; None while the bus is there."""
 
     def submit(self, frame: Frame, now: float, stay: Stay = Stay.SHORT) -> None:
         """Put a frame in its place among those that wait for a mailbox.
 
-        One for which a mailbox is free now cannot be too late, however late the bus is served.
+        If a mailbox is free now, the frame cannot be too late, however late the bus is served.
         """
         if self._away is not None and stay is not Stay.LASTING:
             self._submitted += 1
             self._dropped += 1
             return
         if stay is Stay.PERIODIC:
-            # A waiting heartbeat is out of date once the next one comes, and must not take up a mailbox of its own.
+            # A waiting heartbeat is outdated once the next one comes, and must not take up a mailbox of its own.
             self._withdraw(lambda each: each.stay is Stay.PERIODIC and each.cob_id == frame.cob_id)
-        # Frames already waiting count too: they will take the free mailboxes, unless this one is more urgent.
+        # Frames that already wait count too: they will take the free mailboxes, unless this one is more urgent.
         full = len(self._loaded) + len(self._waiting) >= self.count
-        # Where a mailbox is free the frame is the controller's from now on, which knows no time limit (document section
-        # 6).
+        # With a mailbox free, the frame belongs to the controller from now on, which knows no time limit (document
+        # section 6).
         deadline = now + self.wait if full and stay is Stay.SHORT else inf
-        # Sorted on the way in: frames come one at a time, and the most urgent one is asked for at each
-        # transmit-complete.
+        # Sorted when submitted: frames come one at a time, and each transmit-complete asks for the most urgent one.
         insort(self._waiting, Waiting(frame.cob_id, self._submitted, deadline, frame, stay))
         self._submitted += 1
 
     def load(self, now: float) -> list[Frame]:
-        """Move the most urgent frames into the free mailboxes and return them, for the controller to send."""
+        """Move the most urgent frames into free mailboxes and return them, for the controller to send."""
         loaded: list[Frame] = []
         while self._waiting and len(self._loaded) < self.count and not self._lets_go_first():
-            # A heartbeat has the highest identifier, so it waits last; it overtakes the segments of a transfer.
+            # A heartbeat has the highest identifier and so waits last; it overtakes the segments of a transfer.
             place = -1 if self._waiting[0].stay is Stay.TRANSFER and self._waiting[-1].stay is Stay.PERIODIC else 0
             first = self._waiting[place]
             if first.deadline <= now:
@@ -114,11 +113,11 @@ class Mailboxes:
             else:
                 insort(self._loaded, first)
                 loaded.append(first.frame)
-            del self._waiting[place]  # only now: an exception in between leaves it in both places
+            del self._waiting[place]  # only now: an exception before leaves it in both places
         if self._waiting:
             self.expire(now)
-            # Those submitted when a mailbox was free had no deadline; more urgent ones have taken their place, so that
-            # they may wait as long as any other from now on.
+            # Frames that were submitted while a mailbox was free had no deadline; if more urgent ones have taken their
+            # place, they may wait from now on as long as any other.
             late = now + self.wait
             self._waiting = [
                 w._replace(deadline=late) if w.stay is Stay.SHORT and w.deadline > late else w for w in self._waiting
@@ -126,32 +125,32 @@ class Mailboxes:
         return loaded
 
     def _lets_go_first(self) -> bool:
-        """Tell whether a transfer has to wait, as a heartbeat is in a mailbox."""
-        # A heartbeat's identifier is the greatest that a device sends: it would lose the arbitration to a block's
-        # segments, one after the other, until its consumers take the device for dead.
+        """Tell whether a transfer has to wait because a heartbeat is in a mailbox."""
+        # A heartbeat's identifier is the greatest that a device sends: it would lose the arbitration to one segment of
+        # a block after the other, until its consumers take the device for dead.
         return self._waiting[0].stay is Stay.TRANSFER and any(each.stay is Stay.PERIODIC for each in self._loaded)
 
     def leave(self) -> None:
-        """Note that the bus is away: what waits and is not LASTING is dropped, and so is what is submitted from now on.
+        """Note that the bus is away: what waits, or is submitted from now on, is dropped unless it is LASTING.
 
-        It is counted and not reported: `come_back` returns how many they were.
+        It is counted and not reported: `come_back` returns the number.
         """
         if self._away is None:
             self._away = self._dropped
         self._withdraw(lambda each: each.stay is not Stay.LASTING)
         before = len(self._loaded)
-        # Loaded ones as well: a goto from before the gap must not leave when the bus is back.
+        # Loaded frames as well: a goto from before the gap must not leave when the bus is back.
         self._loaded = [each for each in self._loaded if each.stay is Stay.LASTING]
         self._dropped += before - len(self._loaded)
 
     def come_back(self) -> int:
         """Note that the bus is back; return how many frames were dropped meanwhile."""
-        # The dropped ones are one report, not one each: a second without a bus at full load would be thousands.
+        # They make one report, not one each: a second without a bus at full load would make thousands.
         before, self._away = self._away, None
         return 0 if before is None else self._dropped - before
 
     def withdraw(self, cob_id: int) -> None:
-        """Drop the frames of an identifier that wait for a mailbox: what they answer is over."""
+        """Drop the waiting frames of an identifier, as whatever they answer is over."""
         if self._waiting:
             self._withdraw(lambda each: each.cob_id == cob_id)
 
@@ -165,7 +164,7 @@ class Mailboxes:
         return any(each.frame == frame for each in (*self._loaded, *self._waiting))
 
     def next(self, now: float) -> Frame | None:
-        """Load what there is room for, and return what is to be sent first, None without a frame.
+        """Load frames into free mailboxes, and return the one to send first, None without any.
 
         For a caller that plays the controller, as the sender of a live bus does.
         """
@@ -174,7 +173,7 @@ class Mailboxes:
         return self.urgent()
 
     def urgent(self) -> Frame | None:
-        """Return the loaded frame that the controller sends first, None without one."""
+        """Return the loaded frame that the controller sends first, None without any."""
         return self._loaded[0].frame if self._loaded else None
 
     def complete(self, frame: Frame) -> bool:
@@ -194,11 +193,11 @@ class Mailboxes:
 
     @property
     def next_expiry(self) -> float | None:
-        """When the first of the waiting frames will have waited too long, in seconds; None if none waits."""
+        """Time in seconds when the first waiting frame will have waited too long; None if none waits."""
         return min((each.deadline for each in self._waiting), default=None)
 
     def expire(self, now: float) -> None:
-        """Drop the frames that have waited too long; those in a mailbox are the controller's and stay."""
+        """Drop the frames that have waited too long; frames in a mailbox belong to the controller and stay."""
         expired = [each for each in self._waiting if each.deadline <= now]
         for each in expired:
             self._waiting.remove(each)

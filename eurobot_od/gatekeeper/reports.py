@@ -1,8 +1,8 @@
 """What the gatekeeper and the live bus report: harm done to a listener, a frame or the bus.
 
-Nothing is lost without a word. A fault of one moment (a failure, a refused or dropped frame) is reported each time. A
-condition that lasts (a full queue, a slow listener) is reported when it begins and whenever its count has doubled: its
-reports must not cost more than the condition itself.
+Nothing is lost silently. A momentary fault (a failure, a refused or dropped frame) is reported each time. A lasting
+condition (a full queue, a slow listener) is reported when it begins and whenever its count has doubled: reports must
+not cost more than the condition itself.
 """
 
 from __future__ import annotations
@@ -35,10 +35,10 @@ class Event(Enum):
 
 @dataclass(frozen=True)
 class Report:
-    """One event: `name` of the listener, message, identifier or bus, what happened to it, and when in seconds.
+    """One event: the `name` of a listener, message, identifier or bus, what happened to it, and when in seconds.
 
-    `timestamp` is that of the frame concerned; `error` is the exception raised, for a caller that wants its traceback.
-    `str()` is one line for a person.
+    `timestamp` is that of the frame concerned; `error` is the exception, for a caller that wants its traceback. `str()`
+    is one line for a person.
     """
 
     event: Event
@@ -56,6 +56,6 @@ Reporter: TypeAlias = Callable[[Report], object]
 
 
 def has_doubled(count: int) -> bool:
-    """Tell whether the count of a lasting condition is to be reported: at 1, 2, 4, 8, ..."""
+    """Tell whether the count of a lasting condition has to be reported: at 1, 2, 4, 8, ..."""
     # A power of two has one bit set: a million losses make twenty reports.
     return count.bit_count() == 1

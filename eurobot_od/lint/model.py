@@ -15,6 +15,7 @@ from eurobot_od.od import values
 from eurobot_od.od.description import DescribedDevice, DescribedObject, DescribedVariable
 from eurobot_od.od.document import Document, Entry, Section
 from eurobot_od.od.formats import read
+from eurobot_od.od.keys import TYPED
 from eurobot_od.od.modules import Modules, with_modules
 from eurobot_od.od.values import DataType, Number, PdoDirection, parse_number
 
@@ -38,10 +39,6 @@ class GivenValue(NamedTuple):
     def has_node_id(self) -> bool:
         """Whether its text has `$NODEID` anywhere."""
         return values.NODE_ID in self.entry.value.upper()
-
-
-LIMITS = ("lowlimit", "highlimit")
-VALUES = ("defaultvalue", "parametervalue")
 
 
 MULTIPLEXED = (254, 255)
@@ -193,12 +190,14 @@ class LintedDevice(DescribedDevice):
     @cached_property
     def given(self) -> list[GivenValue]:
         """The limits, defaults and parameter values of all variables with a basic type, those of [xxxxValue] too."""
-        found = [(each, key, each.section.entries.get(key)) for each in self.variables for key in LIMITS + VALUES]
+        found = [(each, key, each.section.entries.get(key)) for each in self.variables for key in TYPED]
         for name, section in self.object_sections:
             head = self.objects[name.object_index].section
             if name.list == "value" and head:
                 variable = DescribedVariable(name.object_index, 1, head)
-                found += [(variable, VALUES[1], each) for key, each in section.entries.items() if key != "nrofentries"]
+                found += [
+                    (variable, "parametervalue", each) for key, each in section.entries.items() if key != "nrofentries"
+                ]
         return [
             GivenValue(variable, variable.type, key, entry, variable.read(entry.value))
             for variable, key, entry in found

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 
 from eurobot_od.lint.file_rules import Check, granularity
 from eurobot_od.lint.findings import Rule, Rules, Violations
-from eurobot_od.lint.model import LIMITS, VALUES, LintedDevice
+from eurobot_od.lint.model import LintedDevice
 from eurobot_od.od import values
 from eurobot_od.od.description import (
     COMPOSED,
@@ -20,6 +20,7 @@ from eurobot_od.od.description import (
     parse_section_name,
 )
 from eurobot_od.od.document import Entry, Section
+from eurobot_od.od.keys import LIMITS, OF_VARIABLE, VALUES
 from eurobot_od.od.standard import DATA_SUBS, KNOWN, Known
 from eurobot_od.od.values import UNSIGNED8, UNSIGNED32, Number, is_standard_number, parse_number
 
@@ -29,7 +30,6 @@ RULES = Rules()
 
 COMPLEX_TYPES = (range(0x20, 0x26), range(0x40, 0x260))
 """Data types of whole records (CiA 301: standard ones; manufacturer's and device profiles')."""
-VALUE_KEYS = ("datatype", "accesstype", "defaultvalue", "pdomapping", "lowlimit", "highlimit", "parametervalue")
 
 
 @RULES.rule("E401", "CiA 306, object description")
@@ -131,7 +131,7 @@ def sub_keys_on_variable(device: LintedDevice) -> Violations:
 def value_keys_on_record(device: LintedDevice) -> Violations:
     """An array or record has no value of its own."""
     for each, section in _composed(device):
-        for key in VALUE_KEYS if not each.compact else ():
+        for key in OF_VARIABLE if not each.compact else ():
             entry = section.entries.get(key)
             # an empty value, or PDOMapping=0, claims nothing that the sub-indices could contradict
             if entry and entry.value and (key != "pdomapping" or entry.value != "0"):

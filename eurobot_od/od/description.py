@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 from eurobot_od.od import values
 from eurobot_od.od.document import Document, Entry, Section
-from eurobot_od.od.keys import COMMISSIONING
+from eurobot_od.od.keys import COMMISSIONING, TYPED
 from eurobot_od.od.values import Number, parse_number
 
 
@@ -66,10 +66,6 @@ def parse_section_name(name: str) -> SectionName | None:
     return SectionName(int(head, 16), int(sub, 16))
 
 
-VALUE_KEYS = ("lowlimit", "highlimit", "defaultvalue", "parametervalue")
-"""The keys, in lower case, whose values are of the variable's type."""
-
-
 class DescribedVariable:
     """A place for a value: a VAR (sub-index 0) or a sub-index, and the section that describes it.
 
@@ -112,7 +108,7 @@ class DescribedVariable:
 
     def number(self, key: str) -> Number | None:
         """Return the number a key (in lower case) has; None without one."""
-        return self.read(self.section.text(key)) if key in VALUE_KEYS else parse_number(self.section.text(key))
+        return self.read(self.section.text(key)) if key in TYPED else parse_number(self.section.text(key))
 
     def read(self, text: str) -> Number | None:
         """Return the number of a value or limit as its type means it: 0xFF is -1 in an INTEGER8, 255 is too large."""

@@ -27,6 +27,13 @@ OBJECT_KEYS = ("SubNumber", "ParameterName", "ObjectType", "DataType", "AccessTy
                "DownloadFile", "Denotation", "ParamRefd")  # fmt: skip
 """The keys of an object, and of a sub-index."""
 
+LIMITS, VALUES = ("lowlimit", "highlimit"), ("defaultvalue", "parametervalue")
+TYPED = (*LIMITS, *VALUES)
+"""Keys whose text goes by the data type, in lower case."""
+
+OF_VARIABLE = ("datatype", "accesstype", "pdomapping", *TYPED)
+"""Keys of what has a value, in lower case; an object with sub-indices has none of them."""
+
 SECTION_KEYS: Mapping[str, tuple[str, ...]] = {
     "FileInfo": (*FILE_INFO, *ORIGIN, "EDSVersion", "LastEDS"),
     "DeviceInfo": (*dict.fromkeys((*DEVICE_INFO, *IDENTITY)), "VendorName", "ProductName", "CompactPDO",

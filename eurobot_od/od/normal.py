@@ -223,8 +223,7 @@ RAW = {"defaultvalue": "default_raw", "parametervalue": "value_raw"}
 """Where canopen keeps the text of a value, also of one that is nothing of its type."""
 
 NUMBERS = ("objecttype", "datatype", "subnumber", "pdomapping", "objflags")
-VALUES = ("lowlimit", "highlimit", "defaultvalue", "parametervalue")
-COMPACT_KEYS = ("compactsubobj", "datatype", "accesstype", "pdomapping", *VALUES)
+COMPACT_KEYS = ("compactsubobj", *keys.OF_VARIABLE)
 """What the section of a compact object says about its sub-indices."""
 
 INFO_TEXTS = ("vendorname", "productname", "ordercode")
@@ -497,7 +496,7 @@ class _Writer:
     def _entry(self, index: int, sub: int | None, key: str, entry: Entry, type_: DataType | None) -> None:
         """Write what an entry says about an object, or of a variable if there is a type."""
         text, spelled = entry.value, keys.SPELLED_OBJECT_KEYS.get(key)
-        if type_ is not None and key in VALUES:
+        if type_ is not None and key in keys.TYPED:
             if key in ENTRIES:
                 limited = type_ if type_.is_integer or type_ in values.REALS else values.UNSIGNED64
                 plain = plain_value(text, limited) if text else None

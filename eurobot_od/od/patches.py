@@ -39,7 +39,6 @@ COMMISSIONINGS = {keys.COMMISSIONING.lower(), "devicecommissioning"}
 SETTINGS = (*COMMISSIONINGS, CONNECTED)
 """Sections of a DCF that count as a whole."""
 
-VALUES = ("lowlimit", "highlimit", "defaultvalue", "parametervalue")
 FILES = ("uploadfile", "downloadfile")
 """Keys of a value that is in a file beside the DCF."""
 
@@ -146,7 +145,7 @@ KEYS: Mapping[str, PatchKey] = {
     "objflags": PatchKey(plain_number, "a number"),
     **dict.fromkeys(FILES, PatchKey(lambda text: text or None, "a file")),
 }
-"""The keys of which the text alone says whether it can be; those of `VALUES` go by the variable's type."""
+"""The keys of which the text alone says whether it can be; those of `keys.TYPED` go by the variable's type."""
 
 OF_A_RECORD = ("parametername", "objecttype", "objflags", "denotation")
 """The keys of an object with sub-indices; the others are of its sub-indices."""
@@ -208,7 +207,7 @@ class _Patching:
             entries.pop(key, None)  # a value and a file at once would leave it to each tool which of them counts
         is_record = sub is None and self._is_record(index, own)
         # The type first: the values go by it, wherever it stands.
-        for key, entry in sorted(own.items(), key=lambda pair: pair[0] in VALUES):
+        for key, entry in sorted(own.items(), key=lambda pair: pair[0] in keys.TYPED):
             if is_record and key not in OF_A_RECORD:
                 what = f"{entry.key}: {each.target} has sub-indices, which are named as 0x{index:04X}:1"
                 raise self._patch.wrong(entry.line, what)
@@ -303,14 +302,14 @@ class _Patching:
         key = name.lower()
         if not is_text(text, self._base.text_encoding):
             raise self._patch.wrong(entry.line, f"{name}: a line of an EDS cannot hold {text!r}")
-        if key in VALUES:
+        if key in keys.TYPED:
             type_ = variable.type or known_type(variable.index, variable.sub)
             plain = _value(text, type_) if type_ and text else text
             allowed = type_.allowed if type_ else ""
         elif key in KEYS:
             plain, allowed = KEYS[key].read(text), KEYS[key].allowed
         else:
-            known = (keys.SPELLED_OBJECT_KEYS[each] for each in (*KEYS, *VALUES))
+            known = (keys.SPELLED_OBJECT_KEYS[each] for each in (*KEYS, *keys.TYPED))
             raise self._patch.wrong(entry.line, str(UnknownName("key", name, known)))
         if plain is None:
             raise self._patch.wrong(entry.line, f"{name} {text!r}: expected {allowed}")
@@ -327,7 +326,7 @@ class _Patching:
         if zero is None:
             said = {"ParameterName": "Highest sub-index supported", "DataType": "0x0005", "AccessType": "ro"}
             self._set(Section(_name(index, 0), whole.section.line, 1, {}), DefaultValue=highest, **said)
-        elif zero.value == (before, False) and zero.value:
+        elif zero.value == (before, False):
             # Only where it was that before: a PDO's mapping record says there how many entries are mapped.
             self._set(zero.section._replace(name=_name(index, 0)), DefaultValue=highest)
         count = len({*subs, 0} - {values.STRUCTURE})

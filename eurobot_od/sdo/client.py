@@ -1,7 +1,7 @@
 """The SDO client: reads or writes one object of a server, expedited, by segments or by blocks (CiA 301, 7.2.4.3).
 
-Rule of this file: answers and the time in seconds go in, requests come out, each 8 bytes; whoever drives a transfer has
-the bus and the clock. What comes from the wire never raises here: it ends the transfer, and `result` says how.
+Answers and the time in seconds go in, requests come out, each of 8 bytes; whoever drives a transfer has the bus and the
+clock. Whatever comes from the wire, nothing raises here: it ends the transfer, and `result` says how.
 
     transfer = upload((0x1018, 1), wait=0.5)
     requests = transfer.start(now)
@@ -10,9 +10,9 @@ the bus and the clock. What comes from the wire never raises here: it ends the t
         requests = transfer.receive(data, now) if it came, else transfer.tick(now)
     content = transfer.result()
 
-The last requests are to be sent too: the end of a block upload, or the abort that tells the server of an odd answer or
-of our time-out. Each kind of transfer is a generator that reads as CiA 301 draws it: it yields requests, is given the
-answer, and returns the object's content with the requests that are left to send.
+The last requests have to be sent, too: the end of a block upload, or the abort that tells the server of an odd answer
+or of our time-out. Each kind of transfer is a generator that reads as CiA 301 draws it: it yields requests, is given
+the answers, and returns the object's content with the requests that are still to be sent.
 """
 
 from __future__ import annotations
@@ -29,14 +29,14 @@ from eurobot_od.sdo.wire import AbortCode, Block, ClientCommand, Initiate, Serve
 from eurobot_od.support.progress import Progress, unwatched
 
 UNANNOUNCED = 1 << 20
-"""Most bytes, or segments, that are taken of an object whose size the server does not give; more would never end."""
+"""Most bytes, or segments, that are taken of an object whose size the server does not give; it could go on for ever."""
 
 FRUITLESS_BLOCKS = 2
-"""This many blocks in a row without their first segment end a transfer: one may be lost, more would go on for ever."""
+"""A transfer ends after this many blocks in a row without their first segment: one may have been lost, but not more."""
 
 
 class TransferError(RemoteError):
-    """A transfer that failed, and the abort `code` of it."""
+    """A transfer that failed, with its abort `code`."""
 
     code: int
 
@@ -50,7 +50,7 @@ class Aborted(TransferError):
 
 
 class OddAnswer(TransferError):
-    """An answer that does not fit its request; `code` is what we abort with."""
+    """An answer that does not fit its request; `code` is the code of our abort."""
 
     def __init__(self, answer: bytes, expected: str, code: AbortCode = AbortCode.UNKNOWN_COMMAND) -> None:
         self.code = code
@@ -58,7 +58,7 @@ class OddAnswer(TransferError):
 
 
 class Silence(TransferError):
-    """No answer came in its time."""
+    """No answer came in time."""
 
     code = AbortCode.TIMEOUT
 
@@ -67,20 +67,20 @@ class Silence(TransferError):
 
 
 class Ended(NamedTuple):
-    """A finished transfer: the object's `content`, empty after a download, and the `requests` left to send."""
+    """A finished transfer: the object's `content`, empty after a download, and the `requests` still to send."""
 
     content: bytes
     requests: list[bytes]
 
 
 ClientSteps: TypeAlias = Generator[list[bytes], bytes, Ended]
-"""A transfer step by step; time-out and abort are thrown into it, and a step may raise OddAnswer."""
+"""The steps of a transfer; time-out and abort are thrown into it, and a step may raise OddAnswer."""
 
 
 class Transfer:
-    """One transfer; `wait` is how many seconds the server has for each answer.
+    """One transfer; the server has `wait` seconds for each answer.
 
-    `deadline` is when to call `tick`, infinite before the transfer starts and when it is `done`.
+    `deadline` is when to call `tick`; it is infinite before the transfer starts and when it is `done`.
     """
 
     def __init__(self, address: Address, steps: ClientSteps, wait: float) -> None:
@@ -101,21 +101,21 @@ class Transfer:
     def receive(self, data: bytes, now: float) -> list[bytes]:
         """Return the requests that follow an answer.
 
-        A frame that is not 8 bytes long is ignored, and so is an abort for another object: it is about a transfer
-        before this one, or about another client's.
+        A frame that is not 8 bytes long is ignored, and so is an abort for another object: it belongs to an earlier
+        transfer, or to another client's.
         """
         if self.done or len(data) != wire.LENGTH:
             return []
         if data[0] == wire.ABORT:
             abort = Initiate.of(data)
-            # A server without a transfer under way, such as ours, names no object: that abort can only be about ours.
+            # A server without a transfer under way, such as ours, names no object: that abort can only be for us.
             if abort.address not in (self._address, wire.NO_TRANSFER):
                 return []
             return self._step(lambda: self._steps.throw(Aborted(abort.number)), now)
         return self._step(lambda: self._steps.send(data), now)
 
     def tick(self, now: float) -> list[bytes]:
-        """Return what is sent after the server's time is over: mostly the abort."""
+        """Return what is sent when the server's time is over, which is usually the abort."""
         return self._step(lambda: self._steps.throw(Silence()), now) if now >= self.deadline else []
 
     def result(self) -> bytes:
@@ -139,9 +139,9 @@ class Transfer:
 
 
 class Room(NamedTuple):
-    """Most bytes of an object: of one whose size the server announces, and of one whose size it does not give.
+    """Most bytes of an object: one whose size the server announces, and one whose size it does not give.
 
-    One that is said to have more, or of which more comes, is an odd answer.
+    An object that is announced as longer, or of which more comes, is an odd answer.
     """
 
     announced: int = wire.LARGEST
@@ -190,9 +190,9 @@ def _upload(address: Address, progress: Progress, room: Room) -> ClientSteps:
     answer = yield [wire.initiate(ClientCommand.UPLOAD << 5, address)]
     initiated = _initiated(answer, ServerCommand.UPLOAD, address)
     if initiated.command & wire.EXPEDITED:
-        return Ended(initiated.rest[: initiated.size], [])  # without a size all four bytes are the value
+        return Ended(initiated.rest[: initiated.size], [])  # without a size, all four bytes are the value
     content, toggle, last, count = bytearray(), 0, 0, 0
-    # A size is optional (CiA 301, 7.2.4.3.6), so that a broken server could send segments until the memory is full.
+    # The size is optional (CiA 301, 7.2.4.3.6): a broken server could send segments until the memory is full.
     most = room.of(answer, initiated.size)
     while not last:
         answer = yield [wire.plain(ClientCommand.UPLOAD_SEGMENT << 5 | toggle)]
@@ -200,7 +200,7 @@ def _upload(address: Address, progress: Progress, room: Room) -> ClientSteps:
         content += wire.part_in(answer)
         last, toggle, count = answer[0] & wire.LAST, toggle ^ wire.TOGGLE, count + 1
         _check_size(answer, content, initiated.size, complete=bool(last))
-        _check_end(answer, max(count - 1, len(content)), most)  # one that is announced as empty has a segment, too
+        _check_end(answer, max(count - 1, len(content)), most)  # one that is announced as empty also has a segment
         progress(len(content), initiated.size)
     return Ended(bytes(content), [])
 
@@ -220,7 +220,7 @@ def _download(address: Address, content: bytes, progress: Progress) -> ClientSte
 
 def _block_upload(address: Address, segments: int, progress: Progress, room: Room) -> ClientSteps:
     # The byte after the block size, the protocol switch threshold, stays 0: the server must not go on by segments
-    # instead (CiA 301, 7.2.4.3.12). A caller that wants a fallback asks for another transfer, and knows it.
+    # instead (CiA 301, 7.2.4.3.12). A caller that wants to fall back starts another transfer, and knows that it did.
     answer = yield [wire.initiate(ClientCommand.BLOCK_UPLOAD << 5 | wire.BLOCK_CRC, address, bytes([segments]))]
     initiated = _initiated(answer, ServerCommand.BLOCK_UPLOAD, address)
     size = initiated.number if initiated.command & wire.BLOCK_SIZE_GIVEN else None
@@ -230,16 +230,16 @@ def _block_upload(address: Address, segments: int, progress: Progress, room: Roo
     while not complete:
         arrived, complete, latest = yield from _receive_block(request, content, segments)
         fruitless = 0 if arrived else fruitless + 1
-        # Not beyond the size: the last segment is counted whole until the end says how much of it is filling.
+        # Not beyond the size: until the end says how much of the last segment is filling, it counts whole.
         progress(len(content) if size is None else min(len(content), size), size)
-        _check_end(latest, len(content) - wire.SEGMENT_SIZE, most)  # up to a segment of it may be filling
+        _check_end(latest, len(content) - wire.SEGMENT_SIZE, most)  # up to one segment of it may be filling
         if fruitless == FRUITLESS_BLOCKS:
             raise OddAnswer(latest, "of a block that begins with segment 1", AbortCode.SEQUENCE_NUMBER)
-        # The number of the last segment in sequence, and what the next block may have: the server repeats from there.
+        # The last segment in sequence and the size of the next block: the server repeats from there.
         request = wire.plain(ClientCommand.BLOCK_UPLOAD << 5 | Block.ACKNOWLEDGE, bytes([arrived, segments]))
     end = yield [request]
     _check(end, ServerCommand.BLOCK_UPLOAD, Block.END)
-    # The last segment is filled up to 7 bytes; the end says how many of them mean nothing (CiA 301, 7.2.4.3.15).
+    # The last segment is filled up to 7 bytes; the end says how many of them are unused (CiA 301, 7.2.4.3.15).
     del content[len(content) - wire.unused_in(end) :]
     _check_size(end, content, size, complete=True)
     if initiated.command & wire.BLOCK_CRC and crc_hqx(content, 0) != wire.crc_in(end):
@@ -252,7 +252,7 @@ def _receive_block(
 ) -> Generator[list[bytes], bytes, tuple[int, bool, bytes]]:
     """Ask for a block and take it in.
 
-    Returns how many segments came in sequence, whether they end with the last of all, and the frame heard last.
+    Returns how many segments came in sequence, whether the last of all is among them, and the frame heard last.
     """
     requests, latest, last = [request], b"", False
     arrived, number, complete = 0, 0, False
@@ -265,14 +265,15 @@ def _receive_block(
                 arrived, complete = number, last
     except Silence:
         # If anything came, only the end of the block is lost, and the acknowledgement makes the server go on. If
-        # nothing did, our request may be lost: the server would take the next one for an answer to the block before.
+        # nothing did, our request may be lost, and the server would take the next one for an answer to the block
+        # before.
         if not latest:
             raise
     return arrived, complete, latest
 
 
 def _block_download(address: Address, content: bytes, progress: Progress) -> ClientSteps:
-    # The size is given although it is optional: a server with little memory can then refuse before the first segment.
+    # The optional size is given, so that a server with little memory can refuse before the first segment.
     command = ClientCommand.BLOCK_DOWNLOAD << 5 | wire.BLOCK_CRC | wire.BLOCK_SIZE_GIVEN
     answer = yield [wire.initiate(command, address, len(content).to_bytes(4, "little"))]
     initiated = _initiated(answer, ServerCommand.BLOCK_DOWNLOAD, address)
@@ -281,7 +282,7 @@ def _block_download(address: Address, content: bytes, progress: Progress) -> Cli
         sent = wire.block(content, place, segments)
         answer = yield sent
         _check(answer, ServerCommand.BLOCK_DOWNLOAD, Block.ACKNOWLEDGE)
-        # A server may change the block size with each acknowledgement, while its buffer is not empty yet, say.
+        # A server may change the block size with each acknowledgement, for example while its buffer is not yet empty.
         arrived, segments = answer[1], _block_size(answer, answer[2])
         fruitless = 0 if arrived else fruitless + 1
         if arrived > len(sent) or fruitless == FRUITLESS_BLOCKS:
@@ -311,7 +312,7 @@ def _check(answer: bytes, specifier: ServerCommand, sub_command: Block = Block.I
 def _initiated(answer: bytes, specifier: ServerCommand, address: Address) -> Initiate:
     _check(answer, specifier)
     initiated = Initiate.of(answer)
-    if initiated.address != address:  # a late answer to a transfer that was given up, say
+    if initiated.address != address:  # a late answer to a transfer that was given up, for example
         raise OddAnswer(answer, f"about {label(address)}", AbortCode.GENERAL)
     return initiated
 
@@ -329,7 +330,7 @@ def _check_end(answer: bytes, moved: int, most: int) -> None:
 
 
 def _check_size(answer: bytes, content: bytearray, size: int | None, complete: bool) -> None:
-    """Refuse a content that is longer than its server said, or, once it is complete, shorter."""
+    """Refuse a content that is longer than its server has announced, or shorter once it is complete."""
     if size is None or len(content) == size or (len(content) < size and not complete):
         return
     code = AbortCode.TOO_LONG if len(content) > size else AbortCode.TOO_SHORT

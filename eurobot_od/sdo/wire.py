@@ -1,4 +1,4 @@
-"""What SDO frames say: command bytes, the forms of requests and answers, and why an access is refused.
+"""SDO frames: command bytes, the forms of requests and answers, and abort codes.
 
 Numbers are those of CiA 301, 7.2.4.3. Both ends use the same functions: what one writes, the other reads.
 """
@@ -15,7 +15,7 @@ LENGTH = 8
 """Bytes of every SDO request and answer; frames of another length are not SDO (CiA 301, 7.2.4.3.1)."""
 
 EXPEDITED_SIZE, SEGMENT_SIZE, BLOCK_SEGMENTS = 4, 7, 127
-"""Most bytes in an expedited transfer and in a segment, most segments in a block."""
+"""Most bytes of an expedited transfer and of a segment, and most segments of a block."""
 
 LARGEST = 1 << 24
 """Most bytes of an object: a few minutes at 1 Mbit/s, and no more memory than any master has."""
@@ -39,7 +39,7 @@ class ClientCommand(IntEnum):
 
 
 class ServerCommand(IntEnum):
-    """Server command specifiers: the upper three bits of an answer's command byte. Not all are the client's."""
+    """Server command specifiers: the upper three bits of an answer's command byte; they differ from the client's."""
 
     UPLOAD_SEGMENT = 0
     DOWNLOAD_SEGMENT = 1
@@ -61,13 +61,13 @@ class Block(IntEnum):
 
 REQUEST_SUB_COMMAND: Mapping[int, int] = {ClientCommand.BLOCK_UPLOAD: 3, ClientCommand.BLOCK_DOWNLOAD: 1}
 ANSWER_SUB_COMMAND: Mapping[int, int] = {ServerCommand.BLOCK_UPLOAD: 1, ServerCommand.BLOCK_DOWNLOAD: 3}
-"""Bits of a command byte that hold the sub-command: one bit where its sender has only two sub-commands."""
+"""The bits of a command byte with the sub-command: one bit if its sender has only two sub-commands."""
 
 ABORT = ClientCommand.ABORT << 5
-"""Command byte of an abort, of either end."""
+"""Command byte of an abort, from either end."""
 
 NO_TRANSFER: Address = (0, 0)
-"""The object in an abort that is about no transfer."""
+"""The object in an abort outside a transfer."""
 
 
 class AbortCode(IntEnum):
@@ -76,7 +76,7 @@ class AbortCode(IntEnum):
     text: str
 
     def __new__(cls, code: int, text: str = "") -> AbortCode:
-        """Make a member of its code and its words."""
+        """Make a member from its code and text."""
         member = int.__new__(cls, code)
         member._value_, member.text = code, text
         return member
@@ -115,12 +115,12 @@ class AbortCode(IntEnum):
 
 
 def reason(code: int) -> str:
-    """Return an abort code in words; devices have codes of their own too."""
+    """Return the text of an abort code; devices may have codes of their own."""
     return AbortCode(code).text if code in set(AbortCode) else "unknown code"
 
 
 def code_and_reason(code: int) -> str:
-    """Return an abort code as a number and in words: `0x06020000 Object does not exist`."""
+    """Return an abort code with its text: `0x06020000 Object does not exist`."""
     return f"0x{code:08X} {reason(code)}"
 
 
@@ -141,16 +141,16 @@ class Initiate(NamedTuple):
 
     @property
     def number(self) -> int:
-        """The four bytes as a number: mostly a size."""
+        """The four bytes as a number, which is usually a size."""
         return int.from_bytes(self.rest, "little")
 
     @property
     def size(self) -> int | None:
-        """How many bytes a transfer other than a block's has, in this frame or later; None if that is not said."""
+        """The number of bytes of a transfer that is not by blocks; None if the frame does not say."""
         if not self.command & SIZE_GIVEN:
             return None
-        # Expedited, two bits count the bytes of the four that are not used; otherwise the four bytes are the size (CiA
-        # 301, 7.2.4.3.3).
+        # In an expedited transfer two bits count the unused bytes of the four; otherwise the four bytes are the size
+        # (CiA 301, 7.2.4.3.3).
         return EXPEDITED_SIZE - (self.command >> 2 & 3) if self.command & EXPEDITED else self.number
 
 
@@ -161,9 +161,9 @@ def initiate(command: int, address: Address, rest: bytes = b"") -> bytes:
 
 
 def carrying(specifier: int, address: Address, content: bytes) -> bytes:
-    """Return an initiate with an object's content if it fits in, else with its size, for segments to follow."""
+    """Return an initiate with an object's content if it fits, or else with its size, for segments to follow."""
     command = specifier << 5 | SIZE_GIVEN
-    # Nothing at all cannot go expedited: the two bits count up to three unused bytes, and here all four would be.
+    # An empty content cannot be expedited: the two bits count up to three unused bytes, and here all four would be.
     if 1 <= len(content) <= EXPEDITED_SIZE:
         return initiate(command | EXPEDITED | EXPEDITED_SIZE - len(content) << 2, address, content)
     return initiate(command, address, len(content).to_bytes(4, "little"))
@@ -183,7 +183,7 @@ def plain(command: int, rest: bytes = b"") -> bytes:
 
 
 def segments_of(content: bytes) -> range:
-    """Return where each segment of a content begins; an empty one has one segment too."""
+    """Return where each segment of a content begins; an empty content has one segment, too."""
     return range(0, max(len(content), 1), SEGMENT_SIZE)
 
 
@@ -193,22 +193,22 @@ def segment(specifier: int, toggle: int, part: bytes, last: bool) -> bytes:
 
 
 def next_segment(specifier: int, content: bytes, at: int) -> bytes:
-    """Return the segment that begins at a place of a content; the toggle bit is that of its number."""
+    """Return the segment that begins at a place in a content, with the toggle bit of its number."""
     end, toggle = at + SEGMENT_SIZE, TOGGLE * (at // SEGMENT_SIZE & 1)
-    if end < len(content):  # written out: most segments are like this one
+    if end < len(content):  # written out: most segments are of this kind
         return bytes((specifier << 5 | toggle,)) + content[at:end]
     return segment(specifier, toggle, content[at:end], last=True)
 
 
 def part_in(data: bytes) -> bytes:
-    """Return what a segment of a segmented transfer carries."""
+    """Return the content of a segment of a segmented transfer."""
     return data[1 : LENGTH - (data[0] >> 1 & 7)]
 
 
 def block(content: bytes, at: int, segments: int) -> list[bytes]:
-    """Return the segments of a block that begins at a place of a content, numbered from 1."""
+    """Return the segments of the block that begins at a place in a content, numbered from 1."""
     places = segments_of(content)[at // SEGMENT_SIZE :][:segments]
-    # Only the end of the whole content is marked as last: a block that ends earlier has just run out of numbers.
+    # Only the end of the whole content is marked as last: a block that ends earlier has merely run out of numbers.
     last = places[-1] + SEGMENT_SIZE >= len(content)
     return [
         plain(number | BLOCK_LAST * (last and number == len(places)), content[place : place + SEGMENT_SIZE])
@@ -218,16 +218,16 @@ def block(content: bytes, at: int, segments: int) -> list[bytes]:
 
 def block_end(specifier: int, content: bytes, crc: int) -> bytes:
     """Return the end of a block transfer, which tells how many bytes of the last segment are unused."""
-    # An empty content has a segment as well, with all of its seven bytes unused.
+    # An empty content has a segment, too, with all seven bytes unused.
     unused = len(segments_of(content)) * SEGMENT_SIZE - len(content)
     return plain(specifier << 5 | unused << 2 | Block.END, crc.to_bytes(2, "little"))
 
 
 def unused_in(data: bytes) -> int:
-    """Return how many bytes of the last segment are unused, by the end of a block transfer."""
+    """Return how many bytes of the last segment are unused, from the end of a block transfer."""
     return data[0] >> 2 & 7
 
 
 def crc_in(data: bytes) -> int:
-    """Return the CRC in the end of a block transfer."""
+    """Return the CRC at the end of a block transfer."""
     return int.from_bytes(data[1:3], "little")

@@ -124,8 +124,9 @@ class Season:
                 with nullcontext() if progress is None else _watched(connection, progress):
                     self._confine(connection)
                     answer = connection.sql(query, params=named or None)
-                    # One row more than allowed, to see that there are more.
-                    rows = pl.DataFrame() if answer is None else _as_text(answer).limit(MOST_ROWS + 1).pl()
+                    rows: pl.DataFrame = pl.DataFrame()
+                    if answer is not None:  # one row more than allowed, to see that there are more
+                        rows = _as_text(answer).limit(MOST_ROWS + 1).pl()
             except (duckdb.Error, pl.exceptions.PolarsError, pa.ArrowException, NotImplementedError) as error:
                 known = f"; tables: {', '.join([*self.files, MESSAGES])}" if "Table with name" in str(error) else ""
                 # What follows in DuckDB's further lines is the query, with a mark below it.

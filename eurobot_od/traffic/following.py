@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from functools import lru_cache
 
-from eurobot_od.device.guarding import TOGGLE
+from eurobot_od.device.nmt import TOGGLE
 from eurobot_od.frame import Frame
 from eurobot_od.traffic import network_words
 from eurobot_od.traffic.entries import REMEMBERED, Damage, Raw

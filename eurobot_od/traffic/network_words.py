@@ -7,8 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
-from eurobot_od.device.guarding import TOGGLE
-from eurobot_od.device.nmt import ALL_NODES, COMMAND_NAMES, STATE_NAMES
+from eurobot_od.device.nmt import ALL_NODES, COMMAND_NAMES, STATE_NAMES, TOGGLE
 from eurobot_od.od.lss import (
     ANY_BIT,
     AUTOMATIC,

@@ -87,7 +87,7 @@ def _finish(file: Path, journal: Path) -> None:
     """Make the log of its journal, which is then removed."""
     import can
 
-    from eurobot_od.traffic.formats.binary import write_table
+    from eurobot_od.traffic.formats.python_can import write_table
 
     with can.LogReader(journal) as messages:
         if file.suffix.lower() == TABLE:

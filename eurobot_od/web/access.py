@@ -1,8 +1,8 @@
-"""Who may see the page, judged by the headers of a request before anything else is looked at.
+"""Decides who may see the page, from the headers of a request, before anything else is looked at.
 
-Rule of this file: no socket. Any other web page that is open in the same browser can send requests here, even
-under a host name of its own that it lets resolve to this machine (DNS rebinding). So the Host header must be an
-address or the configured name, and the Origin, which no page can forge, must be this page.
+There is no socket in here. Any other web page that is open in the same browser can send requests to this server, even
+under a host name of its own that resolves to this machine (DNS rebinding). So the Host header must be an address or the
+configured name, and the Origin, which a page cannot forge, must be this page.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ TOKEN = "token"
 LOCAL_NAME = "localhost"
 
 EVERYWHERE = {"0.0.0.0": "127.0.0.1", "::": "::1"}
-"""The name in the printed address of a server that listens at all addresses."""
+"""The name to print for a server that listens at all addresses."""
 
 
 class Denial(NamedTuple):
@@ -36,25 +36,25 @@ class AccessRules(NamedTuple):
     token: str = ""
 
     def address(self, listening: Sequence[Any]) -> str:
-        """Return what to type into a browser for a server at a socket's address."""
-        host, port, *_ = listening  # two more numbers in IPv6
+        """Return the address to type into a browser for a server at a socket's address."""
+        host, port, *_ = listening  # IPv6 has two more numbers
         host = EVERYWHERE.get(host, host)
         named = f"[{host}]" if ":" in host else host
         return f"http://{named}:{port}/" + (f"?{TOKEN}={self.token}" if self.token else "")
 
     def refusal(self, headers: Mapping[str, str], shown: str, upgrade: bool = False) -> Denial | None:
-        """Say why a request is refused, None if it is not; `shown` is the token that came with it.
+        """Return why a request is refused, None if it is not; `shown` is the token that came with it.
 
         A websocket (`upgrade`) needs an Origin: browsers always send it.
         """
         host, origin = headers.get("Host", ""), headers.get("Origin")
         name = host.rpartition(":")[0] if host.rpartition(":")[2].isdecimal() else host
-        # Any address will do: another page's host name can be made to resolve to us, an address cannot.
+        # Any address will do: another page's host name can be made to resolve to this machine, an address cannot.
         if name.lower() not in (LOCAL_NAME, self.host.lower()) and not _is_address(name.strip("[]")):
             return Denial(HTTPStatus.FORBIDDEN, f"Host {host[:60]!r} is not this server: use the printed address")
         if origin != f"http://{host}" and (upgrade or origin is not None):
             return Denial(HTTPStatus.FORBIDDEN, f"Origin {(origin or '')[:60]!r} is another page, not http://{host}")
-        # In constant time: how long it takes must not say how much of the token was right.
+        # In constant time: the time it takes must not tell how much of the token was right.
         if self.token and not hmac.compare_digest(shown.encode(errors="replace"), self.token.encode()):
             return Denial(HTTPStatus.UNAUTHORIZED, "the token is missing or wrong: use the address that was printed")
         return None
@@ -69,5 +69,5 @@ def _is_address(text: str) -> bool:
 
 
 def is_local(host: str) -> bool:
-    """Whether only this machine reaches a server that listens at a host."""
+    """Tell whether only this machine can reach a server that listens at a host."""
     return host == LOCAL_NAME or (_is_address(host) and ip_address(host).is_loopback)

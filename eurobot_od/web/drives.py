@@ -1,7 +1,8 @@
-"""Drives of CiA 402 on the page: what it knows of them, and what it may have them do.
+"""Drives of CiA 402 on the page: what the page knows of them, and what it may command.
 
-Rule of this file: who holds a jog's button has to say so again and again. A page that has gone, or whose connection
-hangs, does not; then the drive is halted. That is no safety function: it takes a server, a bus and a drive that work.
+Rule of this file: a browser that holds down a jog's button has to say so again and again. A page that is closed, or
+whose connection hangs, does not, and the drive is halted. This is not a safety function: it takes a server, a bus and a
+drive that work.
 """
 
 from __future__ import annotations
@@ -21,10 +22,10 @@ from eurobot_od.od.values import UNSIGNED16
 from eurobot_od.sdo.wire import ClientCommand, carrying
 
 HELD = 0.6
-"""Seconds that a jog goes on after its button was last said to be held."""
+"""Seconds that a jog goes on after its button was last reported as held."""
 
 LOOK = 0.1
-"""Seconds between two looks whether it still is."""
+"""Seconds between two checks of that."""
 
 SHOWN: Mapping[str, int] = {
     "statusword": cia402.STATUSWORD,
@@ -33,7 +34,7 @@ SHOWN: Mapping[str, int] = {
     "velocity": cia402.VELOCITY,
     "error": cia402.ERROR_CODE,
 }
-"""The objects that the page reads again and again of the axis that it shows."""
+"""The objects that the page polls for the axis that it shows."""
 
 COMMANDS: Mapping[str, Callable[[Drive402], None]] = {
     "enable": Drive402.enable,
@@ -45,19 +46,19 @@ COMMANDS: Mapping[str, Callable[[Drive402], None]] = {
 
 
 class AxisAddress(NamedTuple):
-    """An axis of a drive, by its node-ID and its number from 1."""
+    """An axis of a drive, by its node-ID and its number from 1 on."""
 
     node_id: int
     number: int
 
     @property
     def offset(self) -> int:
-        """What its objects' indices are higher than the first axis'."""
+        """The difference of its objects' indices from those of the first axis."""
         return (self.number - 1) * cia402.AXIS_STEP
 
 
 def axes_of(dictionary: Dictionary) -> list[AxisAddress]:
-    """Return the axes of a device that says in 0x1000 that it is a drive; none of another one."""
+    """Return the axes of a device that is a drive by its 0x1000; an empty list for any other device."""
     if profile_of(dictionary.objects) != cia402.PROFILE:
         return []
     all_of_them = (AxisAddress(dictionary.node_id, number) for number in range(1, cia402.MOST_AXES + 1))
@@ -65,7 +66,7 @@ def axes_of(dictionary: Dictionary) -> list[AxisAddress]:
 
 
 def drive_data(dictionary: Dictionary) -> dict[str, Any] | None:
-    """Return what the page knows of a drive before the first answer, None of a device that is none."""
+    """Return what the page knows of a drive before the first answer, None if the device is not a drive."""
     axes = axes_of(dictionary)
     if not axes:
         return None
@@ -85,7 +86,7 @@ def machine_data() -> dict[str, Any]:
 
 
 def quick_stops(master: Master, axes: Iterable[AxisAddress]) -> Iterator[Frame]:
-    """Yield the frames that write Quick stop into controlwords, for who waits for no transfer, and for no answer."""
+    """Yield the frames that write Quick stop into controlwords, for a caller that does not wait for transfers."""
     content = UNSIGNED16.write(cia402.DriveCommand.QUICK_STOP.bits)
     for each in axes:
         data = carrying(ClientCommand.DOWNLOAD, (cia402.CONTROLWORD + each.offset, 0), content)
@@ -93,9 +94,9 @@ def quick_stops(master: Master, axes: Iterable[AxisAddress]) -> Iterator[Frame]:
 
 
 class Drives:
-    """The drives of a network as the page commands them; `clock` gives the time in s.
+    """The drives of a network as the page commands them; `clock` gives the time in seconds.
 
-    All but `hold` and `stopped` wait for the drive, and are to be called one after the other.
+    All methods but `hold` and `stopped` wait for the drive, and must be called one after the other.
     """
 
     def __init__(self, master: Master, dictionaries: Iterable[Dictionary], clock: Callable[[], float]) -> None:
@@ -106,7 +107,7 @@ class Drives:
         self._stops = 0
 
     def axis(self, node_id: int, number: object) -> AxisAddress:
-        """Return an axis; raises LocalError if there is no such one."""
+        """Return an axis; raises LocalError if there is none."""
         found = next((each for each in self.axes if (each.node_id, each.number) == (node_id, number)), None)
         if found is None:
             raise LocalError(f"node {node_id} has no axis {number} of CiA 402")
@@ -117,7 +118,7 @@ class Drives:
         return Drive402(node, self._dictionaries[axis.node_id], axis.number)
 
     def command(self, axis: AxisAddress, name: str) -> None:
-        """Carry out a command; raises UnknownName, DriveError, and what SDO transfers raise."""
+        """Carry out a command; raises UnknownName, DriveError, and the errors of SDO transfers."""
         if name not in COMMANDS:
             raise UnknownName("command of a drive", name, COMMANDS)
         self._jogs.pop(axis, None)
@@ -127,8 +128,8 @@ class Drives:
         """Turn at a velocity in the drive's units while `hold` is called; raises LocalError if it is not enabled."""
         drive = self._drive(axis)
         if (state := drive.state) is not State.ENABLED:
-            raise LocalError(f"enable the drive first: it is in {state.words if state else 'no state'}")
-        # Entered before it turns: should an answer get lost, it is halted all the same.
+            raise LocalError(f"enable the drive first: it is in {state.words if state else 'an unknown state'}")
+        # Entered before it turns: even if an answer is lost, it will be halted.
         self._jogs[axis] = self._clock() + HELD
         self._unless_stopped(axis, lambda each: setattr(each, "velocity", velocity))
 
@@ -137,25 +138,25 @@ class Drives:
         try:
             act(drive)
         finally:
-            if self._stops != before:  # what was still on its way when somebody stopped it has no right any more
+            if self._stops != before:  # somebody has stopped the drive meanwhile
                 drive.quick_stop()
 
     def hold(self, axis: AxisAddress) -> None:
-        """Let a jog go on for a while; one that has ended stays so."""
+        """Let a jog go on for a while; one that has ended is not resumed."""
         if axis in self._jogs:
             self._jogs[axis] = self._clock() + HELD
 
     def stopped(self) -> None:
-        """Note that everything was stopped past all that waits."""
+        """Note that everything was stopped, past whatever is waiting."""
         self._stops += 1
         self._jogs.clear()
 
     def overdue(self) -> bool:
-        """Tell whether nobody holds a jog's button any more."""
+        """Tell whether a jog's button is no longer held."""
         return any(end <= self._clock() for end in list(self._jogs.values()))
 
     def end_overdue(self) -> None:
-        """Halt the axes whose button nobody holds; one that does not answer is asked again the next time."""
+        """Halt the axes whose button is no longer held; one that does not answer is asked again the next time."""
         for axis, end in list(self._jogs.items()):
             if end <= self._clock():
                 try:

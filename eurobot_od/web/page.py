@@ -1,6 +1,6 @@
-"""The page as one HTML file: nothing is loaded from elsewhere, and nothing runs in it but the scripts written here.
+"""The page as one HTML file: nothing is loaded from elsewhere, and only our own scripts run in it.
 
-Rule of this file: what comes from files and buses gets into the page as JSON only, in which no `<` is left; a content
+Rule of this file: whatever comes from files and buses gets into the page only as JSON without any `<`; a content
 security policy names the scripts and styles by their hashes.
 """
 
@@ -20,13 +20,13 @@ from eurobot_od.web.panel import Panel
 
 FILES = Path(__file__).with_name("files")
 STYLES = ("uplot.css", "page.css")
-SCRIPTS = ("uplot.js", "page.js", "drive.js")  # in this order: each uses those before it
+SCRIPTS = ("uplot.js", "page.js", "drive.js")  # in this order: each uses the ones before it
 
 PART = re.compile(r"\{\{(\w+)\}\}")
-"""A place of `page.html` that is filled in."""
+"""A place in `page.html` to be filled in."""
 
 POLICY = re.compile(r'<meta http-equiv="Content-Security-Policy" content="([^"]*)">')
-"""Where a page says what may be loaded and run in it."""
+"""The place where a page says what may be loaded and run in it."""
 
 NOTHING = "default-src 'none'; base-uri 'none'; form-action 'none'"
 """The policy of a page in which nothing may be loaded or run."""
@@ -39,7 +39,7 @@ def page(
     styles = [*(_read(FILES / name) for name in STYLES), *(panel.style for panel in panels)]
     scripts = [*(_read(FILES / name) for name in SCRIPTS), *(panel.script for panel in panels)]
     content = {"title": title, "sources": sources, "panels": panels_described(panels), **settings}
-    # By hashes: with 'unsafe-inline' whatever slipped into the page could run as well.
+    # By hashes: with 'unsafe-inline', anything that slipped into the page could run as well.
     allowed = f"script-src {_hashes(scripts)}; style-src {_hashes(styles)}; img-src data: blob:; connect-src 'self'"
     parts = {
         "policy": f"{NOTHING}; {allowed}",
@@ -47,7 +47,7 @@ def page(
         "icon": base64.b64encode((FILES / "icon.svg").read_bytes()).decode(),
         "styles": "\n".join(f"<style>{each}</style>" for each in styles),
         "scripts": "\n".join(f"<script>{each}</script>" for each in scripts),
-        # Without `<` no text of a file or a bus can end the script element that it stands in.
+        # Without `<`, no text from a file or a bus can end the script element that it is in.
         "content": json.dumps(content, separators=(",", ":"), ensure_ascii=False).replace("<", "\\u003c"),
     }
     # In one pass: a content with `{{title}}` in it stays as it is.

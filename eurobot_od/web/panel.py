@@ -13,10 +13,10 @@ from eurobot_od.traffic.meaning import Meaning
 
 
 class PageEvent(NamedTuple):
-    """Something that happened at a `time` in s, until `end` if it lasts; one with the same `key` takes its place.
+    """Something that happened at a `time` in seconds, or until `end`; a later one with the same `key` replaces it.
 
-    `kind` is what kind of thing it is, `text` says it, `mark` is a short sign of it, `wrong` whether it counts as
-    trouble. `data` is for the script of the panel that made it.
+    `kind` is what kind of thing it is, `text` describes it, `mark` is a short sign for it, `wrong` tells whether it
+    counts as trouble. `data` is for the script of the panel that made it.
     """
 
     key: str
@@ -30,7 +30,7 @@ class PageEvent(NamedTuple):
 
 
 class Beside(NamedTuple):
-    """What was not on the bus: events, and rows as the page has them."""
+    """What was not on the bus: events, and rows in the form of the page."""
 
     events: Sequence[PageEvent] = ()
     rows: Sequence[dict[str, Any]] = ()
@@ -46,14 +46,14 @@ class Control(typing.Protocol):
         """Send a message; raises BusError."""
 
     def is_as_in_its_file(self, node: str) -> bool:
-        """Tell whether a node has the revision number of its EDS; one that does not answer SDO is believed."""
+        """Tell whether a node has the revision number of its EDS; one that does not answer SDO is trusted."""
 
 
 class Panel:
     """A view of the page for networks that have certain messages; one object follows one source.
 
     `script` and `style` are written into the page: the script calls `panel(name, make)`, see `files/page.js`. `stop` is
-    the message that the button Stop sends, `` if that is left to NMT. `plan` is the message that carries out a plan, ``
+    the message of the button Stop, empty if that is left to NMT. `plan` is the message that carries out a plan, empty
     if there is none: Stop takes whoever sends it out of OPERATIONAL.
     """
 
@@ -66,7 +66,7 @@ class Panel:
 
     @classmethod
     def fits(cls, protocol: Protocol) -> bool:
-        """Tell whether a network has what there is to see."""
+        """Tell whether a network has what the panel shows."""
         raise NotImplementedError
 
     @classmethod
@@ -76,7 +76,7 @@ class Panel:
 
     @classmethod
     def beside(cls, log: Path) -> Beside:  # noqa: ARG003 (for those that override it)
-        """Return what is kept beside a log, with times from its first frame; raises LocalError for what is damaged."""
+        """Return what is kept beside a log, with times from its first frame; raises LocalError for damage."""
         return NOTHING_BESIDE
 
     @classmethod
@@ -89,9 +89,9 @@ class Panel:
         raise NotImplementedError
 
     def objection(self, message: Message, control: Control) -> str:
-        """Say why a message must not be sent from the page now, '' if it may be.
+        """Return why a message must not be sent from the page now, empty if it may be sent.
 
-        It is called by another thread than `take`, and may wait for answers.
+        It is called on another thread than `take`, and may wait for answers.
         """
         return ""
 

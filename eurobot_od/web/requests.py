@@ -1,7 +1,7 @@
-"""What the page may ask for: each request a row of a table, checked as the command line checks it.
+"""What the page may ask for: each request is a row of a table, checked as the command line would check it.
 
-Rule of this file: whatever comes from a browser is answered, and never raises. What acts on the bus is done only if the
-server was started with control.
+Rule of this file: whatever comes from a browser is answered, and never raises. A request that acts on the bus is done
+only if the server was started with control.
 """
 
 from __future__ import annotations
@@ -13,10 +13,12 @@ from enum import Enum
 from functools import partial
 from math import isfinite
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
+
+from canopen.objectdictionary import ObjectDictionary, ODVariable
 
 from eurobot_od.client.configure import read_object
-from eurobot_od.client.history import history
+from eurobot_od.client.emergencies import read_history
 from eurobot_od.client.master import Master, RemoteNode
 from eurobot_od.device.nmt import ALL_NODES, COMMAND_NAMES, NmtCommand
 from eurobot_od.errors import EurobotError, LocalError, RemoteError, UnknownName
@@ -27,25 +29,19 @@ from eurobot_od.od.standard import REVISION
 from eurobot_od.od.values import DOMAIN, NMT_COB_ID, NODE_IDS, Value, label
 from eurobot_od.pdo.message import Message
 from eurobot_od.pdo.written import parse
-from eurobot_od.web import polled
 from eurobot_od.web.drives import LOOK, AxisAddress, Drives, quick_stops
-from eurobot_od.web.polled import PolledObject
-from eurobot_od.web.session import Session
-
-if TYPE_CHECKING:
-    from canopen.objectdictionary import ObjectDictionary, ODVariable
-
+from eurobot_od.web.session import MOST_POLLED, POLL_PERIOD, POLLED_FOR, PolledObject, Session
 
 Arguments = Mapping[str, Any]
-"""What a request says besides its name."""
+"""The fields of a request besides its name."""
 
 COMMANDS = {COMMAND_NAMES[command]: command for command in NmtCommand}
 
 
 class Requests:
-    """Answers what browsers ask of a session; `control` says whether they may act on the bus.
+    """Answers what browsers ask of a session; `control` tells whether they may act on the bus.
 
-    `stop` is the message of the button Stop, `` for NMT stop of all nodes; recordings are written in `folder`.
+    `stop` is the message of the button Stop, empty for NMT stop of all nodes; recordings are written in `folder`.
     """
 
     def __init__(self, session: Session, folder: Path, control: bool = False, stop: str = "") -> None:
@@ -74,13 +70,13 @@ class Requests:
             if way is Way.AT_ONCE:
                 return json.dumps({"re": number, "ok": done()})
             return json.dumps({"re": number, "ok": await (self._ask if way is Way.ASKS else asyncio.to_thread)(done)})
-        except (ValueError, RecursionError):  # RecursionError: of brackets in brackets
+        except (ValueError, RecursionError):  # RecursionError: too many nested brackets
             return json.dumps({"re": number, "error": "a request is JSON"})
         except (EurobotError, OSError) as error:
             return json.dumps({"re": number, "error": str(error)})
 
     async def _ask(self, question: Callable[[], Any]) -> Any:
-        """Do what talks to nodes, one transfer after the other; a stop never waits for that."""
+        """Do something that talks to nodes, one transfer after the other; a stop never waits for that."""
         async with self._one_at_a_time:
             return await asyncio.to_thread(question)
 
@@ -91,8 +87,8 @@ class Requests:
             self.session.polled = {key: each for key, each in self.session.polled.items() if each.wanted_until > now}
             for each in self.session.polled.values():
                 await self._ask(partial(self._read_polled, each))
-                each.turn = self.session.turn + 1  # also for a browser that has been sent the present turn already
-            await asyncio.sleep(polled.PERIOD)
+                each.turn = self.session.turn + 1  # also for a browser that already has the present turn
+            await asyncio.sleep(POLL_PERIOD)
 
     def _read_polled(self, each: PolledObject) -> None:
         try:
@@ -109,7 +105,7 @@ class Requests:
 
     def _node_id(self, name: str) -> int:
         named = {each.name: each.node_id for each in self.session.decoder.dictionaries}
-        # `node 5` is what the page calls one that no file describes.
+        # `node 5` is the page's name for a node that no file describes.
         number = int(name.removeprefix("node ")) if name.removeprefix("node ").isdecimal() else None
         if number in NODE_IDS:
             return int(name.removeprefix("node "))
@@ -131,7 +127,7 @@ class Requests:
         known, listed = self._objects(self._node(said).node_id), []
         for thing in objects.all_objects(known) if known is not None else ():
             type_, is_limited = objects.data_type(thing), (thing.min, thing.max) != (None, None)
-            limits = objects.limits(thing) if is_limited else None  # those of the type alone say nothing new
+            limits = objects.limits(thing) if is_limited else None  # those of the type alone tell nothing new
             listed.append(
                 {
                     "object": label(objects.address_of(thing)),
@@ -157,24 +153,24 @@ class Requests:
         """Read the errors that a node remembers, newest first."""
         node = self._node(said)
         words = self.session.decoder.errors.of(node.node_id)
-        return [f"0x{each.code:04X} {words(each.code)}" for each in history(node).entries]
+        return [f"0x{each.code:04X} {words(each.code)}" for each in read_history(node).entries]
 
     def watch(self, said: Arguments) -> str:
         """Read an object for a while from now on, for plots; returns its key in snapshots."""
         node, thing = self._object(said)
         key = f"{_text(said, 'node')} {label(objects.address_of(thing))}"
-        if key not in self.session.polled and len(self.session.polled) >= polled.MOST:
-            raise LocalError(f"{polled.MOST} objects are read again and again already: leave another one out first")
+        if key not in self.session.polled and len(self.session.polled) >= MOST_POLLED:
+            raise LocalError(f"{MOST_POLLED} objects are read again and again already: leave another one out first")
         each = self.session.polled.get(key) or PolledObject(node.node_id, thing)
-        each.wanted_until = self.session.now + polled.WANTED
-        # A new dict, as `poll` may be on its way through the old one in another thread.
+        each.wanted_until = self.session.now + POLLED_FOR
+        # A new dict, as `poll` may be iterating over the old one on another thread.
         self.session.polled = {**self.session.polled, key: each}
         return key
 
     # What acts on the bus
 
     def send(self, said: Arguments) -> str:
-        """Send a message, its fields as a person writes them."""
+        """Send a message, with its fields as a person writes them."""
         fields = said.get("fields", {})
         if not isinstance(fields, dict) or not all(isinstance(each, str) for each in fields.values()):
             raise LocalError("fields are texts by name")
@@ -191,7 +187,7 @@ class Requests:
         self._send(self.session.decoder.protocol.encode(message))
 
     def is_as_in_its_file(self, node: str) -> bool:
-        """Tell whether a node has the revision number of its EDS; one that does not answer SDO is believed."""
+        """Tell whether a node has the revision number of its EDS; one that does not answer SDO is trusted."""
         dictionary = next(each for each in self.session.decoder.dictionaries if each.name == node)
         try:
             theirs = self.master.node(self._node_id(node)).upload(REVISION)
@@ -219,33 +215,33 @@ class Requests:
             return self._stop_devices()
         protocol, stop = self.session.decoder.protocol, {"message": self.stop_message}
         plans = [protocol.binding(panel.plan) for panel in self.session.panels if panel.plan]
-        leaders = list(dict.fromkeys(node for plan in plans for node in plan.senders))  # who carries out a plan
+        leaders = list(dict.fromkeys(node for plan in plans for node in plan.senders))  # who carry out a plan
         if not leaders:
             return self.send(stop)
         self.send(stop)
         for node in leaders:
-            # PRE-OPERATIONAL and not STOPPED: it sends no plan's messages there either, and still answers SDO.
+            # PRE-OPERATIONAL and not STOPPED: it does not send a plan's messages there either, but still answers SDO.
             self._send_nmt(NmtCommand.ENTER_PRE_OPERATIONAL, self._node_id(node))
-        # Once more: what a leader had in its mailbox when it heard of it goes out after the first stop.
+        # Once more: what such a node had in its mailbox when it heard the command goes out after the first stop.
         return f"{', '.join(leaders)} held until NMT start or reset; {self.send(stop)}"
 
     def _stop_devices(self) -> str:
-        """Quick-stop the drives, and stop all other nodes by NMT, which need not stop a motor (CiA 301, 7.3.2.2.4)."""
+        """Quick-stop the drives and stop all other nodes by NMT, which may not stop a motor (CiA 301, 7.3.2.2.4)."""
         if not self.drives.axes:
             return self._send_nmt(NmtCommand.STOP, ALL_NODES)
         self.drives.stopped()
         sent = [self._send(each) for each in quick_stops(self.master, self.drives.axes)]
         drives = {each.node_id for each in self.drives.axes}
-        # The drives stay as they are: stopped by NMT they would no longer say by SDO whether they stand.
+        # The drives keep their NMT state: once stopped, they could no longer report by SDO whether they stand.
         others = [each.node_id for each in self.session.decoder.dictionaries if each.node_id not in drives]
         return ", ".join([*sent, *(self._send_nmt(NmtCommand.STOP, each) for each in others)])
 
     def write(self, said: Arguments) -> None:
-        """Write an object of a node; what its file does not allow is not sent."""
+        """Write an object of a node; a value that its file does not allow is not sent."""
         node, thing = self._object(said)
         value = objects.parse(thing, _text(said, "value"))
         if not objects.is_described(thing):
-            raise LocalError(f"{label(objects.address_of(thing))} is in no EDS, so that its length is not known")
+            raise LocalError(f"{label(objects.address_of(thing))} is not in an EDS, so its length is unknown")
         node.download(objects.address_of(thing), objects.encode(thing, value), thing.qualname)
 
     # Drives of CiA 402
@@ -258,18 +254,18 @@ class Requests:
         self.drives.command(self._axis(said), _text(said, "command"))
 
     def jog(self, said: Arguments) -> None:
-        """Turn a drive for as long as the page says that the button is held."""
+        """Turn a drive for as long as the page reports the button as held."""
         velocity = said.get("velocity")
         if not isinstance(velocity, int) or isinstance(velocity, bool):
-            raise LocalError("velocity is missing, or no whole number")
+            raise LocalError("velocity is missing, or not a whole number")
         self.drives.jog(self._axis(said), velocity)
 
     def hold(self, said: Arguments) -> None:
-        """Say that the button of a jog is still held."""
+        """Report the button of a jog as still held."""
         self.drives.hold(self._axis(said))
 
     async def end_jogs(self) -> None:
-        """Halt the drives whose button nobody holds any more, again and again."""
+        """Halt the drives whose button is no longer held, again and again."""
         while True:
             if self.drives.overdue():
                 await self._ask(self.drives.end_overdue)
@@ -295,7 +291,7 @@ class Way(Enum):
 
 
 class PageRequest(NamedTuple):
-    """What is done for a request, how, and whether it acts on the bus, which takes control."""
+    """The function of a request, how it is done, and whether it acts on the bus, which takes control."""
 
     function: Callable[[Requests, Arguments], Any]
     way: Way = Way.ASKS
@@ -322,7 +318,7 @@ REQUESTS: Mapping[str, PageRequest] = {
 def _text(said: Arguments, name: str) -> str:
     value = said.get(name)
     if not isinstance(value, str):
-        raise LocalError(f"{name} is missing, or no text")
+        raise LocalError(f"{name} is missing, or not a text")
     return value
 
 

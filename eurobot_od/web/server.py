@@ -1,6 +1,6 @@
 """The server: the page at `/`, what is new at `/live`, a finished recording at `/recording/NAME`; and nothing else.
 
-Rule of this file: a browser is given what it has room for. Nothing here waits for one but its own task.
+Rule of this file: a browser is sent only what it has room for. Nothing in here waits for a browser except its own task.
 """
 
 from __future__ import annotations
@@ -21,24 +21,24 @@ from eurobot_od.web.page import NOTHING, policy_of
 from eurobot_od.web.requests import Requests
 
 PERIOD = 0.05
-"""Seconds from one snapshot to the next, and between two looks at the bus."""
+"""Seconds between two snapshots, and between two looks at the bus."""
 
 MOST_OWED = 2
-"""Snapshots that a browser may not have confirmed yet when the next one is due; with more it is left out."""
+"""Most snapshots that a browser may owe a confirmation for when the next one is due; with more it is left out."""
 
 MOST_PENDING = 32
-"""Requests of one browser that may be under way."""
+"""Most requests of one browser that may be under way."""
 
 MOST_BROWSERS = 40
 
 LONGEST_REQUEST = 1 << 16
-"""Bytes of the longest request of a page, and of the longest body of an HTTP request, which is not read."""
+"""Most bytes of a page's request, and of the body of an HTTP request, which is not read."""
 
 SILENCE = 20.0
-"""Seconds after which a browser that answers no ping is gone."""
+"""Seconds after which a browser that does not answer a ping counts as gone."""
 
 UNFRAMED = "frame-ancestors 'none'"
-"""The part of a policy that only a header can say, not the page itself."""
+"""The part of a policy that works only in a header, not in the page itself."""
 
 HEADERS = {
     "Cache-Control": "no-store",
@@ -56,11 +56,11 @@ Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 
 @asynccontextmanager
 async def served(page: str, access: AccessRules, port: int, requests: Requests | None = None) -> AsyncIterator[str]:
-    """Serve a page, and the bus that it shows if it shows one; gives its address.
+    """Serve a page, and the bus if it shows one; gives the address.
 
-    `port` 0 is any that is free. Raises LocalError if it cannot be had.
+    With `port` 0 it takes any free port. Raises LocalError if it cannot have the port.
     """
-    logging.getLogger("aiohttp").addHandler(logging.NullHandler())  # what it would print may have a token in it
+    logging.getLogger("aiohttp").addHandler(logging.NullHandler())  # its output may contain the token
     server = _Server(page, access, requests)
     runner = web.AppRunner(server.application(), access_log=None, handle_signals=False, shutdown_timeout=1.0)
     await runner.setup()
@@ -79,13 +79,13 @@ async def served(page: str, access: AccessRules, port: int, requests: Requests |
             task.cancel()
         ended = await asyncio.gather(*tasks, return_exceptions=True)
         await runner.cleanup()
-        for failure in ended:  # raised when the port is free again
+        for failure in ended:  # raised once the port is free again
             if isinstance(failure, Exception):
                 raise failure
 
 
 def _end_with(server: asyncio.Task[Any] | None, task: asyncio.Task[None]) -> None:
-    # A page that stands still because its task has failed would look like a bus that is silent.
+    # A page that stands still because its task has failed would look like a silent bus.
     if server is not None and not task.cancelled() and task.exception():
         server.cancel()
 
@@ -96,7 +96,7 @@ class _Server:
         self._browsers: set[web.WebSocketResponse] = set()
 
     def application(self) -> web.Application:
-        # The guard is asked before any handler, also about paths that do not exist.
+        # The guard is asked before any handler, even about paths that do not exist.
         application = web.Application(middlewares=[self._guard], client_max_size=LONGEST_REQUEST)
         application.router.add_get("/", self._show)
         if self._requests is not None:
@@ -108,10 +108,10 @@ class _Server:
                 response.headers.setdefault(name, value)
 
         async def say_goodbye(_: web.Application) -> None:
-            # Of a copy: each that is closed takes itself out.
+            # Of a copy, as each one that is closed removes itself.
             await asyncio.gather(*(each.close() for each in set(self._browsers)), return_exceptions=True)
 
-        application.on_response_prepare.append(add_headers)  # of every answer, refusals and errors too
+        application.on_response_prepare.append(add_headers)  # for every answer, including refusals and errors
         application.on_shutdown.append(say_goodbye)
         return application
 
@@ -140,14 +140,14 @@ class _Server:
         if TOKEN not in request.query:
             policy = {"Content-Security-Policy": f"{policy_of(self._page)}; {UNFRAMED}"}
             return web.Response(text=self._page, content_type="text/html", headers=policy)
-        # kept by the browser where no script gets at it, and out of its address line and history
+        # The browser keeps it where no script gets at it, and out of its address line and history.
         response = web.Response(status=303, headers={"Location": "/"})
         response.set_cookie(TOKEN, self._access.token, httponly=True, samesite="Strict")
         return response
 
     async def _recording(self, request: web.Request) -> web.StreamResponse:
         assert self._requests is not None
-        # Looked up, and not joined to the folder's path: so no name leads out of it.
+        # Looked up, not joined to the folder's path, so that no name leads out of the folder.
         known = {each.name: each for each in self._requests.folder.iterdir()}
         file: Path | None = known.get(request.match_info["name"])
         if file is None:
@@ -214,7 +214,7 @@ class _Browser:
                 self._owed = [each for each in self._owed if each > int(text[:12])]
             elif len(self._pending) < MOST_PENDING:
                 task = asyncio.create_task(self._answer(text))
-                self._pending.add(task)  # asyncio itself keeps no task alive
+                self._pending.add(task)  # asyncio itself does not keep a task alive
                 task.add_done_callback(self._pending.discard)
 
     async def _answer(self, text: str) -> None:

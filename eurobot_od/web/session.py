@@ -1,6 +1,6 @@
-"""The live bus as the page shows it: takes in every frame, and says what has changed since any moment.
+"""The live bus as the page shows it: takes in every frame, and tells what has changed since any moment.
 
-Rule of this file: one thread calls everything here but the methods of `tap`; `poll` never waits.
+Rule of this file: one thread calls everything here except the methods of `tap`; `poll` never waits.
 """
 
 from __future__ import annotations
@@ -9,8 +9,12 @@ import json
 import time
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack, suppress
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import can
+from canopen.objectdictionary import ODVariable
 
 from eurobot_od.errors import LocalError
 from eurobot_od.frame import Frame
@@ -22,24 +26,57 @@ from eurobot_od.traffic.monitor.traffic import Traffic
 from eurobot_od.traffic.recorder import recording
 from eurobot_od.web.content import defects, event_data, values
 from eurobot_od.web.panel import PageEvent, Panel, service_events
-from eurobot_od.web.polled import PolledObject
 from eurobot_od.web.tap import Tap
 
-if TYPE_CHECKING:
-    import can
+# Objects that are polled by SDO, for plots
+
+
+POLL_PERIOD = 0.25
+"""Seconds between two readings of all polled objects."""
+
+MOST_POLLED = 16
+"""Most objects that are polled at once, for all browsers together."""
+
+
+POLLED_FOR = 15.0
+"""Seconds for which an object is polled after a request; a page that still plots it asks again before that."""
+
+
+@dataclass
+class PolledObject:
+    """An object of a node, its last value with the time of reading it, and until when it is read.
+
+    `turn` is the session's turn of the last reading, for snapshots.
+    """
+
+    node_id: int
+    thing: ODVariable
+    time: float = 0.0
+    value: Any = None
+    trouble: str = ""
+    turn: int = -1
+    wanted_until: float = 0.0
+
+    def shown(self) -> dict[str, Any]:
+        """Return it as data."""
+        return {"time": round(self.time, 4), "value": self.value, "trouble": self.trouble}
+
+
+# The session
+
 
 MOST_EVENTS = 2000
-"""Events that are kept; the oldest make room."""
+"""Most events that are kept; the oldest make room."""
 
 MOST_RECORDED = 10_000_000
-"""Frames of a recording, about half a gigabyte; it ends there by itself."""
+"""Most frames of a recording, about half a gigabyte; it then ends by itself."""
 
 
 class Session:
-    """A bus that is watched. `open_bus` opens it, here and whenever it is lost; raises BusError here.
+    """A bus that is watched.
 
-    `now` counts the seconds since then. `trouble` is what is wrong with the bus, `` while all is well, `panels` are
-    what is shown beside frames.
+    `open_bus` opens it, now and whenever it is lost; raises BusError now. `now` counts the seconds since then.
+    `trouble` is what is wrong with the bus, empty while all is well; `panels` are shown beside the frames.
     """
 
     def __init__(
@@ -69,7 +106,7 @@ class Session:
 
     @property
     def now(self) -> float:
-        """The present in s since the start."""
+        """The present time in seconds since the start."""
         return self._clock() - self._started
 
     @property
@@ -105,14 +142,14 @@ class Session:
                     self._enter(event)
 
     def _enter(self, event: PageEvent) -> None:
-        self._events.pop(event.key, None)  # what has changed is the newest
+        self._events.pop(event.key, None)  # an event that has changed becomes the newest
         self._events[event.key] = self.turn, event
         if len(self._events) > MOST_EVENTS:
             del self._events[next(iter(self._events))]
 
     def close(self) -> None:
-        """Let the bus go, end a recording; raises OSError if that cannot be written to its end, BusError."""
-        with ExitStack() as leaving:  # one that fails keeps no other from its end
+        """Let go of the bus and end a recording; raises OSError if that cannot be finished, BusError."""
+        with ExitStack() as leaving:  # if one fails, the others are still closed
             leaving.callback(self.tap.shutdown)
             leaving.callback(self._source.close)
             self._recording.stop()
@@ -120,7 +157,7 @@ class Session:
     # What is shown
 
     def snapshot(self, since: int, **more: object) -> str:
-        """Write as JSON what has changed after a `turn`, -1 for all of it."""
+        """Return as JSON what has changed after a `turn`, -1 for everything."""
         load, rate = self._load
         now = self.now
         head = {
@@ -146,11 +183,11 @@ class Session:
             **more,
         }
         rows = ",".join(self._row(key) for key, turn in self._changed.items() if turn > since)
-        # Put together by hand: a row is text already, made once for all browsers.
+        # Put together by hand: a row is already text, made once for all browsers.
         return f'{json.dumps(head)[:-1]}, "rows": [{rows}]}}'
 
     def _row(self, key: int | Damage) -> str:
-        """Write a row; for all browsers once."""
+        """Return a row as JSON, made once for all browsers."""
         row = self._traffic.rows[key]
         count, text = self._written.get(key, (0, ""))
         if count == row.count:
@@ -176,7 +213,7 @@ class Session:
     # Recording
 
     def record(self, folder: Path) -> None:
-        """Start to write every frame to a log in a folder; raises LocalError if that is being done already."""
+        """Start to write every frame to a log in a folder; raises LocalError if a recording is under way."""
         self._recording.start(folder)
 
     def stop_recording(self) -> None:
@@ -213,7 +250,7 @@ class LogRecording:
                 self.stop()
         except OSError as error:  # a full disk ends the recording and nothing else
             self._trouble = f"the recording has ended: {error}"
-            with suppress(OSError):  # of the same disk
+            with suppress(OSError):  # on the same disk
                 self.stop()
 
     def stop(self) -> None:

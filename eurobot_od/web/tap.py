@@ -1,6 +1,6 @@
-"""A second bus on one adapter: for a master that asks nodes while another reader takes every frame.
+"""A second bus on one adapter, for a master that asks nodes while another reader takes every frame.
 
-Rule of this file: one thread at a time sends, as few drivers allow two. What waits for the master is bounded: it takes
+Only one thread at a time sends, as few drivers allow two. The frames that wait for the master are bounded: it takes
 frames only while it asks for something, and other masters may be on the bus all day.
 """
 
@@ -18,19 +18,19 @@ from eurobot_od.frame import Frame
 from eurobot_od.od.values import NODE_IDS, SDO_RESPONSE_BASE
 
 DEFAULT_ANSWERS = frozenset(SDO_RESPONSE_BASE + node for node in NODE_IDS)
-"""COB-IDs of SDO answers, where no file says others."""
+"""COB-IDs of SDO answers where no file gives others."""
 
 MOST_WAITING = 1000
-"""Frames that wait for the master; the oldest make room."""
+"""Most frames that wait for the master; the oldest make room."""
 
 PATIENCE = 0.5
-"""Seconds that the driver has to take a frame."""
+"""Seconds that the driver has to accept a frame."""
 
 
 class Tap(can.BusABC):
-    """What a master may treat as a bus: it sends by another's `send`, and receives what it is given.
+    """A bus for a master: it sends by another's `send`, and receives what it is given.
 
-    It is given the SDO answers, `moved` being the COB-IDs of those that a file has moved. While there is `trouble` with
+    It is given the SDO answers; `moved` are the COB-IDs of those that a file has moved. While there is `trouble` with
     the bus, sending raises it as a BusError.
     """
 
@@ -48,7 +48,7 @@ class Tap(can.BusABC):
         if frame.cob_id not in self._wanted or frame.is_remote:
             return
         message = can.Message(arbitration_id=frame.cob_id, data=frame.data, is_extended_id=False)
-        with suppress(Full):  # only this thread puts something in
+        with suppress(Full):  # only this thread puts anything in
             if self._came.full():
                 with suppress(Empty):  # the master was quicker
                     self._came.get_nowait()

@@ -19,7 +19,7 @@ from eurobot_od.check.vocabulary import Networks
 from eurobot_od.device.simulated import SimulatedDevice
 from eurobot_od.frame import Frame, RemoteFrame
 from eurobot_od.od.dictionary import Dictionary
-from tests.check.conformance.devices import IO_MODULE, NODE_ID, of_kind
+from tests.kit.devices import IO_MODULE, NODE_ID, of_kind
 
 TEXT = """
 spec: 1

@@ -109,32 +109,6 @@ def test_another_program_reads_the_junit_report() -> None:
     assert "came 5 ms" in str(failed.result[0].text)
 
 
-def test_tap_has_a_line_for_each_step() -> None:
-    lines = list(report.tap(ALL))
-    assert [line for line in lines if not line.startswith(" ")] == [
-        "TAP version 13",
-        "ok 1 - the drive: prepared",
-        "not ok 2 - the drive: <it> arrives & stays no.  here",
-        "ok 3 - the drive: the rest # SKIP a step before failed",
-        "not ok 4 - the drive: broken off",
-        "ok 5 - bytes # SKIP it is for another dialect",
-        "not ok 6 - the core: asked",
-        "Bail out! the bus can0 failed: gone",
-        "1..6",
-    ]
-    assert "          time: expected 0 ms, came 5 ms" in lines
-
-
-def test_tap_says_where_a_red_step_stands() -> None:
-    lines = list(report.tap([RED]))
-    assert lines[lines.index("  ---") : lines.index("  message: |") + 1] == [
-        "  ---",
-        '  file: "drive.yaml"',
-        "  line: 7",
-        "  message: |",
-    ]
-
-
 def test_green_and_skipped_steps_are_counted() -> None:
     assert [report.folded(each) for each in ALL] == ["1 ok, 1 skipped", "", ""]
 

@@ -35,6 +35,19 @@ TEXT = """\
     11.250000  can0  Heartbeat                     drive, operational
 """
 
+PLAIN = {
+    # a frame of a bus of which there is no file, and what it is without a robot: by number, CiA 301's predefined set
+    "080#": "SYNC",
+    "181#3702": "PDO 0x181, 2 bytes            37 02",
+    "701#05": "Heartbeat                     node 1, operational",
+    "000#0105": "NMT                           start, node 5",
+    "605#4000100000000000": "SDO                           node 5, read 0x1000:00",
+    "085#1081010000000000": "EMCY                          node 5, 0x8110 overrun, register 0x01, 00 00 00 00 00",
+    "100#C0A80C051234": "TIME                          2020-06-30 23:31:55.712",
+    "7E5#0401000000000000": "LSS                           all devices into state configuration",
+    "181#R": "PDO 0x181                     remote frame: asks for it",
+}
+
 SCRIPT = [sys.executable, "-m", "eurobot_od", "decode"]
 
 DAMAGED = [
@@ -81,6 +94,20 @@ def damaged(tmp_path: Path) -> Path:
 def test_text(good: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.main(["decode", str(good)]) == 0
     assert capsys.readouterr() == (TEXT, "")
+
+
+@pytest.mark.parametrize("words", [[cli.WORKBENCH], [cli.PROGRAM, "--robot", "none"]])
+def test_a_bus_of_which_there_is_no_file(
+    words: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    program, *options = words
+    monkeypatch.setattr(sys, "argv", [program])
+    monkeypatch.chdir(tmp_path)
+    Path("plain.log").write_text("".join(f"({n}.0) can0 {frame}\n" for n, frame in enumerate(PLAIN)))
+    assert cli.main(["decode", "plain.log", "--strict", *options]) == 0
+    said, complaint = capsys.readouterr()
+    assert [line.partition("can0  ")[2] for line in said.splitlines()] == [*PLAIN.values()]
+    assert complaint == ""
 
 
 def test_several_logs_are_told_apart(good: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -20,7 +20,19 @@ def test_it_names_what_is_installed_and_says_whether_something_is_wrong(capsys: 
     assert f"package    python-can {version('python-can')}" in lines
     assert any(line.startswith("drivers    ") and "virtual" in line for line in lines)
     assert {line.split()[0] for line in lines if line} <= {
-        *("eurobot-od", "package", "extra", "interface", "drivers", "no", "socketcan", "adapter", "wrong", "nothing"),
+        *(
+            "eurobot-od",
+            "package",
+            "extra",
+            "robot",
+            "interface",
+            "drivers",
+            "no",
+            "socketcan",
+            "adapter",
+            "wrong",
+            "nothing",
+        ),
     }
     assert (lines[-1] == "nothing is wrong") is not any(line.startswith("wrong") for line in lines)
     assert (said.status, said.err) == (0 if lines[-1] == "nothing is wrong" else 1, "")

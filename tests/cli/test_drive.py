@@ -10,8 +10,8 @@ import pytest
 
 from eurobot_od.bus.live import Live
 from eurobot_od.cli import drive as command
-from eurobot_od.device.drive import SimulatedDrive
 from eurobot_od.device.faults.drive import FAULTS
+from eurobot_od.device.profiles.devices import SimulatedDrive
 from tests.cli.console import Said, run
 from tests.cli.processes import PATIENCE, line, node, serve_bus
 from tests.cli.processes import command as process
@@ -64,8 +64,8 @@ WRONG = [
     (["home", "--velocity", "5"], "--velocity is for `drive move`"),
     (["move", "5", "--method", "35"], "--method is for `drive home`"),
     (["move", "5", "--for", "1 s"], "--for is for `drive jog`"),
-    (["home", "--method", "16"], "16 is no homing method of CiA 402"),
-    (["move", "99999999999"], "99999999999 is none of 0x607A: -2147483648..2147483647"),
+    (["home", "--method", "16"], "16 is not a homing method of CiA 402"),
+    (["move", "99999999999"], "99999999999 does not fit 0x607A: -2147483648..2147483647"),
 ]
 
 

@@ -14,7 +14,7 @@ def test_all_faults_are_listed_by_node(capsys: pytest.CaptureFixture[str]) -> No
     said = run(capsys, "faults")
     lines = said.out.splitlines()
     assert said.status == 0
-    nodes = ["core:", "drive:", "navigation:", "any node:", "any drive of CiA 402:", "any I/O module of CiA 401:"]
+    nodes = ["core:", "drive:", "navigation:", "any node:", "any drive of CiA 402:"]
     assert [line for line in lines if line.endswith(":")] == nodes
     assert [line.split()[0] for line in lines if line.startswith("  ")] == ROBOT.fault_names()
 

@@ -1,4 +1,4 @@
-"""The command `eurobot-od` itself: its overview, its exit statuses, and that help costs nothing."""
+"""The two programs themselves: their overview, their exit statuses, and that help costs nothing."""
 
 from __future__ import annotations
 
@@ -56,6 +56,45 @@ def test_every_command_explains_itself(capsys: pytest.CaptureFixture[str], comma
     said = run(capsys, command, "--help")
     assert said.status == 0
     assert said.out.startswith(f"usage: eurobot-od {command}")
+
+
+NAMED = [
+    # what is typed after `canopen-workbench`, and the line that names it
+    (["--version"], "canopen-workbench 1."),
+    (["--help"], "`canopen-workbench COMMAND --help` explains it."),
+    (["show", "--help"], "usage: canopen-workbench show "),
+    (
+        ["show", "--nonsense"],
+        "canopen-workbench show: error: unrecognized arguments: --nonsense; see canopen-workbench",
+    ),
+    (["nonsense"], "canopen-workbench: unknown command 'nonsense'"),
+    (["match"], "canopen-workbench: unknown command 'match'"),
+    (["--robot"], "canopen-workbench: error: argument --robot: expected one argument"),
+    (["decode", "nowhere.log"], "canopen-workbench: nowhere.log: No such file"),
+    (["show"], "canopen-workbench: which devices? Name them by --eds or --network, or a robot by --robot"),
+    (["node"], "canopen-workbench: which node?"),
+    (["check"], "canopen-workbench: which suites? "),
+    (["show", "--robot", "nobody"], "canopen-workbench: unknown robot 'nobody'; known: eurobot2014"),
+]
+
+
+@pytest.mark.parametrize(("words", "named"), NAMED)
+def test_what_is_printed_names_the_program_that_was_started(
+    words: list[str], named: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sys, "argv", [cli.WORKBENCH])
+    said = run(capsys, *words)
+    assert any(line.startswith(named) for line in (said.out + said.err).splitlines()), said
+    assert "eurobot-od" not in (said.out + said.err).replace("eurobot-od.yaml", "")
+
+
+def test_the_workbench_has_a_robot_s_commands_where_one_is_named(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sys, "argv", [cli.WORKBENCH])
+    assert "match" not in run(capsys, "--help").out
+    assert "\nEurobot 2014:\n  match " in run(capsys, "--help", "--robot", "eurobot2014").out
+    assert run(capsys, "show", "Goto XY", "--robot", "eurobot2014").out.startswith("Goto XY  COB-ID 0x008")
 
 
 @pytest.mark.parametrize(

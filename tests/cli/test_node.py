@@ -348,21 +348,26 @@ def test_all_devices_of_a_network_run_in_one_process_and_are_booted(
         assert devices.wait(PATIENCE) == 130
 
 
-def test_a_node_of_the_robot_is_one_wherever_its_file_is(capsys: pytest.CaptureFixture[str]) -> None:
-    folder = str(dialects.folder("canopen"))
-    said = run(capsys, "node", "drive", "--network", folder, "--duration", "1 ms", "-i", "virtual")
+def test_a_node_of_the_robot_that_is_named_is_one_wherever_its_file_is(capsys: pytest.CaptureFixture[str]) -> None:
+    files = "--network", str(dialects.folder("canopen")), "--robot", "eurobot2014"
+    said = run(capsys, "node", "drive", *files, "--duration", "1 ms", "-i", "virtual")
     assert said.out.startswith("drive (node-ID 2)")
-    said = run(capsys, "node", "drive", "--network", folder, "--set", "0x1017=5")
+    said = run(capsys, "node", "drive", *files, "--set", "0x1017=5")
     assert said.complaint == "eurobot-od: unknown fact '0x1017'; known: body, match, field, barriers, tasks, robots"
 
 
+ROBOT = ("--robot", "eurobot2014")
 WRONG_DEVICES = [
     (["--set", "Colour=1"], "unknown object 'Colour'"),
     (["--set", "Set point"], "--set Set point: write OBJECT=VALUE"),
     (["--set", "Set point=40000"], "0x2100:0: Set point = 40000 is not allowed; allowed: -32768..32767"),
     (["--set", "Channel=1"], "'Channel' is not one object but a record of "),
-    (["--team", "red"], "--team is for the core, not for devices that are none of the robot's"),
-    (["--fault", "goto-not-confirmed"], "the fault goto-not-confirmed is one of the drive, not of other devices"),
+    (["--team", "red", *ROBOT], "--team is for the core, not for devices that are none of the robot's"),
+    (
+        ["--fault", "goto-not-confirmed", *ROBOT],
+        "the fault goto-not-confirmed is one of the drive, not of other devices",
+    ),
+    (["--fault", "goto-not-confirmed"], "unknown fault 'goto-not-confirmed'"),
     (["motor"], "unknown node 'motor'; known: module"),
 ]
 

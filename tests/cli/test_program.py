@@ -41,7 +41,7 @@ def file(tmp_path: Path) -> Path:
                 1,
                 "",
                 "eurobot-od: 0x1F51:1 Program control says: stopped; node 9: the program is written and does not run; "
-                "eurobot-od write 9 0x1F51:1 1 starts it, or download it again\n",
+                "`write 9 0x1F51:1 1` starts it, or download it again\n",
             ),
         ),
     ],

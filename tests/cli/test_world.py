@@ -21,8 +21,8 @@ from eurobot_od.robot.model import robot_file
 from eurobot_od.robot.model.places import Point
 from eurobot_od.robot.model.values import Source, TeamColour
 from eurobot_od.robot.nodes import Navigation
-from eurobot_od.robot.world.beacons import SimulatedBeacons
 from eurobot_od.robot.world.channel import WorldAddress
+from eurobot_od.robot.world.instruments import SimulatedBeacons
 from eurobot_od.robot.world.remote import RemoteVehicle
 from eurobot_od.support.address import Address
 from tests.cli.console import run

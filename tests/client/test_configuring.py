@@ -29,6 +29,7 @@ from eurobot_od.support.progress import Progress, unwatched
 from tests.client.peers import DRIVE, EDS, master_on, open_bus, robot, stock_drive
 from tests.conftest import with_entry
 from tests.eds_text import DEVICE_TYPE, variable
+from tests.rows import rows
 
 NOW = datetime(2014, 5, 28, 12, 0, 1)
 NOW_BYTES = [(11105).to_bytes(4, "little"), (43_201_000).to_bytes(4, "little")]
@@ -269,8 +270,8 @@ def test_a_node_that_did_not_store_is_told(make: Callable[..., Description], eds
 # Which objects
 
 
-@pytest.mark.parametrize(
-    ("index", "is_one"),
+@rows(
+    "index, is_one",
     [
         (0x1002, True),
         (0x1003, False),  # a history
@@ -306,8 +307,8 @@ def test_what_cannot_be_written_is_no_parameter(tmp_path: Path) -> None:
 # The file is wrong
 
 
-@pytest.mark.parametrize(
-    ("make_arguments", "told"),
+@rows(
+    "make_arguments, told",
     [
         ({"node_id": 5}, "is for node 5, not for node 2"),
         ({"eds": (EDS / "navigation.eds").read_text()}, "is for another device: node 2 has product code 0x2, not 0x3"),
@@ -358,7 +359,7 @@ CUTS = {str(share): part(share) for share in (0.001, 0.01, 0.1, 0.3, 0.5, 0.7, 0
 }
 
 
-@pytest.mark.parametrize("cut", CUTS.values(), ids=CUTS.keys())
+@rows("cut", CUTS.values())
 def test_a_file_that_was_cut_off_is_refused(make: Callable[..., Description], cut: Callable[[str], str]) -> None:
     with stock_drive() as (channel, _), master_on(channel) as master, pytest.raises(DictionaryError):
         configure(master.node(2), make(NEW, change=cut), NOW)
@@ -367,7 +368,7 @@ def test_a_file_that_was_cut_off_is_refused(make: Callable[..., Description], cu
 # The node is wrong
 
 
-@pytest.mark.parametrize("place", range(len(ORDER)))
+@rows("place", range(len(ORDER)))
 def test_a_refusal_anywhere_leaves_the_node_as_it_was(make: Callable[..., Description], place: int) -> None:
     with stock_drive() as (channel, node), master_on(channel) as master:
         Writes(node).refused.add(place)
@@ -379,7 +380,7 @@ def test_a_refusal_anywhere_leaves_the_node_as_it_was(make: Callable[..., Descri
     assert str(told.value).endswith("; node 2 has its former values again and is pre-operational")
 
 
-@pytest.mark.parametrize("place", range(1, len(ORDER)))
+@rows("place", range(1, len(ORDER)))
 def test_silence_anywhere_names_what_is_written_and_what_is_not(
     make: Callable[..., Description], monkeypatch: pytest.MonkeyPatch, place: int
 ) -> None:

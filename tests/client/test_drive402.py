@@ -11,8 +11,8 @@ import pytest
 
 from eurobot_od.bus.live import Live
 from eurobot_od.client.network import AsyncNetwork, SimulatedNetwork, simulated
-from eurobot_od.device.drive import SimulatedDrive
 from eurobot_od.device.faults.drive import FAULTS
+from eurobot_od.device.profiles.devices import SimulatedDrive
 from eurobot_od.errors import DriveError, LocalError, NodeRefused
 from eurobot_od.od.profiles.cia402 import State
 from tests.client.peers import new_channel, open_bus
@@ -150,7 +150,7 @@ def test_ctrl_c_halts_a_motion() -> None:
 
 @pytest.mark.parametrize("method", [15, 99])
 def test_what_is_no_homing_method_is_refused_here(method: int) -> None:
-    with drive() as network, pytest.raises(LocalError, match="no homing method"):
+    with drive() as network, pytest.raises(LocalError, match="not a homing method"):
         network[5].drive402.home(method)
 
 

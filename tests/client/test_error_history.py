@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from eurobot_od.client.history import History, RememberedError, clear, history
+from eurobot_od.client.emergencies import History, RememberedError, clear_history, read_history
 from eurobot_od.errors import NodeRefused
 from tests.client.peers import master_on, robot, stock_drive
 
@@ -16,9 +16,9 @@ def test_errors_are_read_newest_first_and_cleared() -> None:
         node.set_data(0x1003, 2, (0xFF02).to_bytes(4, "little"))
         node.set_data(0x1001, 0, b"\x11")
         remote = master.node(2)
-        found = history(remote)
-        clear(remote)
-        assert history(remote).entries == []
+        found = read_history(remote)
+        clear_history(remote)
+        assert read_history(remote).entries == []
     assert found == History(0x11, [RememberedError(0x8220, 7), RememberedError(0xFF02, 0)])
     assert found.register_bits == ["generic error", "communication"]
 
@@ -26,6 +26,6 @@ def test_errors_are_read_newest_first_and_cleared() -> None:
 def test_our_node_has_no_error_at_first_and_refuses_nonsense() -> None:
     with robot("drive") as channel, master_on(channel) as master:
         node = master.node(2)
-        assert history(node) == History(0, [])
+        assert read_history(node) == History(0, [])
         with pytest.raises(NodeRefused):
             node.download((0x1003, 0), b"\1")

@@ -15,7 +15,7 @@ from eurobot_od.client.masters import LoopMaster, OwnFeed, PeriodicTask, SharedF
 from eurobot_od.device.nmt import NmtCommand, NmtState
 from eurobot_od.errors import BusError
 from eurobot_od.frame import Frame
-from tests.bus.live.loose import LONG, Cable
+from tests.bus.live.loose import LONG, Cable, until
 from tests.client.peers import new_channel, open_bus
 from tests.client.servo import live_servos
 
@@ -34,9 +34,7 @@ def test_a_bus_that_is_lost_is_told_and_opened_again_and_what_was_periodic_goes_
         with pytest.raises(BusError, match="pulled out"):
             master.send(0x100, b"")
         cable.error = None
-        master._changed.acquire()
-        assert master._changed.wait_for(lambda: master.failure is None, LONG)
-        master._changed.release()
+        until(lambda: master.failure is None)
         while other.recv(0) is not None:  # what was sent before
             pass
         assert {message.arbitration_id for _ in range(3) if (message := other.recv(LONG))} == {0x080}

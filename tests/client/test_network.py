@@ -42,6 +42,7 @@ from tests.client.peers import new_channel, open_bus
 from tests.client.servo import DCF, DOCS, EDS, SERVO, live_servos, servo
 from tests.client.wired import wired
 from tests.eds_text import DEVICE_TYPE, record, variable
+from tests.rows import rows
 
 VELOCITY = "Velocity actual value"
 
@@ -78,7 +79,7 @@ SERVERS = [
 ]
 
 
-@pytest.mark.parametrize(("requests", "answers", "server"), SERVERS)
+@rows("requests, answers, server", SERVERS)
 def test_a_file_s_sdo_server_is_where_the_device_serves_and_the_master_asks(
     requests: tuple[str, str], answers: tuple[str, str], server: tuple[int, int]
 ) -> None:
@@ -177,7 +178,7 @@ WRONG: list[tuple[Callable[[RemoteDevice], object], type[EurobotError], str]] = 
 ]
 
 
-@pytest.mark.parametrize(("call", "kind", "text"), WRONG)
+@rows("call, kind, text", WRONG)
 def test_what_goes_wrong_names_node_object_and_cause(
     call: Callable[[RemoteDevice], object], kind: type[EurobotError], text: str
 ) -> None:
@@ -430,7 +431,7 @@ def test_an_open_bus_and_a_canopen_network_are_shared_and_stay_open() -> None:
         node = theirs.add_node(canopen.RemoteNode(5, SERVO.objects))
         assert node.sdo["Profile velocity"].raw == 900
         theirs.disconnect()
-    with pytest.raises(LocalError, match=r"no connected canopen\.Network"):
+    with pytest.raises(LocalError, match=r"nor a connected canopen\.Network"):
         Network.open(canopen.Network())
 
 

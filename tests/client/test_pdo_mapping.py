@@ -9,8 +9,8 @@ import pytest
 
 from eurobot_od.client.network import SimulatedNetwork
 from eurobot_od.client.pdo_mapping import map_objects, mapping_entries
-from eurobot_od.client.pdo_parameters import pdo_parameters
 from eurobot_od.client.remote_device import RemoteDevice
+from eurobot_od.client.remote_pdos import pdo_parameters
 from eurobot_od.errors import ConfigurationError, LocalError
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.objects import find_one
@@ -73,7 +73,7 @@ def test_a_node_that_keeps_another_mapping_is_told(node: RemoteDevice, monkeypat
 UNFIT = [
     (["Name"], "0x2003:0 Name cannot be mapped: its file says so"),
     (["Hidden"], "0x2005:0 Hidden cannot be mapped: its file says so"),
-    (["Mode"], "0x2004:0 Mode is rww, which no TPDO carries"),
+    (["Mode"], "0x2004:0 Mode is rww, which a TPDO cannot carry"),
     (["Energy", "Speed"], "80 bits are mapped, a PDO has at most 64"),
 ]
 

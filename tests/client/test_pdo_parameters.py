@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from eurobot_od.client.pdo_parameters import pdo_parameters
+from eurobot_od.client.remote_pdos import pdo_parameters
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.pdo.catalogue import NOTHING
 from eurobot_od.pdo.protocol import Protocol

@@ -13,6 +13,7 @@ from eurobot_od.errors import BusError, ProgramError
 from eurobot_od.od.dictionary import Dictionary
 from tests.client.flash import NODE_ID, FlashDevice, Trouble, eds
 from tests.client.wired import wired
+from tests.rows import rows
 
 PROGRAM = bytes(range(256)) * 20
 IDENTITY = b"""\
@@ -62,7 +63,7 @@ def test_an_identification_that_is_no_crc_is_left_alone_where_that_is_said() -> 
 
 STATE = "Data cannot be transferred or stored to the application because of the present device state (0x08000022)"
 CONTROL, STATUS = "0x1F51:1 Program control", "0x1F57:1 Flash status identification"
-START = "eurobot-od write 9 0x1F51:1 1 starts it"
+START = "`write 9 0x1F51:1 1` starts it"
 MAY_BE_STOPPED = f"its program may be stopped; {START} again"
 MAY_BE_CLEARED = f"its program is stopped and may be cleared: download it again, or, if it is still there, {START}"
 DOES_NOT_RUN = f"the program is written and does not run; {START}, or download it again"
@@ -84,7 +85,7 @@ BAD = [
     (Trouble(error_after=0x1F50, error=42), f"{STATUS} says: error 42",
      "it is stopped without a whole program: download it again"),
     (Trouble(identification=7),
-     "0x1F56:1 Program software identification is 0x7, which is no CRC of the file (CRC-32 0x670222CB, "
+     "0x1F56:1 Program software identification is 0x7, which is not a CRC of the file (CRC-32 0x670222CB, "
      "CRC-16 (start value 0) 0x7557, CRC-16 (start value 0xFFFF) 0xBA8)", NOT_STARTED),
     (Trouble(refuses=1), f"node 9 refused to write {CONTROL} (START): {STATE}",
      DOES_NOT_RUN),
@@ -93,7 +94,7 @@ BAD = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize(("trouble", "why", "state"), BAD)
+@rows("trouble, why, state", BAD)
 def test_a_failure_says_why_and_in_which_state_the_node_is(trouble: Trouble, why: str, state: str) -> None:
     with wired(FlashDevice(trouble)) as master, pytest.raises(ProgramError) as failed:
         load(master.node(NODE_ID), PROGRAM)

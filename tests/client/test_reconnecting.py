@@ -8,9 +8,8 @@ from itertools import islice
 import can
 import pytest
 
-from eurobot_od.client.master import Master
+from eurobot_od.client.master import Master, Reconnecting
 from eurobot_od.client.producing import produce, syncs
-from eurobot_od.client.reconnecting import Reconnecting
 from eurobot_od.client.watch import NodeEvent, NodeWatch, watch_nodes
 from eurobot_od.errors import BusError
 from tests.client.test_watch import Beating, beats
@@ -20,7 +19,7 @@ from tests.client.wired import WiredBus
 class Unplugged(WiredBus):
     """A wired bus whose interface is away from a time on, until it is opened again at a later one."""
 
-    away = (2.0, 4.0)
+    away = (2.0, 2.9)
 
     def _check(self) -> None:
         if self.away[0] <= self.now < self.away[1]:

@@ -27,7 +27,7 @@ TEXT = (
     + variable("1012", "COB-ID TIME", "UNSIGNED32", "0x80000100")
     + variable("1014", "COB-ID EMCY", "UNSIGNED32")  # by default the predefined one
     + variable("1017", "Producer heartbeat time", "UNSIGNED16", "0")
-    + record(0x1018, "Identity", (0, "UNSIGNED8", "1"), (1, "UNSIGNED32", "0x1234"))
+    + record(0x1018, "Identity", (0, "UNSIGNED8", "2"), (1, "UNSIGNED32", "0x1234"), (2, "UNSIGNED32", "7"))
     + variable("1019", "Synchronous counter overflow", "UNSIGNED8", "0")
     + record(
         0x2000,

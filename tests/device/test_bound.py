@@ -17,6 +17,7 @@ from eurobot_od.robot.model.messages import EmergencyStop, GotoXY, KalmanPositio
 from eurobot_od.robot.model.values import Obstacle, Source, TeamColour
 from eurobot_od.sdo.wire import AbortCode
 from tests.device.master import Wire, wired
+from tests.rows import rows
 
 KALMAN, KALMAN_TPDO, GOTO, RESERVED = 0x2011, 0x1802, 0x2000, 6
 PLACE = KalmanPositionResponse(1234, 567, 89, Source.ENEMY_1)
@@ -53,9 +54,9 @@ def restarted(wire: Wire) -> None:
     wire.command(NmtCommand.RESET_NODE)
 
 
-@pytest.mark.parametrize("dialect", DIALECTS)
-@pytest.mark.parametrize("place", RAW)
-@pytest.mark.parametrize("change", [as_it_is, not_valid, widened, restarted])
+@rows("dialect", DIALECTS)
+@rows("place", RAW)
+@rows("change", [as_it_is, not_valid, widened, restarted])
 def test_an_object_reads_what_is_measured_whatever_its_pdo_is(
     change: Callable[[Wire], object], place: KalmanPositionResponse, dialect: str
 ) -> None:

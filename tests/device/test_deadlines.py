@@ -6,7 +6,7 @@ from math import inf
 
 import pytest
 
-from eurobot_od.device.deadlines import Deadlines
+from eurobot_od.device.timers import Deadlines
 
 TIMES = {"goto": 1.0, "stop": 2.0}
 

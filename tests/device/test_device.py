@@ -202,7 +202,7 @@ def test_restored_defaults_take_effect_with_a_reset() -> None:
     assert wire.read(*SETTING) == 333
     wire.command(NmtCommand.RESET_NODE)
     assert wire.device.node_id == 2
-    assert wire.device.setting("Motion.Maximum speed") == 800
+    assert wire.device.number(SETTING) == 800
     assert wired(store=store).read(*SETTING) == 800
 
 

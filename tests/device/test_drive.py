@@ -7,10 +7,9 @@ from collections.abc import Iterator
 import pytest
 
 from eurobot_od.client.network import SimulatedNetwork, simulated
-from eurobot_od.device.drive import SimulatedDrive
 from eurobot_od.device.faults.drive import FAULTS
-from eurobot_od.device.kinds import simulated_kind
 from eurobot_od.device.nmt import NmtCommand, NmtState
+from eurobot_od.device.profiles.devices import SimulatedDrive, simulated_kind
 from eurobot_od.device.simulated import SimulatedDevice
 from eurobot_od.errors import NodeRefused
 from eurobot_od.frame import Frame

@@ -6,8 +6,7 @@ from math import inf
 
 import pytest
 
-from eurobot_od.device.heartbeat import HeartbeatConsumer, split
-from eurobot_od.device.nmt import NmtState, error_control
+from eurobot_od.device.nmt import HeartbeatConsumer, NmtState, error_control, heartbeat_entry
 from eurobot_od.frame import Frame
 from eurobot_od.od.values import ERROR_CONTROL_BASE
 from tests.device.master import Wire, wired
@@ -29,7 +28,7 @@ ALL_IS_WELL = Frame(0x081, bytes(8))
     ],
 )
 def test_an_entry_names_a_node_and_a_time(entry: int, node_id: int, seconds: float, why: str) -> None:
-    assert split(entry) == (node_id, seconds), why
+    assert heartbeat_entry(entry) == (node_id, seconds), why
 
 
 def test_a_node_is_watched_from_its_first_heartbeat_on() -> None:

@@ -8,9 +8,8 @@ from typing import Any
 
 import pytest
 
-from eurobot_od.device.kinds import simulated_kind
-from eurobot_od.device.module import SimulatedModule
 from eurobot_od.device.nmt import NmtCommand, NmtState, error_control
+from eurobot_od.device.profiles.devices import SimulatedModule, simulated_kind
 from eurobot_od.device.waveforms import Waveform, ramp, square, steps
 from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
@@ -256,16 +255,6 @@ def test_a_filtered_input_shows_what_stays(filtered: int, length: float, seen: l
     wire.command(NmtCommand.START)
     wire.run(0.5)
     assert [each[:2] for each in sent(wire, INPUTS)] == seen
-
-
-def test_a_wire_leads_from_an_output_to_an_input() -> None:
-    wired = simulated_kind(IO, wires={FIRST_OUT: FIRST_IN})
-    wire = NodeWire(wired(IO))
-    wire.command(NmtCommand.START)
-    wire.write(0x6202, 1, 0xF0, size=1)
-    wire.write(*FIRST_OUT, 0x0F, size=1)
-    assert wire.read(*FIRST_IN) == 0xFF
-    assert sent(wire, INPUTS)[-1] == "ff00"
 
 
 def test_an_input_without_a_waveform_has_polarity_too() -> None:

@@ -14,6 +14,7 @@ from eurobot_od.od.values import Address
 from eurobot_od.sdo.aborts import Abort, Reason
 from eurobot_od.sdo.wire import AbortCode
 from tests.device.master import wired
+from tests.rows import rows
 
 UNREADABLE: list[tuple[Address, AbortCode, str]] = [
     ((0x2999, 0), AbortCode.NO_OBJECT, "no such object"),
@@ -50,7 +51,7 @@ UNWRITABLE: list[tuple[Address, int, int, AbortCode, str]] = [
 ]
 
 
-@pytest.mark.parametrize(("address", "value", "size", "code", "why"), UNWRITABLE)
+@rows("address, value, size, code, why", UNWRITABLE)
 def test_a_refused_write_names_the_cause_and_changes_nothing(
     address: Address, value: int, size: int, code: AbortCode, why: str
 ) -> None:
@@ -68,7 +69,7 @@ def test_one_node_is_not_watched_twice() -> None:
 def test_a_setting_takes_effect_at_once() -> None:
     wire = wired()
     wire.write(0x2101, 1, 321, size=2)
-    assert wire.device.setting("Motion.Maximum speed") == 321
+    assert wire.device.number((0x2101, 1)) == 321
 
 
 @pytest.mark.parametrize("dialect", ["canopen", "firmware2014"])

@@ -28,6 +28,7 @@ from eurobot_od.robot.model.values import Barriers, GotoFault, Obstacle, Source,
 from eurobot_od.robot.nodes import Drive
 from eurobot_od.sdo.wire import AbortCode
 from tests.device.master import NodeWire, Wire, wired
+from tests.rows import rows
 
 NOT_VALID = 1 << 31
 GOTO_RPDO = 0x1403
@@ -142,7 +143,7 @@ REFUSED: list[tuple[str, Address, int, int, AbortCode, str]] = [
 ]
 
 
-@pytest.mark.parametrize(("node", "address", "value", "size", "code", "why"), REFUSED)
+@rows("node, address, value, size, code, why", REFUSED)
 def test_a_valid_pdo_cannot_be_changed(
     node: str, address: Address, value: int, size: int, code: AbortCode, why: str
 ) -> None:
@@ -165,7 +166,7 @@ UNMAPPABLE: list[tuple[str, int, int, AbortCode, str]] = [
 ]
 
 
-@pytest.mark.parametrize(("node", "index", "entry", "code", "why"), UNMAPPABLE)
+@rows("node, index, entry, code, why", UNMAPPABLE)
 def test_what_cannot_be_mapped_is_refused(node: str, index: int, entry: int, code: AbortCode, why: str) -> None:
     wire = wired(node)
     wire.write(index, 1, NOT_VALID | 0x008)
@@ -213,7 +214,7 @@ NOT_TO_VALIDATE: list[tuple[tuple[int, ...], int, AbortCode, str]] = [
 ]
 
 
-@pytest.mark.parametrize(("entries", "cob_id", "code", "why"), NOT_TO_VALIDATE)
+@rows("entries, cob_id, code, why", NOT_TO_VALIDATE)
 def test_what_does_not_hold_together_does_not_become_valid(
     entries: tuple[int, ...], cob_id: int, code: AbortCode, why: str
 ) -> None:

@@ -21,6 +21,7 @@ from eurobot_od.robot import dialects
 from eurobot_od.sdo.aborts import Abort, Reason
 from tests.device import io_module
 from tests.eds_text import record, variable
+from tests.rows import rows
 
 DRIVE = dialects.load("drive")
 SETTINGS: dict[Address, Value] = {(0x2101, 1): 333, (0x1017, 0): 250, (0x1403, 1): 0x8000_0123, (0x2100, 1): 9}
@@ -55,7 +56,7 @@ def test_a_device_starts_with_what_it_stored(store: FileStore) -> None:
     device.objects.write((0x2100, 1), b"\x09")
     device.objects.write((0x1010, 1), b"save")
     restarted = Device(DRIVE, store)
-    assert restarted.setting("Motion.Maximum speed") == 333
+    assert restarted.number((0x2101, 1)) == 333
     assert restarted.node_id == 9
 
 
@@ -107,8 +108,8 @@ def test_a_dcf_of_another_program_has_no_checksum_and_is_loaded(store: FileStore
     assert store.load() == SETTINGS
 
 
-@pytest.mark.parametrize("place", [0.01, 0.3, 0.6, 0.999], ids=str)
-@pytest.mark.parametrize("bit", [0, 2, 6])
+@rows("place", [0.01, 0.3, 0.6, 0.999])
+@rows("bit", [0, 2, 6])
 def test_a_stored_file_with_a_flipped_bit_is_refused_by_name_and_the_defaults_are_taken(
     store: FileStore, place: float, bit: int
 ) -> None:
@@ -122,7 +123,7 @@ def test_a_stored_file_with_a_flipped_bit_is_refused_by_name_and_the_defaults_ar
     device = Device(DRIVE, store)
     (said,) = device.refused
     assert said.startswith(f"{store.file}: damaged: ")
-    assert device.setting("Motion.Maximum speed") == 800
+    assert device.number((0x2101, 1)) == 800
 
 
 OUT_OF_LIMITS = [
@@ -211,8 +212,8 @@ STORED = [
 ]
 
 
-@pytest.mark.parametrize("encoding", ["utf-8", "latin-1", "utf-8-sig"])
-@pytest.mark.parametrize(("address", "data", "why"), STORED, ids=[row[2] for row in STORED])
+@rows("encoding", ["utf-8", "latin-1", "utf-8-sig"])
+@rows("address, data, why", STORED)
 def test_what_is_stored_comes_back_to_the_byte_whatever_the_encoding_of_the_eds(
     tmp_path: Path, encoding: str, address: Address, data: bytes, why: str
 ) -> None:

@@ -17,6 +17,7 @@ from eurobot_od.sdo.aborts import Abort
 from eurobot_od.sdo.wire import AbortCode
 from tests.device.io_module import module
 from tests.device.master import SYNC_COB_ID, NodeWire, Wire, dictionary_with_sync, wired
+from tests.rows import rows
 
 STATE_TPDO, GOTO_RPDO, STOP_RPDO = 0x1801, 0x1403, 0x1401
 """Communication records of the drive's Goto State Response, Goto XY and Emergency Stop."""
@@ -126,8 +127,8 @@ REFUSED_TYPES = [
 ]
 
 
-@pytest.mark.parametrize("index", [STATE_TPDO, GOTO_RPDO])
-@pytest.mark.parametrize(("why", "made", "transmission_type"), REFUSED_TYPES)
+@rows("index", [STATE_TPDO, GOTO_RPDO])
+@rows("why, made, transmission_type", REFUSED_TYPES)
 def test_other_transmission_types_are_refused(
     why: str, made: Callable[[], Wire], transmission_type: int, index: int
 ) -> None:

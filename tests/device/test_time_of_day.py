@@ -6,8 +6,8 @@ from datetime import datetime
 
 import pytest
 
+from eurobot_od.device.broadcasts import Clock
 from eurobot_od.device.nmt import NmtCommand
-from eurobot_od.device.time_of_day import Clock
 from eurobot_od.frame import Frame
 from eurobot_od.od.time_of_day import EPOCH
 from tests.device.io_module import module

@@ -9,6 +9,7 @@ import pytest
 from eurobot_od.device.waveforms import Waveform, constant, fitted, ramp, read_waveforms, sine, square, steps, walk
 from eurobot_od.errors import YamlError
 from eurobot_od.od.values import REAL32, UNSIGNED8
+from tests.rows import rows
 
 SHAPES = [
     (constant(7), [7, 7, 7, 7, 7]),
@@ -74,7 +75,7 @@ WRONG = [
 ]
 
 
-@pytest.mark.parametrize(("text", "complaint"), WRONG)
+@rows("text, complaint", WRONG)
 def test_a_file_that_says_no_waveforms_is_refused_with_its_line(text: str, complaint: str) -> None:
     with pytest.raises(YamlError) as refusal:
         read_waveforms(text, "values.yaml")

@@ -16,6 +16,7 @@ from eurobot_od.export.description import DescribedMessage, described
 from eurobot_od.robot import dialects
 from eurobot_od.robot.protocol import EurobotProtocol
 from tests.export import made_up
+from tests.rows import rows
 
 FRAMES = 500
 """Random frames for each message; `tools/interop.py` takes more."""
@@ -48,8 +49,10 @@ def test_the_judge_sees_a_wrong_bit(tmp_path: Path) -> None:
 
 
 @needs_compiler
-@pytest.mark.parametrize("messages", [made_up.badly_named(), made_up.many()], ids=["bad names", "512 messages"])
-@pytest.mark.parametrize("name", ["int", "", "x" * 1000, "*/ #error"])
+@rows(
+    "messages, name",
+    [(made_up.many(), ""), *((made_up.badly_named(), name) for name in ("int", "", "x" * 1000, "*/ #error"))],
+)
 def test_any_names_compile(messages: list[DescribedMessage], name: str, tmp_path: Path) -> None:
     header = c.header_of(messages, name)
     assert re.fullmatch(r"[\x20-\x7E\n]+", header)

@@ -6,8 +6,9 @@ import re
 
 import pytest
 
-from eurobot_od.export.names import LONGEST_IDENTIFIER, Identifiers, printable
+from eurobot_od.export.description import LONGEST_IDENTIFIER, Identifiers, printable
 from tests.export.made_up import BAD_NAMES
+from tests.rows import rows
 
 IDENTIFIERS = [
     ("Goto XY", "Goto_XY"),
@@ -22,7 +23,7 @@ IDENTIFIERS = [
 ]
 
 
-@pytest.mark.parametrize(("name", "identifier"), IDENTIFIERS)
+@rows("name, identifier", IDENTIFIERS)
 def test_an_identifier_of_a_name(name: str, identifier: str) -> None:
     assert Identifiers("for while").new(name) == identifier
 

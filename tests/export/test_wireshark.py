@@ -15,6 +15,7 @@ from eurobot_od.export.description import DescribedMessage, described
 from eurobot_od.robot import dialects
 from eurobot_od.robot.protocol import EurobotProtocol
 from tests.export import made_up
+from tests.rows import rows
 
 FRAMES = 50
 """Random frames for each message; `tools/interop.py` takes more."""
@@ -65,8 +66,10 @@ def test_the_columns_say_what_a_frame_means(tmp_path: Path) -> None:
 
 
 @needs_tshark
-@pytest.mark.parametrize("messages", [made_up.badly_named(), made_up.many()], ids=["bad names", "512 messages"])
-@pytest.mark.parametrize("name", ["can", "", "x" * 1000, '"'])
+@rows(
+    "messages, name",
+    [(made_up.many(), ""), *((made_up.badly_named(), name) for name in ("can", "", "x" * 1000, '"'))],
+)
 def test_tshark_takes_any_names(messages: list[DescribedMessage], name: str, tmp_path: Path) -> None:
     script, log = tmp_path / "bus.lua", tmp_path / "frames.log"
     script.write_text(wireshark.text_of(messages, name))

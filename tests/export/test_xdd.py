@@ -15,6 +15,7 @@ from eurobot_od.od.objects import data_type
 from eurobot_od.od.values import NODE_ID, Value, parse_number
 from eurobot_od.robot import dialects
 from tests.export import made_up
+from tests.rows import rows
 
 ROOT = Path(__file__).parents[2]
 OWN = sorted((ROOT / "eds").rglob("*.eds"))
@@ -81,7 +82,7 @@ def compare(dictionary: Dictionary) -> None:
                 assert read_back(each.get(attribute), dictionary, type(ours)) == ours, (index, sub, name)
 
 
-@pytest.mark.parametrize("file", [*OWN, *FOREIGN], ids=lambda file: f"{file.parent.name}-{file.stem}")
+@rows("file", [*OWN, *FOREIGN])
 def test_it_says_of_every_object_what_the_file_says(file: Path) -> None:
     compare(Dictionary.load(file, NODE))
 

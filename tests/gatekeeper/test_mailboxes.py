@@ -6,6 +6,7 @@ import pytest
 
 from eurobot_od.frame import Frame
 from eurobot_od.gatekeeper import Mailboxes, Report, Stay, TransmitStatistics
+from tests.rows import rows
 
 WAIT = 0.050
 
@@ -48,8 +49,8 @@ ORDERS = {
 }
 
 
-@pytest.mark.parametrize(("submitted", "expected"), ORDERS.values(), ids=ORDERS)
-@pytest.mark.parametrize("count", [1, 2, 3, 32])
+@rows("submitted, expected", ORDERS.values())
+@rows("count", [1, 2, 3, 32])
 def test_order_on_the_wire(count: int, submitted: list[str], expected: list[str]) -> None:
     boxes, _ = mailboxes(count)
     submit(boxes, 0.0, *submitted)

@@ -8,10 +8,11 @@ from eurobot_od.lint.file_rules import is_date, is_time, is_version
 from eurobot_od.lint.rules import lint
 from tests.conftest import with_entry
 from tests.lint.mutations import CLEAN
+from tests.rows import rows
 
 
-@pytest.mark.parametrize(
-    ("text", "is_one"),
+@rows(
+    "text, is_one",
     [
         ("09:30AM", True),
         ("12:59pm", True),
@@ -29,8 +30,8 @@ def test_a_time(text: str, is_one: bool) -> None:
     assert is_time(text) is is_one
 
 
-@pytest.mark.parametrize(
-    ("text", "is_one"),
+@rows(
+    "text, is_one",
     [
         ("05-28-2014", True),
         ("01-01-2014", True),

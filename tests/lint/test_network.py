@@ -14,6 +14,7 @@ from eurobot_od.errors import DictionaryError, FileError
 from eurobot_od.lint.findings import Severity
 from eurobot_od.lint.model import load
 from eurobot_od.lint.network import RULES, LintedNetwork, NetworkMember, lint_network, nodes_of, overview
+from tests.rows import rows
 
 ROOT = Path(__file__).resolve().parents[2]
 NETWORK_FILE = ROOT / "eds/network.yaml"
@@ -108,7 +109,7 @@ ALSO = {
 """What has to be changed in a second place to make the conflict."""
 
 
-@pytest.mark.parametrize(("code", "node", "change", "at"), CONFLICTS, ids=lambda each: str(each)[:24])
+@rows("code, node, change, at", CONFLICTS)
 def test_a_conflict_is_flagged_where_it_is(code: str, node: str, change: Callable[[str], str], at: str) -> None:
     texts = our_texts()
     texts[node] = change(texts[node])
@@ -226,7 +227,7 @@ MALFORMED = [
 ]
 
 
-@pytest.mark.parametrize(("text", "message"), MALFORMED)
+@rows("text, message", MALFORMED)
 def test_a_malformed_network_file_is_told_by_line(write: Callable[[str], str], text: str, message: str) -> None:
     with pytest.raises(FileError, match=re.escape(message)):
         read_network([write(text)])

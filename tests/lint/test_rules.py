@@ -9,18 +9,19 @@ import pytest
 from eurobot_od.lint.findings import Severity
 from eurobot_od.lint.rules import FILE_RULES, lint
 from tests.lint.mutations import BASES, DEFECTS, Defect, broken_file, expected_line, mutated
+from tests.rows import rows
 
 ROOT = Path(__file__).resolve().parents[2]
 OWN_FILES = sorted((ROOT / "eds").glob("*/*.eds"))
 
 
-@pytest.mark.parametrize("base", BASES)
+@rows("base", BASES)
 def test_nothing_is_found_in_a_clean_file(base: str) -> None:
     name, text = BASES[base]
     assert lint(text.encode(), name) == []
 
 
-@pytest.mark.parametrize("defect", DEFECTS, ids=lambda defect: defect.name)
+@rows("defect", DEFECTS)
 def test_a_defect_is_flagged_by_its_code_at_its_line(defect: Defect) -> None:
     found = lint(broken_file(defect), BASES[defect.base][0])
     assert (expected_line(defect), defect.code) in {(each.line, each.code) for each in found}, found

@@ -17,6 +17,7 @@ from eurobot_od.od.document import parse
 from eurobot_od.od.keys import COMMISSIONING
 from eurobot_od.od.values import Address, Value
 from eurobot_od.robot import dialects
+from tests.rows import rows
 
 FILES = sorted(dialects.eds_folder().glob("*/*.eds"))
 DRIVE = (dialects.eds_folder() / "canopen" / "drive.eds").read_text()
@@ -75,28 +76,16 @@ def test_an_object_that_the_eds_lacks_is_refused(address: Address) -> None:
         drive_dcf({address: 1})
 
 
-@pytest.mark.parametrize("file", FILES, ids=str)
-def test_another_reader_finds_values_and_commissioning(file: Path, tmp_path: Path) -> None:
+@rows("file", FILES)
+def test_other_readers_find_values_and_commissioning(file: Path, tmp_path: Path) -> None:
+    assert dcf.missing(file.read_text()) == []
     written = tmp_path / "node.dcf"
-    written.write_text(
-        dcf.with_values(
-            DescribedDevice(parse(file.read_text())), {(0x1017, 0): 500, (0x1014, 0): 0x99}, 5, "somebody", 250
-        )
-    )
+    values: dict[Address, Value] = {(0x1017, 0): 500, (0x1014, 0): 0x99, (0x2100, 1): 5}
+    written.write_text(dcf.with_values(DescribedDevice(parse(file.read_text())), values, 5, "somebody", 250))
     read = Dictionary.load(written)
     assert (read.node_id, read.objects.bitrate) == (5, 250_000)
     assert [read.default((0x1017, 0)), read.default((0x1014, 0))] == [500, 0x99]
     assert read.default((0x1200, 1)) == 0x605  # $NODEID+0x600
-
-
-@pytest.mark.parametrize("file", FILES, ids=str)
-def test_dcfchk_accepts(file: Path, tmp_path: Path) -> None:
-    written = tmp_path / "node.dcf"
-    written.write_text(
-        dcf.with_values(
-            DescribedDevice(parse(file.read_text())), {(0x1017, 0): 500, (0x2100, 1): 5}, 5, "somebody", 500
-        )
-    )
     dcfchk = [sys.executable, "-W", "default", "-m", "dcf.cli", str(written)]
     done = subprocess.run(dcfchk, capture_output=True, text=True, check=False)
     assert (done.returncode, done.stderr) == (0, "")
@@ -145,7 +134,7 @@ KEPT = [
 ]
 
 
-@pytest.mark.parametrize(("code", "data", "line"), KEPT)
+@rows("code, data, line", KEPT)
 def test_every_byte_is_kept_in_a_line_or_in_a_file_beside(
     tmp_path: Path, code: int, data: bytes, line: bytes | None
 ) -> None:
@@ -240,11 +229,6 @@ def test_a_text_that_a_line_cannot_hold_is_refused(text: Value) -> None:
 # What is missing
 
 
-@pytest.mark.parametrize("file", FILES, ids=str)
-def test_a_whole_file_misses_nothing(file: Path) -> None:
-    assert dcf.missing(file.read_text()) == []
-
-
 @pytest.mark.parametrize(
     ("text", "missing"),
     [
@@ -263,7 +247,7 @@ def test_a_number_of_members_that_is_none_counts_as_none() -> None:
     assert dcf.missing(DRIVE.replace("SubNumber=6", "SubNumber=six")) == []
 
 
-@pytest.mark.parametrize("line", range(0, drive_dcf(VALUES).count("\n") - 8, 97))  # the last section has 8 lines
+@rows("line", range(0, drive_dcf(VALUES).count("\n") - 8, 97))  # the last section has 8 lines
 def test_a_dcf_cut_off_anywhere_misses_something(line: int) -> None:
     cut = "\n".join(drive_dcf(VALUES).split("\n")[:line])
     assert dcf.missing(cut) or f"[{COMMISSIONING}]" not in cut

@@ -20,6 +20,7 @@ from eurobot_od.od.objects import data_type
 from eurobot_od.od.pdos import Pdo
 from eurobot_od.od.values import UNSIGNED8, UNSIGNED16, Limits, PdoDirection, Value
 from eurobot_od.robot.protocol import EurobotProtocol
+from tests.rows import rows
 
 ROOT = Path(__file__).parents[2]
 EDS = ROOT / "eds" / "canopen"
@@ -88,7 +89,7 @@ ASPECTS = (
 )
 
 
-@pytest.mark.parametrize("file", CANOPEN_READS, ids=lambda file: f"{file.parent.name}-{file.name}")
+@rows("file", CANOPEN_READS)
 def test_canopens_own_reader_gives_the_same_objects(file: Path) -> None:
     ours, theirs = Dictionary.load(file, 5).objects, canopen.import_od(str(file), 5)
     assert variables(ours) == variables(theirs)
@@ -167,7 +168,7 @@ UNMAPPED = [
 ]
 
 
-@pytest.mark.parametrize(("section", "value", "index", "what"), UNMAPPED)
+@rows("section, value, index, what", UNMAPPED)
 def test_mapping_that_does_not_hold_is_told_with_file_and_index(
     section: str, value: str | None, index: int, what: str, spoil_eds: Spoil
 ) -> None:
@@ -205,7 +206,7 @@ BROKEN = [
 ]
 
 
-@pytest.mark.parametrize(("content", "what"), [row[1:] for row in BROKEN], ids=[row[0] for row in BROKEN])
+@rows("content, what", [row[1:] for row in BROKEN])
 def test_file_that_is_no_eds_is_refused_in_one_line(content: bytes, what: str, tmp_path: Path) -> None:
     file = tmp_path / "drive.eds"
     file.write_bytes(content)
@@ -279,7 +280,7 @@ VALUES: list[tuple[bytes, Value]] = [
 ]
 
 
-@pytest.mark.parametrize(("data", "value"), VALUES)
+@rows("data, value", VALUES)
 def test_a_value_is_read_as_it_was_meant(data: bytes, value: Value) -> None:
     assert Dictionary.read(data, Path("a.eds"), 5).default((0x2000, 0)) == value
 
@@ -348,7 +349,7 @@ DROPPED = [
 ]
 
 
-@pytest.mark.parametrize(("data", "attribute", "value"), [row[1:] for row in DROPPED], ids=[row[0] for row in DROPPED])
+@rows("data, attribute, value", [row[1:] for row in DROPPED])
 def test_what_canopen_drops_is_set(data: bytes, attribute: str, value: object) -> None:
     assert getattr(Dictionary.read(data, Path("a.eds"), 5).variable((0x2000, 0)), attribute) == value
 

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import pytest
-
 from eurobot_od.od.document import Entry, Odd, read
+from tests.rows import rows
 
 PLACES = [
     # (text, key, value, line, column): columns count bytes from 1 and point at the value
@@ -26,7 +25,7 @@ PLACES = [
 ]
 
 
-@pytest.mark.parametrize(("text", "key", "value", "line", "column"), PLACES)
+@rows("text, key, value, line, column", PLACES)
 def test_an_entry_knows_its_place(text: bytes, key: str, value: str, line: int, column: int) -> None:
     entry = read(text).sections["a"].entries[key]
     assert entry[1:] == (value, line, column)
@@ -51,7 +50,7 @@ ODDITIES = [
 ]
 
 
-@pytest.mark.parametrize(("text", "kinds"), ODDITIES)
+@rows("text, kinds", ODDITIES)
 def test_what_is_no_eds_is_an_oddity(text: bytes, kinds: list[Odd]) -> None:
     assert [each.kind for each in read(text).oddities] == kinds
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from eurobot_od.od.emcy_codes import OF_PROFILES, profile_words
+from tests.rows import rows
 
 CODES = [
     # of a drive: the code itself, a code in its class, the class of that class
@@ -25,7 +26,7 @@ CODES = [
 ]
 
 
-@pytest.mark.parametrize(("profile", "code", "words"), CODES)
+@rows("profile, code, words", CODES)
 def test_words(profile: int, code: int, words: str | None) -> None:
     assert profile_words(profile, code) == words
 

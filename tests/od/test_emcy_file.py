@@ -8,6 +8,7 @@ import pytest
 
 from eurobot_od.errors import FileError, YamlError
 from eurobot_od.od.emcy_file import read_error_words
+from tests.rows import rows
 
 
 def read(folder: Path, text: str) -> dict[int, str]:
@@ -29,8 +30,8 @@ def test_the_narrowest_entry_counts_in_any_order(tmp_path: Path) -> None:
     assert [words[code] for code in (0x7310, 0x7311, 0x7320)] == ["one", "ten", "all"]
 
 
-@pytest.mark.parametrize(
-    ("text", "what"),
+@rows(
+    "text, what",
     [
         ("0x7310: speed\nspeed: fast\n", "2:1: 'speed' is not an error code: write 0x7310, 0x73xx or 0x7380..0x738F"),
         ("0x12345: long\n", "1:1: '0x12345' is not an error code"),

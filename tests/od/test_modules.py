@@ -12,6 +12,7 @@ from eurobot_od.errors import DictionaryError
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.normal import in_normal_form
 from eurobot_od.od.values import Address, Value
+from tests.rows import rows
 
 FILE = Path(__file__).parent / "samples" / "coupler.eds"
 TEXT = FILE.read_text()
@@ -45,7 +46,7 @@ def application(dictionary: Dictionary) -> dict[Address, Value]:
     return {address: dictionary.default(address) for address in dictionary.addresses() if address[0] >= 0x2000}
 
 
-@pytest.mark.parametrize(("modules", "objects"), CONNECTED, ids=lambda value: ",".join(map(str, value))[:20])
+@rows("modules, objects", CONNECTED)
 def test_connected_modules_bring_their_objects(modules: list[str], objects: dict[Address, Value]) -> None:
     dictionary = Dictionary.load(FILE, 5, modules=modules)
     assert application(dictionary) == objects
@@ -53,7 +54,7 @@ def test_connected_modules_bring_their_objects(modules: list[str], objects: dict
     assert not dictionary.left_out
 
 
-@pytest.mark.parametrize(("modules", "objects"), CONNECTED[2:], ids=lambda value: ",".join(map(str, value))[:20])
+@rows("modules, objects", CONNECTED[2:])
 def test_a_dcf_says_which_modules_are_connected(modules: list[str], objects: dict[Address, Value]) -> None:
     listed = "".join(f"{number}={each}\n" for number, each in enumerate(modules, start=1))
     text = f"{TEXT}\n[ConnectedModules]\nNrOfEntries={len(modules)}\n{listed}"

@@ -16,6 +16,7 @@ from eurobot_od.od.objects import data_type
 from eurobot_od.od.values import DATA_TYPES, Address, Value
 from eurobot_od.pdo.protocol import Protocol
 from tests.eds_text import pdo, variable
+from tests.rows import rows
 
 NODE_ID = 5
 
@@ -274,10 +275,6 @@ def text_of(variation: Variation) -> str:
     return BASE.replace(variation.old, variation.new, 1)
 
 
-def by_reason(value: object) -> str:
-    return value.reason if isinstance(value, Variation) else str(value)
-
-
 def load(data: bytes) -> Dictionary:
     return Dictionary.read(data, Path("a.eds"), NODE_ID)
 
@@ -287,29 +284,23 @@ def defaults(data: bytes) -> dict[Address, Value]:
     return {address: loaded.default(address) for address in loaded.addresses()}
 
 
-@pytest.mark.parametrize("variation", VARIATIONS, ids=by_reason)
-def test_a_file_is_loaded_as_it_is_meant(variation: Variation) -> None:
-    assert defaults(text_of(variation).encode()) == DEFAULTS | variation.values
+@rows("variation", VARIATIONS)
+def test_a_file_is_loaded_as_it_is_meant_and_what_was_looked_over_is_listed(variation: Variation) -> None:
+    data = text_of(variation).encode()
+    assert defaults(data) == DEFAULTS | variation.values
+    assert bool(load(data).changes) is variation.needs_repair
 
 
-@pytest.mark.parametrize("variation", VARIATIONS, ids=by_reason)
-def test_what_had_to_be_looked_over_is_listed(variation: Variation) -> None:
-    assert bool(load(text_of(variation).encode()).changes) is variation.needs_repair
-
-
-@pytest.mark.parametrize("variation", VARIATIONS, ids=by_reason)
-def test_the_normal_form_says_the_same_and_is_its_own(variation: Variation) -> None:
+@rows("variation", VARIATIONS)
+def test_the_normal_form_says_the_same_is_its_own_and_is_read_by_canopen_alone(
+    tmp_path: Path, variation: Variation, caplog: pytest.LogCaptureFixture
+) -> None:
     data, _ = in_normal_form(text_of(variation).encode())
     assert defaults(data) == DEFAULTS | variation.values
     assert in_normal_form(data) == (data, [])
-
-
-@pytest.mark.parametrize("variation", VARIATIONS, ids=by_reason)
-def test_canopen_alone_reads_the_normal_form(
-    tmp_path: Path, variation: Variation, caplog: pytest.LogCaptureFixture
-) -> None:
     file = tmp_path / "a.eds"
-    file.write_bytes(in_normal_form(text_of(variation).encode())[0])
+    file.write_bytes(data)
+    caplog.clear()
     with caplog.at_level(logging.WARNING):
         objects = canopen.import_od(str(file), node_id=NODE_ID)
     assert not caplog.records
@@ -340,7 +331,7 @@ KEPT = [
 ]
 
 
-@pytest.mark.parametrize(("old", "new", "kept"), [row[1:] for row in KEPT], ids=[row[0] for row in KEPT])
+@rows("old, new, kept", [row[1:] for row in KEPT])
 def test_nothing_is_lost(old: str, new: str, kept: str) -> None:
     data, _ = in_normal_form(BASE.replace(old, new, 1).encode())
     assert kept in data.decode()
@@ -363,7 +354,7 @@ BYTES = [
 ]
 
 
-@pytest.mark.parametrize(("data", "what"), [row[1:] for row in BYTES], ids=[row[0] for row in BYTES])
+@rows("data, what", [row[1:] for row in BYTES])
 def test_bytes_of_any_editor_are_read(data: bytes, what: str) -> None:
     assert defaults(data) == DEFAULTS
     fixed, changes = in_normal_form(data, "a.eds")

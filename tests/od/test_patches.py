@@ -13,6 +13,7 @@ from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.normal import normal
 from eurobot_od.od.values import Address
 from tests.eds_text import DEVICE_TYPE, record, variable
+from tests.rows import rows
 
 BASE = (
     DEVICE_TYPE
@@ -66,7 +67,7 @@ SAID: list[tuple[str, Address, str, Any]] = [
 ]
 
 
-@pytest.mark.parametrize(("patch", "address", "attribute", "value"), SAID, ids=lambda each: str(each)[:50])
+@rows("patch, address, attribute, value", SAID)
 def test_a_patch_counts_more_than_the_file(patch: str, address: Address, attribute: str, value: object) -> None:
     loaded = patched(patch)
     found = loaded.variable(address)
@@ -140,7 +141,7 @@ WRONG = [
 ]
 
 
-@pytest.mark.parametrize(("patch", "words"), WRONG, ids=lambda each: str(each)[:50])
+@rows("patch, words", WRONG)
 def test_a_patch_that_does_not_fit_is_refused_with_its_line(patch: str, words: str) -> None:
     with pytest.raises(FileError) as error:
         patched(patch)

@@ -22,6 +22,7 @@ from eurobot_od.od.values import (
     owner,
     parse_number,
 )
+from tests.rows import rows
 
 NUMBERS = [
     ("0", Number(0)),
@@ -50,19 +51,19 @@ NO_NUMBERS = [
 ]
 
 
-@pytest.mark.parametrize(("text", "number"), NUMBERS)
+@rows("text, number", NUMBERS)
 def test_a_number_is_read(text: str, number: Number) -> None:
     assert parse_number(text) == number
 
 
-@pytest.mark.parametrize(("text", "number"), NUMBERS)
+@rows("text, number", NUMBERS)
 def test_the_standard_has_one_way_to_write_a_number(text: str, number: Number) -> None:
     is_standard = text.isalnum() or text[1:].isalnum() or text.startswith("$NODEID")
     is_standard &= text[-1] not in "LuhH"
     assert is_standard_number(text) is is_standard, number
 
 
-@pytest.mark.parametrize("text", NO_NUMBERS)
+@rows("text", NO_NUMBERS)
 def test_what_is_no_number_is_none(text: str) -> None:
     assert parse_number(text) is None
 
@@ -120,20 +121,20 @@ def test_the_types_have_the_codes_of_cia_301() -> None:
             assert each.bits == int(number[1])
 
 
-@pytest.mark.parametrize(("type_", "data", "value"), BYTES)
+@rows("type_, data, value", BYTES)
 def test_bytes_are_read_by_their_type(type_: DataType, data: str, value: Value) -> None:
     assert type_.read(bytes.fromhex(data)) == value
 
 
-@pytest.mark.parametrize(("type_", "data", "value"), BYTES)
+@rows("type_, data, value", BYTES)
 def test_values_are_written_by_their_type(type_: DataType, data: str, value: Value) -> None:
     written = type_.write(value)
     assert written == bytes.fromhex(data)[: len(written)]
     assert type_.read(written) == value
 
 
-@pytest.mark.parametrize(
-    ("type_", "value"),
+@rows(
+    "type_, value",
     [
         (DATA_TYPES[0x05], 256),
         (DATA_TYPES[0x02], -129),
@@ -161,8 +162,8 @@ def test_bytes_of_another_length_are_refused(type_: DataType, data: bytes) -> No
         type_.read(data)
 
 
-@pytest.mark.parametrize(
-    ("identifier", "whose"),
+@rows(
+    "identifier, whose",
     [
         (0x000, "NMT"),
         (0x001, "safety (GFC) and flying NMT masters"),

@@ -21,12 +21,13 @@ from eurobot_od.od.formats import read
 from eurobot_od.od.network import read_network
 from eurobot_od.od.normal import in_normal_form
 from eurobot_od.od.values import Address, Value
+from tests.rows import rows
 
 ROOT = Path(__file__).parents[2]
 FILES = [
     *sorted(ROOT.glob("eds/*/*.eds")),
     *sorted((ROOT / "tests" / "lint" / "samples").iterdir()),
-    *sorted(ROOT.glob("tests/check/conformance/makers/*.eds")),
+    *sorted(ROOT.glob("tests/kit/makers/*.eds")),
     *sorted(ROOT.glob("tests/od/samples/*.eds")),
     *sorted(ROOT.glob("docs/*.eds")),
     *sorted(ROOT.glob("docs/*.dcf")),
@@ -35,21 +36,18 @@ CLEAN = ROOT / "tests" / "lint" / "samples" / "clean.eds"
 XDD = xdd_text(load_any(CLEAN))
 
 
-@pytest.mark.parametrize("file", FILES, ids=lambda file: "/".join(file.parts[-2:]))
-def test_an_eds_made_an_xdd_and_an_eds_again_is_the_same_device(file: Path) -> None:
-    made = xdd_text(load_any(file)).encode()
+@rows("file", FILES)
+def test_an_eds_made_an_xdd_and_an_eds_again_is_the_same_device_with_the_same_values(file: Path) -> None:
+    loaded = load_any(file)
+    made = xdd_text(loaded).encode()
     back, changes = in_normal_form(made, "made.xdd")
-    device, unusable = load(file.read_bytes(), file.name), load_any(file).left_out
+    device, unusable = load(file.read_bytes(), file.name), loaded.left_out
     for other in (made, back):
         found = compare(device, load(other, file.name), with_names=True)
         # what cannot be used as the file has it, such as a variable without a type, need not stay so
         assert [each for each in found if each.where not in {(one.index, one.sub) for one in unusable}] == []
     assert [each for each in changes if not each.standard] == []
-
-
-@pytest.mark.parametrize("file", FILES, ids=lambda file: "/".join(file.parts[-2:]))
-def test_its_dictionary_has_the_same_values(file: Path) -> None:
-    ours, theirs = (Dictionary.read(data, file, 5) for data in (file.read_bytes(), xdd_text(load_any(file)).encode()))
+    ours, theirs = (Dictionary.read(data, file, 5) for data in (file.read_bytes(), made))
     assert {each: theirs.default(each) for each in theirs.addresses()} == {
         each: ours.default(each) for each in ours.addresses()
     }
@@ -197,7 +195,7 @@ def test_a_value_with_a_line_end_stays_one_line() -> None:
     assert Dictionary.read(text.encode(), Path("a.xdd"), 5).address("Set [1000] value") == (0x2007, 0)
 
 
-@pytest.mark.parametrize("seed", range(60))
+@rows("seed", range(60))
 def test_damaged_xml_is_read_or_refused(seed: int) -> None:
     chance, data = random.Random(seed), bytearray(PROCESS.encode())
     for _ in range(chance.randint(1, 6)):

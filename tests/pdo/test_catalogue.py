@@ -14,6 +14,7 @@ from eurobot_od.pdo.catalogue import Catalogue, field_name, first_free, made_typ
 from eurobot_od.pdo.kinds import Kind
 from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.robot import dialects
+from tests.rows import rows
 
 LAMP = Catalogue()
 
@@ -112,7 +113,7 @@ FIELDS = [
 ]
 
 
-@pytest.mark.parametrize(("parameter", "field"), FIELDS)
+@rows("parameter, field", FIELDS)
 def test_every_parameter_name_makes_a_field_name(parameter: str, field: str) -> None:
     assert field_name(parameter) == field
     assert made_type("x", {field: Kind()})._fields == (field,)

@@ -8,10 +8,10 @@ from typing import Any
 import pytest
 
 from eurobot_od.frame import Frame
-from eurobot_od.od.values import MAX_BITS
 from eurobot_od.pdo.catalogue import field_name
 from eurobot_od.pdo.codec import Column, Unknown, reader, unpacker, writer
 from eurobot_od.pdo.layout import Layout, LayoutError, Slot, slot
+from tests.rows import rows
 
 
 def whole(**bits: int) -> Layout:
@@ -46,20 +46,10 @@ CIA_301 = [
 ]
 
 
-@pytest.mark.parametrize(("layout", "values", "data"), CIA_301)
+@rows("layout, values, data", CIA_301)
 def test_bits_lie_as_in_cia_301(layout: Layout, values: dict[str, int], data: str) -> None:
     assert pack(layout, **values).hex().upper() == data
     assert unpacker(layout)(bytes.fromhex(data)) == tuple(values.values())
-
-
-@pytest.mark.parametrize("offset", range(64))
-def test_a_field_of_any_width_may_be_at_any_offset(offset: int) -> None:
-    for bits in range(1, MAX_BITS - offset + 1):
-        slots = [Slot(None, 0, offset)] * bool(offset) + [Slot("field", 0, bits)]
-        layout, value = Layout(slots), (1 << bits) - 1
-        data = (value << offset).to_bytes((offset + bits + 7) // 8, "little")
-        assert pack(layout, field=value) == data
-        assert unpacker(layout)(data) == (value,)
 
 
 def test_padding_is_written_as_zeros_and_not_read() -> None:
@@ -181,7 +171,7 @@ def test_numbers_are_not_asked_for(value: int, asked: bool) -> None:
     assert calls == [value] * (value not in column.numbers)
 
 
-@pytest.mark.parametrize("value", [-1, -3, -4, -6, 3, 1 << 64, -1 << 64, None, "1", [], 0.5])
+@rows("value", [-1, -3, -4, -6, 3, 1 << 64, -1 << 64, None, "1", [], 0.5])
 def test_what_is_in_no_table_goes_the_careful_way(value: Any) -> None:
     layout = whole(a=2)
     write = writer(layout, [Column("a", lambda raw: raw, {0: 0, 1: 1, 2: 2}.__getitem__)], COB_ID, refuse, None)

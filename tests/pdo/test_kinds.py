@@ -12,6 +12,7 @@ from eurobot_od.od.values import Limits
 from eurobot_od.pdo.kinds import Choice, Kind, OutOfRange
 from eurobot_od.robot.model.kinds import Angle, BarrierFlags, Coordinate, Heading, Remaining
 from eurobot_od.robot.model.values import Barriers, GotoFault, Passage, Source, TeamColour
+from tests.rows import rows
 
 X = Limits(0, 3000)
 ANY = Limits(0, 0xFFFFFF)
@@ -151,14 +152,14 @@ ALLOWED = [
 ]
 
 
-@pytest.mark.parametrize(("kind", "limits", "raw", "meaning"), BOTH_WAYS)
+@rows("kind, limits, raw, meaning", BOTH_WAYS)
 def test_reads_what_it_writes(kind: Kind, limits: Limits, raw: int, meaning: Any) -> None:
     assert kind.read(raw, limits) == meaning
     assert type(kind.read(raw, limits)) is type(meaning)
     assert kind.write(meaning, limits) == raw
 
 
-@pytest.mark.parametrize(("kind", "limits", "raw"), OUT_OF_RANGE)
+@rows("kind, limits, raw", OUT_OF_RANGE)
 def test_reads_a_value_outside_its_range_raw_and_flagged(kind: Kind, limits: Limits, raw: int) -> None:
     assert kind.read(raw, limits) == raw
     assert isinstance(kind.read(raw, limits), OutOfRange)
@@ -169,19 +170,19 @@ def test_writes_what_means_the_same(kind: Kind, limits: Limits, raw: int, value:
     assert kind.write(value, limits) == raw
 
 
-@pytest.mark.parametrize(("kind", "limits", "value"), NOT_WRITTEN)
+@rows("kind, limits, value", NOT_WRITTEN)
 def test_does_not_write(kind: Kind, limits: Limits, value: Any) -> None:
     with pytest.raises(ValueError, match=re.escape(str(value))):
         kind.write(value, limits)
 
 
-@pytest.mark.parametrize(("kind", "text", "value"), PARSED)
+@rows("kind, text, value", PARSED)
 def test_parses(kind: Kind, text: str, value: Any) -> None:
     assert kind.parse(text) == value
     assert type(kind.parse(text)) is type(value)
 
 
-@pytest.mark.parametrize(("kind", "text"), NOT_PARSED)
+@rows("kind, text", NOT_PARSED)
 def test_does_not_parse(kind: Kind, text: str) -> None:
     with pytest.raises(ValueError, match=re.escape(text)):
         kind.parse(text)
@@ -193,16 +194,16 @@ def test_does_not_parse_an_unknown_barrier(text: str) -> None:
         BARRIERS.parse(text)
 
 
-@pytest.mark.parametrize(("kind", "value", "text"), SHOWN)
+@rows("kind, value, text", SHOWN)
 def test_writes_for_a_person(kind: Kind, value: Any, text: str) -> None:
     assert kind.text(value) == text
 
 
-@pytest.mark.parametrize(("kind", "limits", "text"), ALLOWED)
+@rows("kind, limits, text", ALLOWED)
 def test_says_what_is_allowed(kind: Kind, limits: Limits, text: str) -> None:
     assert kind.allowed(limits) == text
 
 
-@pytest.mark.parametrize(("kind", "meaning"), [(kind, value) for kind, *_, value in BOTH_WAYS if kind is not BARRIERS])
+@rows("kind, meaning", [(kind, value) for kind, *_, value in BOTH_WAYS if kind is not BARRIERS])
 def test_parses_what_it_writes_for_a_person(kind: Kind, meaning: Any) -> None:
     assert kind.parse(kind.text(meaning).removesuffix(f" {kind.unit}")) == meaning

@@ -90,14 +90,6 @@ def test_unpacks_what_was_packed(case: tuple[Layout, dict[str, int]]) -> None:
     assert dict(zip(layout.fields, unpacker(layout)(bit_by_bit(layout, values)))) == values
 
 
-@given(LAYOUTS, st.data())
-def test_packs_again_what_was_unpacked_but_the_padding(layout: Layout, draws: st.DataObject) -> None:
-    data = draws.draw(st.binary(min_size=layout.length, max_size=layout.length))
-    values = dict(zip(layout.fields, unpacker(layout)(data)))
-    mapped = bit_by_bit(layout, {field: (1 << bits) - 1 for field, bits in layout.widths.items()})
-    assert pack(layout, values) == bytes(one & other for one, other in zip(data, mapped))
-
-
 def column(layout: Layout, field: str) -> Column:
     """A column of plain numbers, about half of which mean themselves and the others are asked for."""
     bits = layout.widths[field]

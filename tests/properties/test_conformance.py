@@ -8,10 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from eurobot_od.check.conformance.subject import Tier
-from eurobot_od.check.results import Status
 from eurobot_od.od.dictionary import Dictionary
-from tests.check.conformance.devices import NODE_ID, run_all
 from tests.eds_text import CODES
+from tests.kit.devices import NODE_ID, red, steps, suites_of
 from tests.properties.test_normal import variables
 
 WIDE = ["0x00000000", "0xFFFFFFFF", "1", "0x80000000", "$NODEID+0x80"]
@@ -127,5 +126,4 @@ def devices(draw: st.DrawFn) -> str:
 @settings(max_examples=settings().max_examples // 8)  # each file is some 400 steps
 def test_no_step_is_red_on_a_device_that_is_its_file(text: str) -> None:
     dictionary = Dictionary.read(text.encode("latin-1", "replace"), Path("device.eds"), NODE_ID)
-    done = run_all(dictionary, tier=Tier.DESTRUCTIVE)
-    assert [f"{each.name}: {each.reason}" for each in done if each.status is Status.FAILED] == []
+    assert red(steps(suites_of(dictionary, Tier.DESTRUCTIVE))) == []

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from eurobot_od.client.configure import ChangedObject, ChangePlan
-from eurobot_od.client.pdo_order import in_order, pdo_of, procedure_objects
+from eurobot_od.client.pdo_mapping import in_order, pdo_of, procedure_objects
 from eurobot_od.od.concise import Write
 from eurobot_od.od.objects import undescribed
 from eurobot_od.od.values import MAPPING_OFFSET, NOT_VALID, Address

@@ -16,13 +16,10 @@ from eurobot_od.robot import dialects
 from eurobot_od.robot.model.messages import EmergencyStop, GotoStateResponse, GotoXY, StartConfigurationSet
 from eurobot_od.robot.model.values import Barriers, Direction, GotoFault, Obstacle, Route, Source, TeamColour
 from eurobot_od.robot.protocol import EurobotProtocol
+from tests.rows import rows
 
 PROTOCOLS = {name: EurobotProtocol.load(name) for name in dialects.names()}
-BINDINGS = [
-    pytest.param(protocol, binding, id=f"{name}: {binding.name}")
-    for name, protocol in PROTOCOLS.items()
-    for binding in protocol.bindings
-]
+BINDINGS = [(protocol, binding) for protocol in PROTOCOLS.values() for binding in protocol.bindings]
 
 # A place on the field with or without a heading, or nothing known; 255, 255 without a heading cannot be said.
 HEADINGS = st.none() | st.integers(0, 359)
@@ -62,15 +59,7 @@ def raw_values(binding: Binding) -> st.SearchStrategy[dict[str, int]]:
     return st.fixed_dictionaries({field: st.integers(0, (1 << w) - 1) for field, w in binding.layout.widths.items()})
 
 
-@pytest.mark.parametrize(("protocol", "binding"), BINDINGS)
-@given(draws=st.data())
-def test_unpacks_what_was_packed(protocol: Protocol, binding: Binding, draws: st.DataObject) -> None:
-    values = draws.draw(raw_values(binding))
-    data = protocol.pack(binding.name, **values)
-    assert protocol.unpack(binding.cob_id, data) == (binding.name, values)
-
-
-@pytest.mark.parametrize(("protocol", "binding"), BINDINGS)
+@rows("protocol, binding", BINDINGS)
 @given(draws=st.data())
 def test_decodes_what_was_encoded(protocol: Protocol, binding: Binding, draws: st.DataObject) -> None:
     message = draws.draw(meanings(binding))
@@ -80,7 +69,7 @@ def test_decodes_what_was_encoded(protocol: Protocol, binding: Binding, draws: s
     assert flagged_fields(message) == []
 
 
-@pytest.mark.parametrize(("protocol", "binding"), BINDINGS)
+@rows("protocol, binding", BINDINGS)
 @given(draws=st.data())
 def test_decodes_any_raw_values_and_encodes_those_in_range_again(
     protocol: Protocol, binding: Binding, draws: st.DataObject
@@ -101,7 +90,7 @@ def test_bytes_from_the_wire_are_a_message_or_a_remote_error(protocol: Protocol,
     assert type(message) is protocol.binding_of(cob_id).type
 
 
-@pytest.mark.parametrize(("protocol", "binding"), BINDINGS)
+@rows("protocol, binding", BINDINGS)
 @given(data=st.binary(max_size=8))
 def test_frame_is_read_from_its_message_s_length_on(protocol: Protocol, binding: Binding, data: bytes) -> None:
     if len(data) in binding.lengths or len(data) > binding.layout.length:

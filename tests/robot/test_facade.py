@@ -27,14 +27,12 @@ from eurobot_od.robot.model.messages import (
 from eurobot_od.robot.model.values import Obstacle, Outcome, TeamColour
 from eurobot_od.robot.nodes import Core, Drive, Navigation
 from eurobot_od.robot.nodes.equipment import Detection
-from eurobot_od.robot.nodes.goto import GotoReport
-from eurobot_od.robot.nodes.standstill import NotStanding
+from eurobot_od.robot.nodes.goto import GotoReport, NotStanding
+from tests.bus.live.loose import LONG, until
 from tests.client.peers import new_channel, open_bus
-from tests.robot.nodes.harness import PROTOCOL, as_if_started
+from tests.robot.nodes.harness import PROTOCOL, as_if_started, put
 
 FAR = GotoXY(2700, 1700, 0, 50)
-LONG = 10.0
-"""Seconds after which a test gives up; what it waits for comes at once."""
 
 
 class Partners:
@@ -78,12 +76,12 @@ def robot_on(partners: Partners) -> Robot:
     return Robot("virtual", partners.channel)
 
 
-def until(condition: Callable[[], bool]) -> None:
-    """Wait for what another thread does."""
-    end = time.monotonic() + LONG
-    while not condition():
-        assert time.monotonic() < end
-        time.sleep(0.005)
+def impatient(partners: Partners) -> Robot:
+    """Return a robot that soon gives up an answer and a stop, on whose bus nobody answers."""
+    robot = robot_on(partners)
+    put(robot.core, "Goto handshake.Confirm wait", 20)
+    put(robot.core, "Standstill.Standstill wait", 200)
+    return robot
 
 
 def drive_off(robot: Robot, partners: Partners) -> None:
@@ -149,7 +147,7 @@ def test_ctrl_c_while_a_goto_is_waited_for(partners: Partners) -> None:
     def play() -> None:
         with robot_on(partners) as robot:
             robot.configure_start(TeamColour.RED)
-            threading.Timer(0.5, press_ctrl_c).start()
+            threading.Timer(0.2, press_ctrl_c).start()
             reports.append(robot.goto(*FAR))
 
     with pytest.raises(KeyboardInterrupt):
@@ -168,7 +166,7 @@ def test_a_robot_that_was_never_sent_anywhere_is_not_stopped(partners: Partners)
 
 
 def test_a_drive_that_does_not_answer_is_told(nobody: Partners) -> None:
-    robot = robot_on(nobody)
+    robot = impatient(nobody)
 
     def play() -> None:
         with robot:
@@ -176,7 +174,7 @@ def test_a_drive_that_does_not_answer_is_told(nobody: Partners) -> None:
             robot.core.goto(*FAR)
             until(lambda: FAR in nobody.commands)
 
-    with pytest.raises(NotStanding, match=r"was not seen to stand within 2\.0 s"):
+    with pytest.raises(NotStanding, match=r"was not seen to stand within 0\.2 s"):
         play()
     until(lambda: nobody.commands[-1] == EmergencyShutdown())
     ours = str(robot.live.bus.channel_info)
@@ -186,7 +184,7 @@ def test_a_drive_that_does_not_answer_is_told(nobody: Partners) -> None:
 
 def test_the_error_that_has_ended_the_block_is_in_the_context_of_a_robot_that_does_not_stand(nobody: Partners) -> None:
     def play() -> None:
-        with robot_on(nobody) as robot:
+        with impatient(nobody) as robot:
             as_if_started(robot.core)
             robot.core.goto(*FAR)
             raise ZeroDivisionError
@@ -241,7 +239,7 @@ def test_a_core_that_was_left_may_be_switched_on_again(partners: Partners) -> No
 def test_a_goto_that_is_timed_out_has_the_robot_stand(partners: Partners) -> None:
     with robot_on(partners) as robot:
         robot.configure_start(TeamColour.RED)
-        report = robot.goto(*FAR, timeout=1.0)
+        report = robot.goto(*FAR, timeout=0.2)
         assert report.outcome is Outcome.TIMED_OUT
         until(lambda: not partners.drive.moving)
 
@@ -261,7 +259,7 @@ def test_a_strategy_that_fails_leaves_a_robot_that_stands(partners: Partners) ->
 
 def test_a_goto_nobody_confirms_is_no_answer(nobody: Partners) -> None:
     def play() -> None:
-        with robot_on(nobody) as robot:
+        with impatient(nobody) as robot:
             as_if_started(robot.core)
             robot.goto(*FAR)
 

@@ -24,6 +24,7 @@ from eurobot_od.sdo.client import (
 from eurobot_od.sdo.server import SdoServer
 from eurobot_od.sdo.wire import BLOCK_SEGMENTS, SEGMENT_SIZE, AbortCode, ClientCommand, ServerCommand
 from tests.device.shelf import NUMBER, TEXT, Shelf
+from tests.rows import rows
 from tests.sdo.line import WAIT, Line
 
 SIZES = [0, 1, 4, 5, 7, 8, 13, 14, 15, 888, 889, 890, 4096]
@@ -44,16 +45,16 @@ def talk(transfer: Transfer, answers: Sequence[str]) -> list[list[str]]:
 # With our server
 
 
-@pytest.mark.parametrize("size", SIZES)
-@pytest.mark.parametrize("read", READERS)
+@rows("size", SIZES)
+@rows("read", READERS)
 def test_reads_what_is_there(read: Callable[..., Transfer], size: int) -> None:
     shelf = Shelf()
     shelf.objects[TEXT] = content_of(size)
     assert Line(SdoServer(shelf)).run(read(TEXT, WAIT)) == content_of(size)
 
 
-@pytest.mark.parametrize("size", SIZES)
-@pytest.mark.parametrize("write", WRITERS)
+@rows("size", SIZES)
+@rows("write", WRITERS)
 def test_writes_what_it_is_given(write: Callable[..., Transfer], size: int) -> None:
     shelf = Shelf()
     assert Line(SdoServer(shelf)).run(write(TEXT, content_of(size), WAIT)) == b""
@@ -67,7 +68,7 @@ def test_reads_in_blocks_of_any_size(segments: int) -> None:
     assert Line(SdoServer(shelf)).run(block_upload(TEXT, WAIT, segments)) == content_of(3000)
 
 
-@pytest.mark.parametrize(
+@rows(
     "lost",
     [
         {2},  # the first segment of the first block; answer 1 is the initiate's
@@ -116,7 +117,7 @@ def test_a_server_refuses_in_the_middle_too(write: Callable[..., Transfer]) -> N
     assert refused.value.code == AbortCode.TOO_SHORT
 
 
-@pytest.mark.parametrize(
+@rows(
     "make",
     [
         lambda: upload(TEXT, WAIT),
@@ -125,7 +126,7 @@ def test_a_server_refuses_in_the_middle_too(write: Callable[..., Transfer]) -> N
         lambda: block_download(TEXT, bytes(9), WAIT),
     ],
 )
-@pytest.mark.parametrize("heard", [0, 1, 2])
+@rows("heard", [0, 1, 2])
 def test_a_server_that_falls_silent_is_told_so_and_forgets_the_transfer(
     make: Callable[[], Transfer], heard: int
 ) -> None:
@@ -200,7 +201,7 @@ EXCHANGES: dict[str, tuple[Transfer, list[str], list[list[str]]]] = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("name", EXCHANGES)
+@rows("name", EXCHANGES)
 def test_transfers_to_the_byte(name: str) -> None:
     transfer, answers, requests = EXCHANGES[name]
     assert talk(transfer, answers) == requests
@@ -244,7 +245,7 @@ ODD: dict[str, tuple[Callable[[], Transfer], list[str], AbortCode, str]] = {
 }
 
 
-@pytest.mark.parametrize("name", ODD)
+@rows("name", ODD)
 def test_an_odd_answer_ends_the_transfer_and_the_server_is_told(name: str) -> None:
     make, answers, code, what = ODD[name]
     transfer = make()

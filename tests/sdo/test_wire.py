@@ -6,9 +6,10 @@ import pytest
 from canopen.sdo.exceptions import SdoAbortedError
 
 from eurobot_od.sdo.wire import Initiate, block, carrying, part_in, reason, segment, segments_of
+from tests.rows import rows
 
 
-@pytest.mark.parametrize("code", SdoAbortedError.CODES)
+@rows("code", SdoAbortedError.CODES)
 def test_every_abort_code_has_canopens_words(code: int) -> None:
     assert reason(code) == SdoAbortedError.CODES[code].replace("can not", "cannot")
 

@@ -16,6 +16,7 @@ from eurobot_od.season import batches as module
 from eurobot_od.season.batches import batches
 from eurobot_od.traffic import formats
 from eurobot_od.traffic.entries import Foreign, LogEntry
+from tests.rows import rows
 
 LINES = (
     b"(1.500000) can0 008#D27423592C01C3A5\n",
@@ -69,16 +70,16 @@ def read(file: Path) -> list[LogEntry]:
         ]
 
 
-@pytest.mark.parametrize("line", LINES, ids=repr)
-@pytest.mark.parametrize("ending", [b"", b"(9.000000) can0 009#09\n", b"(9.00"])
+@rows("line", LINES)
+@rows("ending", [b"", b"(9.000000) can0 009#09\n", b"(9.00"])
 def test_a_line_is_what_its_reader_says(line: bytes, ending: bytes, tmp_path: Path) -> None:
     file = tmp_path / "one.log"
     file.write_bytes(LINES[0] + line + ending)
     assert entries(file) == read(file)
 
 
-@pytest.mark.parametrize("size", [1, 7, 64, 1 << 20])
-@pytest.mark.parametrize("packed", [False, True])
+@rows("size", [1, 7, 64, 1 << 20])
+@rows("packed", [False, True])
 def test_chunks_of_any_size_come_to_the_same(
     size: int, packed: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

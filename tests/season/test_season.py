@@ -23,6 +23,7 @@ from eurobot_od.season import season as season_module
 from eurobot_od.season.archive import Archiver
 from eurobot_od.season.season import Season, SqlError
 from eurobot_od.season.writing import DecodedNetwork
+from tests.rows import rows
 from tests.season.seasons import write_log
 
 GOTO = messages.GotoXY(x=1234, y=567, angle=89, speed=75)
@@ -142,8 +143,8 @@ CONFINED = {
 }
 
 
-@pytest.mark.parametrize("query", CONFINED.values(), ids=CONFINED)
-@pytest.mark.parametrize("progress", [None, lambda _: None], ids=["silent", "watched"])
+@rows("query", CONFINED.values())
+@rows("progress", [None, lambda _: None])
 def test_a_query_reaches_nothing_outside_the_season(
     season: Season, tmp_path: Path, query: str, progress: Callable[[int], object] | None
 ) -> None:

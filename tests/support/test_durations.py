@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from eurobot_od.support.durations import DurationError, is_duration, microseconds, seconds, text
+from tests.rows import rows
 
 VALID = [
     ("500ms", 0.5),
@@ -36,7 +37,7 @@ def test_reads(written: str, expected: float) -> None:
     assert is_duration(written)
 
 
-@pytest.mark.parametrize("written", INVALID)
+@rows("written", INVALID)
 def test_refuses(written: str) -> None:
     with pytest.raises(DurationError) as error:
         seconds(written)

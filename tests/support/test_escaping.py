@@ -1,4 +1,4 @@
-"""What files and peers say stays in its place on every way out: terminal, CSV, TAP, JUnit, SVG, DCF."""
+"""What files and peers say stays in its place on every way out: terminal, CSV, JUnit, SVG, DCF."""
 
 from __future__ import annotations
 
@@ -24,6 +24,7 @@ from eurobot_od.support import svg
 from eurobot_od.support.escaping import cell, one_line
 from eurobot_od.support.tables import columns
 from eurobot_od.support.yaml_places import Place
+from tests.rows import rows
 
 EVIL = "a\x1b[31m\nnot ok 1\r\x07\x9b\u202e\u2028\udc80"
 SHOWN = r"a\x1b[31m\nnot ok 1\r\x07\x9b\u202e\u2028\udc80"
@@ -53,7 +54,7 @@ CELLS = [
 ]
 
 
-@pytest.mark.parametrize(("value", "written"), CELLS)
+@rows("value, written", CELLS)
 def test_no_cell_is_a_formula(value: Any, written: Any) -> None:
     assert cell(value) == written
 
@@ -94,7 +95,6 @@ RESULT = SuiteResult(Path(f"{EVIL}.yaml"), EVIL, "simulated", (STEP, SKIPPED))
 LEFT_OUT = SuiteResult(Path("x.yaml"), EVIL, "simulated", skipped=EVIL)
 
 LINES = {
-    "TAP": "\n".join(report.tap([RESULT, LEFT_OUT])),
     "step": report.step_line(STEP),
     "reason": "\n".join(report.reason_lines(STEP.reason or Reason(""))),
     "finding": str(Finding(EVIL, 1, 1, "E001", EVIL)),
@@ -107,16 +107,6 @@ LINES = {
 @pytest.mark.parametrize("text", LINES.values(), ids=LINES)
 def test_lines_of_names_and_strings(text: str) -> None:
     assert all(line.isprintable() for line in text.split("\n"))
-    assert not any(line.startswith("not ok 1\\r") for line in text.split("\n"))
-
-
-def test_tap_has_one_line_for_each_step() -> None:
-    lines = LINES["TAP"].split("\n")
-    assert [line.split(" ")[:2] for line in lines if line.startswith(("ok", "not ok"))] == [
-        ["not", "ok"],
-        ["ok", "2"],
-        ["ok", "3"],
-    ]
 
 
 def test_junit_is_xml_with_the_names_as_they_show() -> None:

@@ -6,6 +6,7 @@ import pytest
 
 from eurobot_od.support.yaml_places import Problems, ReadError, compose
 from tests.marks import marked
+from tests.rows import rows
 
 QUOTES = "a text with > or | at its start needs quotes: '> 0'"
 INDENTED = "this line is not indented like those it belongs to"
@@ -44,7 +45,7 @@ TEXTS = {
 }
 
 
-@pytest.mark.parametrize(("text", "words"), TEXTS.values(), ids=TEXTS.keys())
+@rows("text, words", TEXTS.values())
 def test_what_is_no_yaml_is_told_in_words(text: str, words: str) -> None:
     source, place = marked(text)
     problems: Problems = []

@@ -23,6 +23,7 @@ from eurobot_od.support.yaml_places import (
     refuse_aliases,
     telling,
 )
+from tests.rows import rows
 
 
 def shown(problems: Problems) -> list[str]:
@@ -106,7 +107,7 @@ def parts(node: yaml.Node) -> Iterator[tuple[object, ...]]:
             yield from parts(each)
 
 
-@pytest.mark.parametrize("source", [*(file.read_text() for file in OURS), *LOOK_ALIKE])
+@rows("source", [*(file.read_text() for file in OURS), *LOOK_ALIKE])
 def test_all_parsers_read_the_same(source: str) -> None:
     read = [[list(parts(node)) for node in yaml.compose_all(source, parser)] for parser in PARSERS]
     assert read[0]

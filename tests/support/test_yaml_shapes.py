@@ -27,6 +27,7 @@ from eurobot_od.support.yaml_shapes import (
     read_yaml,
     shape_of,
 )
+from tests.rows import rows
 
 
 class Colour(Enum):
@@ -112,12 +113,12 @@ INVALID: list[tuple[Any, str, str]] = [
 ]
 
 
-@pytest.mark.parametrize(("kind", "source", "value"), VALID)
+@rows("kind, source, value", VALID)
 def test_reads_what_is_declared(kind: Any, source: str, value: object) -> None:
     assert read_yaml(source, shape_of(kind), "a.yaml") == value
 
 
-@pytest.mark.parametrize(("kind", "source", "what"), INVALID)
+@rows("kind, source, what", INVALID)
 def test_tells_place_and_reason(kind: Any, source: str, what: str) -> None:
     with pytest.raises(YamlError) as error:
         read_yaml(source, shape_of(kind), "a.yaml")
@@ -152,6 +153,6 @@ SCHEMAS: list[tuple[Shape[Any], dict[str, object]]] = [
 ]
 
 
-@pytest.mark.parametrize(("shape", "schema"), SCHEMAS)
+@rows("shape, schema", SCHEMAS)
 def test_the_schema_says_the_same(shape: Shape[Any], schema: dict[str, object]) -> None:
     assert shape.schema.items() >= schema.items()

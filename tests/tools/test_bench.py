@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 import json
-import os
 import re
-import subprocess
-import sys
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -14,13 +11,14 @@ from typing import Any
 
 import pytest
 import run
-from bench import command, report, table
+from bench import command, table
 from bench.groups import GROUPS
 from bench.measure import Claim, Contender, Gap, NotHere, Quantity, Scale, Series, Verdict, Way, Wrong, compare, measure
 from bench.process import PYTHON
 from bench.process import run as run_process
-from bench.programs import launch
 from bench.rows import logs
+
+from tests.rows import rows
 
 ROOT = Path(__file__).parents[2]
 EVERYTHING = [series for group in GROUPS for series in group]
@@ -93,7 +91,7 @@ VERDICTS = [
 ]
 
 
-@pytest.mark.parametrize(("way", "ours", "peer", "wanted", "verdict"), [each[:5] for each in VERDICTS])
+@rows("way, ours, peer, wanted, verdict", [each[:5] for each in VERDICTS])
 def test_verdicts(way: Way, ours: float, peer: float, wanted: float | None, verdict: Verdict) -> None:
     called: list[str] = []
     contenders = {"peer": giving([peer], called, "peer"), "ours": giving([ours], called, "ours")}
@@ -134,114 +132,15 @@ def test_a_missed_row_fails_only_if_asked_to(strict: bool, short: bool, status: 
     assert command.status([measured], Scale(1, short), strict) == status
 
 
-# What is shown and written
-
-FIGURES = [
-    (1.234e-7, Quantity.TIME, "123 ns"),
-    (0.5e-6, Quantity.TIME, "500 ns"),
-    (0.01234, Quantity.TIME, "12.3 ms"),
-    (-0.002, Quantity.TIME, "-2 ms"),
-    (0.0, Quantity.TIME, "0 ns"),
-    (123.4e6, Quantity.MEMORY, "123 MB"),
-    (0.327, Quantity.CPU, "32.7 %"),
-    (12345, Quantity.COUNT, "12345"),
-    (3, Quantity.COUNT, "3"),
-]
-
-
-@pytest.mark.parametrize(("figure", "quantity", "text"), FIGURES)
-def test_figures_have_their_units(figure: float, quantity: Quantity, text: str) -> None:
-    assert table.in_units(figure, quantity) == text
-
-
-def test_the_json_has_every_rounds_figure(tmp_path: Path) -> None:
-    claim = Claim("row", "ours", "peer", Way.RATIO, 1)
-    series = made_up({"peer": giving([4, 2], [], "peer"), "ours": giving([1, 2], [], "ours")}, claim)
-    report.write(tmp_path / "bench.json", [measure(series, Scale(2))], Scale(2))
-    written = json.loads((tmp_path / "bench.json").read_text())
-    assert written["machine"]["python"].endswith(sys.version.split()[0])
-    assert written["versions"]["cantools"] != "not installed"
-    assert written["series"][0]["rounds"] == {
-        "peer": [{"time_s": 4}, {"time_s": 2}],
-        "ours": [{"time_s": 1}, {"time_s": 2}],
-    }
-    assert written["series"][0]["claims"][0]["value"] == 0.5
-    assert written["series"][0]["claims"][0]["spread"] == [0.25, 1]
-
-
-# The command line
-
-
-@pytest.mark.parametrize(
-    ("words", "names"),
-    [
-        (["echo"], [each.name for each in EVERYTHING if each.group == "echo"]),
-        (["of blf", "decode goto"], ["decode 100 000 frames of blf", "decode Goto XY", "decode GotoXY in slices"]),
-        ([], [each.name for each in EVERYTHING]),
-    ],
-)
-def test_rows_are_chosen_by_group_or_name(
-    words: list[str], names: list[str], capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert command.main([*words, "--list"]) == 0
-    assert [line.split(maxsplit=1)[1] for line in capsys.readouterr().out.splitlines()] == names
-
-
-@pytest.mark.parametrize(
-    ("words", "said"),
-    [
-        (["teleport"], "bench: error: no row is called 'teleport'; groups: codec, receive"),
-        (["--rounds", "0"], "bench: error: argument --rounds: 0 is not a number of rounds"),
-        (["--rounds", "many"], "bench: error: argument --rounds: many is not a number of rounds"),
-    ],
-)
-def test_wrong_usage_is_told(words: list[str], said: str, capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit) as ended:
-        command.main(words)
-    assert ended.value.code == 2
-    assert said in capsys.readouterr().err
-
-
-def test_figures_that_cannot_be_written_are_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert command.main(short("socketcan", "--json", str(tmp_path / "no folder" / "bench.json"))) == 3
-    assert capsys.readouterr().err == f"bench: {tmp_path}/no folder/bench.json: No such file or directory\n"
-
-
-@pytest.mark.long
-def test_it_is_one_command() -> None:
-    done = subprocess.run([sys.executable, "tools/bench", "--list"], cwd=ROOT, capture_output=True, text=True)
-    assert (done.returncode, done.stderr) == (0, "")
-    assert len(done.stdout.splitlines()) == len(EVERYTHING)
-
-
 def test_run_routes_to_it(monkeypatch: pytest.MonkeyPatch) -> None:
     prepared: Callable[..., Path] = lambda extras="": Path("python", extras)  # noqa: E731
     monkeypatch.setattr(run, "prepare", prepared)
     assert run.command(["bench", "--list"]) == (Path("python/bench"), ROOT / "tools" / "bench", "--list")
-    assert run.command(["match"]) == (Path("python"), "-m", "eurobot_od", "match")
+    assert run.command(["match"]) == (Path("eurobot-od"), "match")
+    assert run.command(["canopen-workbench", "decode"]) == (Path("canopen-workbench"), "decode")
 
 
 # Whole processes and their output
-
-
-def test_a_process_is_measured(tmp_path: Path) -> None:
-    source = tmp_path / "source"
-    source.write_text("one\n")
-    copy = "import sys; sys.stdout.write(sys.stdin.read())"
-    figures = run_process([PYTHON, "-c", copy], source, tmp_path / "target")
-    assert (tmp_path / "target").read_text() == "one\n"
-    assert all(figures[each] > 0 for each in (Quantity.TIME, Quantity.MEMORY))
-
-
-@pytest.mark.skipif(not Path("/proc/self/status").is_file(), reason="no /proc: the children's memory is not known")
-def test_the_memory_of_children_counts() -> None:
-    child = "x = bytes(range(250)) * 400_000; print(flush=True); input()"
-    with subprocess.Popen([PYTHON, "-c", child], stdin=subprocess.PIPE, stdout=subprocess.PIPE) as process:
-        assert process.stdin is not None
-        assert process.stdout is not None
-        process.stdout.readline()
-        assert launch.peaks(os.getpid())[process.pid] > 100e6
-        process.stdin.write(b"\n")
 
 
 def test_a_process_that_fails_is_wrong() -> None:

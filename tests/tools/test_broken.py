@@ -8,11 +8,13 @@ from pathlib import Path
 import broken
 import pytest
 
+from tests.rows import rows
+
 ROOT = Path(__file__).parents[2]
 CHANGES = broken.read()
 
 
-@pytest.mark.parametrize("change", CHANGES, ids=[each.promise for each in CHANGES])
+@rows("change", CHANGES)
 def test_a_change_fits_the_code_and_names_a_test(change: broken.Change) -> None:
     assert change.fits
     assert change.new != change.old

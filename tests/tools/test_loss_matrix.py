@@ -8,6 +8,7 @@ from loss_matrix import BOUND, Cell
 
 from eurobot_od.robot import dialects
 from eurobot_od.robot.nodes import Drive
+from tests.rows import rows
 
 KINDS = (
     Cell("Emergency Stop", "lost for ever"),
@@ -26,8 +27,8 @@ KINDS = (
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("dialect", dialects.names())
-@pytest.mark.parametrize("cell", KINDS, ids=lambda cell: f"{cell.what} {cell.how}")
+@rows("dialect", dialects.names())
+@rows("cell", KINDS)
 def test_the_robot_stands_and_every_call_ends(cell: Cell, dialect: str) -> None:
     result = loss_matrix.attempt(cell._replace(dialect=dialect))
     assert result.wrong == ""

@@ -43,10 +43,10 @@ def test_a_program_of_another_version_is_none(folder: Path) -> None:
 
 
 def test_a_python_that_is_not_here_is_skipped_and_said(capsys: pytest.CaptureFixture[str]) -> None:
-    assert pythons.is_fine(pythons.Row("9.8", "highest", ()))
-    assert capsys.readouterr().out == "== Python 9.8: skipped: no Python 9.8 here\n"
+    assert pythons.is_fine(pythons.Row("9.8", "highest"))
+    assert capsys.readouterr().out == "Python 9.8: skipped: not on this machine\n"
 
 
-def test_an_unknown_version_is_one_line(capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_unknown_row_is_one_line(capsys: pytest.CaptureFixture[str]) -> None:
     assert pythons.main(["2.7"]) == pythons.WRONG_USAGE
-    assert capsys.readouterr().err == "unknown Python 2.7; known: 3.11, 3.12, 3.13\n"
+    assert capsys.readouterr().err == "unknown: 2.7; known: lowest, 3.11, 3.12, 3.13, 3.14\n"

@@ -10,6 +10,7 @@ import sdo_fuzz
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.robot import dialects
 from tests.device import io_module
+from tests.rows import rows
 
 
 @pytest.mark.parametrize("dialect", ["canopen", "firmware2014"])
@@ -22,7 +23,7 @@ SAMPLES = Path(__file__).parents[1] / "lint" / "samples"
 FOREIGN = [each for each in sorted(SAMPLES.iterdir()) if not each.name.startswith("broken_by_hand")]
 
 
-@pytest.mark.parametrize("file", FOREIGN, ids=lambda file: file.name)
+@rows("file", FOREIGN)
 def test_anybodys_device_answers_by_the_standard(file: Path) -> None:
     assert sdo_fuzz.run(Dictionary.load(file, 5), requests=1500, seed=7) > 0
 
@@ -48,7 +49,7 @@ WRONG = [
 ]
 
 
-@pytest.mark.parametrize(("request_data", "answers"), [row[:2] for row in WRONG], ids=[row[2] for row in WRONG])
+@rows("request_data, answers", [row[:2] for row in WRONG])
 def test_the_judge_finds_a_wrong_answer(request_data: bytes, answers: list[str]) -> None:
     with pytest.raises(sdo_fuzz.Fault):
         sdo_fuzz.Judge(dialects.load("drive")).exchange(request_data, [bytes.fromhex(each) for each in answers])

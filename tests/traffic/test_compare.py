@@ -14,6 +14,7 @@ from eurobot_od.robot.model.values import Source
 from eurobot_od.robot.protocol import decoder
 from eurobot_od.traffic.compare import Difference, DifferenceKind, Timed, Tolerances, compare
 from eurobot_od.traffic.entries import Damage, Foreign, Raw
+from tests.rows import rows
 
 DECODER = decoder()
 ENCODE = DECODER.protocol.encode
@@ -129,8 +130,9 @@ CASES: list[tuple[str, Callable[[list[Timed]], object], Tolerances, list[Differe
 ]
 
 
-@pytest.mark.parametrize(
-    ("change", "tolerances", "wanted"), [case[1:] for case in CASES], ids=[case[0] for case in CASES]
+@rows(
+    "change, tolerances, wanted",
+    [case[1:] for case in CASES],
 )
 def test_what_counts_as_a_difference(
     change: Callable[[list[Timed]], object], tolerances: Tolerances, wanted: list[DifferenceKind]

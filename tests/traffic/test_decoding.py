@@ -13,6 +13,7 @@ from eurobot_od.traffic.decoding import Decoding
 from eurobot_od.traffic.filters import Window, by_name
 from eurobot_od.traffic.meaning import Decoder
 from eurobot_od.traffic.output import TextOutput
+from tests.rows import rows
 
 FIRST, SECOND, THIRD = LINES = (
     "(1396.001356) can0 180#1B796C2008\n",
@@ -52,8 +53,8 @@ def decoded(decoding: Decoding, log: str, name: str = "bus.log") -> str:
     return "".join(decoding.lines(io.BytesIO(log.encode()), name, "log"))
 
 
-@pytest.mark.parametrize(
-    ("log", "reason"),
+@rows(
+    "log, reason",
     [
         (REGULAR, "all regular"),
         (f"{FIRST}\n{SECOND}\n{THIRD}\n", "empty lines"),
@@ -74,8 +75,8 @@ def test_regular_lines_in_any_of_their_forms(decoder: Decoder, log: str, reason:
     assert decoding.damage.total == 0
 
 
-@pytest.mark.parametrize(
-    ("log", "damage", "text"),
+@rows(
+    "log, damage, text",
     [
         # words that are not where they should be
         (SECOND.replace(" 010#", " 010 #"), UNREADABLE, ""),

@@ -20,6 +20,7 @@ from eurobot_od.robot.model.values import Barriers, Obstacle, Passage, Source, T
 from eurobot_od.robot.protocol import decoder as robot_decoder
 from eurobot_od.traffic.filters import Wanted, Window, by_name, by_node, by_value
 from eurobot_od.traffic.meaning import Decoder
+from tests.rows import rows
 
 MESSAGES: dict[str, Message] = {
     "stop": EmergencyStop(Obstacle.ENEMY),
@@ -47,8 +48,8 @@ def passed(decoder: Decoder, wanted: Wanted) -> set[str]:
     return {name for name, frame in frames.items() if wanted(decoder(frame))}
 
 
-@pytest.mark.parametrize(
-    ("names", "expected"),
+@rows(
+    "names, expected",
     [
         (["Goto XY"], {"goto"}),
         (["goto-xy", "EMERGENCY_STOP"], {"goto", "stop"}),
@@ -75,8 +76,8 @@ def test_by_node(decoder: Decoder, nodes: list[str], expected: set[str]) -> None
     assert passed(decoder, by_node(nodes, [each.name for each in decoder.dictionaries])) == expected
 
 
-@pytest.mark.parametrize(
-    ("text", "expected"),
+@rows(
+    "text, expected",
     [
         ("x>1000", {"goto"}),
         ("x >= 500", {"goto", "here"}),

@@ -14,6 +14,7 @@ from eurobot_od.traffic.entries import Damage
 from eurobot_od.traffic.following import Following
 from eurobot_od.traffic.meaning import Decoder
 from tests.eds_text import DEVICE_TYPE, pdo, record, variable
+from tests.rows import rows
 
 SERVICES = [
     # NMT: to all, to a known node, to another one, an unknown command
@@ -103,14 +104,14 @@ def decoder() -> Decoder:
     return robot_decoder(dialects.DEFAULT)
 
 
-@pytest.mark.parametrize(("cob_id", "data", "name", "text"), SERVICES)
+@rows("cob_id, data, name, text", SERVICES)
 def test_what_a_service_says(decoder: Decoder, cob_id: int, data: str, name: str, text: str) -> None:
     meaning = decoder(Frame(cob_id, bytes.fromhex(data)))
     assert (meaning.name, meaning.group, meaning.defects) == (name, "CANopen", ())
     assert text in meaning.text
 
 
-@pytest.mark.parametrize(("cob_id", "data", "name", "text"), BROADCAST)
+@rows("cob_id, data, name, text", BROADCAST)
 def test_what_a_broadcast_service_says(cob_id: int, data: str, name: str, text: str) -> None:
     meaning = Decoder(())(Frame(cob_id, bytes.fromhex(data)))
     assert (meaning.name, meaning.group, meaning.text, meaning.defects) == (name, "CANopen", text, ())
@@ -174,8 +175,8 @@ SENDERS = (
 )
 
 
-@pytest.mark.parametrize(
-    ("frame", "sender"),
+@rows(
+    "frame, sender",
     [
         (Frame(0x000, b"\1\0"), "PC"),
         (Frame(0x7E5, bytes(8)), "PC"),

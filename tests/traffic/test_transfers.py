@@ -16,6 +16,7 @@ from eurobot_od.traffic.entries import Damage
 from eurobot_od.traffic.following import Following
 from eurobot_od.traffic.meaning import Decoder, Meaning
 from tests.device.shelf import Shelf
+from tests.rows import rows
 from tests.sdo.line import WAIT, Line
 
 READ: list[Callable[..., Transfer]] = [upload, block_upload]
@@ -63,8 +64,8 @@ def decoded(decoder: Decoder, frames: Iterable[Frame]) -> list[Meaning]:
     return [following(number / 1000, "can0", frame) for number, frame in enumerate(frames)]
 
 
-@pytest.mark.parametrize("size", SIZES)
-@pytest.mark.parametrize("read", READ)
+@rows("size", SIZES)
+@rows("read", READ)
 def test_the_last_line_of_a_read(decoder: Decoder, read: Callable[..., Transfer], size: int) -> None:
     meanings = decoded(decoder, recorded(lambda: read(OBJECT, WAIT), content_of(size)))
     assert not any(each.defects for each in meanings)
@@ -78,8 +79,8 @@ def test_the_last_line_of_a_read(decoder: Decoder, read: Callable[..., Transfer]
     assert (last.transfer.is_upload, last.transfer.size, last.transfer.lost) == (True, size, 0)
 
 
-@pytest.mark.parametrize("size", SIZES)
-@pytest.mark.parametrize("write", WRITE)
+@rows("size", SIZES)
+@rows("write", WRITE)
 def test_the_last_line_of_a_write(decoder: Decoder, write: Callable[..., Transfer], size: int) -> None:
     meanings = decoded(decoder, recorded(lambda: write(OBJECT, content_of(size), WAIT)))
     assert not any(each.defects for each in meanings)

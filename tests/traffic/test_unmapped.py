@@ -12,6 +12,7 @@ from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.traffic.entries import Damage
 from eurobot_od.traffic.meaning import Decoder, Meaning
 from tests.eds_text import DEVICE_TYPE, pdo, record, variable
+from tests.rows import rows
 
 SPEED, WIDE = 0x20000010, 0x30000020
 OBJECTS = DEVICE_TYPE + variable("2000", "Speed", "INTEGER16", "0") + variable("3000", "Position", "INTEGER32", "0")
@@ -157,8 +158,8 @@ MOVED = (
 )  # fmt: skip
 
 
-@pytest.mark.parametrize(
-    ("cob_id", "data", "name", "text"),
+@rows(
+    "cob_id, data, name, text",
     [
         (0x070, "", "SYNC", ""),
         (0x080, "", "SYNC", ""),  # of other devices it is where it was

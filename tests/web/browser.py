@@ -16,12 +16,12 @@ from pathlib import Path
 from typing import Any
 
 import aiohttp
+from interop_rows.tools import BROWSERS
 
 PATIENCE = 30.0
 """Seconds after which a page that does not do what it is to do fails the test."""
 
-NAMES = ("chromium", "chromium-browser", "google-chrome")
-PROGRAM = next(filter(None, map(shutil.which, NAMES)), None)
+PROGRAM = next(filter(None, map(shutil.which, BROWSERS)), None)
 """The browser, None on a machine that has none."""
 
 OPTIONS = (

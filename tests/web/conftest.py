@@ -6,8 +6,9 @@ import os
 from collections.abc import Iterator
 
 import pytest
+from interop_rows.tools import BROWSERS
 
-from tests.web.browser import NAMES, PROGRAM, Browser, Page, running
+from tests.web.browser import PROGRAM, Browser, Page, running
 
 
 @pytest.hookimpl(tryfirst=True)  # before pytest leaves out what is marked
@@ -22,7 +23,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 def browser() -> Iterator[Browser]:
     if PROGRAM is None:
         assert not os.environ.get("CI"), "CI has to have a browser"
-        pytest.skip(f"no browser: none of {', '.join(NAMES)}")
+        pytest.skip(f"no browser: none of {', '.join(BROWSERS)}")
     with running() as started:
         yield started
 

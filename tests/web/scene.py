@@ -14,14 +14,14 @@ from pathlib import Path
 
 from eurobot_od.bus.live import Live, open_bus
 from eurobot_od.robot import dialects
-from eurobot_od.robot.match.settings import stores
+from eurobot_od.robot.match.stage import stores
 from eurobot_od.robot.model.options import MatchOptions
 from eurobot_od.robot.model.values import TeamColour
 from eurobot_od.robot.nodes import Core, Drive, Navigation, Node
 from eurobot_od.robot.protocol import decoder
 from eurobot_od.robot.scene.panel import FieldPanel
 from eurobot_od.robot.world import World
-from eurobot_od.robot.world.assembly import assemble
+from eurobot_od.robot.world.instruments import assemble
 from eurobot_od.traffic.meaning import Decoder
 from eurobot_od.web.access import AccessRules
 from eurobot_od.web.content import described, stop_message

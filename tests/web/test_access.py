@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from eurobot_od.web.access import AccessRules, is_local
+from tests.rows import rows
 
 LOCAL, OPEN = AccessRules(), AccessRules("0.0.0.0", "right")
 
@@ -25,8 +26,8 @@ def test_admitted(access: AccessRules, headers: dict[str, str], shown: str, upgr
     assert access.refusal(headers, shown, upgrade) is None
 
 
-@pytest.mark.parametrize(
-    ("access", "headers", "shown", "upgrade", "status", "why"),
+@rows(
+    "access, headers, shown, upgrade, status, why",
     [
         (LOCAL, {}, "", False, 403, "Host ''"),
         (LOCAL, {"Host": "evil.example:8014"}, "", False, 403, "Host 'evil.example:8014'"),  # a name that points here

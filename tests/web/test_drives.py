@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import json
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -14,16 +13,18 @@ import pytest
 from eurobot_od.bus.live import Live, open_bus
 from eurobot_od.bus.simulated.network import ON_TIME
 from eurobot_od.client.network import SimulatedNetwork, simulated
-from eurobot_od.device.drive import SimulatedDrive
 from eurobot_od.device.faults.drive import FAULTS
+from eurobot_od.device.profiles.devices import SimulatedDrive
 from eurobot_od.errors import NoAnswer
 from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.profiles.cia402 import State
 from eurobot_od.traffic.meaning import Decoder
 from eurobot_od.web.drives import HELD, AxisAddress, Drives, axes_of
+from tests.bus.live.loose import until
 from tests.client.servo import EDS, SERVO
 from tests.conftest import EDS as ROBOTS
+from tests.rows import rows
 from tests.web.browser import Page
 from tests.web.scene import Served, channel, live_page
 from tests.web.test_server import answer, talk
@@ -63,13 +64,6 @@ def bench(tmp_path: Path, control: bool = True, fault: str = "") -> Iterator[Ben
         live_page(name, tmp_path, control, network=NETWORK, panels=()) as served,
     ):
         yield Bench(served, drive)
-
-
-def until(done: Callable[[], object], within: float = 10.0) -> None:
-    end = time.monotonic() + within
-    while not done():
-        assert time.monotonic() < end, "never"
-        time.sleep(0.02)
 
 
 def open_drives(page: Page, served: Served) -> None:
@@ -242,16 +236,16 @@ def test_a_fault_is_said_and_reset(tmp_path: Path, window: Page) -> None:
         window.wait(f"{NOW} === 'Switch on disabled'")
 
 
-@pytest.mark.parametrize(
-    ("words", "error"),
+@rows(
+    "words, error",
     [
         ({"do": "drive", "node": "servo", "axis": 1, "command": "explode"}, "unknown command of a drive 'explode'"),
         ({"do": "drive", "node": "servo", "axis": 2, "command": "enable"}, "node 5 has no axis 2 of CiA 402"),
         ({"do": "drive", "node": "servo", "axis": "1", "command": "enable"}, "node 5 has no axis 1 of CiA 402"),
         ({"do": "drive", "node": "9", "axis": 1, "command": "enable"}, "node 9 has no axis 1 of CiA 402"),
-        ({"do": "drive", "node": "servo", "axis": 1}, "command is missing, or no text"),
-        ({"do": "jog", "node": "servo", "axis": 1}, "velocity is missing, or no whole number"),
-        ({"do": "jog", "node": "servo", "axis": 1, "velocity": True}, "velocity is missing, or no whole number"),
+        ({"do": "drive", "node": "servo", "axis": 1}, "command is missing, or not a text"),
+        ({"do": "jog", "node": "servo", "axis": 1}, "velocity is missing, or not a whole number"),
+        ({"do": "jog", "node": "servo", "axis": 1, "velocity": True}, "velocity is missing, or not a whole number"),
         (
             {"do": "jog", "node": "servo", "axis": 1, "velocity": 5},
             "enable the drive first: it is in Switch on disabled",

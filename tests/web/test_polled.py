@@ -18,10 +18,9 @@ from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.objects import find_one
 from eurobot_od.robot.protocol import decoder
 from eurobot_od.traffic.meaning import Decoder
-from eurobot_od.web import polled
-from eurobot_od.web.polled import PolledObject
+from eurobot_od.web import requests as module
 from eurobot_od.web.requests import Requests
-from eurobot_od.web.session import Session
+from eurobot_od.web.session import PolledObject, Session
 from tests.eds_text import DEVICE_TYPE, record, variable
 from tests.web.scene import LONG, channel
 
@@ -87,7 +86,7 @@ def test_an_object_that_no_page_wants_any_more_is_read_no_more(requests: Request
 def test_when_all_places_are_taken_those_who_have_one_keep_it(
     requests: Requests, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(polled, "MOST", 1)
+    monkeypatch.setattr(module, "MOST_POLLED", 1)
     known = {"node": "drive", "object": "0x1017"}
     key = requests.watch(known)
     before = requests.session.polled[key].wanted_until

@@ -26,6 +26,7 @@ from eurobot_od.robot.nodes import ROLES, Core
 from eurobot_od.web import server
 from eurobot_od.web.access import AccessRules
 from eurobot_od.web.server import MOST_BROWSERS, MOST_OWED
+from tests.rows import rows
 from tests.web.scene import LONG, Served, channel, live_page, robot
 
 TOKEN = "a-token-that-nobody-guesses"
@@ -93,7 +94,7 @@ ATTACKS: list[tuple[str, str, str, dict[str, str], int]] = [
 ]
 
 
-@pytest.mark.parametrize(("what", "method", "path", "headers", "status"), ATTACKS, ids=[each[0] for each in ATTACKS])
+@rows("what, method, path, headers, status", ATTACKS)
 def test_attacks(local: Served, what: str, method: str, path: str, headers: dict[str, str], status: int) -> None:
     answer = ask(local, path, method, **headers)
     assert (what, answer.status) == (what, status)
@@ -102,8 +103,8 @@ def test_attacks(local: Served, what: str, method: str, path: str, headers: dict
     assert len(answer.text) < 200
 
 
-@pytest.mark.parametrize(
-    ("path", "headers", "status"),
+@rows(
+    "path, headers, status",
     [
         ("/", {}, 401),
         ("/?token=wrong", {}, 401),
@@ -199,8 +200,8 @@ async def answer(opened: aiohttp.ClientWebSocketResponse, text: str) -> dict[str
     return dict(said)
 
 
-@pytest.mark.parametrize(
-    ("text", "error"),
+@rows(
+    "text, error",
     [
         ("{", "a request is JSON"),
         ("[" * 60_000, "a request is JSON"),
@@ -208,7 +209,7 @@ async def answer(opened: aiohttp.ClientWebSocketResponse, text: str) -> dict[str
         ('{"id": 1}', "unknown request 'None'"),
         ('{"id": 1, "do": {}}', "unknown request '{}'"),
         ('{"id": 1, "do": "exec"}', "unknown request 'exec'"),
-        ('{"id": 1, "do": "read"}', "node is missing, or no text"),
+        ('{"id": 1, "do": "read"}', "node is missing, or not a text"),
         ('{"id": 1, "do": "read", "node": "nobody", "object": "1000"}', "unknown node 'nobody'"),
         ('{"id": 1, "do": "read", "node": "128", "object": "1000"}', "unknown node '128'"),
         ('{"id": 1, "do": "read", "node": "\\u00b2", "object": "1000"}', "unknown node '²'"),
@@ -220,7 +221,7 @@ async def answer(opened: aiohttp.ClientWebSocketResponse, text: str) -> dict[str
         ('{"id": 1, "do": "nmt", "command": "explode", "node": "all"}', "unknown NMT command 'explode'"),
         ('{"id": 1, "do": "write", "node": "drive", "object": "1017", "value": "70000"}', "allowed: 0..65535"),
         ('{"id": 1, "do": "write", "node": "drive", "object": "1017", "value": "soon"}', "allowed: an integer"),
-        ('{"id": 1, "do": "watch", "node": "drive", "object": 7}', "object is missing, or no text"),
+        ('{"id": 1, "do": "watch", "node": "drive", "object": 7}', "object is missing, or not a text"),
     ],
 )
 def test_what_is_asked_wrongly_is_answered_in_a_line(local: Served, text: str, error: str) -> None:

@@ -29,10 +29,7 @@ VCAN = Path("/sys/class/net/vcan0")
 
 
 class Tool(NamedTuple):
-    """A program: its name, the source it is installed from, and what finds, asks for its version, and installs it.
-
-    `in_ci`: `.ci/run` installs it, so that there its absence is an error.
-    """
+    """A program: its name, the source it is installed from, and what finds, asks for its version, and installs it."""
 
     name: str
     source: str
@@ -40,7 +37,6 @@ class Tool(NamedTuple):
     version: Callable[[], str]
     install: Callable[[], None]
     remedy: str
-    in_ci: bool = True
 
 
 def run(*command: str | Path, folder: Path | None = None) -> subprocess.CompletedProcess[str]:
@@ -153,6 +149,9 @@ NPM_CANOPEN = Tool(
 CAN_UTILS = _of_debian("can-utils", "candump", "cansend")._replace(
     present=lambda: _on_path(["candump", "cansend"]) and VCAN.exists(),
     remedy="apt-get install can-utils, on a kernel with SocketCAN: ip link add vcan0 type vcan; ip link set vcan0 up",
-    in_ci=False,
 )
-"""Its absence is not an error in CI: many a machine's kernel has no SocketCAN."""
+"""Many a machine's kernel has no SocketCAN."""
+
+BROWSERS = ("chromium", "chromium-browser", "google-chrome")
+CHROMIUM = _of_debian("chromium", "chromium")._replace(present=lambda: any(map(shutil.which, BROWSERS)))
+"""Judges the page, in its own tests: it is asked nothing here."""

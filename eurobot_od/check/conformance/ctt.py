@@ -1,7 +1,7 @@
 """CiA's conformance test tool (CTT): the tests of its list, and what a run of ours says about each.
 
-Rule of this file: numbers are the tool's, words are ours. A test of it that a device cannot be asked is skipped with
-the reason; it counts as executed only if a step of ours was passed or failed.
+Numbers are the tool's, words are ours. A test of it that a device cannot be asked is skipped with the reason; it counts
+as executed only if a step of ours has passed or failed.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from enum import Enum
 from typing import NamedTuple
 
-from eurobot_od.check.conformance.naming import StepName
+from eurobot_od.check.conformance.clauses import StepName
 from eurobot_od.check.results import Status, SuiteResult
 
 ASKS: Mapping[str, str] = {

@@ -6,22 +6,22 @@ farther than it says. Where the motor stands at the end is where it stood, or wh
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import NamedTuple
 
-from eurobot_od.check.conformance.profile import Needs, ProfileClauses, allowed_steps
-from eurobot_od.check.conformance.subject import Subject, awake, group, read, skip, title, write
-from eurobot_od.check.conformance.writing import Data, documents, hexadecimal
-from eurobot_od.check.format import VERSION
+from eurobot_od.check.conformance import step
+from eurobot_od.check.conformance.clauses import ANSWERS, Chapter, Need
+from eurobot_od.check.conformance.step import Data, Steps, hexadecimal, title
+from eurobot_od.check.conformance.subject import Subject, Tier, awake, need
+from eurobot_od.check.conformance.writing import documents
 from eurobot_od.device.nmt import NmtState
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.profiles import cia402
 from eurobot_od.od.profiles.cia402 import ARROWS, POWERED, DriveCommand, Mode, State
 from eurobot_od.od.standard import CONSUMED_HEARTBEATS
-from eurobot_od.od.values import ERROR_CONTROL_BASE, Address
+from eurobot_od.od.values import ERROR_CONTROL_BASE
 from eurobot_od.sdo.wire import ClientCommand, initiate
-
-TAG = "profile"
 
 SOON, MOVED = "2 s", "30 s"
 """How long an arrow of the state machine, and a move, may take."""
@@ -36,35 +36,27 @@ STAYS, LEAVES = 6, 2
 class MotionBounds(NamedTuple):
     """How far a motor may be moved, and how fast, in the drive's units."""
 
-    way: int
+    distance: int
     velocity: int
 
 
-class TestedDrive(NamedTuple):
-    """A drive under test, and which steps may be done; `motion` None: the motor gets no torque."""
+NOT_AT_ALL = MotionBounds(0, 0)
 
-    subject: Subject
-    allowed: frozenset[Needs]
-    motion: MotionBounds | None
 
-    def has(self, index: int) -> bool:
-        """Tell whether the file has an object."""
-        return self.subject.find((index, 0)) is not None
+@dataclass(frozen=True)
+class Drive(Subject):
+    """A drive under test; `motion` is how far and how fast its motor may be moved."""
 
-    def settable(self, index: int, value: int, sub: int = 0) -> bool:
-        """Tell whether an object can have a value, and its own again."""
-        return self.subject.may_be((index, sub), value)
+    motion: MotionBounds = NOT_AT_ALL
 
     @property
     def modes(self) -> tuple[Mode, ...]:
         """The modes of operation that the file says it has."""
-        return cia402.supported(self.subject.number((cia402.SUPPORTED_MODES, 0)))
+        return cia402.supported(self.number((cia402.SUPPORTED_MODES, 0)))
 
 
-CLAUSES: ProfileClauses[TestedDrive] = ProfileClauses()
+CHAPTER: Chapter[Drive] = Chapter("cia402", "drive", standard=402)
 """The suite, in the order of this file: what gives no torque comes first."""
-
-_clause = CLAUSES.clause
 
 
 # Steps
@@ -80,23 +72,22 @@ def _digits(mask: int, bits: int) -> str:
     return digits
 
 
-def _until(drive: TestedDrive, name: str, mask: int, bits: int, within: str = SOON) -> Data:
+def _until(drive: Drive, name: str, mask: int, bits: int, within: str = SOON) -> Data:
     """Ask for the statusword until it has these bits."""
-    subject = drive.subject
-    ask = subject.request(initiate(ClientCommand.UPLOAD << 5, (cia402.STATUSWORD, 0)))
+    ask = drive.request(initiate(ClientCommand.UPLOAD << 5, (cia402.STATUSWORD, 0)))
     # 4B is an expedited answer of 2 bytes (CiA 301, 7.2.4.3); the other two bytes may be anything.
     head = f"4B{cia402.STATUSWORD & 0xFF:02X}{cia402.STATUSWORD >> 8:02X}00"
     word = _digits(mask & 0xFF, bits & 0xFF) + _digits(mask >> 8, bits >> 8)
     poll = {**ask, "every": "20 ms"}
-    return {"name": name, "poll": poll, "until": subject.answer(f"{head}{word}????"), "within": within}
+    return {"name": name, "poll": poll, "until": drive.answer(f"{head}{word}????"), "within": within}
 
 
-def _state(drive: TestedDrive, state: State) -> Data:
+def _state(drive: Drive, state: State) -> Data:
     return _until(drive, f"it is in {state.words}", state.mask, state.bits)
 
 
 def _command(word: int, name: str) -> Data:
-    return write(f"{name} ({hexadecimal(word)})", (cia402.CONTROLWORD, 0), value=word)
+    return step.write(f"{name} ({hexadecimal(word)})", (cia402.CONTROLWORD, 0), value=word)
 
 
 def _commanded(command: DriveCommand) -> Data:
@@ -113,7 +104,7 @@ WAYS: dict[State, tuple[DriveCommand, ...]] = {
 """The commands that bring a drive from Switch on disabled into each state."""
 
 
-def _into(drive: TestedDrive, state: State) -> Iterator[Data]:
+def _into(drive: Drive, state: State) -> Steps:
     """Bring the drive into a state, each arrow seen."""
     yield _commanded(DriveCommand.DISABLE_VOLTAGE)
     yield _state(drive, State.DISABLED)
@@ -124,7 +115,7 @@ def _into(drive: TestedDrive, state: State) -> Iterator[Data]:
         yield _state(drive, present)
 
 
-def _off(drive: TestedDrive) -> Iterator[Data]:
+def _off(drive: Drive) -> Steps:
     yield _commanded(DriveCommand.DISABLE_VOLTAGE)
     yield _state(drive, State.DISABLED)
 
@@ -132,17 +123,14 @@ def _off(drive: TestedDrive) -> Iterator[Data]:
 # Objects
 
 
-@_clause("6.2", "Objects", Needs.READING)
-def _objects(drive: TestedDrive) -> Iterator[Data]:
+@CHAPTER.clause("6.2", "Objects")
+def _objects(drive: Drive) -> Steps:
     for index in (cia402.CONTROLWORD, cia402.STATUSWORD):  # mandatory: a drive without them is red
-        variable = drive.subject.find((index, 0))
-        yield read(title(variable) if variable else hexadecimal(index), (index, 0))
+        variable = drive.find((index, 0))
+        yield step.read(title(variable) if variable else hexadecimal(index), (index, 0))
     for index in (cia402.MODE_DISPLAY, cia402.SUPPORTED_MODES, cia402.ERROR_CODE):
-        variable = drive.subject.find((index, 0))
-        if variable is not None and variable.readable:
-            yield read(title(variable), (index, 0))
-        else:
-            yield skip(hexadecimal(index), f"the file has no {hexadecimal(index)} that can be read")
+        variable, lack = drive.readable((index, 0)), f"the file has no {hexadecimal(index)} that can be read"
+        yield step.read(title(variable), (index, 0)) if variable else step.skip(hexadecimal(index), lack)
 
 
 # State machine
@@ -155,7 +143,7 @@ LEADS_TO: Mapping[tuple[State, DriveCommand | None], State] = {
 """The state after a command, by the state before; a command that is not here leaves the state as it is."""
 
 
-def _table(drive: TestedDrive, powered: bool) -> Iterator[Data]:
+def _table(drive: Drive, powered: bool) -> Steps:
     """Give the rows of the state machine: each command in each state, those with torque or those without."""
     for before in (State.DISABLED, State.READY, State.SWITCHED_ON, State.ENABLED):
         for command in DriveCommand:
@@ -166,171 +154,158 @@ def _table(drive: TestedDrive, powered: bool) -> Iterator[Data]:
                 continue
             reset = [_command(0, "no command")] * (command is DriveCommand.FAULT_RESET)  # it is a rising edge
             name = f"{command.words} in {before.words}: {'stays' if before is after else after.words}"
-            yield group(name, *_into(drive, before), *reset, _commanded(command), _state(drive, after), *_off(drive))
+            steps = (*_into(drive, before), *reset, _commanded(command), _state(drive, after))
+            yield step.group(name, *steps, *_off(drive))
 
 
-@_clause("8.1", "States", Needs.REVERSIBLE)
-def _states(drive: TestedDrive) -> Iterator[Data]:
+@CHAPTER.clause("8.1", "States", Tier.REVERSIBLE)
+def _states(drive: Drive) -> Steps:
     return _table(drive, powered=False)
 
 
-@_clause("8.1", "States with torque", Needs.MOTION)
-def _states_with_torque(drive: TestedDrive) -> Iterator[Data]:
+@CHAPTER.clause("8.1", "States with torque", Tier.MOTION)
+def _states_with_torque(drive: Drive) -> Steps:
     return _table(drive, powered=True)
 
 
 # With torque
 
 
-@_clause("8.4", "Quick stop", Needs.MOTION)
-def _quick_stop(drive: TestedDrive) -> Iterator[Data]:
-    option = cia402.QUICK_STOP_OPTION
-    if not drive.settable(option, STAYS):
-        steps = (*_into(drive, State.ENABLED), _commanded(DriveCommand.QUICK_STOP))
+@CHAPTER.clause("8.4", "Quick stop", Tier.MOTION)
+def _quick_stop(drive: Drive) -> Steps:
+    option = cia402.QUICK_STOP_OPTION, 0
+    stopped = _commanded(DriveCommand.QUICK_STOP)
+    if not drive.may_be(option, STAYS):
         # Where its option code leads is the maker's matter; all that can be asked is that it is not a fault.
         ended = _until(drive, "it stops", State.DISABLED.mask & 0x08, 0)
-        yield group("from Operation enabled", *steps, ended, *_off(drive))
+        yield step.group("from Operation enabled", *_into(drive, State.ENABLED), stopped, ended, *_off(drive))
         return
-    own = drive.subject.number((option, 0))
-    stays = write(f"option code {STAYS}: it stays", (option, 0), value=STAYS)
-    leaves = write(f"option code {LEAVES}: it leaves", (option, 0), value=LEAVES)
-    back = write("option code as before", (option, 0), value=own)
+    stays = step.write(f"option code {STAYS}: it stays", option, value=STAYS)
+    leaves = step.write(f"option code {LEAVES}: it leaves", option, value=LEAVES)
+    back = step.write("option code as before", option, value=drive.number(option))
     for command, after in ((DriveCommand.ENABLE, State.ENABLED), (DriveCommand.DISABLE_VOLTAGE, State.DISABLED)):
         steps = (stays, *_into(drive, State.QUICK_STOP), _commanded(command), _state(drive, after))
-        yield group(f"{command.words} in Quick stop active: {after.words}", *steps, *_off(drive), back)
-    steps = (leaves, *_into(drive, State.ENABLED), _commanded(DriveCommand.QUICK_STOP), _state(drive, State.DISABLED))
-    yield group("ends in Switch on disabled", *steps, back)
+        yield step.group(f"{command.words} in Quick stop active: {after.words}", *steps, *_off(drive), back)
+    ended = _state(drive, State.DISABLED)
+    yield step.group("ends in Switch on disabled", leaves, *_into(drive, State.ENABLED), stopped, ended, back)
 
 
-@_clause("8.4", "Connection", Needs.MOTION)
-def _lost_heartbeat(drive: TestedDrive) -> Iterator[Data]:
+@CHAPTER.clause("8.4", "Connection", Tier.MOTION, group="a lost heartbeat, and its reset")
+def _lost_heartbeat(drive: Drive) -> Steps:
     """Lose a heartbeat that the drive watches: it has a fault, which a rising edge resets."""
-    name, address, subject = "a lost heartbeat, and its reset", (CONSUMED_HEARTBEATS, 1), drive.subject
-    another = subject.another
+    watched, option, another = (CONSUMED_HEARTBEATS, 1), (cia402.ABORT_CONNECTION, 0), drive.another
     entry = another << 16 | WATCHED
-    if not subject.may_be(address, entry) or not drive.settable(cia402.ABORT_CONNECTION, 1):
-        yield skip(name, "the file has no 0x1016:1 and 0x6007 that can be written")
-        return
+    settable = drive.may_be(watched, entry) and drive.may_be(option, 1)
+    need(settable, "the file has no 0x1016:1 and 0x6007 that can be written")
     beat = f"{ERROR_CONTROL_BASE + another:03X}#{NmtState.OPERATIONAL:02X}"
-    own = subject.number((cia402.ABORT_CONNECTION, 0))
-    yield group(
-        name,
-        write("abort connection: a fault", (cia402.ABORT_CONNECTION, 0), value=1),
-        *_into(drive, State.ENABLED),
-        write(f"watch node {another}", address, value=entry),
-        {"name": "its heartbeat, and no second one", "send": {"raw": beat}},
-        _state(drive, State.FAULT),
-        # No command leaves a fault but the reset, and that only with a rising edge (CiA 402-2, transition 15).
-        _command(DriveCommand.ENABLE.bits, "Enable operation"),
-        _state(drive, State.FAULT),
-        write("watch nobody", address, value=0),
-        _command(0, "no command"),
-        _commanded(DriveCommand.FAULT_RESET),
-        _state(drive, State.DISABLED),
-        write("abort connection as before", (cia402.ABORT_CONNECTION, 0), value=own),
-    )
+    yield step.write("abort connection: a fault", option, value=1)
+    yield from _into(drive, State.ENABLED)
+    yield step.write(f"watch node {another}", watched, value=entry)
+    yield {"name": "its heartbeat, and no second one", "send": {"raw": beat}}
+    yield _state(drive, State.FAULT)
+    # No command leaves a fault but the reset, and that only with a rising edge (CiA 402-2, transition 15).
+    yield _command(DriveCommand.ENABLE.bits, "Enable operation")
+    yield _state(drive, State.FAULT)
+    yield step.write("watch nobody", watched, value=0)
+    yield _command(0, "no command")
+    yield _commanded(DriveCommand.FAULT_RESET)
+    yield _state(drive, State.DISABLED)
+    yield step.write("abort connection as before", option, value=drive.number(option))
 
 
-def _mode(drive: TestedDrive, mode: Mode) -> Iterator[Data]:
+def _mode(drive: Drive, mode: Mode) -> Steps:
     """Choose a mode of operation, and enable."""
-    yield write(f"mode {cia402.MODE_WORDS[mode]}", (cia402.MODE, 0), value=int(mode))
-    yield read("it is the mode", (cia402.MODE_DISPLAY, 0), expect=int(mode))
+    yield step.write(f"mode {cia402.MODE_WORDS[mode]}", (cia402.MODE, 0), value=int(mode))
+    yield step.read("it is the mode", (cia402.MODE_DISPLAY, 0), expect=int(mode))
     yield from _into(drive, State.ENABLED)
 
 
-def _without(drive: TestedDrive, mode: Mode, *objects: Address) -> str:
-    """Say why a mode cannot be tried; nothing if it can."""
-    lacks = [hexadecimal(index) for index, sub in objects if drive.subject.find((index, sub)) is None]
-    reasons = {
-        f"the file has no mode {cia402.MODE_WORDS[mode]} (0x6502)": mode not in drive.modes,
-        f"the file has no {', '.join(lacks)}": bool(lacks),
-    }
-    return next((reason for reason, holds in reasons.items() if holds), "")
+def _has(mode: Mode, *indices: int) -> Need[Drive]:
+    """Need a drive with a mode, and the objects by which it is commanded."""
+
+    def has(drive: Drive) -> None:
+        need(mode in drive.modes, f"the file has no mode {cia402.MODE_WORDS[mode]} (0x6502)")
+        lacks = [hexadecimal(index) for index in (cia402.MODE, *indices) if drive.find((index, 0)) is None]
+        need(not lacks, f"the file has no {', '.join(lacks)}")
+
+    return has
 
 
-HERE = 37
+HOME_IS_HERE = 37
 """The homing method that does not move."""
 
 
-@_clause("11.1", "Homing", Needs.MOTION)
-def _homing(drive: TestedDrive) -> Iterator[Data]:
-    name = "present position is home"
-    why = _without(drive, Mode.HOMING, (cia402.MODE, 0), (cia402.HOMING_METHOD, 0), (cia402.POSITION, 0))
-    if why:
-        yield skip(name, why)
-        return
+@CHAPTER.clause(
+    "11.1",
+    "Homing",
+    Tier.MOTION,
+    group="present position is home",
+    needs=[_has(Mode.HOMING, cia402.HOMING_METHOD, cia402.POSITION)],
+)
+def _homing(drive: Drive) -> Steps:
     done = cia402.BIT_12 | cia402.TARGET_REACHED
-    start = _command(DriveCommand.ENABLE.bits | cia402.HOMING_START, "start homing")
-    yield group(
-        name,
-        write(f"method {HERE}", (cia402.HOMING_METHOD, 0), value=HERE),
-        *_mode(drive, Mode.HOMING),
-        # Bits 13, 12 and 10: no error, not attained, target reached (CiA 402-2, clause 11).
-        _until(drive, "not started", 0x3400, cia402.TARGET_REACHED),
-        start,
-        _until(drive, "homing attained", done | cia402.BIT_13, done, MOVED),
-        *_off(drive),
-    )
+    yield step.write(f"method {HOME_IS_HERE}", (cia402.HOMING_METHOD, 0), value=HOME_IS_HERE)
+    yield from _mode(drive, Mode.HOMING)
+    # Bits 13, 12 and 10: no error, not attained, target reached (CiA 402-2, clause 11).
+    yield _until(drive, "not started", 0x3400, cia402.TARGET_REACHED)
+    yield _command(DriveCommand.ENABLE.bits | cia402.HOMING_START, "start homing")
+    yield _until(drive, "homing attained", done | cia402.BIT_13, done, MOVED)
+    yield from _off(drive)
 
 
-@_clause("10.1", "Profile position", Needs.MOTION)
-def _position(drive: TestedDrive) -> Iterator[Data]:
-    """Move by the way that is allowed, and back."""
-    name, motion = "there and back", drive.motion
-    objects = ((cia402.MODE, 0), (cia402.TARGET_POSITION, 0), (cia402.PROFILE_VELOCITY, 0), (cia402.POSITION, 0))
-    why = _without(drive, Mode.PROFILE_POSITION, *objects)
-    if why or motion is None:
-        yield skip(name, why)
-        return
-    window = drive.subject.number((cia402.POSITION_WINDOW, 0)) & 0xFFFFFFFF
+@CHAPTER.clause(
+    "10.1",
+    "Profile position",
+    Tier.MOTION,
+    group="there and back",
+    needs=[_has(Mode.PROFILE_POSITION, cia402.TARGET_POSITION, cia402.PROFILE_VELOCITY, cia402.POSITION)],
+)
+def _position(drive: Drive) -> Steps:
+    """Move by the distance that is allowed, and back."""
+    distance, velocity = drive.motion
+    window = drive.number((cia402.POSITION_WINDOW, 0)) & 0xFFFFFFFF
     # A window of all bits is switched off (CiA 402-2, clause 12.3.4), and one as wide as the way would see nothing.
-    near = max(motion.way // 50, window if window < motion.way else 0, 1)
-    yield group(
-        name,
-        read("where it is", (cia402.POSITION, 0), save="start"),
-        write(f"velocity {motion.velocity}", (cia402.PROFILE_VELOCITY, 0), value=motion.velocity),
-        *_mode(drive, Mode.PROFILE_POSITION),
-        *_moved(drive, motion.way),
-        *_moved(drive, -motion.way),
-        read("it is back", (cia402.POSITION, 0), expect=f"{{start}} +- {near}"),
-        *_off(drive),
-    )
+    near = max(distance // 50, window if window < distance else 0, 1)
+    yield step.read("where it is", (cia402.POSITION, 0), save="start")
+    yield step.write(f"velocity {velocity}", (cia402.PROFILE_VELOCITY, 0), value=velocity)
+    yield from _mode(drive, Mode.PROFILE_POSITION)
+    yield from _moved(drive, distance)
+    yield from _moved(drive, -distance)
+    yield step.read("it is back", (cia402.POSITION, 0), expect=f"{{start}} +- {near}")
+    yield from _off(drive)
 
 
-def _moved(drive: TestedDrive, way: int) -> Iterator[Data]:
+def _moved(drive: Drive, distance: int) -> Steps:
     enable, reached = DriveCommand.ENABLE.bits, cia402.TARGET_REACHED | cia402.BIT_12
     bits = enable | cia402.NEW_SET_POINT | cia402.AT_ONCE | cia402.RELATIVE
-    yield write(f"by {way}", (cia402.TARGET_POSITION, 0), value=way)
+    yield step.write(f"by {distance}", (cia402.TARGET_POSITION, 0), value=distance)
     yield _command(bits, "new set-point, relative")
     yield _until(drive, "set-point acknowledged", cia402.BIT_12, cia402.BIT_12)
     yield _command(enable, "no new set-point")
-    yield _until(
-        drive, "target reached", reached | State.ENABLED.mask, cia402.TARGET_REACHED | State.ENABLED.bits, MOVED
-    )
+    arrived = cia402.TARGET_REACHED | State.ENABLED.bits
+    yield _until(drive, "target reached", reached | State.ENABLED.mask, arrived, MOVED)
 
 
-@_clause("14.1", "Profile velocity", Needs.MOTION)
-def _velocity(drive: TestedDrive) -> Iterator[Data]:
-    name, motion = "up, and quick stop", drive.motion
-    why = _without(drive, Mode.PROFILE_VELOCITY, (cia402.MODE, 0), (cia402.TARGET_VELOCITY, 0), (cia402.VELOCITY, 0))
-    if why or motion is None:
-        yield skip(name, why)
-        return
-    near = max(motion.velocity // 20, 1)
-    reached = _until(drive, "target reached", cia402.TARGET_REACHED, cia402.TARGET_REACHED, MOVED)
-    yield group(
-        name,
-        write("velocity 0", (cia402.TARGET_VELOCITY, 0), value=0),
-        *_mode(drive, Mode.PROFILE_VELOCITY),
-        write(f"velocity {motion.velocity}", (cia402.TARGET_VELOCITY, 0), value=motion.velocity),
-        reached,
-        read("it turns", (cia402.VELOCITY, 0), expect=f"{motion.velocity} +- {near}"),
-        _commanded(DriveCommand.QUICK_STOP),
-        {"name": "it stops", "wait": "1 s"},
-        read("it stands", (cia402.VELOCITY, 0), expect=f"0 +- {near}"),
-        write("velocity 0", (cia402.TARGET_VELOCITY, 0), value=0),
-        *_off(drive),
-    )
+@CHAPTER.clause(
+    "14.1",
+    "Profile velocity",
+    Tier.MOTION,
+    group="up, and quick stop",
+    needs=[_has(Mode.PROFILE_VELOCITY, cia402.TARGET_VELOCITY, cia402.VELOCITY)],
+)
+def _velocity(drive: Drive) -> Steps:
+    velocity, target = drive.motion.velocity, (cia402.TARGET_VELOCITY, 0)
+    near = max(velocity // 20, 1)
+    yield step.write("velocity 0", target, value=0)
+    yield from _mode(drive, Mode.PROFILE_VELOCITY)
+    yield step.write(f"velocity {velocity}", target, value=velocity)
+    yield _until(drive, "target reached", cia402.TARGET_REACHED, cia402.TARGET_REACHED, MOVED)
+    yield step.read("it turns", (cia402.VELOCITY, 0), expect=f"{velocity} +- {near}")
+    yield _commanded(DriveCommand.QUICK_STOP)
+    yield {"name": "it stops", "wait": "1 s"}
+    yield step.read("it stands", (cia402.VELOCITY, 0), expect=f"0 +- {near}")
+    yield step.write("velocity 0", target, value=0)
+    yield from _off(drive)
 
 
 # The suite
@@ -338,20 +313,10 @@ def _velocity(drive: TestedDrive) -> Iterator[Data]:
 
 def text(dictionary: Dictionary, reversible: bool = False, motion: MotionBounds | None = None) -> str:
     """Return the suite of a drive; `reversible` writes its controlword, `motion` gives it torque within its limits."""
-    subject = Subject(dictionary)
-    drive = TestedDrive(subject, allowed_steps(reversible, Needs.MOTION if motion else None), motion)
-    is_written = Needs.REVERSIBLE in drive.allowed
+    tier = Tier.MOTION if motion else Tier.REVERSIBLE if reversible else Tier.READING
+    drive = Drive(dictionary, tier, motion=motion or NOT_AT_ALL)
     reset = [_command(0, "no command"), _commanded(DriveCommand.FAULT_RESET), _command(0, "no command")]
-    suite: Data = {
-        "spec": VERSION,
-        "name": "CiA 402, drive",
-        "node": dictionary.name,
-        "tags": [TAG, "cia402"],
-        "setup": [
-            {**awake(subject), "name": "7.2.4.3.5 SDO: the device answers [reading]"},
-            *([group("8.1 States: any fault is reset [reversible]", *reset)] * is_written),
-        ],
-        "steps": [*CLAUSES.named(drive)],
-    }
     off = {**_commanded(DriveCommand.DISABLE_VOLTAGE), "name": "8.1 States: no torque [reversible]"}
-    return documents([{**suite, "teardown": [off]} if is_written else suite])
+    is_written = tier.allows(Tier.REVERSIBLE)
+    healthy = [step.group("8.1 States: any fault is reset [reversible]", *reset)] * is_written
+    return documents([CHAPTER.suite(drive, "profile", [awake(drive, ANSWERS), *healthy], [off] * is_written)])

@@ -2,38 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from itertools import product
-from typing import TYPE_CHECKING
 
-from eurobot_od.check.conformance.subject import (
-    BOOT_TIME,
-    Chapter,
-    Subject,
-    Tier,
-    awake,
-    group,
-    heartbeat,
-    never,
-    nmt,
-    put_back,
-    save,
-    sent,
-    skip,
-    wait,
-    write,
-)
-from eurobot_od.check.conformance.writing import Data
+from canopen.objectdictionary import ODVariable
+
+from eurobot_od.check.conformance import step
+from eurobot_od.check.conformance.clauses import Chapter
+from eurobot_od.check.conformance.step import Data, Steps
+from eurobot_od.check.conformance.subject import BOOT_TIME, Lacks, Subject, Tier, awake, fresh, need
 from eurobot_od.device.nmt import STATE_NAMES, boot_state
-from eurobot_od.od.objects import address_of, in_limits, limits
+from eurobot_od.od.objects import in_limits, limits
 from eurobot_od.od.standard import HEARTBEAT_TIME, NMT_STARTUP
 from eurobot_od.od.values import NMT_COB_ID
 from eurobot_od.sdo.wire import ClientCommand, initiate
 
-if TYPE_CHECKING:
-    from canopen.objectdictionary import ODVariable
-
-CHAPTER = Chapter("nmt", "NMT states, boot-up and heartbeat")
+CHAPTER: Chapter[Subject] = Chapter("nmt", "NMT states, boot-up and heartbeat")
 
 BEAT = 100
 """Heartbeat time with which states are watched, ms."""
@@ -47,9 +30,6 @@ SOON = f"{3 * BEAT} ms"
 QUIET = "300 ms"
 """How long nothing may come where nothing may."""
 
-PRECISION = "20 ms"
-"""By how much a heartbeat may be off its time; the standard names no precision."""
-
 LONGEST_PERIOD = 5000
 """Longest heartbeat time of a file that is measured, ms."""
 
@@ -59,6 +39,8 @@ SLOWEST = 2 * BEAT
 NO_HEARTBEAT = (
     f"the file has no producer heartbeat time (0x1017) that can be read, written, put back and be 1 to {SLOWEST} ms"
 )
+
+ANY: Data = {"heartbeat": "any"}
 
 WALK = (
     ("start", "operational"),
@@ -76,19 +58,21 @@ WAY_TO = {"pre-operational": (), "operational": ("start",), "stopped": ("stop",)
 
 def _beating(subject: Subject, name: str, *steps: Data) -> Data:
     """Do some steps while the device says its state often enough to be watched."""
-    time = _heartbeat_time(subject)
-    if time is None:
-        return skip(name, NO_HEARTBEAT)
+    try:
+        time = _heartbeat_time(subject)
+    except Lacks as lack:
+        return step.skip(name, str(lack))
     # A node says its state only in its heartbeat (CiA 301, 7.2.8.3.2); many devices have none by default, or one a
     # second.
-    faster = write(f"a heartbeat every {BEAT} ms", address_of(time), value=_allowed(time, BEAT))
-    return group(name, save(time), faster, *steps, put_back(time))
+    faster = step.write(f"a heartbeat every {BEAT} ms", HEARTBEAT_TIME, value=_allowed(time, BEAT))
+    return step.group(name, step.save(time), faster, *steps, step.put_back(time))
 
 
-def _heartbeat_time(subject: Subject) -> ODVariable | None:
-    """Return 0x1017 if it can be set, put back, and be fast enough to watch a state."""
-    time = subject.settable(HEARTBEAT_TIME)
-    return time if time is not None and 0 < _allowed(time, BEAT) <= SLOWEST else None
+def _heartbeat_time(subject: Subject) -> ODVariable:
+    """Return 0x1017 if it can be set, put back, and be fast enough to watch a state; raises Lacks."""
+    time = need(subject.settable(HEARTBEAT_TIME), NO_HEARTBEAT)
+    need(0 < _allowed(time, BEAT) <= SLOWEST, NO_HEARTBEAT)
+    return time
 
 
 def _allowed(variable: ODVariable, value: int) -> int:
@@ -101,135 +85,104 @@ def _allowed(variable: ODVariable, value: int) -> int:
 
 
 @CHAPTER.clause("7.5.2.2", "Error register")
-def _errors(_: Subject) -> Iterator[Data]:
+def _errors(_: Subject) -> Steps:
     """See that the device has no error to begin with: what is red afterwards may come from it."""
     # First of all: a short circuit, or a bus that was unplugged, would make steps red that have nothing to do with it.
-    yield {"name": "the device reports no error itself", "errors": "none"}
+    return [{"name": "the device reports no error itself", "errors": "none"}]
 
 
 # Boot-up
 
 
 @CHAPTER.clause("7.2.8.3.3", "Boot-up", Tier.REVERSIBLE, "10.1")
-def _boot_ups(subject: Subject) -> Iterator[Data]:
+def _boot_ups(subject: Subject) -> Steps:
     for command, (state, way) in product(("reset", "reset communication"), WAY_TO.items()):
-        there = [nmt(each) for each in ("pre-operational", *way)]
+        there = [step.nmt(each) for each in ("pre-operational", *way)]
         name = f"boot-up after {command} in {state.upper()}"
         # The boot-up comes at the change from Initialisation to PRE-OPERATIONAL, whatever state the node was in before
         # (CiA 301, 7.2.8.3.3); a node that is STOPPED hears the command as well.
-        booted = {**heartbeat("boot-up", BOOT_TIME), "name": f"after {command}"}
-        yield group(name, *there, nmt(command), booted, awake(subject))
+        booted = {**step.heartbeat("boot-up", BOOT_TIME), "name": f"after {command}"}
+        yield step.group(name, *there, step.nmt(command), booted, awake(subject))
 
 
 # Heartbeat
 
 
-@CHAPTER.clause("7.5.2.20", "Heartbeat time", ctt="7.101 to 7.103, 7.204")
-def _heartbeat_times(subject: Subject) -> Iterator[Data]:
+@CHAPTER.clause("7.5.2.20", "Heartbeat time", ctt="7.101 to 7.103, 7.204", name="it can be changed")
+def _heartbeat_times(subject: Subject) -> Steps:
     time = _heartbeat_time(subject)
-    if time is None:
-        yield skip("it can be changed", NO_HEARTBEAT)
-        return
-    beat = _allowed(time, BEAT)
-    slower = write(f"{SLOW} ms", address_of(time), value=_allowed(time, SLOW))
-    faster = write(f"{beat} ms", address_of(time), value=beat)
+    beat, kept, back = _allowed(time, BEAT), step.save(time), step.put_back(time)
+    slower = step.write(f"{SLOW} ms", HEARTBEAT_TIME, value=_allowed(time, SLOW))
+    faster = step.write(f"{beat} ms", HEARTBEAT_TIME, value=beat)
     # From a long time to a short one: a device that first lets the old time run out takes up to 5 s.
-    first = {**heartbeat("any", f"{beat + 100} ms"), "name": "a heartbeat after the new time"}
-    yield group("a change counts at once", save(time), slower, wait("20 ms"), faster, first, put_back(time))
-    every = {"message": {"heartbeat": "any"}, "every": f"{beat} ms", "tolerance": PRECISION, "count": 5}
-    yield group(
-        "heartbeats come at their time",
-        save(time),
-        faster,
-        {"name": f"every {beat} ms", "period": every},
-        put_back(time),
-    )
+    first = {**step.heartbeat("any", f"{beat + 100} ms"), "name": "a heartbeat after the new time"}
+    yield step.group("a change counts at once", kept, slower, step.wait("20 ms"), faster, first, back)
+    yield step.group("heartbeats come at their time", kept, faster, step.every(ANY, beat, 5), back)
     # 0 means no heartbeat (CiA 301, 7.5.2.20), but a maker may forbid it by LowLimit: then there is nothing to look at.
     if in_limits(time, 0):
-        none = write("0: no heartbeat", address_of(time), value=0)
-        silent = never("silent", {"heartbeat": "any"}, QUIET)
-        yield group("0 ends it", save(time), faster, none, wait("20 ms"), silent, put_back(time))
+        none = step.write("0: no heartbeat", HEARTBEAT_TIME, value=0)
+        silent = step.never("silent", ANY, QUIET)
+        yield step.group("0 ends it", kept, faster, none, step.wait("20 ms"), silent, back)
 
 
-@CHAPTER.clause("7.2.8.3.2", "Heartbeat", Tier.REVERSIBLE, "7.102")
-def _heartbeat_of_the_file(subject: Subject) -> Iterator[Data]:
+@CHAPTER.clause("7.2.8.3.2", "Heartbeat", Tier.REVERSIBLE, "7.102", group="as the file says")
+def _heartbeat_of_the_file(subject: Subject) -> Steps:
     period = subject.number(HEARTBEAT_TIME)
     # Two periods are measured, and a suite is to end: a device with one beat a minute is not worth two minutes here.
-    if not 0 < period <= LONGEST_PERIOD:
-        yield skip("as the file says", f"the file has no heartbeat time from 1 to {LONGEST_PERIOD} ms")
-        return
-    every = {"message": {"heartbeat": "any"}, "every": f"{period} ms", "tolerance": PRECISION, "count": 2}
-    yield group(
-        "as the file says",
-        nmt("reset"),
-        awake(subject),
-        nmt("pre-operational"),
-        {"name": f"every {period} ms", "period": every},
-    )
+    need(0 < period <= LONGEST_PERIOD, f"the file has no heartbeat time from 1 to {LONGEST_PERIOD} ms")
+    return [*fresh(subject, "reset"), step.every(ANY, period, 2)]
 
 
 @CHAPTER.clause("7.3.2.2", "NMT state", Tier.REVERSIBLE, "9.1")
-def _first_state(subject: Subject) -> Iterator[Data]:
+def _first_state(subject: Subject) -> Steps:
     # By itself means PRE-OPERATIONAL, unless 0x1F80 of the file says that the device starts on its own (CiA 302-2).
     state = STATE_NAMES[boot_state(subject.dictionary.default(NMT_STARTUP))]
-    says = heartbeat(state, SOON)
-    beating = _beating(subject, f"{state} by itself after a reset", says)
-    yield group("after a reset", nmt("reset"), awake(subject), beating)
-    yield nmt("pre-operational")
+    beating = _beating(subject, f"{state} by itself after a reset", step.heartbeat(state, SOON))
+    yield step.group("after a reset", step.nmt("reset"), awake(subject), beating)
+    yield step.nmt("pre-operational")
 
 
 # Commands
 
 
 @CHAPTER.clause("7.2.8.2.1", "NMT commands", Tier.REVERSIBLE, "10.2 to 10.4")
-def _walk(subject: Subject) -> Iterator[Data]:
+def _walk(subject: Subject) -> Steps:
     before = "pre-operational"
     for command, state in WALK:
-        commands = [*(nmt(each) for each in WAY_TO[before]), nmt(command), heartbeat(state, SOON)]
+        commands = [*map(step.nmt, WAY_TO[before]), step.nmt(command), step.heartbeat(state, SOON)]
         # An SDO server is silent in STOPPED (CiA 301, 7.3.2.2.4): the heartbeat time could be neither set nor put back.
-        back = [] if state == "pre-operational" else [nmt("pre-operational")]
+        back = [] if state == "pre-operational" else [step.nmt("pre-operational")]
         yield _beating(subject, f"{command} in {before.upper()}", *commands, *back)
         before = state
 
 
 @CHAPTER.clause("7.2.8.2.1", "NMT commands", Tier.DESTRUCTIVE)
-def _other_commands(subject: Subject) -> Iterator[Data]:
+def _other_commands(subject: Subject) -> Steps:
+    stays = step.never("stays", {"heartbeat": "operational"}, QUIET)
     for name, data in (
         ("another node's command does not matter", bytes([1, subject.another])),
         ("an unknown command does not matter", bytes([0x77, subject.node_id])),
         # An NMT frame has two bytes; with one of them a device would have to guess whom it is for.
         ("half a command does not matter", bytes([1])),
     ):
-        yield _beating(
-            subject, name, _raw(data), never("stays", {"heartbeat": "operational"}, QUIET), heartbeat("any", SOON)
-        )
+        sent = step.sent(f"NMT {data.hex(' ').upper()}", NMT_COB_ID, data)
+        yield _beating(subject, name, sent, stays, step.heartbeat("any", SOON))
     # Node-ID 0 is for all nodes (CiA 301, 7.2.8.2.1). PRE-OPERATIONAL, because every other node on the bus hears it
     # too.
-    started = [nmt("start"), heartbeat("operational", SOON)]
-    to_all = {**_raw(bytes([0x80, 0])), "name": "NMT pre-operational to all"}
-    yield _beating(subject, "a command to all nodes", *started, to_all, heartbeat("pre-operational", SOON))
-
-
-def _raw(data: bytes) -> Data:
-    return sent(f"NMT {data.hex(' ').upper()}", NMT_COB_ID, data)
+    started = [step.nmt("start"), step.heartbeat("operational", SOON)]
+    to_all = step.sent("NMT pre-operational to all", NMT_COB_ID, bytes([0x80, 0]))
+    yield _beating(subject, "a command to all nodes", *started, to_all, step.heartbeat("pre-operational", SOON))
 
 
 # Services
 
 
 @CHAPTER.clause("7.3.2.2.4", "NMT state", Tier.REVERSIBLE, "9.2 to 9.4")
-def _services(subject: Subject) -> Iterator[Data]:
+def _services(subject: Subject) -> Steps:
     # An upload: whatever a device in STOPPED makes of it, nothing is written.
-    request = subject.request(initiate(ClientCommand.UPLOAD << 5, subject.probe))
-    answered = awake(subject, "an SDO is answered")
-    yield group("SDO in PRE-OPERATIONAL", answered)
-    yield group("SDO in OPERATIONAL", nmt("start"), answered, nmt("pre-operational"))
-    yield group(
-        "no SDO in STOPPED",
-        nmt("stop"),
-        wait("50 ms"),
-        {"name": "a request", **request},
-        never("no answer", subject.answer("?" * 16), QUIET),
-        nmt("pre-operational"),
-        answered,
-    )
+    request = {"name": "a request", **subject.request(initiate(ClientCommand.UPLOAD << 5, subject.probe))}
+    answered, pause = awake(subject, "an SDO is answered"), step.nmt("pre-operational")
+    yield step.group("SDO in PRE-OPERATIONAL", answered)
+    yield step.group("SDO in OPERATIONAL", step.nmt("start"), answered, pause)
+    silent = step.never("no answer", subject.answer("?" * 16), QUIET)
+    yield step.group("no SDO in STOPPED", step.nmt("stop"), step.wait("50 ms"), request, silent, pause, answered)

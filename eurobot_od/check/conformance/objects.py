@@ -3,24 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
-from eurobot_od.check.conformance.subject import (
-    BUSY,
-    Chapter,
-    Subject,
-    Tier,
-    codes,
-    group,
-    put_back,
-    read,
-    save,
-    skip,
-    title,
-    unchanged,
-    write,
-)
-from eurobot_od.check.conformance.writing import Data
+from canopen.objectdictionary import ODVariable
+
+from eurobot_od.check.conformance import step
+from eurobot_od.check.conformance.clauses import Chapter
+from eurobot_od.check.conformance.step import BUSY, OUTSIDE, Data, Steps, codes, title
+from eurobot_od.check.conformance.subject import NO_DEVICE_TYPE, Subject, Tier, need
 from eurobot_od.device.objects import COMMUNICATION_PROFILE
 from eurobot_od.od import values
 from eurobot_od.od.objects import address_of, data_type, default_bytes, default_of, in_limits, limits
@@ -37,10 +26,7 @@ from eurobot_od.od.standard import (
 from eurobot_od.od.values import COMMUNICATIONS, MAPPINGS, MOST_SUBS, NOT_SCANNED, Address, label
 from eurobot_od.sdo.wire import AbortCode
 
-if TYPE_CHECKING:
-    from canopen.objectdictionary import ODVariable
-
-CHAPTER = Chapter("objects", "objects")
+CHAPTER: Chapter[Subject] = Chapter("objects", "objects")
 
 FREE = (0x1004, 0x1FFF, 0x5FFF, 0x9FFF, 0xBFFF)
 """Indices where mostly nothing is: one that CiA 301 has given up, and one in each area."""
@@ -56,9 +42,6 @@ SET_BY_DEVICE = {*COMMUNICATIONS, *(index for index, _ in VERIFY_CONFIGURATION)}
 
 CONFIGURED = ("const", "rw", "rww")
 """Access types of what has its default after power-on; `ro` and `rwr` are mostly measured."""
-
-OUTSIDE = (AbortCode.VALUE, AbortCode.TOO_LOW, AbortCode.TOO_HIGH)
-"""Aborts for the present value of an object to which the file gives none, or none within its limits."""
 
 MAKERS = range(COMMUNICATION_PROFILE.stop, 0x10000)
 """The maker's and the profile's objects: a device that takes what it should refuse there may move."""
@@ -77,15 +60,15 @@ def _tried(subject: Subject) -> Iterator[ODVariable]:
 
 
 @CHAPTER.clause("7.2.4.3.17", "Unknown object", ctt="2.6")
-def _unknown_objects(subject: Subject) -> Iterator[Data]:
+def _unknown_objects(subject: Subject) -> Steps:
     for address in _free(subject):
-        yield read(f"read {label(address)}", address, abort=codes(AbortCode.NO_OBJECT))
+        yield step.read(f"read {label(address)}", address, abort=codes(AbortCode.NO_OBJECT))
 
 
 @CHAPTER.clause("7.2.4.3.17", "Unknown object", Tier.REVERSIBLE)
-def _unknown_written(subject: Subject) -> Iterator[Data]:
+def _unknown_written(subject: Subject) -> Steps:
     for address in _free(subject):
-        yield write(f"write {label(address)}", address, data="00", abort=codes(AbortCode.NO_OBJECT))
+        yield step.write(f"write {label(address)}", address, data="00", abort=codes(AbortCode.NO_OBJECT))
 
 
 def _free(subject: Subject) -> Iterator[Address]:
@@ -93,56 +76,54 @@ def _free(subject: Subject) -> Iterator[Address]:
 
 
 @CHAPTER.clause("7.2.4.3.17", "Unknown sub-index", ctt="2.5")
-def _unknown_subindices(subject: Subject) -> Iterator[Data]:
+def _unknown_subindices(subject: Subject) -> Steps:
     for index, members in subject.dictionary.members.items():
         # The one after the last: a device that does not check its sub-indices reads what lies behind the record.
         free = max(members, default=MOST_SUBS) + 1
         if free <= MOST_SUBS:
             address: Address = index, free
-            yield read(f"read {label(address)}", address, abort=codes(AbortCode.NO_SUBINDEX))
+            yield step.read(f"read {label(address)}", address, abort=codes(AbortCode.NO_SUBINDEX))
 
 
 # Identity
 
 
 @CHAPTER.clause("7.5.2.21", "Identity")
-def _identity(subject: Subject) -> Iterator[Data]:
+def _identity(subject: Subject) -> Steps:
     for subindex, number in enumerate(subject.dictionary.identity[:3], start=1):
         each = subject.find((IDENTITY, subindex))
         if each is not None and number:
-            yield read(title(each), address_of(each), data=data_type(each).write(number).hex(" ").upper())
+            yield step.read(title(each), address_of(each), data=data_type(each).write(number).hex(" ").upper())
         elif each is not None:
             # A master tells devices apart by these; 0 in a file mostly means that nobody has filled it in.
-            yield skip(title(each), "the file does not say it")
+            yield step.skip(title(each), "the file does not say it")
 
 
-@CHAPTER.clause("7.4.9", "Structure", ctt="4.5")
-def _structure(subject: Subject) -> Iterator[Data]:
+@CHAPTER.clause("7.4.9", "Structure", ctt="4.5", name="0x1000:255")
+def _structure(subject: Subject) -> Steps:
     """Read what 0x1000 says about itself: ObjectType VAR and DataType UNSIGNED32 (CiA 301, 7.4.9)."""
-    if subject.find(DEVICE_TYPE) is None:
-        yield skip("0x1000:255", "the file has no device type (0x1000)")
-        return
+    need(subject.find(DEVICE_TYPE), NO_DEVICE_TYPE)
     # Sub-index 255 is optional: few devices have it.
     absent = codes(AbortCode.NO_SUBINDEX)
-    yield read("0x1000:255", (DEVICE_TYPE[0], values.STRUCTURE), data="07 07 00 00", optional=absent)
+    return [step.read("0x1000:255", (DEVICE_TYPE[0], values.STRUCTURE), data="07 07 00 00", optional=absent)]
 
 
 # Values
 
 
 @CHAPTER.clause("7.4.4", "Length of the type", ctt="4.1, 4.7")
-def _readable(subject: Subject) -> Iterator[Data]:
+def _readable(subject: Subject) -> Steps:
     """Read everything; the value must have the length of its type. What has no value now may say so."""
     for each in subject.objects:
         if each.readable and subject.dictionary.flags(address_of(each)) & NOT_SCANNED:
-            yield skip(title(each), "its ObjFlags say that a scan does not read it")
+            yield step.skip(title(each), "its ObjFlags say that a scan does not read it")
         elif each.readable:
             none_now = [AbortCode.NO_DATA, *([AbortCode.NO_SUBINDEX] if each.index == ERROR_FIELD else [])]
-            yield read(title(each), address_of(each), optional=codes(*none_now))
+            yield step.read(title(each), address_of(each), optional=codes(*none_now))
 
 
 @CHAPTER.clause("7.3.2.2.3", "Default after a reset", Tier.REVERSIBLE, "4.2, 4.8")
-def _defaults(subject: Subject) -> Iterator[Data]:
+def _defaults(subject: Subject) -> Steps:
     for each in subject.objects:
         configured = each.access_type in CONFIGURED or each.index in FIXED
         # What the suite was given, and where it talks to the device: neither is always what the file says.
@@ -152,57 +133,55 @@ def _defaults(subject: Subject) -> Iterator[Data]:
             yield from _default(each)
 
 
-def _default(each: ODVariable) -> Iterator[Data]:
+def _default(each: ODVariable) -> Steps:
     content = default_bytes(each)
-    if content is None or (not content and not data_type(each).size):
-        return
-    if each.index == IDENTITY:
-        return  # [DeviceInfo] may say it better
+    if content is None or (not content and not data_type(each).size) or each.index == IDENTITY:
+        return  # of the identity [DeviceInfo] may say it better
     default = default_of(each)
     if isinstance(default, int) and data_type(each).is_integer and in_limits(each, default):
-        yield read(title(each), address_of(each), expect=int(default))
+        yield step.read(title(each), address_of(each), expect=int(default))
     elif len(content) <= 200:  # a file within the file is compared nowhere
-        yield read(title(each), address_of(each), data=content.hex(" ").upper())
+        yield step.read(title(each), address_of(each), data=content.hex(" ").upper())
 
 
 # Access
 
 
-@CHAPTER.clause("7.4.5", "Write-only", ctt="2.4, 4.4")
-def _write_only(subject: Subject) -> Iterator[Data]:
+@CHAPTER.clause("7.4.5", "Write-only", ctt="2.4, 4.4", name="every object")
+def _write_only(subject: Subject) -> Steps:
     write_only = [each for each in subject.objects if not each.readable]
-    for each in write_only:
-        yield read(title(each), address_of(each), abort=codes(AbortCode.WRITE_ONLY))
-    if not write_only:
-        yield skip("every object", "the file has no write-only object")
+    for each in need(write_only, "the file has no write-only object"):
+        yield step.read(title(each), address_of(each), abort=codes(AbortCode.WRITE_ONLY))
 
 
 @CHAPTER.clause("7.4.5", "Read-only", Tier.DESTRUCTIVE, "4.3", only=MAKERS)
 @CHAPTER.clause("7.4.5", "Read-only", Tier.REVERSIBLE, "2.3, 4.3", only=COMMUNICATION_PROFILE)
-def _read_only(subject: Subject) -> Iterator[Data]:
+def _read_only(subject: Subject) -> Steps:
     for each in subject.objects:
         if not each.writable:
             # Of the right length, so that only the access can be refused; and zeros, should it be taken after all: they
             # do the least.
             zeros = bytes(data_type(each).size or 1).hex(" ")
-            yield write(title(each), address_of(each), data=zeros, abort=codes(AbortCode.READ_ONLY))
+            yield step.write(title(each), address_of(each), data=zeros, abort=codes(AbortCode.READ_ONLY))
 
 
 @CHAPTER.clause("7.4.5", "Writable", Tier.REVERSIBLE, "2.2, 4.9")
-def _own_values(subject: Subject) -> Iterator[Data]:
+def _own_values(subject: Subject) -> Steps:
     """Write what is there already, and read it again."""
     for each in _writable(subject):
         if not each.readable:
-            yield skip(title(each), "write-only: what is there is not known, so nothing is written")
+            yield step.skip(title(each), "write-only: what is there is not known, so nothing is written")
         elif subject.dictionary.flags(address_of(each)):
-            yield skip(title(each), "its ObjFlags say that a configuration does not write it, or a scan not read it")
+            yield step.skip(
+                title(each), "its ObjFlags say that a configuration does not write it, or a scan not read it"
+            )
         elif data_type(each) is values.DOMAIN:
-            yield skip(title(each), "a DOMAIN may be a program: nothing is written")
+            yield step.skip(title(each), "a DOMAIN may be a program: nothing is written")
         else:
             # Some stacks refuse with 0x06090030 whatever is written to a PDO's record while it is valid.
             refused = BUSY if _has_value(each) and each.index not in SET_BY_DEVICE else (*BUSY, *OUTSIDE)
-            written = {**put_back(each, optional=codes(*refused)), "name": "it is written"}
-            yield group(f"{title(each)}: the value it has", save(each), written, unchanged(each))
+            written = {**step.put_back(each, optional=codes(*refused)), "name": "it is written"}
+            yield step.group(f"{title(each)}: the value it has", step.save(each), written, step.unchanged(each))
 
 
 def _has_value(each: ODVariable) -> bool:
@@ -216,7 +195,7 @@ def _has_value(each: ODVariable) -> bool:
 
 @CHAPTER.clause("7.2.4.3.17", "Wrong length", Tier.DESTRUCTIVE, "2.8, 2.9", only=MAKERS)
 @CHAPTER.clause("7.2.4.3.17", "Wrong length", Tier.REVERSIBLE, "2.8, 2.9", only=COMMUNICATION_PROFILE)
-def _wrong_lengths(subject: Subject) -> Iterator[Data]:
+def _wrong_lengths(subject: Subject) -> Steps:
     for each in _tried(subject):
         size = data_type(each).size
         if size:
@@ -229,22 +208,23 @@ def _wrong_lengths(subject: Subject) -> Iterator[Data]:
 
 def _of_length(each: ODVariable, size: int, what: str) -> Data:
     content = bytes(size).hex(" ")
-    return write(f"{title(each)}: {size} bytes are {what}", address_of(each), data=content, abort=codes(*WRONG_LENGTH))
+    return step.write(
+        f"{title(each)}: {size} bytes are {what}", address_of(each), data=content, abort=codes(*WRONG_LENGTH)
+    )
 
 
 @CHAPTER.clause("7.2.4.3.17", "Limits", Tier.DESTRUCTIVE, "2.10, 2.11, 4.6", only=MAKERS)
 @CHAPTER.clause("7.2.4.3.17", "Limits", Tier.REVERSIBLE, "2.10, 2.11, 4.6", only=COMMUNICATION_PROFILE)
-def _limits(subject: Subject) -> Iterator[Data]:
+def _limits(subject: Subject) -> Steps:
     for each in _tried(subject):
         refused = list(_outside(each))
-        if refused and each.readable:
-            # A device may say no and write all the same.
-            yield group(title(each), save(each), *refused, unchanged(each))
-        elif refused:
-            yield group(title(each), *refused)
+        # A device may say no and write all the same.
+        steps = [step.save(each), *refused, step.unchanged(each)] if each.readable else refused
+        if refused:
+            yield step.group(title(each), *steps)
 
 
-def _outside(each: ODVariable) -> Iterator[Data]:
+def _outside(each: ODVariable) -> Steps:
     """Write the values next to the limits, and have them refused."""
     type_, range_ = data_type(each), limits(each)
     if range_ is None or not type_.is_integer:
@@ -255,14 +235,14 @@ def _outside(each: ODVariable) -> Iterator[Data]:
     ):
         # A value that its type cannot carry would be refused by our own encoding, and never get to the device.
         if type_.low <= value <= type_.high:
-            yield write(f"{value} is {what}", address_of(each), value=value, abort=codes(code, AbortCode.VALUE))
+            yield step.write(f"{value} is {what}", address_of(each), value=value, abort=codes(code, AbortCode.VALUE))
 
 
 # Other values: destructive
 
 
 @CHAPTER.clause("7.4.5", "Writable", Tier.DESTRUCTIVE)
-def _other_values(subject: Subject) -> Iterator[Data]:
+def _other_values(subject: Subject) -> Steps:
     """Write another value to each of the device's own settings, and put back the one it had."""
     for each in _tried(subject):
         own = each.index >= values.MANUFACTURER[0] and address_of(each) != subject.dictionary.node_id_address
@@ -273,6 +253,6 @@ def _other_values(subject: Subject) -> Iterator[Data]:
         present = default if isinstance(default, int) else 0
         other = next((value for value in (present + 1, present - 1) if in_limits(each, value)), None)
         if data_type(each).is_integer and other is not None:
-            written = write(f"{other} is written", address_of(each), value=other, optional=codes(*BUSY))
-            seen = read("and read again", address_of(each), expect=other)
-            yield group(f"{title(each)}: another value", save(each), written, seen, put_back(each))
+            written = step.write(f"{other} is written", address_of(each), value=other, optional=codes(*BUSY))
+            seen = step.read("and read again", address_of(each), expect=other)
+            yield step.group(f"{title(each)}: another value", step.save(each), written, seen, step.put_back(each))

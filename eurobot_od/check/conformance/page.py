@@ -1,6 +1,6 @@
 """A page to hand to a device's maker: what was asked, the score by chapter, and each red step with its frames.
 
-Rule of this file: one value, `DeviceRun`, has all that the page says; the forms (Markdown, HTML, JSON) only write it.
+`DeviceRun` has all that the page says; the forms (Markdown, HTML, JSON) only write it.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 from eurobot_od.check import report
 from eurobot_od.check.conformance import ctt
-from eurobot_od.check.conformance.naming import StepName
+from eurobot_od.check.conformance.clauses import StepName
 from eurobot_od.check.conformance.subject import Tier
 from eurobot_od.check.results import Reason, Status, StepResult, SuiteResult
 from eurobot_od.errors import UnknownName
@@ -51,7 +51,7 @@ class DeviceRun(NamedTuple):
         said = [(what, document.text("deviceinfo", key)) for what, key in INFORMATION]
         run = next((each.how for each in self.results), "not run")
         facts = [("File", device.file.name), ("Node-ID", str(device.node_id)), *said]
-        return [each for each in [*facts, ("Tier", self.tier.word), ("Run", run), ("Made by", self.made)] if each[1]]
+        return [each for each in [*facts, ("Tier", self.tier.value), ("Run", run), ("Made by", self.made)] if each[1]]
 
     @property
     def red(self) -> list[StepResult]:
@@ -114,7 +114,7 @@ def blocks(run: DeviceRun) -> Iterator[DocBlock]:
     yield from _all_red(run)
     yield DocHeading(2, "By the numbers of CiA's test tool")
     tests = run.tests
-    yield Paragraph(f"{ctt.score(tests)}. This is no run of that tool, and no certificate.")
+    yield Paragraph(f"{ctt.score(tests)}. This is not a run of that tool, and not a certificate.")
     rows = [(each.number, each.asks, each.verdict.value, each.why) for each in tests]
     yield DocTable(("Test", "It asks", "", "Why"), rows, words=("Test", ""))
     yield DocHeading(2, "What was skipped")

@@ -5,28 +5,17 @@ Rule of this file: of a PDO that is changed, the file's mapping is put back entr
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable
+from contextlib import suppress
 from functools import partial
-from typing import TYPE_CHECKING
 
-from eurobot_od.check.conformance.subject import (
-    OUTSIDE,
-    Chapter,
-    Clause,
-    Subject,
-    Tier,
-    codes,
-    group,
-    put_back,
-    read,
-    save,
-    skip,
-    title,
-    unchanged,
-    write,
-)
-from eurobot_od.check.conformance.transmission import CLAUSES, NOT_SETTABLE, each_of, off, why_not_off
-from eurobot_od.check.conformance.writing import Data, hexadecimal
+from canopen.objectdictionary import ODVariable
+
+from eurobot_od.check.conformance import step, transmission
+from eurobot_od.check.conformance.clauses import Chapter
+from eurobot_od.check.conformance.step import OUTSIDE, Steps, codes, hexadecimal, title
+from eurobot_od.check.conformance.subject import Subject, Tier, need, or_skipped
+from eurobot_od.check.conformance.transmission import NOT_SETTABLE, each_of, need_off, off
 from eurobot_od.od.objects import address_of, data_type
 from eurobot_od.od.pdos import Pdo
 from eurobot_od.od.values import (
@@ -46,9 +35,7 @@ from eurobot_od.od.values import (
 from eurobot_od.sdo.aborts import Abort
 from eurobot_od.sdo.wire import AbortCode
 
-if TYPE_CHECKING:
-    from canopen.objectdictionary import ODVariable
-
+CHAPTER: Chapter[Subject] = Chapter("pdo", "PDOs")
 
 RESTRICTED_ONES = tuple(each.high for each in RESTRICTED if each.high)
 """An identifier of each range that no PDO may have but NMT's: some devices take 0 for one that is not valid."""
@@ -63,84 +50,74 @@ MISSING = 0x1FFF
 # Communication parameters
 
 
-def _communication(subject: Subject, pdo: Pdo) -> Iterator[Data]:
-    cob_id = subject.settable((pdo.index, COB_ID))
-    if cob_id is None:
-        yield skip(pdo.title, f"the COB-ID of {pdo.title} {NOT_SETTABLE}")
-    elif not pdo.valid:
-        yield skip(pdo.title, f"{pdo.title} is not valid by default")
-    else:
-        # Bits 0 to 29 must not change while bit 31 says that the PDO exists (CiA 301, 7.5.2.35). Any abort will do: the
-        # clause names none.
-        changed = hexadecimal(subject.number(address_of(cob_id)) ^ 1, 8)
-        moved = write("another identifier while it is valid", address_of(cob_id), value=changed, abort="any")
-        yield group(f"{pdo.title} keeps its identifier", save(cob_id), moved, put_back(cob_id))
-        time = subject.settable((pdo.index, INHIBIT_TIME)) if pdo.direction is PdoDirection.TPDO else None
-        if time is not None:
-            value = pdo.inhibit_time ^ 1
-            other = write("another time while it is valid", address_of(time), value=value, abort="any")
-            yield group(f"{pdo.title} keeps its inhibit time", save(time), other, unchanged(time))
+def _communication(subject: Subject, pdo: Pdo) -> Steps:
+    cob_id = need(subject.settable((pdo.index, COB_ID)), f"the COB-ID of {pdo.title} {NOT_SETTABLE}")
+    need(pdo.valid, f"{pdo.title} is not valid by default")
+    # Bits 0 to 29 must not change while bit 31 says that the PDO exists (CiA 301, 7.5.2.35). Any abort will do: the
+    # clause names none.
+    changed = hexadecimal(subject.number(address_of(cob_id)) ^ 1, 8)
+    moved = step.write("another identifier while it is valid", address_of(cob_id), value=changed, abort="any")
+    yield step.group(f"{pdo.title} keeps its identifier", step.save(cob_id), moved, step.put_back(cob_id))
+    time = subject.settable((pdo.index, INHIBIT_TIME)) if pdo.direction is PdoDirection.TPDO else None
+    if time is not None:
+        value = pdo.inhibit_time ^ 1
+        other = step.write("another time while it is valid", address_of(time), value=value, abort="any")
+        yield step.group(f"{pdo.title} keeps its inhibit time", step.save(time), other, step.unchanged(time))
 
 
-def _restricted(subject: Subject, pdo: Pdo) -> Iterator[Data]:
+RESTRICTED_NAME = "{} takes no restricted identifier"
+
+
+def _restricted(subject: Subject, pdo: Pdo) -> Steps:
     """Give a PDO the identifiers that no PDO may have (CiA 301, 7.3.5)."""
-    name, cob_id = f"{pdo.title} takes no restricted identifier", subject.settable((pdo.index, COB_ID))
-    why = why_not_off(subject, pdo)
-    if why or cob_id is None:
-        yield skip(name, why)
-        return
-    bits = subject.number(address_of(cob_id)) & NO_RTR
+    cob_id = need_off(subject, pdo)
+    at, bits = address_of(cob_id), subject.number(address_of(cob_id)) & NO_RTR
     # Tried while it is not valid, with bit 31 cleared: a PDO on an identifier of NMT or SDO would be heard as one of
     # these.
-    tried = (write(f"0x{each:03X}", address_of(cob_id), value=each | bits, abort="any") for each in RESTRICTED_ONES)
-    yield group(name, save(cob_id), off(subject, cob_id), *tried, put_back(cob_id))
+    tried = (step.write(f"0x{each:03X}", at, value=each | bits, abort="any") for each in RESTRICTED_ONES)
+    name = RESTRICTED_NAME.format(pdo.title)
+    return [step.group(name, step.save(cob_id), off(subject, cob_id), *tried, step.put_back(cob_id))]
 
 
 # Mapping
 
 
-def _scan(subject: Subject, direction: PdoDirection) -> Iterator[Data]:
+def _scan(subject: Subject, direction: PdoDirection) -> Steps:
     """Read the COB-ID of each PDO, and see that the next one is not there."""
     records = COMMUNICATION_RECORDS[direction]
     there = [index for index in subject.dictionary.members if index in records]
     for found in filter(None, (subject.find((index, COB_ID)) for index in there)):
         if found.readable:
-            yield read(title(found), address_of(found), data="any")
+            yield step.read(title(found), address_of(found), data="any")
     # A master finds out how many PDOs a device has by asking until one is not there.
     missing = next((index for index in records if index not in subject.dictionary.members), None)
     if missing is not None:
-        yield read(f"0x{missing:04X} is not there", (missing, COB_ID), abort=codes(AbortCode.NO_OBJECT))
+        yield step.read(f"0x{missing:04X} is not there", (missing, COB_ID), abort=codes(AbortCode.NO_OBJECT))
 
 
-def _default_mapping(subject: Subject, pdo: Pdo) -> Iterator[Data]:
+def _default_mapping(subject: Subject, pdo: Pdo) -> Steps:
     """Read each object that a PDO has by default."""
     found = {each.address: subject.find(each.address) for each in pdo.mapping if not each.is_padding}
-    if not found:
-        yield skip(pdo.title, f"{pdo.title} maps nothing by default")
-    for address, variable in found.items():
+    for address, variable in need(found, f"{pdo.title} maps nothing by default").items():
         name = f"{pdo.title} maps {label(address)}"
         if variable is None or subject.dictionary.flags(address) & NOT_SCANNED:
-            yield skip(name, "the file does not have it, or its ObjFlags say that a scan does not read it")
+            yield step.skip(name, "the file does not have it, or its ObjFlags say that a scan does not read it")
         elif variable.readable:
-            yield read(name, address, data="any", optional=codes(AbortCode.NO_DATA))
+            yield step.read(name, address, data="any", optional=codes(AbortCode.NO_DATA))
         else:
             # What an RPDO maps may be write-only; that it is there shows in how it is refused.
-            yield read(name, address, abort=codes(AbortCode.WRITE_ONLY))
+            yield step.read(name, address, abort=codes(AbortCode.WRITE_ONLY))
 
 
-def _mapping(subject: Subject, pdo: Pdo) -> Iterator[Data]:
-    title, cob_id = pdo.title, subject.settable((pdo.index, COB_ID))
+def _mapping(subject: Subject, pdo: Pdo) -> Steps:
+    title, cob_id = pdo.title, need_off(subject, pdo)
     used = range(max(1, len(pdo.mapping)) + 1)
-    why = why_not_off(subject, pdo)
-    if why or cob_id is None:
-        yield skip(title, why)
-    elif not all(subject.settable((pdo.mapping_index, sub)) for sub in used):
-        yield skip(title, f"the mapping of {title} {NOT_SETTABLE}")
-    elif wrong := _unmapped(subject, pdo, used[1:]):
-        yield skip(title, f"the file itself maps in {title} what it does not let be mapped: {wrong}")
-    else:
-        yield group(f"{title} changed in order, and not otherwise", *_remapped(subject, pdo, cob_id))
-        yield _at_most(subject, pdo, cob_id)
+    settable = all(subject.settable((pdo.mapping_index, sub)) for sub in used)
+    need(settable, f"the mapping of {title} {NOT_SETTABLE}")
+    wrong = _unmapped(subject, pdo, used[1:])
+    need(not wrong, f"the file itself maps in {title} what it does not let be mapped: {wrong}")
+    yield step.group(f"{title} changed in order, and not otherwise", *_remapped(subject, pdo, cob_id))
+    yield from or_skipped(f"{title} takes {MAX_BITS} bits at most", _at_most, subject, pdo, cob_id)
 
 
 def _unmapped(subject: Subject, pdo: Pdo, subs: Iterable[int]) -> str:
@@ -150,11 +127,10 @@ def _unmapped(subject: Subject, pdo: Pdo, subs: Iterable[int]) -> str:
 
 
 def _may_be_mapped(subject: Subject, pdo: Pdo, entry: int) -> bool:
-    try:
+    with suppress(Abort):
         subject.model.check_mapped(pdo.mapping_index, entry)
-    except Abort:
-        return False
-    return True
+        return True
+    return False
 
 
 def _room(subject: Subject, pdo: Pdo) -> int:
@@ -162,108 +138,110 @@ def _room(subject: Subject, pdo: Pdo) -> int:
     return max(subject.dictionary.members.get(pdo.mapping_index, ()), default=0)
 
 
-def _remapped(subject: Subject, pdo: Pdo, cob_id: ODVariable) -> Iterator[Data]:
+def _remapped(subject: Subject, pdo: Pdo, cob_id: ODVariable) -> Steps:
     """Change the mapping as CiA 301 says, try each step out of its order, and put all back."""
     record = pdo.mapping_index
-    yield save(cob_id)
+    yield step.save(cob_id)
     if pdo.valid:
-        yield write("sub-index 0 while it is valid", (record, 0), value=0, abort="any")
+        yield step.write("sub-index 0 while it is valid", (record, 0), value=0, abort="any")
     yield off(subject, cob_id)
     if pdo.mapping:
         entry = hexadecimal(subject.number((record, 1)), 8)
         # Otherwise a PDO could go out half in the old mapping and half in the new one (CiA 301, 7.5.2.36).
-        yield write("an entry while sub-index 0 is not 0", (record, 1), value=entry, abort="any")
-    yield write("2. sub-index 0 is 0", (record, 0), value=0)
+        yield step.write("an entry while sub-index 0 is not 0", (record, 1), value=entry, abort="any")
+    yield step.write("2. sub-index 0 is 0", (record, 0), value=0)
     yield from _refused_entries(subject, pdo)
     yield from _other_entries(subject, pdo)
     count = _room(subject, pdo) + 1
     if 1 < count <= MAX_BITS:
         aborts = codes(*TOO_MANY, *OUTSIDE)
-        yield write(f"{count} entries are too many", (record, 0), value=count, abort=aborts)
+        yield step.write(f"{count} entries are too many", (record, 0), value=count, abort=aborts)
     yield from _mapped_again(subject, pdo, cob_id)
 
 
-def _mapped_again(subject: Subject, pdo: Pdo, cob_id: ODVariable) -> Iterator[Data]:
+def _mapped_again(subject: Subject, pdo: Pdo, cob_id: ODVariable) -> Steps:
     """Give a PDO that is not valid, and whose sub-index 0 is 0, its entries and its COB-ID."""
     record, count = pdo.mapping_index, len(pdo.mapping)
     for sub in range(1, count + 1):
-        yield write(f"3. entry {sub}", (record, sub), value=hexadecimal(subject.number((record, sub)), 8))
-    yield write(f"4. sub-index 0 is {count}", (record, 0), value=count)
+        yield step.write(f"3. entry {sub}", (record, sub), value=hexadecimal(subject.number((record, sub)), 8))
+    yield step.write(f"4. sub-index 0 is {count}", (record, 0), value=count)
     # Its COB-ID last, with the other parameters in place: with bit 31 cleared the PDO is there at once.
-    yield {**put_back(cob_id), "name": "5. as it was"}
-    yield read("it has its entries", (record, 0), expect=count)
+    yield {**step.put_back(cob_id), "name": "5. as it was"}
+    yield step.read("it has its entries", (record, 0), expect=count)
 
 
-def _at_most(subject: Subject, pdo: Pdo, cob_id: ODVariable) -> Data:
+def _at_most(subject: Subject, pdo: Pdo, cob_id: ODVariable) -> Steps:
     """Map more bits than a PDO has; entry by entry that may be, together it is refused."""
-    record, name = pdo.mapping_index, f"{pdo.title} takes {MAX_BITS} bits at most"
+    record = pdo.mapping_index
     # The widest, so that few entries are needed: many devices have only four or eight of them.
     may = [each for each in subject.objects if each.pdo_mappable and each.access_type in MAPPABLE[pdo.direction]]
     numbers = [each for each in may if data_type(each).is_integer and 8 <= data_type(each).bits <= MAX_BITS]
-    wide = max(numbers, key=lambda each: data_type(each).bits, default=None)
-    if wide is None or MAX_BITS // data_type(wide).bits >= _room(subject, pdo):
-        return skip(name, "the file has too few entries in it to map more")
+    too_few = "the file has too few entries in it to map more"
+    wide = need(max(numbers, key=lambda each: data_type(each).bits, default=None), too_few)
     count = MAX_BITS // data_type(wide).bits + 1
+    need(count <= _room(subject, pdo), too_few)
     entries = range(1, count + 1)
-    if _unmapped(subject, pdo, entries) or not all(subject.settable((record, sub)) for sub in entries):
-        return skip(name, "its spare entries could not be put back")
-    spare = {sub: subject.number((record, sub)) for sub in range(len(pdo.mapping) + 1, count + 1)}
+    settable = all(subject.settable((record, sub)) for sub in entries)
+    need(settable and not _unmapped(subject, pdo, entries), "its spare entries could not be put back")
+    spare = {sub: subject.number((record, sub)) for sub in entries[len(pdo.mapping) :]}
     too_long = codes(AbortCode.MAPPING_TOO_LONG)
-    return group(
-        name,
-        save(cob_id),
+    yield step.group(
+        f"{pdo.title} takes {MAX_BITS} bits at most",
+        step.save(cob_id),
         off(subject, cob_id),
-        write("2. sub-index 0 is 0", (record, 0), value=0),
-        *(write(f"entry {sub} of too many", (record, sub), value=_entry(wide)) for sub in range(1, count + 1)),
-        write(f"{count * data_type(wide).bits} bits", (record, 0), value=count, abort=too_long),
-        *(write(f"spare entry {sub}", (record, sub), value=hexadecimal(spare[sub], 8)) for sub in spare),
+        step.write("2. sub-index 0 is 0", (record, 0), value=0),
+        *(step.write(f"entry {sub} of too many", (record, sub), value=_entry(wide)) for sub in entries),
+        step.write(f"{count * data_type(wide).bits} bits", (record, 0), value=count, abort=too_long),
+        *(step.write(f"spare entry {sub}", (record, sub), value=hexadecimal(spare[sub], 8)) for sub in spare),
         *_mapped_again(subject, pdo, cob_id),
     )
 
 
-def _refused_entries(subject: Subject, pdo: Pdo) -> Iterator[Data]:
+def _refused_entries(subject: Subject, pdo: Pdo) -> Steps:
     """Map what cannot be mapped, and what is not there."""
     entry = pdo.mapping_index, 1
     unmapped = (each for each in subject.objects if not each.pdo_mappable)
     fixed = next((each for each in unmapped if data_type(each).size in (1, 2, 4)), None)
     if fixed is not None:
         value = _entry(fixed)
-        yield write(
+        yield step.write(
             f"{title(fixed)} cannot be mapped", entry, value=value, abort=codes(AbortCode.NOT_MAPPABLE, *OUTSIDE)
         )
     if MISSING not in subject.dictionary.members:
         # Of 8 bits, so that it can only be refused because the object is not there.
         missing = hexadecimal(MISSING << 16 | 8, 8)
         aborts = codes(AbortCode.NO_OBJECT, AbortCode.NOT_MAPPABLE, *OUTSIDE)
-        yield write("an object that is not there", entry, value=missing, abort=aborts)
+        yield step.write("an object that is not there", entry, value=missing, abort=aborts)
 
 
 DIRECTED = {PdoDirection.RPDO: ("rww", "wo"), PdoDirection.TPDO: ("rwr", "ro")}
 """Access types of what may be mapped in this direction, and not in the other one (CiA 301, Table 42)."""
 
 
-def _other_entries(subject: Subject, pdo: Pdo) -> Iterator[Data]:
+def _other_entries(subject: Subject, pdo: Pdo) -> Steps:
     """Map objects by their access type: those of this direction, one of the other, and a dummy."""
     entry = pdo.mapping_index, 1
     mapped = [each for each in subject.objects if each.pdo_mappable and data_type(each).size in (1, 2, 4)]
     for access in DIRECTED[pdo.direction]:
         each = next((each for each in mapped if each.access_type == access), None)
         if each is not None and _may_be_tried(subject, pdo, int(_entry(each), 16)):
-            yield write(f"{title(each)} is {access}: it may be mapped", entry, value=_entry(each))
+            yield step.write(f"{title(each)} is {access}: it may be mapped", entry, value=_entry(each))
     # A TPDO takes `rwr` out of the device, an RPDO puts `rww` into it: in the other PDO neither means anything.
     (opposite,) = {*DIRECTED} - {pdo.direction}
     other = next((each for each in mapped if each.access_type in DIRECTED[opposite]), None)
     if other is not None:
         refused = codes(AbortCode.NOT_MAPPABLE, AbortCode.UNSUPPORTED_ACCESS, *OUTSIDE)
-        yield write(f"{title(other)} is {other.access_type}: it may not", entry, value=_entry(other), abort=refused)
+        yield step.write(
+            f"{title(other)} is {other.access_type}: it may not", entry, value=_entry(other), abort=refused
+        )
     # Dummies fill an RPDO whose sender has more than this device wants; [DummyUsage] says which ones it takes (CiA
     # 306).
     usage = partial(subject.dictionary.device.document.text, "dummyusage")
     dummies = (each << 16 | DATA_TYPES[each].bits for each in DUMMIES if usage(f"dummy{each:04x}") == "1")
     dummy = next((each for each in dummies if _may_be_tried(subject, pdo, each)), None)
     if dummy is not None:
-        yield write("a dummy may be mapped", entry, value=hexadecimal(dummy, 8))
-    yield write("the file's entry", entry, value=hexadecimal(subject.number(entry), 8))
+        yield step.write("a dummy may be mapped", entry, value=hexadecimal(dummy, 8))
+    yield step.write("the file's entry", entry, value=hexadecimal(subject.number(entry), 8))
 
 
 def _may_be_tried(subject: Subject, pdo: Pdo, entry: int) -> bool:
@@ -275,22 +253,32 @@ def _entry(each: ODVariable) -> str:
     return hexadecimal(each.index << 16 | each.subindex << 8 | data_type(each).bits, 8)
 
 
-TPDO_MAPPING = "3.22 to 3.26, 3.30 to 3.32"
+# The chapter
 
-CHAPTER = Chapter(
-    "pdo",
-    "PDOs",
-    (
-        Clause("7.5.2.35", "RPDOs", partial(_scan, direction=PdoDirection.RPDO), ctt="3.1"),
-        Clause("7.5.2.37", "TPDOs", partial(_scan, direction=PdoDirection.TPDO), ctt="3.2"),
-        Clause("7.5.2.36", "RPDO mapping", each_of(PdoDirection.RPDO, _default_mapping), ctt="3.21"),
-        Clause("7.5.2.38", "TPDO mapping", each_of(PdoDirection.TPDO, _default_mapping), ctt="3.21"),
-        Clause("7.3.5", "RPDO identifier", each_of(PdoDirection.RPDO, _restricted), Tier.REVERSIBLE, "8.10"),
-        Clause("7.3.5", "TPDO identifier", each_of(PdoDirection.TPDO, _restricted), Tier.REVERSIBLE, "8.10"),
-        Clause("7.5.2.35", "RPDO communication", each_of(PdoDirection.RPDO, _communication), Tier.REVERSIBLE),
-        Clause("7.5.2.36", "RPDO mapping", each_of(PdoDirection.RPDO, _mapping), Tier.REVERSIBLE, "3.22 to 3.29, 3.33"),
-        Clause("7.5.2.37", "TPDO communication", each_of(PdoDirection.TPDO, _communication), Tier.REVERSIBLE),
-        Clause("7.5.2.38", "TPDO mapping", each_of(PdoDirection.TPDO, _mapping), Tier.REVERSIBLE, TPDO_MAPPING),
-        *CLAUSES,
-    ),
-)
+RPDO, TPDO = PdoDirection.RPDO, PdoDirection.TPDO
+
+
+def _enter(
+    direction: PdoDirection,
+    steps: Callable[[Subject, Pdo], Steps],
+    number: str,
+    topic: str,
+    tier: Tier = Tier.READING,
+    ctt: str = "",
+    name: str = "{}",
+) -> None:
+    """Enter what is done with each PDO of a direction as a clause."""
+    CHAPTER.clause(number, topic, tier, ctt, name=direction.name)(each_of(direction, steps, name))
+
+
+CHAPTER.clause("7.5.2.35", "RPDOs", ctt="3.1")(partial(_scan, direction=RPDO))
+CHAPTER.clause("7.5.2.37", "TPDOs", ctt="3.2")(partial(_scan, direction=TPDO))
+_enter(RPDO, _default_mapping, "7.5.2.36", "RPDO mapping", ctt="3.21")
+_enter(TPDO, _default_mapping, "7.5.2.38", "TPDO mapping", ctt="3.21")
+_enter(RPDO, _restricted, "7.3.5", "RPDO identifier", Tier.REVERSIBLE, "8.10", RESTRICTED_NAME)
+_enter(TPDO, _restricted, "7.3.5", "TPDO identifier", Tier.REVERSIBLE, "8.10", RESTRICTED_NAME)
+_enter(RPDO, _communication, "7.5.2.35", "RPDO communication", Tier.REVERSIBLE)
+_enter(RPDO, _mapping, "7.5.2.36", "RPDO mapping", Tier.REVERSIBLE, "3.22 to 3.29, 3.33")
+_enter(TPDO, _communication, "7.5.2.37", "TPDO communication", Tier.REVERSIBLE)
+_enter(TPDO, _mapping, "7.5.2.38", "TPDO mapping", Tier.REVERSIBLE, "3.22 to 3.26, 3.30 to 3.32")
+CHAPTER.extend(transmission.CHAPTER)

@@ -5,39 +5,20 @@ Rule of this file: what is downloaded is what the object has after a reset, and 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import TYPE_CHECKING
+from canopen.objectdictionary import ODVariable
 
+from eurobot_od.check.conformance import step
+from eurobot_od.check.conformance.clauses import Chapter
 from eurobot_od.check.conformance.objects import ACTING, CONFIGURED, FIXED
-from eurobot_od.check.conformance.subject import (
-    Chapter,
-    Subject,
-    Tier,
-    awake,
-    codes,
-    expect,
-    fresh,
-    group,
-    never,
-    put_back,
-    read,
-    save,
-    skip,
-    title,
-    unchanged,
-    wait,
-)
-from eurobot_od.check.conformance.writing import Data
+from eurobot_od.check.conformance.step import Data, Steps, codes, title
+from eurobot_od.check.conformance.subject import NO_DEVICE_TYPE, Subject, Tier, awake, fresh, need
 from eurobot_od.od.objects import address_of, data_type, default_bytes
 from eurobot_od.od.standard import DEVICE_TYPE, HEARTBEAT_TIME, SDO_ANSWERS, SDO_CLIENTS, SDO_REQUESTS
 from eurobot_od.od.values import SDO_REQUEST_BASE, SDO_RESPONSE_BASE
 from eurobot_od.sdo import wire
 from eurobot_od.sdo.wire import AbortCode, ClientCommand, initiate
 
-if TYPE_CHECKING:
-    from canopen.objectdictionary import ODVariable
-
-CHAPTER = Chapter("sdo", "SDO transfers")
+CHAPTER: Chapter[Subject] = Chapter("sdo", "SDO transfers")
 
 WITHIN = "1 s"
 """How long an SDO server may take for an answer; the standard names no time."""
@@ -76,10 +57,10 @@ def _long(subject: Subject) -> ODVariable | None:
     return max(found, key=lambda each: len(_content(each)), default=None)
 
 
-def _number(subject: Subject) -> ODVariable | None:
+def _number(subject: Subject) -> ODVariable:
     """Return a number that can be written as it is: the heartbeat time, or the first other one without a COB-ID.
 
-    Where nothing is to be written but the heartbeat time there is no other.
+    Where nothing is to be written but the heartbeat time there is no other. Raises Lacks without one.
     """
     settable = [each for each in subject.objects if _known(each) and subject.settable(address_of(each))]
     integers = [each for each in settable if data_type(each).is_integer and data_type(each).size <= 4]
@@ -87,35 +68,27 @@ def _number(subject: Subject) -> ODVariable | None:
     found = [each for each in integers if not 0x1400 <= each.index < 0x2000]
     if subject.tier is Tier.READING:
         found = [each for each in found if address_of(each) == HEARTBEAT_TIME]
-    return min(found, key=lambda each: address_of(each) != HEARTBEAT_TIME, default=None)
+    return need(min(found, key=lambda each: address_of(each) != HEARTBEAT_TIME, default=None), NO_NUMBER)
 
 
 # Uploads
 
 
-@CHAPTER.clause("7.2.4.3.6", "SDO upload", ctt="2.1")
-def _expedited_upload(subject: Subject) -> Iterator[Data]:
-    if subject.find(DEVICE_TYPE) is None:
-        yield skip("the device type in one answer", "the file has no device type (0x1000)")
-        return
-    yield group(
-        "the device type in one answer",
-        _asked(subject, ClientCommand.UPLOAD << 5, DEVICE_TYPE),
-        expect("4 bytes", subject.answer("43001000????????"), WITHIN),
-    )
+@CHAPTER.clause("7.2.4.3.6", "SDO upload", ctt="2.1", group="the device type in one answer")
+def _expedited_upload(subject: Subject) -> Steps:
+    need(subject.find(DEVICE_TYPE), NO_DEVICE_TYPE)
+    answer = step.expect("4 bytes", subject.answer("43001000????????"), WITHIN)
+    return [_asked(subject, ClientCommand.UPLOAD << 5, DEVICE_TYPE), answer]
 
 
-@CHAPTER.clause("7.2.4.3.7", "SDO upload", ctt="2.13, 2.15 to 2.18")
-def _segmented_upload(subject: Subject) -> Iterator[Data]:
-    each = _long(subject)
-    if each is None:
-        yield skip("by segments", NO_SEGMENTS)
-        return
-    yield read(f"{title(each)} by segments", address_of(each), data="any")
-    yield group(
+@CHAPTER.clause("7.2.4.3.7", "SDO upload", ctt="2.13, 2.15 to 2.18", name="by segments")
+def _segmented_upload(subject: Subject) -> Steps:
+    each = need(_long(subject), NO_SEGMENTS)
+    yield step.read(f"{title(each)} by segments", address_of(each), data="any")
+    yield step.group(
         "a wrong toggle bit is refused",
         _asked(subject, ClientCommand.UPLOAD << 5, address_of(each)),
-        expect("it begins", subject.answer(f"4?{_multiplexer(each)}????????"), WITHIN),
+        step.expect("it begins", subject.answer(f"4?{_multiplexer(each)}????????"), WITHIN),
         # The first segment has the toggle bit 0 (CiA 301, 7.2.4.3.7).
         _sent(subject, "the first segment, asked for with the toggle bit set", wire.plain(0x70)),
         _aborted(subject, AbortCode.TOGGLE_BIT),
@@ -123,172 +96,143 @@ def _segmented_upload(subject: Subject) -> Iterator[Data]:
 
 
 @CHAPTER.clause("7.2.4.3.12", "SDO block upload", ctt="2.19 to 2.25")
-def _block_upload(subject: Subject) -> Iterator[Data]:
+def _block_upload(subject: Subject) -> Steps:
     each = _long(subject) or subject.find(DEVICE_TYPE)
     if each is not None and default_bytes(each) is not None:
         # Block transfer is optional; a server without it refuses the first request, and nothing else is wrong with it.
-        again = unchanged(each, "in blocks it is the same", transfer="block", optional=codes(*NO_BLOCKS))
-        yield group(f"{title(each)} in blocks", save(each), again)
+        again = step.unchanged(each, "in blocks it is the same", transfer="block", optional=codes(*NO_BLOCKS))
+        yield step.group(f"{title(each)} in blocks", step.save(each), again)
 
 
 # Downloads
 
 
-@CHAPTER.clause("7.2.4.3.4", "SDO download", ctt="2.14, 2.17")
-def _segmented_download(subject: Subject) -> Iterator[Data]:
+@CHAPTER.clause("7.2.4.3.4", "SDO download", ctt="2.14, 2.17", name="by segments")
+def _segmented_download(subject: Subject) -> Steps:
     each = _number(subject)
-    if each is None:
-        yield skip("by segments", NO_NUMBER)
-        return
     content = _content(each)
-    yield group(
+    yield step.group(
         f"{title(each)} by segments",
-        save(each),
+        step.save(each),
         *_begun(subject, each),
         _sent(subject, "the only segment", wire.segment(ClientCommand.DOWNLOAD_SEGMENT, 0, content, last=True)),
-        expect("it is taken", subject.answer(f"20{'?' * 14}"), WITHIN),
-        read("it has the value", address_of(each), data=content.hex(" ")),
-        put_back(each),
+        step.expect("it is taken", subject.answer(f"20{'?' * 14}"), WITHIN),
+        step.read("it has the value", address_of(each), data=content.hex(" ")),
+        step.put_back(each),
     )
     # With its own value: a server that does not look at the bit writes what is there already.
     wrong = wire.segment(ClientCommand.DOWNLOAD_SEGMENT, wire.TOGGLE, content, last=True)
-    yield group(
+    yield step.group(
         "a wrong toggle bit is refused",
-        save(each),
+        step.save(each),
         *_begun(subject, each),
         _sent(subject, "the only segment, with the toggle bit set", wrong),
         _aborted(subject, AbortCode.TOGGLE_BIT),
-        unchanged(each),
+        step.unchanged(each),
     )
 
 
-@CHAPTER.clause("7.2.4.3.8", "SDO block download", ctt="2.19 to 2.25")
-def _block_download(subject: Subject) -> Iterator[Data]:
+@CHAPTER.clause("7.2.4.3.8", "SDO block download", ctt="2.19 to 2.25", name="in blocks")
+def _block_download(subject: Subject) -> Steps:
     each = _number(subject)
-    if each is None:
-        yield skip("in blocks", NO_NUMBER)
-        return
-    written = {**put_back(each, transfer="block", optional=codes(*NO_BLOCKS)), "name": "its own value"}
-    yield group(f"{title(each)} in blocks", save(each), written, unchanged(each))
+    written = {**step.put_back(each, transfer="block", optional=codes(*NO_BLOCKS)), "name": "its own value"}
+    yield step.group(f"{title(each)} in blocks", step.save(each), written, step.unchanged(each))
 
 
 # Aborts
 
 
-@CHAPTER.clause("7.2.4.3.17", "SDO abort", ctt="2.7")
-def _unknown_command(subject: Subject) -> Iterator[Data]:
-    yield group(
-        "an unknown command is refused",
-        # 0xE0: the one of eight that no request has (CiA 301, 7.2.4.3). It is about an object that there is, so that
-        # only the command can be refused.
-        _sent(subject, "command specifier 7", initiate(0xE0, subject.probe)),
-        _aborted(subject, AbortCode.UNKNOWN_COMMAND),
-    )
+@CHAPTER.clause("7.2.4.3.17", "SDO abort", ctt="2.7", group="an unknown command is refused")
+def _unknown_command(subject: Subject) -> Steps:
+    # 0xE0: the one of eight that no request has (CiA 301, 7.2.4.3). It is about an object that there is, so that only
+    # the command can be refused.
+    sent = _sent(subject, "command specifier 7", initiate(0xE0, subject.probe))
+    return [sent, _aborted(subject, AbortCode.UNKNOWN_COMMAND)]
 
 
-@CHAPTER.clause("7.2.4.3.17", "SDO abort")
-def _unfinished(subject: Subject) -> Iterator[Data]:
-    yield group(
-        "a client's abort is not answered",
-        _sent(subject, "abort", wire.aborted(subject.probe, AbortCode.GENERAL)),
-        # An abort that is answered by an abort would go to and fro for ever.
-        never("no answer", subject.answer("?" * 16), QUIET),
-        awake(subject, "the next request is"),
-    )
+@CHAPTER.clause("7.2.4.3.17", "SDO abort", group="a client's abort is not answered")
+def _client_aborts(subject: Subject) -> Steps:
+    yield _sent(subject, "abort", wire.aborted(subject.probe, AbortCode.GENERAL))
+    # An abort that is answered by an abort would go to and fro for ever.
+    yield step.never("no answer", subject.answer("?" * 16), QUIET)
+    yield awake(subject, "the next request is")
+
+
+@CHAPTER.clause("7.2.4.3.17", "SDO abort", name="a transfer that is left alone")
+def _unfinished(subject: Subject) -> Steps:
     each = _number(subject)
-    if each is None:
-        yield skip("a transfer that is left alone", NO_NUMBER)
-        return
-    yield group(
-        "a transfer that the client aborts changes nothing",
-        save(each),
-        *_begun(subject, each),
-        _sent(subject, "abort", wire.aborted(address_of(each), AbortCode.GENERAL)),
-        unchanged(each),
-    )
-    yield group(
-        "a transfer that is left alone does not block the server",
-        save(each),
-        *_begun(subject, each),
-        # No clause names a time-out; but a client that went away must not keep all later ones out until the next reset.
-        wait(LEFT_ALONE),
-        unchanged(each),
-    )
+    begun, same = (step.save(each), *_begun(subject, each)), step.unchanged(each)
+    abort = _sent(subject, "abort", wire.aborted(address_of(each), AbortCode.GENERAL))
+    yield step.group("a transfer that the client aborts changes nothing", *begun, abort, same)
+    # No clause names a time-out; but a client that went away must not keep all later ones out until the next reset.
+    left_alone = step.wait(LEFT_ALONE)
+    yield step.group("a transfer that is left alone does not block the server", *begun, left_alone, same)
 
 
 # Numbers of blocks
 
 
-@CHAPTER.clause("7.2.4.3.12", "SDO block upload", ctt="2.26")
-def _block_size(subject: Subject) -> Iterator[Data]:
+@CHAPTER.clause("7.2.4.3.12", "SDO block upload", ctt="2.26", group="a block of 128 segments is refused")
+def _block_size(subject: Subject) -> Steps:
     """Ask for blocks of one segment more than there are."""
     # 127 is the most that seven bits can number (CiA 301, 7.2.4.3.12).
     size = bytes([wire.BLOCK_SEGMENTS + 1])
-    yield group(
-        "a block of 128 segments is refused",
-        _sent(subject, "128 segments", initiate(ClientCommand.BLOCK_UPLOAD << 5, subject.probe, size)),
-        _aborted(subject, AbortCode.BLOCK_SIZE, AbortCode.GENERAL, *NO_BLOCKS),
-    )
+    yield _sent(subject, "128 segments", initiate(ClientCommand.BLOCK_UPLOAD << 5, subject.probe, size))
+    yield _aborted(subject, AbortCode.BLOCK_SIZE, AbortCode.GENERAL, *NO_BLOCKS)
 
 
-@CHAPTER.clause("7.2.4.3.13", "SDO block upload", ctt="2.27")
-def _sequence_number(subject: Subject) -> Iterator[Data]:
+@CHAPTER.clause("7.2.4.3.13", "SDO block upload", ctt="2.27", group="an acknowledgement of 128 segments is refused")
+def _sequence_number(subject: Subject) -> Steps:
     """Acknowledge more segments than a block can have."""
-    beyond = bytes([wire.BLOCK_SEGMENTS + 1, wire.BLOCK_SEGMENTS])
-    there = read("blocks are there", subject.probe, data="any", transfer="block", optional=codes(*NO_BLOCKS))
-    upload = ClientCommand.BLOCK_UPLOAD << 5
-    yield group(
-        "an acknowledgement of 128 segments is refused",
-        there,
-        _sent(subject, "the first request", initiate(upload, subject.probe, bytes([wire.BLOCK_SEGMENTS]))),
-        expect("it begins", subject.answer(f"C?{'?' * 14}"), WITHIN),
-        _sent(subject, "start", wire.plain(upload | wire.Block.START)),
-        expect("the first segment", subject.answer(f"?1{'?' * 14}"), WITHIN),
-        _sent(subject, "128 segments acknowledged", wire.plain(upload | wire.Block.ACKNOWLEDGE, beyond)),
-        _aborted(subject, AbortCode.SEQUENCE_NUMBER, AbortCode.GENERAL, AbortCode.UNKNOWN_COMMAND),
-        wait("50 ms"),  # what a server without blocks still has to say is not an answer to the next request
-    )
+    upload, most = ClientCommand.BLOCK_UPLOAD << 5, wire.BLOCK_SEGMENTS
+    yield step.read("blocks are there", subject.probe, data="any", transfer="block", optional=codes(*NO_BLOCKS))
+    yield _sent(subject, "the first request", initiate(upload, subject.probe, bytes([most])))
+    yield step.expect("it begins", subject.answer(f"C?{'?' * 14}"), WITHIN)
+    yield _sent(subject, "start", wire.plain(upload | wire.Block.START))
+    yield step.expect("the first segment", subject.answer(f"?1{'?' * 14}"), WITHIN)
+    beyond = wire.plain(upload | wire.Block.ACKNOWLEDGE, bytes([most + 1, most]))
+    yield _sent(subject, "128 segments acknowledged", beyond)
+    yield _aborted(subject, AbortCode.SEQUENCE_NUMBER, AbortCode.GENERAL, AbortCode.UNKNOWN_COMMAND)
+    yield step.wait("50 ms")  # what a server without blocks still has to say is not an answer to the next request
 
 
 # Servers
 
 
 @CHAPTER.clause("7.5.2.33", "SDO server", ctt="2.12, 2.28")
-def _servers(subject: Subject) -> Iterator[Data]:
+def _servers(subject: Subject) -> Steps:
     """Read where each server is; the first has the identifiers of the predefined connection set."""
     for index in subject.dictionary.members:
         for found in filter(None, (subject.find((index, sub)) for sub in (1, 2) if index in SDO_SERVERS)):
             # 0x600 and 0x580 plus the node-ID: a master that knows nothing else of a device must be able to ask it.
             usual = SDO_BASES[address_of(found)] + subject.node_id if address_of(found) in SDO_BASES else None
             if usual is not None and subject.number(address_of(found)) != usual:
-                yield skip(title(found), f"the file itself has another one than 0x{usual:X}")
+                yield step.skip(title(found), f"the file itself has another one than 0x{usual:X}")
             elif found.readable:
                 data = "any" if usual is None else data_type(found).write(usual).hex(" ").upper()
-                yield read(title(found), address_of(found), data=data)
+                yield step.read(title(found), address_of(found), data=data)
     if SDO_REQUESTS[0] not in subject.dictionary.members:
-        yield skip("0x1200", "the file has no SDO server (0x1200)")
+        yield step.skip("0x1200", "the file has no SDO server (0x1200)")
 
 
-@CHAPTER.clause("7.5.2.33", "SDO server", Tier.REVERSIBLE, "2.29")
-def _further_servers(subject: Subject) -> Iterator[Data]:
+@CHAPTER.clause("7.5.2.33", "SDO server", Tier.REVERSIBLE, "2.29", name="further servers")
+def _further_servers(subject: Subject) -> Steps:
     """See that further servers have their defaults after a reset of the communication."""
     further = [each for each in subject.objects if each.index in SDO_SERVERS[1:] and _known(each)]
-    if not further:
-        yield skip("further servers", "the file has no further SDO server (0x1201) with defaults")
-        return
-    seen = (read(title(each), address_of(each), data=_content(each).hex(" ").upper()) for each in further)
-    yield group("further servers after reset communication", *fresh(subject), *seen)
+    need(further, "the file has no further SDO server (0x1201) with defaults")
+    seen = (step.read(title(each), address_of(each), data=_content(each).hex(" ").upper()) for each in further)
+    yield step.group("further servers after reset communication", *fresh(subject), *seen)
 
 
 # Frames
 
 
-def _begun(subject: Subject, each: ODVariable) -> tuple[Data, Data]:
+def _begun(subject: Subject, each: ODVariable) -> Steps:
     """Begin a download by segments."""
-    size = len(_content(each))
-    begin = initiate(ClientCommand.DOWNLOAD << 5 | wire.SIZE_GIVEN, address_of(each), size.to_bytes(4, "little"))
-    begun = expect("it begins", subject.answer(f"60{_multiplexer(each)}????????"), WITHIN)
-    return _sent(subject, "the first request", begin), begun
+    size = len(_content(each)).to_bytes(4, "little")
+    begin = initiate(ClientCommand.DOWNLOAD << 5 | wire.SIZE_GIVEN, address_of(each), size)
+    yield _sent(subject, "the first request", begin)
+    yield step.expect("it begins", subject.answer(f"60{_multiplexer(each)}????????"), WITHIN)
 
 
 def _asked(subject: Subject, command: int, address: tuple[int, int]) -> Data:
@@ -303,7 +247,7 @@ def _aborted(subject: Subject, *aborts: AbortCode) -> Data:
     """Expect one of some aborts; which object it names is open where the request did not name one."""
     answers = [subject.answer(f"80??????{code.to_bytes(4, 'little').hex().upper()}") for code in aborts]
     # CiA 301 names codes, but leaves it to a server how exactly it knows what is wrong.
-    return expect("abort", {"any": answers} if len(answers) > 1 else answers[0], WITHIN)
+    return step.expect("abort", {"any": answers} if len(answers) > 1 else answers[0], WITHIN)
 
 
 def _multiplexer(each: ODVariable) -> str:

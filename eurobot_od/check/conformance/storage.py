@@ -2,38 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Callable, Sequence
+from itertools import product
+from typing import NamedTuple
 
-from eurobot_od.check.conformance.subject import (
-    BUSY,
-    OUTSIDE,
-    Chapter,
-    Subject,
-    Tier,
-    awake,
-    codes,
-    fresh,
-    group,
-    nmt,
-    put_back,
-    read,
-    save,
-    skip,
-    title,
-    unchanged,
-    write,
-)
-from eurobot_od.check.conformance.writing import Data, hexadecimal
+from canopen.objectdictionary import ODVariable
+
+from eurobot_od.check.conformance import step
+from eurobot_od.check.conformance.clauses import Chapter
+from eurobot_od.check.conformance.step import BUSY, OUTSIDE, Data, Steps, codes, hexadecimal, title
+from eurobot_od.check.conformance.subject import Subject, Tier, fresh, need
 from eurobot_od.od import standard
 from eurobot_od.od.objects import address_of, data_type, default_of, in_limits
 from eurobot_od.od.values import NOT_VALID, SDO_REQUEST_BASE, SDO_RESPONSE_BASE, UNSIGNED32, Address, label
 from eurobot_od.sdo.wire import AbortCode
 
-if TYPE_CHECKING:
-    from canopen.objectdictionary import ODVariable
-
-CHAPTER = Chapter("storage", "store and restore")
+CHAPTER: Chapter[Subject] = Chapter("storage", "store and restore")
 
 KEPT: tuple[Address, ...] = (standard.HEARTBEAT_TIME, standard.EMCY_INHIBIT_TIME, standard.SYNC_PERIOD)
 """Parameters that show what is stored: numbers in which nothing else of the communication hangs."""
@@ -65,25 +49,17 @@ def _other(each: ODVariable) -> int:
     return next((present + offset for offset in OFFSETS if in_limits(each, present + offset)), present - 1)
 
 
-@CHAPTER.clause("7.3.2.2.3", "Values", Tier.REVERSIBLE, "9.1")
-def _power_on_values(subject: Subject) -> Iterator[Data]:
+@CHAPTER.clause("7.3.2.2.3", "Values", Tier.REVERSIBLE, "9.1", name="a reset")
+def _power_on_values(subject: Subject) -> Steps:
     """See that what was not stored is gone with a reset."""
-    each = _shown_by(subject)
-    if each is None:
-        yield skip("a reset", "the file has none of 0x1006, 0x1015 and 0x1017 that can be read, written and put back")
-        return
+    lack = "the file has none of 0x1006, 0x1015 and 0x1017 that can be read, written and put back"
+    each = need(_shown_by(subject), lack)
+    other = step.write("another value", address_of(each), value=_other(each))
+    gone = step.unchanged(each, "what was not stored is gone")
     # Both load the communication profile's values of power-on; only the first also those of the maker's and the
     # profile's objects (CiA 301, 7.3.2.2.3).
     for command in ("reset", "reset communication"):
-        yield group(
-            f"{title(each)} after {command}",
-            save(each),
-            write("another value", address_of(each), value=_other(each)),
-            nmt(command),
-            awake(subject),
-            nmt("pre-operational"),
-            unchanged(each, "what was not stored is gone"),
-        )
+        yield step.group(f"{title(each)} after {command}", step.save(each), other, *fresh(subject, command), gone)
 
 
 def _commands(subject: Subject, index: int) -> dict[int, ODVariable]:
@@ -94,47 +70,49 @@ def _commands(subject: Subject, index: int) -> dict[int, ODVariable]:
     return {each.subindex: each for each in found if each.writable and data_type(each) is UNSIGNED32}
 
 
-def _signatures(index: int) -> Callable[[Subject], Iterator[Data]]:
+def _of_all(subject: Subject) -> tuple[ODVariable | None, ODVariable | None]:
+    """Return what stores all parameters, and what restores them."""
+    store, restore = (_commands(subject, index) for index in (standard.STORE, standard.RESTORE))
+    return store.get(standard.ALL_PARAMETERS), restore.get(standard.ALL_PARAMETERS)
+
+
+def _signatures(index: int) -> Callable[[Subject], Steps]:
     """Make the steps that try other signatures: nothing is stored or restored."""
 
-    def steps(subject: Subject) -> Iterator[Data]:
-        commands = _commands(subject, index)
-        if not commands:
-            yield skip("the signature", f"the file has no 0x{index:04X} that can be written")
-        for each in commands.values():
-            # Zeros are what an empty program writes, and the letters backwards what one with the wrong byte order does.
-            for wrong in (bytes(4), standard.SIGNATURES[index][::-1]):
-                name = f"{title(each)} wants its signature, not {wrong.hex(' ').upper()}"
-                yield write(name, address_of(each), data=wrong.hex(" "), abort=codes(*REFUSED, *OUTSIDE))
+    def steps(subject: Subject) -> Steps:
+        commands = need(_commands(subject, index), f"the file has no 0x{index:04X} that can be written")
+        # Zeros are what an empty program writes, and the letters backwards what one with the wrong byte order does.
+        for each, wrong in product(commands.values(), (bytes(4), standard.SIGNATURES[index][::-1])):
+            name = f"{title(each)} wants its signature, not {wrong.hex(' ').upper()}"
+            yield step.write(name, address_of(each), data=wrong.hex(" "), abort=codes(*REFUSED, *OUTSIDE))
 
     return steps
 
 
-CHAPTER.clause("7.5.2.13", "Store", Tier.DESTRUCTIVE, "8.1, 8.3, 8.5, 8.7")(_signatures(standard.STORE))
-CHAPTER.clause("7.5.2.14", "Restore", Tier.DESTRUCTIVE, "8.2, 8.4, 8.6, 8.8")(_signatures(standard.RESTORE))
+for _index, _head in (
+    (standard.STORE, ("7.5.2.13", "Store", Tier.DESTRUCTIVE, "8.1, 8.3, 8.5, 8.7")),
+    (standard.RESTORE, ("7.5.2.14", "Restore", Tier.DESTRUCTIVE, "8.2, 8.4, 8.6, 8.8")),
+):
+    CHAPTER.clause(*_head, name="the signature")(_signatures(_index))
 
 
-@CHAPTER.clause("7.5.2.13", "Store", Tier.DESTRUCTIVE, "8.1, 8.2")
-def _stored(subject: Subject) -> Iterator[Data]:
+@CHAPTER.clause("7.5.2.13", "Store", Tier.DESTRUCTIVE, "8.1, 8.2", name="store and restore")
+def _stored(subject: Subject) -> Steps:
     """Store another value, see that it survives a reset, and restore the file's."""
-    each = _shown_by(subject)
-    both = (_commands(subject, index) for index in (standard.STORE, standard.RESTORE))
-    store, restore = (each.get(standard.ALL_PARAMETERS) for each in both)
-    if each is None or store is None or restore is None:
-        yield skip("store and restore", "the file lacks 0x1010:1, 0x1011:1 or a parameter to be stored")
-    else:
-        yield group(
-            f"{title(each)} stored and restored",
-            save(each),
-            write("another value", address_of(each), value=_other(each)),
-            _signed(store, "stored"),
-            *_power_cycle(subject),
-            read("it is kept", address_of(each), expect=_other(each)),
-            _signed(restore, "restored"),
-            *_power_cycle(subject),
-            read("the default is back", address_of(each), expect=subject.number(address_of(each))),
-            put_back(each),
-        )
+    lack = "the file lacks 0x1010:1, 0x1011:1 or a parameter to be stored"
+    each, store, restore = (need(found, lack) for found in (_shown_by(subject), *_of_all(subject)))
+    yield step.group(
+        f"{title(each)} stored and restored",
+        step.save(each),
+        step.write("another value", address_of(each), value=_other(each)),
+        _signed(store, "stored"),
+        *fresh(subject, "reset"),
+        step.read("it is kept", address_of(each), expect=_other(each)),
+        _signed(restore, "restored"),
+        *fresh(subject, "reset"),
+        step.read("the default is back", address_of(each), expect=subject.number(address_of(each))),
+        step.put_back(each),
+    )
 
 
 # What is kept over a reset
@@ -150,78 +128,67 @@ class Kept(NamedTuple):
     def written(self, **more: object) -> Data:
         """Write it."""
         value = hexadecimal(self.value, self.digits)
-        return write(f"{label(self.address)} is {value}", self.address, value=value, **more)
+        return step.write(f"{label(self.address)} is {value}", self.address, value=value, **more)
 
 
-def kept_over_reset(subject: Subject, name: str, values: Sequence[Kept], *looks: Data) -> Iterator[Data]:
+def kept_over_reset(subject: Subject, name: str, values: Sequence[Kept], *looks: Data) -> Data:
     """Give objects values in their order, store them, see after a reset what the last of each was, and restore."""
-    both = (_commands(subject, index) for index in (standard.STORE, standard.RESTORE))
-    store, restore = (each.get(standard.ALL_PARAMETERS) for each in both)
+    store, restore = _of_all(subject)
     lacking = [label(each.address) for each in values if not subject.may_be(each.address, each.value)]
     if store is None or restore is None or lacking:
         lack = lacking[0] if lacking else "0x1010:1 or 0x1011:1"
-        yield skip(name, f"the file lacks {lack} that can be written as this wants")
-        return
+        return step.skip(name, f"the file lacks {lack} that can be written as this wants")
     last = {each.address: each.value for each in values}
     refused = codes(*BUSY, *OUTSIDE, AbortCode.GENERAL, AbortCode.UNSUPPORTED_ACCESS)
-    yield group(
+    return step.group(
         name,
         *fresh(subject),
         *(each.written(optional=refused) for each in values),
         _signed(store, "stored"),
         *fresh(subject),
-        *(read(f"{label(at)} is kept", at, expect=value) for at, value in last.items()),
+        *(step.read(f"{label(at)} is kept", at, expect=value) for at, value in last.items()),
         *looks,
         _signed(restore, "restored"),
-        *_power_cycle(subject),
-        *(read(f"{label(at)} has its default", at, expect=subject.number(at)) for at in last),
+        # As near to a power cycle as the bus can bring it: every value of power-on is loaded again (CiA 301,
+        # 7.3.2.2.3).
+        *fresh(subject, "reset"),
+        *(step.read(f"{label(at)} has its default", at, expect=subject.number(at)) for at in last),
     )
 
 
-@CHAPTER.clause("7.5.2.13", "Store", Tier.DESTRUCTIVE, "2.30")
-def _clients(subject: Subject) -> Iterator[Data]:
+@CHAPTER.clause("7.5.2.13", "Store", Tier.DESTRUCTIVE, "2.30", name="SDO client")
+def _clients(subject: Subject) -> Steps:
     """Store the identifiers of the first SDO client, not valid ones."""
+    there = (each for each in standard.SDO_CLIENTS if each in subject.dictionary.members)
+    index = need(next(there, None), "the file has no SDO client (0x1280)")
     # Not valid while it is stored: an SDO client that becomes active would talk to a node that is not there.
-    index = next((each for each in standard.SDO_CLIENTS if each in subject.dictionary.members), None)
-    if index is None:
-        yield skip("SDO client", "the file has no SDO client (0x1280)")
-        return
     bases = (SDO_REQUEST_BASE, SDO_RESPONSE_BASE)
     values = [Kept((index, sub), NOT_VALID | base + subject.another) for sub, base in enumerate(bases, start=1)]
-    yield from kept_over_reset(subject, f"0x{index:04X}", values)
+    return [kept_over_reset(subject, f"0x{index:04X}", values)]
 
 
 @CHAPTER.clause("7.5.2.23", "Verify configuration", Tier.DESTRUCTIVE, "8.9")
-def _verified(subject: Subject) -> Iterator[Data]:
+def _verified(subject: Subject) -> Steps:
     """Store the date of the configuration, and see that a change of the configuration clears it (7.5.2.23)."""
     date, time = standard.VERIFY_CONFIGURATION
     # 0x1020 tells a master that it need not compare each object: a device that keeps it after a change makes the master
     # believe an old configuration.
     shown, looks = _shown_by(subject), []
     if shown is not None:
-        changed = write(f"{title(shown)} is changed", address_of(shown), value=_other(shown))
-        looks = [changed, *(read(f"{label(each)} is 0 again", each, data="00 00 00 00") for each in (date, time))]
+        changed = step.write(f"{title(shown)} is changed", address_of(shown), value=_other(shown))
+        looks = [changed, *(step.read(f"{label(each)} is 0 again", each, data="00 00 00 00") for each in (date, time))]
     values = [Kept(date, 9000), Kept(time, 36_000_000)]
-    yield from kept_over_reset(subject, "date and time of the configuration", values, *looks)
+    return [kept_over_reset(subject, "date and time of the configuration", values, *looks)]
 
 
-@CHAPTER.clause("7.5.2.14", "Restore", Tier.DESTRUCTIVE)
-def _makers_own(subject: Subject) -> Iterator[Data]:
+@CHAPTER.clause("7.5.2.14", "Restore", Tier.DESTRUCTIVE, name="the maker's own sub-indices")
+def _makers_own(subject: Subject) -> Steps:
     """Restore what the maker has behind the sub-indices that were named."""
-    commands = _commands(subject, standard.RESTORE)
-    for each in (commands[sub] for sub in subject.restore if sub in commands):
-        yield group(f"{title(each)} restored", _signed(each, "restored"), *_power_cycle(subject))
-    if not subject.restore:
-        yield skip("the maker's own sub-indices", "none was named (--restore 4)")
+    commands, named = _commands(subject, standard.RESTORE), need(subject.restore, "none was named (--restore 4)")
+    for each in (commands[sub] for sub in named if sub in commands):
+        yield step.group(f"{title(each)} restored", _signed(each, "restored"), *fresh(subject, "reset"))
 
 
 def _signed(each: ODVariable, name: str) -> Data:
     # As bytes: the limits that a file may give a command say nothing of its signature.
-    return {**write(name, address_of(each), data=standard.SIGNATURES[each.index].hex(" ")), "within": "10 s"}
-
-
-def _power_cycle(subject: Subject) -> Iterator[Data]:
-    # As near to a power cycle as the bus can bring it: every value of power-on is loaded again (CiA 301, 7.3.2.2.3).
-    yield nmt("reset")
-    yield awake(subject)
-    yield nmt("pre-operational")
+    return {**step.write(name, address_of(each), data=standard.SIGNATURES[each.index].hex(" ")), "within": "10 s"}

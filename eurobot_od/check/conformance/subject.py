@@ -1,33 +1,31 @@
-"""What a conformance suite is about: a device as its file describes it, and how steps name its services."""
+"""What a conformance suite is about: a device as its file describes it, what a run may cost, what a file may lack."""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, replace
-from enum import IntEnum
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import Enum
 from functools import cached_property
-from typing import TYPE_CHECKING, NamedTuple, TypeAlias
+from typing import TypeVar
 
-from eurobot_od.check.conformance.naming import StepName
-from eurobot_od.check.conformance.writing import Data, hexadecimal, object_at, shown
+from canopen.objectdictionary import ODVariable
+
+from eurobot_od.check.conformance import step
+from eurobot_od.check.conformance.step import Data, Steps
 from eurobot_od.device.device import Device
-from eurobot_od.device.heartbeat import split
+from eurobot_od.device.nmt import heartbeat_entry
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.od.objects import address_of, data_type, in_limits, members
+from eurobot_od.od.objects import address_of, in_limits, members
 from eurobot_od.od.pdos import Pdo
 from eurobot_od.od.standard import CONSUMED_HEARTBEATS, DEVICE_TYPE, EMCY, EMCY_INHIBIT_TIME
-from eurobot_od.od.values import MOST_SUBS, NODE_IDS, Address, PdoDirection, base_identifier, label
-from eurobot_od.sdo.wire import AbortCode, ClientCommand, initiate
+from eurobot_od.od.values import MOST_SUBS, NODE_IDS, Address, PdoDirection, base_identifier
+from eurobot_od.sdo.wire import ClientCommand, initiate
 
-if TYPE_CHECKING:
-    from canopen.objectdictionary import ODVariable
-
-
-BUSY = (AbortCode.NOT_TRANSFERRED, AbortCode.LOCAL_CONTROL, AbortCode.STATE)
-"""Aborts by which a device says that it will not take a value now (CiA 301, Table 22: 0x0800002x)."""
+FoundT = TypeVar("FoundT")
 
 NO_EMCY = "the file has no valid EMCY (0x1014)"
+NO_DEVICE_TYPE = "the file has no device type (0x1000)"
 
 EVERY_INDEX = range(0x10000)
 
@@ -38,29 +36,57 @@ BOOT_TIME = "10 s"
 """How long a device may take from a reset to its boot-up, and to its first SDO answer; the standard names no time."""
 
 
-def title(variable: ODVariable) -> str:
-    """Write address and ParameterName as a step's name has them."""
-    return label(address_of(variable), shown(variable.name))
+class Tier(Enum):
+    """What a step may cost; the value is the word in reports, and of the option."""
 
-
-OUTSIDE = (AbortCode.VALUE, AbortCode.TOO_LOW, AbortCode.TOO_HIGH)
-"""Aborts of a device that looks at an object's limits first, whatever else is wrong with a value."""
-
-
-class Tier(IntEnum):
-    """What a step may cost: each tier allows what the ones before it do."""
-
-    READING = 0
+    READING = "reading"
     """Nothing is written but the heartbeat time, which acts at once and is put back; no other node is addressed."""
-    REVERSIBLE = 1
+    REVERSIBLE = "reversible"
     """NMT commands and resets, PDO records, own values written back, refused values of communication objects."""
-    DESTRUCTIVE = 2
+    DESTRUCTIVE = "destructive"
     """All else: other values, refused values of the maker's objects, store and restore, frames to others."""
+    MOTION = "motion"
+    """Drives only: the motor gets torque, and moves."""
+    OUTPUTS = "outputs"
+    """I/O modules only: outputs are switched."""
 
-    @property
-    def word(self) -> str:
-        """Its name in reports, and of its option."""
-        return self.name.lower()
+    def allows(self, tier: Tier) -> bool:
+        """Whether a run of this tier does the steps of another: what is more than reading is reversible as well."""
+        return tier in (self, Tier.READING) or (tier is Tier.REVERSIBLE and self is not Tier.READING)
+
+
+# What a file may lack
+
+
+class Lacks(Exception):
+    """The file lacks what some steps need; the text is the reason with which they are skipped."""
+
+
+def need(found: FoundT | None, reason: str) -> FoundT:
+    """Return what was found; raises Lacks with the reason if that is None, False, or empty."""
+    if not found:
+        raise Lacks(reason)
+    return found
+
+
+def has(needed: Callable[..., object], *arguments: object) -> bool:
+    """Whether the file lacks nothing of what is needed."""
+    try:
+        needed(*arguments)
+    except Lacks:
+        return False
+    return True
+
+
+def or_skipped(name: str, steps: Callable[..., Steps], *arguments: object) -> list[Data]:
+    """Make some steps, or in their place a skip of this name with the reason why they cannot be made."""
+    try:
+        return list(steps(*arguments))
+    except Lacks as lack:
+        return [step.skip(name, str(lack))]
+
+
+# The device
 
 
 @dataclass(frozen=True)
@@ -90,27 +116,30 @@ class Subject:
         """The PDOs that the file describes well, valid or not."""
         return list(self.dictionary.read_pdos(self.model.objects.value, lambda _: None))
 
-    def why_not_seen(self, pdo: Pdo) -> str:
-        """Say why a PDO's frames cannot be distinguished from others, or never come; empty if they can be looked at."""
+    def of(self, direction: PdoDirection) -> list[Pdo]:
+        """Return the PDOs of a direction."""
+        return [each for each in self.pdos if each.direction is direction]
+
+    def need_seen(self, pdo: Pdo) -> None:
+        """Need a PDO whose frames come, and can be distinguished from others; raises Lacks."""
+        need(pdo.valid, f"{pdo.title} is not valid by default")
         # Counted over all PDOs and services: by its identifier alone nobody could say whose frame it was that came.
         taken = Counter(each.cob_id for each in self.pdos if each.valid) + Counter(self.model.service_identifiers)
+        need(taken[pdo.cob_id] <= 1, f"{pdo.title} shares its COB-ID 0x{pdo.cob_id:03X}")
+        need(pdo.length, f"{pdo.title} maps nothing")
         mapped = {each.pdo.index for each in self.model.protocol.bindings}
-        reasons = {
-            "is not valid by default": not pdo.valid,
-            f"shares its COB-ID 0x{pdo.cob_id:03X}": taken[pdo.cob_id] > 1,
-            "maps nothing": not pdo.length,
-            "has a mapping that does not hold": pdo.index not in mapped,
-        }
-        found = next((reason for reason, holds in reasons.items() if holds), "")
-        return found and f"{pdo.title} {found}"
+        need(pdo.index in mapped, f"{pdo.title} has a mapping that does not hold")
+
+    def seen(self, direction: PdoDirection) -> list[Pdo]:
+        """Return the PDOs of a direction whose frames can be looked at."""
+        return [each for each in self.of(direction) if has(self.need_seen, each)]
 
     @property
-    def rpdo(self) -> Pdo | None:
-        """The first valid RPDO with data that takes effect at once, else the first at all; None without one."""
-        rpdos = (each for each in self.pdos if each.direction is PdoDirection.RPDO)
-        seen = (each for each in rpdos if not self.why_not_seen(each))
+    def rpdo(self) -> Pdo:
+        """The first valid RPDO with data that takes effect at once, else the first at all; raises Lacks without one."""
         # One that waits for SYNC takes effect only with the next one, and some devices look at its length only then.
-        return min(seen, key=lambda each: each.is_synchronous, default=None)
+        found = min(self.seen(PdoDirection.RPDO), key=lambda each: each.is_synchronous, default=None)
+        return need(found, "the file has no valid RPDO with data")
 
     @cached_property
     def objects(self) -> list[ODVariable]:
@@ -128,16 +157,16 @@ class Subject:
         """Return a variable, None if the file does not have it."""
         return self.dictionary.variable(address)
 
+    def readable(self, address: Address) -> ODVariable | None:
+        """Return a variable that can be read; None if there is none."""
+        found = self.find(address)
+        return found if found is not None and found.readable else None
+
     def settable(self, address: Address) -> ODVariable | None:
         """Return a variable that can be read, written, and given its default again; None if there is none."""
-        found = self.find(address)
+        found = self.readable(address)
         # A default outside the file's own limits could not be given back.
-        usable = (
-            found is not None
-            and found.readable
-            and found.writable
-            and in_limits(found, self.model.objects.kept(address))
-        )
+        usable = found is not None and found.writable and in_limits(found, self.model.objects.kept(address))
         return found if usable else None
 
     def number(self, address: Address) -> int:
@@ -148,30 +177,27 @@ class Subject:
     def another(self) -> int:
         """A node-ID that neither the device has nor its file watches: the tester plays that node."""
         # One that the device watches would be reported as lost when the tester stops playing it.
-        watched = {split(self.number((CONSUMED_HEARTBEATS, sub)))[0] for sub in range(1, MOST_SUBS + 1)}
+        watched = {heartbeat_entry(self.number((CONSUMED_HEARTBEATS, sub)))[0] for sub in range(1, MOST_SUBS + 1)}
         # From above: makers and teams count their devices from 1, so that a high number is most likely nobody's.
         return next(each for each in reversed(NODE_IDS) if each != self.node_id and each not in watched)
 
-    def may_be(self, address: Address, value: int) -> bool:
-        """Whether an object can be written, given its default again, and may have a value meanwhile."""
+    def may_be(self, address: Address, *values: int) -> bool:
+        """Whether an object can be written, given its default again, and may have some values meanwhile."""
         found = self.settable(address)
-        return found is not None and in_limits(found, value)
+        return found is not None and all(in_limits(found, value) for value in values)
 
     # Emergencies
 
-    @property
-    def has_emcy(self) -> bool:
-        """Whether the file gives EMCY an identifier: reports find it only there."""
-        return base_identifier(self.dictionary.default(EMCY)) is not None
+    def need_emcy(self) -> None:
+        """Need an EMCY with an identifier in the file: reports find it only there; raises Lacks."""
+        need(base_identifier(self.dictionary.default(EMCY)) is not None, NO_EMCY)
 
-    @property
-    def why_no_emcy(self) -> str:
-        """Say why no EMCY can be waited for; nothing if one can."""
-        if not self.has_emcy:
-            return NO_EMCY
+    def need_prompt_emcy(self) -> None:
+        """Need an EMCY that can be waited for; raises Lacks."""
+        self.need_emcy()
         # The EMCY may come as late as that after the one before, and a step that waits less would be red for nothing.
-        late = self.number(EMCY_INHIBIT_TIME) > LONGEST_INHIBIT
-        return f"the file's EMCY may be {LONGEST_INHIBIT // 10} ms apart and more (0x1015)" if late else ""
+        late = f"the file's EMCY may be {LONGEST_INHIBIT // 10} ms apart and more (0x1015)"
+        need(self.number(EMCY_INHIBIT_TIME) <= LONGEST_INHIBIT, late)
 
     # Frames of its SDO server
 
@@ -184,153 +210,15 @@ class Subject:
         return {"raw": f"{self.model.sdo_answers:03X}#{digits}"}
 
 
-StepsOf: TypeAlias = "Callable[[Subject], Iterable[Data]]"
-"""Makes the steps of a clause; their names do not have its number yet."""
+# Steps with it
 
 
-class Clause(NamedTuple):
-    """A clause of CiA 301, its topic, and what makes its steps from what a file says.
-
-    `ctt` are the numbers that the same tests have in CiA's conformance test tool, `only` the indices that it looks at.
-    """
-
-    number: str
-    topic: str
-    steps: StepsOf
-    tier: Tier = Tier.READING
-    ctt: str = ""
-    only: range = EVERY_INDEX
-
-    def named(self, subject: Subject) -> Iterator[Data]:
-        """Give the steps, each with a name that begins with the clause and ends with tier and CTT number."""
-        # A subject of its own only where it has to be: each builds its model of the device anew.
-        looked_at = subject if self.only == EVERY_INDEX else replace(subject, only=self.only)
-        left_out = [skip("not done", f"only with --{self.tier.word}")]
-        for step in self.steps(looked_at) if self.tier <= subject.tier else left_out:
-            name = StepName(self.number, self.topic, step["name"], self.tier.word, self.ctt)
-            yield {**step, "name": str(name)}
-
-
-class Chapter(list[Clause]):
-    """A suite: its word, what it is about, and its clauses in the order of its file; those of a table are given."""
-
-    def __init__(self, word: str, about: str, clauses: Iterable[Clause] = ()) -> None:
-        super().__init__(clauses)
-        self.word, self.about = word, about
-
-    def clause(
-        self, number: str, topic: str, tier: Tier = Tier.READING, ctt: str = "", only: range = EVERY_INDEX
-    ) -> Callable[[StepsOf], StepsOf]:
-        """Enter a function as a clause; one that is entered twice has first the lower one."""
-
-        def enter(steps: StepsOf) -> StepsOf:
-            self.append(Clause(number, topic, steps, tier, ctt, only))
-            return steps
-
-        return enter
-
-
-# Steps
-
-
-def skip(name: str, reason: str) -> Data:
-    """Skip what a file does not have."""
-    return {"name": name, "skip": reason}
-
-
-def group(name: str, *steps: Data) -> Data:
-    """Return steps that belong together."""
-    return {"name": name, "steps": list(steps)}
-
-
-def read(name: str, address: Address, **more: object) -> Data:
-    """Read an object."""
-    return {"name": name, "sdo": {"read": object_at(address), **more}}
-
-
-def write(name: str, address: Address, **more: object) -> Data:
-    """Write an object."""
-    return {"name": name, "sdo": {"write": object_at(address), **more}}
-
-
-def codes(*aborts: AbortCode) -> list[str]:
-    """Write abort codes."""
-    return [hexadecimal(each, 8) for each in aborts]
-
-
-PRESENT = "{present}"
-"""The value kept: of an integer the number, of anything else the bytes, every one of which has to come back."""
-
-
-def save(variable: ODVariable, kept: str = "present") -> Data:
-    """Keep an object's present value; one that has none now cannot be looked at."""
-    as_bytes = {} if data_type(variable).is_integer else {"data": "any"}
-    none_now = codes(AbortCode.NO_DATA)
-    return read("its present value", address_of(variable), **as_bytes, save=kept, optional=none_now)
-
-
-def put_back(variable: ODVariable, kept: str = "present", **more: object) -> Data:
-    """Give an object the value kept."""
-    key = "value" if data_type(variable).is_integer else "data"
-    return write("put back", address_of(variable), **{key: f"{{{kept}}}"}, **more)
-
-
-def unchanged(variable: ODVariable, name: str = "nothing has changed", **more: object) -> Data:
-    """See that an object has the value kept."""
-    key = "expect" if data_type(variable).is_integer else "data"
-    return read(name, address_of(variable), **{key: PRESENT}, **more)
-
-
-def nmt(command: str) -> Data:
-    """Send an NMT command."""
-    return {"name": f"NMT {command}", "nmt": command}
-
-
-def heartbeat(state: str, within: str) -> Data:
-    """Wait for a heartbeat, or the boot-up."""
-    return {
-        "name": "boot-up" if state == "boot-up" else f"heartbeat says {state}",
-        "heartbeat": state,
-        "within": within,
-    }
-
-
-def wait(time: str) -> Data:
-    """Let time pass, and look at nothing that came meanwhile."""
-    return {"name": f"wait {time}", "wait": time}
-
-
-def expect(name: str, pattern: object, within: str) -> Data:
-    """Wait for a frame."""
-    return {"name": name, "expect": pattern, "within": within}
-
-
-def never(name: str, pattern: object, span: str) -> Data:
-    """See that a frame does not come."""
-    return {"name": name, "never": pattern, "for": span}
-
-
-def sent(name: str, cob_id: int, data: bytes = b"") -> Data:
-    """Send a frame as it is."""
-    return {"name": name, "send": {"raw": f"{cob_id:03X}#{data.hex().upper()}"}}
-
-
-def remote(cob_id: int, length: int = 1) -> Data:
-    """Send a remote frame, with the length of what it asks for in bytes."""
-    return {"name": f"remote frame 0x{cob_id:03X}", "send": {"raw": f"{cob_id:03X}#R{length}"}}
-
-
-def emcy(name: str, code: int) -> Data:
-    """Wait for an EMCY."""
-    return {"name": name, "emcy": hexadecimal(code), "within": "2 s"}
-
-
-def fresh(subject: Subject) -> Iterator[Data]:
-    """Give the communication the values of power-on, and wait until the device is in PRE-OPERATIONAL."""
-    yield nmt("reset communication")
+def fresh(subject: Subject, command: str = "reset communication") -> Steps:
+    """Give the communication the values of power-on by a reset, and wait until the device is in PRE-OPERATIONAL."""
+    yield step.nmt(command)
     # A reset takes as long as the device likes, and what is sent meanwhile is lost.
     yield awake(subject)
-    yield nmt("pre-operational")
+    yield step.nmt("pre-operational")
 
 
 def awake(subject: Subject, name: str = "answers an SDO request") -> Data:

@@ -1,4 +1,4 @@
-"""Steps as plain data, and as YAML: one line each, with numbers as CANopen people write them.
+"""Suites as YAML: a line for each step, with numbers as CANopen people write them.
 
 Rule of this file: what comes from a file, a ParameterName or a text, is always quoted and made printable.
 """
@@ -8,40 +8,15 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterable, Iterator, Mapping
-from typing import Any, TypeAlias
+from typing import Any
 
-from eurobot_od.od.values import Address
-
-Data: TypeAlias = "Mapping[str, Any]"
-"""A step, a part of one, or a whole suite: what stands in the YAML."""
+from eurobot_od.check.conformance.step import Data
 
 BARE = re.compile(r"0x[0-9A-F]+|[0-9]+ ?(?:ms|s)|(?!yes|no|on|off|true|false|null)[a-z]+(?:[- ][a-z]+)*")
 """Texts that need no quotes: hexadecimal numbers, durations, the words of the format."""
 
 QUOTED = ("name", "skip", "data")
 """Keys whose values are texts, whatever they look like."""
-
-LONGEST_NAME = 60
-"""Characters of a ParameterName that a step's name has."""
-
-
-def shown(name: str) -> str:
-    """Return a name of a file as a report can print it: on one line, and not too long."""
-    plain = "".join(each if each.isprintable() else "?" for each in name)
-    return plain if len(plain) <= LONGEST_NAME else f"{plain[:LONGEST_NAME]}..."
-
-
-def hexadecimal(number: int, digits: int = 4) -> str:
-    """Write a number that is not signed."""
-    return f"0x{number:0{digits}X}"
-
-
-def object_at(address: Address) -> str:
-    """Write an address as SDO steps want it."""
-    return f"{hexadecimal(address[0])}:{address[1]}"
-
-
-# YAML
 
 
 def documents(suites: Iterable[Data]) -> str:

@@ -1,15 +1,29 @@
-"""Faults that any device can have: network management, heartbeat, emergencies, SDO."""
+"""Faults that any device can have: network management, heartbeat, guarding, emergencies, SDO, TPDOs, SYNC."""
 
 from __future__ import annotations
 
 from eurobot_od.device.emergency import ErrorCode
 from eurobot_od.device.faults import hooks
 from eurobot_od.device.faults.fault import Caught
-from eurobot_od.device.nmt import NmtCommand, NmtState
+from eurobot_od.device.nmt import TOGGLE, NmtCommand, NmtState
 from eurobot_od.device.node import Node
 from eurobot_od.frame import Frame
+from eurobot_od.od.standard import IDENTITY
 from eurobot_od.od.values import NMT_COB_ID
-from eurobot_od.sdo.wire import ABORT, LENGTH, AbortCode, ClientCommand, Initiate, ServerCommand, aborted, initiate
+from eurobot_od.sdo.wire import (
+    ABORT,
+    LENGTH,
+    AbortCode,
+    Block,
+    ClientCommand,
+    Initiate,
+    ServerCommand,
+    aborted,
+    initiate,
+)
+
+MADE = "conformance"
+"""The suites that are made from a device's file."""
 
 BOOT_UP = NmtState.INITIALISING
 
@@ -42,10 +56,40 @@ class WritesForgotten(Node):
         return super().receive(frame, now)
 
 
+class OperationalByItself(Node):
+    """Enters OPERATIONAL after each boot-up."""
+
+    def reset(self) -> None:
+        super().reset()
+        self.device.state = NmtState.OPERATIONAL
+
+
+class NoTpdos(Node):
+    """Sends no TPDO."""
+
+    def outgoing(self, frames: list[Frame]) -> list[Frame]:
+        sent = {each.cob_id for each in self.device.protocol.bindings if self.name in each.senders}
+        return [each for each in super().outgoing(frames) if each.cob_id not in sent]
+
+
+class ErrorFromTheStart(Node):
+    """Has an error as soon as it runs."""
+
+    def reset(self) -> None:
+        super().reset()
+        self.raise_error(ErrorCode.HARDWARE, ErrorFromTheStart)
+
+
 def _babble(node: Node) -> None:
     # an error that lasts is reported once; one that comes and goes, each time it comes and each time it goes
     node.raise_error(ErrorCode.PDO_TOO_LONG, "babble")
     node.clear_error("babble")
+
+
+def _wrong_crc(content: bytes) -> bytes:
+    # It is in bytes 1 and 2 of the end alone; the initiate has the same specifier (CiA 301, 7.2.4.3.14).
+    is_end = content[0] >> 5 == ServerCommand.BLOCK_UPLOAD and content[0] & 3 == Block.END
+    return bytes([content[0], content[1] ^ 1]) + content[2:] if is_end else content
 
 
 FAULTS = {
@@ -135,5 +179,29 @@ FAULTS = {
     ),
     "babbling": Caught("canopen", "7.2.7 EMCY: none without an error").fault(
         "sends emergencies all the time", hooks.every(0.001, _babble)
+    ),
+    "error-from-the-start": Caught(MADE, "7.5.2.2 Error register").fault(
+        "has a hardware error as soon as it runs", ErrorFromTheStart
+    ),
+    "operational-by-itself": Caught(MADE, "7.3.2.2 NMT state: after a reset").fault(
+        "enters OPERATIONAL without a master's command", OperationalByItself
+    ),
+    "identity-wrong": Caught(MADE, "7.5.2.21 Identity").fault(
+        "has another product code than its file", hooks.other_value(lambda _: (IDENTITY, 2))
+    ),
+    "block-crc-wrong": Caught(MADE, "7.2.4.3.12 SDO block upload").fault(
+        "has a wrong CRC at the end of a block transfer", hooks.leaving(hooks.sdo_answer, hooks.data(_wrong_crc))
+    ),
+    "tpdos-missing": Caught(MADE, "7.5.2.37 TPDO transmission").fault("sends no TPDO", NoTpdos),
+    "sync-ignored": Caught(MADE, "7.2.2.2 TPDO transmission").fault(
+        "hears no SYNC", hooks.arriving(hooks.sync, hooks.lost)
+    ),
+    "guarding-not-answered": Caught(MADE, "7.2.8.3.2.1 Node guarding").fault(
+        "does not answer the remote frames of node guarding",
+        hooks.asked(lambda node, cob_id, _: [] if cob_id == hooks.heartbeat(node) else None),
+    ),
+    "guarding-toggle-stuck": Caught(MADE, "7.2.8.3.2.1 Node guarding").fault(
+        "answers node guarding with the same toggle bit each time",
+        hooks.leaving(hooks.heartbeat, hooks.data(lambda data: bytes([data[0] & ~TOGGLE]))),
     ),
 }

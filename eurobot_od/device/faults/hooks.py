@@ -14,8 +14,8 @@ from typing import Any, TypeAlias
 from eurobot_od.device.node import Node
 from eurobot_od.errors import FieldError, FrameLengthError
 from eurobot_od.frame import Frame
-from eurobot_od.od.standard import EMCY
-from eurobot_od.od.values import ERROR_CONTROL_BASE, NMT_COB_ID
+from eurobot_od.od.standard import EMCY, SYNC
+from eurobot_od.od.values import BASE_IDENTIFIER, ERROR_CONTROL_BASE, NMT_COB_ID, Address
 from eurobot_od.pdo.message import Message
 
 Mixin: TypeAlias = type[Node]
@@ -55,6 +55,11 @@ def sdo_answer(node: Node) -> int:
 def sdo_request(node: Node) -> int:
     """Requests to the SDO server."""
     return node.device.sdo_requests
+
+
+def sync(node: Node) -> int:
+    """SYNC, sent or heard."""
+    return node.device.objects.raw(SYNC) & BASE_IDENTIFIER
 
 
 def nmt(_node: Node) -> int:
@@ -169,6 +174,31 @@ def preset(setting: str, value: int) -> Mixin:
             return value if name == setting else super().setting(name)
 
     return Preset
+
+
+def asked(answer: Callable[[Node, int, float], list[Frame] | None]) -> Mixin:
+    """Have the node answer remote frames differently; None leaves one to the node."""
+
+    class Asked(Node):
+        def requested(self, cob_id: int, now: float) -> list[Frame]:
+            answers = answer(self, cob_id, now)
+            return super().requested(cob_id, now) if answers is None else answers
+
+    return Asked
+
+
+def other_value(choose: Callable[[Node], Address | None]) -> Mixin:
+    """Give an object another value after power-on than the file says."""
+
+    class OtherValue(Node):
+        def reset(self) -> None:
+            super().reset()
+            address = choose(self)
+            if address is not None:
+                # the lowest bit: another value, and one that any whole number's type has
+                self.device.objects.values[address] = self.device.objects.raw(address) ^ 1
+
+    return OtherValue
 
 
 def every(seconds: float, action: Callable[[Any], object]) -> Mixin:

@@ -1,5 +1,5 @@
-"""Device profiles: what CiA 401 (I/O modules) and CiA 402 (drives) say about a device beyond CiA 301.
+"""How devices of CiA 401 (I/O modules) and CiA 402 (drives) behave beyond CiA 301; the tables are in `od/profiles`.
 
-`cia401` and `cia402` are the standards as tables, and `words` says a value by them. `axis`, `motion`, `homing` and
-`inputs_outputs` are the behaviour: they see their objects through `objects`, and know neither a bus nor a clock.
+`inputs_outputs`, `axis`, `modes` and `motion` are the behaviour: they see objects through `values`, and know neither a
+bus nor a clock. `devices` makes simulated devices of them.
 """

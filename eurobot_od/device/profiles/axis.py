@@ -1,9 +1,9 @@
 """One axis of a drive: the state machine of CiA 402, what supervises the motion, and the objects that show it.
 
 Theory of operation. `control` is called after each frame and looks at controlword and mode of operation; `advance`
-takes the axis to a time, in steps of `motion.STEP`. Both end with the objects showing what the axis does. In between
-the axis is a state (`cia402.State`), a mode that leads the demand (`modes`), a motor that follows it (`motion`), and
-perhaps a stop that is under way: a ramp, and the arrow of the state machine that is taken when the motor stands.
+takes the axis to a time, in steps of `motion.STEP`. Both end by showing in the objects what the axis does. Between
+calls an axis is a state (`cia402.State`), a mode that leads the demand (`modes`), a motor that follows it (`motion`),
+and perhaps a stop that is under way: a ramp, and the arrow of the state machine to take once the motor stands.
 """
 
 from __future__ import annotations
@@ -19,42 +19,42 @@ from eurobot_od.od.profiles import cia402, homing
 from eurobot_od.od.profiles.cia402 import ARROWS, POWERED, DriveCommand, Mode, Ramp, State, Transition
 
 MOST_STEPS = 1000
-"""So much time is made up for; an axis that was not asked for longer has stood still meanwhile."""
+"""Most steps that are made up for; an axis that was not asked for longer than that has stood still meanwhile."""
 
 FOLLOWING_ERROR_CODE = 0x8611
-"""Error code of a following error that is too large for too long (CiA 402-1)."""
+"""Error code for a following error that is too large for too long (CiA 402-1)."""
 
 OFF = 0xFFFFFFFF
-"""Following error window of a drive that does not look at it (CiA 402-2, clause 12.3.3)."""
+"""The following error window of a drive that does not watch the following error (CiA 402-2, clause 12.3.3)."""
 
 NO_TORQUE = 0.0005
-"""Share of the torque below which its object shows 0."""
+"""Share of the torque below which the torque object shows 0."""
 
 STOPS: Mapping[tuple[State, State], int] = {
     (State.ENABLED, State.READY): cia402.SHUTDOWN_OPTION,
     (State.ENABLED, State.SWITCHED_ON): cia402.DISABLE_OPTION,
     (State.ENABLED, State.QUICK_STOP): cia402.QUICK_STOP_OPTION,
 }
-"""The option code that says how the motor is stopped on an arrow of the state machine."""
+"""The option code that says how the motor is stopped, by the arrow of the state machine."""
 
 DECELERATIONS: Mapping[Ramp, int] = {
     Ramp.SLOW_DOWN: cia402.PROFILE_DECELERATION,
     Ramp.QUICK_STOP: cia402.QUICK_STOP_DECELERATION,
 }
-"""The object that has the deceleration of a ramp; the others are as steep as the motor can."""
+"""The object with the deceleration of a ramp; other ramps are as steep as the motor can manage."""
 
 
 class Stop(NamedTuple):
-    """A stop that is under way: its ramp, and the state after it; None: the state stays."""
+    """A stop that is under way: its ramp, and the state after it (None: the state stays)."""
 
     ramp: Ramp
     after: State | None
 
 
 class DriveAxis:
-    """An axis with its objects; `report` gets the error code of a fault, and None when it is reset.
+    """An axis with its objects; `report` gets the error code of a fault, and None when the fault is reset.
 
-    `plant` is what the motor moves. `sync_period` is the time between two SYNCs in seconds, as far as it is known.
+    `plant` is the machine that the motor moves. `sync_period` is the time between two SYNCs in seconds, if it is known.
     """
 
     def __init__(self, values: AxisValues, plant: Plant, report: Callable[[int | None], object]) -> None:
@@ -70,7 +70,7 @@ class DriveAxis:
         self._mode_number = 0
         self._mode = ModeOfOperation(self)
 
-    # What modes ask
+    # For the modes
 
     def velocity(self, index: int, sub: int = 0, default: float = inf) -> float:
         """Return a velocity in position units/s; `default` if the axis does not have the object."""
@@ -78,25 +78,25 @@ class DriveAxis:
         return default if value is None else value * self.units.velocity
 
     def acceleration(self, index: int) -> float:
-        """Return an acceleration in position units/s²; what the motor has torque for, if the object says none."""
+        """Return an acceleration in position units/s²; if the object gives none, the most that the motor can do."""
         said = self.values.get(index) * self.units.velocity
         return said if said > 0 else self.motor.plant.acceleration * self.units.turn
 
     @property
     def stands(self) -> bool:
-        """Whether motor and demand stand."""
+        """Whether both motor and demand stand still."""
         return self.demand.velocity == 0 and abs(self.motor.velocity) < 1.0
 
     # Controlword and mode
 
     def control(self, now: float) -> None:
-        """Look at what was written: mode of operation, controlword, and what the mode is commanded."""
+        """Look at what was written: mode of operation, controlword, and the commands of the mode."""
         self.advance(now)
         if self.state is State.NOT_READY:
-            self._enter(State.DISABLED)  # transition 1: there is nothing to be tested
+            self._enter(State.DISABLED)  # transition 1: there is nothing to test
         self._take_mode()
         word = self.values.get(cia402.CONTROLWORD)
-        # Fault reset, new set-point and the start of homing act by their edges, all other bits by what they are.
+        # Fault reset, new set-point and the start of homing act on rising edges; all other bits act by their levels.
         rising, self._word = word & ~self._word, word
         self._obey(word, rising)
         if self.state is State.ENABLED and not self._is_halted:
@@ -110,35 +110,35 @@ class DriveAxis:
         if number != self._mode_number and self.takes(number):
             self._mode_number = number
             self._mode = MODES[number](self)
-            # A torque that nobody commands any more would go on for ever; the next mode begins with the velocity there
-            # is.
+            # A torque that nobody commands any more would go on for ever; the next mode starts with the present
+            # velocity.
             self.demand.torque = None
             self.following_error, self._lag = False, 0.0
 
     def takes(self, mode: int) -> bool:
-        """Tell whether the drive has a mode: the file says so, and it is one that can be simulated."""
+        """Tell whether the drive has a mode: the file says so, and it can be simulated."""
         said = self.values.get(cia402.SUPPORTED_MODES, default=-1)
         return mode in MODES and (mode == Mode.NONE or bool(said >> mode - 1 & 1))
 
     def _obey(self, word: int, rising: int) -> None:
         command = cia402.command_of(word)
-        # A master that leaves bit 7 set would otherwise reset every fault as soon as it comes (CiA 402-2: rising edge).
+        # Otherwise a master that leaves bit 7 set would reset every fault at once (CiA 402-2: rising edge).
         if command is DriveCommand.FAULT_RESET and not rising & cia402.FAULT_RESET:
             return
-        # "Enable operation" means two arrows in READY (CiA 402-2, table of commands), any other command one.
+        # "Enable operation" takes two arrows in READY (CiA 402-2, table of commands), any other command one.
         for _ in range(2 if command is DriveCommand.ENABLE else 1):
             arrow = self.arrow(command)
             if arrow is not None:
                 self.take(arrow)
 
     def arrow(self, command: DriveCommand | None) -> Transition | None:
-        """Return the arrow that a command means now; None for one that means nothing in this state."""
+        """Return the arrow that a command takes in the present state; None if it takes none."""
         if command is DriveCommand.ENABLE and self.state is State.READY:
             command = DriveCommand.SWITCH_ON
         if self._stop is not None and command is DriveCommand.ENABLE and self.state is State.ENABLED:
-            self._stop = None  # it was being stopped, and is to go on
+            self._stop = None  # it was being stopped, and now goes on
         arrow = ARROWS.get((self.state, command)) if command else None
-        # A drive on its way there would begin its ramp anew each time the controlword comes.
+        # Otherwise a drive on its way there would restart its ramp with each controlword.
         if arrow is None or (self._stop and self._stop.after is arrow.after):
             return None
         stays = self._option(cia402.QUICK_STOP_OPTION) in cia402.STAYING
@@ -157,7 +157,7 @@ class DriveAxis:
             stays = self._option(cia402.QUICK_STOP_OPTION) in cia402.STAYING
             self._stop = Stop(ramp, None if stays else State.DISABLED)
         elif ramp is Ramp.FREE or self.stands:
-            # Without a ramp a quick stop takes the torque away at once, and nothing is left to do in its state.
+            # Without a ramp, a quick stop takes the torque away at once and its state is over.
             self._enter(State.DISABLED if is_quick_stop else arrow.after)
         else:
             self._stop = Stop(ramp, arrow.after)
@@ -166,7 +166,7 @@ class DriveAxis:
         return _signed(self.values.get(index, default=cia402.DEFAULT_OPTION[index]))
 
     def _ramp(self, index: int) -> Ramp:
-        """Return the ramp of an option code; one that CiA 402 does not define stops as the default does."""
+        """Return the ramp of an option code; one that CiA 402 does not define counts as the default."""
         ramps = cia402.OPTIONS[index]
         return ramps.get(self._option(index), ramps[cia402.DEFAULT_OPTION[index]])
 
@@ -174,7 +174,7 @@ class DriveAxis:
         powered = self.state in POWERED
         self.state, self._stop = state, None
         if state is State.ENABLED or not powered:
-            # With torque again the motor holds where it is, and goes on as fast as it turns.
+            # With torque again, the motor holds where it is, and goes on as fast as it turns.
             self.demand = Demand(self.motor.position, self.motor.velocity)
         if state not in POWERED:
             self.demand.velocity = 0.0
@@ -185,8 +185,8 @@ class DriveAxis:
     # Faults
 
     def fault(self, code: int) -> None:
-        """Take transition 13: the motor is stopped as the fault reaction option code says, and the state is Fault."""
-        # The first fault is the cause; what follows from it while the motor comes to rest must not hide it.
+        """Take transition 13: stop the motor as the fault reaction option code says, and go to Fault."""
+        # The first fault is the cause, and must not be hidden by what follows while the motor comes to rest.
         if self.state in (State.FAULT, State.FAULT_REACTION):
             return
         self.values.put(cia402.ERROR_CODE, code)
@@ -200,9 +200,9 @@ class DriveAxis:
         self._show()
 
     def connection_lost(self) -> None:
-        """Do what the abort connection option code says (CiA 402-2, clause 8.4.4): a heartbeat or the bus is lost."""
+        """Obey the abort connection option code (CiA 402-2, clause 8.4.4), as a heartbeat or the bus is lost."""
         reaction = _signed(self.values.get(cia402.ABORT_CONNECTION, default=1))
-        # 0 does nothing; what CiA 402 does not define does nothing either, as nobody knows what it would be.
+        # 0 does nothing, and neither does a code that CiA 402 does not define.
         if reaction == 1:
             self.fault(0x8130)  # life guard or heartbeat error (CiA 301, Table 26)
         elif reaction in (2, 3):
@@ -215,12 +215,12 @@ class DriveAxis:
 
     @property
     def busy(self) -> bool:
-        """Whether something changes with time, and `advance` is to be called each step."""
+        """Whether anything changes with time, so that `advance` has to be called at each step."""
         if self.state not in POWERED:
             return self.motor.velocity != 0
         # Half a unit: the objects show whole ones.
         lags = self._mode.controls_position and abs(self.demand.position - self.motor.position) > 0.5
-        # What is shown of its torque ends a step after the motion.
+        # The torque that is shown falls to 0 one step after the motion has ended.
         pushes = self.demand.torque is None and abs(self.motor.torque) >= NO_TORQUE
         still = self.stands and abs(self.motor.velocity) < 1e-3 and not (lags or pushes) and self._stop is None
         return not (still and (self._mode.settled or self._is_halted or self.state is not State.ENABLED))
@@ -230,13 +230,13 @@ class DriveAxis:
         return bool(self._word & cia402.HALT)
 
     def advance(self, now: float) -> None:
-        """Let the time pass up to now."""
+        """Let time pass until now."""
         if self._time is None or not self.busy:
             self._time = now
             return
-        # A step that is due now is one, although the sum of many steps may be a hair off.
+        # The sum of many steps may be a hair off: a step that is due now still counts.
         steps = int((now - self._time) / STEP + 1e-6)
-        # After a long stop, in a debugger say, the axis goes on from here and does not race after the time it has
+        # After a long halt, as in a debugger, the axis goes on from here and does not rush through the time it has
         # missed.
         self._time = now if steps > MOST_STEPS else self._time + steps * STEP
         for _ in range(min(steps, MOST_STEPS)):
@@ -247,7 +247,7 @@ class DriveAxis:
     def step(self) -> None:
         """Let one STEP pass: lead the demand, and let the motor follow it."""
         if self.state not in POWERED:
-            # Nothing leads it: the demand goes along, so that it does not jump back when there is torque again.
+            # Nothing leads it: the demand moves along, so that it does not jump when there is torque again.
             self.motor.coast()
             self.demand.position = self.motor.position
             return
@@ -257,13 +257,13 @@ class DriveAxis:
             self._enter(self._stop.after)
 
     def _follow(self) -> None:
-        # What is wrong may be the position: a fault is stopped by the velocity alone.
+        # The position itself may be wrong: a fault is stopped by velocity alone.
         controls_position = self._mode.controls_position and self.state is not State.FAULT_REACTION
         if self.demand.torque is None:
             self.motor.follow(self.demand, controls_position)
         else:
             self.motor.push(self.demand.torque, self.velocity(cia402.MAX_MOTOR_SPEED))
-            self.demand.velocity = self.motor.velocity  # from here a ramp begins that stops it
+            self.demand.velocity = self.motor.velocity  # a ramp that stops it starts from here
         if controls_position:
             self._supervise()
         else:
@@ -275,14 +275,14 @@ class DriveAxis:
         if ramp is not None:
             self.demand.to_velocity(0.0, 1.0, self._deceleration(ramp))
             return
-        # Homing looks for the limit switches; in any other mode they end the way.
+        # Homing looks for the limit switches; in any other mode they end the motion.
         if isinstance(self._mode, Homing):
             self._mode.step()
             return
         before = self.demand.position, self.demand.velocity
         self._mode.step()
         leads = self.demand.velocity if self.demand.torque is None else self.demand.torque
-        # Only the switch ahead stops it: an axis that stands on one has to be able to leave it.
+        # Only the switch ahead stops it: an axis that stands on one must be able to leave it.
         moves = int(copysign(1, leads)) if leads else 0
         if moves and self.motor.switches & homing.LIMITS[moves]:
             self.demand.position, self.demand.velocity = before
@@ -295,7 +295,7 @@ class DriveAxis:
         if self._stop is not None:
             return self._stop.ramp
         if self.state is not State.ENABLED:
-            return Ramp.QUICK_STOP  # it stands, and stays
+            return Ramp.QUICK_STOP  # it stands, and stays where it is
         return self._ramp(cia402.HALT_OPTION) if self._is_halted else None
 
     def _deceleration(self, ramp: Ramp) -> float:
@@ -305,7 +305,7 @@ class DriveAxis:
         return self.acceleration(index)
 
     def _supervise(self) -> None:
-        """Look whether the motor follows (CiA 402-2, clause 12.3)."""
+        """Check whether the motor follows (CiA 402-2, clause 12.3)."""
         window = self.values.get(cia402.FOLLOWING_WINDOW, default=OFF) & OFF
         if window == OFF:
             return
@@ -319,7 +319,7 @@ class DriveAxis:
 
     @property
     def statusword(self) -> int:
-        """State, voltage, remote, and what the mode says."""
+        """The statusword: state, voltage, remote, and the bits of the mode."""
         word = self.state.bits | cia402.VOLTAGE | cia402.REMOTE
         if self.state not in (State.QUICK_STOP, State.FAULT, State.FAULT_REACTION):
             # Bit 5 is 0 while a quick stop is active; in a fault it may be anything (CiA 402-2, table of states).
@@ -355,5 +355,5 @@ class DriveAxis:
 
 
 def _signed(value: int) -> int:
-    """Return a number of 8 or 16 bits as files of some makers write a negative one: 0xFF for -1."""
+    """Return a signed number of 8 or 16 bits; some makers' files write -1 as 0xFF."""
     return value - 0x100 if 0x80 <= value <= 0xFF else value

@@ -1,7 +1,7 @@
-"""Inputs and outputs of an I/O module as CiA 401 has them: polarity, filter, scaling, error values, what causes a TPDO.
+"""Inputs and outputs of an I/O module of CiA 401: polarity, filter, scaling, error values, what causes a TPDO.
 
-Rule of this file: what is on a terminal and what stands in an object are two things, and only here one becomes the
-other. An object that the file does not have counts as its default in CiA 401-1.
+The value on a terminal and the value in an object are two things, and only this file turns one into the other. An
+object that the file does not have counts as its default in CiA 401-1.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ BLOCKS = range(1, 255)
 """Sub-indices of the blocks of inputs and outputs."""
 
 DEFAULT_TRIGGER = 0b111
-"""What causes the TPDO of an analogue input without 0x6421: both limits, and delta."""
+"""What causes the TPDO of an analogue input without 0x6421: both limits, and the delta."""
 
 
 def _get(values: ProfileValues, index: int, sub: int, default: int = 0) -> int:
@@ -51,7 +51,7 @@ class Outputs:
         self.refresh()
 
     def refresh(self) -> None:
-        """Take over what stands in the objects."""
+        """Update the terminals from the objects."""
         for digital, sub in self._digital:
             self.terminals[digital.value, sub] = self.digital(digital, sub)
         for analogue, sub in self._analogue:
@@ -59,16 +59,16 @@ class Outputs:
             fails = self.failed and _get(self._values, analogue.error_mode, sub, 1) == 1
             index = analogue.error_value if fails else analogue.value
             commanded = _get(self._values, index, sub)
-            # As polarity does for a digital one, the factor comes last.
+            # The factor comes last, as polarity does for a digital output.
             self.terminals[analogue.value, sub] = _scaled(self._values, analogue, sub, commanded)
 
     def fail(self) -> None:
-        """Give them their error values: nobody can command them."""
+        """Give them their error values, because nobody can command them."""
         self.failed = True
         self.refresh()
 
     def digital(self, kind: DigitalOutputs, sub: int) -> int:
-        """Return what is on the terminals of a block."""
+        """Return the value on the terminals of a block."""
         values, every = self._values, (1 << kind.bits) - 1
         value = _get(values, kind.value, sub)
         if self.failed:
@@ -85,7 +85,7 @@ class Outputs:
 
 
 class Trigger(NamedTuple):
-    """The objects that say when an analogue input causes a TPDO, at its sub-index."""
+    """The objects that say when an analogue input causes a TPDO, at the input's sub-index."""
 
     by: int = cia401.ANALOGUE_TRIGGER
     upper: int = cia401.ANALOGUE_UPPER
@@ -98,11 +98,11 @@ class Trigger(NamedTuple):
 TRIGGER = Trigger()
 
 FILTER_TIME = 0.02
-"""Seconds that a filtered input has to stay as it is before it counts; CiA 401-1 leaves the constant to the maker."""
+"""Seconds that a filtered input has to be steady before it counts; CiA 401-1 leaves the constant to the maker."""
 
 
 class InputFilter:
-    """The filter of a block of digital inputs, bit by bit: what is shorter than `FILTER_TIME` is not seen."""
+    """The filter of a block of digital inputs, bit by bit: it hides what is shorter than `FILTER_TIME`."""
 
     def __init__(self, terminals: int) -> None:
         self._last = self._steady = terminals
@@ -139,32 +139,32 @@ class Inputs:
         return {*self.digital, *self._analogue}
 
     def value(self, address: Address, terminals: int, now: float) -> int:
-        """Return the value of an input by what is on its terminals: filtered and by polarity, or scaled."""
+        """Return an input's value from the value on its terminals: filtered and by polarity, or scaled."""
         sub, digital, analogue = address[1], self.digital.get(address), self._analogue.get(address)
         if analogue is not None:
             return _scaled(self._values, analogue, sub, terminals)
         if digital is None:
             return terminals
         filtered = _get(self._values, digital.filter, sub)
-        # Asked always, so that a filter that is switched on knows what the input has been until now.
+        # Always asked, so that a filter that is switched on knows the input's past.
         steady = self._filters.setdefault(address, InputFilter(terminals)).passed(terminals, now)
         return (steady & filtered | terminals & ~filtered) ^ _get(self._values, digital.polarity, sub)
 
     def forget(self) -> None:
-        """Begin anew: what the inputs are now causes no TPDO."""
+        """Start over: the present inputs cause no TPDO."""
         self._seen.clear()
 
     def caused(self, present: Mapping[Address, int] = MappingProxyType({})) -> set[Address]:
-        """Return the inputs that cause a TPDO since this was asked last; `present` are their values."""
+        """Return the inputs that have caused a TPDO since this was last asked; `present` are their values."""
         causes = {address for address, value in present.items() if self._causes(address, value)}
-        # An analogue input is compared with what was sent last, a digital one with what it was last.
+        # An analogue input is compared with the last value sent, a digital one with its last value.
         taken = {*self.digital, *causes, *(present.keys() - self._seen.keys())}
         self._seen |= {address: value for address, value in present.items() if address in taken}
         return causes
 
     def _causes(self, address: Address, value: int) -> bool:
         last = self._seen.get(address)
-        # The first value after a start is what later ones are compared with; it causes nothing itself.
+        # The first value after a start causes nothing itself; later ones are compared with it.
         if last is None or last == value:
             return False
         digital = self.digital.get(address)
@@ -173,7 +173,7 @@ class Inputs:
     def by_edge(self, kind: DigitalInputs, sub: int, last: int, value: int) -> bool:
         """Compare with the masks of change, rising and falling edge (CiA 401-1, objects 0x6005 to 0x6008)."""
         values, every = self._values, (1 << kind.bits) - 1
-        if not _get(values, cia401.INTERRUPT_ENABLE, 0, 1):  # on, unless it is switched off
+        if not _get(values, cia401.INTERRUPT_ENABLE, 0, 1):  # on by default
             return False
         change = _get(values, kind.change, sub, every)
         rising, falling = (_get(values, each, sub, 0) for each in (kind.rising, kind.falling))
@@ -182,7 +182,7 @@ class Inputs:
     def _by_level(self, sub: int, last: int, value: int) -> bool:
         """Compare with the limits and deltas of an analogue input (CiA 401-1, objects 0x6421 to 0x6428)."""
         values = self._values
-        if not _get(values, cia401.ANALOGUE_INTERRUPT_ENABLE, 0, 0):  # off, unless it is switched on
+        if not _get(values, cia401.ANALOGUE_INTERRUPT_ENABLE, 0, 0):  # off by default
             return False
         by = _get(values, TRIGGER.by, sub, DEFAULT_TRIGGER)
         upper, lower, delta, falling, rising = (_get(values, each, sub, 0) for each in TRIGGER[1:])

@@ -1,7 +1,6 @@
-"""The modes of operation of a drive (CiA 402-2, clauses 9 to 16): each leads the demand, and has bits of both words.
+"""The modes of operation of a drive (CiA 402-2, clauses 9 to 17): each leads the demand and has bits of its own.
 
-Rule of this file: a mode sees its axis through `Leads`; it changes the demand and nothing else of it, but homing, which
-moves the origin.
+A mode sees its axis through `Leads`. It changes only the demand; homing also moves the origin.
 """
 
 from __future__ import annotations
@@ -40,7 +39,7 @@ class Leads(Protocol):
 
 
 class ModeOfOperation:
-    """A mode in which nothing moves; the others say what is different in them."""
+    """A mode in which nothing moves; subclasses say what is different."""
 
     controls_position: ClassVar = True
     """Whether the position is controlled, so that there is a following error."""
@@ -50,18 +49,18 @@ class ModeOfOperation:
         self.begin()
 
     def begin(self) -> None:
-        """Begin with operation: what was commanded before no longer counts."""
+        """Begin with operation: earlier commands no longer count."""
 
     def command(self, word: int, rising: int) -> None:
-        """Take in a controlword, and which bits are newly set in it."""
+        """Take in a controlword, and the bits that are newly set in it."""
 
     def step(self) -> None:
-        """Lead the demand for a step of time."""
+        """Lead the demand for one step."""
         ramp = self.axis.acceleration(cia402.PROFILE_DECELERATION)
         self.axis.demand.to_velocity(0.0, ramp, ramp)
 
     def halted(self) -> None:
-        """Do what a stand after halt means."""
+        """Do what it means that a halted axis has come to a stand."""
 
     @property
     def bits(self) -> int:
@@ -70,28 +69,28 @@ class ModeOfOperation:
 
     @property
     def halt_bits(self) -> int:
-        """The same while the axis is halted: it has reached its target when it stands."""
+        """The same while the axis is halted: the target is reached once it stands."""
         return self.bits & ~TARGET_REACHED | TARGET_REACHED * self.axis.stands
 
     @property
     def settled(self) -> bool:
-        """Whether nothing changes until something new is commanded."""
+        """Whether nothing changes until there is a new command."""
         return self.axis.demand.velocity == 0
 
 
 class TargetWindow:
-    """Tells whether something has been so for a time in seconds."""
+    """Tells for how long something has been true, in seconds."""
 
     def __init__(self) -> None:
         self.lasted = 0.0
 
     def look(self, inside: bool) -> None:
-        """Look once a step."""
+        """Look at it, once each step."""
         self.lasted = self.lasted + STEP if inside else 0.0
 
 
 class SetPoint(NamedTuple):
-    """Where to, and how fast."""
+    """Where to move, and how fast."""
 
     target: float
     velocity: float
@@ -108,8 +107,8 @@ class ProfilePosition(ModeOfOperation):
 
     def command(self, word: int, rising: int) -> None:
         self._commanded = bool(word & cia402.NEW_SET_POINT)
-        # Bit 4 acts by its edge, so that a controlword sent again is no second set-point. There is room for one at work
-        # and one that waits (CiA 402-2, clause 10).
+        # Bit 4 acts on its rising edge, so that a repeated controlword is not a second set-point. There is room for one
+        # set-point at work and one that waits (CiA 402-2, clause 10).
         if rising & cia402.NEW_SET_POINT and self._next is None:
             found = self._set_point(bool(word & cia402.RELATIVE))
             self._acknowledged = True
@@ -124,10 +123,10 @@ class ProfilePosition(ModeOfOperation):
         target: float = axis.values.get(cia402.TARGET_POSITION)
         if relative:
             last = self._next or self._target
-            # To the set-point before, not to where the axis is: so a row of them does not add up what it was off.
+            # Relative to the set-point before, not to where the axis is, so that errors do not add up in a row of them.
             target += last.target if last else axis.demand.position
         low, high = software_limits(axis.values)
-        # Cut and flagged (bit 11 of the statusword): the PDO it came in has been taken, so that nothing can be refused.
+        # Cut and flagged (bit 11 of the statusword): its PDO has been accepted, so nothing can be refused any more.
         axis.limited = not low <= target <= high
         fastest = min(axis.velocity(cia402.MAX_PROFILE_VELOCITY), axis.velocity(cia402.MAX_MOTOR_SPEED))
         velocity = min(axis.velocity(cia402.PROFILE_VELOCITY, default=axis.units.turn), fastest)
@@ -137,7 +136,7 @@ class ProfilePosition(ModeOfOperation):
         self._target, self._window = set_point, TargetWindow()
 
     def _release(self) -> None:
-        # A set-point is acknowledged until the bit is taken back and there is room for another one.
+        # A set-point is acknowledged until the bit is cleared and there is room for another one.
         if not self._commanded and self._next is None:
             self._acknowledged = False
 
@@ -152,9 +151,9 @@ class ProfilePosition(ModeOfOperation):
             return
         ramps = (axis.acceleration(each) for each in (cia402.PROFILE_ACCELERATION, cia402.PROFILE_DECELERATION))
         axis.demand.to_position(*self._target, *ramps)
-        # Without a window it is there within one unit: the motor's place is not a whole number.
+        # Without a window it has to be within one unit: the motor's place is not a whole number.
         window = axis.values.get(cia402.POSITION_WINDOW, default=0) or 1
-        # The demand has to be there, too: on the way a motor that lags may pass through the window.
+        # The demand has to be there, too: a motor that lags may pass through the window on its way.
         self._window.look(self._arrived and abs(self._target.target - axis.motor.position) <= window)
         if self._next is not None and self._arrived:
             self._begin_move(self._next)
@@ -210,14 +209,14 @@ class ProfileVelocity(VelocityMode):
         axis.demand.to_velocity(self._wanted, *ramps)
 
     def _near(self, velocity: float, window: int) -> bool:
-        # Without the object: what rounding leaves of a velocity that is reached.
+        # Without the object: what rounding leaves of a velocity that has been reached.
         allowed = self.axis.velocity(window, default=self.axis.units.velocity)
         return abs(self.axis.motor.velocity - velocity) <= max(allowed, self.axis.units.velocity)
 
     @property
     def bits(self) -> int:
         wanted = self.axis.velocity(cia402.TARGET_VELOCITY, default=0.0)
-        # Bit 12 is "speed is 0" in this mode, which has no acknowledge (CiA 402-2, clause 14).
+        # In this mode, which has no acknowledge, bit 12 means "speed is 0" (CiA 402-2, clause 14).
         reached = self._near(wanted, cia402.VELOCITY_WINDOW)
         return TARGET_REACHED * reached | BIT_12 * self._near(0.0, cia402.VELOCITY_THRESHOLD)
 
@@ -228,7 +227,7 @@ class CyclicPosition(ModeOfOperation):
     def begin(self) -> None:
         self._target = self.axis.demand.position
         self._rate, self._left = 0.0, 0.0
-        # What stands in the object was meant for another time: only a new target moves the axis.
+        # The present value was meant for another time: only a new target moves the axis.
         self._seen = self.axis.values.get(cia402.TARGET_POSITION)
 
     def command(self, word: int, rising: int) -> None:
@@ -249,7 +248,7 @@ class CyclicPosition(ModeOfOperation):
         if self._left > STEP / 2:
             demand.velocity = self._rate
             demand.position += self._rate * STEP
-        else:  # the velocity stays until a target has failed to come: otherwise it would fall at each of them
+        else:  # the velocity stays until a target fails to come: otherwise it would fall at each of them
             demand.velocity = self._rate if self._left > -STEP else 0.0
             demand.position = self._target
 
@@ -284,7 +283,7 @@ class CyclicTorque(ModeOfOperation):
 
     @property
     def wanted(self) -> float:
-        """The torque that is commanded, as a share of what the motor has, within what it may have."""
+        """The commanded torque within its limit, as a share of the motor's torque."""
         values = self.axis.values
         # Both objects count in per mille of the rated torque, which is all that this motor has.
         per_mille = values.get(cia402.TARGET_TORQUE) + values.get(cia402.TORQUE_OFFSET)
@@ -301,16 +300,16 @@ class CyclicTorque(ModeOfOperation):
     @property
     def settled(self) -> bool:
         plant = self.axis.motor.plant
-        held = abs(self.wanted) * plant.acceleration <= plant.friction  # else it only turns round
+        held = abs(self.wanted) * plant.acceleration <= plant.friction  # otherwise it merely turns
         return super().settled and held and self.axis.demand.torque == self.wanted
 
 
 class ProfileTorque(CyclicTorque):
-    """Turns with a torque, which changes along a slope (CiA 402-2, clause 13)."""
+    """Turns with a torque that changes along a slope (CiA 402-2, clause 13)."""
 
     def step(self) -> None:
         slope = self.axis.values.get(cia402.TORQUE_SLOPE) / 1000
-        self.axis.demand.to_torque(self.wanted, slope or inf)  # without a slope at once
+        self.axis.demand.to_torque(self.wanted, slope or inf)  # at once without a slope
 
     @property
     def bits(self) -> int:
@@ -318,11 +317,11 @@ class ProfileTorque(CyclicTorque):
 
 
 FARTHEST = 2 * ROUND
-"""Turns after which an axis without ends gives up: it has seen everything."""
+"""Turns after which homing gives up on an axis without ends: it has seen everything."""
 
 
 class Homing(ModeOfOperation):
-    """Finds where it is, by the method of 0x6098 (CiA 402-2, clause 11)."""
+    """Finds its place, by the method in 0x6098 (CiA 402-2, clause 11)."""
 
     def begin(self) -> None:
         self._steps: Iterator[Seek] = iter(())
@@ -338,7 +337,7 @@ class Homing(ModeOfOperation):
             self._failed, self._runs = method is None, method is not None
             self._steps = iter(method.steps if method else ())
             self._go_on()
-        # The bit taken back interrupts it (CiA 402-2, clause 11).
+        # Clearing the bit interrupts it (CiA 402-2, clause 11).
         elif self._runs and not word & cia402.HOMING_START:
             self._runs, self._seek = False, None
 
@@ -363,14 +362,14 @@ class Homing(ModeOfOperation):
     def _look(self, seek: Seek, direction: int) -> None:
         motor, switch = self.axis.motor, seek.switch
         is_there = motor.index != self._index if switch is None else bool(motor.switches & switch) is seek.active
-        if self.axis.demand.velocity * direction <= 0:  # it turns round: what it passes meanwhile is not what is sought
+        if self.axis.demand.velocity * direction <= 0:  # it is turning round: what it passes does not count
             self._index = motor.index
         elif is_there:
             self._home = motor.position
             self._go_on()
         elif motor.switches & LIMITS[direction]:
             self._turned += 1
-            if not seek.turns or self._turned > 1:  # both ends seen, and the switch was nowhere
+            if not seek.turns or self._turned > 1:  # it has seen both ends, and no switch
                 self._fail()
         elif motor.plant.travel is None and abs(motor.position - self._begun) > FARTHEST * motor.turn:
             self._fail()
@@ -379,10 +378,10 @@ class Homing(ModeOfOperation):
         self._failed, self._runs, self._seek = True, False, None
 
     def _arrive(self) -> None:
-        """Call the place that was found home: the position there is what the home offset says (clause 11.4.1)."""
+        """Make the place that was found home: its position is what the home offset says (clause 11.4.1)."""
         axis = self.axis
         home = axis.motor.position if self._home is None else self._home
-        # Position 0 is the home offset away from home.
+        # Position 0 is one home offset away from home.
         by = -axis.values.get(cia402.HOME_OFFSET) - home
         axis.motor.shift(by)
         axis.demand.position += by
@@ -412,17 +411,17 @@ MODES: Mapping[int, type[ModeOfOperation]] = {
     Mode.CYCLIC_VELOCITY: CyclicVelocity,
     Mode.CYCLIC_TORQUE: CyclicTorque,
 }
-"""The modes that a simulated drive has, as far as its file has them."""
+"""The modes that a simulated drive can have; its file says which of them it has."""
 
 
 def software_limits(values: AxisValues) -> tuple[float, float]:
-    """Return the least and the greatest position; infinite where the file has no limits, or none with a way between."""
+    """Return the least and the greatest position; infinite where the file has no limits, or limits that exclude all."""
     low, high = (values.get(cia402.SOFTWARE_LIMIT, sub) for sub in (1, 2))
     return (low, high) if low < high else (-inf, inf)
 
 
 def within_limits(axis: Leads, velocity: float) -> float:
-    """Return a velocity with which the axis can still stop before the software limit in its way; note if it is less."""
+    """Return a velocity at which the axis can still stop before the software limit ahead; note if it is less."""
     low, high = software_limits(axis.values)
     way = high - axis.demand.position if velocity > 0 else axis.demand.position - low
     ramp = axis.acceleration(cia402.PROFILE_DECELERATION)
@@ -432,6 +431,6 @@ def within_limits(axis: Leads, velocity: float) -> float:
 
 
 def interpolation_time(axis: Leads) -> float:
-    """Return the seconds from one cyclic target to the next: 0x60C2, or else the period of SYNC."""
+    """Return the seconds between two cyclic targets: 0x60C2, or else the period of SYNC."""
     value, exponent = (axis.values.get(cia402.INTERPOLATION_TIME, sub) for sub in (1, 2))
     return value * 10.0**exponent if value else axis.sync_period

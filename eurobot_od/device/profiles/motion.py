@@ -1,7 +1,7 @@
 """A motor with a load, the ramps that lead it, and the units it is commanded in.
 
-Rule of this file: positions are in position units of the device, velocities in those per second, whatever the device
-calls its velocity; only `Units` converts. Time goes in steps of `STEP`.
+Positions are in position units of the device and velocities in position units per second, whatever unit the device
+itself has for velocity; only `Units` converts. Time passes in steps of `STEP`.
 """
 
 from __future__ import annotations
@@ -15,16 +15,16 @@ from eurobot_od.od.profiles import cia402
 from eurobot_od.od.profiles.homing import Switch
 
 STEP = 0.001
-"""Seconds of a step."""
+"""Seconds in a step."""
 
 TURN = 4096
-"""Position units of a turn where the file does not say it."""
+"""Position units in a turn where the file does not say."""
 
 REVOLUTION, MINUTE = 0xB4, 0x47
-"""Numbers of the SI unit "revolution" and of "minute" in 0x60A9 (CiA 303-2)."""
+"""Numbers of the SI units "revolution" and "minute" in 0x60A9 (CiA 303-2)."""
 
 RPM = ("rpm", "rev/min", "1/min", "min-1")
-"""How files write it."""
+"""How files write revolutions per minute."""
 
 
 class Units(NamedTuple):
@@ -35,14 +35,15 @@ class Units(NamedTuple):
 
     @classmethod
     def of(cls, values: AxisValues) -> Units:
-        """Take them from the objects: the factor group, unit of velocity 0x60A9, or the unit that the file writes.
+        """Take them from the objects: the factor group, the unit of velocity 0x60A9, or the unit that the file writes.
 
-        A feed constant 0x6092 is for a turn of the shaft behind the gear 0x6091; without one a turn of the motor is the
-        encoder's resolution 0x608F. The velocity factor 0x6096 makes units of velocity of position units per second.
+        A feed constant 0x6092 is for a turn of the shaft behind the gear 0x6091; without one, a turn of the motor is
+        the encoder's resolution 0x608F. The velocity factor 0x6096 converts position units per second into units of
+        velocity.
         """
         turn = _ratio(values, cia402.ENCODER_RESOLUTION) or TURN
         feed = _ratio(values, cia402.FEED_CONSTANT)
-        # A feed of 1 is what files have in which nobody has set one.
+        # A feed of 1 is what a file has if nobody has set one.
         turn = feed / (_ratio(values, cia402.GEAR_RATIO) or 1.0) if feed and feed != 1 else turn
         unit = values.get(cia402.SI_VELOCITY)
         if (unit >> 16 & 0xFF, unit >> 8 & 0xFF) == (REVOLUTION, MINUTE):
@@ -56,7 +57,7 @@ class Units(NamedTuple):
 
 
 def _ratio(values: AxisValues, index: int) -> float:
-    """Return numerator by divisor of a factor; 0 if the axis does not have it, or if it is none."""
+    """Return numerator by divisor of a factor; 0 if the axis does not have it, or if it is not positive."""
     numerator, divisor = (values.get(index, sub) for sub in (1, 2))
     return numerator / divisor if numerator > 0 and divisor > 0 else 0.0
 
@@ -66,16 +67,16 @@ def _ratio(values: AxisValues, index: int) -> float:
 
 @dataclass
 class Demand:
-    """Where the motor is to be, and how fast; or with which share of its torque, -1 to 1, if that leads it."""
+    """Where the motor has to be and how fast; or the share of its torque, -1 to 1, if torque leads it."""
 
     position: float = 0.0
     velocity: float = 0.0
     torque: float | None = None
 
     def to_velocity(self, wanted: float, acceleration: float, deceleration: float) -> None:
-        """Take a step that brings the velocity nearer to what is wanted; accelerations are those of a ramp, above 0."""
+        """Take a step that brings the velocity nearer to `wanted`; accelerations are those of a ramp, above 0."""
         self.torque = None
-        # The way round leads through a stand: down by the one ramp, and then up by the other.
+        # Turning round leads through a stand: down along one ramp, then up along the other.
         wanted = 0.0 if wanted * self.velocity < 0 else wanted
         slower = abs(wanted) < abs(self.velocity)
         most = (deceleration if slower else acceleration) * STEP
@@ -83,20 +84,20 @@ class Demand:
         self.position += self.velocity * STEP
 
     def to_position(self, target: float, velocity: float, acceleration: float, deceleration: float) -> None:
-        """Take a step on a trapezoid whose top is `velocity`, and that ends at the target."""
-        way = target - self.position
-        # So fast that the ramp still ends at the target, in steps of finite length.
+        """Take a step along a trapezoid with the top `velocity` that ends at the target."""
+        distance = target - self.position
+        # As fast as the ramp can still end at the target, in steps of finite length.
         half = deceleration * STEP / 2
-        braking = sqrt(half * half + 2 * deceleration * abs(way)) - half
-        wanted = copysign(min(velocity, braking), way)
-        # Near and slow enough to be there with this step: by ramps alone it would go to and fro around the target.
-        if abs(way) <= abs(wanted) * STEP + 1e-6 and abs(self.velocity) <= 2 * deceleration * STEP + abs(wanted):
+        braking = sqrt(half * half + 2 * deceleration * abs(distance)) - half
+        wanted = copysign(min(velocity, braking), distance)
+        # Near and slow enough to arrive in this step: ramps alone would oscillate around the target.
+        if abs(distance) <= abs(wanted) * STEP + 1e-6 and abs(self.velocity) <= 2 * deceleration * STEP + abs(wanted):
             self.position, self.velocity = target, 0.0
         else:
             self.to_velocity(wanted, acceleration, deceleration)
 
     def to_torque(self, wanted: float, slope: float) -> None:
-        """Take a step that brings the torque nearer to what is wanted; `slope` is its most change in a second."""
+        """Take a step that brings the torque nearer to `wanted`, by at most `slope` in a second."""
         present, most = self.torque or 0.0, slope * STEP
         near = abs(wanted - present) <= most
         self.torque = wanted if near else present + copysign(most, wanted - present)
@@ -106,15 +107,15 @@ class Demand:
 
 
 ROUND = 10
-"""Turns of the motor in one of a round table."""
+"""Turns of the motor in one turn of a round table."""
 
 
 class Plant(NamedTuple):
-    """The machine that the motor moves: what is where, in turns from where it is switched on.
+    """The machine that the motor moves: places are in turns from where it is switched on.
 
-    `travel` are the ends, where the limit switches are; None for a round table, which has none and is back where it was
-    after `ROUND` turns. The home switch is active between the places of `home`. `acceleration` is what the motor has
-    torque for, in turns/s²; `friction` brakes it alone. It turns no faster than `fastest`, in turns/s.
+    `travel` are the ends, where the limit switches are; None for a round table, which has no ends and is back at its
+    start after `ROUND` turns. The home switch is active between the places of `home`. `acceleration` is the most that
+    the motor's torque allows, in turns/s²; `friction` alone brakes it. It turns no faster than `fastest`, in turns/s.
     """
 
     travel: tuple[float, float] | None = None
@@ -134,7 +135,7 @@ class Plant(NamedTuple):
 
 
 GAIN = 100.0
-"""Of the position controller: velocity for each position unit of following error, in 1/s."""
+"""Gain of the position controller: velocity for each position unit of following error, in 1/s."""
 
 
 CREEP = 0.01
@@ -143,7 +144,7 @@ CREEP = 0.01
 
 @dataclass
 class Motor:
-    """The motor: `position` as the encoder says it, and the `velocity`; `torque` is the share of what it has, -1 to 1.
+    """The motor: `position` as its encoder reports it, `velocity`, and `torque` as a share of its most, -1 to 1.
 
     `origin` is the position 0 of the machine, which homing moves.
     """
@@ -156,18 +157,18 @@ class Motor:
     origin: float = 0.0
 
     def follow(self, demand: Demand, controls_position: bool) -> None:
-        """Take a step after what leads it, as far as its torque goes."""
-        # The demand is a step ahead: the motor is to be there at the end of this one.
+        """Take a step after the demand, as far as the motor's torque allows."""
+        # The demand is one step ahead: the motor should be there at the end of this step.
         lag = demand.position - demand.velocity * STEP - self.position
         wanted = demand.velocity + GAIN * lag * controls_position
         self._turn(wanted, self.plant.acceleration * self.turn)
 
     def push(self, torque: float, fastest: float) -> None:
-        """Take a step with a share of its torque against friction, no faster than `fastest`."""
+        """Take a step with a share of the torque against friction, no faster than `fastest`."""
         brake, most = self.plant.friction * self.turn * STEP, min(fastest, self.plant.fastest * self.turn)
         free = self.velocity + torque * self.plant.acceleration * self.turn * STEP
         moves = copysign(min(max(abs(free) - brake, 0.0), most), free)
-        # At its most it needs no more than friction takes.
+        # At top speed it only needs torque against friction.
         self.torque = copysign(self.plant.friction / self.plant.acceleration, free) if abs(moves) == most else torque
         self.velocity = moves
         self.position += self.velocity * STEP
@@ -180,7 +181,7 @@ class Motor:
     def _turn(self, wanted: float, acceleration: float) -> None:
         most = acceleration * STEP
         change = min(max(wanted - self.velocity, -most), most)
-        # The mean of the step: where the velocity changes its sign, friction of either end would be the wrong one.
+        # The mean over the step: where the velocity changes its sign, the friction at either end would be wrong.
         during = self.velocity + change / 2
         rubs = copysign(self.plant.friction / self.plant.acceleration, during) * (abs(during) > CREEP * self.turn)
         self.velocity += change
@@ -194,11 +195,11 @@ class Motor:
 
     @property
     def index(self) -> int:
-        """Which turn of the encoder it is: it changes at each index pulse."""
+        """The turn of the encoder, which changes at each index pulse."""
         return int((self.position - self.origin) // self.turn)
 
     def shift(self, by: float) -> None:
-        """Call the place where it stands another one."""
+        """Renumber the place where it stands."""
         self.position += by
         # The machine has not moved: its switches and index pulses stay where they are.
         self.origin += by

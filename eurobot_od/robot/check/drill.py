@@ -15,7 +15,7 @@ from eurobot_od.errors import NoAnswer, StateError
 from eurobot_od.robot.model.messages import GotoXY
 from eurobot_od.robot.model.values import Barriers, Obstacle, Passage, TeamColour
 from eurobot_od.robot.nodes import Core
-from eurobot_od.robot.nodes.standstill import NotStanding, Standstill
+from eurobot_od.robot.nodes.goto import NotStanding, Standstill
 
 BEFORE = 10.0
 """Seconds from the start configuration to the first goto: time to look at the position polling."""

@@ -10,7 +10,7 @@ from eurobot_od.plugin import Program
 from eurobot_od.robot.check.drill import drill
 from eurobot_od.robot.model.options import NOISE_ONLY, MatchOptions
 from eurobot_od.robot.nodes import Core, Node
-from eurobot_od.robot.world.assembly import assemble
+from eurobot_od.robot.world.instruments import assemble
 
 ON_A_BENCH = MatchOptions(errors=NOISE_ONLY, falling=False, solid=False)
 """Where nodes are checked: suites send the robot from place to place as if nothing stood there."""

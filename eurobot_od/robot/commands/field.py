@@ -9,6 +9,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from eurobot_od import plugin
 from eurobot_od.cli import complain, options
 from eurobot_od.cli.logs import ReadOptions, add_log, entries
 from eurobot_od.errors import EurobotError, RemoteError
@@ -35,7 +36,7 @@ def run(arguments: argparse.Namespace) -> None:
     from eurobot_od.traffic.statistics import DamageCounts
 
     form(arguments.output)  # complains of a suffix before the logs are read
-    robot, damage = options.robot(arguments), DamageCounts()
+    robot, damage = plugin.find(arguments.robot), DamageCounts()
     described = options.decoder_of(robot.dialects.load_all(arguments.dialect), robot)
     # Most frames of a match recur: a request without data, a position that has not changed.
     decode = lru_cache(REMEMBERED)(described)

@@ -13,6 +13,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from eurobot_od import plugin
 from eurobot_od.cli import ExitStatus, campaign, complain, fall_silent
 from eurobot_od.cli import options as shared
 from eurobot_od.errors import LocalError
@@ -106,7 +107,7 @@ def _strategies(arguments: argparse.Namespace) -> StrategyFiles:
 
     if arguments.against is not None and arguments.speed == "real":
         raise LocalError("--against is for simulated time, and does not go with --speed real")
-    ours, folder = arguments.strategy, shared.robot(arguments).folder
+    ours, folder = arguments.strategy, plugin.find(arguments.robot).folder
     if ours is None and folder and (folder / "strategy.py").is_file():
         ours = folder / "strategy.py"  # a team's own robot brings one; None is the shipped one
     return StrategyFiles(ours, arguments.against)
@@ -174,7 +175,7 @@ def _bus(arguments: argparse.Namespace) -> Callable[[], can.BusABC]:
     """Return what opens the bus of a live match; complain of a bit rate that is too slow for the robot's messages."""
     from eurobot_od.bus.live import open_bus
 
-    slow = too_slow(shared.robot(arguments), arguments.dialect, arguments.bitrate) if arguments.bitrate else ""
+    slow = too_slow(plugin.find(arguments.robot), arguments.dialect, arguments.bitrate) if arguments.bitrate else ""
     # Said and not refused: a team may have no faster bus, and most messages are in time on it.
     if slow:
         complain(slow)
@@ -227,10 +228,9 @@ def _show(coloured: bool, event: MatchEvent) -> None:
 
 def _run_many(arguments: argparse.Namespace, options: MatchOptions) -> ExitStatus:
     """Play all seeds and print what they came to; status 1 if something went wrong in a match."""
-    from eurobot_od.robot.match import histogram
     from eurobot_od.robot.match.played import PlayedMatch
     from eurobot_od.robot.match.seeds import SEED, play_many, settings
-    from eurobot_od.robot.match.statistics import report
+    from eurobot_od.robot.match.statistics import bar_marks, report
 
     for name, left_out in OF_ONE_MATCH.items():
         if (value := getattr(arguments, name)) != left_out:
@@ -249,7 +249,7 @@ def _run_many(arguments: argparse.Namespace, options: MatchOptions) -> ExitStatu
             if arguments.json:
                 print(json.dumps(match.as_data()))
     if not arguments.json:
-        print(*report(played, histogram.marks(sys.stdout.encoding)), sep="\n")
+        print(*report(played, bar_marks(sys.stdout.encoding)), sep="\n")
     return ExitStatus.FOUND if any(match.wrong for match in played) else ExitStatus.FINE
 
 

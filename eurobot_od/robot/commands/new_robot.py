@@ -3,25 +3,38 @@
 from __future__ import annotations
 
 import argparse
-import os
+import re
 from collections.abc import Iterator
+from importlib.util import find_spec
+from keyword import iskeyword
 from pathlib import Path
 
-from eurobot_od.cli import options
+from eurobot_od import plugin
+from eurobot_od.cli import program
 from eurobot_od.errors import LocalError
 
 FILES = Path(__file__).parents[1] / "new_robot"
 """What a new robot is made of; each file has `.new` at the end of its name, as it is not a part of this package."""
 
 SUFFIX = ".new"
-NAME = "NAME"
-"""What stands for the robot's name."""
+
+OF_PACKAGE = ("pyproject.toml", "eurobot-od.yaml", "__init__.py")
+"""Files of a package, which pip installs."""
+
+OF_FOLDER = ("conftest.py",)
+"""Files of a folder, which `--robot` names."""
+
+AT_ROOT = ("README.md", "pyproject.toml", "eurobot-od.yaml")
+"""Files that are not in the package's own folder."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Describe the command line."""
     parser.add_argument("folder", type=Path, metavar="FOLDER", help="where it goes: a new folder, or an empty one")
     parser.add_argument("--name", help="what the robot is called; left out: the folder's name")
+    parser.add_argument(
+        "--package", action="store_true", help="a package, which `pip install .` makes an installed robot"
+    )
 
 
 def run(arguments: argparse.Namespace) -> None:
@@ -33,25 +46,52 @@ def run(arguments: argparse.Namespace) -> None:
     # It goes into YAML, Python and an EDS as it is: a quote would end a string there, and an EDS is ASCII.
     if not (name.isprintable() and name.isascii()) or set(name) & set("\"'\\"):
         raise LocalError(f"--name {name}: printable ASCII characters without quotes and backslashes")
-    for file, text in _texts(name, options.robot(arguments).table):
+    package = _package(name) if arguments.package else ""
+    for file, text in _texts(name, package, plugin.find(arguments.robot).table):
         (folder / file).parent.mkdir(parents=True, exist_ok=True)
         (folder / file).write_text(text, encoding="utf-8")
         print(folder / file)
-    print(f"\ntry it:  cd {folder}{os.linesep}         eurobot-od match --field match.svg")
+    tried = ("pip install -e .", "match") if package else ("match --robot .",)
+    steps = (f"cd {folder}", *tried[:-1], f"{program()} {tried[-1]} --field match.svg")
+    print("\ntry it:", *steps, sep="\n  ")
 
 
-def _texts(name: str, table: Path | None) -> Iterator[tuple[str, str]]:
-    """Give the files of a new robot, those that its table makes among them."""
-    from eurobot_od import plugin
+def _package(name: str) -> str:
+    """Return what a robot's package is called; raises LocalError for a name that Python, or a module, has already."""
+    package = re.sub(r"\W+", "_", name.lower()).strip("_")
+    if not package.isidentifier() or iskeyword(package):
+        raise LocalError(f"--name {name}: a package's name begins with a letter and is not a word of Python")
+    if (found := find_spec(package)) and found.origin:  # an empty folder has none
+        raise LocalError(f"--name {name}: there is a module {package} already: {found.origin}")
+    return package
+
+
+def _texts(name: str, package: str, table: Path | None) -> Iterator[tuple[str, str]]:
+    """Give the files of a new robot, those that its table makes among them; `package` is `` for a folder.
+
+    In them NAME is what the robot is called, FOLDER/ where its other files are, PACKAGE. what its modules are imported
+    from, and SETUP what is typed first.
+    """
     from eurobot_od.od.make.files import make_files
     from eurobot_od.od.make.table import read_table
 
+    inside = f"{package}/" if package else ""
+    words = {
+        "PACKAGE.": f"{package}." if package else "",
+        "PACKAGE": package,
+        "FOLDER/": inside,
+        "SETUP": "pip install -e ." if package else 'export EUROBOT_OD_ROBOT="$PWD"',
+        "NAME": name,
+    }
     for file in sorted(FILES.rglob(f"*{SUFFIX}")):
-        text = file.read_text(encoding="utf-8").replace(NAME, name)
-        yield str(file.relative_to(FILES)).removesuffix(SUFFIX), text
+        path = file.relative_to(FILES).as_posix().removesuffix(SUFFIX)
+        if path in (OF_FOLDER if package else OF_PACKAGE):
+            continue
+        text = re.sub("|".join(map(re.escape, words)), lambda found: words[found[0]], file.read_text(encoding="utf-8"))
+        yield path if path in AT_ROOT else f"{inside}{path}", text
         if file.stem == "protocol.yaml":
             made = make_files(read_table(text, file, plugin.table_of))
-            yield from ((f"eds/{path}", content) for path, content in made.items())
+            yield from ((f"{inside}eds/{path}", content) for path, content in made.items())
     facts = table.with_name("robot.yaml") if table else None
     if facts and facts.is_file():
-        yield "eds/robot.yaml", facts.read_text(encoding="utf-8")
+        yield f"{inside}eds/robot.yaml", facts.read_text(encoding="utf-8")

@@ -11,6 +11,7 @@ from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from eurobot_od import plugin
 from eurobot_od.cli import ExitStatus
 from eurobot_od.cli import options as shared
 from eurobot_od.errors import LocalError
@@ -102,7 +103,7 @@ class NodeScene:
         end = inf if duration is None else live.clock() + duration
         if self._arguments.beacons:
             from eurobot_od.robot.model.options import MatchOptions
-            from eurobot_od.robot.world.assembly import assemble
+            from eurobot_od.robot.world.instruments import assemble
 
             assemble([self._node], MatchOptions(), live.clock)  # our robot stands, the others are on their rounds
         if not isinstance(self._node, Core):
@@ -124,7 +125,7 @@ def _strategy(name: str) -> Strategy:
 
 def enter(node: Node, arguments: argparse.Namespace) -> tuple[RemoteVehicle, MatchOptions]:
     """Equip a node with instruments in the world that the options name."""
-    from eurobot_od.robot.world.assembly import equip
+    from eurobot_od.robot.world.instruments import equip
     from eurobot_od.robot.world.remote import RemoteVehicle
 
     vehicle = RemoteVehicle(arguments.world, report=partial(print, flush=True))
@@ -145,10 +146,10 @@ def _play(
     """Play the match; status 1 if the strategy raised."""
     from eurobot_od.bus.live import FrameReader
     from eurobot_od.pdo.protocol import Protocol
-    from eurobot_od.robot.match.apart import Led
+    from eurobot_od.robot.match.stage import Led
     from eurobot_od.robot.match.summary import FrameCounter
 
-    robot = shared.robot(arguments)
+    robot = plugin.find(arguments.robot)
     counter = FrameCounter(Protocol.of_devices(robot.dialects.load_all(arguments.dialect), robot.catalogue()))
     # A second participant of the bus, as the core's own driver does not hear what it sends itself.
     watch = FrameReader(

@@ -18,8 +18,7 @@ from typing import Any, NamedTuple, TextIO
 from eurobot_od.errors import ProgramFailed, RemoteError
 from eurobot_od.robot.match.stage import EdsFiles, play_simulated
 from eurobot_od.robot.match.strategies import Players
-from eurobot_od.robot.match.summary import Summary
-from eurobot_od.robot.match.touches import RobotTouch, touches_of
+from eurobot_od.robot.match.summary import RobotTouch, Summary, touches_of
 from eurobot_od.robot.model.options import MatchOptions
 from eurobot_od.robot.model.values import Outcome, Passage
 from eurobot_od.robot.world.contact import Touch

@@ -82,7 +82,7 @@ def _rehearse(
             except BaseException:
                 # As on the robot: however a program ends, the drive is stopped, and gets the time it needs.
                 if core.leave() is not None:
-                    network.run(network.now + core.seconds("Standstill.Standstill wait"))
+                    network.run(network.now + core.standstill_wait)
                 raise
         if watchdog.hang:  # in a task that nobody has awaited
             raise ProgramFailed(watchdog.hang)

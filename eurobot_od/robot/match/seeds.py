@@ -10,7 +10,6 @@ from collections.abc import Generator
 from dataclasses import asdict, dataclass, replace
 from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from eurobot_od import plugin
 from eurobot_od.robot.match.played import PlayedMatch, play
@@ -21,10 +20,8 @@ from eurobot_od.robot.model.robot_file import file_for
 from eurobot_od.robot.world import World
 from eurobot_od.season.campaign import blocks
 from eurobot_od.season.campaign.executors import HERE, Workers
+from eurobot_od.season.campaign.results import Results
 from eurobot_od.support.files import digest_of
-
-if TYPE_CHECKING:
-    from eurobot_od.season.campaign.results import Results
 
 SHIPPED = StrategyFiles()
 

@@ -7,42 +7,76 @@ from __future__ import annotations
 
 import asyncio
 import time
-from collections.abc import Callable, Coroutine, Iterable, Sequence
+from collections.abc import Callable, Coroutine, Iterable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, NamedTuple, cast
+from math import isnan, nan
+from typing import Any, NamedTuple, cast
+
+import can
 
 from eurobot_od import plugin
 from eurobot_od.bus import live as runtime
-from eurobot_od.bus.live.event_loop import run_in, watched_loop
+from eurobot_od.bus.live import BITRATE, Live
+from eurobot_od.bus.live.event_loop import run, run_in, watched_loop
 from eurobot_od.bus.live.signals import EndedBySigterm
 from eurobot_od.bus.live.watchdog import Watchdog, passing
 from eurobot_od.bus.simulated import loop as simulated_loop
 from eurobot_od.bus.simulated.network import Simulation, processing_time
-from eurobot_od.errors import LocalError
+from eurobot_od.device.storage import MemoryStore
+from eurobot_od.errors import LocalError, UnknownName, WorldError
 from eurobot_od.frame import Frame
 from eurobot_od.gatekeeper import Report
 from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.objects import all_objects, given
+from eurobot_od.od.values import Address, Value
 from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.robot.match import strategy as shipped
-from eurobot_od.robot.match.observer import Observer
-from eurobot_od.robot.match.referee import Referee, Strategy
-from eurobot_od.robot.match.settings import stores
-from eurobot_od.robot.match.summary import FrameCounter, Summary
-from eurobot_od.robot.match.touches import counts, touches_of
+from eurobot_od.robot.match.referee import Observer, Referee, Strategy
+from eurobot_od.robot.match.summary import FrameCounter, Summary, counts, touches_of
+from eurobot_od.robot.model import robot_file
 from eurobot_od.robot.model.options import MatchOptions
 from eurobot_od.robot.model.places import Pose
 from eurobot_od.robot.model.values import TeamColour
 from eurobot_od.robot.nodes import Core, Node
 from eurobot_od.robot.nodes.node import make
 from eurobot_od.robot.world import World
-from eurobot_od.robot.world.assembly import equip
 from eurobot_od.robot.world.contact import Touch
+from eurobot_od.robot.world.instruments import equip
+from eurobot_od.robot.world.remote import RemoteVehicle
 from eurobot_od.robot.world.timeline import EventKind, MatchEvent, Timeline
 from eurobot_od.robot.world.world import OURS, RIVAL
 
-if TYPE_CHECKING:
-    import can
+# Settings: values that stand in a node's object dictionary in place of its EDS file's
+
+
+def stores(settings: Iterable[tuple[str, str]], dictionaries: Mapping[str, Dictionary]) -> dict[str, MemoryStore]:
+    """Return what each node finds stored when it is switched on: settings as a person writes them.
+
+    A name is that of the node and of the object, `drive.Motion.Maximum speed` or `navigation.0x2101:1`. Raises
+    UnknownName, LocalError, FieldError.
+    """
+    values: dict[str, dict[Address, Value]] = {node: {} for node in dictionaries}
+    for name, text in settings:
+        node, _, thing = name.partition(".")
+        if node not in values:
+            # The name may only lack its beginning, as people write `Maximum speed` for `drive.Motion.Maximum speed`.
+            known = (
+                f"{each}.{object_.qualname}"
+                for each in dictionaries
+                for object_ in all_objects(dictionaries[each].objects)
+            )
+            whole = [each for each in (*robot_file.names(), *known) if f".{each}".lower().endswith(f".{name}".lower())]
+            if whole:
+                raise LocalError(f"unknown setting {name!r}; did you mean {' or '.join(whole)}?")
+            raise UnknownName("node or fact", node, [*dictionaries, *robot_file.SECTIONS])
+        address, value = given(thing, text, dictionaries[node].objects)
+        values[node][address] = value
+    return {node: MemoryStore(each) for node, each in values.items()}
+
+
+# The stage
+
 
 BOOT_TIMES = {"core": 0.0, "drive": 0.03, "navigation": 0.05}
 """When each node has booted after power-on, s: no two at once. Further nodes boot one by one after these."""
@@ -257,3 +291,58 @@ def play_live(
             run_in(loop, match.play(strategy, bit_rate, "in real time"))
     summary = match.result(clock(), bit_rate, reports)
     return replace(summary, failure=summary.failure or watchdog.hang or None), world
+
+
+# A match that a core leads in a process of its own
+
+
+NOWHERE = Pose(nan, nan, nan)
+"""Where a robot is in a world that cannot be reached."""
+
+LOOKS = 0.1
+"""How often to check whether the bus has failed, s."""
+
+
+class Led:
+    """A core that is running on a bus, with the truth about its robot from the world; `show` gets the timeline."""
+
+    def __init__(self, live: Live, core: Core, vehicle: RemoteVehicle, show: Callable[[MatchEvent], None]) -> None:
+        begin = live.clock()
+        self._live, self._core, self._vehicle = live, core, vehicle
+        self._points: dict[str, int] = {}
+        self._timeline = Timeline(lambda: live.clock() - begin, show)
+
+    def play(self, options: MatchOptions, strategy: Strategy, counter: FrameCounter) -> Summary:
+        """Play a match from the node checks to its end.
+
+        `counter` counts the frames. An arrival at which the world did not answer has no position error. Raises
+        BusError, NoAnswer.
+        """
+        observer = Observer(self._core, self._timeline, self._truth)
+        referee = Referee(self._core, options, self._timeline, self._truth)
+        run(_as_long_as_it_runs(self._live, referee.play(strategy)))
+        self._truth()  # the points at the end, unless the world has gone
+        errors = [error for error in observer.errors if not isnan(error)]
+        summary = counter.summary(self._timeline.clock(), BITRATE)
+        return replace(summary, errors=errors, points=self._points, failure=referee.failure)
+
+    def _truth(self) -> Pose:
+        try:
+            truth = self._vehicle.truth()
+        except WorldError:
+            return NOWHERE
+        self._points = {OURS: truth.points}
+        return truth.pose
+
+
+async def _as_long_as_it_runs(live: Live, playing: Coroutine[Any, Any, None]) -> None:
+    """Await a match, and give it up when the bus fails."""
+    task = asyncio.ensure_future(playing)
+    while not task.done() and live.failure is None:
+        await asyncio.wait([task], timeout=LOOKS)
+    if live.failure is not None:
+        # The strategy's `finally` may still await something, so it is waited for before the failure comes out.
+        task.cancel()
+        await asyncio.wait([task])
+        raise live.failure
+    task.result()

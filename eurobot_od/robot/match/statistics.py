@@ -13,10 +13,52 @@ from operator import attrgetter, itemgetter
 from statistics import fmean, quantiles
 from typing import NamedTuple
 
-from eurobot_od.robot.match import histogram
 from eurobot_od.robot.match.played import ARRIVED, UNMEANT, PlayedMatch
-from eurobot_od.robot.match.summary import Summary
-from eurobot_od.robot.match.touches import RobotTouch, Touched
+from eurobot_od.robot.match.summary import RobotTouch, Summary, Touched
+
+# A histogram of whole numbers in lines of text
+
+
+BLOCKS = " ▏▎▍▌▋▊▉█"
+"""Nothing, parts of a character, and a whole one."""
+
+ASCII = " #"
+
+WIDTH = 40
+"""Characters of the longest bar."""
+
+MOST_ROWS = 15
+"""The greatest number of rows; each covers as many values as that takes."""
+
+STEPS = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000)
+
+
+def bar_marks(encoding: str | None) -> str:
+    """Return the characters for bars that an encoding has."""
+    try:
+        BLOCKS.encode(encoding or "ascii")
+    except (UnicodeEncodeError, LookupError):
+        return ASCII
+    return BLOCKS
+
+
+def histogram(values: Sequence[int], characters: str = BLOCKS) -> Iterator[str]:
+    """Draw how often values of 0 and more come, with a row for each step from the least to the greatest."""
+    step = next((each for each in STEPS if max(values) // each - min(values) // each < MOST_ROWS), STEPS[-1])
+    counts = Counter(value // step for value in values)
+    most, width = max(counts.values()), len(str(max(counts) * step + step - 1))
+    parts = len(characters) - 1
+    # Empty rows are drawn as well: a gap in the middle is worth seeing.
+    for number in range(min(counts), max(counts) + 1):
+        first, last = number * step, number * step + step - 1
+        name = f"{first:>{width}}" if step == 1 else f"{first:>{width}} to {last:>{width}}"
+        length = round(counts[number] / most * WIDTH * parts) or (counts[number] > 0)  # a single match is visible, too
+        bar = characters[-1] * (length // parts) + characters[length % parts].strip()
+        yield f"{name}  {bar} {counts[number]}"
+
+
+# The figures
+
 
 MOST_LISTED = 20
 """How many of the seeds that need a look are listed; all of them are in the JSON."""
@@ -137,7 +179,7 @@ def spread(figure: Figure, matches: Iterable[PlayedMatch]) -> Spread | None:
 # In words
 
 
-def report(matches: Sequence[PlayedMatch], marks: str = histogram.BLOCKS) -> Iterator[str]:
+def report(matches: Sequence[PlayedMatch], marks: str = BLOCKS) -> Iterator[str]:
     """Say in lines what the matches came to; there is at least one. `marks` are the characters of the histogram."""
     yield f"{'gotos':<30} {'matches':>8} {'gotos':>8}"
     for ending in endings(matches):
@@ -157,7 +199,7 @@ def report(matches: Sequence[PlayedMatch], marks: str = histogram.BLOCKS) -> Ite
         where = f"position error at {len(errors)} arrivals"
         yield f"{where}: mean {fmean(errors):.1f} mm, RMS {rms:.1f} mm, 95 % up to {most:.1f} mm"
     if points := [match.points for match in matches if match.summary]:
-        yield from ("", "matches by points", *histogram.rows(points, marks))
+        yield from ("", "matches by points", *histogram(points, marks))
     yield ""
     yield from _to_look_at(matches)
 

@@ -14,9 +14,8 @@ from itertools import pairwise
 
 from eurobot_od.errors import RemoteError, StateError
 from eurobot_od.robot.model import messages
-from eurobot_od.robot.model.facts import Facts
+from eurobot_od.robot.model.facts import Facts, Task, Worth
 from eurobot_od.robot.model.places import Point, Pose
-from eurobot_od.robot.model.tasks import Task, Worth
 from eurobot_od.robot.model.values import Barriers, Outcome, Passage, Source
 from eurobot_od.robot.nodes.core import Core
 from eurobot_od.robot.nodes.route import Clearances, Disc, find_route

@@ -1,1 +1,1 @@
-"""What the robot's messages say, and the facts of the robot and its match: types, values, body, field, tasks."""
+"""The contents of the robot's messages, and the facts of the robot and its match: types, values, body, field, tasks."""

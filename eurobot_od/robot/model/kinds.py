@@ -18,7 +18,7 @@ class Angle(Kind):
     modulus: int = 360
 
     def read(self, raw: int, limits: Limits) -> Any:
-        # Ten bits can hold 1023: what is not an angle is kept raw and flagged, not reduced modulo 360 as a caller's is.
+        # Ten bits can hold 1023: a received value that is not an angle is kept raw and flagged, not reduced modulo 360.
         return super().read(raw, Limits(0, self.modulus - 1))
 
     def write(self, value: Any, limits: Limits) -> int:
@@ -112,7 +112,7 @@ def _shipped() -> Facts:
 class BarrierFlags(Kind):
     """Barrier flags: any 16 bits; a person writes `fire-1:forced,pool-2:normal`, `none` or a number.
 
-    The barriers are those of the robot's file, read when their names are asked for first; `facts` gives another's.
+    The barriers are those of the robot's file, read when their names are first needed; `facts` gives another robot's.
     """
 
     column_form = ColumnForm.BITS

@@ -1,7 +1,7 @@
 """The 23 messages of the document's Table 5.
 
-Meaning only: millimetres, degrees, milliseconds, enums and None for "unknown". Identifiers, bit positions and widths
-come from the EDS files.
+They have meaning only: millimetres, degrees, milliseconds, enums and None for "unknown". Identifiers, bit positions and
+widths come from the EDS files.
 """
 
 from __future__ import annotations
@@ -86,7 +86,7 @@ class StopDrive(NamedTuple):
 class GotoXY(NamedTuple):
     """GTP Goto: drive to x, y and turn to angle (document 2.1, Table 1); the newest goto wins.
 
-    `speed` in percent of the drive's maximum. `barriers` are optional on the wire; `direction` and `route` exist
+    `speed` is in percent of the drive's maximum. `barriers` are optional on the wire; `direction` and `route` exist
     only where the EDS maps them.
     """
 
@@ -192,7 +192,7 @@ class ConfederatePositionResponse(NamedTuple):
 
 
 DIAMETERS: Mapping[Source, str] = {Source.ENEMY_1: "enemy_1_diameter", Source.ENEMY_2: "enemy_2_diameter"}
-"""Whose diameter each of a start configuration's fields is."""
+"""The field of a start configuration with each robot's diameter."""
 
 
 @CATALOGUE.message(GIP)
@@ -206,14 +206,14 @@ class StartConfigurationSet(NamedTuple):
     enemy_2_diameter: Annotated[int, Kind("cm")]
 
     def includes(self, whom: Source) -> bool:
-        """Tell whether there is such a robot in the match; ours is always there."""
+        """Tell whether a robot is in the match; ours always is."""
         if whom is Source.CONFEDERATE:
             return self.confederates >= 1
         # The document gives the number of enemies, not which: a single one is enemy 1.
         return self.enemies >= {Source.ENEMY_1: 1, Source.ENEMY_2: 2}.get(whom, 0)
 
     def contradiction(self) -> FieldError | None:
-        """Return what contradicts itself: the diameter of an enemy that is not there; None if all agrees."""
+        """Return the contradiction in it: a diameter for an enemy that is not there; None if there is none."""
         for whom, field in DIAMETERS.items():
             diameter = getattr(self, field)
             if diameter and not self.includes(whom):
@@ -253,7 +253,7 @@ SOURCES: Mapping[type[Message], Source] = {
     Enemy2PositionResponse: Source.ENEMY_2,
     ConfederatePositionResponse: Source.CONFEDERATE,
 }
-"""Whose position each response has; one that names another source is not to be believed."""
+"""Whose position each response has; one that names another source must not be believed."""
 
 StopMessage: TypeAlias = EmergencyShutdown | EmergencyStop | StopDrive
 PositionResponse: TypeAlias = (

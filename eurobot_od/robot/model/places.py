@@ -12,21 +12,21 @@ def normalise(angle: float) -> float:
 
 
 def turn(start: float, end: float) -> float:
-    """Tell the shortest way to turn from one angle to another: degrees in (-180, 180], counter-clockwise positive."""
+    """Return the shortest turn from one angle to another: degrees in (-180, 180], counter-clockwise positive."""
     left = normalise(end - start)
     return left - 360.0 if left > 180.0 else left
 
 
 Place: TypeAlias = tuple[float | None, float | None, float | None]
-"""Where something is, mm and degrees; None for what is unknown."""
+"""A place in mm and degrees; None for anything unknown."""
 
 
 def is_near(here: Place, there: Place, distance: float, angle: float) -> bool:
     """Tell whether two places are at most `distance` mm and `angle` degrees apart.
 
-    An unknown place is near an unknown one only; an unknown angle is near any.
+    An unknown place is near only to an unknown one; an unknown angle is near to any.
     """
-    # Two unknown places agree: as far as anybody can tell, a drive that says "unknown" twice has not moved.
+    # Two unknown places agree: a drive that says "unknown" twice has not moved, as far as anybody can tell.
     if None in (*here[:2], *there[:2]):
         return here[:2] == there[:2]
     apart = math.hypot(*(a - b for a, b in zip(here[:2], there[:2]) if a is not None and b is not None))
@@ -54,11 +54,11 @@ class Pose(NamedTuple):
         return Point(self.x, self.y)
 
     def distance(self, point: Point) -> float:
-        """Tell how far away `point` is, mm."""
+        """Return the distance to `point`, mm."""
         return math.hypot(point.x - self.x, point.y - self.y)
 
     def bearing(self, point: Point) -> float:
-        """Tell the direction of `point` from here, degrees in [0, 360); 0 for this very place."""
+        """Return the direction of `point` from here, degrees in [0, 360); 0 for this very place."""
         return normalise(math.degrees(math.atan2(point.y - self.y, point.x - self.x)))
 
     def moved(self, distance: float, turn: float) -> Pose:

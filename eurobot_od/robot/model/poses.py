@@ -1,4 +1,4 @@
-"""What the robot's messages draw: the pose that a position response gives, and the one that a goto asks for.
+"""Drawings of the robot's messages: the pose in a position response, and the one that a goto asks for.
 
 The drawing is Foxglove's PoseInFrame: metres, and the angle as a quaternion around the upright axis. Its frame is the
 playing field with its origin at the lower left.
@@ -38,7 +38,7 @@ PROPERTIES: Mapping[str, Any] = {
 
 
 def pose(message: Message, time: dict[str, int]) -> dict[str, Any] | None:
-    """Return the pose that a message speaks of; None if it says no place. An unknown heading is drawn as 0."""
+    """Return the pose in a message; None if it has no place. An unknown heading is drawn as 0."""
     x, y, angle = (getattr(message, name) for name in ("x", "y", "angle"))
     if x is None or y is None or OutOfRange in map(type, (x, y, angle)):
         return None
@@ -53,5 +53,5 @@ POSE = Drawing("foxglove.PoseInFrame", PROPERTIES, pose)
 
 
 def drawings(protocol: Protocol) -> dict[str, Drawing]:
-    """Return what draws a pose, by the names that the loaded files have for it."""
+    """Return the drawing for each message with a pose, by the names of the loaded files."""
     return {each.name: POSE for each in protocol.bindings if each.type in (GotoXY, *SOURCES)}

@@ -17,6 +17,7 @@ from eurobot_od.errors import LocalError, UnknownName
 from eurobot_od.robot import dialects
 from eurobot_od.robot.model.facts import (
     NO_TREES,
+    SIDE,
     Barrier,
     BarrierKind,
     Corner,
@@ -27,11 +28,11 @@ from eurobot_od.robot.model.facts import (
     Radius,
     RobotShape,
     Start,
+    Task,
     Trees,
     Wheels,
 )
 from eurobot_od.robot.model.places import Point
-from eurobot_od.robot.model.tasks import SIDE, Task
 from eurobot_od.robot.model.values import FLAGGED, Source, TeamColour
 from eurobot_od.support.declared import ByName, Listed, Within
 from eurobot_od.support.files import read_whole

@@ -1,4 +1,4 @@
-"""The values that messages carry: colours, obstacles, sources, barriers, faults; and how a goto ends.
+"""The values in messages: colours, obstacles, sources, barriers, faults; and how a goto ends.
 
 All are immutable, with the numbers of the document's tables and the names that people use.
 """
@@ -33,21 +33,21 @@ class Source(IntEnum):
 
 
 class Direction(IntEnum):
-    """How to drive to a goto's place: nose or tail first (2014 robot; forward where it is not mapped)."""
+    """How to drive to the place of a goto: nose or tail first (2014 robot; forward where it is not mapped)."""
 
     FORWARD = 0
     BACKWARD = 1
 
 
 class Route(IntEnum):
-    """Whether the drive looks for a way round barriers (2014 robot; planned where it is not mapped, as in 2.1)."""
+    """Whether the drive plans a route round barriers (2014 robot; planned where it is not mapped, as in 2.1)."""
 
     DIRECT = 0
     PLANNED = 1
 
 
 class GotoFault(IntEnum):
-    """Why a goto has no remaining time (2014 robot); the numbers are those on the wire."""
+    """Why a goto has no remaining time (2014 robot), with the numbers on the wire."""
 
     # Both are beyond the 20 bits of a remaining time, so they cannot be mistaken for one.
     BLOCKED = 0xFFFFFE
@@ -55,7 +55,7 @@ class GotoFault(IntEnum):
 
 
 class Outcome(Enum):
-    """How a goto ended; LOST: the drive carries out no goto any more, or arrived somewhere else."""
+    """How a goto ended; LOST: the drive no longer carries it out, or has arrived somewhere else."""
 
     ARRIVED = "arrived"
     NOT_POSSIBLE = "not possible"
@@ -67,7 +67,7 @@ class Outcome(Enum):
 
 
 FAULT_OUTCOME = {GotoFault.NOT_POSSIBLE: Outcome.NOT_POSSIBLE, GotoFault.BLOCKED: Outcome.BLOCKED}
-"""How a goto ended whose state has a fault in the place of the remaining time."""
+"""How a goto ended that has a fault in place of its remaining time."""
 
 
 class RobotError(IntEnum):
@@ -94,14 +94,14 @@ PASSAGE_OF_FLAGS = (Passage.FREE, Passage.NORMAL, Passage.FORCED, Passage.FORCED
 
 
 FLAGGED = 8
-"""How many barriers have flags in a goto."""
+"""The number of barriers that have flags in a goto."""
 
 
 class Barriers(int):
     """The barrier flags of a goto: two bits each for barriers 1 to 8 (document Table 1, Figure 2).
 
-    An integer of 16 bits, so that a received `11` stays what it was; `passage` gives the meaning. Which barrier has
-    which number, and what it is called, is a fact of the field (see `facts.Facts`).
+    It is an integer of 16 bits, so that a received `11` stays what it was; `passage` gives the meaning. Which barrier
+    has which number, and what it is called, is a fact of the field (see `facts.Facts`).
     """
 
     @classmethod

@@ -1,7 +1,4 @@
-"""The robot's three nodes.
-
-Rule of this package: no clock, no bus, no thread (see `device.node`).
-"""
+"""The robot's three nodes, without clock, bus or thread (see `device.node`)."""
 
 from __future__ import annotations
 
@@ -11,6 +8,6 @@ from eurobot_od.robot.nodes.drive import Drive
 from eurobot_od.robot.nodes.navigation import Navigation
 
 ROLES: dict[str, type[Node]] = {"core": Core, "drive": Drive, "navigation": Navigation}
-"""The node class for each EDS file by its name."""
+"""The node class for each EDS file, by its name."""
 
 __all__ = ["ROLES", "Core", "Drive", "Navigation", "Node"]

@@ -1,37 +1,37 @@
 """The core node: checks the nodes, configures the start, polls positions, sends the drive to places, stops it.
 
 Theory of operation. What takes time is a flow (see `device.flow`): `check_nodes`, `configure_start`, `goto`, `position`
-and the stops each begin one and return its call at once. The flow takes its first step with the next `tick`, and every
-further one when its answer, or the end of its wait, comes. So any number of them run at the same time without a thread
-of their own: a strategy asks for the position while its goto is under way. There is one goto, one start configuration
-and one stop that is watched at a time, though; a newer one ends the older by an error thrown into its flow.
+and the stops each begin one and return its call at once. The flow takes its first step in the next `tick`, and every
+further one when its answer comes or its wait ends. So any number of flows run at the same time without threads of their
+own: a strategy may ask for the position while its goto is under way. There is only one goto, one start configuration
+and one watched stop at a time, though; a newer one ends the older one with an error thrown into its flow.
 
-The robot stands whenever nobody can command it. A goto is left alone only if it arrived, was replaced, or if the drive
-itself gave it up. Whatever else ends it, an answer that never came, a caller who has gone, a node that was lost, sends
-Stop Drive. A stop leaves at once, ends the goto, and is repeated by a flow of its own until the robot is seen to stand
-(see `standstill`); if it is not, Emergency Shutdown is sent until it is. Nothing but a goto or a start configuration
-ends that watch: a goto when it is really sent, and a configuration that fails gives it back.
+The robot stands whenever nobody can command it. A goto is left alone only if it arrived, was replaced, or was given up
+by the drive itself. If anything else ends it (no answer, a caller who has gone, a lost node), Stop Drive is sent. A
+stop leaves at once, ends the goto, and is repeated by a flow of its own until the robot is seen to stand (see `goto`);
+if it is not, Emergency Shutdown is sent until it is. Only a goto or a start configuration ends that watch: a goto when
+it is really sent, and a configuration that fails resumes it.
 
 A node that was lost may have forgotten everything. So the next goto begins with its recovery: checks, a configuration
-if the drive has forgotten its own, and a look whether the drive is where it was seen last. `_place` is that place. It
-is kept apart from the sightings, as a drive that has booted says "unknown", and after its configuration the start
+if the drive has forgotten its own, and a look at whether the drive is where it was last seen. `_place` is that place.
+It is kept apart from the sightings, as a drive that has booted says "unknown", and once it is configured its start
 place; `_astray` tells that it does.
 
-In a match the robot does without the navigation as long as it can: the drive goes by its wheels, and stands by itself
-when it knows its place too badly. Meanwhile a flow asks for the navigation, and takes it back when it answers.
+In a match the robot does without the navigation as long as it can: the drive goes by its wheels, and stops by itself
+when its place is too uncertain. Meanwhile a flow asks for the navigation, and takes it back when it answers.
 
-What the distance sensor sees is read while a goto is under way, as nobody tells when something comes into sight; what
-the robot drives into is stopped for, as the document has it (4.2.2 Obstacle). That is the core's part and not the
-strategy's: a strategy that hangs, or was written in a hurry, must not drive into anybody.
+The distance sensor is read while a goto is under way, as nobody reports when something comes into sight, and the robot
+stops for what it drives into, as the document demands (4.2.2 Obstacle). This is in the core and not in the strategy: a
+strategy that hangs, or was written in a hurry, must not drive into anybody.
 
-A stop's lower identifier lets it overtake a goto that still waits in a mailbox: the drive then hears the stop first and
-the goto after it. And a drive that was away may take up a goto that was given up long ago. That is why a confirm, or
-the state of a goto under way, is answered with a stop when there is no goto any more, and the confirm of a start
+A stop has a lower identifier, so it overtakes a goto that still waits in a mailbox: the drive then hears the stop first
+and the goto after it. And a drive that was away may take up a goto that was given up long ago. That is why a confirm,
+or the state of a goto under way, is answered with a stop when there is no goto any more, and the confirm of a start
 configuration after a shutdown with the shutdown.
 
-Calls come from any thread. Under the node's guard nothing is received and no other call begins; so what a call tests
-and what it starts because of that stand under the guard together. Otherwise an Emergency Shutdown of another thread
-could come between the two, and the goto would drive after it.
+Calls come from any thread. Under the node's guard nothing is received and no other call begins, so a test and what
+follows from it must be under the guard together. Otherwise an Emergency Shutdown from another thread could come in
+between, and the goto would drive after it.
 """
 
 from __future__ import annotations
@@ -44,6 +44,7 @@ from typing import Any, ClassVar, get_args
 
 from eurobot_od.device.bound import BoundObject
 from eurobot_od.device.flow import START, Ask, Call, Flow, Pause, Script, shielded
+from eurobot_od.device.settings import Setting, seconds
 from eurobot_od.device.storage import Store
 from eurobot_od.device.timers import Timer
 from eurobot_od.errors import NoAnswer, StateError
@@ -55,35 +56,37 @@ from eurobot_od.robot.model.facts import Facts
 from eurobot_od.robot.model.places import Place
 from eurobot_od.robot.model.values import Barriers, Direction, Obstacle, Outcome, RobotError, Route, Source, TeamColour
 from eurobot_od.robot.nodes import startup
-from eurobot_od.robot.nodes.calls import LEAVING, CallingNode
 from eurobot_od.robot.nodes.equipment import Actuators, Approach, Detection, DistanceSensor
 from eurobot_od.robot.nodes.goto import (
-    GOTO_SETTINGS,
+    LOST_PLACE,
     NO_GOTO,
-    STATE_SETTINGS,
     End,
     GotoReport,
+    NotStanding,
+    PlaceLost,
+    Standstill,
     drive_position,
+    find_place,
+    is_driving,
     until_ended,
+    until_standing,
 )
-from eurobot_od.robot.nodes.identity import DialectMismatch, SdoClientParameter
-from eurobot_od.robot.nodes.node import Handlers, Objects
-from eurobot_od.robot.nodes.recovery import LOST_PLACE, PlaceLost, find_place
+from eurobot_od.robot.nodes.node import LEAVING, CallingNode, CoreSettings, Handlers, Objects
 from eurobot_od.robot.nodes.sightings import DriveAnswer, Seen, Sighting, Track, Twins
-from eurobot_od.robot.nodes.standstill import NotStanding, Standstill, is_driving, until_standing
+from eurobot_od.robot.nodes.startup import DialectMismatch, SdoClientParameter
 
-POLLED_POSITIONS: tuple[tuple[Message, str, Source], ...] = (
-    (messages.NaviPositionRequest(), "Position polling.Navi offset", Source.INTERNAL),
-    (messages.KalmanPositionRequest(), "Position polling.Kalman offset", Source.INTERNAL),
-    (messages.ConfederatePositionRequest(), "Position polling.Confederate offset", Source.CONFEDERATE),
-    (messages.Enemy1PositionRequest(), "Position polling.Enemy 1 offset", Source.ENEMY_1),
-    (messages.Enemy2PositionRequest(), "Position polling.Enemy 2 offset", Source.ENEMY_2),
+POLLED_POSITIONS: tuple[tuple[Message, Setting[float], Source], ...] = (
+    (messages.NaviPositionRequest(), seconds("Position polling.Navi offset"), Source.INTERNAL),
+    (messages.KalmanPositionRequest(), seconds("Position polling.Kalman offset"), Source.INTERNAL),
+    (messages.ConfederatePositionRequest(), seconds("Position polling.Confederate offset"), Source.CONFEDERATE),
+    (messages.Enemy1PositionRequest(), seconds("Position polling.Enemy 1 offset"), Source.ENEMY_1),
+    (messages.Enemy2PositionRequest(), seconds("Position polling.Enemy 2 offset"), Source.ENEMY_2),
 )
-"""What is asked for periodically: the request, the setting with its offset, and whose position it is."""
+"""What is requested periodically: the request, the setting with its offset, and whose position it is."""
 
 SILENCE, QUESTIONS = 2.0, 3
-"""After how many seconds of silence in a match, and how often, the navigation is asked whether it is there: one that
-hangs may still send heartbeats."""
+"""In a match, after SILENCE seconds without a word the navigation is asked QUESTIONS times whether it is there: even if
+it hangs it may still send heartbeats."""
 
 MATCH_OVER = "the match is over"
 
@@ -94,28 +97,28 @@ CALLS: Mapping[type[Message], str] = {
     messages.EmergencyStop: "emergency_stop",
     messages.EmergencyShutdown: "emergency_shutdown",
 }
-"""The calls that send a message and see to what comes of it."""
+"""The messages that are sent by a call, which sees to their results."""
 
 ANSWER_WAIT = 0.5
-"""Seconds that the answer to a message of a team's own may take, if nothing else is said."""
+"""Seconds to answer a message of a team's own, by default."""
 
 
 class _Ended(Exception):
-    """Thrown into a goto's flow to end it; the flow makes its report of it."""
+    """Thrown into a goto's flow to end it; the flow turns it into its report."""
 
     def __init__(self, outcome: Outcome, why: str = "") -> None:
         self.end = End(outcome, why)
 
 
-class Core(CallingNode):
+class Core(CallingNode, CoreSettings):
     """The core node (document 2.1 to 2.3, 4.2.2, 5).
 
-    `positions` are the last sightings by response type; `configuration` the start configuration, None before the
-    first was confirmed; `readiness` says what a goto still needs; `shut_down` is True after an Emergency Shutdown until
+    `positions` are the last sightings by response type; `configuration` is the start configuration, None before the
+    first was confirmed; `readiness` says what a goto still needs. `shut_down` is True after an Emergency Shutdown until
     a new start configuration, `match_over` from the end of a match until the next one is started. `is_commanding` tells
-    whether a goto is under way.
-    `sensor` and `actuators` are what the robot has beside the bus, None if it has none. `observe` is called with each
-    goto and each task, and its call, when it begins, `at_match_end` when a match is over and a stop has gone out.
+    whether a goto is under way. `sensor` and `actuators` are the robot's equipment besides the bus, None if it has
+    none. `observe` is called with each goto and each task, and its call, when it begins; `at_match_end` when a match is
+    over and a stop has gone out.
     """
 
     def __init__(
@@ -158,7 +161,7 @@ class Core(CallingNode):
         self._heard = 0.0
 
     def reset(self) -> None:
-        """Give up what is going on and forget everything, as after power-on; a goto under way is stopped."""
+        """Give up whatever is going on and forget everything, as after power-on; a goto under way is stopped."""
         driving = self.is_commanding
         super().reset()
         self._forget()
@@ -171,9 +174,10 @@ class Core(CallingNode):
         return self._driving is not None
 
     def last_seen(self, whom: Source) -> Seen | None:
-        """Tell where a robot was seen last; None if it never was.
+        """Return where a robot was last seen; None if it never was.
 
-        Unlike `positions` it leaves out what is unknown, and what the robot cannot have driven to (see `sightings`).
+        Unlike `positions` it leaves out unknown places, and those that the robot cannot have driven to (see
+        `sightings`).
         """
         return self._tracks[whom].last
 
@@ -185,9 +189,9 @@ class Core(CallingNode):
     # Calls
 
     def check_nodes(self) -> Call[dict[str, float]]:
-        """Check drive, then navigation; the result is the seconds each took to answer (document 2.3).
+        """Check the drive, then the navigation; the result is the seconds that each took to answer (document 2.3).
 
-        NoAnswer names the node check that nobody answered: the start is blocked then (document 5.1). DialectMismatch
+        NoAnswer names the node check that nobody answered: the start is then blocked (document 5.1). DialectMismatch
         names a node that is loaded from the EDS of another dialect.
         """
         return self.begin(startup.check_nodes(self, self.readiness.checked)).call
@@ -202,18 +206,18 @@ class Core(CallingNode):
     ) -> Call[float]:
         """Set the start configuration; the result is the seconds until its confirm (document 2.3).
 
-        Diameters in cm, 0..50, and 0 for an enemy that is not there. The confirms of drive and navigation have one
-        identifier: one of them is enough, and both nodes are checked once more. The drive starts anew from the team's
-        start place, so a goto under way is stopped. Position polling starts after the `Start delay` setting. Raises
-        FieldError, NoAnswer; StateError if a newer start configuration or an Emergency Shutdown comes before the
-        confirm, and when the core is being switched off.
+        Diameters are in cm, 0..50, and 0 for an enemy that is not there. The confirms of drive and navigation have the
+        same identifier: one of them is enough, and both nodes are then checked once more. The drive starts over from
+        the team's start place, so a goto under way is stopped. Position polling starts after the `Start delay` setting.
+        Raises FieldError, NoAnswer; StateError if a newer start configuration or an Emergency Shutdown comes before the
+        confirm, or the core is being switched off.
         """
         configuration = messages.StartConfigurationSet(
             team_colour, enemies, confederates, enemy_1_diameter, enemy_2_diameter
         )
         with self.guard:
             self.check_present()
-            self.device.transmit(configuration)  # raises what is wrong with it, and sends nothing yet
+            self.device.transmit(configuration)  # raises if anything is wrong with it, and sends nothing yet
             if wrong := configuration.contradiction():
                 raise wrong
             # The older one first: as it fails, it goes back to stopping.
@@ -224,10 +228,11 @@ class Core(CallingNode):
             return self._configuring.call
 
     def recover(self) -> Call[messages.KalmanPositionResponse]:
-        """Have the robot go on after an Emergency Shutdown: checks, the start configuration, a look where it is.
+        """Let the robot go on after an Emergency Shutdown: checks, start configuration, a look at where it is.
 
-        The result is the place, which the navigation has seen twice. Raises as `check_nodes` and `configure_start`, and
-        StateError before the first start configuration, and if the drive is not where it was seen last.
+        The result is the place, which the navigation has seen twice. Raises the errors of `check_nodes` and
+        `configure_start`, and StateError before the first start configuration or if the drive is not where it was last
+        seen.
         """
         with self.guard:
             self.check_present()
@@ -239,7 +244,7 @@ class Core(CallingNode):
             return flow.call
 
     def _no_longer_watched(self) -> bool:
-        """End the watch over a stop because of a new configuration; tell whether there was one."""
+        """End the watch over a stop because of a new configuration; return whether there was one."""
         watched = self._standing is not None
         self.end(self._standing, StateError("a new start configuration came before the robot was seen to stand"))
         self.end(self._keeping_on, StateError("a new start configuration"))
@@ -257,27 +262,27 @@ class Core(CallingNode):
         route: Route = Route.PLANNED,
         timeout: float | None = None,
     ) -> Call[GotoReport]:
-        """Send the drive to x, y (mm) and angle (degrees) at `speed` percent, and wait for its end (document 2.1).
+        """Send the drive to x, y (mm) and angle (degrees) at `speed` percent, and wait for the end (document 2.1).
 
-        It ends at the latest `timeout` seconds after its first transmission, as TIMED_OUT; None takes the setting
-        `Time-out`. A goto that is under way ends as REPLACED. The drive is stopped unless the goto arrived, was
-        replaced, or was given up by the drive; also when the call is cancelled.
+        It ends as TIMED_OUT at the latest `timeout` seconds after its first transmission (None: the setting
+        `Time-out`). A goto that is under way ends as REPLACED. The drive is stopped unless the goto arrived, was
+        replaced, or was given up by the drive; also if the call is cancelled.
 
-        If a node has been lost since the last goto, the drive is stopped, and both are checked and configured anew
-        first; that takes as long as their answers, at most all attempts of the checks and the configuration. Raises
+        If a node has been lost since the last goto, the drive is stopped, and both nodes are checked and configured
+        again first. That takes until they answer, at most all attempts of the checks and the configuration. Raises
         FieldError before anything is sent; StateError before both nodes are checked and a start configuration is
         confirmed, after an Emergency Shutdown, after the match, when the core is being switched off, and if the drive
-        has lost its place; NoAnswer if the drive does not confirm or does not say
-        its state, or a lost node its check; NotStanding if the robot does not stand before lost nodes are configured.
+        has lost its place; NoAnswer if the drive does not confirm or report its state, or a lost node does not answer
+        its check; NotStanding if the robot does not stand before lost nodes are configured.
         """
         goto = messages.GotoXY(x, y, angle, speed, barriers, direction, route)
         with self.guard:
             self.check_present()
-            self.device.transmit(goto)  # raises what is wrong with it, and sends nothing yet
+            self.device.transmit(goto)  # raises if anything is wrong with it, and sends nothing yet
             if self.shut_down:
                 raise StateError("no goto after an emergency shutdown: `await core.recover()` ends it")
             if self.match_over:
-                # Raised when it is awaited: a strategy that catches it in a loop gives way, and can be cancelled.
+                # Raised when it is awaited: a strategy that catches it in a loop yields, and can be cancelled.
                 late: Call[GotoReport] = Call()
                 late.set_exception(StateError("no goto after the match"))
                 return late
@@ -294,16 +299,14 @@ class Core(CallingNode):
 
     def position(self) -> Call[messages.KalmanPositionResponse]:
         """Ask the drive for the filtered position of our robot (document 4.2.2 Position); raises NoAnswer."""
-        return self.begin_ask(
-            self.asking(messages.KalmanPositionRequest(), messages.KalmanPositionResponse, *STATE_SETTINGS)
-        )
+        return self.begin_ask(self.ask_drive(messages.KalmanPositionRequest(), messages.KalmanPositionResponse))
 
     def obstacle(self) -> Call[Detection | None]:
-        """Read the distance sensor: what it sees ahead; None if it sees nothing, or if there is no sensor."""
+        """Read the distance sensor: what it sees ahead; None if it sees nothing, or there is no sensor."""
         return self.begin(self._read_sensor()).call
 
     def act(self, task: str) -> Call[int]:
-        """Do a task where the robot stands; the result is what it came to: points, or pieces of fruit.
+        """Do a task where the robot stands; the result is in points, or in pieces of fruit.
 
         Raises StateError if there is nothing to do it with, and if a newer task, an Emergency Shutdown or the end of
         the match comes before it is done; UnknownName.
@@ -319,9 +322,9 @@ class Core(CallingNode):
     def stop(self) -> Call[Standstill]:
         """Brake and forget the goto (document 2.1).
 
-        The stop leaves now, whether or not anybody waits for the call. The result comes when the robot was seen to
-        stand; NotStanding if it was not within the setting `Standstill wait`: then Emergency Shutdown is sent until it
-        is. StateError if a goto or a start configuration comes before. Stops in a row are watched as one.
+        The stop leaves now, whether or not anybody awaits the call. The result comes once the robot is seen to stand;
+        NotStanding if that takes longer than the setting `Standstill wait`: then Emergency Shutdown is sent until it
+        does. StateError if a goto or a start configuration comes before. Several stops in a row are watched as one.
         """
         return self._stop(messages.StopDrive())
 
@@ -338,32 +341,32 @@ class Core(CallingNode):
             return self._stop(messages.EmergencyShutdown())
 
     def send(self, message: Message) -> None:
-        """Send a message of the robot's table, such as a team's own, and wait for nothing.
+        """Send a message of the robot's table, such as a team's own, without waiting for anything.
 
-        Raises StateError if the core has no TPDO for it, for one that a call of its own sends and watches, such as a
-        goto, and when the core is being switched off; FieldError.
+        Raises StateError if the core has no TPDO for it, if it is a message that a call sends and watches, such as a
+        goto, or if the core is being switched off; FieldError.
         """
         with self.guard:
             self._check_free(message)
             super().send(message)
 
     def ask(self, request: Message, answer: type[MessageT], timeout: float = ANSWER_WAIT) -> Call[MessageT]:
-        """Send a message, and wait for one that answers it, for `timeout` seconds at most.
+        """Send a message, and wait up to `timeout` seconds for one that answers it.
 
-        Raises as `send`, StateError if the core has no RPDO for the answer; NoAnswer.
+        Raises the errors of `send`, StateError if the core has no RPDO for the answer; NoAnswer.
         """
         with self.guard:
             self._check_free(request)
-            self.device.transmit(request)  # raises what is wrong with it, and sends nothing yet
+            self.device.transmit(request)  # raises if anything is wrong with it, and sends nothing yet
             self.device.check_received(answer)
             return self.begin_ask(Ask(request, answer, timeout, 1))
 
     def start_match(self, duration: float | None = None) -> None:
-        """Start the match: after `duration` seconds the drive is stopped, and no goto goes out any more.
+        """Start the match: after `duration` seconds the drive is stopped, and gotos are no longer sent.
 
         None takes the setting `Match duration`.
         """
-        seconds = self.setting("Match.Match duration") if duration is None else duration
+        seconds = self.match_duration if duration is None else duration
         with self.guard:
             self.match_over, self._heard = False, self.now
             self.soon(lambda now: self._end_match_at(now + seconds))
@@ -371,7 +374,7 @@ class Core(CallingNode):
     def leave(self) -> Call[Standstill] | None:
         """Stop the drive before the node is switched off, if it was ever sent anywhere; see `stop`.
 
-        From now on there is no goto and no start configuration: they would end the watch over the stop.
+        From now on gotos and start configurations are refused: they would end the watch over the stop.
         """
         with self.guard:
             self.is_leaving = True
@@ -379,7 +382,7 @@ class Core(CallingNode):
             return None if self._stopped is None else self.stop()
 
     def _check_free(self, message: Message) -> None:
-        """Raise StateError for a message that is not to be sent past the call that watches what comes of it."""
+        """Raise StateError for a message that only its own call may send, because it watches the result."""
         self.check_present()
         if call := CALLS.get(type(message)):
             raise StateError(f"{type(message).__name__} is sent by core.{call}(), which sees to what comes of it")
@@ -396,15 +399,15 @@ class Core(CallingNode):
     def _halt(self, stop: messages.StopMessage) -> Call[Standstill]:
         """Send a stop, and watch until the robot stands."""
         with self.guard:
-            # Offered, not sent: if the stop may not leave now, the watch over it must begin all the same.
+            # Offered, not sent: even if the stop may not leave now, the watch over it must begin.
             self.offer(stop)
             self.shut_down = self.shut_down or isinstance(stop, messages.EmergencyShutdown)
-            # After a shutdown nothing less is repeated: a drive that missed it would not hold its safe state.
+            # After a shutdown nothing less is repeated: a drive that has missed it would not hold its safe state.
             self._stopped = messages.EmergencyShutdown() if self.shut_down else stop
             if self._standing is None:
                 self.end(self._keeping_on, StateError("watched anew"))
-                self._standing = self.begin(self._see_standing(self.seconds("Standstill.Standstill wait")))
-            return shielded(self._standing.call)  # a stop is not taken back because nobody waits for it any more
+                self._standing = self.begin(self._see_standing(self.standstill_wait))
+            return shielded(self._standing.call)  # a stop is not taken back because nobody waits for it
 
     def _see_standing(self, patience: float = inf) -> Script[Standstill]:
         """Repeat the latest stop until the robot is seen to stand, or for `patience` seconds."""
@@ -421,7 +424,7 @@ class Core(CallingNode):
             self.raise_error(RobotError.NOT_STANDING, Standstill)
             self.shut_down = True
             self._keep_stopping()
-            self.end(self._driving, error)  # one that waits for lost nodes
+            self.end(self._driving, error)  # a goto that waits for lost nodes
             raise error
         self.clear_error(Standstill)
         return standstill
@@ -436,7 +439,7 @@ class Core(CallingNode):
     # Flows
 
     def _configure_start(self, configuration: messages.StartConfigurationSet, watched: bool) -> Script[float]:
-        """Configure the start; a stop that was `watched` until then is watched again if that fails."""
+        """Configure the start; if that fails, a stop that was `watched` until then is watched again."""
         try:
             seconds = yield from self._configure(configuration)
         except BaseException:  # nothing has changed: what had to be stopped still has to be
@@ -451,7 +454,7 @@ class Core(CallingNode):
 
     def _configure(self, configuration: messages.StartConfigurationSet) -> Script[float]:
         asked: float = yield START
-        before, self._lost = self._lost, ""  # who is lost from here on may not have heard of it
+        before, self._lost = self._lost, ""  # a node that is lost from here on may not have heard of it
         try:
             confirmed = yield from startup.configure(self, configuration, self.readiness, self.without)
         except BaseException:
@@ -461,12 +464,12 @@ class Core(CallingNode):
         # The safe state is over, so a late goto is answered with a plain stop again.
         self._stopped = None if self._stopped is None else messages.StopDrive()
         self.clear_error(Standstill)
-        self._polling += 1  # the requests of an earlier series end by themselves
-        begin = confirmed + self.seconds("Position polling.Start delay")
-        # At the 2014 robot's offsets, so that not all answers come at once.
+        self._polling += 1  # an earlier series of requests ends by itself
+        begin = confirmed + self.polling_start_delay
+        # With the 2014 robot's offsets, so that not all answers come at once.
         for request, offset, whom in POLLED_POSITIONS:
             if configuration.includes(whom):
-                self.at(begin + self.seconds(offset), partial(self._poll, request, self._polling))
+                self.at(begin + offset.read(self.setting), partial(self._poll, request, self._polling))
         return confirmed - asked
 
     def _goto(self, goto: messages.GotoXY, timeout: float | None) -> Script[GotoReport]:
@@ -476,7 +479,7 @@ class Core(CallingNode):
                 yield from self._recover(self.configuration)
         except _Ended as ended:
             return GotoReport(goto, ended.end.outcome, None, 0.0, ended.end.why)
-        return (yield from self._drive(goto, self.setting("Goto handshake.Time-out") if timeout is None else timeout))
+        return (yield from self._drive(goto, self.goto_timeout if timeout is None else timeout))
 
     def _drive(self, goto: messages.GotoXY, timeout: float) -> Script[GotoReport]:
         self.end(self._standing, StateError("a new goto came before the robot was seen to stand"))
@@ -488,20 +491,20 @@ class Core(CallingNode):
             self._stop(messages.StopDrive(), Outcome.TIMED_OUT)
 
         limit = self.at(started + timeout, run_out_of_time)
-        # From the start on, not from the confirm: the drive may roll while its confirm is lost.
+        # From the start, not from the confirm: the drive may be rolling while its confirm is lost.
         self._look_ahead(Approach(), started)
         try:
-            yield self.asking(goto, messages.GotoConfirm, *GOTO_SETTINGS)
+            yield Ask(goto, messages.GotoConfirm, self.confirm_wait, self.transmissions)
             confirmed = self.now - started
             end = yield from until_ended(self, goto)
-        except _Ended as ended:  # whoever ended it has seen to the drive
+        except _Ended as ended:  # whoever ended it has dealt with the drive
             end = ended.end
         except BaseException:  # no answer, or nobody waits for the goto any more
             self._halt(messages.StopDrive())
             raise
         else:
             if end.outcome is Outcome.LOST:
-                # A drive that knows of no goto may have booted, and then no longer knows its place.
+                # A drive that has no goto may have booted, and then no longer knows its place.
                 self._lost, self._forgotten = end.why, end.why == NO_GOTO
                 self._halt(messages.StopDrive())
         finally:
@@ -511,16 +514,16 @@ class Core(CallingNode):
 
     @property
     def _has_to_recover(self) -> bool:
-        """Whether the nodes have to be checked and configured anew before the next goto."""
+        """Whether the nodes have to be checked and configured again before the next goto."""
         return bool(self._lost) and self.configuration is not None
 
     def _recover(self, configuration: messages.StartConfigurationSet) -> Script[None]:
-        """Check the nodes anew after one was lost, and see that the drive knows where it is."""
+        """Check the nodes again after one was lost, and make sure that the drive knows where it is."""
         self._astray = True
         yield from startup.check_nodes(self, self.readiness.checked, self.without)
         here = yield from drive_position(self)
-        # A configured drive believes in its start place until the navigation says otherwise: one that still knows its
-        # place is left alone.
+        # Once configured, a drive believes in its start place until the navigation says otherwise: one that still knows
+        # its place is left alone.
         if here.x is None or self._forgotten or not self.readiness.configured:
             yield from self._configure(configuration)
         elif "navigation" not in self.without:
@@ -549,11 +552,11 @@ class Core(CallingNode):
         return (yield from self._find_place(configuration, there))
 
     def _miss_navigation(self) -> Script[None]:
-        """Ask a navigation that has been silent for long in a match whether it is there."""
+        """Ask a navigation that has been silent for long during a match whether it is there."""
         yield START
         node, request, answer = startup.NODE_CHECKS[1]
         try:
-            yield Ask(request, answer, self.seconds("Node check.Check wait"), QUESTIONS)
+            yield Ask(request, answer, self.check_wait, QUESTIONS)
             self._heard = self.now
         except NoAnswer:
             self.readiness.checked.discard(node)
@@ -564,7 +567,7 @@ class Core(CallingNode):
             yield from startup.take_back(self, configuration, self.readiness.checked)
         except DialectMismatch as error:
             self.alarm(str(error))
-            # Another dialect's navigation is no use: the next goto begins with the checks, which say so.
+            # A navigation with another dialect is of no use: the next goto begins with the checks, which say so.
             self._lost = str(error)
         else:
             self._heard = self.now
@@ -575,16 +578,17 @@ class Core(CallingNode):
     def _look_ahead(self, approach: Approach, now: float) -> None:
         """Read the distance sensor again and again; stop for what the robot drives into."""
         self._look_away()
-        distance = self.setting("Obstacle.Stop distance")
+        distance = self.stop_distance
         if self.sensor is None or not distance:
             return
-        # Read here: a strategy that hangs, or was written in a hurry, must not drive into anybody (4.2.2 Obstacle).
+        # Here and not in the strategy: one that hangs, or was written in a hurry, must not drive into anybody (4.2.2
+        # Obstacle).
         detection = self.sensor.look(now)
         if approach.meets(detection, distance) and detection is not None:
             why = f"{detection.obstacle.name.lower()} ahead"
             self._stop(messages.EmergencyStop(detection.obstacle), Outcome.STOPPED, why)
         else:
-            self._looking = self.at(now + self.period("Obstacle.Sensing period"), partial(self._look_ahead, approach))
+            self._looking = self.at(now + self.sensing_period, partial(self._look_ahead, approach))
 
     def _look_away(self) -> None:
         if self._looking is not None:
@@ -608,7 +612,7 @@ class Core(CallingNode):
 
     @property
     def time_left(self) -> float:
-        """Seconds until the core ends the match; infinite while there is none."""
+        """Seconds until the core ends the match, infinite if there is none."""
         return inf if self._match_end is None else max(self._match_end - self.now, 0.0)
 
     def _end_match_at(self, end: float) -> None:
@@ -618,7 +622,7 @@ class Core(CallingNode):
 
     def _end_match(self, _: float) -> None:
         self.match_over = True
-        if self._taking_back is not None:  # not asked for any more: the next goto recovers it first
+        if self._taking_back is not None:  # no longer asked for: the next goto recovers it first
             self._lost = "the navigation is lost"
             self.end(self._taking_back, StateError(MATCH_OVER))
         self.end(self._acting, StateError(MATCH_OVER))
@@ -634,15 +638,15 @@ class Core(CallingNode):
         is_silent = self._is_in_match and self.now - self._heard >= SILENCE
         if is_silent and not self.without and self._missing is None:
             self._missing = self.begin(self._miss_navigation())
-        # From when it was due, not from now, so that delays do not add up. A counter that wrapped made 655 ms
-        # of the 2014 robot's 600.
-        again = due + self.period("Position polling.Polling period")
+        # From when it was due, so that delays do not add up. A counter that wrapped around made 655 ms of the 2014
+        # robot's 600.
+        again = due + self.polling_period
         self.at(again, partial(self._poll, request, series))
 
     # The other nodes
 
     def heartbeat_lost(self, node_id: int) -> None:
-        """Stop the drive if it is silent, or if the navigation is before the match."""
+        """Stop the drive if it is silent, or if the navigation is silent before the match."""
         why = f"node {node_id} has fallen silent"
         if self._goes_on_without(node_id, why):
             return
@@ -651,7 +655,7 @@ class Core(CallingNode):
             self._stop(messages.StopDrive(), Outcome.LOST, self._lost)
 
     def booted(self, node_id: int) -> None:
-        """Configure a node that has booted before the next goto; a drive that has booted has lost its goto."""
+        """Have a node that has booted configured before the next goto; a drive that has booted has lost its goto."""
         why = f"node {node_id} has booted"
         if self._goes_on_without(node_id, why):
             return
@@ -668,7 +672,7 @@ class Core(CallingNode):
         return channel is not None and channel.node_id == node_id
 
     def _goes_on_without(self, node_id: int, why: str) -> bool:
-        """Take back a node's check; tell whether it is the navigation, and the robot goes on without it."""
+        """Cancel a node's check; tell whether it is the navigation, and the robot goes on without it."""
         self.readiness.checked -= {node for node in self.readiness.checked if self._is(node, node_id)}
         if not self._is_in_match or not self._is("navigation", node_id):
             return False
@@ -682,7 +686,7 @@ class Core(CallingNode):
 
     def _do_without_navigation(self, why: str) -> None:
         if self._taking_back is None and self.configuration is not None:
-            # Stopping would cost the rest of the match; the drive stands by itself when it knows its place too badly.
+            # Stopping would cost the rest of the match; the drive stops by itself when its place is too uncertain.
             self.alarm(f"the navigation is lost, and the robot goes on by its wheels: {why}")
             self._taking_back = self.begin(self._take_navigation_back(self.configuration))
 
@@ -719,7 +723,8 @@ class Core(CallingNode):
         self._tracks[position.source].saw(sighting)
         if isinstance(position, messages.KalmanPositionResponse):
             self._look_for_twins(position)
-            # An astray drive's answer may be its start place: it must not replace where it was really seen.
+            # While the drive is astray its answer may be its start place, which must not replace where it was really
+            # seen.
             if position.x is not None and not self._astray:
                 self._place = position[:3]
         else:
@@ -739,7 +744,7 @@ class Core(CallingNode):
     HANDLERS: ClassVar[Handlers] = {
         messages.GotoConfirm: lambda core, _: core._stop_late_goto(),
         messages.GotoStateResponse: _told_state,
-        # A start configuration from before a shutdown that is confirmed after it has ended the safe state.
+        # A start configuration from before a shutdown, confirmed after it, has ended the safe state.
         messages.StartConfigurationConfirm: lambda core, _: (
             messages.EmergencyShutdown() if core.shut_down and core._configuring is None else None
         ),

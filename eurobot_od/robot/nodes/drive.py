@@ -1,8 +1,8 @@
-"""The drive node: one goto at a time, the newest wins; it moves the robot and estimates where it is.
+"""The drive node: it moves the robot, one goto at a time of which the newest wins, and estimates where the robot is.
 
-Rule of this file: the wheels move only while there is a motion, and a stop replaces whatever motion there is. One
-timer, `_control`, steps the motion; it is set while there is something to do, so at rest the node sleeps. A message
-never tells the wheels anything: it exchanges the motion, and the next control step follows the new one.
+Rule of this file: the wheels move only while there is a motion, and a stop replaces any motion. One timer, `_control`,
+steps the motion; it is set while there is something to do, so at rest the node sleeps. A message never commands the
+wheels: it exchanges the motion, and the next control step follows the new one.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from collections.abc import Callable, Mapping
 from typing import Any, ClassVar
 
 from eurobot_od.device.bound import BoundObject
+from eurobot_od.device.settings import period, scaled, seconds, setting, together
 from eurobot_od.device.storage import Store
 from eurobot_od.device.timers import Timer
 from eurobot_od.errors import Cause, DictionaryError, Refused
@@ -31,41 +32,58 @@ from eurobot_od.robot.nodes.node import FollowingNode, Handlers, Objects
 from eurobot_od.robot.nodes.route import Clearances, find_route
 
 LATE = 0.1
-"""How late a control step may be, s, and still be made up for: as long as a busy computer may take."""
+"""How late a control step may be, in seconds, and still be made up for: as long as a busy computer may take."""
 
 UNSURER = 10.0
-"""A way is found anew when the place has become less sure by this spread, mm: the navigation's pauses add less."""
+"""The route is planned again when the spread of the place has grown by this much, mm: pauses of the navigation add
+less."""
 
 HELD = 0.1
 """Seconds after which wheels that fall short are held by something, and not just speeding up."""
 
 PUSHED_AWAY = 2.0
-"""The remaining time rises by more than this, s, or not at all: the last millimetres driven again take less."""
-
-TUNING = {
-    "navigation": ("Navigation deviation", 1.0),
-    "navigation_angle": ("Navigation angle deviation", 0.1),
-    "latency": ("Navigation latency", 0.001),
-    "gate": ("Gate", 0.001),
-    "placement": ("Placement deviation", 1.0),
-    "placement_angle": ("Placement angle deviation", 0.1),
-    "scale": ("Scale deviation", 0.001),
-    "distance": ("Distance deviation", 0.1),
-    "drift": ("Drift deviation", 0.1),
-    "turning": ("Turning deviation", 0.1),
-}
-"""The Kalman filter's tuning: the name of each setting, and its unit."""
+"""The remaining time rises by more than this, in seconds, or not at all: repeating the last millimetres takes less."""
 
 UNKNOWN = 0xFFFF
-"""What the object `Position deviation` says while the place is unknown."""
+"""The value of the object `Position deviation` while the place is unknown."""
 
 
 class Drive(FollowingNode):
     """The drive node (document 2.1 to 2.3, 4.2.2); `chassis` are its wheels, by default ideal ones.
 
-    `goto` is the goto it carries out or has carried out, None after a stop; `stopped_by` the last stop, with
-    the obstacle as its reason; `safe` is True after an Emergency Shutdown until a new start configuration or NMT reset.
+    `goto` is the goto that it carries out or has carried out, None after a stop. `stopped_by` is the last stop, with
+    the obstacle as its reason. `safe` is True after an Emergency Shutdown until a new start configuration or NMT reset.
     """
+
+    limits = together(
+        MotionLimits,
+        maximum_speed=setting("Motion.Maximum speed"),
+        acceleration=setting("Motion.Acceleration"),
+        braking=setting("Motion.Braking"),
+        turn_rate=setting("Motion.Turn rate"),
+        turn_acceleration=setting("Motion.Turn acceleration"),
+        position_tolerance=setting("Arrival.Position tolerance"),
+        angle_tolerance=setting("Arrival.Angle tolerance"),
+    )
+    control_period = period("Motion.Control period")
+    blocked_time = seconds("Motion.Blocked time")
+    robot_radius = setting("Body.Robot radius")
+    safety_margin = setting("Body.Safety margin")
+    position_margin = setting("Body.Position margin")
+    tuning = together(
+        Tuning,
+        navigation=scaled("Estimate.Navigation deviation", 1.0),
+        navigation_angle=scaled("Estimate.Navigation angle deviation", 0.1),
+        latency=scaled("Estimate.Navigation latency", 0.001),
+        gate=scaled("Estimate.Gate", 0.001),
+        placement=scaled("Estimate.Placement deviation", 1.0),
+        placement_angle=scaled("Estimate.Placement angle deviation", 0.1),
+        scale=scaled("Estimate.Scale deviation", 0.001),
+        distance=scaled("Estimate.Distance deviation", 0.1),
+        drift=scaled("Estimate.Drift deviation", 0.1),
+        turning=scaled("Estimate.Turning deviation", 0.1),
+    )
+    largest_deviation = setting("Estimate.Largest deviation")
 
     def __init__(
         self,
@@ -85,11 +103,11 @@ class Drive(FollowingNode):
         self._forget()
 
     def _forget(self) -> None:
-        self.estimate = Estimate(self._tuning())
+        self.estimate = Estimate(self.tuning)
         self.goto: messages.GotoXY | None = None
         self.fault: GotoFault | None = None
         self.stopped_by: messages.StopMessage | None = None
-        # Seconds for which the wheels have not followed, and fell short; the spread when the way was planned.
+        # Seconds for which the wheels have not followed, and have fallen short; the spread when the route was planned.
         self._stuck = self._held = self._planned = 0.0
         self._told = math.inf
         self._motion: Motion | Braking | None = None
@@ -114,7 +132,7 @@ class Drive(FollowingNode):
     # Goto
 
     def _accept(self, goto: messages.GotoXY) -> Message:
-        """Take over a goto; the one before is dropped (document 2.1). Raises Refused in the safe state."""
+        """Take over a goto and drop the one before (document 2.1). Raises Refused in the safe state."""
         if self.safe:
             raise Refused(Cause.STATE, "the safe state is held until a new start configuration")
         self.goto, self.stopped_by = goto, None
@@ -123,51 +141,41 @@ class Drive(FollowingNode):
         return messages.GotoConfirm()
 
     def _set_out(self, goto: messages.GotoXY) -> None:
-        """Find the way of a goto, and move along it; the wheels may roll already."""
+        """Plan the route of a goto and set out on it; the wheels may already be rolling."""
         self._planned, self._told = self.estimate.spread, math.inf
-        way = self._way(goto) if goto.speed else None  # at no speed no place is ever reached
+        way = self._way(goto) if goto.speed else None  # at no speed, no place is ever reached
         self.fault = None if way else GotoFault.NOT_POSSIBLE
         if way is None:
             self._brake()
         else:
             backward = goto.direction is Direction.BACKWARD
-            self._move(Motion(self._limits(), way, goto.angle, goto.speed, backward, self._rolling))
+            self._move(Motion(self.limits, way, goto.angle, goto.speed, backward, self._rolling))
 
     def _way(self, goto: messages.GotoXY) -> tuple[Point, ...] | None:
-        """Return the way points of a goto, None if the place cannot be reached or our own place is unknown."""
+        """Return the way points of a goto; None if the place cannot be reached or our own place is unknown."""
         if self.estimate.pose is None or self._is_unsure():
             return None
-        # What still rolls brakes first: the way begins where it comes to stand.
-        start, goal = self._limits().standing(self.estimate.pose, self._rolling).point, Point(goto.x, goto.y)
+        # A rolling robot brakes first: the route begins where it comes to a stand.
+        start, goal = self.limits.standing(self.estimate.pose, self._rolling).point, Point(goto.x, goto.y)
         if goto.route is Route.PLANNED:
             return find_route(start, goal, goto.barriers, self._clearances())
-        # Without a route the robot drives straight: normal barriers are then only a wish, forced ones still stop it.
+        # Without a route the robot drives straight: normal barriers are then only a wish, but forced ones still stop
+        # it.
         forced = {n: passage for n, passage in goto.barriers.set_barriers() if passage is Passage.FORCED}
         direct = find_route(start, goal, Barriers.of(forced), self._clearances())
-        # Any other answer is a way round, which was not asked for.
+        # Any other answer is a detour, which was not asked for.
         return direct if direct == (goal,) else None
 
-    def _limits(self) -> MotionLimits:
-        return MotionLimits(
-            maximum_speed=self.setting("Motion.Maximum speed"),
-            acceleration=self.setting("Motion.Acceleration"),
-            braking=self.setting("Motion.Braking"),
-            turn_rate=self.setting("Motion.Turn rate"),
-            turn_acceleration=self.setting("Motion.Turn acceleration"),
-            position_tolerance=self.setting("Arrival.Position tolerance"),
-            angle_tolerance=self.setting("Arrival.Angle tolerance"),
-        )
-
     def _clearances(self) -> Clearances:
-        """Return how far to stay away: by our own radius, and by what we and the motion may be off."""
+        """Return how far to stay away: our own radius, plus what place and motion may be off."""
         deviations = self.estimate.deviations
         # In the direction in which the place is known worst; the setting is in tenths of a deviation.
-        unsure = deviations.worst * self.setting("Body.Position margin") / 10 if deviations else 0.0
-        margin = self.setting("Body.Safety margin") + self._limits().deviation + unsure
-        return Clearances.of(self.facts, self.setting("Body.Robot radius"), margin)
+        unsure = deviations.worst * self.position_margin / 10 if deviations else 0.0
+        margin = self.safety_margin + self.limits.deviation + unsure
+        return Clearances.of(self.facts, self.robot_radius, margin)
 
     def remaining(self) -> int | GotoFault | None:
-        """Return a goto's remaining time in ms: 0 arrived, None unknown or no goto, or why there is none."""
+        """Return the remaining time of a goto in ms: 0 arrived, None unknown or no goto, or a fault."""
         if self.fault is not None:
             return self.fault
         if not isinstance(self._motion, Motion) or self.estimate.pose is None:
@@ -177,9 +185,9 @@ class Drive(FollowingNode):
         seconds = self._motion.remaining(self.estimate.pose)
         if not math.isfinite(seconds):
             return None
-        # A small correction lets nobody's time rise; a robot that was pushed away needs much longer.
+        # A small correction must not make the time rise; a robot that was pushed away does need much longer.
         self._told = seconds if seconds > self._told + PUSHED_AWAY else min(seconds, self._told)
-        # Not 0, which says arrived, and below the code for unknown.
+        # Never 0, which means arrived, and below the code for unknown.
         return min(max(round(self._told * 1000), 1), Remaining.UNKNOWN - 1)
 
     def _state(self) -> messages.GotoStateResponse:
@@ -190,9 +198,9 @@ class Drive(FollowingNode):
     def _stop(self, stop: messages.StopMessage) -> None:
         """Brake and forget the goto; an Emergency Stop's reason is kept (document 2.1).
 
-        A plain stop tells a drive that is stopped nothing new: the reason stays.
+        If the drive is stopped already, a plain stop does not change the reason.
         """
-        # The core repeats a stop with a Stop Drive beside it, which must not wipe out the reason of an Emergency Stop.
+        # The core repeats a stop together with a Stop Drive, which must not erase the reason of an Emergency Stop.
         again = self.goto is None and self.stopped_by is not None and isinstance(stop, messages.StopDrive)
         self.goto, self.fault, self.stopped_by = None, None, self.stopped_by if again else stop
         self._forget_obstruction()
@@ -208,11 +216,11 @@ class Drive(FollowingNode):
         self._stop(messages.StopDrive())
 
     def heartbeat_lost(self, node_id: int) -> None:
-        """Brake when the core has fallen silent: nobody can stop the robot any more; a new goto moves it again."""
+        """Brake when the core has fallen silent, as nobody can stop the robot any more; a new goto moves it again."""
         self._stop(messages.StopDrive())
 
     def booted(self, node_id: int) -> None:
-        """Brake when the core has booted: it has forgotten the goto."""
+        """Brake when the core has booted, as it has forgotten the goto."""
         self._stop(messages.StopDrive())
 
     # Motion
@@ -222,7 +230,7 @@ class Drive(FollowingNode):
         return self._motion.command if self._motion else AT_REST
 
     def _brake(self) -> None:
-        self._move(Braking(self._limits(), self._rolling))
+        self._move(Braking(self.limits, self._rolling))
 
     def _move(self, motion: Motion | Braking) -> None:
         self._motion = motion
@@ -230,15 +238,15 @@ class Drive(FollowingNode):
             self._control = self.at(self.now, self._step)
 
     def _step(self, now: float) -> None:
-        """Do one control step: ask the motion, tell the wheels, follow what they did."""
+        """Do one control step: ask the motion, command the wheels, follow what they did."""
         motion, pose = self._motion, self.estimate.pose
-        dt = self.period("Motion.Control period")
+        dt = self.control_period
         command = AT_REST if motion is None else motion.step(pose or Pose(0, 0, 0), dt)
-        # The estimate follows what the wheels did, not what they were told: they may be held.
+        # The estimate follows what the wheels did and not their command, as they may be held.
         rolled = self.chassis.advance(command, dt)
         self.estimate.moved(rolled, now)
         self._held = self._held + dt if rolled.falls_short(command, dt) else 0.0
-        # What holds the robot may turn it aside without the wheels noticing.
+        # Whatever holds the robot may turn it aside without the wheels noticing.
         if self._held >= HELD:
             self.estimate.bumped(now)
         if isinstance(motion, Motion):
@@ -248,24 +256,24 @@ class Drive(FollowingNode):
                 self.raise_error(RobotError.PLACE_UNSURE, Estimate)
                 self._brake()
             elif self.goto and not motion.arrived and self.estimate.spread > self._planned + UNSURER:
-                self._set_out(self.goto)  # forced barriers keep their distance also when the place is known worse
-        # If the wheels were found blocked, the brakes have taken over, and the earlier motion has not arrived.
+                self._set_out(self.goto)  # forced barriers keep their distance even when the place is known worse
+        # If the wheels were found to be blocked, the brakes have taken over, and the earlier motion has not arrived.
         done = motion.arrived if isinstance(motion, Motion) else command == AT_REST
-        # Steps that are late by a moment are made up for; those missed by a node that hung are gone.
+        # Steps that are a moment late are made up for; those that a hanging node has missed are gone.
         following = max(now, self.now - LATE) + dt
         self._control = None if done else self.at(following, self._step)
 
     def _watch_wheels(self, followed: bool, dt: float) -> None:
-        """Give up the goto when the wheels have not followed for the setting `Blocked time` (2014 robot: blocked)."""
+        """Give up the goto when the wheels have not followed for the blocked time (2014 robot: blocked)."""
         self._stuck = 0.0 if followed else self._stuck + dt
-        if self._stuck >= self.seconds("Motion.Blocked time"):
+        if self._stuck >= self.blocked_time:
             self.fault = GotoFault.BLOCKED
             self.raise_error(RobotError.DRIVE_BLOCKED, GotoFault.BLOCKED)
             self._brake()
 
     def _is_unsure(self) -> bool:
-        """Tell whether the place is known too badly to drive on: without the navigation, the longer the worse."""
-        return self.estimate.spread > self.setting("Estimate.Largest deviation")
+        """Tell whether the place is too uncertain to drive on: without the navigation it gets worse with time."""
+        return self.estimate.spread > self.largest_deviation
 
     def _forget_obstruction(self) -> None:
         self._stuck = 0.0
@@ -274,20 +282,17 @@ class Drive(FollowingNode):
     # Position
 
     def _correct(self, position: messages.NaviPositionResponse) -> None:
-        """Take a navigation position into the estimate (document 4.2.2 Navigation)."""
+        """Correct the estimate by a navigation position (document 4.2.2 Navigation)."""
         if position.x is None or position.y is None:
             return
-        # Read anew for each position, so that what a master writes holds from the next one on.
-        self.estimate.tuning = self._tuning()
+        # Read for each position, so that a master's write counts from the next one on.
+        self.estimate.tuning = self.tuning
         self.estimate.corrected(Fix(position.x, position.y, position.angle), self.now)
         if not self._is_unsure():
             self.clear_error(Estimate)
 
-    def _tuning(self) -> Tuning:
-        return Tuning(**{field: self.setting(f"Estimate.{name}") * unit for field, (name, unit) in TUNING.items()})
-
     def _deviation(self, part: str, unit: float) -> int:
-        """Return one of the estimate's standard deviations as its object has it, in `unit` mm or degrees."""
+        """Return one of the estimate's standard deviations in the form of its object, in `unit` mm or degrees."""
         deviations = self.estimate.deviations
         return UNKNOWN if deviations is None else min(round(getattr(deviations, part) / unit), UNKNOWN - 1)
 
@@ -296,17 +301,17 @@ class Drive(FollowingNode):
         if pose is None:
             return messages.KalmanPositionResponse(None, None, None, Source.INTERNAL)
         limits = self.coordinates("Kalman position")
-        # The estimate may lie a little outside of the field, which Table 2 cannot express.
+        # The estimate may lie slightly outside the field, which Table 2 cannot express.
         x, y = (round(min(max(value, each.low), each.high)) for value, each in zip(pose.point, limits))
         return messages.KalmanPositionResponse(x, y, round(pose.angle) % 360, Source.INTERNAL)
 
     def configure(self, configuration: messages.StartConfigurationSet) -> Message:
-        """Start anew from the team's start place (document 2.3); raises Refused for one that contradicts itself."""
+        """Start over from the team's start place (document 2.3); raises Refused for a contradictory configuration."""
         confirm = super().configure(configuration)
         self._stop(messages.StopDrive())
-        # The stop was part of configuring, and tells nobody anything.
+        # The stop was part of configuring, and is not a reason.
         self.stopped_by = None
-        self.estimate = Estimate(self._tuning(), self.facts.start(configuration.team_colour))
+        self.estimate = Estimate(self.tuning, self.facts.start(configuration.team_colour))
         self.clear_error(Estimate)
         return confirm
 

@@ -1,4 +1,4 @@
-"""What a robot's core has beside the bus: a distance sensor, and what it does its tasks with."""
+"""The equipment of a robot's core besides the bus: a distance sensor, and actuators for its tasks."""
 
 from __future__ import annotations
 
@@ -17,43 +17,43 @@ class Detection(NamedTuple):
 
 
 class DistanceSensor(Protocol):
-    """Looks ahead of the robot, real or not."""
+    """A sensor that looks ahead of the robot, real or simulated."""
 
     def look(self, now: float) -> Detection | None:
-        """Measure what is ahead; None if nothing is."""
+        """Measure what is ahead; None if there is nothing."""
 
 
 class Actuators(Protocol):
-    """Arms, grippers, launchers: what the robot does its tasks with, real or not."""
+    """Arms, grippers, launchers for the robot's tasks, real or simulated."""
 
     def begin(self, task: str) -> float:
-        """Begin with a task where the robot stands; return how many seconds it takes. Raises UnknownName."""
+        """Begin a task where the robot stands; return how many seconds it takes. Raises UnknownName."""
 
     def finish(self, task: str) -> int:
-        """Finish a task that was begun; return what it came to: points, or pieces of fruit."""
+        """Finish a task that was begun; return the result in points, or in pieces of fruit."""
 
 
 class Approach:
-    """Tells what the robot drives into from what it only stands before: what is near, and comes nearer.
+    """Tells whether the robot drives into something, which is near and comes nearer, or just stands in front of it.
 
-    A robot that turns on the spot before something, or backs away from it, need not stop.
+    A robot that turns on the spot in front of something, or backs away from it, need not stop.
     """
 
     def __init__(self) -> None:
         self._distances: deque[float | None] = deque(maxlen=READINGS)
 
     def meets(self, detection: Detection | None, stop_distance: float) -> bool:
-        """Take in a reading; tell whether the robot drives into something that is nearer than `stop_distance` mm."""
+        """Take in a reading; tell whether the robot drives into something nearer than `stop_distance` mm."""
         self._distances.append(None if detection is None else detection.distance)
         if detection is None or detection.distance > stop_distance:
             return False
-        # The oldest one that saw something: over a longer time the way stands out from the noise.
+        # The oldest reading that saw something: over a longer time the change stands out from the noise.
         first = next(each for each in self._distances if each is not None)
         return first - detection.distance >= CLOSING
 
 
 READINGS = 3
-"""How many readings are looked at: one that misses something does not hide it."""
+"""Number of readings that are compared: one that misses something does not hide it."""
 
 CLOSING = 12.0
-"""What comes nearer by this much, mm, in these readings is being driven into; less may be the sensor's noise."""
+"""The robot drives into what comes nearer by this much, mm, in these readings; less may be the sensor's noise."""

@@ -1,34 +1,35 @@
 """The drive's motion: how a differential drive follows way points, brakes, and how long it still takes.
 
-Theory of operation. The drive calls `step` once in a control period with the pose that it believes in and gets what to
-tell the wheels until the next step. There is no clock in here and no true position, and no plan is kept: every step
-decides anew from the pose as it is now. So a pose that the navigation has just corrected needs no special case.
+Theory of operation. The drive calls `step` once in each control period, with the pose that it believes in, and gets the
+command for the wheels until the next step. There is no clock in here, no true position and no plan: every step decides
+from the present pose. So a pose that the navigation has just corrected is not a special case.
 
-Phases. A differential drive turns on the spot, and drives straight best; a goto is a chain of both:
+Phases. A differential drive is best at turning on the spot and at driving straight; a goto is a chain of both:
 
     AIM     brake to rest, then turn until the way point is straight ahead
     DRIVE   drive there, steering out small errors on the way; then AIM at the next way point, or FACE
     FACE    at the last way point, turn to the final angle; then ARRIVED
 
 `_BEHAVIOUR` says for each phase which one follows, what the wheels do and how long it will take. DRIVE and FACE can
-also go back to AIM. Steering removes small errors only: when the navigation has moved the pose sideways close to a way
-point, the angle to it is large, and from LOST degrees on, or if the robot passed the way point too far off, it has to
-turn on the spot again. And while it FACEs, a correction can show that it does not stand at the goal after all. Three
+also go back to AIM. Steering removes only small errors: when the navigation has moved the pose sideways close to a way
+point, the angle to it is large, and from LOST degrees on, or if the robot has passed the way point too far off, it has
+to turn on the spot again. And while it FACEs, a correction can show that it does not stand at the goal after all. Three
 things keep this from becoming a dance around the goal: a movement ends well inside its tolerance (EXACTNESS), a very
-near point is not steered at (STEERED), and a short way back is driven tail first instead of turning round (CORRECTION).
+near point is not steered at (STEERED), and a short distance back is driven tail first instead of turning round
+(CORRECTION).
 
-A goto that replaces another one takes over a rolling robot: it brakes first, unless its way point lies in line.
+A goto that replaces another one takes over a rolling robot: it brakes first, unless its way point is straight ahead.
 
 Profile. Straight and turning movements have the same shape: the rate rises, stays at its top, falls to rest at the
 target. Each step takes the highest rate from which braking still stops in time: covering rate * dt in this step and
-rate^2 / (2 * fall) while braking has to fit into what is left. Solved for the rate, that is `_stoppable`; no state is
-needed but the rate of the step before.
+rate^2 / (2 * fall) while braking has to fit into what is left. Solved for the rate, that is `_stoppable`; the only
+state is the rate of the step before.
 
-Remaining time. What the drive answers to a state request (document 2.1) is worked out by the formulas of the same
-profile: the present movement from its present rate, then all further turns and legs from rest. Steering and the
-control steps between two phases are left out, which makes it short by some hundredths of a second: it is within 10 % of
-the truth, or 100 ms. A correction cannot be foreseen. A large one (PASSED) that comes when the robot is nearly at its
-goal has it drive the last millimetres again, which adds a second or two.
+Remaining time. The answer to a state request (document 2.1) is computed with the formulas of the same profile: the
+present movement from its present rate, then all further turns and legs from rest. Steering and the control steps
+between two phases are left out, which makes it too short by some hundredths of a second: it is within 10 % of the
+truth, or 100 ms. A correction cannot be foreseen. A large one (PASSED) that comes when the robot is nearly at its goal
+makes it drive the last millimetres again, which adds a second or two.
 """
 
 from __future__ import annotations
@@ -41,32 +42,33 @@ from typing import NamedTuple, Protocol
 from eurobot_od.robot.model.places import Point, Pose, turn
 
 EXACTNESS = 0.25
-"""A movement ends within this share of its tolerance, so that later small corrections need no new one."""
+"""A movement ends within this share of its tolerance, so that later small corrections do not need a new one."""
 
 LOST = 30.0
-"""A way point this many degrees off the line of travel is not reached by steering: stop and aim again."""
+"""Steering cannot reach a way point that is this many degrees off the line of travel: stop and aim again."""
 
 IN_LINE = 4.0
-"""A rolling robot whose way point is within this many degrees needs no stop to aim: it stays within PASSED."""
+"""A rolling robot need not stop to aim if its way point is within this many degrees: it stays within PASSED."""
 
 PASSED = 10.0
-"""A way point that was driven to counts as passed within this distance, mm, also the last one.
+"""A way point that was driven to counts as passed within this distance, mm, even the last one.
 
-Nearer, a leg of its own chases the noise of the beacons for a second or two: with legs from 5 mm on, a quarter of the
-remaining times given with beacons off by 5 mm were wrong by more than 10 % and 100 ms; from 10 mm on, 4 %."""
+A leg to a nearer place would chase the noise of the beacons for a second or two: with legs from 5 mm on, a quarter of
+the remaining times given with beacons off by 5 mm were wrong by more than 10 % and 100 ms; from 10 mm on, 4 %.
+"""
 
 CORRECTION = 50.0
-"""A leg shorter than this is a correction: driven nose or tail first, whichever needs less turning, mm."""
+"""A leg shorter than this is a correction, mm: it is driven nose or tail first, whichever needs less turning."""
 
 STEERED = 20.0
-"""A way point nearer than this is not steered at any more: its bearing changes faster than a robot turns, mm."""
+"""A way point nearer than this is no longer steered at, mm: its bearing changes faster than a robot turns."""
 
 
-# What the wheels are told and what they do
+# What the wheels are commanded, and what they do
 
 
 class WheelCommand(NamedTuple):
-    """What the wheels are told until the next step: mm/s, negative tail first; deg/s, counter-clockwise positive."""
+    """A command to the wheels until the next step: mm/s, negative tail first; deg/s, counter-clockwise positive."""
 
     speed: float
     turn: float
@@ -75,11 +77,11 @@ class WheelCommand(NamedTuple):
 AT_REST = WheelCommand(0.0, 0.0)
 
 FOLLOWED = 0.1
-"""Share of what they are told that wheels do at least, unless they are blocked."""
+"""Wheels that do less than this share of their command are blocked."""
 
 
 SHORT = 0.6
-"""Wheels that drive less than this share of what they are told are held by something."""
+"""Wheels that drive less than this share of their command are held by something."""
 
 
 class Odometry(NamedTuple):
@@ -89,25 +91,25 @@ class Odometry(NamedTuple):
     turn: float
 
     def follows(self, command: WheelCommand, dt: float) -> bool:
-        """Tell whether the wheels did something of what they were told for `dt` seconds."""
+        """Tell whether the wheels did some of what they were commanded for `dt` seconds."""
         driven = abs(self.distance) >= FOLLOWED * abs(command.speed) * dt > 0.0
         turned = abs(self.turn) >= FOLLOWED * abs(command.turn) * dt > 0.0
         return driven or turned or command == AT_REST
 
     def falls_short(self, command: WheelCommand, dt: float) -> bool:
-        """Tell whether the wheels drove much less than they were told for `dt` seconds."""
+        """Tell whether the wheels drove much less than they were commanded for `dt` seconds."""
         return abs(self.distance) < SHORT * abs(command.speed) * dt
 
 
 class Chassis(Protocol):
-    """The wheels, real or not."""
+    """The wheels, real or simulated."""
 
     def advance(self, command: WheelCommand, dt: float) -> Odometry:
         """Obey `command` for `dt` seconds and report what the wheels measured."""
 
 
 class IdealChassis:
-    """Wheels that do exactly what they are told; the default where there is no hardware."""
+    """Wheels that do exactly what they are commanded; the default without hardware."""
 
     def advance(self, command: WheelCommand, dt: float) -> Odometry:
         """Return the commanded movement as the measured one."""
@@ -118,7 +120,7 @@ class IdealChassis:
 
 
 class Profile(NamedTuple):
-    """A trapezoidal movement: `top` rate, how fast it may rise and fall, and how exactly it has to end.
+    """A trapezoidal movement: its `top` rate, how fast the rate may rise and fall, and how exactly it has to end.
 
     Units are those of the axis: mm, mm/s and mm/s2, or degrees, deg/s and deg/s2.
     """
@@ -129,10 +131,10 @@ class Profile(NamedTuple):
     tolerance: float
 
     def next_rate(self, rate: float, left: float, dt: float) -> float:
-        """Return the rate for the next `dt` seconds so that `left` is covered soonest and without overshoot."""
+        """Return the rate for the next `dt` seconds that covers `left` soonest and without overshoot."""
         wanted = math.copysign(min(self.top, self._stoppable(abs(left), dt)), left)
         speeding_up = rate * wanted >= 0 and abs(wanted) > abs(rate)
-        # A rate of the wrong sign is braked first, at the rate of braking.
+        # A rate of the wrong sign is braked first, with the deceleration of braking.
         return _towards(rate, wanted, (self.rise if speeding_up else self.fall) * dt)
 
     def _stoppable(self, left: float, dt: float) -> float:
@@ -153,7 +155,7 @@ class Profile(NamedTuple):
         ahead, rate = abs(left), math.copysign(rate, rate * left)
         # v^2 = 2 a s: whether braking from this rate still ends in time.
         in_time = rate > 0 and rate * rate <= 2 * self.fall * ahead
-        kept = min(rate, self.top) if in_time else 0.0  # what is too fast, or the wrong way, is braked first
+        kept = min(rate, self.top) if in_time else 0.0  # too fast, or the wrong way: braked first
         slowing = (rate * abs(rate) - kept * kept) / (2 * self.fall)
         return abs(rate - kept) / self.fall + self._seconds_ahead(abs(ahead - slowing), kept)
 
@@ -163,7 +165,7 @@ class Profile(NamedTuple):
             return 0.0
         if not self.top:
             return math.inf
-        # The rate at which rise and fall together cover just what is left, unless the top comes first.
+        # The rate at which rise and fall together just cover what is left, unless the top comes first.
         peak = min(math.sqrt(self.fall * (2 * self.rise * left + rate * rate) / (self.rise + self.fall)), self.top)
         ramps = (peak * peak - rate * rate) / (2 * self.rise) + peak * peak / (2 * self.fall)
         return (peak - rate) / self.rise + peak / self.fall + (left - ramps) / peak
@@ -175,9 +177,9 @@ def _towards(rate: float, wanted: float, change: float) -> float:
 
 
 class MotionLimits(NamedTuple):
-    """What the robot can do and how exact it has to be; all values positive.
+    """The abilities of the robot and the required tolerances; all values are positive.
 
-    `maximum_speed` in mm/s, `acceleration` and `braking` in mm/s2, `turn_rate` in deg/s, `turn_acceleration` in
+    `maximum_speed` is in mm/s, `acceleration` and `braking` in mm/s2, `turn_rate` in deg/s, `turn_acceleration` in
     deg/s2, `position_tolerance` in mm, `angle_tolerance` in degrees (document Table 1: 5 mm and 1 degree).
     """
 
@@ -190,20 +192,20 @@ class MotionLimits(NamedTuple):
     angle_tolerance: float
 
     def straight(self, share: float = 1.0) -> Profile:
-        """Return how the robot drives at a `share` 0..1 of its maximum speed."""
+        """Return the profile of driving at a `share` 0..1 of the maximum speed."""
         return Profile(self.maximum_speed * share, self.acceleration, self.braking, self.position_tolerance)
 
     @property
     def deviation(self) -> float:
-        """How far off its straight legs the robot may drive, as far as it knows its own place, mm."""
+        """How far off its straight legs the robot may drive, mm, apart from errors in its own place."""
         return max(self.position_tolerance, PASSED)
 
     def standing(self, pose: Pose, rolling: WheelCommand) -> Pose:
-        """Return where a robot comes to stand that brakes now."""
+        """Return where a rolling robot comes to a stand if it brakes now."""
         return pose.moved(rolling.speed * abs(rolling.speed) / (2 * self.braking), 0.0)
 
     def turning(self, share: float = 1.0) -> Profile:
-        """Return how the robot turns at a `share` 0..1 of its turn rate."""
+        """Return the profile of turning at a `share` 0..1 of the turn rate."""
         return Profile(self.turn_rate * share, self.turn_acceleration, self.turn_acceleration, self.angle_tolerance)
 
 
@@ -211,7 +213,7 @@ class MotionLimits(NamedTuple):
 
 
 class Phase(Enum):
-    """What a motion is doing."""
+    """The phases of a motion."""
 
     AIM = auto()
     DRIVE = auto()
@@ -220,9 +222,9 @@ class Phase(Enum):
 
 
 class View(NamedTuple):
-    """A way point as seen from the robot, looking where it is to drive.
+    """A way point as seen from the robot in its direction of travel.
 
-    `sense` is 1 nose first, -1 tail first; `distance` in mm; `error` in degrees is the turn until the way point is
+    `sense` is 1 nose first, -1 tail first; `distance` is in mm; `error` is the turn in degrees until the way point is
     straight ahead.
     """
 
@@ -247,11 +249,11 @@ class View(NamedTuple):
 
 
 class Motion:
-    """One goto: aim at a way point, drive there, aim at the next, at last turn to the final angle.
+    """One goto: aim at a way point, drive there, aim at the next one, and finally turn to the final angle.
 
-    `way_points` in mm without the start, the last one being the goal; `final_angle` in degrees; `speed_percent`
-    0..100 of the limits' speed and turn rate, 0 does not move; `backward` drives tail first; `rolling` is what the
-    wheels were told before, so that a new goto takes over a moving robot. The pose may be corrected at any time:
+    `way_points` are in mm without the start, and the last one is the goal; `final_angle` is in degrees. `speed_percent`
+    is 0..100 of the limits' speed and turn rate, and 0 does not move. `backward` drives tail first. `rolling` is the
+    last command to the wheels, so that a new goto can take over a moving robot. The pose may be corrected at any time:
     what steering cannot remove is aimed at and driven again.
     """
 
@@ -274,12 +276,12 @@ class Motion:
 
     @property
     def arrived(self) -> bool:
-        """Whether the robot came to rest at the goal, within the tolerances."""
+        """Whether the robot has come to rest at the goal, within the tolerances."""
         return self._phase is Phase.ARRIVED
 
     def step(self, pose: Pose, dt: float) -> WheelCommand:
-        """Decide, from the estimated pose, what the wheels do for the next `dt` seconds."""
-        # First the phase, then the command: otherwise one more control period would do what the old phase wanted.
+        """Decide from the estimated pose what the wheels do for the next `dt` seconds."""
+        # First the phase, then the command: otherwise the wheels would obey the old phase for one more control period.
         self._phase = _BEHAVIOUR[self._phase].following(self, pose, dt)
         self.command = _BEHAVIOUR[self._phase].command(self, pose, dt)
         return self.command
@@ -300,12 +302,12 @@ class Motion:
         return self._look(pose, self._points[0])
 
     def _reach(self, point: Point) -> float:
-        """Return how near a way point has to be so that no leg to it is begun, mm."""
-        # The goal has to be met exactly; other way points are only passed.
+        """Return the distance to a way point below which no leg to it is begun, mm."""
+        # The goal has to be met exactly; other way points only have to be passed.
         return self._straight.tolerance if point == self._points[-1] else self._deviation
 
     def _in_line(self, view: View) -> bool:
-        """Tell whether a rolling robot may roll on."""
+        """Tell whether a rolling robot may keep rolling."""
         return self.command.speed != 0.0 and abs(view.error) <= IN_LINE
 
     def _final_turn(self, pose: Pose) -> float:
@@ -315,7 +317,7 @@ class Motion:
 
     def _after_aim(self, pose: Pose, dt: float) -> Phase:
         view = self._view(pose)
-        # A robot that rolls and looks the right way need not stop to aim: each new goto would cost a stand.
+        # A rolling robot that looks the right way need not stop to aim: otherwise each new goto would cost a stop.
         if self.command.speed:
             return Phase.DRIVE if self._in_line(view) else Phase.AIM
         if view.distance <= self._reach(self._points[0]):
@@ -324,7 +326,7 @@ class Motion:
 
     def _after_drive(self, pose: Pose, dt: float) -> Phase:
         view = self._view(pose)
-        # Only what is off to the side: what is left ahead will still be driven.
+        # Only the deviation to the side: what is left ahead will still be driven.
         missed = view.aside > self._deviation
         if self._straight.over(self.command.speed, view.ahead, dt):
             return Phase.AIM if missed else self._reached()
@@ -334,12 +336,12 @@ class Motion:
         # A correction came while it turned: the place counts, and has to be driven to again.
         if self._view(pose).distance > self._deviation:
             return Phase.AIM
-        # A speed that is left over from a correction is braked first: arrived means that both wheels stand.
+        # A speed left over from a correction is braked first: arrived means that both wheels stand.
         faced = self._turning.over(self.command.turn, self._final_turn(pose), dt)
         return Phase.ARRIVED if faced and not self.command.speed else Phase.FACE
 
     def _reached(self) -> Phase:
-        """Go on to the next way point; the last one stays, for corrections while turning to the final angle."""
+        """Go on to the next way point; the last one stays, for corrections during the final turn."""
         if len(self._points) == 1:
             return Phase.FACE
         self._points = self._points[1:]
@@ -349,13 +351,13 @@ class Motion:
 
     def _pivot(self, left: float, dt: float) -> WheelCommand:
         """Stop first, then turn on the spot."""
-        # Turning while it rolls would carry the robot along an arc, off the leg that keeps clear of barriers.
+        # Turning while it rolls would take the robot along an arc, off the leg that keeps clear of barriers.
         if speed := self._straight.slower(self.command.speed, dt):
             return WheelCommand(speed, self._turning.slower(self.command.turn, dt))
         return WheelCommand(0.0, self._turning.next_rate(self.command.turn, left, dt))
 
     def _drive(self, pose: Pose, dt: float) -> WheelCommand:
-        # Profiles know only one direction: ahead. Tail first, speed is counted backwards going in and coming out.
+        # Profiles know only one direction, ahead: tail first, the sign of the speed is changed going in and coming out.
         view = self._view(pose)
         speed = self._straight.next_rate(view.sense * self.command.speed, view.ahead, dt)
         return WheelCommand(view.sense * speed, self._turning.next_rate(self.command.turn, view.steer, dt))
@@ -366,7 +368,7 @@ class Motion:
         if self._in_line(self._view(pose)):
             return self._seconds_to_drive(pose)
         speed, rate = self.command
-        stopping = abs(speed) / self._straight.fall  # s; the way until then is half of speed * stopping
+        stopping = abs(speed) / self._straight.fall  # s; the distance until then is half of speed * stopping
         return stopping + self._seconds_along(self._points, pose.moved(speed * stopping / 2, 0.0), rate)
 
     def _seconds_to_drive(self, pose: Pose) -> float:
@@ -386,11 +388,12 @@ class Motion:
         return total + self._seconds_to_turn(self._final_turn(pose), rate)
 
     def _seconds_to_turn(self, left: float, rate: float) -> float:
-        """Add up a turn that begins at `rate`.
+        """Return the time of a turn that begins at `rate`.
 
-        A robot that turns away and cannot stop before it looks the opposite way goes on: that is the shorter way then.
+        A robot that turns away, and cannot stop before it looks in the opposite direction, keeps turning: that is then
+        the shorter way.
         """
-        # The square of the rate that is left when it faces the opposite way.
+        # The square of the rate that is left when it looks in the opposite direction.
         squared = rate * rate - 2 * self._turning.fall * (180.0 - abs(left))
         if rate * left >= 0.0 or squared <= 0.0:
             return self._turning.seconds(left, rate)
@@ -399,7 +402,7 @@ class Motion:
 
 
 class Behaviour(NamedTuple):
-    """What a phase does: which phase follows, what the wheels do, and the seconds until arrival."""
+    """A phase: which phase follows, what the wheels do, and the seconds until arrival."""
 
     following: Callable[[Motion, Pose, float], Phase]
     command: Callable[[Motion, Pose, float], WheelCommand]
@@ -426,7 +429,7 @@ _BEHAVIOUR = {
 
 
 class Braking:
-    """The defined braking after a stop (document 2.1): from what the wheels were told to rest, going straight on."""
+    """The defined braking after a stop (document 2.1): from the last command to rest, going straight on."""
 
     def __init__(self, limits: MotionLimits, rolling: WheelCommand) -> None:
         self._straight, self._turning = limits.straight(), limits.turning()

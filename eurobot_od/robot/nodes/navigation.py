@@ -1,6 +1,6 @@
-"""The navigation node: says where our robot, the enemies and the confederate are, when it is asked.
+"""The navigation node: tells where our robot, the enemies and the confederate are, when it is asked.
 
-Rule of this file: what the beacons do not see is unknown, never the last place they saw; an enemy moves on unseen.
+Rule of this file: a robot that the beacons do not see is unknown, never where they last saw it: it moves on unseen.
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ import math
 from typing import ClassVar, NamedTuple, Protocol
 
 from eurobot_od.device.bound import BoundObject
+from eurobot_od.device.settings import setting
 from eurobot_od.device.storage import Store
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.robot.model import messages
@@ -17,11 +18,12 @@ from eurobot_od.robot.model.values import Source
 from eurobot_od.robot.nodes.node import FollowingNode, Handlers, Objects
 
 AMBIGUOUS = 255
-"""x = y = 255 mm with an unknown angle reads "position unknown" (document Table 2); such a place is sent 1 mm off."""
+"""x = y = 255 mm with an unknown angle would mean "position unknown" (document Table 2); it is sent 1 mm off.
+"""
 
 
 class Fix(NamedTuple):
-    """A measured place in mm and a heading in degrees, None if that cannot be measured."""
+    """A measured place in mm and a heading in degrees, None if it cannot be measured."""
 
     x: float
     y: float
@@ -29,7 +31,7 @@ class Fix(NamedTuple):
 
 
 class Beacons(Protocol):
-    """The sensors of the navigation, real or not."""
+    """The navigation's sensors, real or simulated."""
 
     def locate(self, whom: Source, now: float) -> Fix | None:
         """Measure where our robot (INTERNAL) or another one is; None if it is not seen."""
@@ -40,6 +42,9 @@ class Navigation(FollowingNode):
 
     After an Emergency Shutdown it goes on answering, as nothing in it moves.
     """
+
+    position_noise = setting("Noise.Position deviation")
+    angle_noise = setting("Noise.Angle deviation")
 
     def __init__(
         self,
@@ -54,22 +59,22 @@ class Navigation(FollowingNode):
         self._measured, self._fixes = -math.inf, dict[Source, Fix | None]()
 
     def deviations(self) -> tuple[float, float]:
-        """Return the standard deviations of simulated beacons by the Noise settings: mm and degrees."""
-        return self.setting("Noise.Position deviation"), self.setting("Noise.Angle deviation")
+        """Return the standard deviations of simulated beacons: mm and degrees."""
+        return self.position_noise, self.angle_noise
 
     def _position(
         self, record: str, response: type[messages.PositionResponse], whom: Source
     ) -> messages.PositionResponse:
-        # Before the start configuration anyone may be there.
+        # Before the start configuration, any robot may be there.
         expected = self.configuration is None or self.configuration.includes(whom)
-        # One measurement at a time, as each has its own noise: an SDO, a PDO and an answer of one moment agree.
+        # One measurement at a time, as each has its own noise: an SDO, a PDO and an answer at one moment must agree.
         if self._measured != self.now:
             self._measured, self._fixes = self.now, {}
         if expected and whom not in self._fixes:
             self._fixes[whom] = self.beacons.locate(whom, self.now) if self.beacons else None
         fix = self._fixes[whom] if expected else None
         across, along = self.coordinates(record)
-        # A place outside of the field is a wrong measurement, and Table 2 cannot express it.
+        # A place outside the field is a wrong measurement, which Table 2 cannot express.
         if fix is None or not (across.low <= fix.x <= across.high and along.low <= fix.y <= along.high):
             return response(None, None, None, whom)
         x, y = round(fix.x), round(fix.y)

@@ -1,36 +1,40 @@
-"""What the three nodes of the robot have in common: they speak the messages of the document's Table 5."""
+"""The common part of the robot's nodes, which speak the messages of Table 5 of the document; and nodes with calls."""
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Callable, Mapping
+from concurrent.futures import Future
 from typing import Any, ClassVar, TypeAlias
 
 from eurobot_od.device.bound import Application, BoundObject
-from eurobot_od.device.flow import Ask
+from eurobot_od.device.flow import START, Ask, Call, Flow, Result, Script
 from eurobot_od.device.node import Node
 from eurobot_od.device.objects import out_of_limits
+from eurobot_od.device.settings import period, seconds, setting
 from eurobot_od.device.storage import Store
-from eurobot_od.errors import Cause, DictionaryError, Refused
+from eurobot_od.errors import Cause, DictionaryError, Refused, StateError
+from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.objects import data_type
 from eurobot_od.od.values import Address, Limits, Value
-from eurobot_od.pdo.message import Message
+from eurobot_od.pdo.message import Message, MessageT
 from eurobot_od.robot.model import messages, robot_file
 from eurobot_od.robot.model.facts import Facts
 from eurobot_od.robot.model.values import RobotError
 
 Handlers: TypeAlias = Mapping[type[Message], Callable[[Any, Any], "Message | None"]]
-"""What a node does with each message: a function of the node and the message; it returns the answer, or None."""
+"""The handler of each message: a function of the node and the message that returns the answer, or None."""
 
 Objects: TypeAlias = Mapping[str, BoundObject]
-"""What a node's objects, by their ParameterNames, are read from and mean when they are written."""
+"""What a node's objects are bound to, by their ParameterNames."""
 
 
 class RobotNode(Node):
-    """A node of the robot; `facts` are those of the robot and its match, by default of the file beside the EDS.
+    """A node of the robot; `facts` are those of the robot and its match, by default from the file beside the EDS.
 
-    `FACTS` has the settings that are such facts: they count in place of the EDS's defaults, but not of what was stored,
-    or what a DCF says. Raises DictionaryError for one that is outside of the setting's limits.
+    `FACTS` has the settings that are such facts: they replace the EDS's defaults, but not a stored value, or one in a
+    DCF. Raises DictionaryError for one outside the setting's limits.
     """
 
     CATALOGUE = messages.CATALOGUE
@@ -55,12 +59,12 @@ class RobotNode(Node):
         return self._coordinates[record]
 
     def _application(self, dictionary: Dictionary) -> Application:
-        """Return what the application gives the objects: also the facts of the robot's file."""
+        """Return what the application gives the objects, including the facts in the robot's file."""
         given: dict[Address, Value] = {}
         for name, fact in self.FACTS.items():
             address, value = dictionary.address(name), fact(self.facts)
             variable = dictionary.variable(address)
-            # Only a DCF has a ParameterValue: somebody has configured this very device, which counts for more.
+            # Only a DCF has a ParameterValue: somebody has configured this very device, which takes precedence.
             if variable is None or variable.value is not None:
                 continue
             if out_of_limits(variable, value):
@@ -70,24 +74,53 @@ class RobotNode(Node):
         return super()._application(dictionary)._replace(given=given)
 
     def check_configuration(self, configuration: messages.StartConfigurationSet) -> None:
-        """Raise Refused, and report it by EMCY until a good one comes, if a start configuration contradicts itself."""
+        """Raise Refused if a start configuration contradicts itself, and report it by EMCY until a good one comes."""
         wrong = configuration.contradiction()
         if wrong is not None:
-            # Refused as a whole: nobody knows which of two contradictory fields is the wrong one.
+            # Refused as a whole: nobody knows which of two contradictory fields is wrong.
             self.raise_error(RobotError.CONFIGURATION_REFUSED, messages.StartConfigurationSet)
             raise Refused(Cause.VALUES, str(wrong))
         self.clear_error(messages.StartConfigurationSet)
 
     def doubt(self, message: Message) -> int | None:
-        """Return the error code for a message that cannot be believed: a position of another robot is none of ours."""
+        """Return the error code for a message that cannot be believed, such as a position of another robot."""
         code, source = super().doubt(message), messages.SOURCES.get(type(message))
         if code is None and source is not None and getattr(message, "source", None) is not source:
             return RobotError.WRONG_SOURCE
         return code
 
-    def asking(self, request: Message, answer: type[Message], wait: str, attempts: str) -> Ask:
-        """Ask by two settings, read when they are needed: what a master wrote holds from the next question on."""
-        return Ask(request, answer, self.seconds(wait), self.setting(attempts))
+
+class CoreSettings(RobotNode):
+    """The settings of the core, for its scripts; what a master writes counts from the next question on."""
+
+    check_wait = seconds("Node check.Check wait")
+    check_attempts = setting("Node check.Check attempts")
+    identity_wait = seconds("Node check.Identity wait")
+    configuration_wait = seconds("Configuration handshake.Configuration confirm wait")
+    configuration_transmissions = setting("Configuration handshake.Configuration transmissions")
+    confirm_wait = seconds("Goto handshake.Confirm wait")
+    transmissions = setting("Goto handshake.Transmissions")
+    first_state_request = seconds("Goto handshake.First state request")
+    state_request_period = period("Goto handshake.State request period")
+    state_answer_wait = seconds("Goto handshake.State answer wait")
+    goto_timeout = setting("Goto handshake.Time-out")  # s
+    lost_after = setting("Goto handshake.Lost after")
+    arrival_distance = setting("Arrival.Position tolerance")  # mm
+    arrival_angle = setting("Arrival.Angle tolerance")
+    polling_period = period("Position polling.Polling period")
+    polling_start_delay = seconds("Position polling.Start delay")
+    match_duration = setting("Match.Match duration")  # s
+    stop_distance = setting("Obstacle.Stop distance")  # mm
+    sensing_period = period("Obstacle.Sensing period")
+    stop_period = period("Standstill.Stop period")
+    standstill_wait = seconds("Standstill.Standstill wait")
+    standstill_distance = setting("Standstill.Standstill distance")  # mm
+    standstill_turn = setting("Standstill.Standstill turn")
+    displacement = setting("Recovery.Displacement")  # mm
+
+    def ask_drive(self, request: Message, answer: type[Message]) -> Ask:
+        """Ask the drive as often, and wait as long, as the settings of the goto handshake say."""
+        return Ask(request, answer, self.state_answer_wait, self.transmissions)
 
 
 class FollowingNode(RobotNode):
@@ -106,7 +139,7 @@ class FollowingNode(RobotNode):
         self.configuration, self.safe = None, False
 
     def configure(self, configuration: messages.StartConfigurationSet) -> Message:
-        """Take over a start configuration (document 2.3); raises Refused for one that contradicts itself."""
+        """Take over a start configuration (document 2.3); raises Refused for a contradictory one."""
         self.check_configuration(configuration)
         self.configuration, self.safe = configuration, False
         self.clear_error(messages.EmergencyShutdown)
@@ -124,7 +157,125 @@ class FollowingNode(RobotNode):
 
 
 def make(kind: type[Node], dictionary: Dictionary, store: Store | None, facts: Facts | None) -> Node:
-    """Make a node of any class; one of the robot gets the facts."""
+    """Make a node of any class; one of the robot's gets the facts."""
     if issubclass(kind, RobotNode):
         return kind(dictionary, store=store, facts=facts)
     return kind(dictionary, store=store)
+
+
+# A node with calls: what takes time is a flow (see `device.flow`), and its caller gets a `Call`
+
+
+LEAVING = "the core is being switched off"
+
+
+class CallingNode(RobotNode):
+    """A node whose calls are flows; any number of them run at the same time.
+
+    `ONE_AT_A_TIME` are the attributes for flows of which there is at most one at a time, None while there is none.
+    Those in `NOBODYS` are the node's own, and nobody awaits them. `is_leaving` is True once nothing new may begin.
+    """
+
+    ONE_AT_A_TIME: ClassVar[tuple[str, ...]] = ()
+    NOBODYS: ClassVar[tuple[str, ...]] = ()
+
+    def __init__(self, dictionary: Dictionary, *, store: Store | None = None, facts: Facts | None = None) -> None:
+        super().__init__(dictionary, store=store, facts=facts)
+        self._flows: list[Flow[Any]] = []
+        self._told: defaultdict[type[Message], list[Callable[[Any], object]]] = defaultdict(list)
+        self.is_leaving = self._is_off = False
+
+    @property
+    def open_calls(self) -> int:
+        """The number of calls that have not ended, without the flows that nobody has called for."""
+        return len(self._flows) - sum(getattr(self, name) is not None for name in self.NOBODYS)
+
+    def reset(self) -> None:
+        """Give up whatever is going on, as after power-on."""
+        self.end_all("the core was reset")
+        super().reset()
+        self.is_leaving = self._is_off = False
+
+    def switched_off(self) -> None:
+        """End all calls, as nobody else would."""
+        with self.guard:
+            self.is_leaving = self._is_off = True
+            self.end_all(LEAVING)
+
+    def check_present(self) -> None:
+        """Raise StateError if the node is being switched off."""
+        if self.is_leaving:
+            raise StateError(LEAVING)
+
+    def begin(self, script: Script[Result]) -> Flow[Result]:
+        """Begin a flow; its first step is in the next `tick`."""
+
+        def send(request: Message | Frame) -> None:
+            if isinstance(request, Frame):
+                self.put(request)  # an SDO request is not a message, and has no TPDO
+            else:
+                self.offer(request)
+
+        def settled(call: Future[Result]) -> None:
+            if call.cancelled():  # this is the caller's thread, and only the node's may close the script
+                with self.guard:
+                    self.soon(flow.drop)
+
+        flow = Flow(script, self._timers, send, self._ended)
+        with self.guard:
+            self._flows.append(flow)
+            self.soon(flow.start)
+            if self._is_off:  # no tick will come: it would wait for ever
+                self.end(flow, StateError(LEAVING))
+        flow.call.add_done_callback(settled)
+        return flow
+
+    def begin_ask(self, ask: Ask) -> Call[Any]:
+        """Send a request and wait for the answer; the call raises NoAnswer."""
+
+        def script() -> Script[Any]:
+            yield START
+            return (yield ask)
+
+        return self.begin(script()).call
+
+    def _ended(self, flow: Flow[Any]) -> None:
+        self._flows.remove(flow)
+        for name in self.ONE_AT_A_TIME:
+            if getattr(self, name) is flow:
+                setattr(self, name, None)
+
+    def end(self, flow: Flow[Any] | None, error: Exception) -> None:
+        """End a flow with an error, unless it has ended."""
+        if flow is not None and flow in self._flows:
+            flow.fail(error, self.now)
+
+    def end_all(self, why: str) -> None:
+        """End all flows."""
+        while self._flows:  # one that ends may begin another, such as the watch over a goto that is given up
+            self.end(self._flows[-1], StateError(why))
+
+    # Messages
+
+    def on(self, message: type[MessageT], function: Callable[[MessageT], object]) -> Callable[[], None]:
+        """Have a function called with each message of a type; return a function that ends that.
+
+        It is called on the core's thread, which waits for it, so it has to be quick. Raises StateError if the core has
+        no RPDO for such a message.
+        """
+        self.device.check_received(message)
+        self._told[message].append(function)
+        return lambda: self._told[message].remove(function)
+
+    def _act(self, message: Message) -> None:
+        super()._act(message)
+        self.answered(message)
+        # A copy: a function may end its own registration.
+        for function in tuple(self._told.get(type(message), ())):
+            function(message)
+
+    def answered(self, answer: Message | Frame) -> None:
+        """Pass a message or an SDO answer to the flows that wait for it."""
+        # A copy: a flow that gets its answer may end. All of them hear it, as two may have asked the same.
+        for flow in list(self._flows):
+            flow.heard(answer, self.now)

@@ -1,9 +1,9 @@
-"""The drive's way round barriers: from a start and a goal to the way points of a shortest way.
+"""The drive's route round barriers: from a start and a goal to the way points of a shortest route.
 
-A barrier is a disc that a straight leg either misses or pays a toll for, so that one search for the cheapest way does
-for free, normal and forced barriers alike. The shortest way round discs touches them along arcs. The robot drives
+A barrier is a disc that a straight leg either misses or pays a toll for, so that one search for the cheapest route
+serves free, normal and forced barriers alike. The shortest route round discs touches them along arcs. The robot drives
 straight legs, so each disc becomes a polygon around it whose corners are the candidates for way points; with eight
-discs of eight corners the graph of all legs is small enough to be searched anew for every goto.
+discs of eight corners the graph of all legs is small enough to be searched for every goto.
 """
 
 from __future__ import annotations
@@ -21,23 +21,23 @@ TOLLS = {
     Passage.NORMAL: 100_000.0,
     Passage.FORCED: math.inf,
 }
-"""What crossing a barrier costs, mm: more than the longest way round for a normal one, never for a forced one."""
+"""The toll of crossing a barrier, mm: more than the longest detour for a normal one, infinite for a forced one."""
 
 CORNERS = 8
-"""Corners of the polygon around a disc: 8 turns its flat sides to its neighbours, so that narrow gaps stay open."""
+"""Corners of the polygon around a disc; with 8 its flat sides face its neighbours, so that narrow gaps stay open."""
 
 SLACK = 1.0
-"""How far the polygon stays off its disc, mm, so that a leg along its side misses the disc."""
+"""Distance of the polygon from its disc, mm, so that a leg along its side misses the disc."""
 
 ROUNDING = 1e-6
-"""How deep in mm a point must lie in a disc to count as inside."""
+"""Depth in mm from which a point in a disc counts as inside."""
 
 
 class Clearances(NamedTuple):
-    """How far the robot's centre stays away, mm: from the centres of barriers, by kind, and from the field's edge.
+    """How far the robot's centre stays away, mm: from barriers' centres, by kind, and from the field's edge.
 
-    `facts` are those of the field. `edge` is for way points; a goal may be nearer, as near as `border`, where the robot
-    just fits.
+    `facts` are those of the field. `edge` is for way points; a goal may be as near as `border`, where the robot just
+    fits.
     """
 
     facts: Facts
@@ -47,7 +47,7 @@ class Clearances(NamedTuple):
 
     @classmethod
     def of(cls, facts: Facts, radius: float, margin: float) -> Clearances:
-        """Compute them from the robot's radius and a margin for what it may be off, mm."""
+        """Compute them from the robot's radius and a margin for its errors, mm."""
         reach = radius + margin
         return cls(facts, {each.kind.name: reach + each.kind.radius for each in facts.barriers}, reach, radius)
 
@@ -57,7 +57,7 @@ class Clearances(NamedTuple):
 
 
 class Disc(NamedTuple):
-    """A place to stay out of, mm, and what a leg through it costs, mm."""
+    """A place to stay out of, mm, and the toll of a leg through it, mm."""
 
     centre: Point
     radius: float
@@ -68,9 +68,9 @@ class Disc(NamedTuple):
         return math.dist(self.centre, point) < self.radius - ROUNDING
 
     def meets(self, start: Point, end: Point) -> bool:
-        """Tell whether the straight leg from `start` to `end` has a point inside."""
+        """Tell whether any point of the straight leg from `start` to `end` is inside."""
         (start_x, start_y), (end_x, end_y), (x, y), reach = start, end, self.centre, self.radius
-        # Most legs pass far off on one side; this is asked for some hundred thousand times in a match.
+        # Most legs pass far away on one side; a match asks this some hundred thousand times.
         if (start_x < x - reach and end_x < x - reach) or (start_x > x + reach and end_x > x + reach):
             return False
         if (start_y < y - reach and end_y < y - reach) or (start_y > y + reach and end_y > y + reach):
@@ -81,7 +81,7 @@ class Disc(NamedTuple):
         return math.hypot(start_x + share * dx - x, start_y + share * dy - y) < self.radius - ROUNDING
 
     def left_from(self, start: Point) -> Disc:
-        """Shrink the disc to the distance of a `start` inside it: the robot may leave, but come no nearer."""
+        """Shrink the disc to the distance of a `start` inside it: the robot may leave it, but not get any nearer."""
         return self._replace(radius=min(self.radius, math.dist(self.centre, start)))
 
     def corners(self) -> Iterator[Point]:
@@ -97,13 +97,13 @@ class Disc(NamedTuple):
 def find_route(
     start: Point, goal: Point, barriers: Barriers, clearances: Clearances, others: Iterable[Disc] = ()
 ) -> tuple[Point, ...] | None:
-    """Find the way points of a shortest way: without `start`, ending with `goal`; None if there is no way.
+    """Find the way points of a shortest route: without `start`, ending with `goal`; None if there is no route.
 
-    Normal barriers are avoided if there is a way round, otherwise as few as possible are crossed; forced ones are
-    never crossed (document 2.1, footnote 2). A goal inside a normal disc makes that disc free, one inside a forced
-    disc is out of reach. A start inside a disc may leave it. Way points keep clear of the field's edge. The goal may be
-    nearer to it, but one where the robot does not fit is out of reach; the start may be anywhere. `others` are more
-    places to stay out of, such as where other robots are.
+    Normal barriers are avoided if there is a way round, otherwise as few as possible are crossed; forced ones are never
+    crossed (document 2.1, footnote 2). A goal inside a normal disc makes that disc free, one inside a forced disc is
+    out of reach. A start inside a disc may leave it. Way points keep clear of the field's edge. The goal may be nearer
+    to it, but one where the robot does not fit is out of reach; the start may be anywhere. `others` are more places to
+    stay out of, such as those of other robots.
     """
     field = clearances.facts.field
     discs = [
@@ -114,7 +114,7 @@ def find_route(
     forced = any(disc.toll == math.inf for disc in discs if disc.contains(goal))
     if forced or not field.contains(goal, clearances.border):
         return None
-    # A normal disc with the goal in it has to be entered in any case, so it is not in the way.
+    # A normal disc that contains the goal has to be entered in any case, so it does not count.
     avoided = [disc.left_from(start) for disc in discs if not disc.contains(goal)]
     if not any(disc.meets(start, goal) for disc in avoided):
         return (goal,)
@@ -130,7 +130,7 @@ def find_route(
 
 def _cheapest(start: Point, goal: Point, corners: list[Point], discs: list[Disc]) -> tuple[Point, ...] | None:
     """Search the visibility graph: Dijkstra, with the straight distance to the goal as the part still to come."""
-    # Most legs are never looked at again: what a leg's tolls are is asked when it is the next one on a cheapest way.
+    # Most legs are never looked at again: a leg's tolls are computed when it is the next one on a cheapest route.
     frontier: list[tuple[float, float, tuple[Point, ...], bool]] = [(0.0, 0.0, (start,), True)]
     settled: set[Point] = set()
     while frontier:
@@ -139,12 +139,12 @@ def _cheapest(start: Point, goal: Point, corners: list[Point], discs: list[Disc]
         if here in settled:
             continue
         if not has_paid and (toll := sum(disc.toll for disc in discs if disc.meets(way[-2], here))):
-            # Back into the queue with its toll: a way round may be cheaper now.
+            # Back into the queue with its toll: a detour may be cheaper now.
             if toll < math.inf:
                 heappush(frontier, (estimate + toll, cost + toll, way, True))
             continue
         if here == goal:
-            # A robot that stands at its goal has no leg to drive, and still needs a place to turn at.
+            # A robot that stands at its goal has no leg to drive, but still needs a place to turn at.
             return way[1:] or (goal,)
         settled.add(here)
         for point in {goal, *corners} - settled:

@@ -1,8 +1,8 @@
-"""Where the robots are: the positions that came last, and where another robot really is by all that came of it.
+"""Where the robots are: the last positions that came, and where another robot really is, judged by all of them.
 
-The beacons now and then see a robot somewhere else, take it for another one, or do not see it. What they say about the
-others is not filtered on its way. So a place that is further from the last one than a robot can have driven meanwhile
-is believed only when the next one agrees with it, and one that is unknown changes nothing.
+Now and then the beacons see a robot somewhere else, take it for another one, or do not see it, and nothing filters what
+they report about others. So a place that is further from the last one than a robot can have driven meanwhile is
+believed only when the next one agrees with it, and an unknown place changes nothing.
 
 Two drives on one bus both answer, and nobody can tell whose answer is whose: see `Twins`.
 """
@@ -16,21 +16,21 @@ from eurobot_od.robot.model import messages
 from eurobot_od.robot.model.places import Point, is_near
 
 TOP_SPEED = 800.0
-"""No robot drives faster, mm/s."""
+"""No robot drives faster than this, mm/s."""
 
 SPREAD = 50.0
-"""Two right places of a robot that stands are never further apart, mm."""
+"""Two right places of a standing robot are never further apart than this, mm."""
 
 
 class Sighting(NamedTuple):
-    """A position as it was received, and when, in seconds of the node's time."""
+    """A received position, and when it came, in seconds of the node's time."""
 
     position: messages.PositionResponse
     time: float
 
 
 class Seen(NamedTuple):
-    """A place in mm where a robot was at a time in s."""
+    """A place in mm where a robot was at a time in seconds."""
 
     point: Point
     time: float
@@ -43,7 +43,7 @@ class Seen(NamedTuple):
 
 
 class Track:
-    """Where a robot is; `last` is where it was seen last, None before."""
+    """The track of a robot; `last` is where it was last seen, None before."""
 
     def __init__(self) -> None:
         self.last: Seen | None = None
@@ -62,13 +62,13 @@ class Track:
 
 
 TOGETHER = 0.002
-"""Answers to one question come within this time, s; what a drive says about itself hardly changes meanwhile."""
+"""Answers to one question come within this time, s; what a drive reports hardly changes meanwhile."""
 
 SURE = 3
 """How often in a row they have to differ: once may be a goto that begins just then, or a correction."""
 
 SAME_TIME, SAME_DISTANCE, SAME_ANGLE = 100, 50.0, 10.0
-"""Answers that are no further apart are the same, ms, mm and degrees."""
+"""Answers that are no further apart than this are the same, ms, mm and degrees."""
 
 DriveAnswer: TypeAlias = messages.GotoStateResponse | messages.KalmanPositionResponse
 
@@ -81,10 +81,10 @@ class Twins:
         self._times = 0
 
     def heard(self, answer: DriveAnswer, now: float) -> str:
-        """Take in an answer; return the two that differ when it is sure that there are two drives, '' otherwise."""
+        """Take in an answer; return two that differ once it is certain that there are two drives, otherwise ''."""
         before, then = self._last.get(type(answer), (answer, -math.inf))
         self._last[type(answer)] = answer, now
-        # An answer to another question says nothing, and two drives are reported once.
+        # An answer to another question says nothing, and two drives are reported only once.
         if now - then >= TOGETHER or self._times == SURE:
             return ""
         self._times = self._times + 1 if _differ(before, answer) else 0
@@ -95,5 +95,5 @@ def _differ(before: DriveAnswer, answer: DriveAnswer) -> bool:
     if isinstance(before, messages.KalmanPositionResponse) and isinstance(answer, messages.KalmanPositionResponse):
         return not is_near(before[:3], answer[:3], SAME_DISTANCE, SAME_ANGLE)
     times = before[0], answer[0]
-    # One knows of a goto and the other does not: a few milliseconds do not explain that.
+    # One has a goto and the other has none: a few milliseconds do not explain that.
     return times.count(None) == 1 or abs((times[0] or 0) - (times[1] or 0)) > SAME_TIME

@@ -6,8 +6,8 @@ import random
 from typing import NamedTuple
 
 from eurobot_od.errors import UnknownName
+from eurobot_od.robot.model.facts import Task, Worth
 from eurobot_od.robot.model.places import Pose, is_near
-from eurobot_od.robot.model.tasks import Task, Worth
 
 REACH = 40.0
 REACH_ANGLE = 8.0

@@ -22,12 +22,10 @@ from eurobot_od.robot.model.places import Point, Pose
 from eurobot_od.robot.model.values import Source, TeamColour
 from eurobot_od.robot.nodes.equipment import Detection
 from eurobot_od.robot.nodes.motion import Odometry
-from eurobot_od.robot.world.bodies import RobotBody, Weight, inside, standing
-from eurobot_od.robot.world.contact import Contacts, Touch
-from eurobot_od.robot.world.fallen import FallenThing
+from eurobot_od.robot.world.bodies import RobotBody, Weight, inside, nearest_ahead, standing
+from eurobot_od.robot.world.contact import Contacts, FallenThing, Touch
 from eurobot_od.robot.world.game import Game, find
 from eurobot_od.robot.world.patrols import Patrol
-from eurobot_od.robot.world.sight import nearest_ahead
 
 PACE = 0.1
 """Seconds of a step of the robots on their rounds."""

@@ -15,7 +15,7 @@ from eurobot_od.bus.live import FrameReader, Opener
 from eurobot_od.errors import BusError
 from eurobot_od.frame import Frame
 from eurobot_od.traffic.entries import Damage, Foreign, LogEntry, Raw, shortened
-from eurobot_od.traffic.formats.binary import of_message
+from eurobot_od.traffic.formats.python_can import of_message
 
 if TYPE_CHECKING:
     import can

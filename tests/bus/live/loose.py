@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from queue import SimpleQueue
 from typing import Any
 
@@ -14,6 +15,14 @@ from eurobot_od.gatekeeper import Event, Report
 
 LONG = 10.0
 """Seconds after which a test gives up; what it waits for comes at once."""
+
+
+def until(done: Callable[[], object]) -> None:
+    """Wait for what another thread does."""
+    end = time.monotonic() + LONG
+    while not done():
+        assert time.monotonic() < end, "never"
+        time.sleep(0.005)
 
 
 class Cable:

@@ -22,6 +22,7 @@ from eurobot_od.bus.live.links import (
     troubles,
     without_socketcan,
 )
+from tests.rows import rows
 
 
 def said(name: str, flags: list[str], **linkinfo: Any) -> dict[str, Any]:
@@ -144,7 +145,7 @@ REMEDIES = [
 ]
 
 
-@pytest.mark.parametrize(("number", "name", "text"), REMEDIES)
+@rows("number, name, text", REMEDIES)
 def test_what_helps_against_an_error(number: int | None, name: str, text: str) -> None:
     assert remedy(number, name) == text
 

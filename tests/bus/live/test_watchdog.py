@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from eurobot_od.bus.live import event_loop
+from eurobot_od.bus.live import event_loop, watchdog
 from eurobot_od.bus.live.watchdog import Watchdog
 from eurobot_od.errors import ProgramFailed
 
@@ -59,6 +59,7 @@ def test_it_ends_the_program_and_not_the_loop_however_slow_the_disk_is(monkeypat
         return "await GivingWay()"
 
     monkeypatch.setattr(linecache, "getline", slow)
+    monkeypatch.setattr(watchdog, "PATIENCE", 0.2)
     program: dict[str, Any] = {}
     exec(compile(GIVES_WAY_FOR_EVER, "mine.py", "exec"), program)
     for _ in range(3):

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from eurobot_od.check.conformance import ctt, suite
+from eurobot_od.check.conformance.clauses import StepName
 from eurobot_od.check.conformance.ctt import Verdict
-from eurobot_od.check.conformance.naming import StepName
 from eurobot_od.check.results import Reason, Status, StepResult, SuitePart, SuiteResult
 from eurobot_od.support.yaml_places import Place
 

@@ -24,7 +24,8 @@ from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.objects import address_of
 from eurobot_od.od.values import SDO_REQUEST_BASE, SDO_RESPONSE_BASE, Address, Value
 from eurobot_od.robot import dialects
-from tests.check.conformance.devices import (
+from tests.eds_text import DEVICE_TYPE, record, variable
+from tests.kit.devices import (
     AXIS_DRIVE,
     IO_MODULE,
     MAKERS,
@@ -32,11 +33,11 @@ from tests.check.conformance.devices import (
     NODE_ID,
     SAMPLES,
     asked_for_everything,
-    run_all,
+    red,
     steps,
     suites,
+    suites_of,
 )
-from tests.eds_text import DEVICE_TYPE, record, variable
 
 LONG = ("compact_drive.eds", "configured.dcf", "editor_with_comments.eds", "generated.eds")
 FILES = [
@@ -50,24 +51,23 @@ CLAUSE = re.compile(r"7\.\d(\.\d+)* [A-Z]")
 
 @pytest.mark.parametrize("file", FILES, ids=lambda file: file.name)
 def test_no_step_is_red_on_a_device_that_is_its_file(file: Path) -> None:
-    assert [each.name for each in steps(file) if each.status is Status.FAILED] == []
+    assert red(steps(suites(file))) == []
 
 
 @pytest.mark.long
 @pytest.mark.parametrize("file", MADE, ids=lambda file: file.stem)
 def test_nor_on_a_makers_device_with_everything_that_may_be_asked(file: Path) -> None:
-    assert [each.name for each in asked_for_everything(file) if each.status is Status.FAILED] == []
+    assert red(asked_for_everything(file)) == []
 
 
 @pytest.mark.long
 def test_nor_on_a_node_that_acts_on_what_is_written() -> None:
-    dictionary = dialects.load("drive")
-    assert [each.name for each in steps(dictionary.file) if each.status is Status.FAILED] == []
+    assert red(steps(suites(dialects.load("drive").file))) == []
 
 
 @pytest.mark.long
 def test_each_step_begins_with_its_clause_and_says_why_it_is_skipped() -> None:
-    for each in steps(MODULE):
+    for each in steps(suites(MODULE)):
         assert CLAUSE.match(each.name)
         assert each.status is Status.PASSED or (each.reason and each.reason.what)
 
@@ -93,21 +93,25 @@ def test_a_device_with_everything_is_asked_for_everything() -> None:
     assert sum("changed in order, and not otherwise [" in each for each in passed) >= 4
 
 
-ASKED_OF_MAKERS = [
-    # a file, and a step that only such a device can be asked
-    (IO_MODULE, "TPDO 1 and TPDO 2 by remote frame [reversible, CTT 3.15]: it comes"),
-    (IO_MODULE, "TPDO 1 and TPDO 2 by event timer [reversible, CTT 3.10, 3.11, 3.16, 3.17]: none in STOPPED"),
-    (IO_MODULE, "0x2000:0 Password [reading, CTT 2.4, 4.4]"),
-    (AXIS_DRIVE, "TPDO 1 and TPDO 2 from SYNC 3 on [destructive, CTT 3.14, 3.20]: it comes"),
-    (AXIS_DRIVE, "further servers after reset communication [reversible, CTT 2.29]: 0x1201:1 COB-ID client to server"),
-    (AXIS_DRIVE, "0x1280 [destructive, CTT 2.30]: 0x1280:1 is kept"),
-]
+ASKED_OF_MAKERS = {
+    # a file, and steps that only such a device can be asked
+    IO_MODULE: [
+        "TPDO 1 and TPDO 2 by remote frame [reversible, CTT 3.15]: it comes",
+        "TPDO 1 and TPDO 2 by event timer [reversible, CTT 3.10, 3.11, 3.16, 3.17]: none in STOPPED",
+        "0x2000:0 Password [reading, CTT 2.4, 4.4]",
+    ],
+    AXIS_DRIVE: [
+        "TPDO 1 and TPDO 2 from SYNC 3 on [destructive, CTT 3.14, 3.20]: it comes",
+        "further servers after reset communication [reversible, CTT 2.29]: 0x1201:1 COB-ID client to server",
+        "0x1280 [destructive, CTT 2.30]: 0x1280:1 is kept",
+    ],
+}
 
 
-@pytest.mark.parametrize(("file", "step"), ASKED_OF_MAKERS)
-def test_a_makers_device_is_asked_for_what_it_has(file: Path, step: str) -> None:
+@pytest.mark.parametrize("file", ASKED_OF_MAKERS)
+def test_a_makers_device_is_asked_for_what_it_has(file: Path) -> None:
     passed = [each.name for each in asked_for_everything(file) if each.status is Status.PASSED]
-    assert any(each.endswith(step) for each in passed)
+    assert [step for step in ASKED_OF_MAKERS[file] if not any(each.endswith(step) for each in passed)] == []
 
 
 LACKING = [
@@ -123,7 +127,7 @@ LACKING = [
 
 @pytest.mark.parametrize(("name", "clause", "reason"), LACKING)
 def test_what_a_file_lacks_is_skipped_with_the_reason(name: str, clause: str, reason: str) -> None:
-    skipped = [each for each in steps(SAMPLES / name) if each.status is Status.SKIPPED]
+    skipped = [each for each in steps(suites(SAMPLES / name)) if each.status is Status.SKIPPED]
     reasons = [each.reason.what for each in skipped if each.reason and each.name.startswith(f"{clause} ")]
     assert any(each.startswith(reason) for each in reasons), reasons
 
@@ -141,8 +145,9 @@ HEARTBEAT_LIMITS = {
 def test_states_are_watched_by_heartbeats_that_come_soon_or_not_at_all(limits: str) -> None:
     default, watched = HEARTBEAT_LIMITS[limits]
     text = DEVICE_TYPE + variable("1017", "Producer heartbeat time", "UNSIGNED16", default, limits)
-    done = run_all(Dictionary.read(text.encode(), Path("device.eds"), NODE_ID), tier=Tier.DESTRUCTIVE)
-    assert [each.name for each in done if each.status is Status.FAILED] == []
+    dictionary = Dictionary.read(text.encode(), Path("device.eds"), NODE_ID)
+    done = list(steps(suites_of(dictionary, Tier.DESTRUCTIVE)))
+    assert red(done) == []
     assert any(each.status is Status.PASSED and "heartbeat says stopped" in each.name for each in done) is watched
 
 
@@ -164,7 +169,7 @@ def test_of_a_device_without_a_number_that_may_be_written_none_is_written() -> N
 
 
 def test_what_the_object_flags_exclude_is_not_touched() -> None:
-    done = [step.action for each in suites(AXIS_DRIVE, tier=Tier.DESTRUCTIVE) for step in all_steps(each)]
+    done = [step.action for each in suites(AXIS_DRIVE, Tier.DESTRUCTIVE) for step in all_steps(each)]
     touched = {address_of(each.variable) for each in done if isinstance(each, (SdoRead, SdoWrite))}
     assert (0x2100, 0) in touched
     assert (0x2101, 0) not in touched
@@ -193,8 +198,8 @@ def values(device: SimulatedDevice) -> dict[Address, Value]:
     return {address: device.device.objects.kept(address) for address in device.device.dictionary.addresses()}
 
 
-@pytest.mark.parametrize("chapter", range(len(suite.CHAPTERS)))
-def test_all_values_are_put_back(chapter: int) -> None:
+@pytest.mark.parametrize("chapter", [each.word for each in suite.CHAPTERS])
+def test_all_values_are_put_back(chapter: str) -> None:
     """Without the reset at the end, which would hide what is not."""
     made: list[SimulatedDevice] = []
 
@@ -203,7 +208,8 @@ def test_all_values_are_put_back(chapter: int) -> None:
         return list(map(NodeUnderTest, made))
 
     before = values(SimulatedDevice.load(MODULE, NODE_ID))
-    run_simulated(suites(MODULE)[chapter]._replace(teardown=()), RunOptions(keep_going=True), make)
+    (asked,) = suites(MODULE, chapter=chapter)
+    run_simulated(asked._replace(teardown=()), RunOptions(keep_going=True), make)
     assert values(made[0]) == before
 
 
@@ -217,7 +223,7 @@ def written(several: tuple[Step, ...]) -> Iterator[Address]:
 def test_nothing_is_stored_unless_it_is_asked_for() -> None:
     commands = {(0x1010, 1), (0x1011, 1)}
     for tier in Tier:
-        found = {address for each in suites(MODULE, tier=tier) for address in written(each.steps)}
+        found = {address for each in suites(MODULE, tier) for address in written(each.steps)}
         assert found & commands == (commands if tier is Tier.DESTRUCTIVE else set())
 
 
@@ -226,7 +232,7 @@ def test_reading_writes_nothing_but_the_heartbeat_time_and_commands_nobody() -> 
     device = SimulatedDevice.load(MODULE, NODE_ID)
     asked = []
     device.device.objects.write = lambda *written: asked.append(written)  # type: ignore[method-assign]
-    for each in suites(MODULE, tier=Tier.READING):
+    for each in suites(MODULE, Tier.READING):
         before = {*device.device.objects.values}
         run_simulated(each, RunOptions(keep_going=True), lambda *_: [NodeUnderTest(device)])
         assert {*device.device.objects.values} == before
@@ -261,14 +267,14 @@ def test_a_run_proves_itself_that_all_is_as_it_was(tier: Tier) -> None:
             super().reset()
             self.device.objects.values |= kept
 
-    done = steps(MODULE, Stubborn, tier=tier, chapter="nmt")  # its heartbeat clause writes that time
+    done = steps(suites(MODULE, tier, "nmt"), Stubborn)  # its heartbeat clause writes that time
     proofs = [each for each in done if "as they were" in each.name]
     assert Status.FAILED in {each.status for each in proofs}
 
 
 def test_a_destructive_suite_is_green_and_leaves_the_defaults() -> None:
     done = asked_for_everything(MODULE)
-    assert [each.name for each in done if each.status is Status.FAILED] == []
+    assert red(done) == []
     assert any("stored and restored" in each.name and each.name.endswith(": the default is back") for each in done)
     assert any(each.name.startswith("7.4.5 Writable: 0x2006:0 Enabled: another value") for each in done)
 
@@ -287,8 +293,8 @@ def test_a_device_is_green_wherever_its_file_has_the_sdo_server(requests: str, a
     channel = (0, "UNSIGNED8", "2"), (1, "UNSIGNED32", requests), (2, "UNSIGNED32", answers)
     heartbeat = variable("1017", "Producer heartbeat time", "UNSIGNED16", "0")
     text = DEVICE_TYPE + heartbeat + record(0x1200, "SDO server", *channel)
-    done = run_all(Dictionary.read(text.encode(), Path("moved.eds"), NODE_ID))
-    assert [each.name for each in done if each.status is Status.FAILED] == []
+    done = list(steps(suites_of(Dictionary.read(text.encode(), Path("moved.eds"), NODE_ID))))
+    assert red(done) == []
     assert any("0x1017" in each.name for each in done if each.status is Status.PASSED)
 
 
@@ -313,11 +319,11 @@ def only_says(address: bytes) -> type[SimulatedDevice]:
 
 
 @pytest.mark.long
-@pytest.mark.parametrize(("address", "red"), [(b"\x10\x10\1", "it is kept"), (b"\x11\x10\1", "the default is back")])
-def test_a_device_that_only_says_that_it_stores_or_restores_is_red(address: bytes, red: str) -> None:
-    done = steps(MODULE, only_says(address), tier=Tier.DESTRUCTIVE, chapter="storage")
+@pytest.mark.parametrize(("address", "step"), [(b"\x10\x10\1", "it is kept"), (b"\x11\x10\1", "the default is back")])
+def test_a_device_that_only_says_that_it_stores_or_restores_is_red(address: bytes, step: str) -> None:
+    done = steps(suites(MODULE, Tier.DESTRUCTIVE, "storage"), only_says(address))
     failed = [each.name for each in done if each.status is Status.FAILED]
-    assert any("stored and restored" in each and each.endswith(f": {red}") for each in failed), failed
+    assert any("stored and restored" in each and each.endswith(f": {step}") for each in failed), failed
 
 
 # Devices that are no help
@@ -331,6 +337,6 @@ class Mute(SimulatedDevice):
 
 
 def test_a_device_that_does_not_answer_is_red_at_once_and_all_else_is_skipped() -> None:
-    statuses = Counter(each.status for each in steps(MODULE, Mute) if each.section is not SuitePart.TEARDOWN)
+    statuses = Counter(each.status for each in steps(suites(MODULE), Mute) if each.section is not SuitePart.TEARDOWN)
     assert statuses[Status.FAILED] == len(suite.CHAPTERS)
     assert statuses[Status.PASSED] == len(suite.CHAPTERS)  # the NMT command before

@@ -4,16 +4,14 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import pytest
 import yaml
 
 from eurobot_od.check.conformance import suite, writing
-from eurobot_od.check.reader import SuiteReader
-from eurobot_od.check.vocabulary import Networks
+from eurobot_od.check.conformance.step import Data
 from eurobot_od.od.dictionary import Dictionary
-from tests.check.conformance.devices import MODULE, NODE_ID
+from tests.kit.devices import MODULE, NODE_ID, read
 
-STEPS = [
+STEPS: list[tuple[Data, str]] = [
     # a step, and its line
     (
         {"name": "read", "sdo": {"read": "0x1017:0", "expect": 500}},
@@ -28,9 +26,9 @@ STEPS = [
 ]
 
 
-@pytest.mark.parametrize(("step", "line"), STEPS)
-def test_a_step_is_one_line(step: writing.Data, line: str) -> None:
-    assert writing.documents([{"steps": [step]}]) == f"---\nsteps:\n  {line}\n"
+def test_a_step_is_one_line() -> None:
+    lines = "".join(f"  {line}\n" for _, line in STEPS)
+    assert writing.documents([{"steps": [step for step, _ in STEPS]}]) == f"---\nsteps:\n{lines}"
 
 
 NAMES = [
@@ -64,5 +62,4 @@ def test_any_name_of_a_file_is_read_back(tmp_path: Path) -> None:
     dictionary = Dictionary.load(file, NODE_ID)
     suites = suite.text(dictionary)
     assert len(list(yaml.safe_load_all(suites))) == len(suite.CHAPTERS)
-    networks = Networks(lambda _: file, load=lambda _: (dictionary,), refused=lambda _: None)
-    assert len(SuiteReader(networks).read_texts({file: suites})) == len(suite.CHAPTERS)
+    assert len(read(dictionary, suites)) == len(suite.CHAPTERS)

@@ -14,7 +14,8 @@ from eurobot_od.frame import Frame
 from tests.device.io_module import NODE_ID, module
 from tests.device.master import NodeWire
 
-HEARTBEATS, EMERGENCIES, ANSWERS, CHANGED = (base + NODE_ID for base in (0x700, 0x080, 0x580, 0x180))
+HEARTBEATS, EMERGENCIES, ANSWERS, CHANGED, CYCLIC = (base + NODE_ID for base in (0x700, 0x080, 0x580, 0x180, 0x280))
+PRODUCT = Frame(0x600 + NODE_ID, bytes.fromhex("4018100200000000"))
 REQUEST = Frame(0x600 + NODE_ID, bytes.fromhex("4000200100000000"))
 UNKNOWN = Frame(0x600 + NODE_ID, bytes.fromhex("4000400000000000"))
 SHORT, COMMAND = (Frame(0x200 + NODE_ID, bytes(length)) for length in (1, 2))
@@ -46,6 +47,17 @@ def write(wire: NodeWire) -> None:
     wire.send(Frame(REQUEST.cob_id, bytes.fromhex("4000210000000000")))
 
 
+def read_in_blocks(wire: NodeWire) -> None:
+    for request in ("a40020047f000000", "a300000000000000", "a2017f0000000000"):
+        wire.send(Frame(REQUEST.cob_id, bytes.fromhex(request)))
+
+
+def guard(wire: NodeWire) -> None:
+    wire.write(0x1017, 0, 0, size=2)
+    for _ in range(2):
+        wire.heard += wire.node.requested(HEARTBEATS, wire.now)
+
+
 class Case(NamedTuple):
     """What is done, and what the module then has sent with a COB-ID: healthy, and with the fault."""
 
@@ -56,6 +68,7 @@ class Case(NamedTuple):
 
 
 SHORT_EMCY, FINE = "1082110502010000", "0000000000000000"
+BLOCK = "c600200407000000 8176616c76652041"
 TAKEN, ABORTED = "6000210000000000", "8000400000000206"
 
 CASES = {
@@ -79,6 +92,14 @@ CASES = {
     "sdo-write-forgotten": Case(write, ANSWERS, f"{TAKEN} 4b00210009000000", f"{TAKEN} 4b00210000000000"),
     "sdo-abort-general": Case(say(UNKNOWN), ANSWERS, ABORTED, "8000400000000008"),
     "sdo-abort-silent": Case(say(UNKNOWN), ANSWERS, ABORTED, ""),
+    "error-from-the-start": Case(started, EMERGENCIES, "", "0050010000000000"),
+    "operational-by-itself": Case(started, HEARTBEATS, "00 7f 7f 7f", "00 05 05 05"),
+    "identity-wrong": Case(say(PRODUCT), ANSWERS, "4318100207000000", "4318100206000000"),
+    "block-crc-wrong": Case(read_in_blocks, ANSWERS, f"{BLOCK} c17fe60000000000", f"{BLOCK} c17ee60000000000"),
+    "tpdos-missing": Case(say(), CHANGED, "fbff0000", ""),
+    "sync-ignored": Case(say(Frame(0x080)), CYCLIC, "0000c03f01", ""),
+    "guarding-not-answered": Case(guard, HEARTBEATS, "00 7f ff", "00"),
+    "guarding-toggle-stuck": Case(guard, HEARTBEATS, "00 7f ff", "00 7f 7f"),
     "babbling": Case(lambda wire: wire.run(0.0015), EMERGENCIES, "", f"2082110000000000 {FINE}"),
 }
 

@@ -10,6 +10,7 @@ from canopen.profiles.p402 import State402
 from eurobot_od.device.profiles.motion import Plant
 from eurobot_od.od.profiles.cia402 import TRANSITIONS, DriveCommand, State
 from tests.device.profiles.bench import Bench
+from tests.rows import rows
 
 # The state machine once more, written from the figure in CiA 402-2 and not from the package's table: what each command
 # makes of each state. `.`: nothing; "Enable operation" in Ready to switch on takes two arrows.
@@ -74,7 +75,7 @@ def says(bench: Bench, state: str) -> bool:
     return bench[0x6041] & mask == bits
 
 
-@pytest.mark.parametrize(("before", "word", "after"), _cells())
+@rows("before, word, after", _cells())
 def test_each_command_in_each_state(before: str, word: str, after: str) -> None:
     bench = Bench(STAYS)
     WAYS[before](bench)
@@ -91,7 +92,7 @@ def test_the_table_of_arrows_is_that_of_canopen() -> None:
     assert sorted({each.number for each in TRANSITIONS}) == [*range(1, 13), 14, 15, 16]
 
 
-@pytest.mark.parametrize("state", State)
+@rows("state", State)
 def test_each_state_has_bits_of_its_own(state: State) -> None:
     assert [other for other in State if state.bits & other.mask == other.bits] == [state]
 
@@ -139,7 +140,7 @@ STOPS = [
 ]
 
 
-@pytest.mark.parametrize(("word", "option", "code", "seconds", "after"), STOPS)
+@rows("word, option, code, seconds, after", STOPS)
 def test_an_option_code_says_how_the_motor_stops(
     word: int, option: int, code: int, seconds: float, after: State
 ) -> None:

@@ -12,7 +12,7 @@ from canopen.profiles.p402 import BaseNode402
 from interop_rows.bench import new_channel, open_bus
 
 from eurobot_od.bus.live import Live
-from eurobot_od.device.drive import SimulatedDrive
+from eurobot_od.device.profiles.devices import SimulatedDrive
 from tests.client.servo import SERVO
 
 NODE_ID = 5
@@ -23,8 +23,9 @@ LONGEST = 10.0
 class PatientMaster(BaseNode402):
     """The master that waits for an answer as long as a busy machine takes; canopen's gives up within a second."""
 
-    TIMEOUT_RESET_FAULT = TIMEOUT_SWITCH_OP_MODE = TIMEOUT_CHECK_TPDO = LONGEST
+    TIMEOUT_SWITCH_OP_MODE = TIMEOUT_CHECK_TPDO = LONGEST
     TIMEOUT_SWITCH_STATE_FINAL = TIMEOUT_SWITCH_STATE_SINGLE = LONGEST
+    TIMEOUT_RESET_FAULT = 0.05  # canopen waits it out, and then does what resets the fault
 
 
 @pytest.fixture

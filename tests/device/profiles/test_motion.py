@@ -10,6 +10,7 @@ from eurobot_od.device.profiles.motion import TURN, Units
 from eurobot_od.device.profiles.values import AxisValues
 from eurobot_od.od.values import Address
 from tests.device.profiles.bench import Shelf
+from tests.rows import rows
 
 
 def _factors(**pairs: tuple[int, int]) -> Mapping[Address, int]:
@@ -30,7 +31,7 @@ TURNS = [
 ]
 
 
-@pytest.mark.parametrize(("objects", "turn"), TURNS)
+@rows("objects, turn", TURNS)
 def test_position_units_of_a_turn(objects: Mapping[Address, int], turn: float) -> None:
     assert Units.of(AxisValues(Shelf(objects))).turn == turn
 

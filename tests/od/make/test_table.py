@@ -12,6 +12,7 @@ from eurobot_od.od.make.table import read_table
 from eurobot_od.support import yaml_places
 from tests.marks import marked
 from tests.od.make.tables import TABLE
+from tests.rows import rows
 
 NUMBER = "expected a whole number, decimal or 0x hexadecimal, found"
 KEYS = (
@@ -137,7 +138,7 @@ def complaints(text: str) -> list[str]:
     return str(error.value).split("\n")
 
 
-@pytest.mark.parametrize(("old", "new", "what"), INVALID.values(), ids=INVALID.keys())
+@rows("old, new, what", INVALID.values())
 def test_tells_place_and_reason(old: str, new: str, what: str) -> None:
     assert old in TABLE
     text, place = marked(TABLE.replace(old, new, 1))

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import pytest
-
 from eurobot_od.frame import Frame
 from eurobot_od.od import objects as od
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.profiles.words import words, written
 from eurobot_od.traffic.meaning import Decoder
 from tests.client.servo import DOCS, SERVO, servo
+from tests.rows import rows
 
 # From CiA 402-2's figures of the two words; the bits that belong to no word are set here and there.
 STATUSWORDS = {
@@ -42,12 +41,12 @@ CONTROLWORDS = {
 }
 
 
-@pytest.mark.parametrize(("value", "text"), STATUSWORDS.items())
+@rows("value, text", STATUSWORDS.items())
 def test_a_statusword_is_the_state_and_what_else_it_says(value: int, text: str) -> None:
     assert words(od.at((0x6041, 0), SERVO.objects), value) == text
 
 
-@pytest.mark.parametrize(("value", "text"), CONTROLWORDS.items())
+@rows("value, text", CONTROLWORDS.items())
 def test_a_controlword_is_its_command(value: int, text: str) -> None:
     assert words(od.at((0x6040, 0), SERVO.objects), value) == text
 
@@ -65,7 +64,7 @@ OTHERS = {
 }
 
 
-@pytest.mark.parametrize(("address", "value", "text"), [(a, *said) for a, said in OTHERS.items()])
+@rows("address, value, text", [(a, *said) for a, said in OTHERS.items()])
 def test_what_the_profile_lists_has_a_word(address: tuple[int, int], value: int, text: str) -> None:
     assert words(od.at(address, SERVO.objects), value) == text
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -17,8 +17,11 @@ from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.robot.check.drill import drill
 from eurobot_od.robot.nodes import Core, Drive, Node
 from eurobot_od.robot.plugin import ROBOT
+from tests.rows import rows
 
-SUITES: list[Suite] = SuiteReader(ROBOT.networks()).read_files(ROBOT.shipped_suites().values())
+
+def suites() -> Iterator[Suite]:
+    yield from SuiteReader(ROBOT.networks()).read_files(ROBOT.shipped_suites().values())
 
 
 class Left(NamedTuple):
@@ -43,7 +46,7 @@ def left(node: Node) -> Left:
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("suite", SUITES, ids=lambda suite: suite.name)
+@rows("suite", suites())
 def test_a_suite_puts_back_what_it_changes(suite: Suite) -> None:
     nodes: list[Node] = []
     before: dict[str, Left] = {}

@@ -5,6 +5,9 @@ The whole matrix of faults and suites is `tools/fault_matrix.py`'s; here is a sa
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from itertools import product
+
 import fault_matrix
 import pytest
 from fault_matrix import Run
@@ -12,9 +15,7 @@ from fault_matrix import Run
 from eurobot_od.check.suite import Suite
 from eurobot_od.robot import dialects
 from eurobot_od.robot.plugin import ROBOT
-
-SUITES = [(dialect, name) for dialect in dialects.names() for name in fault_matrix.shipped(dialect)]
-SAMPLE = fault_matrix.robot_faults()[::15]
+from tests.rows import rows
 
 SENTENCES = (
     # 2.1 GoTo-Protokoll
@@ -82,8 +83,13 @@ def names(suite: Suite) -> list[str]:
     return [step.name for step in suite.steps]
 
 
+def suites() -> Iterator[tuple[str, str]]:
+    for dialect in dialects.names():
+        yield from ((dialect, name) for name in fault_matrix.shipped(dialect))
+
+
 @pytest.mark.long
-@pytest.mark.parametrize(("dialect", "name"), SUITES)
+@rows("dialect, name", suites())
 def test_a_suite_is_green_without_a_fault(dialect: str, name: str) -> None:
     assert [fault_matrix.do(Run(dialect, name, None, seed)).red for seed in (1, 2)] == [(), ()]
 
@@ -91,27 +97,26 @@ def test_a_suite_is_green_without_a_fault(dialect: str, name: str) -> None:
 @pytest.mark.parametrize("dialect", dialects.names())
 def test_the_steps_that_faults_name_are_there(dialect: str) -> None:
     caught = {name: ROBOT.find_fault(name)[1].caught_by for name in ROBOT.fault_names()}
-    made = {"conformance", "profile-401", "profile-402"}
+    made = {"conformance", "profile-402"}
     assert {suite for suite, _ in caught.values()} - ROBOT.shipped_suites().keys() == made
     steps = {name: names(suite) for name, suite in fault_matrix.shipped(dialect).items()}
     shipped = fault_matrix.robot_faults()
     assert [name for name in shipped if caught[name].step not in steps[caught[name].suite]] == []
 
 
-@pytest.mark.parametrize("dialect", dialects.names())
-@pytest.mark.parametrize("name", SAMPLE)
+@rows("dialect, name", product(dialects.names(), fault_matrix.robot_faults()), sample=12)
 def test_a_fault_turns_the_step_red_that_names_its_cause(dialect: str, name: str) -> None:
     outcome = fault_matrix.do(Run(dialect, ROBOT.find_fault(name)[1].caught_by.suite, name))
     assert fault_matrix.named_red(name, outcome), outcome.red
 
 
-@pytest.mark.parametrize("dialect", dialects.names())
-@pytest.mark.parametrize(("words", "suite", "step"), SENTENCES)
+@rows("dialect", dialects.names())
+@rows("words, suite, step", SENTENCES)
 def test_every_sentence_of_the_document_has_a_step(dialect: str, words: str, suite: str, step: str) -> None:
     assert any(name.startswith(step) for name in names(fault_matrix.shipped(dialect)[suite])), words
 
 
-@pytest.mark.parametrize(("dialect", "name"), SUITES)
+@rows("dialect, name", suites())
 def test_steps_that_check_something_have_names_of_their_own(dialect: str, name: str) -> None:
     written = [each for each in names(fault_matrix.shipped(dialect)[name]) if ": " in each]
     assert len(set(written)) == len(written) >= 5

@@ -11,14 +11,18 @@ from pathlib import Path
 
 import pytest
 
+from tests.cli.console import run
+
 PATIENCE = 120
 ENVIRONMENT = {name: value for name, value in os.environ.items() if not name.startswith("EUROBOT_OD_")}
 
 
-def command(folder: Path, words: Sequence[str], program: str = "eurobot_od") -> subprocess.CompletedProcess[str]:
+def command(
+    folder: Path, words: Sequence[str], program: str = "eurobot_od", **variables: str
+) -> subprocess.CompletedProcess[str]:
     """Run a command in a folder, in a process of its own: a robot's modules are imported into it."""
-    line = [sys.executable, "-m", program, *words]
-    return subprocess.run(line, cwd=folder, env=ENVIRONMENT, capture_output=True, text=True, timeout=PATIENCE)
+    line, environment = [sys.executable, "-m", program, *words], ENVIRONMENT | variables
+    return subprocess.run(line, cwd=folder, env=environment, capture_output=True, text=True, timeout=PATIENCE)
 
 
 @pytest.fixture(scope="module")
@@ -26,7 +30,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("newcomer")
     said = command(folder, ["new-robot", "mine", "--name", "My robot"])
     assert (said.returncode, said.stderr) == (0, "")
-    assert "eurobot-od match" in said.stdout
+    assert "eurobot-od match --robot . " in said.stdout
     return folder / "mine"
 
 
@@ -49,28 +53,79 @@ WORKS = [
     (["load"], "Lift Set"),
     (["export", "docs"], "Lift State Response"),
     (["node", "lift", "-i", "virtual", "--duration", "100 ms"], "lift (node-ID 4)"),
-    (["make-eds", "mine/eds/protocol.yaml", "-o", "mine/eds", "--check"], "as the table says"),
+    (["make-eds", "{files}/eds/protocol.yaml", "-o", "{files}/eds", "--check"], "as the table says"),
     (["--help"], "\nMy robot:\n  match"),
 ]
 
 
-@pytest.mark.long
-def test_the_commands_of_a_newcomer_work(made: Path) -> None:
+def works(folder: Path, files: str, *options: str, **variables: str) -> None:
     for words, printed in WORKS:
-        said = command(made.parent, [*words, "--robot", "mine"])
+        said = command(folder, [*(each.format(files=files) for each in words), *options], **variables)
         assert (said.returncode, said.stderr) == (0, ""), words
         assert printed in said.stdout, words
 
 
 @pytest.mark.long
-def test_in_its_folder_it_needs_no_name_and_pytest_finds_its_checks(made: Path) -> None:
-    assert "Lift Set" in command(made, ["show"]).stdout
+def test_the_commands_of_a_newcomer_work(made: Path) -> None:
+    works(made.parent, "mine", "--robot", "mine")
+
+
+@pytest.mark.long
+def test_pytest_finds_its_checks_in_its_folder(made: Path) -> None:
     said = command(made, ["-q", "-p", "no:cacheprovider"], "pytest")
     assert (said.returncode, "21 passed" in said.stdout) == (0, True), said.stdout
 
 
-def test_it_is_written_as_it_is_to_be_written(made: Path) -> None:
-    files = [str(each) for each in sorted(made.glob("*.py"))]
+@pytest.fixture(scope="module")
+def package(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The package of a robot, entered as pip does it: `tools/wheel.py` has pip do it."""
+    folder = tmp_path_factory.mktemp("package")
+    said = command(folder, ["new-robot", "ours", "--name", "My robot", "--package"])
+    assert (said.returncode, said.stderr) == (0, "")
+    assert "\n  pip install -e .\n  eurobot-od match --field" in said.stdout
+    _, _, entries = (folder / "ours" / "pyproject.toml").read_text().partition('[project.entry-points."')
+    entered = folder / "site" / "my_robot-0.1.0.dist-info"
+    entered.mkdir(parents=True)
+    (entered / "entry_points.txt").write_text("[" + entries.partition("\n\n")[0].replace('"', ""))
+    return folder / "ours"
+
+
+@pytest.mark.long
+def test_a_package_needs_no_name_once_it_is_installed_and_pytest_finds_its_checks(package: Path) -> None:
+    installed = {"PYTHONPATH": os.pathsep.join((str(package), str(package.parent / "site")))}
+    works(package, "my_robot", **installed)
+    assert "robot      my_robot loads: my_robot.robot:ROBOT" in command(package, ["doctor"], **installed).stdout
+    said = command(package, ["-q", "-p", "no:cacheprovider"], "pytest", **installed)
+    assert (said.returncode, "21 passed" in said.stdout) == (0, True), said.stdout
+
+
+def test_a_package_that_is_not_installed_is_told_with_what_to_type(package: Path) -> None:
+    said = command(package, ["show"])
+    assert said.returncode == 2
+    assert "robot: my_robot is not an installed robot, and a file runs no code; " in said.stderr
+
+
+NAMES = [
+    # a name, and why it cannot be a package's
+    ("2027", "begins with a letter"),
+    ("class", "is not a word of Python"),
+    ("...", "begins with a letter"),
+    ("CAN", "there is a module can already: "),
+    ("json", "there is a module json already: "),
+]
+
+
+@pytest.mark.parametrize(("name", "complaint"), NAMES)
+def test_a_package_takes_no_name_that_python_cannot_import(
+    name: str, complaint: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    said = run(capsys, "new-robot", str(tmp_path / "new"), "--name", name, "--package")
+    assert (said.status, said.err.count("\n"), complaint in said.err) == (2, 1, True)
+    assert not (tmp_path / "new").exists()
+
+
+def test_it_is_written_as_it_is_to_be_written(made: Path, package: Path) -> None:
+    files = [str(each) for each in sorted([*made.glob("*.py"), *package.rglob("*.py")])]
     rules = ["check", "--isolated", "--line-length", "120", "--select", "E,F,W,I,B,SIM,UP", *files]
     said = command(made, rules, "ruff")
     assert (said.returncode, said.stdout) == (0, "All checks passed!\n")
@@ -78,7 +133,7 @@ def test_it_is_written_as_it_is_to_be_written(made: Path) -> None:
 
 @pytest.mark.skipif(shutil.which("cc") is None, reason="there is no C compiler here")
 def test_its_c_header_compiles_and_packs_its_messages(made: Path, tmp_path: Path) -> None:
-    said = command(made, ["export", "c", "-o", str(tmp_path / "mine.h"), "--name", "mine"])
+    said = command(made, ["export", "c", "-o", str(tmp_path / "mine.h"), "--name", "mine", "--robot", "."])
     assert said.returncode == 0, said.stderr
     (tmp_path / "main.c").write_text(
         '#include "mine.h"\n#include <stdio.h>\n'
@@ -111,14 +166,14 @@ FAULTS = [
 @pytest.mark.long
 @pytest.mark.parametrize(("fault", "printed"), FAULTS)
 def test_its_checks_find_the_faults_of_its_messages(fault: str, printed: str, made: Path) -> None:
-    said = command(made, ["check", "lift.check", "--simulate", "--fault", fault])
+    said = command(made, ["check", "lift.check", "--simulate", "--fault", fault, "--robot", "."])
     assert (said.returncode, said.stderr) == (1, "")
     assert printed in said.stdout
 
 
 @pytest.mark.long
 def test_a_match_with_a_faulty_lift_ends_with_what_the_strategy_got(made: Path) -> None:
-    said = command(made, ["match", "--duration", "3", "--fault", "lift-confirm-not-sent"])
+    said = command(made, ["match", "--duration", "3", "--fault", "lift-confirm-not-sent", "--robot", "."])
     assert said.returncode == 1
     assert said.stderr.endswith("NoAnswer: no LiftConfirm within 500 ms after LiftSet\n")
 
@@ -130,16 +185,16 @@ MISTAKES = [
         "LiftStop: stop",
         "LiftConfirm: stop",
         ["match"],
-        "lift.py:10: Lift handles LiftConfirm, and has no RPDO of it in mine/eds/canopen/lift.eds",
+        "lift.py:11: Lift handles LiftConfirm, and has no RPDO of it in mine/eds/canopen/lift.eds",
     ),
     (
         "lift.py",
         '"Lift state":',
         '"Lift stat":',
         ["match"],
-        "lift.py:10: Lift binds 'Lift stat', which is no object in mine/eds/canopen/lift.eds",
+        "lift.py:11: Lift binds 'Lift stat', which is no object in mine/eds/canopen/lift.eds",
     ),
-    ("lift.py", "class Lift(Node):", "class Lift(Nod):", ["match"], "mine/lift.py:10: NameError"),
+    ("lift.py", "class Lift(Node):", "class Lift(Nod):", ["match"], "mine/lift.py:11: NameError"),
     (
         "own_messages.py",
         "height: Annotated",
@@ -172,6 +227,6 @@ def test_a_mistake_is_one_line_with_its_place(
 def test_a_dialect_without_a_core_is_no_keyerror(made: Path, tmp_path: Path) -> None:
     (tmp_path / "few").mkdir()
     shutil.copy(made / "eds/canopen/lift.eds", tmp_path / "few")
-    said = command(made, ["match", "--dialect", str(tmp_path / "few")])
+    said = command(made, ["match", "--dialect", str(tmp_path / "few"), "--robot", "."])
     assert (said.returncode, len(said.stderr.splitlines())) == (2, 1)
     assert "a match needs a core" in said.stderr

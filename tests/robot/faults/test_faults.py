@@ -35,6 +35,7 @@ from eurobot_od.robot.nodes import ROLES, Core, Drive, Navigation, Node
 from eurobot_od.robot.plugin import ROBOT
 from eurobot_od.robot.protocol import EurobotProtocol
 from tests.robot.nodes.harness import Bench, as_if_started
+from tests.rows import rows
 
 PROTOCOL = EurobotProtocol.load()
 DICTIONARIES = {name: dialects.load(name) for name in ROLES}
@@ -74,19 +75,17 @@ LEAVING = [
 ]
 
 
-@pytest.mark.parametrize(("change", "left"), LEAVING)
-def test_a_change_is_applied_to_what_leaves(change: hooks.FrameChange, left: list[Frame]) -> None:
-    assert answers(drive(hooks.leaving(CheckDriveResponse, change)), CheckDriveRequest()) == left
-
-
-@pytest.mark.parametrize(("change", "_left"), LEAVING)
-def test_a_change_leaves_other_messages_alone(change: hooks.FrameChange, _left: list[Frame]) -> None:
+@rows("change, left", LEAVING)
+def test_a_change_is_applied_to_what_leaves_and_to_no_other_message(
+    change: hooks.FrameChange, left: list[Frame]
+) -> None:
     node = drive(hooks.leaving(CheckDriveResponse, change))
+    assert answers(node, CheckDriveRequest()) == left
     assert answers(node, KalmanPositionRequest()) == [PROTOCOL.encode(PLACE)]
 
 
-@pytest.mark.parametrize(
-    ("change", "said"),
+@rows(
+    "change, said",
     [
         (hooks.field("x", lambda x: x + 1), PLACE._replace(x=201)),
         (hooks.field("angle", lambda angle: -angle - 90), PLACE._replace(angle=270)),
@@ -133,8 +132,8 @@ def test_a_reaction_may_do_the_healthy_one_too() -> None:
 
 def test_a_preset_setting_takes_the_place_of_the_dictionarys() -> None:
     node = drive(hooks.preset("Motion.Control period", 50))
-    assert (node.setting("Motion.Control period"), node.seconds("Motion.Control period")) == (50, 0.05)
-    assert node.setting("Motion.Braking") == drive().setting("Motion.Braking")
+    assert node.control_period == 0.05
+    assert node.limits == drive().limits
 
 
 def test_an_action_is_done_again_and_again() -> None:
@@ -142,7 +141,7 @@ def test_an_action_is_done_again_and_again() -> None:
     assert answers(node, until=0.35) == [PROTOCOL.encode(GotoConfirm())] * 3
 
 
-@pytest.mark.parametrize(("count", "left"), [(1, 1), (2, 2), (3, 2)])
+@rows("count, left", [(1, 1), (2, 2), (3, 2)])
 def test_frames_are_changed_by_their_number(count: int, left: int) -> None:
     node = drive(hooks.numbered(CheckDriveResponse, lambda number: hooks.kept if number <= 2 else hooks.lost))
     assert answers(node, *[CheckDriveRequest()] * count) == [CHECKED] * left
@@ -192,14 +191,19 @@ def test_hooks_add_up() -> None:
 FITTING = [
     (role, name)
     for role in ROLES.values()
-    for owner, rows in ROBOT.all_faults().items()
+    for owner, faults in ROBOT.all_faults().items()
     if issubclass(role, owner)
-    for name in rows
+    for name in faults
 ]
 
 
 def test_there_are_faults_for_every_node() -> None:
-    assert {owner for owner, rows in ROBOT.all_faults().items() if len(rows) >= 20} >= {Core, Drive, Navigation, Node}
+    assert {owner for owner, faults in ROBOT.all_faults().items() if len(faults) >= 20} >= {
+        Core,
+        Drive,
+        Navigation,
+        Node,
+    }
 
 
 def test_names_of_faults_are_unique() -> None:
@@ -212,8 +216,8 @@ def test_a_fault_has_a_name_for_the_command_line_and_a_sentence() -> None:
     assert [text for text in texts.values() if not re.fullmatch(r"[a-z].*[^.]", text)] == []
 
 
-@pytest.mark.parametrize(
-    ("role", "name", "error"),
+@rows(
+    "role, name, error",
     [
         (Drive, "goto-not-confirmd", UnknownName),  # a typing error
         (Drive, "goto-not-sent", LocalError),  # the core's
@@ -238,12 +242,12 @@ def test_the_healthy_node_stays_healthy() -> None:
     assert answers(drive(), GOTO)[:1] == [PROTOCOL.encode(GotoConfirm())]
 
 
-@pytest.mark.parametrize("role", ROLES.values())
+@rows("role", ROLES.values())
 def test_every_node_can_have_the_faults_of_any_node(role: type[Node]) -> None:
     assert [name for name in ROBOT.all_faults()[Node] if not issubclass(ROBOT.faulty(role, name), role)] == []
 
 
-@pytest.mark.parametrize(("role", "name"), FITTING)
+@rows("role, name", FITTING, sample=40)
 def test_a_faulty_node_survives_any_frame(role: type[Node], name: str) -> None:
     node = ROBOT.faulty(role, name)(DICTIONARIES[role.__name__.lower()])
     node.start(0.0)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import pytest
-
 from eurobot_od.device.faults.fault import Caught
 from eurobot_od.device.faults.messages import (
     MOVED,
@@ -22,6 +20,7 @@ from eurobot_od.robot.faults.message_faults import message_faults, replaced_by
 from eurobot_od.robot.model.messages import CheckNaviResponse, GotoConfirm, GotoStateRequest, GotoStateResponse, GotoXY
 from eurobot_od.robot.nodes import Drive
 from eurobot_od.robot.protocol import EurobotProtocol
+from tests.rows import rows
 
 PROTOCOL = EurobotProtocol.load()
 DICTIONARY = dialects.load("drive")
@@ -29,8 +28,8 @@ STATE = PROTOCOL.encode(GotoStateResponse(None))
 CHECKED = PROTOCOL.encode(CheckNaviResponse())
 
 
-@pytest.mark.parametrize(
-    ("wrong", "message", "text", "left"),
+@rows(
+    "wrong, message, text, left",
     [
         (NOT_SENT, GotoStateResponse, "sends no Goto State Response", []),
         (NOT_ANSWERED, GotoStateRequest, "answers no Goto State Request", []),

@@ -9,7 +9,7 @@ import pytest
 
 from eurobot_od.bus.live import Live
 from eurobot_od.robot import dialects
-from eurobot_od.robot.match.apart import Led
+from eurobot_od.robot.match.stage import Led
 from eurobot_od.robot.match.summary import FrameCounter
 from eurobot_od.robot.model.options import MatchOptions
 from eurobot_od.robot.nodes import Core, Drive, Navigation
@@ -19,6 +19,7 @@ from eurobot_od.robot.world.remote import RemoteVehicle
 from eurobot_od.robot.world.timeline import EventKind, MatchEvent
 from eurobot_od.support.address import Address
 from tests.client.peers import new_channel, open_bus
+from tests.robot.nodes.harness import put
 
 NOWHERE = WorldAddress(Address("127.0.0.1", 9))
 """The port of a service that nobody offers any more."""
@@ -29,6 +30,7 @@ def core() -> Iterator[Live]:
     """Run the three nodes, whose wheels and beacons are not those of a world; gives the core's bus."""
     channel = new_channel()
     nodes = (Drive(dialects.load("drive")), Navigation(dialects.load("navigation")), Core(dialects.load("core")))
+    put(nodes[-1], "Position polling.Start delay", 0)
     with ExitStack() as stack:
         yield [stack.enter_context(Live.node(open_bus(channel), node)) for node in nodes][-1]
 
@@ -43,7 +45,7 @@ def test_where_the_truth_is_not_known_there_is_no_position_error(core: Live) -> 
     node = core.station.node
     assert isinstance(node, Core)
     vehicle = RemoteVehicle(NOWHERE, lambda _: None)
-    options = MatchOptions(enemies=0, confederates=0, duration=1.5)
+    options = MatchOptions(enemies=0, confederates=0, duration=1.0)
     summary = Led(core, node, vehicle, events.append).play(options, short_way, FrameCounter(EurobotProtocol.load()))
     assert [event.kind for event in events if event.kind in (EventKind.ARRIVED, EventKind.END)] == [
         EventKind.ARRIVED,

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import threading
 import time
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from textwrap import dedent
 
 import pytest
 
-from eurobot_od.bus.live import open_bus
+from eurobot_od.bus.live import open_bus, watchdog
 from eurobot_od.robot.match import stage
 from eurobot_od.robot.match.seeds import play_many
 from eurobot_od.robot.match.strategies import StrategyFiles, load
@@ -25,7 +26,7 @@ ALONE = MatchOptions(enemies=0, confederates=0, duration=30.0)
 STOP = EurobotProtocol.load().cob_id(StopDrive)
 
 SOON = 2.0
-"""Seconds of the computer's time in which a hanging strategy is ended, 1 s of which it has."""
+"""Seconds of the computer's time in which a hanging strategy is ended, 0.3 s of which it has."""
 
 BUSY = 3.0
 """Seconds more for a computer that does something else as well."""
@@ -62,6 +63,12 @@ def write(folder: Path, body: str) -> Path:
     return file
 
 
+@pytest.fixture
+def _impatient(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Have a strategy that hangs ended soon."""
+    monkeypatch.setattr(watchdog, "PATIENCE", 0.3)
+
+
 def play(file: Path) -> tuple[Summary, list[MatchEvent], list[int], list[str]]:
     """Play a match in simulated time; also return the identifiers on the bus, and what the watchdog told."""
     events: list[MatchEvent] = []
@@ -73,6 +80,7 @@ def play(file: Path) -> tuple[Summary, list[MatchEvent], list[int], list[str]]:
     return summary, events, sent, told
 
 
+@pytest.mark.usefixtures("_impatient")
 @pytest.mark.parametrize(("body", "line"), HANGING.values(), ids=HANGING)
 def test_it_is_ended_with_its_line_and_the_robot_stands(tmp_path: Path, body: str, line: str) -> None:
     file = write(tmp_path, body)
@@ -95,14 +103,16 @@ def test_a_blocking_sleep_is_told_by_name_with_what_to_write_instead(tmp_path: P
     assert told == [f"{tmp_path / 'mine.py'}:3: {text}"]
 
 
+@pytest.mark.usefixtures("_impatient")
 def test_in_real_time(tmp_path: Path) -> None:
     events: list[MatchEvent] = []
     opener = partial(open_bus, "virtual", new_channel())
     begin = time.process_time()
+    options = replace(ALONE, settings=(("core.Position polling.Start delay", "0"),))
     summary, _ = stage.play_live(
-        ALONE, events.append, lambda *_: None, opener, load(write(tmp_path, HANGING["waits for the end"][0]))
+        options, events.append, lambda *_: None, opener, load(write(tmp_path, HANGING["waits for the end"][0]))
     )
-    assert time.process_time() - begin < SOON + 3.0 + BUSY  # it begins after the startup, which takes 2.3 s
+    assert time.process_time() - begin < SOON + BUSY
     assert summary.failure is not None
     assert "`while core.time_left > 0: pass`" in summary.failure
     assert summary.frames["Stop Drive"]

@@ -9,7 +9,7 @@ import pytest
 from eurobot_od.device.flow import Call
 from eurobot_od.errors import StateError
 from eurobot_od.robot import dialects
-from eurobot_od.robot.match.observer import Observer
+from eurobot_od.robot.match.referee import Observer
 from eurobot_od.robot.model.messages import GotoXY
 from eurobot_od.robot.model.places import Pose
 from eurobot_od.robot.model.values import Outcome

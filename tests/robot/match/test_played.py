@@ -10,11 +10,11 @@ from eurobot_od.robot.match import EventKind, MatchEvent, MatchOptions
 from eurobot_od.robot.match.played import PlayedGoto, PlayedMatch, gotos_in, play, touches_in
 from eurobot_od.robot.match.stage import EdsFiles, play_simulated
 from eurobot_od.robot.match.strategies import Players
-from eurobot_od.robot.match.summary import Summary
-from eurobot_od.robot.match.touches import RobotTouch
+from eurobot_od.robot.match.summary import RobotTouch, Summary
 from eurobot_od.robot.nodes import Core
 from eurobot_od.robot.world.contact import Touch
 from eurobot_od.robot.world.world import OURS
+from tests.rows import rows
 
 FILES = EdsFiles.read(MatchOptions())
 SHORT = MatchOptions(duration=8.0)
@@ -118,8 +118,8 @@ def ended(end: str) -> PlayedMatch:
     return PlayedMatch(1, [PlayedGoto(700, 1150, 225, end, 1.0)], summary=summary())
 
 
-@pytest.mark.parametrize(
-    ("match", "wrong"),
+@rows(
+    "match, wrong",
     [
         (ended("stopped: enemy ahead"), []),  # that is the game
         (ended("blocked"), []),  # as the touch that did it is counted

@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import pytest
 
-from eurobot_od.robot.match.histogram import ASCII
 from eurobot_od.robot.match.played import PlayedGoto, PlayedMatch, PlayedTask
 from eurobot_od.robot.match.statistics import (
+    ASCII,
     FIGURES,
     FORCED,
     MOST_LISTED,
@@ -21,8 +21,8 @@ from eurobot_od.robot.match.statistics import (
     spread,
     touch_counts,
 )
-from eurobot_od.robot.match.summary import Summary
-from eurobot_od.robot.match.touches import RobotTouch
+from eurobot_od.robot.match.summary import RobotTouch, Summary
+from tests.rows import rows
 
 
 def goto(end: str, *figures: float) -> PlayedGoto:
@@ -94,7 +94,7 @@ def test_spread(figure: Figure, matches: list[PlayedMatch], expected: Spread | N
     assert spread(figure, matches) == expected
 
 
-@pytest.mark.parametrize("figure", FIGURES, ids=lambda figure: figure.name)
+@rows("figure", FIGURES)
 def test_a_match_that_failed_has_no_figures(figure: Figure) -> None:
     assert spread(figure, [FAILED]) is None
     assert spread(figure, [FINE]) is not None

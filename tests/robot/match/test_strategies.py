@@ -9,6 +9,7 @@ import pytest
 from eurobot_od.errors import LocalError
 from eurobot_od.robot.match import strategy
 from eurobot_od.robot.match.strategies import Players, StrategyFiles, load
+from tests.rows import rows
 
 GOOD = "async def play(core):\n    pass\n"
 
@@ -72,7 +73,7 @@ WRONG = [
 ]
 
 
-@pytest.mark.parametrize(("text", "complaint"), WRONG)
+@rows("text, complaint", WRONG)
 def test_what_is_wrong_is_one_line_with_its_place(mine: Path, text: str, complaint: str) -> None:
     mine.write_text(text)
     with pytest.raises(LocalError) as error:

@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import pytest
 
-from eurobot_od.robot.match.touches import RobotTouch, Touched, counts, kind_of, touches_of
+from eurobot_od.robot.match.summary import RobotTouch, Touched, counts, kind_of, touches_of
 from eurobot_od.robot.model import robot_file
 from eurobot_od.robot.world.bodies import BORDER, standing
 from eurobot_od.robot.world.contact import Touch
 from eurobot_od.robot.world.world import NAMES, OURS
+from tests.rows import rows
 
 FACTS = robot_file.read()
 
 FAST, STANDS = 300.0, 0.0
 
 
-@pytest.mark.parametrize("name", [*(each.name for each in standing(FACTS.barriers)), BORDER, OURS, *NAMES.values()])
+@rows("name", [*(each.name for each in standing(FACTS.barriers)), BORDER, OURS, *NAMES.values()])
 def test_everything_on_the_field_has_a_kind(name: str) -> None:
     assert kind_of(name) is not Touched.OTHER
 
@@ -40,8 +41,8 @@ def test_who_drove_into_whom(touch: Touch, seen: tuple[str, bool, bool]) -> None
     assert mine == RobotTouch(1.0, *seen)
 
 
-@pytest.mark.parametrize(
-    ("touch", "wrong"),
+@rows(
+    "touch, wrong",
     [
         (RobotTouch(1.0, "fire 1", True, False), False),  # they are light, and in the way
         (RobotTouch(1.0, "fire 1", True, False, forced=True), True),

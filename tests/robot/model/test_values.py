@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from enum import IntEnum
 
-import pytest
-
 from eurobot_od.pdo.kinds import OutOfRange
 from eurobot_od.robot.model.values import (
     Barriers,
@@ -17,6 +15,7 @@ from eurobot_od.robot.model.values import (
     Source,
     TeamColour,
 )
+from tests.rows import rows
 
 NUMBERS: list[tuple[type[IntEnum], dict[str, int]]] = [
     (TeamColour, {"YELLOW": 0, "RED": 1}),  # Table 3
@@ -29,7 +28,7 @@ NUMBERS: list[tuple[type[IntEnum], dict[str, int]]] = [
 ]
 
 
-@pytest.mark.parametrize(("enum", "numbers"), NUMBERS)
+@rows("enum, numbers", NUMBERS)
 def test_enums_have_the_numbers_of_the_wire(enum: type[IntEnum], numbers: dict[str, int]) -> None:
     assert {member.name: member.value for member in enum} == numbers
 
@@ -53,14 +52,14 @@ FLAGS = [
 ]
 
 
-@pytest.mark.parametrize(("flags", "passages"), FLAGS)
+@rows("flags, passages", FLAGS)
 def test_barrier_flags_are_read(flags: int, passages: dict[int, Passage]) -> None:
     barriers = Barriers(flags)
     assert dict(barriers.set_barriers()) == passages
     assert {n: barriers.passage(n) for n in range(1, 9)} == {n: passages.get(n, Passage.FREE) for n in range(1, 9)}
 
 
-@pytest.mark.parametrize("passages", [passages for _, passages in FLAGS])
+@rows("passages", [passages for _, passages in FLAGS])
 def test_barrier_flags_are_built(passages: dict[int, Passage]) -> None:
     assert dict(Barriers.of(passages).set_barriers()) == passages
 

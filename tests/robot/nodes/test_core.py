@@ -44,8 +44,9 @@ from eurobot_od.robot.model.values import Direction, GotoFault, Obstacle, Outcom
 from eurobot_od.robot.nodes import ROLES
 from eurobot_od.robot.nodes.core import Core
 from eurobot_od.robot.nodes.goto import GotoReport
-from eurobot_od.robot.nodes.identity import DialectMismatch
+from eurobot_od.robot.nodes.startup import DialectMismatch
 from tests.robot.nodes.harness import DICTIONARIES, PROTOCOL, RED, Bench, as_if_started
+from tests.rows import rows
 
 GOTO = GotoXY(1500, 1000, 90, 80)
 ON_THE_WIRE = 0.0005
@@ -182,19 +183,13 @@ def test_a_newer_start_configuration_replaces_one_that_is_not_confirmed(bench: B
     assert bench.core.configuration == yellow
 
 
-PERIODS = {
-    "Position polling.Polling period": "2103sub1",
-    "Goto handshake.State request period": "2102sub4",
-    "Standstill.Stop period": "2107sub1",
-}
+PERIODS = {"2103sub1": "polling_period", "2102sub4": "state_request_period", "2107sub1": "stop_period"}
 
 
-@pytest.mark.parametrize(("name", "section"), PERIODS.items())
-def test_no_step_of_time_is_0_whatever_the_eds_says(spoil_eds: Callable[..., Path], name: str, section: str) -> None:
+@pytest.mark.parametrize(("section", "period"), PERIODS.items())
+def test_no_step_of_time_is_0_whatever_the_eds_says(spoil_eds: Callable[..., Path], section: str, period: str) -> None:
     folder = spoil_eds(("core", section, "DefaultValue", "0"), ("core", section, "LowLimit", "0"))
-    core = Core(Dictionary.load(folder / "core.eds"))
-    assert core.setting(name) == 0
-    assert core.period(name) == 0.001
+    assert getattr(Core(Dictionary.load(folder / "core.eds")), period) == 0.001
 
 
 # No goto before the start
@@ -325,16 +320,14 @@ OFFSETS: dict[type[Message], float] = {
 }
 
 
-@pytest.mark.parametrize("request_type", OFFSETS, ids=lambda each: each.__name__)
-def test_positions_are_asked_for_every_600_ms_at_their_offsets_over_a_whole_match(request_type: type[Message]) -> None:
+def test_positions_are_asked_for_every_600_ms_at_their_offsets_over_a_whole_match() -> None:
     bench = Bench()
     bench.configure()
     start = bench.times(StartConfigurationConfirm)[0] + 2.0
     bench.run(92.0)
-    times = bench.times(request_type)
-    expected = [start + OFFSETS[request_type] + 0.6 * number for number in range(len(times))]
-    assert len(times) == 150
-    assert times == pytest.approx(expected, abs=0.001)
+    for request_type, offset in OFFSETS.items():
+        expected = [start + offset + 0.6 * number for number in range(150)]
+        assert bench.times(request_type) == pytest.approx(expected, abs=0.001), request_type.__name__
 
 
 @pytest.mark.parametrize(
@@ -761,7 +754,7 @@ def test_a_cancelled_goto_is_not_sent_again_and_the_next_one_is(bench: Bench) ->
     assert bench.sent(GotoXY) == [GOTO, GOTO]
 
 
-@pytest.mark.parametrize(
+@rows(
     "call",
     [
         Core.check_nodes,
@@ -770,8 +763,9 @@ def test_a_cancelled_goto_is_not_sent_again_and_the_next_one_is(bench: Bench) ->
         Core.position,
     ],
 )
-@pytest.mark.parametrize("running", [0.0, 0.1])
-def test_an_nmt_reset_ends_every_call(bench: Bench, call: Callable[[Core], Future[Any]], running: float) -> None:
+@rows("running", [0.0, 0.1])
+def test_an_nmt_reset_ends_every_call(call: Callable[[Core], Future[Any]], running: float) -> None:
+    bench = Bench("drive", "navigation")
     as_if_started(bench.core)
     future = call(bench.core)
     bench.run(running)

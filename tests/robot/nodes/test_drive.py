@@ -38,6 +38,7 @@ from eurobot_od.robot.nodes.estimate import PUSHED, Estimate
 from eurobot_od.robot.nodes.motion import AT_REST, Odometry, WheelCommand
 from eurobot_od.robot.protocol import EurobotProtocol
 from tests.robot.nodes.harness import DICTIONARIES, RED, TUNING, Wheels
+from tests.rows import rows
 
 FACTS = robot_file.read()
 
@@ -257,8 +258,11 @@ def room(path: list[Pose], barriers: Barriers) -> float:
     return min(pose.distance(Point(each.x, each.y)) - each.kind.radius - 140 for pose in path for each in forced)
 
 
-@pytest.mark.parametrize("seed", range(20))
-@pytest.mark.parametrize(("noise", "beacons"), [(0.0, 0.0), (0.02, 5.0), (0.02, 30.0)])
+@rows(
+    "noise, beacons, seed",
+    [(*errors, seed) for errors in ((0.0, 0.0), (0.02, 5.0), (0.02, 30.0)) for seed in range(20)],
+    sample=15,
+)
 def test_the_robot_never_touches_a_forced_barrier(noise: float, beacons: float, seed: int) -> None:
     """Gotos at random, many of which replace one under way, with wheels and beacons at random."""
     chance = random.Random(seed)
@@ -492,7 +496,7 @@ def test_the_safe_state_ends_with(release: Message | Frame, why: str) -> None:
     assert seat.say(YELLOW, GOTO).confirms == confirms + 1
 
 
-@pytest.mark.parametrize(
+@rows(
     "other",
     [
         StopDrive(),

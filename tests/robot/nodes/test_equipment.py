@@ -14,6 +14,7 @@ from eurobot_od.robot.model.messages import EmergencyShutdown, EmergencyStop, Go
 from eurobot_od.robot.model.values import Obstacle, Outcome
 from eurobot_od.robot.nodes.equipment import Approach, Detection
 from tests.robot.nodes.harness import Bench
+from tests.rows import rows
 
 GOTO = GotoXY(1500, 1000, 90, 80)
 
@@ -72,8 +73,8 @@ def drive_with(bench: Bench, *distances: float | None) -> Call[Any]:
 # What is driven into
 
 
-@pytest.mark.parametrize(
-    ("distances", "meets", "why"),
+@rows(
+    "distances, meets, why",
     [
         ((), False, "nothing was seen"),
         ((300, 260, 220), True, "near, and nearer each time"),

@@ -12,6 +12,7 @@ from eurobot_od.robot.nodes.estimate import AGREEING, BUMPS, LONGEST_LATENCY, Es
 from eurobot_od.robot.nodes.motion import Odometry
 from eurobot_od.robot.nodes.navigation import Fix
 from tests.robot.nodes.harness import TUNING
+from tests.rows import rows
 
 START = Pose(1000.0, 500.0, 350.0)
 ELSEWHERE = Fix(2000.0, 500.0, 90.0)
@@ -95,7 +96,7 @@ def test_an_outlier_is_refused() -> None:
     assert estimate.pose == pytest.approx(START)
 
 
-@pytest.mark.parametrize("seed", range(10))
+@rows("seed", range(10))
 def test_outliers_at_random_never_move_it(seed: int) -> None:
     chance, estimate = random.Random(seed), settled()
     for number in range(1000):

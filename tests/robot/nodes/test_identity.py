@@ -11,7 +11,7 @@ from eurobot_od.bus.simulated.network import Simulation
 from eurobot_od.frame import Frame
 from eurobot_od.robot import dialects
 from eurobot_od.robot.nodes import Core, Drive, Navigation, Node
-from eurobot_od.robot.nodes.identity import DialectMismatch, revision_in
+from eurobot_od.robot.nodes.startup import DialectMismatch, revision_in
 
 BOOTED = 0.1
 ONE, OTHER = dialects.names()[:2]
@@ -77,7 +77,7 @@ def test_a_node_that_speaks_no_sdo_is_believed() -> None:
     core.device.objects.put((0x1280, 1), 0x67F)  # nobody answers there
     begin = network.now
     assert set(check(network, core)) == {"drive", "navigation"}
-    assert network.now - begin == pytest.approx(core.seconds("Node check.Identity wait"), abs=0.01)
+    assert network.now - begin == pytest.approx(core.identity_wait, abs=0.01)
 
 
 @pytest.mark.parametrize(

@@ -23,6 +23,7 @@ from eurobot_od.robot.nodes.motion import (
 )
 from eurobot_od.robot.nodes.navigation import Fix
 from tests.robot.nodes.harness import TUNING
+from tests.rows import rows
 
 LIMITS = MotionLimits(
     maximum_speed=800.0,
@@ -89,15 +90,22 @@ GOTOS = [
 ]
 
 
-@pytest.mark.parametrize("backward", [False, True])
-@pytest.mark.parametrize(("way_points", "angle", "speed"), GOTOS)
-def test_arrives_within_the_tolerances(way_points: list[Point], angle: float, speed: int, backward: bool) -> None:
+@rows("backward", [False, True])
+@rows("way_points, angle, speed", GOTOS)
+def test_arrives_within_the_tolerances_after_the_time_that_it_says(
+    way_points: list[Point], angle: float, speed: int, backward: bool
+) -> None:
     motion = Motion(LIMITS, way_points, angle, speed, backward)
-    pose, command = list(drive(motion, START))[-1]
+    first = motion.remaining(START)
+    steps = [(pose, command, motion.remaining(pose)) for pose, command in drive(motion, START)]
+    pose, command, _ = steps[-1]
     assert pose.distance(way_points[-1]) <= LIMITS.position_tolerance
     assert abs(turn(pose.angle, angle)) <= LIMITS.angle_tolerance
     assert command == motion.command == AT_REST
-    assert motion.remaining(pose) == 0.0
+    assert first == pytest.approx(DT * len(steps), rel=0.05, abs=0.1)
+    remaining = [first, *(left for _, _, left in steps)]
+    assert all(later <= earlier for earlier, later in itertools.pairwise(remaining))
+    assert remaining[-1] == 0.0
 
 
 def test_after_arrival_nothing_moves_any_more() -> None:
@@ -170,14 +178,16 @@ TAKEOVERS = [
 ]
 
 
-@pytest.mark.parametrize(("way_points", "backward", "rolling"), TAKEOVERS)
+@rows("way_points, backward, rolling", TAKEOVERS)
 def test_a_new_goto_takes_over_without_a_jerk(way_points: list[Point], backward: bool, rolling: WheelCommand) -> None:
     motion = Motion(LIMITS, way_points, 90.0, 100, backward, rolling)
+    remaining = motion.remaining(START)
     steps = list(drive(motion, START))
     first = steps[0][1]
     assert abs(first.speed - rolling.speed) <= LIMITS.braking * DT + 1e-6
     assert abs(first.turn - rolling.turn) <= LIMITS.turn_acceleration * DT + 1e-6
     assert steps[-1][0].distance(way_points[-1]) <= LIMITS.position_tolerance
+    assert remaining == pytest.approx(DT * len(steps), rel=0.1, abs=0.1), "what is rolling counts"
 
 
 def test_a_goto_repeated_on_the_way_does_not_stop_the_robot() -> None:
@@ -190,7 +200,7 @@ def test_a_goto_repeated_on_the_way_does_not_stop_the_robot() -> None:
 # Corrections of the pose on the way
 
 
-@pytest.mark.parametrize("seed", range(20))
+@rows("seed", range(20))
 def test_arrives_although_the_pose_jumps(seed: int) -> None:
     generator = random.Random(seed)
     goal = Point(generator.uniform(100.0, 2900.0), generator.uniform(100.0, 1900.0))
@@ -200,8 +210,8 @@ def test_arrives_although_the_pose_jumps(seed: int) -> None:
     assert abs(turn(pose.angle, 30.0)) <= LIMITS.angle_tolerance
 
 
-@pytest.mark.parametrize("aside", [-30.0, -12.0, 12.0, 30.0])
-@pytest.mark.parametrize("left", [20.0, 100.0, 400.0])
+@rows("aside", [-30.0, -12.0, 12.0, 30.0])
+@rows("left", [20.0, 100.0, 400.0])
 def test_one_jump_aside_shortly_before_the_goal_is_driven_again(left: float, aside: float) -> None:
     goal = Point(2000.0, 1000.0)
     pending = [Pose(0.0, aside, 0.0)]
@@ -239,25 +249,6 @@ def test_arrives_with_slipping_wheels_and_noisy_navigation(seed: int) -> None:
 # Remaining time
 
 
-@pytest.mark.parametrize("backward", [False, True])
-@pytest.mark.parametrize(("way_points", "angle", "speed"), GOTOS)
-def test_remaining_time_is_honest_and_falls(way_points: list[Point], angle: float, speed: int, backward: bool) -> None:
-    motion = Motion(LIMITS, way_points, angle, speed, backward)
-    estimates = [motion.remaining(START)]
-    estimates += [motion.remaining(pose) for pose, _ in drive(motion, START)]
-    actual = DT * (len(estimates) - 1)
-    assert estimates[0] == pytest.approx(actual, rel=0.05, abs=0.1)
-    assert all(later <= earlier for earlier, later in itertools.pairwise(estimates))
-    assert estimates[-1] == 0.0
-
-
-@pytest.mark.parametrize(("way_points", "backward", "rolling"), TAKEOVERS)
-def test_remaining_time_counts_what_is_rolling(way_points: list[Point], backward: bool, rolling: WheelCommand) -> None:
-    motion = Motion(LIMITS, way_points, 90.0, 100, backward, rolling)
-    expected = motion.remaining(START)
-    assert expected == pytest.approx(DT * len(list(drive(motion, START))), rel=0.1, abs=0.1)
-
-
 def test_remaining_time_rises_when_the_robot_is_set_back() -> None:
     motion = Motion(LIMITS, [Point(2000.0, 1000.0)], 0.0, 100)
     steps = drive(motion, START)
@@ -278,7 +269,7 @@ SECONDS = [
 ]
 
 
-@pytest.mark.parametrize(("left", "rate", "expected"), SECONDS)
+@rows("left, rate, expected", SECONDS)
 def test_seconds_of_a_trapezoidal_movement(left: float, rate: float, expected: float) -> None:
     assert PROFILE.seconds(left, rate) == pytest.approx(expected)
 

@@ -46,6 +46,7 @@ from eurobot_od.robot.protocol import EurobotProtocol
 from eurobot_od.sdo.wire import AbortCode
 from tests.device.master import SYNC_COB_ID, NodeWire, dictionary_with_sync
 from tests.robot.nodes.harness import DICTIONARIES, RED, Peer, as_if_started
+from tests.rows import rows
 
 FACTS = robot_file.read()
 
@@ -129,8 +130,8 @@ def test_how_well_the_drive_knows_its_place_is_read_over_sdo(dialect: str) -> No
     assert master.values_of("Position deviation") == [4, 4, 9]
 
 
-@pytest.mark.parametrize("dialect", DIALECTS)
-@pytest.mark.parametrize(("role", "name", "request_", "response"), MEASURED)
+@rows("dialect", DIALECTS)
+@rows("role, name, request_, response", MEASURED)
 def test_an_sdo_and_the_answer_to_a_request_agree_at_any_time(
     role: str, name: str, request_: Message, response: type[Message], dialect: str
 ) -> None:
@@ -234,8 +235,8 @@ REFUSED: list[tuple[tuple[Message | NmtCommand, ...], str, int, AbortCode, str]]
 ]
 
 
-@pytest.mark.parametrize("dialect", DIALECTS)
-@pytest.mark.parametrize(("before", "name", "value", "code", "why"), REFUSED)
+@rows("dialect", DIALECTS)
+@rows("before, name, value, code, why", REFUSED)
 def test_a_command_that_would_not_act_is_an_abort_and_changes_nothing(
     before: tuple[Message | NmtCommand, ...], name: str, value: int, code: AbortCode, why: str, dialect: str
 ) -> None:
@@ -287,10 +288,10 @@ def emergencies(master: Master) -> list[bytes]:
     return [frame.data[:2] for frame in master.sent() if frame.cob_id == 0x080 + master.device.node_id]
 
 
-@pytest.mark.parametrize("role", ["drive", "navigation"])
-@pytest.mark.parametrize(("numbers", "_field", "why"), CONTRADICTIONS)
+@rows("role", ["drive", "navigation"])
+@rows("numbers, why", [(numbers, why) for numbers, _, why in CONTRADICTIONS])
 def test_a_contradictory_configuration_is_refused_and_told_once(
-    role: str, numbers: tuple[int, int, int, int], _field: str, why: str
+    role: str, numbers: tuple[int, int, int, int], why: str
 ) -> None:
     master, wrong = Master(role), StartConfigurationSet(TeamColour.RED, *numbers)
     master.say(RED)
@@ -312,8 +313,8 @@ def test_of_a_configuration_that_is_refused_no_part_is_kept(dialect: str) -> Non
     assert master.values_of("Start configuration") == before
 
 
-@pytest.mark.parametrize("role", ["drive", "navigation"])
-@pytest.mark.parametrize(("numbers", "why"), AGREEING)
+@rows("role", ["drive", "navigation"])
+@rows("numbers, why", AGREEING)
 def test_a_configuration_that_agrees_is_confirmed(role: str, numbers: tuple[int, int, int, int], why: str) -> None:
     master = Master(role)
     assert master.say(StartConfigurationSet(TeamColour.RED, *numbers)) == [StartConfigurationConfirm()], why

@@ -11,6 +11,7 @@ from eurobot_od.robot.model import robot_file
 from eurobot_od.robot.model.places import Point
 from eurobot_od.robot.model.values import Barriers, Passage
 from eurobot_od.robot.nodes.route import Clearances, find_route
+from tests.rows import rows
 
 FACTS = robot_file.read()
 
@@ -60,7 +61,7 @@ IMPOSSIBLE = [
 ]
 
 
-@pytest.mark.parametrize(("start", "goal", "barriers"), STRAIGHT)
+@rows("start, goal, barriers", STRAIGHT)
 def test_a_clear_line_is_driven_straight(start: Point, goal: Point, barriers: Barriers) -> None:
     assert find_route(start, goal, barriers, USUAL) == (goal,)
 
@@ -89,7 +90,7 @@ PLACES = [
 ]
 
 
-@pytest.mark.parametrize(("goal", "barriers", "fits"), PLACES)
+@rows("goal, barriers, fits", PLACES)
 def test_a_goal_is_where_the_robot_fits(goal: Point, barriers: Barriers, fits: bool) -> None:
     assert (find_route(Point(1500.0, 1000.0), goal, barriers, FITTING) is not None) is fits
 

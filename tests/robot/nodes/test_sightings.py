@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import pytest
-
 from eurobot_od.robot.model.messages import Enemy1PositionResponse
 from eurobot_od.robot.model.values import Source
 from eurobot_od.robot.nodes.sightings import SPREAD, TOP_SPEED, Sighting, Track
+from tests.rows import rows
 
 Place = tuple[int | None, int | None]
 UNKNOWN: Place = (None, None)
@@ -27,7 +26,7 @@ CASES: list[tuple[list[Place], Place | None, float, str]] = [
 ]
 
 
-@pytest.mark.parametrize(("places", "expected", "time", "why"), CASES)
+@rows("places, expected, time, why", CASES)
 def test_where_a_robot_is_believed_to_be(places: list[Place], expected: Place | None, time: float, why: str) -> None:
     track = Track()
     for number, (x, y) in enumerate(places):

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import NamedTuple
-
-import pytest
 
 from eurobot_od.pdo.message import Message
 from eurobot_od.robot.model.messages import (
@@ -35,6 +33,7 @@ from eurobot_od.robot.model.messages import (
 from eurobot_od.robot.model.values import Obstacle, Source
 from eurobot_od.robot.nodes import ROLES, Core, Drive, Navigation
 from tests.robot.nodes.harness import PROTOCOL, RED, Bench, as_if_started
+from tests.rows import rows
 
 GOTO = GotoXY(1500, 1000, 90, 80)
 PLACE = (1234, 567, 89)
@@ -194,17 +193,13 @@ SENDERS = [(row.message, *each) for row in TABLE_5 for each in row.senders.items
 RECEIVERS = [(row.message, *each) for row in TABLE_5 for each in row.receivers.items()]
 
 
-def _ids(rows: Sequence[tuple[Message, str, object]]) -> list[str]:
-    return [f"{node}-{type(message).__name__}" for message, node, _ in rows]
-
-
 def _alone(node: str) -> tuple[Bench, str]:
     """Return a bench on which only one node is real, and the name of a stand-in."""
     peers = [name for name in ROLES if name != node]
     return Bench(*peers), peers[0]
 
 
-@pytest.mark.parametrize(("message", "sender", "cause"), SENDERS, ids=_ids(SENDERS))
+@rows("message, sender, cause", SENDERS)
 def test_the_sender_sends_it(message: Message, sender: str, cause: Cause) -> None:
     bench, peer = _alone(sender)
     if cause.call:
@@ -214,7 +209,7 @@ def test_the_sender_sends_it(message: Message, sender: str, cause: Cause) -> Non
     assert bench.sent(type(message))
 
 
-@pytest.mark.parametrize(("message", "receiver", "effect"), RECEIVERS, ids=_ids(RECEIVERS))
+@rows("message, receiver, effect", RECEIVERS)
 def test_each_receiver_acts_on_it(message: Message, receiver: str, effect: Effect) -> None:
     bench, peer = _alone(receiver)
     if effect.call:

@@ -7,8 +7,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import pytest
-
 from eurobot_od.robot.model import robot_file
 from eurobot_od.robot.model.options import Errors, MatchOptions
 from eurobot_od.robot.model.places import Pose
@@ -17,6 +15,7 @@ from eurobot_od.robot.nodes.motion import Odometry
 from eurobot_od.robot.world import World
 from eurobot_od.robot.world.channel import LINE_LIMIT, REQUESTS, VERSION, WHOM, Channel
 from eurobot_od.robot.world.world import OURS, RIVAL, LocalVehicle
+from tests.rows import rows
 
 FACTS = robot_file.read()
 
@@ -66,7 +65,7 @@ SAME: list[tuple[str, Callable[[LocalVehicle], Any]]] = [
 ]
 
 
-@pytest.mark.parametrize(("line", "locally"), SAME, ids=[line for line, _ in SAME])
+@rows("line, locally", SAME)
 def test_a_request_is_answered_as_by_a_vehicle_in_this_process(
     line: str, locally: Callable[[LocalVehicle], Any]
 ) -> None:
@@ -146,7 +145,7 @@ REFUSED: list[tuple[str | bytes, str]] = [
 ]
 
 
-@pytest.mark.parametrize(("line", "error"), REFUSED, ids=[f"{line[:70]!r}" for line, _ in REFUSED])
+@rows("line, error", REFUSED)
 def test_a_wrong_line_is_answered_with_one_error_and_counted(line: str | bytes, error: str) -> None:
     world = make_world()
     channel = make_channel(world)
@@ -159,7 +158,7 @@ def test_a_wrong_line_is_answered_with_one_error_and_counted(line: str | bytes, 
     assert (channel.requests, channel.refused) == (2, 1)
 
 
-@pytest.mark.parametrize("name", REQUESTS)
+@rows("name", REQUESTS)
 def test_every_request_is_in_the_reference(name: str) -> None:
     reference = REFERENCE.read_text(encoding="utf-8")
     assert f'| `{{"request": "{name}"' in reference

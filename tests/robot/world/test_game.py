@@ -7,10 +7,11 @@ import statistics
 import pytest
 
 from eurobot_od.robot.model import robot_file
+from eurobot_od.robot.model.facts import Task
 from eurobot_od.robot.model.places import Pose
-from eurobot_od.robot.model.tasks import Task
 from eurobot_od.robot.model.values import TeamColour
 from eurobot_od.robot.world.game import REACH, REACH_ANGLE, Game, Score
+from tests.rows import rows
 
 FACTS = robot_file.read()
 
@@ -74,7 +75,7 @@ def test_fruit_is_worth_something_in_the_basket() -> None:
     assert game.scores == [Score(1.0, OURS, "basket", fruit)]
 
 
-@pytest.mark.parametrize("task", [each for each in TASKS.values() if each.name != "basket"], ids=lambda task: task.name)
+@rows("task", [each for each in TASKS.values() if each.name != "basket"])
 def test_a_task_brings_on_average_what_it_says(task: Task) -> None:
     came = [finish(Game(seed), task.name) for seed in range(1500)]
     assert statistics.mean(came) == pytest.approx(task.expected, rel=0.1)

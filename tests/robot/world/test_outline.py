@@ -25,13 +25,9 @@ NEAREST = [
 
 
 @pytest.mark.parametrize(("point", "nearest", "inside"), NEAREST)
-def test_the_nearest_place_of_an_outline(point: Point, nearest: Point, inside: bool) -> None:
+def test_the_nearest_place_and_how_far_it_is(point: Point, nearest: Point, inside: bool) -> None:
     assert nearest_on(SQUARE, point) == nearest
     assert contains(SQUARE, point) is inside
-
-
-@pytest.mark.parametrize(("point", "nearest", "inside"), NEAREST)
-def test_how_far_a_disc_is_from_an_outline(point: Point, nearest: Point, inside: bool) -> None:
     apart = math.dist(point, nearest)
     assert Contact.of(SQUARE, point, 10.0).gap == pytest.approx((-apart if inside else apart) - 10.0)
 

@@ -20,15 +20,13 @@ from eurobot_od.robot.model.places import Pose
 from eurobot_od.robot.model.values import Source, TeamColour
 from eurobot_od.robot.nodes.motion import Odometry, WheelCommand
 from eurobot_od.robot.world import World, remote
-from eurobot_od.robot.world.beacons import SimulatedBeacons
 from eurobot_od.robot.world.channel import VERSION, Channel, WorldAddress
+from eurobot_od.robot.world.instruments import Sensor, SimulatedBeacons, SimulatedWheels, Vehicle
 from eurobot_od.robot.world.remote import RemoteVehicle
-from eurobot_od.robot.world.sensor import Sensor
 from eurobot_od.robot.world.server import Server
-from eurobot_od.robot.world.vehicle import Vehicle
-from eurobot_od.robot.world.wheels import SimulatedWheels
 from eurobot_od.robot.world.world import OURS, RIVAL
 from eurobot_od.support.address import Address
+from tests.rows import rows
 
 FACTS = robot_file.read()
 
@@ -211,8 +209,8 @@ def hello_of(**changed: object) -> bytes:
     return json.dumps({"answer": {"version": VERSION, **options, **changed}}).encode() + b"\n"
 
 
-@pytest.mark.parametrize(
-    ("answer", "why"),
+@rows(
+    "answer, why",
     [
         (None, "never answers"),
         (b"", "hangs up"),

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import pytest
-
 from eurobot_od.robot.world.timeline import EventKind, MatchEvent, Timeline
+from tests.rows import rows
 
 
 def test_events_are_shown_as_they_come() -> None:
@@ -19,7 +18,7 @@ def test_events_are_shown_as_they_come() -> None:
     ]
 
 
-@pytest.mark.parametrize("kind", EventKind)
+@rows("kind", EventKind)
 def test_lines_stand_below_each_other(kind: EventKind) -> None:
     line = str(MatchEvent(12.3456, kind, "text"))
     assert line.startswith("   12.346 s  " + kind.value)

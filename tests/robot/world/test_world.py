@@ -229,13 +229,17 @@ def test_who_drove_into_whom(ours: float, theirs: float, at_fault: str, why: str
     assert [name for name in (OURS, RIVAL) if touch.is_fault_of(name)] == [at_fault], why
 
 
-def test_those_on_their_rounds_move_though_nobody_drives_them() -> None:
+def test_those_on_their_rounds_go_at_their_speed_though_nobody_drives_them() -> None:
     place = Place(enemies=2, confederates=1)
-    before = {source: place.vehicle.pose(source) for source in Source}
-    place.now = 5.0
-    for source in Source:
-        moved = place.vehicle.pose(source) != before[source]
-        assert moved is (source is not Source.INTERNAL)
+    place.clear()
+    before = {name: body.point for name, body in place.world.robots.items()}
+    place.now = 2.05  # they move every 0.1 s
+    place.vehicle.pose(Source.ENEMY_1)
+    speeds = {name: body.speed for name, body in place.world.robots.items()}
+    assert speeds.pop(OURS) == 0
+    assert all(patrols.SPEEDS[0] <= speed <= patrols.SPEEDS[1] for speed in speeds.values())
+    ways = {name: math.dist(body.point, before[name]) for name, body in place.world.robots.items()}
+    assert ways == pytest.approx({OURS: 0} | {name: 2.0 * speed for name, speed in speeds.items()})
 
 
 def test_a_careful_one_stops_before_us_and_turns_round() -> None:

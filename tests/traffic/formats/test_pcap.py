@@ -11,6 +11,7 @@ import pytest
 from eurobot_od.frame import EXTENDED, Frame, RemoteFrame
 from eurobot_od.traffic import formats
 from eurobot_od.traffic.entries import Damage, Foreign, LogEntry, Raw
+from tests.rows import rows
 
 CAPTURED = b64decode(
     "1MOyoQIABAAAAAAAAAAAAAAABADjAAAAWqICa/MZCQAQAAAAEAAAAAAAAAgIAAAA0nQjWSwNlwJaogJrEDcJABAAAAAQAAAAAAAADAAAAAAAAAAA"
@@ -138,7 +139,7 @@ ENDS = [
 ]
 
 
-@pytest.mark.parametrize(("content", "form", "damage", "text"), ENDS)
+@rows("content, form, damage, text", ENDS)
 def test_a_capture_that_does_not_go_on_ends_with_an_entry_that_says_so(
     content: bytes, form: str, damage: Damage, text: str
 ) -> None:

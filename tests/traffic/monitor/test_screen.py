@@ -15,6 +15,7 @@ from eurobot_od.robot.protocol import decoder
 from eurobot_od.traffic.monitor.controls import Controls
 from eurobot_od.traffic.monitor.screen import COLOURS, SERVICE_COLOUR, Size, screen
 from eurobot_od.traffic.monitor.traffic import SORTS, Traffic
+from tests.rows import rows
 
 WIDE = Size(120, 24)
 DECODER = decoder(dialects.DEFAULT)
@@ -138,7 +139,7 @@ KEYS: list[tuple[str, Controls]] = [
 ]
 
 
-@pytest.mark.parametrize(("keys", "expected"), KEYS)
+@rows("keys, expected", KEYS)
 def test_keys(keys: str, expected: Controls) -> None:
     controls = Controls()
     for key in keys:

@@ -23,7 +23,7 @@ from eurobot_od.bus.live import Live
 from eurobot_od.client.configure import all_writes, configure
 from eurobot_od.client.description import Description, from_file
 from eurobot_od.client.master import Master
-from eurobot_od.client.pdo_order import pdo_of
+from eurobot_od.client.pdo_mapping import pdo_of
 from eurobot_od.client.reading import parameters
 from eurobot_od.od import dcf
 from eurobot_od.od.concise import Write

@@ -1,0 +1,30 @@
+# What the package has, and from where: type checkers and editors read it, and `__init__.py` does.
+
+from eurobot_od.bus.live import Live as Live
+from eurobot_od.bus.live import open_bus as open_bus
+from eurobot_od.bus.simulated.network import Simulation as Simulation
+from eurobot_od.client.emergencies import Emergency as Emergency
+from eurobot_od.client.network import AsyncNetwork as AsyncNetwork
+from eurobot_od.client.network import Network as Network
+from eurobot_od.client.network import simulated as simulated
+from eurobot_od.client.remote_device import AsyncRemoteDevice as AsyncRemoteDevice
+from eurobot_od.client.remote_device import RemoteDevice as RemoteDevice
+from eurobot_od.client.remote_pdos import PdoReading as PdoReading
+from eurobot_od.client.remote_pdos import PdoValue as PdoValue
+from eurobot_od.client.watch import NodeEvent as NodeEvent
+from eurobot_od.device.profiles.devices import SimulatedDrive as SimulatedDrive
+from eurobot_od.device.profiles.devices import SimulatedModule as SimulatedModule
+from eurobot_od.device.simulated import SimulatedDevice as SimulatedDevice
+from eurobot_od.frame import Frame as Frame
+from eurobot_od.gatekeeper import Gatekeeper as Gatekeeper
+from eurobot_od.od.dictionary import Dictionary as Dictionary
+from eurobot_od.pdo.protocol import Protocol as Protocol
+from eurobot_od.robot.facade import Robot as Robot
+from eurobot_od.robot.match import rehearse as rehearse
+from eurobot_od.robot.match import rehearse_async as rehearse_async
+from eurobot_od.robot.model import messages as messages
+from eurobot_od.robot.nodes import Core as Core
+from eurobot_od.robot.nodes import Drive as Drive
+from eurobot_od.robot.nodes import Navigation as Navigation
+from eurobot_od.robot.plugin import own_robot as own_robot
+from eurobot_od.season.season import Season as Season

@@ -1,0 +1,141 @@
+"""Steps as plain data: a function for each kind, and how a step writes numbers, objects and abort codes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any, TypeAlias
+
+from canopen.objectdictionary import ODVariable
+
+from eurobot_od.od.objects import address_of, data_type
+from eurobot_od.od.values import Address, label
+from eurobot_od.sdo.wire import AbortCode
+
+Data: TypeAlias = "Mapping[str, Any]"
+"""A step, a part of one, or a whole suite: what stands in the YAML."""
+
+Steps: TypeAlias = "Iterable[Data]"
+
+LONGEST_NAME = 60
+"""Characters of a ParameterName that a step's name has."""
+
+PRECISION = "20 ms"
+"""By how much a frame may be off its time; the standard names no precision."""
+
+BUSY = (AbortCode.NOT_TRANSFERRED, AbortCode.LOCAL_CONTROL, AbortCode.STATE)
+"""Aborts by which a device says that it will not take a value now (CiA 301, Table 22: 0x0800002x)."""
+
+OUTSIDE = (AbortCode.VALUE, AbortCode.TOO_LOW, AbortCode.TOO_HIGH)
+"""Aborts of a device that looks at an object's limits first, whatever else is wrong with a value."""
+
+
+def hexadecimal(number: int, digits: int = 4) -> str:
+    """Write a number that is not signed."""
+    return f"0x{number:0{digits}X}"
+
+
+def title(variable: ODVariable) -> str:
+    """Write address and ParameterName as a step's name has them: on one line, and not too long."""
+    name = "".join(each if each.isprintable() else "?" for each in variable.name)
+    return label(address_of(variable), name if len(name) <= LONGEST_NAME else f"{name[:LONGEST_NAME]}...")
+
+
+# Kinds of steps
+
+
+def skip(name: str, reason: str) -> Data:
+    """Skip what a file does not have."""
+    return {"name": name, "skip": reason}
+
+
+def group(name: str, *steps: Data) -> Data:
+    """Return steps that belong together."""
+    return {"name": name, "steps": list(steps)}
+
+
+def read(name: str, address: Address, **more: object) -> Data:
+    """Read an object."""
+    return {"name": name, "sdo": {"read": label(address), **more}}
+
+
+def write(name: str, address: Address, **more: object) -> Data:
+    """Write an object."""
+    return {"name": name, "sdo": {"write": label(address), **more}}
+
+
+def codes(*aborts: AbortCode) -> list[str]:
+    """Write abort codes."""
+    return [hexadecimal(each, 8) for each in aborts]
+
+
+PRESENT = "{present}"
+"""The value kept: of an integer the number, of anything else the bytes, every one of which has to come back."""
+
+
+def save(variable: ODVariable, kept: str = "present") -> Data:
+    """Keep an object's present value; one that has none now cannot be looked at."""
+    as_bytes = {} if data_type(variable).is_integer else {"data": "any"}
+    none_now = codes(AbortCode.NO_DATA)
+    return read("its present value", address_of(variable), **as_bytes, save=kept, optional=none_now)
+
+
+def put_back(variable: ODVariable, kept: str = "present", **more: object) -> Data:
+    """Give an object the value kept."""
+    key = "value" if data_type(variable).is_integer else "data"
+    return write("put back", address_of(variable), **{key: f"{{{kept}}}"}, **more)
+
+
+def unchanged(variable: ODVariable, name: str = "nothing has changed", **more: object) -> Data:
+    """See that an object has the value kept."""
+    key = "expect" if data_type(variable).is_integer else "data"
+    return read(name, address_of(variable), **{key: PRESENT}, **more)
+
+
+def nmt(command: str) -> Data:
+    """Send an NMT command."""
+    return {"name": f"NMT {command}", "nmt": command}
+
+
+def heartbeat(state: str, within: str) -> Data:
+    """Wait for a heartbeat, or the boot-up."""
+    return {
+        "name": "boot-up" if state == "boot-up" else f"heartbeat says {state}",
+        "heartbeat": state,
+        "within": within,
+    }
+
+
+def wait(time: str) -> Data:
+    """Let time pass, and look at nothing that came meanwhile."""
+    return {"name": f"wait {time}", "wait": time}
+
+
+def expect(name: str, pattern: object, within: str) -> Data:
+    """Wait for a frame."""
+    return {"name": name, "expect": pattern, "within": within}
+
+
+def never(name: str, pattern: object, span: str) -> Data:
+    """See that a frame does not come."""
+    return {"name": name, "never": pattern, "for": span}
+
+
+def every(message: Data, milliseconds: int, count: int) -> Data:
+    """See that a frame comes again and again at its time."""
+    period = {"message": message, "every": f"{milliseconds} ms", "tolerance": PRECISION, "count": count}
+    return {"name": f"every {milliseconds} ms", "period": period}
+
+
+def sent(name: str, cob_id: int, data: bytes = b"") -> Data:
+    """Send a frame as it is."""
+    return {"name": name, "send": {"raw": f"{cob_id:03X}#{data.hex().upper()}"}}
+
+
+def remote(cob_id: int, length: int = 1) -> Data:
+    """Send a remote frame, with the length of what it asks for in bytes."""
+    return {"name": f"remote frame 0x{cob_id:03X}", "send": {"raw": f"{cob_id:03X}#R{length}"}}
+
+
+def emcy(name: str, code: int) -> Data:
+    """Wait for an EMCY."""
+    return {"name": name, "emcy": hexadecimal(code), "within": "2 s"}

@@ -1,0 +1,99 @@
+"""Clauses: what a file lacks is one skip with its reason, a tier does what it allows, and names are read as written."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from eurobot_od.check.conformance import step
+from eurobot_od.check.conformance.clauses import Chapter, StepName, settable
+from eurobot_od.check.conformance.step import Data, Steps
+from eurobot_od.check.conformance.subject import Subject, Tier, need
+from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.standard import HEARTBEAT_TIME
+from tests.eds_text import DEVICE_TYPE, variable
+
+CHAPTER = Chapter[Subject]("odd", "odd things", lambda _: [step.wait("1 ms")])
+
+
+@CHAPTER.clause("7.1", "Nothing needed")
+def _alone(_: Subject) -> Steps:
+    return [step.wait("2 ms"), step.wait("3 ms")]
+
+
+@CHAPTER.clause("7.2", "A need", ctt="2.1", group="together", needs=[settable(HEARTBEAT_TIME, 5, lack="no 5 ms")])
+def _grouped(_: Subject) -> Steps:
+    return [step.wait("4 ms")]
+
+
+@CHAPTER.clause("7.3", "Found on the way", name="whatever")
+def _found_late(_: Subject) -> Steps:
+    yield step.wait("5 ms")
+    need(0, "there is none")
+
+
+@CHAPTER.clause("7.4", "Twice", Tier.REVERSIBLE)
+@CHAPTER.clause("7.4", "Twice", Tier.REVERSIBLE)
+def _reversible(_: Subject) -> Steps:
+    return [step.wait("6 ms")]
+
+
+def made(heartbeat: str, tier: Tier = Tier.READING) -> list[Data]:
+    text = DEVICE_TYPE + variable("1017", "Producer heartbeat time", "UNSIGNED16", "0", heartbeat)
+    dictionary = Dictionary.read(text.encode(), Path("device.eds"), 5)
+    steps: list[Data] = CHAPTER.suite(Subject(dictionary, tier), "tag", [], [])["steps"]
+    return steps
+
+
+def test_what_a_file_lacks_is_skipped_with_the_reason_in_place_of_all_steps() -> None:
+    *alone, lacking, late, left_out = made("HighLimit=4\n")
+    assert [each["name"] for each in alone] == ["7.1 Nothing needed: wait 2 ms [reading]",
+                                                "7.1 Nothing needed: wait 3 ms [reading]"]  # fmt: skip
+    assert lacking == {"name": "7.2 A need: together [reading, CTT 2.1]", "skip": "no 5 ms"}
+    assert late == {"name": "7.3 Found on the way: whatever [reading]", "skip": "there is none"}
+    assert left_out == {"name": "7.4 Twice: not done [reversible]", "skip": "only with --reversible"}
+
+
+def test_a_group_begins_and_ends_as_its_chapter_says() -> None:
+    together = made("")[2]
+    assert together["name"] == "7.2 A need: together [reading, CTT 2.1]"
+    assert [each["wait"] for each in together["steps"]] == ["1 ms", "4 ms", "1 ms"]
+
+
+def test_a_tier_that_allows_a_clause_does_it() -> None:
+    assert [each["wait"] for each in made("", Tier.REVERSIBLE)[-1:]] == ["6 ms"]
+
+
+ALLOWED = {
+    Tier.READING: {Tier.READING},
+    Tier.REVERSIBLE: {Tier.READING, Tier.REVERSIBLE},
+    Tier.DESTRUCTIVE: {Tier.READING, Tier.REVERSIBLE, Tier.DESTRUCTIVE},
+    Tier.MOTION: {Tier.READING, Tier.REVERSIBLE, Tier.MOTION},  # who may move it may write as well
+    Tier.OUTPUTS: {Tier.READING, Tier.REVERSIBLE, Tier.OUTPUTS},
+}
+
+
+def test_what_each_tier_may_do() -> None:
+    assert {tier: {each for each in Tier if tier.allows(each)} for tier in Tier} == ALLOWED
+
+
+NAMES = [
+    "7.5.2.21 Identity: 0x1018:1 Vendor-ID [reading]",
+    "7.2.4.3.17 Unknown sub-index: read 0x1000:1 [reading, CTT 2.5]",
+    "7.5.2.37 TPDO transmission: TPDO 1 by event timer [reversible, CTT 3.4, 3.5]: none in STOPPED",
+    "7.2.2.2 TPDO transmission: TPDO 1 by SYNC [reversible, CTT 3.6]: with each SYNC 1/2: it comes",
+    "7.4.5 Writable: 0x2000:1 Speed: left [rpm] [reversible, CTT 2.2, 4.9]: put back",
+]
+
+
+def test_a_name_is_read_as_it_is_written() -> None:
+    assert [str(StepName.of(name)) for name in NAMES] == NAMES
+    assert StepName.of("send Check Drive Request") is None
+
+
+@pytest.mark.parametrize(
+    ("written", "numbers"), [("", ()), ("2.5", ("2.5",)), ("7.1, 7.201 to 7.203", ("7.1", "7.201", "7.202", "7.203"))]
+)
+def test_numbers_one_by_one(written: str, numbers: tuple[str, ...]) -> None:
+    assert StepName("7.4", "x", "y", "reading", written).numbers == numbers

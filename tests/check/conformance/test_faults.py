@@ -1,0 +1,45 @@
+"""Each fault that is one against CiA 301 turns its step of the conformance suites red, and none before it."""
+
+from __future__ import annotations
+
+import pytest
+
+from eurobot_od.check.conformance import suite
+from eurobot_od.check.conformance.subject import Tier
+from eurobot_od.device.faults.fault import Fault
+from eurobot_od.device.simulated import SimulatedDevice
+from tests.kit.devices import MODULE, first_red, suites
+from tests.kit.faults import CONFORMANCE
+
+
+def of_chapter(word: str) -> dict[str, Fault]:
+    """Return the faults that a chapter finds; what all of them find is the first one's."""
+    chapters = {
+        step.name: each.tags[-1]
+        for each in reversed(suites(MODULE, Tier.DESTRUCTIVE))
+        for step in (*each.setup, *each.steps)
+    }
+    return {
+        name: fault
+        for name, fault in CONFORMANCE.items()
+        if next(chapters[step] for step in chapters if step.startswith(fault.caught_by.step)) == word
+    }
+
+
+@pytest.mark.parametrize("chapter", [each.word for each in suite.CHAPTERS])
+def test_the_first_red_step_of_a_chapter_is_the_one_that_a_fault_names(chapter: str) -> None:
+    faults, asked = of_chapter(chapter), suites(MODULE, Tier.DESTRUCTIVE, chapter)
+    red = {name: first_red(asked, fault.given_to(SimulatedDevice)) for name, fault in faults.items()}
+    assert red
+    assert {name: step for name, step in red.items() if not step.startswith(faults[name].caught_by.step)} == {}
+
+
+def test_there_are_faults_against_every_part_of_the_standard() -> None:
+    assert len(CONFORMANCE) >= 60
+    assert {fault.caught_by.step.split()[0] for fault in CONFORMANCE.values()} >= {
+        *("7.2.8.3.3", "7.2.8.2.1", "7.3.2.2.4", "7.5.2.20"),  # NMT
+        *("7.3.2.2.3", "7.4.5", "7.5.2.21", "7.2.4.3.17"),  # objects
+        *("7.2.4.3.4", "7.2.4.3.7", "7.2.4.3.12"),  # SDO
+        *("7.5.2.35", "7.5.2.36", "7.5.2.37", "7.5.2.38", "7.2.2.2"),  # PDOs
+        *("7.2.7", "7.5.2.4", "7.5.2.13", "7.5.2.14"),  # EMCY, store, restore
+    }

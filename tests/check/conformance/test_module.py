@@ -1,0 +1,74 @@
+"""The suite by CiA 401: green on a healthy module, red on a faulty one, outputs as before in the end."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+from eurobot_od.check.conformance import module
+from eurobot_od.check.results import Status
+from eurobot_od.check.suite import Suite
+from eurobot_od.device.profiles.devices import SimulatedModule
+from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.values import Address
+from tests.kit.devices import IO_MODULE, first_red, read, steps
+from tests.kit.faults import PolarityIgnored
+
+EDS = Path(__file__).parents[3] / "docs" / "io.eds"
+
+
+@cache
+def suite(reversible: bool = True, outputs: bool = True, file: Path = EDS) -> list[Suite]:
+    dictionary = Dictionary.load(file, 5)
+    return read(dictionary, module.text(dictionary, reversible, outputs))
+
+
+def test_a_healthy_module_is_green() -> None:
+    done = list(steps(suite(), SimulatedModule))
+    assert {each.status for each in done} == {Status.PASSED}
+    assert len(done) > 150
+
+
+def test_a_module_that_does_not_heed_the_polarity_of_its_inputs_is_red_there() -> None:
+    assert first_red(suite(), PolarityIgnored).startswith("0x6002 Polarity of inputs: ")
+
+
+class Watched(SimulatedModule):
+    """Keeps what has been on the terminals of its outputs."""
+
+    seen: set[tuple[Address, int]]
+
+    def _changed(self) -> list[object]:  # type: ignore[override]
+        frames = super()._changed()
+        self.seen.update(self.outputs.items())
+        return frames  # type: ignore[return-value]
+
+
+@pytest.mark.parametrize("reversible", [False, True])
+def test_nothing_is_switched_without_the_option_for_it(reversible: bool) -> None:
+    seen: set[tuple[Address, int]] = set()
+    done = steps(suite(reversible, False), type("Kept", (Watched,), {"seen": seen}))
+    assert {each.status for each in done} <= {Status.PASSED, Status.SKIPPED}
+    assert {value for _, value in seen} == {0}
+
+
+def test_with_it_outputs_are_switched_and_are_as_after_power_on_in_the_end() -> None:
+    seen: set[tuple[Address, int]] = set()
+    kept = list[SimulatedModule]()
+
+    class Kept(Watched):
+        def __init__(self, *arguments: object, **options: object) -> None:
+            self.seen = seen
+            super().__init__(*arguments, **options)  # type: ignore[arg-type]
+            kept.append(self)
+
+    assert list(steps(suite(), Kept))
+    assert ((0x6200, 1), 0xFF) in seen
+    assert {*kept[-1].outputs.values()} == {0}
+
+
+def test_a_makers_file_with_nothing_but_inputs_and_outputs_is_green() -> None:
+    done = steps(suite(file=IO_MODULE), SimulatedModule)
+    assert {each.status for each in done} == {Status.PASSED, Status.SKIPPED}

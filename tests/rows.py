@@ -1,0 +1,72 @@
+"""Many rows that prove one rule, in one test: all of them are tried, and each that fails is named."""
+
+from __future__ import annotations
+
+import functools
+import inspect
+import os
+import random
+from collections.abc import Callable, Iterable
+from typing import Any
+
+import pytest
+from hypothesis import settings
+
+Test = Callable[..., None]
+
+LONGEST = 300
+"""Characters of a row in a message."""
+
+
+def rows(names: str, table: Iterable[Any], *, sample: int | None = None) -> Callable[[Test], Test]:
+    """Try a test on all rows of a table, which looks as in `pytest.mark.parametrize`; the other arguments are fixtures.
+
+    Fixtures are made once for all rows, but each row gets a folder of its own in `tmp_path`. A row may be skipped. A
+    generator is asked for its rows when the test runs, not when it is collected. `sample`: so many rows, other ones
+    each time (in CI: the same); with --hypothesis-profile=campaign all of them.
+    """
+    arguments = names.split(", ")
+
+    @functools.cache
+    def everything() -> list[tuple[Any, ...]]:
+        return [tuple(row) if len(arguments) > 1 else (row,) for row in table]
+
+    def chosen() -> list[tuple[Any, ...]]:
+        if sample is None or settings.default is not settings.get_profile("suite"):
+            return everything()
+        return random.Random(2014 if os.environ.get("CI") == "true" else None).sample(everything(), sample)
+
+    def decorate(test: Test) -> Test:
+        signature = inspect.signature(test)
+
+        @functools.wraps(test)
+        def walk(*instance: object, **fixtures: Any) -> None:
+            failed: list[tuple[dict[str, Any], BaseException]] = []
+            skipped: list[BaseException] = []
+            tried = chosen()
+            folder = fixtures.get("tmp_path")
+            for number, case in enumerate(tried):
+                if folder:
+                    fixtures["tmp_path"] = folder / f"row-{number}"
+                    fixtures["tmp_path"].mkdir()
+                row = dict(zip(arguments, case, strict=True))
+                try:
+                    test(*instance, **fixtures, **row)
+                except (Exception, pytest.fail.Exception) as error:
+                    failed.append((row, error))
+                except pytest.skip.Exception as error:
+                    skipped.append(error)
+            if len(skipped) == len(tried):
+                raise skipped[0]
+            if failed:
+                first = failed[0][1]
+                first.add_note(f"{len(failed)} of {len(tried)} rows failed, this is the first of:")
+                for row, _ in failed:
+                    first.add_note("  " + ", ".join(f"{name}={value!r}" for name, value in row.items())[:LONGEST])
+                raise first
+
+        others = [each for each in signature.parameters.values() if each.name not in arguments]
+        walk.__signature__ = signature.replace(parameters=others)  # type: ignore[attr-defined]
+        return walk
+
+    return decorate

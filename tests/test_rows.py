@@ -1,0 +1,63 @@
+"""The rows of a table in one test: all are tried, and those that fail are named."""
+
+from __future__ import annotations
+
+import inspect
+from pathlib import Path
+
+import pytest
+
+from tests.rows import rows
+
+TRIED: list[int] = []
+
+
+@rows("number, square", [(1, 1), (2, 5), (3, 9), (4, 17)])
+def has_square(number: int, square: int, tmp_path: Path) -> None:
+    TRIED.append(number)
+    (tmp_path / "of its own").touch(exist_ok=False)
+    assert number**2 == square
+
+
+def test_all_rows_are_tried_and_those_that_fail_are_named(tmp_path: Path) -> None:
+    TRIED.clear()
+    with pytest.raises(AssertionError, match=r"assert \(2 \*\* 2\) == 5") as error:
+        has_square(tmp_path=tmp_path)
+    assert TRIED == [1, 2, 3, 4]
+    assert error.value.__notes__ == [
+        "2 of 4 rows failed, this is the first of:",
+        "  number=2, square=5",
+        "  number=4, square=17",
+    ]
+
+
+def test_what_is_no_column_is_a_fixture() -> None:
+    assert list(inspect.signature(has_square).parameters) == ["tmp_path"]
+
+
+def test_a_sample_has_other_rows_each_time() -> None:
+    tried: list[int] = []
+
+    @rows("number", range(1000), sample=3)
+    def take(number: int) -> None:
+        tried.append(number)
+
+    for _ in range(20):
+        take()
+    assert len(tried) == 60
+    assert set(tried) <= set(range(1000))
+
+
+def test_the_test_is_skipped_if_all_rows_are() -> None:
+    tried: list[int] = []
+
+    def skip_below(bound: int, number: int) -> None:
+        if number < bound:
+            pytest.skip(f"{number} is too low")
+        tried.append(number)
+
+    over = rows("number", range(3))(skip_below)
+    over(bound=2)
+    assert tried == [2]
+    with pytest.raises(pytest.skip.Exception, match="0 is too low"):
+        over(bound=3)

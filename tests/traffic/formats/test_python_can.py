@@ -1,0 +1,118 @@
+"""What python-can reads: rows of an SQLite table, lines of CSV, and how reading ends where its reader gives up."""
+
+from __future__ import annotations
+
+import io
+import sqlite3
+from contextlib import closing
+from pathlib import Path
+
+import can
+import pytest
+
+from eurobot_od.frame import EXTENDED, Frame, RemoteFrame
+from eurobot_od.traffic import formats
+from eurobot_od.traffic.entries import Damage, Foreign, Raw
+from eurobot_od.traffic.formats.python_can import CREATE, write_table
+from tests.rows import rows
+
+GOOD = (1.5, 0x014, 0, 0, 0, 2, b"\x01\x02")
+
+
+def read(file: Path) -> list[tuple[int, float, str, Raw]]:
+    with file.open("rb") as opened:
+        return list(formats.read(opened))
+
+
+def table(folder: Path, *rows: tuple[object, ...]) -> Path:
+    file = folder / "bus.db"
+    with closing(sqlite3.connect(file)) as connection, connection:
+        connection.execute(CREATE)
+        connection.executemany("INSERT INTO messages VALUES (?, ?, ?, ?, ?, ?, ?)", rows)
+    return file
+
+
+@rows(
+    "row, raw",
+    [
+        (GOOD, Frame(0x014, b"\x01\x02")),
+        ((1.5, 0x014, 0, 0, 0, 0, None), Frame(0x014, b"")),
+        ((1.5, 0x014, 1, 0, 0, 1, b"\xaa"), Frame(EXTENDED | 0x014, b"\xaa")),
+        ((1.5, 0x014, 0, 1, 0, 8, b""), RemoteFrame(0x014, bytes(8))),
+        ((1.5, 0x014, 1, 1, 0, 0, b""), RemoteFrame(EXTENDED | 0x014)),
+        ((1.5, 0x014, 1, 1, 1, 0, b""), Foreign(Damage.ERROR_FRAME, "00000014#")),
+        ((1.5, 0x014, 0, 0, 0, 8, bytes(8)), Frame(0x014, bytes(8))),
+        ((1.5, 0x014, 0, 0, 0, 9, bytes(9)), Foreign(Damage.FD, "014#" + "00" * 9)),
+    ],
+)
+def test_a_row_is_a_frame_or_says_what_it_is(tmp_path: Path, row: tuple[object, ...], raw: Raw) -> None:
+    ((number, time, channel, found),) = read(table(tmp_path, row))
+    assert (number, time, channel) == (1, 1.5, "")
+    if isinstance(raw, Foreign):
+        assert isinstance(found, Foreign)
+        assert found.damage is raw.damage
+    else:
+        assert found == raw
+
+
+@pytest.mark.parametrize("length", [1, 3])
+def test_a_row_of_another_length_than_its_data_is_unreadable_and_counted(tmp_path: Path, length: int) -> None:
+    bad = (1.5, 0x014, 0, 0, 0, length, b"\x01\x02")
+    (first, _, _, _), (second, _, _, raw), (third, _, _, _) = read(table(tmp_path, GOOD, bad, GOOD))
+    assert (first, second, third) == (1, 2, 3)
+    assert raw == Foreign(Damage.UNREADABLE, f"014#0102 with length {length}")
+
+
+HEADER, LINE = "timestamp,arbitration_id,extended,remote,error,dlc,data\n", "1.5,0x14,0,0,0,2,AQI=\n"
+
+GIVEN_UP = {
+    "no columns": "garbage\n",
+    "no time": "late,0x14,0,0,0,2,AQI=\n",
+    "no identifier": "1.5,20x,0,0,0,2,AQI=\n",
+    "more digits than Python reads": f"1.5,0x14,0,0,0,{'9' * 4400},AQI=\n",
+    "a line over the bound": f"1.5,0x14,0,0,0,2,{'A' * 2000}\n",
+}
+
+
+@pytest.mark.parametrize("line", GIVEN_UP.values(), ids=GIVEN_UP)
+def test_csv_ends_with_an_entry_that_says_so_where_python_can_gives_up(line: str) -> None:
+    content = io.BytesIO((HEADER + LINE + line + LINE).encode())
+    first, *_, (number, time, _, last) = formats.read(content, "csv", 1000)
+    assert first == (1, 1.5, "", Frame(0x014, b"\x01\x02"))
+    assert isinstance(last, Foreign)
+    assert (time, last.damage) == (1.5, Damage.CUT_OFF)
+    assert last.text.startswith("python-can reads no further: ")
+    assert number <= 3
+
+
+def test_a_line_of_csv_with_another_length_than_its_data_costs_no_other() -> None:
+    content = io.BytesIO((HEADER + LINE + LINE.replace(",2,", ",3,") + LINE).encode())
+    assert [raw for *_, raw in formats.read(content, "csv")] == [
+        Frame(0x014, b"\x01\x02"),
+        Foreign(Damage.UNREADABLE, "014#0102 with length 3"),
+        Frame(0x014, b"\x01\x02"),
+    ]
+
+
+def test_what_is_written_is_read_again(tmp_path: Path) -> None:
+    messages = [
+        can.Message(timestamp=1.5, arbitration_id=0x014, data=b"\x01\x02", is_extended_id=False),
+        can.Message(timestamp=2.5, arbitration_id=0x014, data=b"\x03", is_extended_id=True),
+        can.Message(timestamp=3.5, arbitration_id=0x014, is_remote_frame=True, is_extended_id=False),
+        can.Message(timestamp=4.5, is_error_frame=True),
+    ]
+    write_table(tmp_path / "bus.db", messages)
+    found = read(tmp_path / "bus.db")
+    assert [time for _, time, *_ in found] == [1.5, 2.5, 3.5, 4.5]
+    assert [raw.damage if isinstance(raw, Foreign) else raw for *_, raw in found] == [
+        Frame(0x014, b"\x01\x02"),
+        Frame(EXTENDED | 0x014, b"\x03"),
+        RemoteFrame(0x014),
+        Damage.ERROR_FRAME,
+    ]
+
+
+def test_a_table_that_cannot_be_written_is_an_oserror_with_the_file(tmp_path: Path) -> None:
+    file = table(tmp_path)
+    with pytest.raises(OSError, match=r"bus\.db: table messages already exists"):
+        write_table(file, [])

@@ -1,0 +1,23 @@
+"""All checks on a clean machine; `.ci/run` starts it. What takes longer is in `nightly.py`."""
+
+from __future__ import annotations
+
+import sys
+
+import test
+from environment import ONCE_MORE, SUITE
+from steps import Step, python, run
+
+PAGE = ("-m", "long", "tests/web")
+STEPS = (
+    Step("other programs", python("tools/interop.py", "--install")),  # tshark, a browser, ...: kept for what follows
+    *test.STEPS,
+    Step("interop", python("tools/interop.py", "--local")),
+    Step("page in a browser", python(*SUITE, *PAGE), python(*ONCE_MORE, *PAGE)),
+    Step("site", python("tools/make_site.py")),
+    Step("wheel", python("tools/wheel.py", "3.11")),
+    Step("lowest versions", python("tools/pythons.py", "lowest")),
+)
+
+if __name__ == "__main__":
+    sys.exit(run(STEPS))

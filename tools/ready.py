@@ -1,0 +1,68 @@
+"""Before a push: what most often turns CI red, in under a minute. `python3 tools/ready.py`
+
+Style, types, EDS files, what else is made from the code and committed, the links of the documentation, and the tests
+that mirror the files changed since the branch left what is published.
+"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Iterable
+from pathlib import Path
+
+import test
+from environment import ONCE_MORE, ROOT, SHORT, SUITE
+from steps import Step, python, run
+
+MADE = (
+    "tests/test_layers.py",
+    "tests/test_public_names.py",
+    "tests/cli/test_completion.py",
+    "tests/sdo/test_aborts.py",
+    "tests/tools/test_broken.py",
+)
+"""Tests of what has to follow a change anywhere: rooms, lists that are made, the places of broken.yaml."""
+
+PUBLISHED = ("@{upstream}", "origin/main", "main")
+
+
+def git(*words: str) -> list[str]:
+    """Return the lines that git says, none if it fails."""
+    done = subprocess.run(["git", *words], cwd=ROOT, capture_output=True, text=True, check=False)
+    return [] if done.returncode else done.stdout.splitlines()
+
+
+def changed() -> set[str]:
+    """Return the files that differ from where this branch left what is published, and those new to git."""
+    bases = (base for name in PUBLISHED for base in git("merge-base", "HEAD", name))
+    return {*git("diff", "--name-only", next(bases, "HEAD")), *git("ls-files", "--others", "--exclude-standard")}
+
+
+def mirror(file: str) -> Path:
+    """Return where the tests of a module are, if it has some of its own."""
+    *folders, name = Path(file.removeprefix("eurobot_od/")).parts
+    return Path("tests", *folders, f"test_{name}")
+
+
+def tests_of(files: Iterable[str]) -> tuple[str, ...]:
+    """Return the tests among some files, and those that mirror them."""
+    own = {each for each in files if Path(each).name.startswith("test_")} | {str(mirror(each)) for each in files}
+    return tuple(sorted(each for each in own if each.endswith(".py") and (ROOT / each).is_file()))
+
+
+def main() -> int:
+    """Run all steps, also after one that failed; return 1 if any did."""
+    tests = (*SHORT, *dict.fromkeys((*filter(lambda each: (ROOT / each).is_file(), MADE), *tests_of(changed()))))
+    return run(
+        (
+            *test.STEPS[:-1],
+            Step("lint rules' page", python("tools/lint_mutants.py", "--check")),
+            Step("links of the docs", python("tools/make_site.py")),
+            Step("tests of what changed", python(*SUITE, *tests), python(*ONCE_MORE, *tests)),
+        )
+    )
+
+
+if __name__ == "__main__":
+    sys.exit(main())
