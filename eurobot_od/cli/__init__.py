@@ -36,7 +36,7 @@ from eurobot_od.errors import (
     WorldError,
     YamlError,
 )
-from eurobot_od.support.escaping import one_line
+from eurobot_od.support.texts import one_line
 
 if TYPE_CHECKING:
     from eurobot_od.plugin import Plugin

@@ -16,8 +16,8 @@ from eurobot_od.cli import campaign
 from eurobot_od.cli.options import Devices, complain_of_repairs
 from eurobot_od.errors import LocalError
 from eurobot_od.od import network
-from eurobot_od.support.escaping import one_line
 from eurobot_od.support.terminal import in_colour
+from eurobot_od.support.texts import one_line
 
 if TYPE_CHECKING:
     from eurobot_od.bus.live.connection import Opener

@@ -18,7 +18,7 @@ from eurobot_od.lint.model import load
 from eurobot_od.lint.rules import FILE_RULES, lint
 from eurobot_od.od.document import read_bytes
 from eurobot_od.od.formats import SUFFIXES, files_in, is_xml
-from eurobot_od.support.escaping import one_line
+from eurobot_od.support.texts import one_line
 
 if TYPE_CHECKING:
     from eurobot_od.lint.network import LintedNetwork
@@ -206,7 +206,7 @@ def _print_json(findings: Sequence[Finding], identifiers: Sequence[tuple[str, ..
 
 
 def _print_annotations(findings: Sequence[Finding]) -> None:
-    from eurobot_od.support.annotations import Level, annotation
+    from eurobot_od.support.texts import Level, annotation
 
     levels = {Severity.ERROR: Level.ERROR, Severity.WARNING: Level.WARNING, Severity.INFO: Level.NOTICE}
     for each in findings:

@@ -6,8 +6,8 @@ import argparse
 from pathlib import Path
 
 from eurobot_od.cli import ExitStatus
-from eurobot_od.support.amounts import amount
 from eurobot_od.support.files import read_whole
+from eurobot_od.support.texts import amount
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

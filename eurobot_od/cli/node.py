@@ -17,8 +17,8 @@ from eurobot_od.cli import ExitStatus
 from eurobot_od.cli import options as shared
 from eurobot_od.errors import LocalError, RemoteError, UnknownName
 from eurobot_od.support import durations
-from eurobot_od.support.escaping import one_line
 from eurobot_od.support.files import read_whole
+from eurobot_od.support.texts import one_line
 
 if TYPE_CHECKING:
     import can

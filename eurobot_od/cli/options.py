@@ -22,7 +22,7 @@ from eurobot_od.od.network_file import NetworkFile, NodeFile
 from eurobot_od.od.values import NODE_IDS
 from eurobot_od.plugin import Plugin
 from eurobot_od.season.campaign import MOST_JOBS
-from eurobot_od.support.address import parse
+from eurobot_od.support.connections import parse
 from eurobot_od.traffic.recorder import END, GO_ON
 
 if TYPE_CHECKING:

@@ -29,7 +29,7 @@ from eurobot_od.od.values import (
     PdoDirection,
     label,
 )
-from eurobot_od.support.amounts import amount
+from eurobot_od.support.texts import amount
 
 # The order of writes
 

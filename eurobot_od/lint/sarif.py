@@ -11,7 +11,7 @@ from typing import Any
 from urllib.parse import quote
 
 from eurobot_od.lint.findings import Finding, Rule, Severity
-from eurobot_od.support.escaping import one_line
+from eurobot_od.support.texts import one_line
 
 SCHEMA = "https://json.schemastore.org/sarif-2.1.0.json"
 LEVELS = {Severity.ERROR: "error", Severity.WARNING: "warning", Severity.INFO: "note"}

@@ -11,8 +11,7 @@ import polars.selectors as cs
 from eurobot_od.season.chart import chart_of, draw
 from eurobot_od.season.reports import SeasonReport
 from eurobot_od.season.season import Season
-from eurobot_od.support.escaping import cell
-from eurobot_od.support.tables import columns
+from eurobot_od.support.texts import cell, columns
 
 
 def tables(season: Season) -> pl.DataFrame:

@@ -15,7 +15,7 @@ import yaml
 from yaml.composer import Composer
 
 from eurobot_od.errors import LocalError, YamlError
-from eurobot_od.support.escaping import one_line
+from eurobot_od.support.texts import one_line
 from eurobot_od.support.yaml_mistakes import in_words
 
 T = TypeVar("T")

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from functools import lru_cache
 from typing import Any, TypeAlias
 
-from eurobot_od.support.escaping import one_line
+from eurobot_od.support.texts import one_line
 from eurobot_od.traffic.meaning import Meaning, SdoTransfer, with_defects
 
 NAME_WIDTH = 29

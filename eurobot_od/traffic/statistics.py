@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
-from eurobot_od.support.escaping import one_line
+from eurobot_od.support.texts import one_line
 from eurobot_od.traffic.entries import Damage
 from eurobot_od.traffic.meaning import Defect
 

@@ -7,9 +7,8 @@ from collections.abc import Iterator
 
 from eurobot_od.frame import Frame
 from eurobot_od.sdo.wire import code_and_reason
-from eurobot_od.support.amounts import amount
 from eurobot_od.support.durations import text
-from eurobot_od.support.escaping import one_line
+from eurobot_od.support.texts import amount, one_line
 from eurobot_od.traffic.load.message_set import MessageSet
 from eurobot_od.traffic.load.seen import SeenTraffic, table
 from eurobot_od.traffic.meaning import Meaning, SdoTransfer

@@ -27,6 +27,7 @@ from eurobot_od.robot.scene.scene import (
 )
 from eurobot_od.robot.scene.tables import column, ticks, timeline
 from eurobot_od.support import svg
+from eurobot_od.support.texts import amount
 
 PAGE = (4200, 2970)
 """Width and height: the ratio of an A4 page in landscape."""
@@ -66,19 +67,15 @@ def _summary(recording: Recording) -> Iterator[str]:
     if recording.team is not None:
         yield f"{recording.team.name.lower()} team"
     if start is not None:
-        yield _several(start.enemies, "enemy", "enemies")
-        yield _several(start.confederates, "confederate", "confederates")
+        yield amount(start.enemies, "enemy", "enemies")
+        yield amount(start.confederates, "confederate")
     reached = sum(goto.outcome is Outcome.ARRIVED for goto in recording.gotos)
-    yield f"{reached} of {_several(len(recording.gotos), 'goto', 'gotos')} reached"
-    yield _several(len(recording.stops), "stop", "stops")
+    yield f"{reached} of {amount(len(recording.gotos), 'goto')} reached"
+    yield amount(len(recording.stops), "stop")
     if recording.truth:
-        yield _several(len(recording.touches), "touch", "touches")
-        yield _several(sum(each.points for each in recording.scores if each.robot == OURS), "point", "points")
+        yield amount(len(recording.touches), "touch", "touches")
+        yield amount(sum(each.points for each in recording.scores if each.robot == OURS), "point")
     yield f"{recording.end:.0f} s"
-
-
-def _several(number: int, one: str, many: str) -> str:
-    return f"{number} {one if number == 1 else many}"
 
 
 # The field

@@ -14,7 +14,7 @@ from typing import Any
 
 from eurobot_od.frame import Frame, identifier_text
 from eurobot_od.pdo.message import plain
-from eurobot_od.support.escaping import cell
+from eurobot_od.support.texts import cell
 from eurobot_od.traffic.meaning import Meaning
 from eurobot_od.traffic.output import Output, WriteLine
 

@@ -10,8 +10,7 @@ from dataclasses import dataclass
 
 from eurobot_od.bus.bits import frame_bits
 from eurobot_od.frame import Frame, identifier_text
-from eurobot_od.support.escaping import one_line
-from eurobot_od.support.tables import columns
+from eurobot_od.support.texts import columns, one_line
 from eurobot_od.traffic.load.message_set import MICROSECONDS, MessageSet
 from eurobot_od.traffic.load.report import BoundRow, load_report
 

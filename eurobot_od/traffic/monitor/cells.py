@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from eurobot_od.frame import identifier_text
-from eurobot_od.support.escaping import one_line
-from eurobot_od.support.tables import GAP, columns
+from eurobot_od.support.texts import GAP, columns, one_line
 from eurobot_od.traffic.meaning import with_defects
 from eurobot_od.traffic.monitor.traffic import MonitorRow, NodeHealth
 
