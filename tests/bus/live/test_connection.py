@@ -12,6 +12,7 @@ from can.interfaces.virtual import VirtualBus
 from eurobot_od.bus.live import Driver
 from eurobot_od.bus.live.connection import Connection, Gaps
 from eurobot_od.errors import BusError
+from eurobot_od.support import connections
 from eurobot_od.support.connections import STEADY
 
 FAILED = BusError("it failed")
