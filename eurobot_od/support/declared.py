@@ -9,14 +9,15 @@ from typing import NamedTuple
 
 
 class Within(NamedTuple):
-    """A number from `low` to `high`, both included, in a `unit`."""
+    """A number from `low` to `high`, both included, in a `unit`; errors write the two in a `form`."""
 
     low: float
     high: float
     unit: str = ""
+    form: str = "{}"
 
     def __str__(self) -> str:
-        return f"{self.low}..{self.high} {self.unit}".rstrip()
+        return f"{self.form.format(self.low)}..{self.form.format(self.high)} {self.unit}".rstrip()
 
 
 class Listed:

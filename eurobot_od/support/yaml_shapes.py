@@ -160,7 +160,7 @@ def named(table: Mapping[str, T], kind: str) -> Shape[T]:
 
 def within(shape: Shape[T], allowed: Within, name: str) -> Shape[T]:
     """Make a shape of a number in a range; `name` is what errors call it."""
-    words = f"whole numbers {allowed}" if shape.schema.get("type") == "integer" else str(allowed)
+    words = f"whole numbers {allowed}" if "integer" in shape.schema.get("type", "") else str(allowed)
 
     def read(node: yaml.Node, problems: Problems) -> T:
         try:

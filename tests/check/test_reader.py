@@ -72,7 +72,7 @@ WRONG_STEPS = {
     "unknown state": ("- heartbeat: ^awake", "unknown NMT state 'awake'; known: boot-up"),
     "unknown command": ("- nmt: ^restart", "unknown NMT command 'restart'"),
     "unknown node": ("- nmt: {command: reset, node: ^wheels}", "unknown node 'wheels'; known: core, drive, navigation"),
-    "error code": ("- emcy: ^0x10000", "error code = '0x10000' is not allowed; allowed: 0..65535"),
+    "error code": ("- emcy: ^0x10000", "error code = '0x10000' is not allowed; allowed: whole numbers 0..65535"),
     "unknown object": (
         "- sdo: {read: ^Producer heartbet time}",
         "unknown object 'Producer heartbet time'; did you mean",

@@ -17,17 +17,19 @@ from eurobot_od.od.keys import BIT_RATES
 from eurobot_od.od.pdos import RESERVED, carries_nothing
 from eurobot_od.od.values import BASE_IDENTIFIER, MAX_BITS, NODE_ID, NODE_IDS
 from eurobot_od.support import durations, yaml_places
+from eurobot_od.support.declared import Within
 from eurobot_od.support.files import read_whole
 from eurobot_od.support.yaml_places import Place, PlacedNumber, PlacedText, Problem, Problems, refuse, telling
 from eurobot_od.support.yaml_shapes import ASCII, NUMBER_OR_ASCII, PLAIN, SCALAR, Plain, filled, matching, shape_of
 
-FIELD_BITS = 32
-HIGHEST_16, HIGHEST_32 = 0xFFFF, 0xFFFFFFFF
 SERVICES = ("EMCY", "SDO")
 """CANopen services that may have a row in the traffic, for all nodes."""
 FORMS = {"identifier": "0x{:03X}", "index": "0x{:04X}", "setting": "'{}'"}
 """How the values of a kind are written in problems, if not as they are."""
 
+Bits: TypeAlias = Annotated[PlacedNumber, Within(1, 32)]
+Milliseconds: TypeAlias = Annotated[PlacedNumber, Within(0, 0xFFFF, "ms")]
+Number32: TypeAlias = Annotated[PlacedNumber, Within(0, 0xFFFFFFFF)]
 FileName: TypeAlias = Annotated[PlacedText, matching(r"[A-Za-z0-9_-]+", "a name of letters, digits, _ and -")]
 """What names a folder or a file, on any system."""
 
@@ -42,7 +44,7 @@ class TableField:
     `default` is a number, one of the codes or, of a setting, `$NODEID`: the node-ID of the node that has the setting.
     """
 
-    bits: PlacedNumber
+    bits: Bits
     range: tuple[PlacedNumber, PlacedNumber]
     default: PlacedNumber | PlacedText
     codes: dict[PlacedText, PlacedNumber] = field(default_factory=dict)
@@ -69,7 +71,7 @@ def always_zero(bits: PlacedNumber) -> TableField:
 class Record:
     """An object of the dictionary: its index and its fields, sub-indices 1, 2, ... in this order."""
 
-    index: PlacedNumber
+    index: Annotated[PlacedNumber, Within(0x2000, 0x2FFF, form="0x{:04X}")]
     fields: Annotated[dict[PlacedText, TableField], filled]
 
 
@@ -77,7 +79,7 @@ class Record:
 class MessageRow:
     """A message: one PDO in each of its nodes; `object` is its data, None without any."""
 
-    identifier: PlacedNumber
+    identifier: Annotated[PlacedNumber, Within(1, BASE_IDENTIFIER, form="0x{:03X}")]
     senders: tuple[PlacedText, ...]
     receivers: tuple[PlacedText, ...]
     listeners: tuple[PlacedText, ...] = ()
@@ -96,17 +98,17 @@ class NodeRow:
     times, in place of the table's.
     """
 
-    node_id: PlacedNumber
+    node_id: Annotated[PlacedNumber, Within(NODE_IDS[0], NODE_IDS[-1])]
     product_name: PlacedText
-    product_number: PlacedNumber
+    product_number: Number32
     order_code: PlacedText
     watches: tuple[PlacedText, ...]
-    communication_error: PlacedNumber
+    communication_error: Annotated[PlacedNumber, Within(0, 2)]
     settings: dict[PlacedText, Record]
     readings: dict[PlacedText, Record] = field(default_factory=dict)
     asks: tuple[PlacedText, ...] = ()
-    heartbeat: PlacedNumber | None = None
-    heartbeat_timeout: PlacedNumber | None = None
+    heartbeat: Milliseconds | None = None
+    heartbeat_timeout: Milliseconds | None = None
 
 
 @dataclass(frozen=True)
@@ -116,10 +118,10 @@ class DialectRow:
     `reserved` says about an object how many bits of its PDO carry nothing, by the field that they stand before.
     """
 
-    revision_number: PlacedNumber
+    revision_number: Number32
     fields: dict[PlacedText, dict[PlacedText, TableField]] = field(default_factory=dict)
-    widths: dict[PlacedText, dict[PlacedText, PlacedNumber]] = field(default_factory=dict)
-    reserved: dict[PlacedText, dict[PlacedText, PlacedNumber]] = field(default_factory=dict)
+    widths: dict[PlacedText, dict[PlacedText, Bits]] = field(default_factory=dict)
+    reserved: dict[PlacedText, dict[PlacedText, Bits]] = field(default_factory=dict)
     most_significant_first: tuple[PlacedText, ...] = ()
 
     def form_of(self, name: PlacedText, plain: Record) -> Record:
@@ -155,7 +157,7 @@ class Vendor:
     """The vendor in the identity of every node."""
 
     name: PlacedText
-    number: PlacedNumber
+    number: Number32
 
 
 @dataclass(frozen=True)
@@ -176,13 +178,13 @@ class Table:
 
     file: FileData
     vendor: Vendor
-    serial_number: PlacedNumber
+    serial_number: Number32
     hardware_version: PlacedText
     software_version: PlacedText
     bit_rate: PlacedNumber
     bit_rates: tuple[PlacedNumber, ...]
-    heartbeat: PlacedNumber
-    heartbeat_timeout: PlacedNumber
+    heartbeat: Milliseconds
+    heartbeat_timeout: Milliseconds
     nodes: Annotated[dict[FileName, NodeRow], filled]
     settings: dict[PlacedText, Record]
     objects: dict[PlacedText, Record]
@@ -249,32 +251,6 @@ def repeated(kind: str, values: Iterable[PlacedNumber] | Iterable[PlacedText]) -
             yield Problem(each.place, f"{kind} {value} is used twice, first in {where}")
 
 
-def numbers_out_of_range(table: Table) -> Iterator[Problem]:
-    """Check the numbers whose range CiA 301 fixes, by itself or by the width of the object that takes them."""
-    messages, nodes, dialects = table.messages.values(), table.nodes.values(), table.dialects.values()
-    records = (*data_records(table), *setting_records(table))
-    yield from outside("identifier", 1, BASE_IDENTIFIER, *(each.identifier for each in messages))
-    yield from outside("node_id", NODE_IDS[0], NODE_IDS[-1], *(each.node_id for each in nodes))
-    yield from outside("communication_error", 0, 2, *(each.communication_error for each in nodes))
-    yield from outside("index", 0x2000, 0x2FFF, *(each.index for each in records))
-    heartbeats = (table.heartbeat, *(each.heartbeat for each in nodes))
-    yield from outside("heartbeat", 0, HIGHEST_16, *(each for each in heartbeats if each is not None))
-    timeouts = (table.heartbeat_timeout, *(each.heartbeat_timeout for each in nodes))
-    yield from outside("heartbeat_timeout", 0, HIGHEST_16, *(each for each in timeouts if each is not None))
-    yield from outside("vendor number", 0, HIGHEST_32, table.vendor.number)
-    yield from outside("product_number", 0, HIGHEST_32, *(each.product_number for each in nodes))
-    yield from outside("revision_number", 0, HIGHEST_32, *(each.revision_number for each in dialects))
-    yield from outside("serial_number", 0, HIGHEST_32, table.serial_number)
-
-
-def outside(kind: str, low: int, high: int, *values: PlacedNumber) -> Iterator[Problem]:
-    """Yield a problem for each value that is not in `low`..`high`."""
-    form = FORMS.get(kind, "{}").format
-    for each in values:
-        if not low <= each <= high:
-            yield Problem(each.place, f"{kind} {form(each)} is not in {form(low)}..{form(high)}")
-
-
 def bit_rates_that_no_node_has(table: Table) -> Iterator[Problem]:
     """Check that CiA 306 knows the bit rates, and that nodes have the network's."""
     for known, rates in ((BIT_RATES, table.bit_rates), (table.bit_rates, [table.bit_rate])):
@@ -312,7 +288,6 @@ def fields_that_do_not_hold(table: Table) -> Iterator[Problem]:
 def number_problems(each: TableField) -> Iterator[Problem]:
     """Check that a field's width holds its values, and that it has values."""
     low, high = each.range
-    yield from outside("bits", 1, FIELD_BITS, each.bits)
     if each.high >= 1 << each.bits:
         yield Problem(each.bits.place, f"{each.high} does not fit into {each.bits} bits")
     if low > high:
@@ -377,7 +352,6 @@ def _composed(source: str, find: FindTable, problems: Problems) -> yaml.Node:
 CHECKS = (
     unknown_names,
     repeated_values,
-    numbers_out_of_range,
     bit_rates_that_no_node_has,
     fields_that_do_not_hold,
     fields_that_would_carry_nothing,
