@@ -10,7 +10,7 @@ from eurobot_od.frame import Frame
 from eurobot_od.robot.model.options import MatchOptions
 from eurobot_od.robot.model.places import Point, Pose
 from eurobot_od.robot.scene.files import SeenMatch, save
-from eurobot_od.robot.scene.recording import ScoredTask, TouchMark, Truth
+from eurobot_od.robot.scene.recording import PathPoint, ScoredTask, TouchMark, Truth
 from eurobot_od.robot.world import World
 from eurobot_od.robot.world.world import OURS
 from eurobot_od.traffic.meaning import Decoder
@@ -38,9 +38,9 @@ def truth_of(world: World) -> Truth:
     return Truth([*_thinned(world.path)], touches, [ScoredTask(*score) for score in world.game.scores])
 
 
-def _thinned(path: Iterable[tuple[float, Pose]]) -> Iterator[tuple[float, Pose]]:
+def _thinned(path: Iterable[tuple[float, Pose]]) -> Iterator[PathPoint]:
     last = float("-inf")
     for time, pose in path:
         if time - last >= STEP:
             last = time
-            yield time, pose
+            yield PathPoint(time, *pose)

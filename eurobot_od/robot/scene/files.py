@@ -48,8 +48,9 @@ def _html(match: SeenMatch, title: str) -> bytes:
     columns = Columns(title, match.decoder, BITRATE, panels)
     for time, meaning in match.frames:
         columns.take(time, meaning)
-    columns.add(truth_events(match.truth, match.facts, columns.start or 0.0))
-    return page(title, [columns.data(true_path(match.truth, columns.start or 0.0))], panels).encode()
+    truth = match.truth.later(-(columns.start or 0.0))
+    columns.add(truth_events(truth, match.facts))
+    return page(title, [columns.data(true_path(truth))], panels).encode()
 
 
 PNG = ".png"

@@ -90,7 +90,7 @@ class FieldPanel(Panel):
     @classmethod
     def beside(cls, log: Path) -> Beside:
         truth = read_truth(log)
-        return Beside(list(truth_events(truth, cls.facts(), 0.0)), true_path(truth, 0.0))
+        return Beside(list(truth_events(truth, cls.facts())), true_path(truth))
 
     @classmethod
     def setup(cls) -> Mapping[str, Any]:
@@ -213,20 +213,20 @@ PAGE_LEGEND = (
 # What only the world of a simulated match knows
 
 
-def truth_events(truth: Truth, facts: Facts, start: float) -> Iterator[PageEvent]:
-    """Give touches and points as events, `start` being when the page's time begins."""
+def truth_events(truth: Truth, facts: Facts) -> Iterator[PageEvent]:
+    """Give touches and points as events; times are the page's."""
     scene = Scene(facts)
     for number, touch in enumerate(truth.touches):
-        time, data = touch.time - start, _items([scene.touch(touch)], -start)
-        yield PageEvent(f"touch {number}", "touch", time, touch.words, None, "✶", touch.at_fault, data)
+        data = _items([scene.touch(touch)], 0)
+        yield PageEvent(f"touch {number}", "touch", touch.time, touch.words, None, "✶", touch.at_fault, data)
     for number, score in enumerate(truth.scores):
         text = f"{score.robot}: {score.task} +{score.points}"
-        yield PageEvent(f"points {number}", "points", score.time - start, text, mark=f"+{score.points}")
+        yield PageEvent(f"points {number}", "points", score.time, text, mark=f"+{score.points}")
 
 
-def true_path(truth: Truth, start: float) -> list[dict[str, Any]]:
+def true_path(truth: Truth) -> list[dict[str, Any]]:
     """Return where our robot truly was as a row of the page; nothing if nobody knows."""
-    path = [(time - start, pose) for time, pose in truth.path if time >= start]
+    path = [each for each in truth.path if each.time >= 0]
     if not path:
         return []
     row: dict[str, Any] = {
@@ -234,8 +234,8 @@ def true_path(truth: Truth, start: float) -> list[dict[str, Any]]:
         "name": "True position",
         "group": "world",
         "nodes": [OURS],
-        "times": [round(time, 4) for time, _ in path],
-        "values": [[round(each[field], 1) for _, each in path] for field in range(3)],
+        "times": [round(each.time, 4) for each in path],
+        "values": [[round(each, 1) for each in values] for values in list(zip(*path))[1:]],
         "texts": [],
         "wrong": {},
         "bits": 0,

@@ -6,14 +6,14 @@ What is out of range is not acted on here either: the picture shows what the nod
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple, get_args
 
 from eurobot_od.pdo.message import Message, is_flagged, kinds
 from eurobot_od.robot.model import messages
-from eurobot_od.robot.model.places import Point, Pose
-from eurobot_od.robot.model.values import FAULT_OUTCOME, GotoFault, Outcome, Passage, TeamColour
+from eurobot_od.robot.model.places import Point
+from eurobot_od.robot.model.values import FAULT_OUTCOME, GotoFault, Outcome, TeamColour
 
 
 class PathPoint(NamedTuple):
@@ -91,9 +91,14 @@ class ScoredTask(NamedTuple):
 class Truth(NamedTuple):
     """What nobody can see on the bus, with times by its clock: our true poses, touches, and who made which points."""
 
-    path: Iterable[tuple[float, Pose]] = ()
-    touches: Iterable[TouchMark] = ()
-    scores: Iterable[ScoredTask] = ()
+    path: Sequence[PathPoint] = ()
+    touches: Sequence[TouchMark] = ()
+    scores: Sequence[ScoredTask] = ()
+
+    def later(self, by: float) -> Truth:
+        """Return the same `by` s later: by another clock."""
+        parts: Iterable[Sequence[Any]] = self
+        return Truth(*([each._replace(time=each.time + by) for each in part] for part in parts))
 
 
 NOTHING = Truth()
@@ -103,17 +108,14 @@ NOTHING = Truth()
 class Recording:
     """A match: everything with its time in s since the first message.
 
-    `paths` are the sightings by message type. `truth` are the true poses of our robot, `touches` and `scores` what
-    only a simulated world knows; a log has neither.
+    `paths` are the sightings by message type. `truth` is what only a simulated world knows; of a log it is nothing.
     """
 
     configuration: messages.StartConfigurationSet | None = None
     paths: dict[type[messages.PositionResponse], list[PathPoint]] = field(default_factory=dict)
-    truth: list[PathPoint] = field(default_factory=list)
+    truth: Truth = NOTHING
     gotos: list[RecordedGoto] = field(default_factory=list)
     stops: list[RecordedStop] = field(default_factory=list)
-    touches: list[TouchMark] = field(default_factory=list)
-    scores: list[ScoredTask] = field(default_factory=list)
     end: float = 0.0
 
     @property
@@ -127,15 +129,6 @@ class Recording:
         colour = None if self.configuration is None else self.configuration.team_colour
         return colour if isinstance(colour, TeamColour) else None
 
-    @property
-    def passages(self) -> Mapping[int, Passage]:
-        """The strongest passage that any goto asked for, by barrier number."""
-        found: dict[int, Passage] = {}
-        for goto in self.gotos:
-            for number, passage in goto.message.barriers.set_barriers():
-                found[number] = max(passage, found.get(number, Passage.FREE))
-        return found
-
 
 def record(events: Iterable[tuple[float, Message]], truth: Truth = NOTHING) -> Recording:
     """Work out a match from its messages and their times in s, and what else is known, by the same clock."""
@@ -143,11 +136,9 @@ def record(events: Iterable[tuple[float, Message]], truth: Truth = NOTHING) -> R
     for time, message in events:
         recorder.take(time, message)
     start, recording = recorder.start or 0.0, recorder.recording
-    recording.truth = [PathPoint(time - start, *pose) for time, pose in truth.path]
-    recording.touches = [each._replace(time=each.time - start) for each in truth.touches]
-    recording.scores = [each._replace(time=each.time - start) for each in truth.scores]
-    known = [each.time for each in recording.touches] + [each.time for each in recording.scores]
-    recording.end = max([recording.end, *known])
+    known = recording.truth = truth.later(-start)
+    times = [each.time for each in known.touches] + [each.time for each in known.scores]
+    recording.end = max([recording.end, *times])
     return recording
 
 

@@ -72,9 +72,9 @@ def _summary(recording: Recording) -> Iterator[str]:
     reached = sum(goto.outcome is Outcome.ARRIVED for goto in recording.gotos)
     yield f"{reached} of {amount(len(recording.gotos), 'goto')} reached"
     yield amount(len(recording.stops), "stop")
-    if recording.truth:
-        yield amount(len(recording.touches), "touch", "touches")
-        yield amount(sum(each.points for each in recording.scores if each.robot == OURS), "point")
+    if recording.truth.path:
+        yield amount(len(recording.truth.touches), "touch", "touches")
+        yield amount(sum(each.points for each in recording.truth.scores if each.robot == OURS), "point")
     yield f"{recording.end:.0f} s"
 
 
@@ -103,13 +103,13 @@ def _in_the_end(recording: Recording, facts: Facts) -> Iterator[Item]:
         yield Item(ROBOTS, look.at(place, path[-1].angle), 0)
         if look.name != OURS:
             yield Item(ROBOT_NAMES, style.halo((place[0], place[1] + 10), look.name, fill=look.colour), 0)
-    if recording.truth:
-        truth = svg.polyline(_points(field, recording.truth), fill="none", stroke=style.TRUTH, stroke_width=3.5)
+    if recording.truth.path:
+        truth = svg.polyline(_points(field, recording.truth.path), fill="none", stroke=style.TRUTH, stroke_width=3.5)
         yield Item(TRAILS, truth, 0)
     yield from (Item(ROBOTS, each, 0) for each in _ticks(field, recording))
     happened = [each for goto in recording.gotos for each in scene.goto(goto)]
     happened += [each for stop in recording.stops for each in scene.stop(stop)]
-    happened += map(scene.touch, recording.touches)
+    happened += map(scene.touch, recording.truth.touches)
     yield from (each for each in happened if each.end is None or each.layer in (RINGS, TARGETS))
 
 

@@ -59,12 +59,12 @@ def _legend(recording: Recording, facts: Facts) -> Iterator[str]:
     pieces = ((step * 10 - 45, step / 8) for step in range(9))
     ramp = (svg.line((x, 0), (x + 11, 0), stroke=style.colour_at(share), stroke_width=15) for x, share in pieces)
     yield _explained("our path, darker is later", *ramp)
-    if recording.truth:
+    if recording.truth.path:
         yield _explained("our path, as it really was", _stroke(style.TRUTH, 6, None))
     for whom, (name, dashes) in style.OTHERS.items():
         if recording.paths.get(whom):
             yield _explained(f"{name}, seen last as a disc", _stroke(style.colour_of(name), 7, dashes))
-    if recording.touches:
+    if recording.truth.touches:
         yield _explained("touch; filled: we drove into it", style.touch_mark(at_fault=True))
     yield from (_explained(*each) for each in legend(facts))
 
@@ -137,20 +137,17 @@ NARROW = 48
 def timeline(recording: Recording) -> str:
     """Draw the time from left to right: the path's colours, the gotos as bars, the stops."""
     # A log of one frame has no length, and everything on the line is divided by it.
-    end = max(recording.end, 1.0)
-
-    def x(time: float) -> float:
-        return WIDTH * time / end
-
-    ours = "; line: our points" if recording.scores else ""
-    other = ", dashed: the other robot's" if any(each.robot != OURS for each in recording.scores) else ""
+    end, (_, touches, scores) = max(recording.end, 1.0), recording.truth
+    x = svg.Axis(0, end, 0, WIDTH).at
+    ours = "; line: our points" if scores else ""
+    other = ", dashed: the other robot's" if any(each.robot != OURS for each in scores) else ""
     caption = f"time in s; bars: gotos, green if reached{ours}{other}"
     return svg.group(
         *_seconds(end, x),
         *_bars(recording.gotos, x, end),
         *(svg.moved(where, style.stop_mark(letter)) for where, letter in _signs(recording.stops, x)),
-        *(svg.moved((x(each.time), TIME_Y + BAR / 2), style.touch_mark(each.at_fault)) for each in recording.touches),
-        *_points(recording.scores, x),
+        *(svg.moved((x(each.time), TIME_Y + BAR / 2), style.touch_mark(each.at_fault)) for each in touches),
+        *_points(scores, x),
         style.label((WIDTH, CAPTION_Y), caption, fill=style.PALE, size=style.SMALL, anchor="end"),
     )
 

@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import Any
 
 from eurobot_od.errors import FileError, LocalError
-from eurobot_od.robot.model.places import Point, Pose
-from eurobot_od.robot.scene.recording import NOTHING, ScoredTask, TouchMark, Truth
+from eurobot_od.robot.model.places import Point
+from eurobot_od.robot.scene.recording import NOTHING, PathPoint, ScoredTask, TouchMark, Truth
 from eurobot_od.support.files import read_whole, write_whole
 
 BEGINNING = 1 << 16
@@ -37,12 +37,9 @@ def write_truth(log: Path, truth: Truth, start: float) -> None:
     """
     if not log.is_file():
         return
-    data = {
-        "log": _digest(log),
-        "path": [(round(time - start, 3), *(round(each, 1) for each in pose)) for time, pose in truth.path],
-        "touches": [(each.time - start, each.place, each.words, each.at_fault) for each in truth.touches],
-        "scores": [each._replace(time=each.time - start) for each in truth.scores],
-    }
+    known = truth.later(-start)
+    rounded = [[round(each, 3) for each in place if each is not None] for place in known.path]
+    data = {"log": _digest(log), **known._asdict(), "path": rounded}
     write_whole(truth_file(log), json.dumps(data).encode())
 
 
@@ -57,21 +54,15 @@ def read_truth(log: Path, start: float = 0.0) -> Truth:
     try:
         data = json.loads(read_whole(file))
         if data["log"] == _digest(log):
-            return _truth(data, start)
+            return _truth(data).later(start)
     except (FileError, ValueError, KeyError, TypeError) as error:
         raise LocalError(f"{file}: not what `match --log` writes: {error}") from error
     raise LocalError(f"{file}: of another log than {log.name}; its points are left out")
 
 
-def _truth(data: Any, start: float) -> Truth:
+def _truth(data: Any) -> Truth:
     return Truth(
-        [(start + float(time), Pose(*map(float, pose))) for time, *pose in data["path"]],
-        [
-            TouchMark(start + float(time), Point(*place), str(words), bool(at_fault))
-            for time, place, words, at_fault in data["touches"]
-        ],
-        [
-            ScoredTask(start + float(time), str(robot), str(task), int(points))
-            for time, robot, task, points in data["scores"]
-        ],
+        [PathPoint(*map(float, place)) for place in data["path"]],
+        [TouchMark(float(time), Point(*place), str(words), bool(ours)) for time, place, words, ours in data["touches"]],
+        [ScoredTask(float(time), str(robot), str(task), int(points)) for time, robot, task, points in data["scores"]],
     )

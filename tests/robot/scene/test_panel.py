@@ -14,11 +14,11 @@ from eurobot_od.robot.model.messages import (
     KalmanPositionResponse,
     StartConfigurationSet,
 )
-from eurobot_od.robot.model.places import Point, Pose
+from eurobot_od.robot.model.places import Point
 from eurobot_od.robot.model.values import Barriers, Obstacle, Passage, Source, TeamColour
 from eurobot_od.robot.protocol import EurobotProtocol
 from eurobot_od.robot.scene.panel import KEPT, FieldPanel, true_path, truth_events
-from eurobot_od.robot.scene.recording import OURS, ScoredTask, TouchMark, Truth
+from eurobot_od.robot.scene.recording import OURS, PathPoint, ScoredTask, TouchMark, Truth
 from eurobot_od.web.panel import PageEvent
 
 HERE = KalmanPositionResponse(200, 1800, 0, Source.INTERNAL)
@@ -111,13 +111,13 @@ def test_what_its_script_needs_is_data() -> None:
 
 def test_what_the_world_knows_besides() -> None:
     truth = Truth(
-        [(9.0, Pose(1, 2, 3)), (11.0, Pose(200, 1800, 0))],
-        [TouchMark(12.0, Point(620, 1400), "ours touched fire 1", True)],
-        [ScoredTask(14.0, OURS, "frescos", 6)],
+        [PathPoint(-1.0, 1, 2, 3), PathPoint(1.0, 200, 1800, 0)],
+        [TouchMark(2.0, Point(620, 1400), "ours touched fire 1", True)],
+        [ScoredTask(4.0, OURS, "frescos", 6)],
     )
-    touch, points = truth_events(truth, FieldPanel.facts(), 10.0)
+    touch, points = truth_events(truth, FieldPanel.facts())
     assert (touch.time, touch.wrong, touch.mark, layers(touch)) == (2.0, True, "✶", {"marks": [(2.0, None)]})
     assert (points.time, points.text) == (4.0, "ours: frescos +6")
-    (row,) = true_path(truth, 10.0)
+    (row,) = true_path(truth)
     assert (row["times"], row["values"]) == ([1.0], [[200], [1800], [0]])
-    assert true_path(Truth(), 0.0) == []
+    assert true_path(Truth()) == []

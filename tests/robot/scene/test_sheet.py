@@ -22,12 +22,12 @@ from eurobot_od.robot.model.messages import (
     StartConfigurationSet,
     StopDrive,
 )
-from eurobot_od.robot.model.places import Point, Pose
+from eurobot_od.robot.model.places import Point
 from eurobot_od.robot.model.values import Barriers, Obstacle, Passage, Source, TeamColour
 from eurobot_od.robot.protocol import decoder
 from eurobot_od.robot.scene import style
 from eurobot_od.robot.scene.files import SeenMatch, form, save
-from eurobot_od.robot.scene.recording import OURS, ScoredTask, TouchMark, Truth, record
+from eurobot_od.robot.scene.recording import OURS, PathPoint, ScoredTask, TouchMark, Truth, record
 from eurobot_od.robot.scene.scene import SPACING
 from eurobot_od.robot.scene.sheet import PAGE, sheet
 from eurobot_od.support import svg
@@ -58,7 +58,7 @@ SCORES = [
     ScoredTask(8.0, "enemy 1", "mammoth", 10),
     ScoredTask(15.0, OURS, "tree 1", 3),
 ]
-KNOWN = Truth([(1.0, Pose(200, 1800, 0)), (15.0, Pose(1000, 500, 0))], TOUCHES, SCORES)
+KNOWN = Truth([PathPoint(1.0, 200, 1800, 0), PathPoint(15.0, 1000, 500, 0)], TOUCHES, SCORES)
 """What the world knows of the events."""
 
 

@@ -8,12 +8,12 @@ from pathlib import Path
 import pytest
 
 from eurobot_od.errors import LocalError
-from eurobot_od.robot.model.places import Point, Pose
-from eurobot_od.robot.scene.recording import NOTHING, ScoredTask, TouchMark, Truth
+from eurobot_od.robot.model.places import Point
+from eurobot_od.robot.scene.recording import NOTHING, PathPoint, ScoredTask, TouchMark, Truth
 from eurobot_od.robot.scene.truth_file import read_truth, truth_file, write_truth
 
 TRUTH = Truth(
-    [(10.0, Pose(1.0, 2.0, 3.0)), (10.5, Pose(4.0, 5.0, 6.0))],
+    [PathPoint(10.0, 1.0, 2.0, 3.0), PathPoint(10.5, 4.0, 5.0, 6.0)],
     [TouchMark(11.0, Point(7.0, 8.0), "ours and enemy 1", True)],
     [ScoredTask(12.5, "ours", "fruit", 4)],
 )
