@@ -66,9 +66,7 @@ class FieldPanel(Panel):
         self._recorder, self._scene = Recorder(), Scene(self.facts())
         # The drive also keeps a margin, by how well it knows where it is.
         self._clearances = Clearances.of(self.facts(), self.facts().body.radius, 0.0)
-        self._told: dict[int, RecordedGoto] = {}
         self._routes: dict[int, list[Point]] = {}
-        self._stops = 0
         self._heard: defaultdict[type[Message], Signal] = defaultdict(Signal)
         self._place_known = self._shut_down = False
 
@@ -137,40 +135,33 @@ class FieldPanel(Panel):
             self._shut_down = isinstance(message, EmergencyShutdown)
         if type(message) in self._heard:
             self._heard[type(message)].set()
-        recording = self._recorder.recording
-        # The last goto is looked at again: this message may have ended it.
-        before = max(len(recording.gotos) - 1, 0)
-        self._recorder.take(time, message)
-        for path in recording.paths.values():
+        news = self._recorder.take(time, message)
+        for path in self._recorder.recording.paths.values():
             # Many at once, as deleting at the front moves all the rest.
             if len(path) > 2 * KEPT:
                 del path[:KEPT]
         if isinstance(message, StartConfigurationSet):
             text, robots = f"Start Configuration Set: {describe(message)}", _as_data(looks(self.facts(), message))
             yield PageEvent(f"start {time}", "start", time, text, data={"robots": robots})
+        for each in news:
+            yield self._goto(each) if isinstance(each, RecordedGoto) else self._stop(each)
+
+    def _goto(self, goto: RecordedGoto) -> PageEvent:
+        text, name = f"{goto.words}: {goto.ending}", f"goto {goto.number}"
+        end, wrong = goto.ended, goto.outcome not in (None, Outcome.ARRIVED, Outcome.REPLACED)
+        items = self._scene.goto(goto, self._route(goto))
+        return self._event(PageEvent(name, "goto", goto.sent, text, end, str(goto.number), wrong), items)
+
+    def _stop(self, stop: RecordedStop) -> PageEvent:
+        name = f"stop {stop.letter}"
+        event = PageEvent(name, "stop", stop.time, stop.words, mark=stop.letter, wrong=True)
+        return self._event(event, self._scene.stop(stop))
+
+    def _event(self, event: PageEvent, items: Iterable[Item]) -> PageEvent:
+        """Return an event of the recording with its drawings, by the page's clock."""
         start = self._recorder.start or 0.0
-        for goto in recording.gotos[before:]:
-            if self._told.get(goto.number) is not goto:  # the recorder replaces one that has ended
-                self._told[goto.number] = goto
-                yield self._goto(start, goto)
-        yield from (self._stop(start, each) for each in recording.stops[self._stops :])
-        self._stops = len(recording.stops)
-
-    def _goto(self, start: float, goto: RecordedGoto) -> PageEvent:
-        return PageEvent(
-            f"goto {goto.number}",
-            "goto",
-            start + goto.sent,
-            f"{goto.words}: {goto.ending}",
-            end=None if goto.ended is None else start + goto.ended,
-            mark=str(goto.number),
-            wrong=goto.outcome not in (None, Outcome.ARRIVED, Outcome.REPLACED),
-            data=_items(self._scene.goto(goto, self._route(goto)), start),
-        )
-
-    def _stop(self, start: float, stop: RecordedStop) -> PageEvent:
-        data = _items(self._scene.stop(stop), start)
-        return PageEvent(f"stop {stop.letter}", "stop", start + stop.time, stop.words, None, stop.letter, True, data)
+        end = None if event.end is None else event.end + start
+        return event._replace(time=event.time + start, end=end, data=_drawn(each.later(start) for each in items))
 
     def _route(self, goto: RecordedGoto) -> list[Point]:
         """Return the way points of a goto as the drive may plan them, from where the robot was when it was sent."""
@@ -194,9 +185,8 @@ def _as_data(robots: Iterable[Look]) -> list[dict[str, Any]]:
     return [each._asdict() for each in robots]
 
 
-def _items(items: Iterable[Item], start: float) -> Mapping[str, Any]:
-    """Return drawings as the data of an event, `start` being when their time begins."""
-    return {"items": [each.later(start) for each in items]}
+def _drawn(items: Iterable[Item]) -> Mapping[str, Any]:
+    return {"items": [*items]}
 
 
 PAGE_LEGEND = (
@@ -217,8 +207,8 @@ def truth_events(truth: Truth, facts: Facts) -> Iterator[PageEvent]:
     """Give touches and points as events; times are the page's."""
     scene = Scene(facts)
     for number, touch in enumerate(truth.touches):
-        data = _items([scene.touch(touch)], 0)
-        yield PageEvent(f"touch {number}", "touch", touch.time, touch.words, None, "✶", touch.at_fault, data)
+        name, data = f"touch {number}", _drawn([scene.touch(touch)])
+        yield PageEvent(name, "touch", touch.time, touch.words, None, "✶", touch.at_fault, data)
     for number, score in enumerate(truth.scores):
         text = f"{score.robot}: {score.task} +{score.points}"
         yield PageEvent(f"points {number}", "points", score.time, text, mark=f"+{score.points}")

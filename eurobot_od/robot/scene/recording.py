@@ -150,18 +150,21 @@ class Recorder:
         self.start: float | None = None
         self._running: RecordedGoto | None = None
         self._standing: Message | None = None
+        self._news: list[RecordedGoto | RecordedStop] = []
 
-    def take(self, time: float, message: Message) -> None:
-        """Take in a message."""
+    def take(self, time: float, message: Message) -> list[RecordedGoto | RecordedStop]:
+        """Take in a message; returns gotos and stops that are new, or have ended."""
         self.start = time if self.start is None else self.start
         # Times in a log may go back by a moment; the match does not.
         now = self.recording.end = max(time - self.start, self.recording.end)
         # The drive stops even for an obstacle that nobody knows (Table 1), so the picture shows that stop.
         if is_flagged(message) and type(message) not in messages.CATALOGUE.always:
-            return
+            return []
+        self._news = []
         handle = HANDLERS.get(type(message))
         if handle is not None:
             handle(self, now, message)
+        return self._news
 
     def configure(self, _: float, configuration: messages.StartConfigurationSet) -> None:
         self.recording.configuration = configuration
@@ -179,6 +182,7 @@ class Recorder:
         self._running = RecordedGoto(len(self.recording.gotos) + 1, now, goto)
         self._standing = None
         self.recording.gotos.append(self._running)
+        self._news.append(self._running)
 
     def state(self, now: float, state: messages.GotoStateResponse) -> None:
         if state.time == 0:
@@ -199,10 +203,12 @@ class Recorder:
         elif isinstance(stop, messages.EmergencyShutdown):
             name, reason = "Emergency Shutdown", "mushroom"
         self.recording.stops.append(RecordedStop(letter, now, name, reason, place))
+        self._news.append(self.recording.stops[-1])
 
     def _end(self, now: float, outcome: Outcome) -> None:
         if self._running is not None:
             self.recording.gotos[-1] = replace(self._running, ended=now, outcome=outcome)
+            self._news.append(self.recording.gotos[-1])
             self._running = None
 
 
