@@ -153,6 +153,18 @@ def test_numbers_are_those_of_the_monitor(page: Page, logs: list[Path], capsys: 
             assert period in told[cob_id]
 
 
+def test_a_robots_values_have_its_colour(page: Page) -> None:
+    page.run("clock.seek(clock.end)")
+    for field in ("x", "y"):
+        page.run(f"plots.add(new FieldSeries(sources[0].row('Kalman Position Response'), '{field}'))")
+    page.run("plots.add(new FieldSeries(sources[0].row('Goto State Response'), 'time'))")
+    page.click("#tab-plots")
+    lines = "plots.chosen.drawnBy().map(({colour, dash}) => [colour, dash ? 'dashed' : 'solid'])"
+    assert page.run(lines) == [["--robot-red", "solid"], ["--robot-red", "dashed"], ["--line-0", "solid"]]
+    drawn = "document.querySelector('.robot circle').getAttribute('stroke')"
+    assert page.run(drawn) == "var(--robot-red)"
+
+
 def test_a_plot_is_saved_as_csv(page: Page) -> None:
     text = page.run("""(async () => {
         let kept = null;
