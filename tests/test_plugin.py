@@ -118,6 +118,10 @@ def test_two_that_fit_are_an_error_that_names_both_and_what_to_type(
     assert (said.status, said.err, "  decode " in said.out, "wave" in said.out) == (0, what, True, False)
     assert "wave" in run(capsys, "--help", "--robot", "arms").out
     assert run(capsys, "completion", "bash").err == "", "it needs none"
+    install("twin = twin", twin="from eurobot_od.robot.plugin import ROBOT")
+    assert run(capsys, "check", "bytes", "--simulate", "--robot", "twin").status == 0, (
+        "its world is the one that is named"
+    )
 
 
 # What is wrong with one

@@ -332,7 +332,8 @@ def _module(command: str, robot: str | None) -> ModuleType:
         return import_module(f"eurobot_od.cli.{TABLES.get(command, command).replace('-', '_')}")
     own = _find(robot).commands
     if command not in own:
-        raise UnknownName("command", command, [*COMMANDS, *own])
+        unknown = UnknownName("command", command, [*COMMANDS, *own])
+        raise unknown if own else LocalError(f"{unknown} (a robot's commands need --robot)")
     from eurobot_od.plugin import blaming
 
     name = own[command].module

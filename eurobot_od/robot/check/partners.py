@@ -9,7 +9,7 @@ from functools import partial
 from eurobot_od.plugin import Program
 from eurobot_od.robot.check.drill import drill
 from eurobot_od.robot.model.options import NOISE_ONLY, MatchOptions
-from eurobot_od.robot.nodes import Core, Node
+from eurobot_od.robot.nodes import Core, Drive, Navigation, Node
 from eurobot_od.robot.world.instruments import assemble
 
 ON_A_BENCH = MatchOptions(errors=NOISE_ONLY, falling=False, solid=False)
@@ -19,5 +19,7 @@ ON_A_BENCH = MatchOptions(errors=NOISE_ONLY, falling=False, solid=False)
 def partners(nodes: Sequence[Node], seed: int, clock: Callable[[], float]) -> Mapping[str, Program]:
     """Put nodes that are checked into their world, and return what the core does there."""
     # A core that is checked drives nothing, and would only be stopped by the robots that come along.
-    assemble((node for node in nodes if not isinstance(node, Core)), replace(ON_A_BENCH, seed=seed), clock)
+    moving = [node for node in nodes if isinstance(node, Drive | Navigation)]
+    if moving:
+        assemble(moving, replace(ON_A_BENCH, seed=seed), clock)
     return {node.name: partial(drill, node) for node in nodes if isinstance(node, Core)}

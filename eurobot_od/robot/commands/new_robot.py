@@ -10,7 +10,7 @@ from keyword import iskeyword
 from pathlib import Path
 
 from eurobot_od import plugin
-from eurobot_od.cli import program
+from eurobot_od.cli import PROGRAM
 from eurobot_od.errors import LocalError
 
 FILES = Path(__file__).parents[1] / "new_robot"
@@ -24,8 +24,13 @@ OF_PACKAGE = ("pyproject.toml", "eurobot-od.yaml", "__init__.py")
 OF_FOLDER = ("conftest.py",)
 """Files of a folder, which `--robot` names."""
 
-AT_ROOT = ("README.md", "pyproject.toml", "eurobot-od.yaml")
-"""Files that are not in the package's own folder."""
+AT_ROOT = {
+    "README.md": "README.md",
+    "pyproject.toml": "pyproject.toml",
+    "eurobot-od.yaml": "eurobot-od.yaml",
+    "test_robot.py": "tests/test_robot.py",
+}
+"""Files of a package that are not in the folder of its modules, and where they are."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -51,8 +56,8 @@ def run(arguments: argparse.Namespace) -> None:
         (folder / file).parent.mkdir(parents=True, exist_ok=True)
         (folder / file).write_text(text, encoding="utf-8")
         print(folder / file)
-    tried = ("pip install -e .", "match") if package else ("match --robot .",)
-    steps = (f"cd {folder}", *tried[:-1], f"{program()} {tried[-1]} --field match.svg")
+    steps = [f"cd {folder}", *(["pip install -e ."] if package else [])]
+    steps += [f"{PROGRAM} match --field match.svg{'' if package else ' --robot .'}"]
     print("\ntry it:", *steps, sep="\n  ")
 
 
@@ -69,17 +74,18 @@ def _package(name: str) -> str:
 def _texts(name: str, package: str, table: Path | None) -> Iterator[tuple[str, str]]:
     """Give the files of a new robot, those that its table makes among them; `package` is `` for a folder.
 
-    In them NAME is what the robot is called, FOLDER/ where its other files are, PACKAGE. what its modules are imported
-    from, and SETUP what is typed first.
+    In them NAME is what the robot is called, FOLDER/ and TESTS/ where its files are, PACKAGE. what its modules are
+    imported from, and SETUP what is typed first.
     """
-    from eurobot_od.od.make.files import make_files
     from eurobot_od.od.make.table import read_table
+    from eurobot_od.od.make.text import make_files
 
-    inside = f"{package}/" if package else ""
+    inside, at_root = (f"{package}/", AT_ROOT) if package else ("", {})
     words = {
         "PACKAGE.": f"{package}." if package else "",
         "PACKAGE": package,
         "FOLDER/": inside,
+        "TESTS/": "tests/" if package else "",
         "SETUP": "pip install -e ." if package else 'export EUROBOT_OD_ROBOT="$PWD"',
         "NAME": name,
     }
@@ -88,7 +94,7 @@ def _texts(name: str, package: str, table: Path | None) -> Iterator[tuple[str, s
         if path in (OF_FOLDER if package else OF_PACKAGE):
             continue
         text = re.sub("|".join(map(re.escape, words)), lambda found: words[found[0]], file.read_text(encoding="utf-8"))
-        yield path if path in AT_ROOT else f"{inside}{path}", text
+        yield at_root.get(path, f"{inside}{path}"), text
         if file.stem == "protocol.yaml":
             made = make_files(read_table(text, file, plugin.table_of))
             yield from ((f"{inside}eds/{path}", content) for path, content in made.items())

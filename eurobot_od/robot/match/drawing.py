@@ -20,7 +20,7 @@ STEP = 0.1
 
 
 def seen_match(frames: Iterable[tuple[float, Frame]], options: MatchOptions, world: World) -> SeenMatch:
-    """Return what is to be drawn of a match, from its frames with their times by the world's clock."""
+    """Return what to draw of a match, from its frames with their times by the world's clock."""
     robot = plugin.find(options.robot)
     decode = Decoder(robot.dialects.load_all(options.dialect), robot.catalogue())
     return SeenMatch([(time, decode(frame)) for time, frame in frames], decode, world.facts, truth_of(world))
