@@ -30,7 +30,7 @@ from eurobot_od.robot.nodes.startup import NODE_CHECKS
 from eurobot_od.robot.scene import style
 from eurobot_od.robot.scene.ground import ground
 from eurobot_od.robot.scene.recording import OURS, RecordedGoto, RecordedStop, Recorder, Truth, at
-from eurobot_od.robot.scene.scene import LAYERS, Explained, Item, Look, Scene, legend, looks, way_mark
+from eurobot_od.robot.scene.scene import LAYERS, Explained, Item, Look, MatchScene, legend, looks, way_mark
 from eurobot_od.robot.scene.truth_file import read_truth
 from eurobot_od.support import svg
 from eurobot_od.web.panel import Beside, Control, PageEvent, Panel
@@ -63,7 +63,7 @@ class FieldPanel(Panel):
     plan: ClassVar[str] = "Goto XY"
 
     def __init__(self) -> None:
-        self._recorder, self._scene = Recorder(), Scene(self.facts())
+        self._recorder, self._scene = Recorder(), MatchScene(self.facts())
         # The drive also keeps a margin, by how well it knows where it is.
         self._clearances = Clearances.of(self.facts(), self.facts().body.radius, 0.0)
         self._routes: dict[int, list[Point]] = {}
@@ -205,7 +205,7 @@ PAGE_LEGEND = (
 
 def truth_events(truth: Truth, facts: Facts) -> Iterator[PageEvent]:
     """Give touches and points as events; times are the page's."""
-    scene = Scene(facts)
+    scene = MatchScene(facts)
     for number, touch in enumerate(truth.touches):
         name, data = f"touch {number}", _drawn([scene.touch(touch)])
         yield PageEvent(name, "touch", touch.time, touch.words, None, "✶", touch.at_fault, data)

@@ -60,7 +60,7 @@ SPACING = 2 * style.MARK + 8
 """Distance of marks side by side, mm."""
 
 
-class Scene:
+class MatchScene:
     """Draws what happens on a field; a mark keeps its place, also if it is drawn anew."""
 
     def __init__(self, facts: Facts) -> None:

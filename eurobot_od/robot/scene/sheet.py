@@ -22,7 +22,7 @@ from eurobot_od.robot.scene.scene import (
     TRAILS,
     Item,
     Look,
-    Scene,
+    MatchScene,
     looks,
 )
 from eurobot_od.robot.scene.tables import column, ticks, timeline
@@ -92,7 +92,7 @@ def field_drawing(recording: Recording, facts: Facts) -> str:
 
 def _in_the_end(recording: Recording, facts: Facts) -> Iterator[Item]:
     """Yield what is there at the end of a match, and in every time that barriers and places were asked for."""
-    scene, field = Scene(facts), facts.field
+    scene, field = MatchScene(facts), facts.field
     robots = {each.message: each for each in looks(facts, recording.configuration)}
     seen = [(robots[kind.__name__], path) for kind, path in recording.paths.items()]
     # The others first: our own path is what the picture is for, and lies on top.

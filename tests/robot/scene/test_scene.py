@@ -8,7 +8,7 @@ from eurobot_od.robot.model import robot_file
 from eurobot_od.robot.model.messages import GotoXY, StartConfigurationSet
 from eurobot_od.robot.model.values import Outcome, TeamColour
 from eurobot_od.robot.scene.recording import PathPoint, RecordedGoto, RecordedStop
-from eurobot_od.robot.scene.scene import CLEAR, DISC, MARKS, SIGN, SPACING, Item, Scene, looks
+from eurobot_od.robot.scene.scene import CLEAR, DISC, MARKS, SIGN, SPACING, Item, MatchScene, looks
 from tests.rows import rows
 
 FACTS = robot_file.read()
@@ -25,7 +25,7 @@ def place_of(item: Item) -> tuple[float, float]:
     return sum(x for x, _ in moved), sum(y for _, y in moved)
 
 
-def discs(scene: Scene, *gotos: RecordedGoto) -> list[tuple[float, float]]:
+def discs(scene: MatchScene, *gotos: RecordedGoto) -> list[tuple[float, float]]:
     return [place_of(item) for each in gotos for item in scene.goto(each) if item.layer == MARKS]
 
 
@@ -44,25 +44,25 @@ ROWS = [
 def test_discs_stand_side_by_side_and_on_the_field(
     why: str, places: list[tuple[int, int]], beside: list[tuple[float, float]]
 ) -> None:
-    found = discs(Scene(FACTS), *(goto(number, *place) for number, place in enumerate(places, 1)))
+    found = discs(MatchScene(FACTS), *(goto(number, *place) for number, place in enumerate(places, 1)))
     expected = [(x + right, HEIGHT - y + down) for (x, y), (right, down) in zip(places, beside, strict=True)]
     assert found == expected, why
 
 
 def test_a_row_that_is_full_begins_anew() -> None:
-    many = discs(Scene(FACTS), *(goto(number, 1500, 500) for number in range(200)))
+    many = discs(MatchScene(FACTS), *(goto(number, 1500, 500) for number in range(200)))
     assert all(SPACING <= x <= WIDTH - SPACING for x, _ in many)
     assert len(set(many)) > 40
 
 
 def test_a_disc_keeps_its_place_when_the_goto_ends() -> None:
-    scene, one, two = Scene(FACTS), goto(1, 1000, 500), goto(2, 1000, 500)
+    scene, one, two = MatchScene(FACTS), goto(1, 1000, 500), goto(2, 1000, 500)
     before = discs(scene, one, two)
     assert discs(scene, goto(1, 1000, 500, ended=3.0, outcome=Outcome.ARRIVED)) == [before[0]] * 2
 
 
 def test_a_stop_stands_where_the_robot_was_or_nowhere() -> None:
-    scene, stop = Scene(FACTS), RecordedStop("A", 6.0, "Emergency Stop", "enemy", PathPoint(6, 700, 1950, None))
+    scene, stop = MatchScene(FACTS), RecordedStop("A", 6.0, "Emergency Stop", "enemy", PathPoint(6, 700, 1950, None))
     (item,) = scene.stop(stop)
     assert (place_of(item), item.begin, item.end) == ((700, 50 + SIGN), 6.0, None), (
         "below: above it there is the border"
