@@ -15,7 +15,7 @@ from eurobot_od.cli import ExitStatus
 from eurobot_od.cli import options as shared
 from eurobot_od.errors import BusError, LocalError, RemoteError
 from eurobot_od.support import durations
-from eurobot_od.support.escaping import one_line
+from eurobot_od.support.texts import one_line
 
 if TYPE_CHECKING:
     import can
