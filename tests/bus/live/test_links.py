@@ -132,7 +132,7 @@ def test_what_is_wrong_with_an_interface_and_what_mends_it(link: CanLink, found:
 REMEDIES = [
     (errno.ENETDOWN, "can0", "`sudo ip link set can0 up type can bitrate 500000` sets it up"),
     (errno.ENETDOWN, "vcan0", "`sudo ip link set vcan0 up` sets it up"),
-    (errno.ENODEV, "can0", "plug it in; `eurobot-od doctor` lists what is here"),
+    (errno.ENODEV, "can0", "plug it in; `doctor` lists what is here"),
     (
         errno.ENODEV,
         "vcan0",
