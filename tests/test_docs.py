@@ -237,6 +237,12 @@ def test_a_page_runs_as_it_stands(page: str, shell: Shell, capsys: pytest.Captur
                 assert not printed or agrees(printed, lines), (line, lines[:40])
 
 
+def test_every_page_is_listed() -> None:
+    listed = re.findall(r"\]\(([^)]+)\)", PAGES["docs/pages.md"])
+    pages = {each for each in PAGES if each.startswith("docs/")}
+    assert pages - {"docs/pages.md"} <= {f"docs/{each}" for each in listed}
+
+
 def test_few_blocks_cannot_run_and_each_says_why() -> None:
     blocks = [each for page in BLOCKS.values() for each in page if each.language in ("console", "python")]
     assert sum(not each.runs for each in blocks) <= 0.25 * len(blocks)

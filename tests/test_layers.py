@@ -12,6 +12,8 @@ from graphlib import CycleError, TopologicalSorter
 from importlib.util import find_spec
 from pathlib import Path
 
+import pytest
+
 from eurobot_od.robot import dialects
 from eurobot_od.robot.protocol import EurobotProtocol
 
@@ -169,6 +171,59 @@ def test_nothing_names_the_robot_but_itself() -> None:
         module: file.read_text(encoding="utf-8") for module, file in MODULES.items() if unit_of(module) != "robot"
     }
     assert [module for module, text in outside.items() if module and f"{NAME}.robot." in f"{text}."] == []
+
+
+# One model for each noun: its class, and what else is called so, each of them another thing.
+NOUNS: dict[str, dict[str, str]] = {
+    "Pdo": {
+        "od.pdos.Pdo": "what a device's records say, file or not",
+        "od.description.DescribedPdo": "the same as a file's text, with its places",
+        "lint.network.NodePdo": "one of a node in a network of files",
+        "client.remote_pdos.MappedPdo": "the stream of values that a master has of one",
+        "client.remote_pdos.RemotePdo": "... blocking",
+        "client.remote_pdos.AsyncRemotePdo": "... in an event loop",
+        "traffic.unmapped.OtherPdo": "what is known of an identifier without one that is valid",
+    },
+    "MappingEntry": {"od.values.MappingEntry": "index, sub-index and bits"},
+    "Mapped": {"od.pdos.Mapped": "an entry with its variable"},
+    "Message": {
+        "traffic.load.analysis.PeriodicMessage": "what is sent again and again, in us or bit times",
+        "traffic.load.seen.SeenMessage": "what was seen of an identifier",
+        "export.description.DescribedMessage": "what exports say of one",
+        "export.dbc.DbcMessage": "... as DBC has it",
+        "check.patterns.SentMessage": "what a step sends",
+    },
+    "Frame": {
+        "frame.Frame": "identifier and data",
+        "frame.RemoteFrame": "... of a remote frame",
+        "check.patterns.SentFrame": "what a step sends",
+        "check.bench.SeenFrame": "what a check has seen, and when",
+    },
+    "Variable": {"od.description.DescribedVariable": "a variable as a file's text; all others are canopen's"},
+    "Dictionary": {"od.dictionary.Dictionary": "a loaded file"},
+    "Setting": {"device.settings.Setting": "an attribute of a node's class"},
+    "Abort": {"sdo.aborts.Abort": "why a transfer ends"},
+    "Tier": {"check.conformance.subject.Tier": "what a clause may do to a device"},
+}
+
+
+def classes() -> Iterator[tuple[str, str]]:
+    """Give the name of each class of the package, and its module."""
+    for module, file in MODULES.items():
+        yield from ((node.name, module) for node in ast.walk(tree(file)) if isinstance(node, ast.ClassDef))
+
+
+def test_no_two_classes_have_the_same_name() -> None:
+    homes: dict[str, list[str]] = {}
+    for name, module in classes():
+        homes.setdefault(name, []).append(module)
+    assert {name: modules for name, modules in homes.items() if len(modules) > 1} == {}
+
+
+@pytest.mark.parametrize(("noun", "known"), NOUNS.items(), ids=NOUNS)
+def test_each_noun_has_one_model(noun: str, known: dict[str, str]) -> None:
+    """Whoever needs a class for one of these nouns takes that, or says here what else the new one is."""
+    assert {f"{module}.{name}" for name, module in classes() if name.endswith(noun)} == known.keys()
 
 
 def prints(file: Path) -> bool:

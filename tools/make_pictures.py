@@ -20,9 +20,8 @@ from eurobot_od.robot.model.options import MatchOptions
 from eurobot_od.robot.picture.picture import picture
 from eurobot_od.robot.protocol import decoder as robot_decoder
 from eurobot_od.traffic.meaning import Decoder
-from eurobot_od.traffic.monitor.controls import Controls
 from eurobot_od.traffic.monitor.screen import Size, screen
-from eurobot_od.traffic.monitor.traffic import Traffic
+from eurobot_od.traffic.monitor.traffic import Controls, Traffic
 
 DOCS = Path(__file__).parents[1] / "docs"
 OPTIONS = MatchOptions(seed=1)

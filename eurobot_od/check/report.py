@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 from xml.etree import ElementTree
 
-from eurobot_od.check.results import Reason, Status, StepResult, SuitePart, SuiteResult
+from eurobot_od.check.results import Status, StepReason, StepResult, SuitePart, SuiteResult
 from eurobot_od.check.suite import Suite
 from eurobot_od.support.amounts import amount
 from eurobot_od.support.annotations import Level, annotation
@@ -34,7 +34,7 @@ def step_line(step: StepResult, in_colour: bool = False) -> str:
     return f"  {status} {times}  {step.place.line:>4}  {section}{one_line(step.name)}"
 
 
-def reason_lines(reason: Reason) -> Iterator[str]:
+def reason_lines(reason: StepReason) -> Iterator[str]:
     """Yield the lines that say why a step failed or was skipped: what was expected and came, and the last frames."""
     lines = [f"    {reason.what}"]
     if reason.expected:
@@ -49,7 +49,7 @@ def reason_lines(reason: Reason) -> Iterator[str]:
     return map(one_line, lines)
 
 
-def frame_lines(reason: Reason) -> Iterator[str]:
+def frame_lines(reason: StepReason) -> Iterator[str]:
     """Yield the last frames of a step: time in the suite, > sent or < received, the frame, and what it means."""
     for time, own, frame, meaning in reason.frames:
         # The longest frame, an identifier, `#` and eight bytes, has 20 characters: the meanings stand in a column.
@@ -176,7 +176,7 @@ def as_data(results: Sequence[SuiteResult]) -> list[dict[str, Any]]:
     ]
 
 
-def _reason_data(reason: Reason) -> dict[str, Any]:
+def _reason_data(reason: StepReason) -> dict[str, Any]:
     return {
         "what": reason.what,
         "expected": reason.expected,

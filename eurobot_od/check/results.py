@@ -39,7 +39,7 @@ class Line(NamedTuple):
     meaning: str
 
 
-class Reason(NamedTuple):
+class StepReason(NamedTuple):
     """Why a step failed: in words, thing by thing, and the frames on the bus up to then.
 
     `cause` is the error that the node itself has reported by then, and not taken back.
@@ -62,7 +62,7 @@ class StepResult(NamedTuple):
     status: Status
     started: float
     seconds: float
-    reason: Reason | None = None
+    reason: StepReason | None = None
 
 
 @dataclass(frozen=True)

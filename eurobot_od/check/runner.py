@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from eurobot_od.check.bench import Bench
-from eurobot_od.check.results import Line, Reason, Status, StepResult, SuitePart, SuiteResult
+from eurobot_od.check.results import Line, Status, StepReason, StepResult, SuitePart, SuiteResult
 from eurobot_od.check.steps import Doer, Failed, Skipped
 from eurobot_od.check.suite import Group, Step, Suite
 from eurobot_od.device.nmt import NmtState, error_control
@@ -22,7 +22,7 @@ from eurobot_od.errors import BusError, LocalError, RemoteError
 from eurobot_od.od.standard import EMCY
 from eurobot_od.od.values import base_identifier
 
-AFTER_SKIPPED = Reason("it belongs to a step that is skipped")
+AFTER_SKIPPED = StepReason("it belongs to a step that is skipped")
 """Why the rest of a group is skipped after one of its steps."""
 
 EMCY_LENGTH = 8
@@ -165,7 +165,7 @@ class Runner:
                 elif not self._stopped:
                     status = await self._step(section, each, keep_going, title)
 
-    async def _judge(self, step: Step) -> tuple[Status, Reason | None]:
+    async def _judge(self, step: Step) -> tuple[Status, StepReason | None]:
         """Do a step as often as it says, and return how it ended."""
         try:
             for _ in range(step.repeat):
@@ -176,10 +176,10 @@ class Runner:
         except Failed as failed:
             status, reason = Status.FAILED, failed.reason
         except (LocalError, RemoteError) as error:
-            status, reason = Status.FAILED, Reason(str(error))
+            status, reason = Status.FAILED, StepReason(str(error))
         except BusError as error:
             self._error = str(error)
-            status, reason = Status.BUS_FAILED, Reason(str(error))
+            status, reason = Status.BUS_FAILED, StepReason(str(error))
         # Decoded only here: the frames of a step that passed are shown nowhere.
         frames = (
             Line(time - self._start, own, frame, self._doer.words(frame))

@@ -18,7 +18,7 @@ from typing import Any
 from eurobot_od.check import suite
 from eurobot_od.check.bench import Bench, SeenFrame
 from eurobot_od.check.patterns import Mismatch, Pattern, Sent, is_final
-from eurobot_od.check.results import Reason
+from eurobot_od.check.results import StepReason
 from eurobot_od.check.values import ValueProblem
 from eurobot_od.device.emergency import HISTORY, REGISTER_BITS, error_words
 from eurobot_od.errors import BusError, NoAnswer
@@ -45,7 +45,7 @@ from eurobot_od.traffic.meaning import Decoder
 class Failed(Exception):
     """A step is red; `reason` says why."""
 
-    def __init__(self, reason: Reason) -> None:
+    def __init__(self, reason: StepReason) -> None:
         super().__init__(reason.what)
         self.reason = reason
 
@@ -53,7 +53,7 @@ class Failed(Exception):
 class Skipped(Exception):
     """A step is not done; `reason` says why."""
 
-    def __init__(self, reason: Reason) -> None:
+    def __init__(self, reason: StepReason) -> None:
         super().__init__(reason.what)
         self.reason = reason
 
@@ -134,7 +134,7 @@ class Doer:
 
     @_do.register
     async def _skip(self, action: suite.Skip) -> None:
-        raise Skipped(Reason(action.reason))
+        raise Skipped(StepReason(action.reason))
 
     @_do.register
     async def _wait(self, action: suite.Wait) -> None:
@@ -171,7 +171,7 @@ class Doer:
                 what = f"no {' or '.join(map(str, left))} within {durations.text(self._longest(action.within))}"
                 if other is not None:
                     raise self._with_last(what, left[0], other)
-                raise Failed(Reason(what, "; ".join(each.text(self._variables) for each in left), "nothing"))
+                raise Failed(StepReason(what, "; ".join(each.text(self._variables) for each in left), "nothing"))
             number, seen = found
             start = number + 1
             # In order, only the first one may come: a later one that comes now is reported as out of order.
@@ -201,8 +201,8 @@ class Doer:
         """Say that what was wanted did not come, and what came last instead."""
         wanted = pattern.text(self._variables)
         if last is None:
-            return Failed(Reason(what, wanted, "nothing"))
-        return Failed(Reason(what, wanted, self._meaning(last), (*self._mismatches(pattern, last), *off)))
+            return Failed(StepReason(what, wanted, "nothing"))
+        return Failed(StepReason(what, wanted, self._meaning(last), (*self._mismatches(pattern, last), *off)))
 
     @_do.register
     async def _never(self, action: suite.Never) -> None:
@@ -211,7 +211,7 @@ class Doer:
             number, seen = found
             if not self._mismatches(action.pattern, seen):
                 what = f"{action.pattern} came, though it should not"
-                raise Failed(Reason(what, f"never {action.pattern.text(self._variables)}", self._meaning(seen)))
+                raise Failed(StepReason(what, f"never {action.pattern.text(self._variables)}", self._meaning(seen)))
             start = number + 1
         self._edge = len(self._trace)
 
@@ -271,7 +271,7 @@ class Doer:
         if action.expected is not None and not action.expected.fits(value, self._variables):
             label = objects.label(action.variable)
             wanted, came = action.expected.text(self._variables), action.expected.shown(value)
-            raise Failed(Reason(f"{label} is not as expected", wanted, came, (Mismatch(label, wanted, came),)))
+            raise Failed(StepReason(f"{label} is not as expected", wanted, came, (Mismatch(label, wanted, came),)))
         if action.save is not None:
             self._variables[action.save] = value
 
@@ -295,16 +295,16 @@ class Doer:
                 return None
             came = f"abort {code_and_reason(error.code)}"
             if action.optional is not None and action.optional.fits(error.code):
-                raise Skipped(Reason(f"{action}: the node does not do this ({came})")) from None
-            raise Failed(Reason(f"{action}: {error}", wanted or "no abort", came)) from None
+                raise Skipped(StepReason(f"{action}: the node does not do this ({came})")) from None
+            raise Failed(StepReason(f"{action}: {error}", wanted or "no abort", came)) from None
         if wanted is not None:
-            raise Failed(Reason(f"{action}: the node does not refuse", wanted, "no abort"))
+            raise Failed(StepReason(f"{action}: the node does not refuse", wanted, "no abort"))
         return data
 
     @_do.register
     async def _dump(self, action: suite.Dump) -> None:
         if action.equal and not self._dumped:
-            raise Skipped(Reason("nothing was read before"))
+            raise Skipped(StepReason("nothing was read before"))
         self._ask()
         dump = {}
         for variable in action.variables:
@@ -319,7 +319,7 @@ class Doer:
         before = {each: self._dumped.get(each, "not read") for each in dump}
         off = [Mismatch(each, before[each], now) for each, now in dump.items() if before[each] != now]
         if off:
-            raise Failed(Reason(f"{amount(len(off), 'object')} not as before", mismatches=tuple(off)))
+            raise Failed(StepReason(f"{amount(len(off), 'object')} not as before", mismatches=tuple(off)))
 
     @_do.register
     async def _errors(self, action: suite.SelfReported) -> None:
@@ -328,7 +328,7 @@ class Doer:
         try:
             register = await self._run(upload(ERROR_REGISTER, self._timeout), action.node)
         except Aborted:
-            raise Skipped(Reason("the node has no error register (0x1001)")) from None
+            raise Skipped(StepReason("the node has no error register (0x1001)")) from None
         bits = int.from_bytes(register, "little")
         if bits:
             words = [name for bit, name in enumerate(REGISTER_BITS) if bits >> bit & 1]
@@ -339,7 +339,7 @@ class Doer:
                     # Its lower half is the error code, the upper half the maker's.
                     code = int.from_bytes(remembered[:2], "little")
                     words.append(f"0x{code:04X} {error_words(code, {})}")
-            raise Failed(Reason(f"{action.node.name} reports an error itself", "none", "; ".join(words)))
+            raise Failed(StepReason(f"{action.node.name} reports an error itself", "none", "; ".join(words)))
 
     async def _run(self, transfer: Transfer, node: suite.NodeServices) -> bytes:
         """Do a transfer and return what it brought; raises NoAnswer, Aborted.
@@ -375,5 +375,5 @@ class Doer:
             frames = (each.frame for each in reversed(self._trace.frames) if not each.own)
             last = next((frame for frame in frames if frame.cob_id == binding.cob_id), None)
             if last is None:
-                raise Failed(Reason(f"no {binding.name} has come yet"))
+                raise Failed(StepReason(f"no {binding.name} has come yet"))
             self._variables[name] = getattr(self._decoder.protocol.decode(*last), field)

@@ -79,7 +79,7 @@ def run(arguments: argparse.Namespace) -> ExitStatus:
     decoder = devices.decoder()
     several = len(arguments.logs) > 1
     if arguments.statistics:
-        from eurobot_od.traffic.traffic import TrafficOutput
+        from eurobot_od.traffic.load.seen import TrafficOutput
 
         output: Output = TrafficOutput(arguments.bitrate, devices.promised(decoder), several)
     else:
@@ -101,7 +101,7 @@ def _output(decoder: Decoder, as_json: bool, as_csv: bool, several: bool) -> Out
 
     if not (as_json or as_csv):
         return TextOutput(several)  # the usual case starts without the modules of the others
-    from eurobot_od.traffic.formats.records import CsvOutput, JsonOutput
+    from eurobot_od.traffic.output import CsvOutput, JsonOutput
 
     fields = (field for each in decoder.protocol.bindings for field in each.kinds)
     return JsonOutput() if as_json else CsvOutput(fields)

@@ -136,9 +136,9 @@ def write_concise(node: NodeFile, output: Path | None) -> None:
     """Write or print the concise DCF of a DCF, without PDOs that do not hold; raises DictionaryError, LocalError."""
     from eurobot_od.client.configure import all_writes, check_file, check_whole
     from eurobot_od.client.description import from_file
-    from eurobot_od.client.pdo_mapping import pdo_of
     from eurobot_od.client.reading import decoded
     from eurobot_od.od.concise import pack
+    from eurobot_od.od.values import pdo_of
 
     description, refused = from_file(node.file, node.node_id, node.modules, node.patch), list[MappingError]()
     with left_out() as complained:
@@ -151,8 +151,8 @@ def write_concise(node: NodeFile, output: Path | None) -> None:
             check_file(description, description.dictionary.node_id, leave_out)
         else:  # who names a node-ID takes the file for that node, whichever it was made for
             check_whole(description, leave_out)
-    bad = {pdo_of((error.index or 0, 0)) for error in refused}
-    writes = [each for each in all_writes(description) if pdo_of(each.address) not in bad - {None}]
+    bad = {pdo_of(error.index or 0) for error in refused}
+    writes = [each for each in all_writes(description) if pdo_of(each.address[0]) not in bad - {None}]
     if output is None:
         print_readings(decoded(writes, description.dictionary), as_json=False)
     else:

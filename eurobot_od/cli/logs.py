@@ -18,8 +18,7 @@ from eurobot_od.errors import LocalError
 
 if TYPE_CHECKING:
     from eurobot_od.traffic.entries import LogEntry
-    from eurobot_od.traffic.meaning import Decoder, Meaning
-    from eurobot_od.traffic.statistics import DamageCounts
+    from eurobot_od.traffic.meaning import DamageCounts, Decoder, Meaning
 
 STANDARD_INPUT = "-"
 CHUNK = 1 << 16
@@ -85,7 +84,7 @@ def meanings(
     logs: Iterable[str], reading: ReadOptions, decoder: Decoder, damage: DamageCounts, is_watched: bool = True
 ) -> Iterator[tuple[float, Meaning]]:
     """Give the times in s and meanings of the entries of logs; count in `damage` what is wrong. Errors as `entries`."""
-    from eurobot_od.traffic.following import Following
+    from eurobot_od.traffic.decoding import Following
 
     before, following = "", Following(decoder)
     for log, (line, time, channel, raw) in entries(logs, reading, is_watched):

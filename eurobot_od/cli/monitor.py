@@ -23,9 +23,8 @@ from eurobot_od.support.terminal import redraws
 
 if TYPE_CHECKING:
     from eurobot_od.traffic.meaning import Meaning
-    from eurobot_od.traffic.monitor.controls import Controls
     from eurobot_od.traffic.monitor.sources import BusSource, LogSource
-    from eurobot_od.traffic.monitor.traffic import Traffic
+    from eurobot_od.traffic.monitor.traffic import Controls, Traffic
 
     Source: TypeAlias = BusSource | LogSource
     Took: TypeAlias = Callable[[float, Meaning], None]
@@ -69,10 +68,8 @@ def run(arguments: argparse.Namespace) -> None:
     """Watch until the logs or the user end it; print the table once more."""
     from eurobot_od.bus import live as runtime
     from eurobot_od.traffic.load.seen import NOTHING, table
-    from eurobot_od.traffic.monitor.cells import plain_table
-    from eurobot_od.traffic.monitor.controls import Controls
     from eurobot_od.traffic.monitor.sources import BusSource, LogSource
-    from eurobot_od.traffic.monitor.traffic import Traffic, selected
+    from eurobot_od.traffic.monitor.traffic import Controls, Traffic, plain_table, selected
 
     if arguments.ask and arguments.logs:
         raise LocalError("--ask is for a bus: a log has no devices to ask")

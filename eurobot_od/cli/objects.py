@@ -130,7 +130,7 @@ def pdo(target: Target, action: str | None, name: str | None, objects: Sequence[
         dictionary = target.needed_description(node).dictionary
         found = _present_pdos(node, dictionary)
         if action:
-            known = {each.title.replace(" ", ""): each for each in found}
+            known = {each.key: each for each in found}
             if not (name and objects):
                 raise LocalError(
                     f"map into which PDO, and what? Write `map TPDO1 OBJECT...`; known: {', '.join(known)}"

@@ -38,7 +38,7 @@ def run(arguments: argparse.Namespace) -> None:
     from eurobot_od.client.master import Master
     from eurobot_od.client.producing import LATE, replay
     from eurobot_od.frame import Frame
-    from eurobot_od.traffic.senders import by_sender
+    from eurobot_od.traffic.filters import by_sender
 
     decoder, entries = (
         options.Devices.of(arguments).decoder(),

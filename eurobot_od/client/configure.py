@@ -15,9 +15,8 @@ from typing import NamedTuple
 from canopen.objectdictionary import ODVariable
 
 from eurobot_od.client.description import Description, Identity, read_identity
-from eurobot_od.client.master import STORE_WAIT, RemoteNode
-from eurobot_od.client.pdo_mapping import Bytes, in_order, pdo_of, procedure_objects
-from eurobot_od.client.procedure import Procedure
+from eurobot_od.client.master import STORE_WAIT, Procedure, RemoteNode
+from eurobot_od.client.pdo_mapping import Bytes, in_order, procedure_objects
 from eurobot_od.device.nmt import STATE_NAMES, NmtCommand, NmtState
 from eurobot_od.device.objects import COMMUNICATION_PROFILE
 from eurobot_od.errors import BusError, ConfigurationError, DictionaryError, EurobotError, FieldError, NodeRefused
@@ -38,7 +37,7 @@ from eurobot_od.od.standard import (
     VERIFY_CONFIGURATION,
 )
 from eurobot_od.od.time_of_day import TimeOfDay
-from eurobot_od.od.values import DOMAIN, MANUFACTURER, Address
+from eurobot_od.od.values import DOMAIN, MANUFACTURER, Address, pdo_of
 from eurobot_od.sdo.wire import EXPEDITED_SIZE, LARGEST, AbortCode
 
 NOT_CONFIGURATION = frozenset(
@@ -154,7 +153,7 @@ def settings(description: Description) -> list[tuple[ODVariable, bytes]]:
     for thing in all_objects(dictionary.objects):
         index, subindex = address_of(thing)
         # What a mapping holds beyond its number of entries is left over from another one.
-        count = dictionary.default((index, 0)) if pdo_of((index, subindex)) not in (None, index) else None
+        count = dictionary.default((index, 0)) if pdo_of(index) not in (None, index) else None
         if is_parameter(thing) and not (isinstance(count, int) and subindex > count):
             data = _configured(dictionary, thing)
             # A DCF may leave a value to the device: what it does not say stays as it is.
@@ -282,7 +281,7 @@ async def _present(node: RemoteNode, dictionary: Dictionary, thing: ODVariable) 
 
 def _unit(address: Address) -> Address:
     """Return the address of what changes together: a PDO's communication record, or the object itself."""
-    pdo = pdo_of(address)
+    pdo = pdo_of(address[0])
     # A mapping without its COB-ID, or the reverse, is a PDO that nobody has asked for.
     return address if pdo is None else (pdo, 0)
 

@@ -11,8 +11,7 @@ from typing import TypeAlias
 
 from canopen.objectdictionary import ODVariable
 
-from eurobot_od.client.master import RemoteNode
-from eurobot_od.client.procedure import Procedure
+from eurobot_od.client.master import Procedure, RemoteNode
 from eurobot_od.errors import ConfigurationError, LocalError
 from eurobot_od.od.concise import Write
 from eurobot_od.od.dictionary import Dictionary
@@ -24,10 +23,10 @@ from eurobot_od.od.values import (
     MAPPING_OFFSET,
     MAX_BITS,
     NOT_VALID,
-    PDO_COUNT,
     Address,
-    PdoDirection,
+    MappingEntry,
     label,
+    pdo_of,
 )
 from eurobot_od.support.amounts import amount
 
@@ -38,17 +37,10 @@ Bytes: TypeAlias = Mapping[Address, bytes]
 """The bytes of objects, by address."""
 
 
-def pdo_of(address: Address) -> int | None:
-    """Return the index of the communication record of a parameter's PDO; None for any other object."""
-    index = address[0]
-    has_pdo = any(each.value <= index < each.value + MAPPING_OFFSET + PDO_COUNT for each in PdoDirection)
-    return index & ~MAPPING_OFFSET if has_pdo else None  # a mapping record has one more bit set
-
-
 def procedure_objects(addresses: Iterable[Address]) -> Iterator[Address]:
     """Yield the objects that the procedure needs: each PDO's COB-ID, and the number of its mapping entries."""
     for address in addresses:
-        pdo = pdo_of(address)
+        pdo = pdo_of(address[0])
         if pdo is not None:
             yield pdo, COB_ID
             if address[0] != pdo:
@@ -63,8 +55,8 @@ def in_order(wanted: Bytes, present: Bytes) -> list[Write]:
     and 7.5.2.38). `wanted` or `present` must have the `procedure_objects`.
     """
     former, final = {**wanted, **present}, {**present, **wanted}
-    pdos = sorted({pdo for address in wanted if (pdo := pdo_of(address)) is not None})
-    others = (Write(address, data) for address, data in wanted.items() if pdo_of(address) is None)
+    pdos = sorted({pdo for address in wanted if (pdo := pdo_of(address[0])) is not None})
+    others = (Write(address, data) for address, data in wanted.items() if pdo_of(address[0]) is None)
     entries = ((pdo, int.from_bytes(former[pdo, COB_ID], "little")) for pdo in pdos)
     invalid = (Write((pdo, COB_ID), (entry | NOT_VALID).to_bytes(4, "little")) for pdo, entry in entries)
     mapped = (write for pdo in pdos for write in _mapping(pdo + MAPPING_OFFSET, wanted, final))
@@ -103,7 +95,7 @@ def mapping_entries(pdo: Pdo, things: Sequence[ODVariable]) -> list[int]:
     bits = sum(data_type(thing).bits for thing in things)
     if bits > MAX_BITS:
         raise LocalError(f"{amount(bits, 'bit')} are mapped, a PDO has at most {MAX_BITS}")
-    return [thing.index << 16 | thing.subindex << 8 | data_type(thing).bits for thing in things]
+    return [MappingEntry(*address_of(thing), data_type(thing).bits).number for thing in things]
 
 
 @Procedure

@@ -9,16 +9,14 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any, Generic, NamedTuple, TypeVar
 
-from eurobot_od.client.master import RemoteNode
-from eurobot_od.client.pdo_mapping import pdo_of
-from eurobot_od.client.procedure import Procedure, finished
+from eurobot_od.client.master import Procedure, RemoteNode, finished
 from eurobot_od.client.reading import read_bytes
 from eurobot_od.client.streams import AsyncStream, BlockingStream, Stream
 from eurobot_od.errors import FieldError, FrameLengthError, LocalError, MappingError, UnknownName
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.objects import address_of
 from eurobot_od.od.pdos import Pdo
-from eurobot_od.od.values import SLICE, Address, PdoDirection, Value
+from eurobot_od.od.values import SLICE, Address, PdoDirection, Value, pdo_of
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.catalogue import plain_name
 
@@ -29,7 +27,7 @@ async def pdo_parameters(node: RemoteNode, dictionary: Dictionary) -> dict[Addre
 
     Raises NoAnswer, RemoteError, BusError.
     """
-    found = await read_bytes.steps(node, (each for each in dictionary.addresses() if pdo_of(each) is not None))
+    found = await read_bytes.steps(node, (each for each in dictionary.addresses() if pdo_of(each[0]) is not None))
     return {address: int.from_bytes(data, "little") for address, data in found.items() if isinstance(data, bytes)}
 
 
@@ -188,7 +186,7 @@ class MappedPdos(Generic[AnyPdo]):
         if self.dictionary is None:
             return
         refusals = list[MappingError]()
-        found = {key_of(pdo): pdo for pdo in self.dictionary.read_pdos(self.dictionary.default, refusals.append)}
+        found = {pdo.key: pdo for pdo in self.dictionary.read_pdos(self.dictionary.default, refusals.append)}
         self._refused = {each.index: each for each in refusals if each.index is not None}
         self._pdos = {}
         self._records = {plain_name(pdo.name): key for key, pdo in found.items()}
@@ -237,11 +235,6 @@ class MappedPdos(Generic[AnyPdo]):
     async def _read(self) -> None:
         if self.dictionary is not None:
             self.present(await pdo_parameters.steps(self._node, self.dictionary))
-
-
-def key_of(pdo: Pdo) -> str:
-    """Return `TPDO1` and the like."""
-    return f"{pdo.direction.name}{pdo.number}"
 
 
 class RemotePdos(MappedPdos[RemotePdo]):

@@ -29,6 +29,7 @@ from eurobot_od.od.values import (
     SYNCHRONOUS,
     TRANSMISSION_TYPE,
     Address,
+    MappingEntry,
     PdoDirection,
     Value,
     owner,
@@ -169,7 +170,7 @@ class Pdos:
     def writers(self) -> dict[int, OnWrite]:
         """Return what writing a SYNC parameter or a record of a PDO does, by index."""
         members = self._objects.dictionary.members
-        records = [n for each in PdoDirection for n in range(each.value, each.value + values.PDO_COUNT) if n in members]
+        records = [index for index in members if index in values.COMMUNICATIONS]
         mappings = [index + values.MAPPING_OFFSET for index in records]
         return {
             SYNC[0]: self._write_sync,
@@ -240,9 +241,9 @@ class Pdos:
 
     def mapped(self, index: int, entry: int) -> Mapped:
         """Return what a mapping entry stands for; raises Abort if it cannot be mapped there."""
-        direction = PdoDirection(index - values.MAPPING_OFFSET & ~(values.PDO_COUNT - 1))
+        direction = next(each for each, records in values.MAPPING_RECORDS.items() if index in records)
         dictionary = self._objects.dictionary
-        variable = dictionary.variable((entry >> 16, entry >> 8 & 0xFF))
+        variable = dictionary.variable(MappingEntry.of(entry).address)
         if variable is None:
             raise Abort(Reason.MAPPED_MISSING)
         # A dummy skips received bits that mean nothing to this device; it has nothing to send.

@@ -15,8 +15,8 @@ from mcap.writer import Writer
 from eurobot_od.frame import identifier_text
 from eurobot_od.pdo.kinds import ColumnForm
 from eurobot_od.pdo.message import Message, plain
+from eurobot_od.traffic.decoding import Following
 from eurobot_od.traffic.entries import LogEntry
-from eurobot_od.traffic.following import Following
 from eurobot_od.traffic.meaning import Decoder, Meaning, with_defects
 
 NANOSECONDS = 1_000_000_000

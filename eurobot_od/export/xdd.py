@@ -61,7 +61,7 @@ def load(file: str | Path) -> Dictionary:
 
 def xdd_text(dictionary: Dictionary) -> str:
     """Return the device description of a device; raises DictionaryError for a value that cannot be read."""
-    return _Writer(dictionary).text()
+    return _XddWriter(dictionary).text()
 
 
 def _element(tag: str, attributes: Mapping[str, str | None], *children: Element, text: str | None = None) -> Element:
@@ -75,7 +75,7 @@ def _boolean(flag: bool) -> str:
     return "true" if flag else "false"
 
 
-class _Writer:
+class _XddWriter:
     """Makes the elements of one file."""
 
     def __init__(self, dictionary: Dictionary) -> None:

@@ -13,9 +13,9 @@ from typing import NamedTuple, TypeAlias
 
 from eurobot_od.errors import DictionaryError
 from eurobot_od.lint.file_rules import bit_rates
-from eurobot_od.lint.model import LintedDevice, LintedPdo, load
+from eurobot_od.lint.model import LintedDevice, load
 from eurobot_od.od import values
-from eurobot_od.od.description import COMPOSED, DescribedVariable
+from eurobot_od.od.description import COMPOSED, DescribedPdo, DescribedVariable
 from eurobot_od.od.document import Document, Entry, read_bytes
 from eurobot_od.od.standard import ERROR_FIELD, ERROR_REGISTER, RESTORE, STORE
 from eurobot_od.od.values import Address, Number
@@ -221,35 +221,34 @@ NAMES: Mapping[str, Aspect] = {"name": lambda each, _: each.name or ABSENT}
 
 def _pdos(one: LintedDevice, other: LintedDevice, node_id: int | None) -> Iterator[EdsDifference]:
     """Compare the PDOs that both have."""
-    left, right = ({(each.direction, each.number): each for each in device.pdos} for device in (one, other))
-    for direction, number in left.keys() & right.keys():
-        pdos = left[direction, number], right[direction, number]
-        index, name = direction.value + number - 1, pdos[0].name
-        yield EdsDifference((index, 1), f"{name} COB-ID", *(cob_id(each, node_id) for each in pdos))
-        yield EdsDifference((index + values.MAPPING_OFFSET, -1), f"{name} mapping", *map(mapping, pdos))
+    left, right = ({each.index: each for each in device.pdos} for device in (one, other))
+    for index in left.keys() & right.keys():
+        pdo, pdos = left[index], (left[index], right[index])
+        yield EdsDifference((index, values.COB_ID), f"{pdo.title} COB-ID", *(cob_id(each, node_id) for each in pdos))
+        yield EdsDifference((pdo.mapping_index, -1), f"{pdo.title} mapping", *map(mapping, pdos))
 
 
-def cob_id(pdo: LintedPdo, node_id: int | None) -> str:
+def cob_id(pdo: DescribedPdo, node_id: int | None) -> str:
     """Write a PDO's COB-ID: identifier, and what its upper bits mean."""
     number = pdo.value(1)
     if number is None:
         return ABSENT
     value = number.at(node_id or 0)
     is_relative = number.relative and node_id is None
-    identifier = value & (0x1FFFFFFF if value & values.EXTENDED else values.BASE_IDENTIFIER)
+    identifier = values.identifier(value) & ~values.EXTENDED
     bits = {"not valid": value & values.NOT_VALID, "29 bits": value & values.EXTENDED, "no RTR": value & values.NO_RTR}
     first = f"{values.NODE_ID}+0x{identifier:03X}" if is_relative else f"0x{identifier:03X}"
     return ", ".join([first, *(name for name, bit in bits.items() if bit)])
 
 
-def mapping(pdo: LintedPdo) -> str:
+def mapping(pdo: DescribedPdo) -> str:
     """Write a PDO's mapping as bits: which of them are which object."""
     if pdo.amount is None:
         return ABSENT
     if pdo.is_multiplexed:
         return f"multiplexed ({pdo.amount.value})"
     start, parts = 0, []
-    for each in pdo.mapped():
+    for each, _ in pdo.mapped():
         parts.append(f"{start}..{start + each.bits - 1} {each.where}")
         start += each.bits
     return "; ".join(parts) or "no data"

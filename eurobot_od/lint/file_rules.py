@@ -14,8 +14,8 @@ from eurobot_od.lint.findings import Rule, Rules, Violations
 from eurobot_od.lint.model import TOP, LintedDevice
 from eurobot_od.od import keys as cia306
 from eurobot_od.od import values
-from eurobot_od.od.completion import misspelled
 from eurobot_od.od.document import Entry, Odd, Section
+from eurobot_od.od.formats import misspelled
 from eurobot_od.od.standard import MANDATORY
 from eurobot_od.od.values import Number, PdoDirection, parse_number
 
@@ -343,9 +343,9 @@ def granularity_above_zero(device: LintedDevice) -> Violations:
 def below_granularity(device: LintedDevice) -> Violations:
     """No mapped object is shorter than the granularity."""
     bits = granularity(device) or 0
-    for pdo, each in device.mapped:
+    for pdo, each, by in device.mapped:
         if 0 < each.bits < bits:
-            yield each.by.place, f"{pdo.name} maps {each.bits} bits of {each.where}, less than the granularity {bits}"
+            yield by.place, f"{pdo.title} maps {each.bits} bits of {each.where}, less than the granularity {bits}"
 
 
 @RULES.rule("W230", "CiA 305, LSS address")

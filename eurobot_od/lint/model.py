@@ -7,17 +7,17 @@ that needs it stays silent, as another rule reports it.
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from functools import cached_property
 from typing import NamedTuple
 
 from eurobot_od.od import values
-from eurobot_od.od.description import DescribedDevice, DescribedObject, DescribedVariable
+from eurobot_od.od.description import DescribedDevice, DescribedVariable
 from eurobot_od.od.document import Document, Entry, Section
 from eurobot_od.od.formats import read
 from eurobot_od.od.keys import TYPED
 from eurobot_od.od.modules import Modules, with_modules
-from eurobot_od.od.values import DataType, Number, PdoDirection, parse_number
+from eurobot_od.od.values import DataType, Number, parse_number
 
 TOP = Entry("", "", 1, 1)
 """Where a finding about the whole file stands."""
@@ -39,98 +39,6 @@ class GivenValue(NamedTuple):
     def has_node_id(self) -> bool:
         """Whether its text has `$NODEID` anywhere."""
         return values.NODE_ID in self.entry.value.upper()
-
-
-MULTIPLEXED = (254, 255)
-"""Values of a mapping's sub 0 for multiplexed PDOs, whose mapping is not a list of objects."""
-
-
-class MappingEntry:
-    """An entry of a mapping: the object, its bits, and the variable of the mapping record that holds it."""
-
-    def __init__(self, entry: int, by: DescribedVariable) -> None:
-        self.index, self.sub, self.bits, self.by = entry >> 16 & 0xFFFF, entry >> 8 & 0xFF, entry & 0xFF, by
-
-    @property
-    def where(self) -> str:
-        """Name the object: 0x2000 sub 1."""
-        return f"0x{self.index:04X} sub {self.sub}"
-
-
-class LintedPdo(NamedTuple):
-    """A PDO: its number (from 1), its communication and its mapping record, of which one may be missing."""
-
-    direction: PdoDirection
-    number: int
-    communication: DescribedObject | None
-    mapping: DescribedObject | None
-
-    @property
-    def name(self) -> str:
-        """Name it: TPDO 3."""
-        return f"{self.direction.name} {self.number}"
-
-    @property
-    def title(self) -> str:
-        """Return the ParameterName of its communication record."""
-        return self.communication.name if self.communication else ""
-
-    def setting(self, sub: int) -> DescribedVariable | None:
-        """Return a variable of the communication record."""
-        return self.communication.variable(sub) if self.communication else None
-
-    def value(self, sub: int) -> Number | None:
-        """Return the value of a communication parameter."""
-        setting = self.setting(sub)
-        return setting.value if setting else None
-
-    def entry(self, sub: int) -> DescribedVariable | None:
-        """Return a variable of the mapping record."""
-        return self.mapping.variable(sub) if self.mapping else None
-
-    @property
-    def amount(self) -> Number | None:
-        """Return the number of mapped objects, sub 0 of the mapping."""
-        zero = self.entry(0)
-        return zero.value if zero else None
-
-    @property
-    def is_multiplexed(self) -> bool:
-        """Whether it is a multiplexed PDO."""
-        return self.amount is not None and self.amount.value in MULTIPLEXED
-
-    @property
-    def default_base(self) -> range:
-        """The base of its default identifier, as a range of one; empty from the fifth PDO on, which has no default."""
-        return values.DEFAULT_PDO_BASES[self.direction][self.number - 1 : self.number]
-
-    @property
-    def is_valid(self) -> bool:
-        """Whether it has a COB-ID that is valid."""
-        cob_id = self.value(1)
-        return cob_id is not None and not cob_id.value & values.NOT_VALID
-
-    def identifier(self, node_id: int) -> int | None:
-        """Return the base identifier it uses in a node; None if it has none, is not valid or has an extended one."""
-        cob_id = self.value(1)
-        if cob_id is None or cob_id.at(node_id) & (values.NOT_VALID | values.EXTENDED):
-            return None
-        return cob_id.at(node_id) & values.BASE_IDENTIFIER
-
-    def mapped(self) -> Iterator[MappingEntry]:
-        """Give the first `amount` entries of the mapping, those that are there and are numbers."""
-        # Bounded, as a file may say any number; there is one more sub-index, 0xFF, which is not an entry.
-        amount = self.amount.value if self.amount and not self.is_multiplexed else 0
-        for sub in range(1, min(amount, values.MOST_SUBS) + 1):
-            variable = self.entry(sub)
-            entry = variable.value if variable else None
-            if variable and entry and not entry.relative and entry.value > 0:
-                yield MappingEntry(entry.value, variable)
-
-    @property
-    def bits(self) -> int:
-        """Return how many bits it carries."""
-        return sum(each.bits for each in self.mapped())
 
 
 def load(data: bytes, file: str, patches: Iterable[str] = ()) -> LintedDevice:
@@ -213,23 +121,6 @@ class LintedDevice(DescribedDevice):
     def others(self) -> list[GivenValue]:
         """The limits and values of variables with another basic type."""
         return [each for each in self.given if not each.type.is_integer]
-
-    @cached_property
-    def pdos(self) -> list[LintedPdo]:
-        """All PDOs of which at least one record is there, RPDOs first."""
-        return [
-            LintedPdo(direction, number + 1, communication, mapping)
-            for direction in PdoDirection
-            for number in range(values.PDO_COUNT)
-            for communication in [self.objects.get(direction.value + number)]
-            for mapping in [self.objects.get(direction.value + values.MAPPING_OFFSET + number)]
-            if communication or mapping
-        ]
-
-    @cached_property
-    def mapped(self) -> list[tuple[LintedPdo, MappingEntry]]:
-        """All mapping entries of all PDOs."""
-        return [(pdo, each) for pdo in self.pdos for each in pdo.mapped()]
 
     @cached_property
     def node_id(self) -> int | None:

@@ -13,10 +13,10 @@ from typing import NamedTuple, TypeAlias
 
 from eurobot_od.lint.file_rules import bit_rates
 from eurobot_od.lint.findings import Finding, Located, Rule, Rules
-from eurobot_od.lint.model import TOP, LintedDevice, LintedPdo
+from eurobot_od.lint.model import TOP, LintedDevice
 from eurobot_od.lint.object_rules import heartbeats
-from eurobot_od.lint.pdo_rules import SYNCHRONOUS
 from eurobot_od.od import values
+from eurobot_od.od.description import DescribedPdo
 from eurobot_od.od.keys import BIT_RATES
 from eurobot_od.od.standard import SYNC, SYNC_PRODUCER
 from eurobot_od.od.values import Number, PdoDirection, owner
@@ -78,17 +78,17 @@ Conflicts: TypeAlias = Iterator[tuple[Spot, str]]
 """Places where a rule of the network does not hold, and what is wrong there in one sentence."""
 
 
-class Port(NamedTuple):
+class NodePdo(NamedTuple):
     """A valid PDO of a node, and its identifier."""
 
     node: NetworkNode
-    pdo: LintedPdo
+    pdo: DescribedPdo
     identifier: int
 
     @property
     def name(self) -> str:
         """Name it: core TPDO 3."""
-        return f"{self.node.name} {self.pdo.name}"
+        return f"{self.node.name} {self.pdo.title}"
 
     @property
     def size(self) -> int:
@@ -99,7 +99,7 @@ class Port(NamedTuple):
     def is_predefined(self) -> bool:
         """Whether its identifier is made from the node-ID, or is just its own default one."""
         value = self.pdo.value(1)
-        return (value is not None and value.relative) or self.identifier - self.node.node_id in self.pdo.default_base
+        return (value is not None and value.relative) or self.identifier - self.node.node_id == self.pdo.default_base
 
     @property
     def spot(self) -> Spot:
@@ -115,11 +115,11 @@ class Port(NamedTuple):
     @property
     def layout(self) -> tuple[tuple[str, int], ...]:
         """Return the name (empty for padding) and the bits of every mapped object."""
-        found = ((each, self.node.device.variable(each.index, each.sub)) for each in self.pdo.mapped())
+        found = ((each, self.node.device.variable(*each.address)) for each, _ in self.pdo.mapped())
         return tuple((variable.name if variable else "", each.bits) for each, variable in found)
 
 
-def _spot(node: NetworkNode, pdo: LintedPdo, sub: int) -> Spot:
+def _spot(node: NetworkNode, pdo: DescribedPdo, sub: int) -> Spot:
     where = pdo.setting(sub) or pdo.communication or pdo.mapping
     return node.spot(where.place if where else TOP)
 
@@ -149,22 +149,22 @@ class LintedNetwork:
         return {each.node_id: each for each in reversed(self.nodes)}
 
     @cached_property
-    def producers(self) -> dict[int, list[Port]]:
+    def producers(self) -> dict[int, list[NodePdo]]:
         """The valid TPDOs by identifier."""
         return self._ports(PdoDirection.TPDO)
 
     @cached_property
-    def consumers(self) -> dict[int, list[Port]]:
+    def consumers(self) -> dict[int, list[NodePdo]]:
         """The valid RPDOs by identifier."""
         return self._ports(PdoDirection.RPDO)
 
-    def _ports(self, direction: PdoDirection) -> dict[int, list[Port]]:
-        found: dict[int, list[Port]] = {}
+    def _ports(self, direction: PdoDirection) -> dict[int, list[NodePdo]]:
+        found: dict[int, list[NodePdo]] = {}
         for node in self.nodes:
             for pdo in node.device.pdos:
                 identifier = pdo.identifier(node.node_id) if pdo.direction is direction else None
                 if identifier is not None:
-                    found.setdefault(identifier, []).append(Port(node, pdo, identifier))
+                    found.setdefault(identifier, []).append(NodePdo(node, pdo, identifier))
         return found
 
     @cached_property
@@ -172,13 +172,13 @@ class LintedNetwork:
         """All identifiers that PDOs have, the highest priority first."""
         return sorted({*self.producers, *self.consumers})
 
-    def ports(self, identifier: int) -> list[Port]:
+    def ports(self, identifier: int) -> list[NodePdo]:
         """Return producers, then consumers of an identifier."""
         return self.producers.get(identifier, []) + self.consumers.get(identifier, [])
 
     def title(self, identifier: int) -> str:
         """Return what the PDOs of an identifier are called, all names if they differ."""
-        return " / ".join(dict.fromkeys(each.pdo.title for each in self.ports(identifier) if each.pdo.title))
+        return " / ".join(dict.fromkeys(each.pdo.name for each in self.ports(identifier) if each.pdo.name))
 
     def is_shared(self, identifier: int) -> bool:
         """Whether an identifier may have several producers.
@@ -187,7 +187,7 @@ class LintedNetwork:
         calls it by the same name, and it carries no data, so that equal frames merge instead of destroying each other.
         """
         ports = self.ports(identifier)
-        names = {each.pdo.title for each in ports}
+        names = {each.pdo.name for each in ports}
         if names & self.shared:
             return True
         is_heard = len(self.consumers.get(identifier, ())) > 0
@@ -249,8 +249,8 @@ def declared_producers(network: LintedNetwork) -> Conflicts:
     for identifier, (first, *others) in network.producers.items():
         if others and network.is_shared(identifier):
             names = " and ".join(each.name for each in (first, *others))
-            how = "the network file" if first.pdo.title in network.shared else "one name everywhere and no data"
-            yield first.spot, f"0x{identifier:03X} {first.pdo.title}: sent by {names}, declared by {how}"
+            how = "the network file" if first.pdo.name in network.shared else "one name everywhere and no data"
+            yield first.spot, f"0x{identifier:03X} {first.pdo.name}: sent by {names}, declared by {how}"
 
 
 MASTER_HINT = "; if a PC does, say so: `master: PC` in the network file"
@@ -285,11 +285,11 @@ def switched_off(network: LintedNetwork) -> Conflicts:
                 and pdo.direction is PdoDirection.RPDO
                 and identifier in network.producers
             ):
-                text = f"{node.name} {pdo.name} could receive 0x{identifier:03X}, but is not valid until configured"
+                text = f"{node.name} {pdo.title} could receive 0x{identifier:03X}, but is not valid until configured"
                 yield _spot(node, pdo, 1), text
 
 
-def _pairs(network: LintedNetwork) -> Iterator[tuple[Port, Port]]:
+def _pairs(network: LintedNetwork) -> Iterator[tuple[NodePdo, NodePdo]]:
     """Give every producer with every consumer of its identifier."""
     for identifier, ports in network.producers.items():
         for producer in ports:
@@ -314,7 +314,7 @@ def too_long(network: LintedNetwork) -> Conflicts:
             yield consumer.mapping_spot, text
 
 
-def _lengths(producer: Port, consumer: Port) -> str:
+def _lengths(producer: NodePdo, consumer: NodePdo) -> str:
     return f"{consumer.name} expects {consumer.size} bytes, {producer.name} sends {producer.size}"
 
 
@@ -359,7 +359,7 @@ def unused_service_identifiers(network: LintedNetwork) -> Conflicts:
         # W827 says it if the node is in the network that has this identifier by default
         if found and is_free and not (found.is_per_node and identifier - found.low + 1 in network.node_ids):
             whose = found.whose(identifier)
-            text = f"0x{identifier:03X} {ports[0].pdo.title} belongs to {whose}, which is not in the network"
+            text = f"0x{identifier:03X} {ports[0].pdo.name} belongs to {whose}, which is not in the network"
             yield ports[0].spot, text
 
 
@@ -386,17 +386,17 @@ def double_services(network: LintedNetwork) -> Conflicts:
 @RULES.rule("W813", "CAN: the lower identifier wins")
 def declared_order(network: LintedNetwork) -> Conflicts:
     """Identifiers follow the declared order of priorities."""
-    known = {each.pdo.title: each for ports in network.producers.values() for each in ports}
+    known = {each.pdo.name: each for ports in network.producers.values() for each in ports}
     for before, after in pairwise([known[name] for name in network.order if name in known]):
         if after.identifier < before.identifier:
-            text = f"{after.pdo.title} (0x{after.identifier:03X}) wins against {before.pdo.title}"
+            text = f"{after.pdo.name} (0x{after.identifier:03X}) wins against {before.pdo.name}"
             yield after.spot, text
 
 
 @RULES.rule("W814", "the network file")
 def not_in_order(network: LintedNetwork) -> Conflicts:
     """The declared order of priorities names messages that are sent."""
-    known = {each.pdo.title for ports in network.producers.values() for each in ports}
+    known = {each.pdo.name for ports in network.producers.values() for each in ports}
     for name in network.order:
         if name not in known:
             yield network.nodes[0].spot(), f"{name} is in the order of priorities, but nobody sends it"
@@ -409,7 +409,7 @@ def numbering(network: LintedNetwork) -> Conflicts:
         own = [each for ports in network.producers.values() for each in ports if each.node is node]
         for before, after in pairwise(sorted(own, key=lambda each: each.pdo.number)):
             if after.identifier < before.identifier:
-                yield after.spot, f"{after.name} has a higher priority than {before.pdo.name} before it"
+                yield after.spot, f"{after.name} has a higher priority than {before.pdo.title} before it"
 
 
 # Nodes, error control, SYNC, bit rate
@@ -521,7 +521,7 @@ def nobody_sends_sync(network: LintedNetwork) -> Conflicts:
     ports = [each for identifier in network.identifiers for each in network.ports(identifier)]
     for each in ports if not _with_bit(network, SYNC[0], SYNC_PRODUCER) else ():
         type_ = each.pdo.value(2)
-        if type_ and type_.value in SYNCHRONOUS:
+        if type_ and type_.value in values.SYNCHRONOUS:
             yield _spot(each.node, each.pdo, 2), f"{each.name} is synchronous, but no node sends SYNC"
 
 
@@ -552,5 +552,5 @@ def overview(network: LintedNetwork) -> list[tuple[str, str, str, str]]:
     ]
 
 
-def _names(ports: Mapping[int, Sequence[Port]], identifier: int) -> str:
+def _names(ports: Mapping[int, Sequence[NodePdo]], identifier: int) -> str:
     return ", ".join(each.node.name for each in ports.get(identifier, ()))

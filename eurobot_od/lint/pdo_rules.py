@@ -7,20 +7,19 @@ from collections.abc import Callable, Iterator
 
 from eurobot_od.lint.file_rules import Check, dummies
 from eurobot_od.lint.findings import Rule, Rules, Violations
-from eurobot_od.lint.model import MULTIPLEXED, LintedDevice, LintedPdo, MappingEntry
+from eurobot_od.lint.model import LintedDevice
 from eurobot_od.od import values
-from eurobot_od.od.description import SIMPLE, DescribedVariable
+from eurobot_od.od.description import SIMPLE, DescribedPdo, DescribedVariable
 from eurobot_od.od.document import Entry, Section
-from eurobot_od.od.values import IdentifierRange, PdoDirection, owner
+from eurobot_od.od.values import IdentifierRange, MappingEntry, Multiplex, PdoDirection, owner
 
 RULES = Rules()
 
-MOST_OBJECTS = 64
 RESERVED_BITS = 0x1FFFF800
 """Bits 11 to 28 of a COB-ID, which are 0 for a base frame."""
 
 
-def _setting(device: LintedDevice, sub: int) -> Iterator[tuple[LintedPdo, Entry, int]]:
+def _setting(device: LintedDevice, sub: int) -> Iterator[tuple[DescribedPdo, Entry, int]]:
     """Give a communication parameter of every PDO that has it: the PDO, where it stands, its value without node-ID."""
     for pdo in device.pdos:
         variable = pdo.setting(sub)
@@ -37,8 +36,7 @@ def mapping_only(device: LintedDevice) -> Violations:
     """A PDO mapping has its communication record."""
     for pdo in device.pdos:
         if pdo.mapping and pdo.communication is None:
-            index = pdo.mapping.index - values.MAPPING_OFFSET
-            yield pdo.mapping.place, f"{pdo.name} has a mapping, but no 0x{index:04X}"
+            yield pdo.mapping.place, f"{pdo.title} has a mapping, but no 0x{pdo.index:04X}"
 
 
 @RULES.rule("E602", "CiA 301, objects 0x1400 and 0x1800")
@@ -46,8 +44,7 @@ def communication_only(device: LintedDevice) -> Violations:
     """A PDO communication record has its mapping."""
     for pdo in device.pdos:
         if pdo.communication and pdo.mapping is None:
-            index = pdo.communication.index + values.MAPPING_OFFSET
-            yield pdo.communication.place, f"{pdo.name} has no mapping 0x{index:04X}"
+            yield pdo.communication.place, f"{pdo.title} has no mapping 0x{pdo.mapping_index:04X}"
 
 
 @RULES.rule("E603", "CiA 301, objects 0x1400 and 0x1800")
@@ -57,7 +54,7 @@ def without_parameters(device: LintedDevice) -> Violations:
         missing = [sub for sub in (1, 2) if pdo.setting(sub) is None]
         if pdo.communication and missing:
             what = "COB-ID" if missing[0] == 1 else "transmission type"
-            yield pdo.communication.place, f"{pdo.name} has no {what} (sub {missing[0]})"
+            yield pdo.communication.place, f"{pdo.title} has no {what} (sub {missing[0]})"
 
 
 # Identifiers
@@ -68,7 +65,7 @@ def reserved_bits(device: LintedDevice) -> Violations:
     """Bits 11 to 28 of the COB-ID of a base frame are 0."""
     for pdo, at, cob_id in _setting(device, 1):
         if not cob_id & values.EXTENDED and cob_id & RESERVED_BITS:
-            yield at, f"COB-ID {at.value[:20]} of {pdo.name} has bits 11 to 28 set without bit 29"
+            yield at, f"COB-ID {at.value[:20]} of {pdo.title} has bits 11 to 28 set without bit 29"
 
 
 @RULES.rule("W605", "CiA 301, objects 0x1400 and 0x1800")
@@ -76,10 +73,10 @@ def extended(device: LintedDevice) -> Violations:
     """PDOs have 11-bit identifiers."""
     for pdo, at, cob_id in _setting(device, 1):
         if cob_id & values.EXTENDED:
-            yield at, f"{pdo.name} has a 29-bit identifier, which few devices know"
+            yield at, f"{pdo.title} has a 29-bit identifier, which few devices know"
 
 
-def _identifiers(device: LintedDevice) -> Iterator[tuple[LintedPdo, Entry | Section, int]]:
+def _identifiers(device: LintedDevice) -> Iterator[tuple[DescribedPdo, Entry | Section, int]]:
     """Give every PDO that is valid with its identifier for the lowest node-ID, and where that stands."""
     for pdo in device.pdos:
         identifier, variable = pdo.identifier(device.node_ids[0]), pdo.setting(1)
@@ -94,7 +91,7 @@ def in_range_of(ranges: tuple[IdentifierRange, ...], sentence: str) -> Check:
         for pdo, at, identifier in _identifiers(device):
             found = owner(identifier, ranges)
             if found:
-                yield at, f"{pdo.name} has identifier 0x{identifier:03X}, {sentence} {found.whose(identifier)}"
+                yield at, f"{pdo.title} has identifier 0x{identifier:03X}, {sentence} {found.whose(identifier)}"
 
     return check
 
@@ -107,7 +104,7 @@ def in_predefined(device: LintedDevice) -> Violations:
         # Made from the node-ID; in a DCF it may be written out, so there nobody can tell.
         is_own = device.node_id is not None or (cob_id and cob_id.relative)
         if found and not is_own:
-            text = f"{pdo.name} has the custom identifier 0x{identifier:03X}, by default {found.whose(identifier)}"
+            text = f"{pdo.title} has the custom identifier 0x{identifier:03X}, by default {found.whose(identifier)}"
             yield at, text
 
 
@@ -115,19 +112,19 @@ def in_predefined(device: LintedDevice) -> Violations:
 def on_default_base(device: LintedDevice) -> Violations:
     """No identifier is the base of the PDO's own default."""
     for pdo, at, identifier in _identifiers(device):
-        if identifier in pdo.default_base:
-            yield at, f"{pdo.name} has 0x{identifier:03X}, the base of its default: CANopenNode adds the node-ID to it"
+        if identifier == pdo.default_base:
+            yield at, f"{pdo.title} has 0x{identifier:03X}, the base of its default: CANopenNode adds the node-ID to it"
 
 
 @RULES.rule("E610", "CiA 301, PDO")
 def one_identifier(device: LintedDevice) -> Violations:
     """The valid PDOs of a device have different identifiers for at least one node-ID."""
-    first: dict[tuple[int | None, ...], LintedPdo] = {}
+    first: dict[tuple[int | None, ...], DescribedPdo] = {}
     for pdo, at, identifier in _identifiers(device):
         # A clash at one node-ID only is not a mistake of the file.
         everywhere = tuple(map(pdo.identifier, device.node_ids))
         if first.setdefault(everywhere, pdo) is not pdo:
-            yield at, f"{pdo.name} has identifier 0x{identifier:03X}, as {first[everywhere].name} has"
+            yield at, f"{pdo.title} has identifier 0x{identifier:03X}, as {first[everywhere].title} has"
 
 
 @RULES.rule("E611", "CiA 301, objects 0x1400 and 0x1800")
@@ -137,7 +134,7 @@ def outside_cob_id(device: LintedDevice) -> Violations:
         value, highest = pdo.value(1), (cob_id & values.BASE_IDENTIFIER) + device.node_ids[-1]
         # The sum would carry into bits 11 and up, which mean something else.
         if value and value.relative and highest > values.BASE_IDENTIFIER:
-            yield at, f"COB-ID {at.value[:20]} of {pdo.name} leaves 11 bits for the highest node-ID"
+            yield at, f"COB-ID {at.value[:20]} of {pdo.title} leaves 11 bits for the highest node-ID"
 
 
 RULES += (
@@ -152,7 +149,7 @@ RULES += (
 
 # Transmission
 
-SYNCHRONOUS, RTR_TYPES = range(241), (252, 253)
+RTR_TYPES = (252, 253)
 
 
 def transmission_of(direction: PdoDirection, is_reserved: Callable[[int], bool], sentence: str) -> Check:
@@ -161,7 +158,7 @@ def transmission_of(direction: PdoDirection, is_reserved: Callable[[int], bool],
     def check(device: LintedDevice) -> Violations:
         for pdo, at, value in _setting(device, 2):
             if pdo.direction is direction and is_reserved(value):
-                yield at, f"transmission type {value} of {pdo.name}: {sentence}"
+                yield at, f"transmission type {value} of {pdo.title}: {sentence}"
 
     return check
 
@@ -172,7 +169,7 @@ def rtr_forbidden(device: LintedDevice) -> Violations:
     for pdo, at, value in _setting(device, 2):
         cob_id = pdo.value(1)
         if pdo.direction is PdoDirection.TPDO and value in RTR_TYPES and cob_id and cob_id.value & values.NO_RTR:
-            yield at, f"{pdo.name} is sent on a remote frame (type {value}), but bit 30 of its COB-ID forbids them"
+            yield at, f"{pdo.title} is sent on a remote frame (type {value}), but bit 30 of its COB-ID forbids them"
 
 
 @RULES.rule("W624", "CiA 301, object 0x1005")
@@ -180,8 +177,8 @@ def synchronous_without_sync(device: LintedDevice) -> Violations:
     """A device with synchronous PDOs has a SYNC."""
     for pdo, at, value in _setting(device, 2):
         # 252 samples at the SYNC and sends at the remote frame; 253 does both at the remote frame.
-        if (value in SYNCHRONOUS or value == RTR_TYPES[0]) and 0x1005 not in device.objects and pdo.is_valid:
-            yield at, f"{pdo.name} is synchronous (type {value}), but the device has no SYNC (0x1005)"
+        if (value in values.SYNCHRONOUS or value == RTR_TYPES[0]) and 0x1005 not in device.objects and pdo.is_valid:
+            yield at, f"{pdo.title} is synchronous (type {value}), but the device has no SYNC (0x1005)"
 
 
 @RULES.rule("W625", "CiA 301, objects 0x1400 and 0x1800")
@@ -189,7 +186,7 @@ def compatibility_entry(device: LintedDevice) -> Violations:
     """Sub-index 4 is reserved."""
     for pdo, at, value in _setting(device, 4):
         if value:
-            yield at, f"sub 4 of {pdo.name} is {at.value[:20]}, but is reserved"
+            yield at, f"sub 4 of {pdo.title} is {at.value[:20]}, but is reserved"
 
 
 @RULES.rule("W626", "CiA 301, object 0x1400")
@@ -198,7 +195,7 @@ def inhibited_rpdo(device: LintedDevice) -> Violations:
     for sub, what in ((3, "an inhibit time"), (6, "a SYNC start value")):
         for pdo, at, value in _setting(device, sub):
             if pdo.direction is PdoDirection.RPDO and value:
-                yield at, f"{pdo.name} has {what}, which RPDOs do not use"
+                yield at, f"{pdo.title} has {what}, which RPDOs do not use"
 
 
 @RULES.rule("E627", "CiA 301, object 0x1800 sub 6")
@@ -206,7 +203,7 @@ def sync_start(device: LintedDevice) -> Violations:
     """A SYNC start value is 0 to 240."""
     for pdo, at, value in _setting(device, 6):
         if not 0 <= value <= 240:
-            yield at, f"SYNC start value {value} of {pdo.name} is not 0 to 240"
+            yield at, f"SYNC start value {value} of {pdo.title} is not 0 to 240"
 
 
 @RULES.rule("W628", "CiA 301, object 0x1800")
@@ -215,17 +212,17 @@ def slower_than_event(device: LintedDevice) -> Violations:
     for pdo, at, milliseconds in _setting(device, 5):
         inhibit = pdo.value(3)  # in 100 us, the event timer in ms
         if pdo.direction is PdoDirection.TPDO and inhibit and 0 < milliseconds * 10 < inhibit.value:
-            yield at, f"event timer {milliseconds} ms of {pdo.name} is shorter than its inhibit time {inhibit.value}"
+            yield at, f"event timer {milliseconds} ms of {pdo.title} is shorter than its inhibit time {inhibit.value}"
 
 
 RULES += (
     Rule("E620", "A TPDO's transmission type is 0 to 240 or 252 to 255.",
          "CiA 301, object 0x1800 sub 2; public: manuals of Lika RD4, Applied Motion ST10, Gefran RK5C",
-         transmission_of(PdoDirection.TPDO, lambda v: not (v in SYNCHRONOUS or 252 <= v <= 255),
+         transmission_of(PdoDirection.TPDO, lambda v: not (v in values.SYNCHRONOUS or 252 <= v <= 255),
                          "241 to 251 are reserved")),
     Rule("E621", "An RPDO's transmission type is 0 to 240, 254 or 255.",
          "CiA 301, object 0x1400 sub 2; public: manual of Lika RD4, object 1400",
-         transmission_of(PdoDirection.RPDO, lambda v: not (v in SYNCHRONOUS or v in (252, 253, 254, 255)),
+         transmission_of(PdoDirection.RPDO, lambda v: not (v in values.SYNCHRONOUS or v in (252, 253, 254, 255)),
                          "241 to 253 are reserved")),
     Rule("W622", "No RPDO is for remote frames only.",
          "CiA 301, object 0x1400 sub 2; public: Lika RD4 lists 252 and 253 for RPDOs too, hence a warning",
@@ -236,7 +233,7 @@ RULES += (
 # Mappings
 
 
-def _counts(device: LintedDevice) -> Iterator[tuple[LintedPdo, DescribedVariable, int]]:
+def _counts(device: LintedDevice) -> Iterator[tuple[DescribedPdo, DescribedVariable, int]]:
     """Give the number of mapped objects of every PDO that says one: the PDO, sub-index 0, the number."""
     for pdo in device.pdos:
         zero, count = pdo.entry(0), pdo.amount
@@ -248,27 +245,27 @@ def _counts(device: LintedDevice) -> Iterator[tuple[LintedPdo, DescribedVariable
 def count_range(device: LintedDevice) -> Violations:
     """A PDO maps 0 to 64 objects, or is multiplexed."""
     for pdo, variable, count in _counts(device):
-        if not 0 <= count <= MOST_OBJECTS and count not in MULTIPLEXED:
-            yield variable.place, f"{pdo.name} maps {count} objects, not 0 to 64 (254 and 255: multiplexed)"
+        if not 0 <= count <= values.MAX_BITS and count not in set(Multiplex):
+            yield variable.place, f"{pdo.title} maps {count} objects, not 0 to 64 (254 and 255: multiplexed)"
 
 
 @RULES.rule("E631", "CiA 301, objects 0x1600 and 0x1A00")
 def too_few_entries(device: LintedDevice) -> Violations:
     """A mapping has as many entries as sub-index 0 says."""
     for pdo, variable, count in _counts(device):
-        missing = next((n for n in range(1, min(count, MOST_OBJECTS) + 1) if not pdo.entry(n)), 0)
+        missing = next((n for n in range(1, min(count, values.MAX_BITS) + 1) if not pdo.entry(n)), 0)
         if missing and not pdo.is_multiplexed:
-            yield variable.place, f"{pdo.name} maps {count} objects, but has no sub {missing}"
+            yield variable.place, f"{pdo.title} maps {count} objects, but has no sub {missing}"
 
 
 @RULES.rule("E632", "CiA 301, objects 0x1600 and 0x1A00")
 def no_entry(device: LintedDevice) -> Violations:
     """Mapped entries have no gap."""
     for pdo, _, count in _counts(device):
-        for n in range(1, min(count, MOST_OBJECTS) + 1) if not pdo.is_multiplexed else ():
+        for n in range(1, min(count, values.MAX_BITS) + 1) if not pdo.is_multiplexed else ():
             variable = pdo.entry(n)
             if variable and (variable.value is None or variable.value.value == 0):
-                yield variable.place, f"{pdo.name} maps {count} objects, but entry {n} is empty"
+                yield variable.place, f"{pdo.title} maps {count} objects, but entry {n} is empty"
 
 
 @RULES.rule("I633", "CiA 301, objects 0x1600 and 0x1A00; public: Kollmorgen AKD manual, `0: PDO is not active`")
@@ -277,7 +274,7 @@ def no_data(device: LintedDevice) -> Violations:
     for pdo, variable, count in _counts(device):
         # An info only: a message without data is a fair use, which CANopenNode refuses (EMCY 0x8200) and Lely takes.
         if count == 0 and pdo.is_valid:
-            yield variable.place, f"{pdo.name} has no data; some devices take 0 objects as a disabled mapping"
+            yield variable.place, f"{pdo.title} has no data; some devices take 0 objects as a disabled mapping"
 
 
 @RULES.rule("W634", "CiA 301, objects 0x1600 and 0x1A00")
@@ -288,23 +285,23 @@ def left_over(device: LintedDevice) -> Violations:
         unused = (v for sub, v in pdo.mapping.subs.items() if count < sub < 255 and v.value) if pdo.mapping else ()
         first = next((v for v in unused if v.value and v.value.value), None)
         if first and not pdo.is_multiplexed:
-            yield first.place, f"{pdo.name} maps {count} objects, so that entry {first.sub} is not used"
+            yield first.place, f"{pdo.title} maps {count} objects, so that entry {first.sub} is not used"
 
 
 @RULES.rule("E635", "CiA 301, PDO mapping")
 def too_long(device: LintedDevice) -> Violations:
     """A PDO has at most 64 bits."""
     for pdo, variable, _ in _counts(device):
-        if pdo.bits > 64:
-            yield variable.place, f"{pdo.name} maps {pdo.bits} bits, a PDO has at most 64"
+        if pdo.bits > values.MAX_BITS:
+            yield variable.place, f"{pdo.title} maps {pdo.bits} bits, a PDO has at most 64"
 
 
-def _objects(device: LintedDevice) -> Iterator[tuple[LintedPdo, MappingEntry, DescribedVariable]]:
-    """Give every mapped object that is a variable."""
-    for pdo, each in device.mapped:
-        variable = device.variable(each.index, each.sub)
+def _objects(device: LintedDevice) -> Iterator[tuple[DescribedPdo, MappingEntry, DescribedVariable, DescribedVariable]]:
+    """Give every mapped object that is a variable: the PDO, the entry, the variable that holds it, and the object."""
+    for pdo, each, by in device.mapped:
+        variable = device.variable(*each.address)
         if variable:
-            yield pdo, each, variable
+            yield pdo, each, by, variable
 
 
 @RULES.rule("E636", "CiA 301, PDO mapping")
@@ -312,11 +309,11 @@ def missing_object(device: LintedDevice) -> Violations:
     """A mapped object exists."""
     # What a module brings is there as soon as it is connected, which an EDS does not say.
     later = device.modules.brought if not device.modules.connected else ()
-    for pdo, each in device.mapped:
+    for pdo, each, by in device.mapped:
         if _is_dummy(each) or each.index in later:
             continue
-        if device.connected.variable(each.index, each.sub) is None:
-            yield each.by.place, f"{pdo.name} maps {each.where}, {_missing(device, each)}"
+        if device.connected.variable(*each.address) is None:
+            yield by.place, f"{pdo.title} maps {each.where}, {_missing(device, each)}"
 
 
 def _missing(device: LintedDevice, each: MappingEntry) -> str:
@@ -337,22 +334,22 @@ def _is_dummy(each: MappingEntry) -> bool:
 @RULES.rule("E637", "CiA 301, PDO mapping (abort 0604 0041)")
 def not_mappable(device: LintedDevice) -> Violations:
     """A mapped object is mappable."""
-    for pdo, each, variable in _objects(device):
+    for pdo, each, by, variable in _objects(device):
         if not variable.is_mappable and not _is_dummy(each):
-            yield each.by.place, f"{pdo.name} maps {each.where}, whose PDOMapping is not 1"
+            yield by.place, f"{pdo.title} maps {each.where}, whose PDOMapping is not 1"
 
 
 @RULES.rule("E638", "CiA 301, PDO mapping (abort 0604 0042)")
 def longer_than_type(device: LintedDevice) -> Violations:
     """A mapped length is not above the type's."""
-    for pdo, each, variable in _objects(device):
+    for pdo, each, by, variable in _objects(device):
         # A text or a DOMAIN has no length of its own to be longer than.
         if variable.type and 0 < variable.type.bits < each.bits:
-            yield each.by.place, f"{pdo.name} maps {each.bits} bits of {each.where}, a {variable.type.name}"
+            yield by.place, f"{pdo.title} maps {each.bits} bits of {each.where}, a {variable.type.name}"
 
 
-def _shorter(device: LintedDevice) -> Iterator[tuple[LintedPdo, MappingEntry, DescribedVariable]]:
-    return (row for row in _objects(device) if row[2].type and 0 < row[1].bits < row[2].type.bits)
+def _shorter(device: LintedDevice) -> Iterator[tuple[DescribedPdo, MappingEntry, DescribedVariable, DescribedVariable]]:
+    return (row for row in _objects(device) if row[3].type and 0 < row[1].bits < row[3].type.bits)
 
 
 def _fits(each: MappingEntry, variable: DescribedVariable) -> bool:
@@ -368,19 +365,19 @@ def _fits(each: MappingEntry, variable: DescribedVariable) -> bool:
 @RULES.rule("W639", "CiA 301, PDO mapping")
 def cut(device: LintedDevice) -> Violations:
     """A mapped length leaves room for every value of the object."""
-    for pdo, each, variable in _shorter(device):
+    for pdo, each, by, variable in _shorter(device):
         if not _fits(each, variable):
-            text = f"{pdo.name} maps {each.bits} bits of {each.where}, whose values need more: the upper bits are lost"
-            yield each.by.place, text
+            text = f"{pdo.title} maps {each.bits} bits of {each.where}, whose values need more: the upper bits are lost"
+            yield by.place, text
 
 
 @RULES.rule("I640", "CiA 301, PDO mapping; public: CANopenNode, CO_PDO.c, refuses lengths that are not whole bytes")
 def shortened(device: LintedDevice) -> Violations:
     """A mapped length equals the type's."""
-    for pdo, each, variable in _shorter(device):
+    for pdo, each, by, variable in _shorter(device):
         if _fits(each, variable) and variable.type:
-            text = f"{pdo.name} maps {each.bits} of {variable.type.bits} bits of {each.where}; CANopenNode maps bytes"
-            yield each.by.place, text
+            text = f"{pdo.title} maps {each.bits} of {variable.type.bits} bits of {each.where}; CANopenNode maps bytes"
+            yield by.place, text
 
 
 def direction_of(direction: PdoDirection) -> Check:
@@ -388,9 +385,9 @@ def direction_of(direction: PdoDirection) -> Check:
     refused = set(values.ACCESS_TYPES) - set(values.MAPPABLE[direction])
 
     def check(device: LintedDevice) -> Violations:
-        for pdo, each, variable in _objects(device):
+        for pdo, each, by, variable in _objects(device):
             if pdo.direction is direction and variable.access in refused:
-                yield each.by.place, f"{pdo.name} maps {each.where}, which is {variable.access}"
+                yield by.place, f"{pdo.title} maps {each.where}, which is {variable.access}"
 
     return check
 
@@ -398,46 +395,46 @@ def direction_of(direction: PdoDirection) -> Check:
 @RULES.rule("E643", "CiA 301, dummy entries")
 def dummy_in_tpdo(device: LintedDevice) -> Violations:
     """Only RPDOs map dummies."""
-    for pdo, each in device.mapped:
+    for pdo, each, by in device.mapped:
         if _is_dummy(each) and pdo.direction is PdoDirection.TPDO:
-            yield each.by.place, f"{pdo.name} maps dummy 0x{each.index:04X}; only RPDOs skip bits"
+            yield by.place, f"{pdo.title} maps dummy 0x{each.index:04X}; only RPDOs skip bits"
 
 
 @RULES.rule("E644", "CiA 306, [DummyUsage]")
 def disabled_dummy(device: LintedDevice) -> Violations:
     """A mapped dummy is enabled in [DummyUsage]."""
     enabled = {code for code, entry in dummies(device).items() if entry.value == "1"}
-    for pdo, each in device.mapped:
+    for pdo, each, by in device.mapped:
         if _is_dummy(each) and each.index not in enabled and pdo.direction is PdoDirection.RPDO:
-            yield each.by.place, f"{pdo.name} maps dummy 0x{each.index:04X}, which [DummyUsage] does not enable"
+            yield by.place, f"{pdo.title} maps dummy 0x{each.index:04X}, which [DummyUsage] does not enable"
 
 
 @RULES.rule("E645", "CiA 301, dummy entries")
 def dummy_length(device: LintedDevice) -> Violations:
     """A mapped dummy has the length of its type."""
-    for pdo, each in device.mapped:
+    for pdo, each, by in device.mapped:
         type_ = values.DATA_TYPES.get(each.index)
         if type_ and type_.bits != each.bits:
-            yield each.by.place, f"{pdo.name} maps {each.bits} bits of dummy {type_.name}, which has {type_.bits}"
+            yield by.place, f"{pdo.title} maps {each.bits} bits of dummy {type_.name}, which has {type_.bits}"
 
 
 @RULES.rule("E646", "CiA 301, PDO mapping")
 def no_bits(device: LintedDevice) -> Violations:
     """A mapped object has at least one bit."""
-    for pdo, each in device.mapped:
+    for pdo, each, by in device.mapped:
         if each.bits == 0:
-            yield each.by.place, f"{pdo.name} maps {each.where} with 0 bits"
+            yield by.place, f"{pdo.title} maps {each.where} with 0 bits"
 
 
 @RULES.rule("W647", "CiA 301, PDO mapping")
 def mapped_twice(device: LintedDevice) -> Violations:
     """A PDO maps an object once."""
     for pdo in device.pdos:
-        counts = Counter((each.index, each.sub) for each in pdo.mapped() if not _is_dummy(each))
+        counts = Counter(each.address for each, _ in pdo.mapped() if not _is_dummy(each))
         again = {key for key, number in counts.items() if number > 1}
         # One finding for a PDO, at the entry that is too much.
-        last = [each for each in pdo.mapped() if (each.index, each.sub) in again][-1:]
-        yield from ((each.by.place, f"{pdo.name} maps {each.where} twice") for each in last)
+        last = [(each, by) for each, by in pdo.mapped() if each.address in again][-1:]
+        yield from ((by.place, f"{pdo.title} maps {each.where} twice") for each, by in last)
 
 
 @RULES.rule("W648", "CiA 301, objects 0x1600 and 0x1A00")
@@ -447,7 +444,7 @@ def half_writable(device: LintedDevice) -> Violations:
         entries = [each for sub, each in pdo.mapping.subs.items() if sub] if pdo.mapping else []
         if entries and any(each.is_writable is not variable.is_writable for each in entries):
             at = variable.section.at("accesstype")
-            yield at, f"sub 0 of {pdo.name}'s mapping is {variable.access}, its entries are not"
+            yield at, f"sub 0 of {pdo.title}'s mapping is {variable.access}, its entries are not"
 
 
 @RULES.rule("W649", "CiA 301, objects 0x1400 and 0x1800")
@@ -458,7 +455,7 @@ def fixed_cob_id(device: LintedDevice) -> Violations:
         # CiA 301, 7.5.2.36: a mapping is changed while bit 31 of the COB-ID is set.
         if setting and setting.access in ("ro", "const") and pdo.mapping and pdo.mapping.is_writable:
             at = setting.section.at("accesstype")
-            text = f"{pdo.name}'s mapping is writable, but its COB-ID is not"
+            text = f"{pdo.title}'s mapping is writable, but its COB-ID is not"
             yield at, f"{text}: nobody can make it invalid to change it"
 
 
@@ -469,7 +466,7 @@ def relative_entry(device: LintedDevice) -> Violations:
         for sub, variable in pdo.mapping.subs.items() if pdo.mapping else ():
             value = variable.value
             if 0 < sub <= count and value and (value.relative or not 0 <= value.value <= values.UNSIGNED32.high):
-                yield variable.place, f"entry {sub} of {pdo.name} is no index, sub-index and length"
+                yield variable.place, f"entry {sub} of {pdo.title} is no index, sub-index and length"
 
 
 RULES += (

@@ -14,7 +14,7 @@ from typing import NamedTuple
 from eurobot_od.od import values
 from eurobot_od.od.document import Document, Entry, Section
 from eurobot_od.od.keys import COMMISSIONING, TYPED
-from eurobot_od.od.values import Number, parse_number
+from eurobot_od.od.values import MappingEntry, Multiplex, Number, PdoDirection, PdoRecords, parse_number
 
 
 class ObjectCode(Enum):
@@ -206,6 +206,76 @@ _COMPACT_ONLY = ("compactsubobj", "objecttype", "subnumber")
 _COMPACT_ZERO = {"parametername": "NrOfObjects", "datatype": "0x0005", "accesstype": "ro"}
 
 
+class DescribedPdo(PdoRecords):
+    """A PDO: its communication and its mapping record, of which one may be missing."""
+
+    def __init__(
+        self,
+        direction: PdoDirection,
+        index: int,
+        communication: DescribedObject | None,
+        mapping: DescribedObject | None,
+    ) -> None:
+        self.direction, self.index, self.communication, self.mapping = direction, index, communication, mapping
+
+    @property
+    def name(self) -> str:
+        """The ParameterName of its communication record."""
+        return self.communication.name if self.communication else ""
+
+    def setting(self, sub: int) -> DescribedVariable | None:
+        """Return a variable of the communication record."""
+        return self.communication.variable(sub) if self.communication else None
+
+    def value(self, sub: int) -> Number | None:
+        """Return the value of a communication parameter."""
+        setting = self.setting(sub)
+        return setting.value if setting else None
+
+    def entry(self, sub: int) -> DescribedVariable | None:
+        """Return a variable of the mapping record."""
+        return self.mapping.variable(sub) if self.mapping else None
+
+    @property
+    def amount(self) -> Number | None:
+        """Return the number of mapped objects, sub 0 of the mapping."""
+        zero = self.entry(0)
+        return zero.value if zero else None
+
+    @property
+    def is_multiplexed(self) -> bool:
+        """Whether it is a multiplexed PDO."""
+        return self.amount is not None and self.amount.value in set(Multiplex)
+
+    @property
+    def is_valid(self) -> bool:
+        """Whether it has a COB-ID that is valid."""
+        cob_id = self.value(values.COB_ID)
+        return cob_id is not None and not cob_id.value & values.NOT_VALID
+
+    def identifier(self, node_id: int) -> int | None:
+        """Return the base identifier it uses in a node; None if it has none, is not valid or has an extended one."""
+        cob_id = self.value(values.COB_ID)
+        if cob_id is None or cob_id.at(node_id) & (values.NOT_VALID | values.EXTENDED):
+            return None
+        return cob_id.at(node_id) & values.BASE_IDENTIFIER
+
+    def mapped(self) -> Iterator[tuple[MappingEntry, DescribedVariable]]:
+        """Give the first `amount` entries of the mapping that are there and are numbers, and where they stand."""
+        # Bounded, as a file may say any number; there is one more sub-index, 0xFF, which is not an entry.
+        amount = self.amount.value if self.amount and not self.is_multiplexed else 0
+        for sub in range(1, min(amount, values.MOST_SUBS) + 1):
+            variable = self.entry(sub)
+            entry = variable.value if variable else None
+            if variable and entry and not entry.relative and entry.value > 0:
+                yield MappingEntry.of(entry.value), variable
+
+    @property
+    def bits(self) -> int:
+        """Return how many bits it carries."""
+        return sum(entry.bits for entry, _ in self.mapped())
+
+
 class DescribedDevice:
     """The device that a document describes."""
 
@@ -260,6 +330,22 @@ class DescribedDevice:
         """Return the value a variable has in the file."""
         variable = self.variable(index, sub)
         return variable.value if variable else None
+
+    @cached_property
+    def pdos(self) -> list[DescribedPdo]:
+        """All PDOs of which at least one record is there, RPDOs first."""
+        found = {values.pdo_of(index) for index in self.objects} - {None}
+        return [
+            DescribedPdo(direction, index, self.objects.get(index), self.objects.get(index + values.MAPPING_OFFSET))
+            for direction, records in values.COMMUNICATION_RECORDS.items()
+            for index in records
+            if index in found
+        ]
+
+    @cached_property
+    def mapped(self) -> list[tuple[DescribedPdo, MappingEntry, DescribedVariable]]:
+        """All mapping entries of all PDOs, and where each of them stands."""
+        return [(pdo, entry, by) for pdo in self.pdos for entry, by in pdo.mapped()]
 
     def commissioned(self, key: str) -> Number | None:
         """Return the number that a DCF commissions the device with by a key (in lower case), in its range or not."""

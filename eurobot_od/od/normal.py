@@ -21,15 +21,14 @@ from typing import NamedTuple
 
 from eurobot_od.errors import DictionaryError
 from eurobot_od.od import keys, values
-from eurobot_od.od.completion import completed, looks_odd, misspelled, usual_name
 from eurobot_od.od.description import SIMPLE, DescribedDevice, DescribedObject, DescribedVariable, ObjectCode
 from eurobot_od.od.document import STRAY, Document, Entry, Odd, Section
-from eurobot_od.od.formats import read
+from eurobot_od.od.formats import completed, looks_odd, misspelled, read, usual_name
 from eurobot_od.od.modules import CONNECTED, with_modules
 from eurobot_od.od.patches import Patch, patched, with_settings
 from eurobot_od.od.plain import BYTES, TEXTS, plain_number, plain_value
 from eurobot_od.od.standard import MANDATORY, known_type
-from eurobot_od.od.values import NODE_ID, DataType, Number, is_standard_number, parse_number
+from eurobot_od.od.values import NODE_ID, DataType, MappingEntry, Number, is_standard_number, parse_number
 
 NO_VALUE = (ObjectCode.NULL, ObjectCode.DEFTYPE)
 """Objects that hold nothing: a placeholder, and a type that is only named."""
@@ -337,7 +336,7 @@ class _Writer:
         section = self._device.section("dummyusage")
         records = (each for each in self._device.objects.values() if each.index in values.MAPPINGS)
         numbers = (entry.value for each in records for sub, entry in each.subs.items() if sub)
-        mapped = {number.value >> 16 for number in numbers if number}
+        mapped = {MappingEntry.of(number.value).index for number in numbers if number}
         self._head("DummyUsage", section)
         entries = section.entries if section else {}
         for code in values.DUMMIES:

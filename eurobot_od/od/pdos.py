@@ -7,13 +7,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from enum import IntEnum
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple, NoReturn, TypeAlias
 
 from eurobot_od.errors import MappingError
 from eurobot_od.od import objects as od
 from eurobot_od.od import values
-from eurobot_od.od.values import Address, DataType, Limits, PdoDirection, Value
+from eurobot_od.od.values import Address, DataType, Limits, MappingEntry, Multiplex, PdoDirection, PdoRecords, Value
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -77,14 +77,8 @@ class Mapped(NamedTuple):
         return od.address_of(self.variable)
 
 
-class Multiplex(IntEnum):
-    """How a multiplexed PDO names its object: the value of sub-index 0 of its mapping (CiA 301, 7.5.2.36)."""
-
-    SOURCE = 0xFE
-    DESTINATION = 0xFF
-
-
-class Pdo(NamedTuple):
+@dataclass(frozen=True)
+class Pdo(PdoRecords):
     """A PDO of a device: communication record `index`, its ParameterName, COB-ID and mapping.
 
     `inhibit_time` is in 100 us, `event_timer` in ms: the longest time between two TPDOs, or the deadline of an RPDO; 0
@@ -92,7 +86,7 @@ class Pdo(NamedTuple):
     """
 
     direction: PdoDirection
-    index: int  # type: ignore[assignment]  # CANopen's term; nobody searches the tuple
+    index: int
     name: str
     cob_id: int
     valid: bool
@@ -108,24 +102,9 @@ class Pdo(NamedTuple):
         return self.transmission_type in values.SYNCHRONOUS
 
     @property
-    def mapping_index(self) -> int:
-        """Index of the mapping record."""
-        return self.index + values.MAPPING_OFFSET
-
-    @property
     def length(self) -> int:
         """Bytes of its frames."""
         return -(-sum(each.bits for each in self.mapping) // 8)
-
-    @property
-    def title(self) -> str:
-        """Direction and number: `TPDO 1`."""
-        return f"{self.direction.name} {self.number}"
-
-    @property
-    def number(self) -> int:
-        """Number of the PDO in its direction, from 1 (CiA 301: TPDO 1 has its records at 0x1800 and 0x1A00)."""
-        return self.index - self.direction.value + 1
 
 
 class Part(NamedTuple):
@@ -249,22 +228,19 @@ class PdoReader:
             raise MappingError(self._file, address[0], f"sub {address[1]} is missing or has no number as its value")
         return number
 
-    def mapped(self, mapping_index: int, entry: int) -> Mapped:
-        """Return what a mapping entry (index, sub-index, length in one UNSIGNED32) stands for.
-
-        Raises MappingError if the object is missing or longer than its type.
-        """
-        index, subindex, bits = entry >> 16, entry >> 8 & 0xFF, entry & 0xFF
-        if index in values.DUMMIES:  # a dummy need not be in the file; without its bits all later fields would shift
-            dummy = self._objects.indices.get(index) or od.undescribed((index, subindex))
-            return Mapped.of(dummy, bits, dummy)
-        variable = od.variable_at(self._objects, (index, subindex))
-        where = f"maps 0x{index:04X} sub {subindex}"
+    def mapped(self, mapping_index: int, number: int) -> Mapped:
+        """Return what a mapping entry stands for; raises MappingError for an object that is missing, or too short."""
+        entry = MappingEntry.of(number)
+        if entry.index in values.DUMMIES:  # need not be in the file; without its bits all later fields would shift
+            dummy = self._objects.indices.get(entry.index) or od.undescribed(entry.address)
+            return Mapped.of(dummy, entry.bits, dummy)
+        variable = od.variable_at(self._objects, entry.address)
         if variable is None:
-            raise MappingError(self._file, mapping_index, f"{where}, which is missing")
+            raise MappingError(self._file, mapping_index, f"maps {entry.where}, which is missing")
         # Size 0 is a text or a DOMAIN, of which a PDO may carry a part; a BOOLEAN may be mapped as a whole byte.
         most = od.data_type(variable).size * 8 or values.MAX_BITS
-        if not 1 <= bits <= most:
-            raise MappingError(self._file, mapping_index, f"{where} with {bits} bits, its type has {most}")
+        if not 1 <= entry.bits <= most:
+            what = f"maps {entry.where} with {entry.bits} bits, its type has {most}"
+            raise MappingError(self._file, mapping_index, what)
         part = part_of(self._objects, variable)
-        return Mapped.of(variable, bits, od.at(part.whole, self._objects) if part else variable)
+        return Mapped.of(variable, entry.bits, od.at(part.whole, self._objects) if part else variable)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import re
 import struct
-from enum import Enum
+from enum import Enum, IntEnum
 from functools import lru_cache
 from typing import NamedTuple, TypeAlias, cast
 
@@ -308,6 +308,80 @@ MAPPABLE = {PdoDirection.RPDO: ("wo", "rww", "rw"), PdoDirection.TPDO: ("ro", "c
 
 SLICE = re.compile(r"(?P<name>.+) [(\[](?P<high>\d{1,3}):(?P<low>\d{1,3})[)\]]$")
 """ParameterName of a part of a value: `X position (11:4)` is its bits 11 down to 4; `[11:4]` says the same."""
+
+
+class Multiplex(IntEnum):
+    """How a multiplexed PDO names its object: the value of sub-index 0 of its mapping (CiA 301, 7.5.2.36)."""
+
+    SOURCE = 0xFE
+    DESTINATION = 0xFF
+
+
+class MappingEntry(NamedTuple):
+    """An entry of a mapping: an object, and how many of its bits the PDO carries (CiA 301, 7.5.2.36)."""
+
+    index: int  # type: ignore[assignment]  # CANopen's term; nobody searches the tuple
+    sub: int
+    bits: int
+
+    @classmethod
+    def of(cls, number: int) -> MappingEntry:
+        """Return what the number of an entry, an UNSIGNED32, says."""
+        return cls(number >> 16 & 0xFFFF, number >> 8 & 0xFF, number & 0xFF)
+
+    @property
+    def number(self) -> int:
+        """The entry as a number."""
+        return self.index << 16 | self.sub << 8 | self.bits
+
+    @property
+    def address(self) -> Address:
+        """The address of the object."""
+        return self.index, self.sub
+
+    @property
+    def where(self) -> str:
+        """Name the object: `0x2000 sub 1`."""
+        return f"0x{self.index:04X} sub {self.sub}"
+
+
+def pdo_of(index: int) -> int | None:
+    """Return the index of the communication record of the PDO that a record is of; None for any other object."""
+    # a mapping record's index is the other's with one bit set
+    return index & ~MAPPING_OFFSET if index in COMMUNICATIONS or index in MAPPINGS else None
+
+
+class PdoRecords:
+    """A PDO by its direction and the `index` of its communication record, however much is known of what it says."""
+
+    direction: PdoDirection
+    index: int
+
+    @property
+    def number(self) -> int:
+        """Number of the PDO in its direction, from 1 (CiA 301: TPDO 1 has its records at 0x1800 and 0x1A00)."""
+        return self.index - self.direction.value + 1
+
+    @property
+    def title(self) -> str:
+        """Direction and number: `TPDO 1`."""
+        return f"{self.direction.name} {self.number}"
+
+    @property
+    def key(self) -> str:
+        """The same as a word: `TPDO1`."""
+        return f"{self.direction.name}{self.number}"
+
+    @property
+    def mapping_index(self) -> int:
+        """Index of the mapping record."""
+        return self.index + MAPPING_OFFSET
+
+    @property
+    def default_base(self) -> int | None:
+        """Its identifier in the pre-defined connection set without the node-ID; None from the fifth PDO on."""
+        return next(iter(DEFAULT_PDO_BASES[self.direction][self.number - 1 : self.number]), None)
+
 
 # COB-IDs
 

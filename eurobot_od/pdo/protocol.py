@@ -137,7 +137,7 @@ class Protocol:
         if same and self.catalogue.find(same.name) is None:
             return same.name, None
         if NAMES_NOTHING.search(name) or plain_name(name) in map(plain_name, self._bindings):
-            return f"{dictionary.name}.{pdo.direction.name}{pdo.number}", None
+            return f"{dictionary.name}.{pdo.key}", None
         return name, None
 
     # Typed messages

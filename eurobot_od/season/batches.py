@@ -22,8 +22,7 @@ import polars as pl
 from eurobot_od.frame import Frame
 from eurobot_od.traffic import formats
 from eurobot_od.traffic.entries import LARGEST, Damage, LogEntry
-from eurobot_od.traffic.formats.candump import CandumpFormat
-from eurobot_od.traffic.formats.lines import read_lines
+from eurobot_od.traffic.formats.lines import CandumpFormat, read_lines
 
 CHUNK = 1 << 20
 """Bytes of a log that are parsed at once."""

@@ -6,6 +6,7 @@ Rule of this file: nothing raises, whatever the frame; what is wrong with it is 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass
 from functools import cached_property, lru_cache, partial
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -21,6 +22,7 @@ from eurobot_od.pdo.kinds import OutOfRange
 from eurobot_od.pdo.message import Message, flagged_fields
 from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.support.amounts import amount
+from eurobot_od.support.escaping import one_line
 from eurobot_od.traffic.entries import MASTER, REMEMBERED, Damage, Foreign, Raw
 
 if TYPE_CHECKING:
@@ -63,7 +65,7 @@ class Meaning(NamedTuple):
     """What a frame means: message or service `name`, its `group`, the `nodes` that send or receive it, and in words.
 
     `message` is None for a service and for what could not be decoded. `name` is empty if nothing is known, `sender` if
-    nothing says who sent it. `transfer` is the SDO transfer that this frame ends, as far as `following` knows it.
+    nothing says who sent it. `transfer` is the SDO transfer that this frame ends, as far as a `Following` knows it.
     """
 
     raw: Raw
@@ -251,3 +253,44 @@ def _defects(frame: Frame, message: Message, binding: Binding, allowed: Callable
     for field in flagged_fields(message):
         value = int(getattr(message, field))
         yield Defect(Damage.OUT_OF_RANGE, f"{binding.name}: {field} = {value}, allowed: {allowed(field)}")
+
+
+# The count of what is wrong
+
+
+@dataclass
+class DamageCount:
+    """How often one kind of damage was met, in which log and line first, and what exactly was wrong there."""
+
+    log: str
+    line: int
+    text: str
+    number: int = 0
+
+
+class DamageCounts:
+    """Counts damage over any number of logs."""
+
+    def __init__(self) -> None:
+        self.counts: dict[Damage, DamageCount] = {}
+
+    def add(self, log: str, line: int, defects: Iterable[Defect]) -> None:
+        """Count what is wrong with the entry at a line of a log."""
+        for damage, text in defects:
+            count = self.counts.get(damage)
+            if count is None:
+                count = self.counts[damage] = DamageCount(log, line, text)
+            count.number += 1
+
+    @property
+    def total(self) -> int:
+        """How many defects there were."""
+        return sum(count.number for count in self.counts.values())
+
+    def report(self) -> Iterator[str]:
+        """Yield one line for each kind of damage that was met, worst first."""
+        for damage in Damage:
+            if damage in self.counts:
+                count = self.counts[damage]
+                where = one_line(f"{count.log}:{count.line}: {count.text}")
+                yield f"{count.number:8} x {damage.value:18} first at {where}"

@@ -1,6 +1,6 @@
 """The CANopen services besides the messages, by identifier (CiA 301, 7.3.3; CiA 302-2, 304, 305).
 
-What they say is in `network_words` and `sdo_words`, what their frames say together in `transfers`.
+What they say is in `words`, what their frames say together in `transfers`.
 
 Rule of this file: one frame at a time. What a frame means is said without the frames before it, so that a log may
 start anywhere.
@@ -26,9 +26,9 @@ from eurobot_od.od.standard import (
     SYNC_PRODUCER,
     TIME,
 )
-from eurobot_od.traffic import network_words as words
+from eurobot_od.traffic import words as words
 from eurobot_od.traffic.entries import MASTER
-from eurobot_od.traffic.sdo_words import ANSWERS, REQUESTS, frame_words
+from eurobot_od.traffic.words import ANSWERS, REQUESTS, frame_words
 
 NMT, GFC, FLYING_MASTER, SYNC_NAME, TIME_NAME = "NMT", "GFC", "Flying master", "SYNC", "TIME"
 EMCY_NAME, SRDO, SDO, HEARTBEAT, GUARDING, LSS = "EMCY", "SRDO", "SDO", "Heartbeat", "Node guarding", "LSS"

@@ -15,8 +15,7 @@ from eurobot_od.od import values
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.values import PdoDirection
 from eurobot_od.traffic.entries import Damage
-from eurobot_od.traffic.network_words import plain
-from eurobot_od.traffic.sdo_words import object_words, value_words
+from eurobot_od.traffic.words import object_words, plain, value_words
 
 DEFAULT_PDOS = tuple(each for each in values.PREDEFINED if each.is_per_node)
 """Whose an identifier is if nobody has moved it (CiA 301, 7.3.3)."""
@@ -68,7 +67,7 @@ class Unmapped:
         for device, pdo in sorted(pdos, key=lambda each: each[1].direction is PdoDirection.TPDO):
             is_sent = pdo.direction is PdoDirection.TPDO
             if pdo.valid and pdo.multiplex is not None:
-                name = f"{device.name}.{pdo.title.replace(' ', '')}"
+                name = f"{device.name}.{pdo.key}"
                 text = partial(_mpdo_words, devices)
                 known[pdo.cob_id] = OtherPdo(name, (device.name,), text, is_sent, length=MPDO_LENGTH)
         return cls(known, {node_id: each.name for node_id, each in devices.items()})

@@ -24,6 +24,7 @@ from eurobot_od.od.values import Limits
 from eurobot_od.pdo.kinds import Kind
 from eurobot_od.pdo.protocol import Protocol
 from tests.eds_text import DEVICE_TYPE, pdo, variable
+from tests.rows import rows
 
 TEXT = (
     DEVICE_TYPE
@@ -55,8 +56,8 @@ def emergency(code: int | None) -> EmergencyPattern:
     return EmergencyPattern("arm", 0x85, code)
 
 
-@pytest.mark.parametrize(
-    ("pattern", "data", "differs"),
+@rows(
+    "pattern, data, differs",
     [
         # digits, and ? for any of them
         (FramePattern(0x123, "0A1F"), "0A1F", []),
@@ -105,8 +106,8 @@ def test_a_field_may_be_compared_with_what_came_before() -> None:
         pattern.mismatches(frame, {})
 
 
-@pytest.mark.parametrize(
-    ("pattern", "name", "text", "final"),
+@rows(
+    "pattern, name, text, final",
     [
         (state(), "State", "State", True),
         (state(speed="{seen}", level="< 5"), "State", "State: speed {seen} = 7, level < 5", True),

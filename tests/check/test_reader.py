@@ -14,6 +14,7 @@ from eurobot_od.frame import Frame, RemoteFrame
 from eurobot_od.od.objects import address_of
 from tests.check.suites import HEAD, document, read, reader, suite
 from tests.marks import marked
+from tests.rows import rows
 
 RANGE = "'3001' is not allowed; allowed: 0..3000 mm; {raw: '008#...'} sends any bits"
 GOTO = "{Goto XY: {x: 1, y: 2, angle: 3, speed: 4}}"
@@ -142,14 +143,14 @@ WRONG_DOCUMENTS = {
 }
 
 
-@pytest.mark.parametrize(("step", "what"), WRONG_STEPS.values(), ids=WRONG_STEPS.keys())
+@rows("step, what", WRONG_STEPS.values())
 def test_tells_place_and_reason_in_a_step(step: str, what: str) -> None:
     text, place = marked(document(step))
     (problem,) = read(text)[1]
     assert problem.startswith(f"{place}: {what}")
 
 
-@pytest.mark.parametrize(("text", "what"), WRONG_DOCUMENTS.values(), ids=WRONG_DOCUMENTS.keys())
+@rows("text, what", WRONG_DOCUMENTS.values())
 def test_tells_place_and_reason_in_a_document(text: str, what: str) -> None:
     text, place = marked(text)
     (problem,) = read(text)[1]
@@ -176,8 +177,8 @@ def action(step: str, head: str = HEAD) -> object:
     return suite(document(step, head)).steps[0].action
 
 
-@pytest.mark.parametrize(
-    ("step", "frame"),
+@rows(
+    "step, frame",
     [
         ("- send: Stop Drive", Frame(0x004)),
         ("- send: {Stop Drive: }", Frame(0x004)),
@@ -211,8 +212,8 @@ def test_reads_barriers_by_name() -> None:
     assert by_name.sent.frame({}) == by_number.sent.frame({})
 
 
-@pytest.mark.parametrize(
-    ("step", "order", "kinds"),
+@rows(
+    "step, order, kinds",
     [
         ("- expect: Goto Confirm", Order.IN_ORDER, [MessagePattern]),
         ("- expect: {raw: '701#??'}", Order.IN_ORDER, [FramePattern]),
@@ -239,8 +240,8 @@ def test_services_are_those_of_the_nodes_eds() -> None:
     assert heartbeat.expected.patterns == (HeartbeatPattern("core", 0x701, NmtState.PRE_OPERATIONAL),)
 
 
-@pytest.mark.parametrize(
-    ("step", "address", "content"),
+@rows(
+    "step, address, content",
     [
         ("{write: 0x1017, value: 500}", (0x1017, 0), b"\xf4\x01"),
         ("{write: Producer heartbeat time, value: 500}", (0x1017, 0), b"\xf4\x01"),
@@ -283,7 +284,7 @@ def test_a_suite_is_read_by_its_own_dialect() -> None:
     assert read(text.replace("node:", "dialect: firmware2014\nnode:"))[1] == []
 
 
-@pytest.mark.parametrize("text", ["a" + " " * 80_000 + "b", "{" + " " * 80_000, "x" * 80_000, "1" + ".." * 40_000])
+@rows("text", ["a" + " " * 80_000 + "b", "{" + " " * 80_000, "x" * 80_000, "1" + ".." * 40_000])
 def test_a_long_text_is_refused_in_a_time_that_does_not_grow_with_its_square(text: str) -> None:
     """It took 83 s; a whole suite of tests would notice."""
     for step in (f"- expect: {{Goto XY: {{x: '{text}'}}}}", f"- sdo: {{read: '{text}'}}", f"- expect: '{text}'"):

@@ -10,11 +10,12 @@ from junitparser import Error, Failure, JUnitXml, Skipped, TestCase, TestSuite
 
 from eurobot_od.check import report
 from eurobot_od.check.patterns import Mismatch
-from eurobot_od.check.results import Line, Reason, Status, StepResult, SuitePart, SuiteResult
+from eurobot_od.check.results import Line, Status, StepReason, StepResult, SuitePart, SuiteResult
 from eurobot_od.frame import Frame
 from eurobot_od.support.yaml_places import Place
+from tests.rows import rows
 
-REASON = Reason(
+REASON = StepReason(
     "Goto State Response is not as expected",
     "Goto State Response: time 0 ms",
     "Goto State Response  time=5 ms",
@@ -26,7 +27,9 @@ REASON = Reason(
 )
 
 
-def step(name: str, status: Status, section: SuitePart = SuitePart.STEPS, reason: Reason | None = None) -> StepResult:
+def step(
+    name: str, status: Status, section: SuitePart = SuitePart.STEPS, reason: StepReason | None = None
+) -> StepResult:
     return StepResult(section, name, Place(7, 5), status, 0.5, 0.0012, reason)
 
 
@@ -47,7 +50,7 @@ BROKEN = SuiteResult(
     Path("core.yaml"),
     "the core",
     "on can0",
-    (step("asked", Status.BUS_FAILED, reason=Reason("the bus can0 failed: gone")),),
+    (step("asked", Status.BUS_FAILED, reason=StepReason("the bus can0 failed: gone")),),
     error="the bus can0 failed: gone",
 )
 ALL = [RED, LEFT_OUT, BROKEN]
@@ -81,8 +84,8 @@ def test_a_reason_tells_everything() -> None:
     ]
 
 
-@pytest.mark.parametrize(
-    ("results", "line"),
+@rows(
+    "results, line",
     [
         ([], "0 suites: no steps in 0.0 s of bus time"),
         ([RED], "1 suite: 1 ok, 1 FAILED, 1 skipped, 1 interrupted in 1.5 s of bus time"),

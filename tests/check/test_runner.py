@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import pytest
 
-from eurobot_od.check.results import Reason, Status, SuitePart
+from eurobot_od.check.results import Status, StepReason, SuitePart
 from eurobot_od.check.runner import RunOptions
 from eurobot_od.check.simulated import run_simulated
 from eurobot_od.robot.plugin import ROBOT
 from tests.check.suites import HEAD, document, results, run, suite, verdicts
+from tests.rows import rows
 
 START = """
 - send: {Start Configuration Set: {team colour: red, enemies: 0, confederates: 0, enemy 1 diameter: 0,
@@ -149,7 +150,7 @@ CASES = {
 }
 
 
-@pytest.mark.parametrize(("steps", "verdict"), CASES.values(), ids=CASES.keys())
+@rows("steps, verdict", CASES.values())
 def test_steps_end_as_the_node_deserves(steps: str, verdict: str) -> None:
     assert verdicts(steps) == verdict
 
@@ -158,7 +159,7 @@ def test_one_confirm_may_stand_for_two_nodes() -> None:
     assert verdicts(START + "- nmt: reset\n- heartbeat: {state: boot-up, node: navigation}", ALL) == "++++"
 
 
-def reason(steps: str) -> Reason:
+def reason(steps: str) -> StepReason:
     """Return why the last step is red."""
     step = run(steps)[-1]
     assert step.status is Status.FAILED
@@ -183,8 +184,8 @@ def test_tells_field_by_field_what_was_expected_and_what_came() -> None:
     ]
 
 
-@pytest.mark.parametrize(
-    ("steps", "what", "came"),
+@rows(
+    "steps, what, came",
     [
         ("- expect: Goto Confirm", "no Goto Confirm within 1 s", "nothing"),
         ("- expect: Goto Confirm\n  within: 50 ms", "no Goto Confirm within 50 ms", "nothing"),
@@ -291,7 +292,7 @@ def test_names_the_steps_of_a_group() -> None:
     ]
 
 
-@pytest.mark.parametrize(("names", "done"), [("b", ["a", "b"]), ("ac", ["a", "b", "c"]), ("", [])])
+@rows("names, done", [("b", ["a", "b"]), ("ac", ["a", "b", "c"]), ("", [])])
 def test_steps_that_are_asked_for_are_done_with_those_before_them_and_no_others(names: str, done: list[str]) -> None:
     steps = "\n".join(f"- {{name: {name}, wait: 1 ms}}" for name in "abc")
     options = RunOptions(chosen=lambda name: name in names)
@@ -322,7 +323,7 @@ def test_a_red_step_tells_what_the_node_has_reported() -> None:
     assert reason.cause.startswith("EMCY  drive, 0x8210 pdo too short")
 
 
-@pytest.mark.parametrize("before", ["", f"{TOO_SHORT}- nmt: reset\n- heartbeat: boot-up\n"])
+@rows("before", ["", f"{TOO_SHORT}- nmt: reset\n- heartbeat: boot-up\n"])
 def test_an_error_that_a_reset_has_ended_is_told_no_more(before: str) -> None:
     reason = run(f"{before}- expect: Goto Confirm")[-1].reason
     assert reason is not None

@@ -8,11 +8,11 @@ from pathlib import Path
 from typing import Any
 
 import jsonschema
-import pytest
 import yaml
 
 from eurobot_od.robot.plugin import ROBOT
 from tests.check.suites import HEAD, document, read, reader
+from tests.rows import rows
 
 VALIDATOR = jsonschema.Draft7Validator(json.loads(json.dumps(reader(None).schema())))
 DOCS = Path(__file__).parents[2] / "docs"
@@ -55,22 +55,22 @@ def test_it_is_a_schema() -> None:
     jsonschema.Draft7Validator.check_schema(VALIDATOR.schema)
 
 
-@pytest.mark.parametrize("file", ROBOT.shipped_suites().values(), ids=lambda file: file.stem)
+@rows("file", ROBOT.shipped_suites().values())
 def test_it_takes_the_shipped_suites(file: Path) -> None:
     assert errors(file.read_text()) == []
 
 
-@pytest.mark.parametrize("text", EXAMPLES)
+@rows("text", EXAMPLES)
 def test_it_takes_the_tutorial_s_examples(text: str) -> None:
     assert errors(text) == []
 
 
-@pytest.mark.parametrize("key", sorted(keys_of_the_format()))
+@rows("key", sorted(keys_of_the_format()))
 def test_the_guide_explains_every_key(key: str) -> None:
     assert re.search(rf"`{key}[`:]", GUIDE)
 
 
-@pytest.mark.parametrize("text", WRONG.values(), ids=WRONG.keys())
+@rows("text", WRONG.values())
 def test_it_refuses_what_the_checker_refuses(text: str) -> None:
     assert errors(text)
     assert read(text)[1]

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 
-import pytest
-
-from eurobot_od.check.results import Reason, Status
+from eurobot_od.check.results import Status, StepReason
 from eurobot_od.check.runner import RunOptions
 from eurobot_od.check.simulated import run_simulated
 from eurobot_od.device.faults.hooks import leaving, sdo_answer
@@ -14,9 +12,10 @@ from eurobot_od.frame import Frame
 from eurobot_od.robot.nodes import Drive
 from eurobot_od.robot.plugin import ROBOT
 from tests.check.suites import document, results, run, suite
+from tests.rows import rows
 
 
-def reason(step: str, change: Callable[[bytes], bytes | None]) -> tuple[Reason, list[str]]:
+def reason(step: str, change: Callable[[bytes], bytes | None]) -> tuple[StepReason, list[str]]:
     """Return why a step is red when the drive's answers are changed or lost, and what the tester sent."""
 
     def changed(_: object, frame: Frame) -> Iterable[Frame]:
@@ -56,7 +55,7 @@ FORMS = {
 }
 
 
-@pytest.mark.parametrize(("steps", "verdicts"), FORMS.values(), ids=FORMS.keys())
+@rows("steps, verdicts", FORMS.values())
 def test_what_a_step_may_ask_for(steps: str, verdicts: str) -> None:
     signs = {Status.PASSED: "+", Status.SKIPPED: "s"}
     assert "".join(signs.get(step.status, "-") for step in run(steps)) == verdicts
@@ -77,8 +76,8 @@ def test_a_skipped_step_says_why_and_does_not_end_the_suite() -> None:
 NAME, PERIOD = "- sdo: {read: 0x1008}", "- sdo: {read: 0x1017}"
 
 
-@pytest.mark.parametrize(
-    ("step", "change", "what", "sent"),
+@rows(
+    "step, change, what, sent",
     [
         (PERIOD, lambda data: data[:5], "the answer 4B171000E8 is not of 8 bytes", "602#4017100000000000"),
         (

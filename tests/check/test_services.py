@@ -15,6 +15,7 @@ from eurobot_od.check.vocabulary import Networks
 from eurobot_od.device.simulated import SimulatedDevice
 from eurobot_od.od.dictionary import Dictionary
 from tests.eds_text import DEVICE_TYPE, record, variable
+from tests.rows import rows
 
 LIMITED = "LowLimit=10\nHighLimit=100\n"
 TEXT = (
@@ -94,7 +95,7 @@ FITTING = [
 ]
 
 
-@pytest.mark.parametrize("step", [row[0] for row in FITTING], ids=[row[1] for row in FITTING])
+@rows("step", [row[0] for row in FITTING])
 def test_a_value_of_any_type_is_as_expected(step: str) -> None:
     (result,) = run(step)
     assert result.status is Status.PASSED, result.reason
@@ -111,7 +112,7 @@ UNFIT = [
 ]
 
 
-@pytest.mark.parametrize(("step", "wanted", "came"), UNFIT)
+@rows("step, wanted, came", UNFIT)
 def test_another_value_is_told_with_the_object(step: str, wanted: str, came: str) -> None:
     (result,) = run(step)
     assert result.reason
@@ -134,7 +135,7 @@ WRITTEN = [
 ]
 
 
-@pytest.mark.parametrize(("name", "value"), WRITTEN)
+@rows("name, value", WRITTEN)
 def test_what_is_written_is_read_back(name: str, value: str) -> None:
     steps = (
         f"write: {name}, value: '{value}'",
@@ -163,7 +164,7 @@ REFUSED = [
 ]
 
 
-@pytest.mark.parametrize(("step", "what"), REFUSED)
+@rows("step, what", REFUSED)
 def test_what_an_object_does_not_allow_is_told_with_its_place(step: str, what: str) -> None:
     with pytest.raises(SuiteError) as told:
         suite(step)
@@ -188,8 +189,8 @@ def server(request: str, answer: str) -> str:
     return record(0x1200, "SDO", (0, "UNSIGNED8", "2"), (1, "UNSIGNED32", request), (2, "UNSIGNED32", answer))
 
 
-@pytest.mark.parametrize(
-    ("more", "request_id", "answer_id"),
+@rows(
+    "more, request_id, answer_id",
     [
         ("", 0x605, 0x585),
         (server("0x640", "0x5C1"), 0x640, 0x5C1),

@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
-import pytest
-
 from eurobot_od.check.reader import SuiteReader
 from eurobot_od.check.results import Status
 from eurobot_od.check.runner import Interrupt, RunOptions
@@ -16,6 +14,7 @@ from eurobot_od.device.node import Node
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.robot.plugin import ROBOT
 from tests.check.suites import document, results, suite
+from tests.rows import rows
 
 SAMPLES = Path(__file__).parents[1] / "lint" / "samples"
 FILES = ("clean", "crlf_io_module", "editor_with_comments", "generated", "old")
@@ -33,7 +32,7 @@ def plain_nodes(dictionaries: Mapping[str, Dictionary], _seed: int, _clock: obje
     return [NodeUnderTest(Node(each)) for each in dictionaries.values()]
 
 
-@pytest.mark.parametrize("name", FILES)
+@rows("name", FILES)
 def test_a_device_that_is_nothing_but_its_eds(tmp_path: Path, name: str) -> None:
     eds = (SAMPLES / f"{name}.eds").read_text() + "[DeviceComissioning]\nNodeID=5\n"
     (tmp_path / "device.eds").write_text(eds)

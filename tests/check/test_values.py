@@ -12,6 +12,7 @@ from eurobot_od.od.values import Limits
 from eurobot_od.pdo.kinds import Choice, Kind, OutOfRange
 from eurobot_od.robot.model.kinds import Angle, BarrierFlags, Coordinate, Heading, Remaining
 from eurobot_od.robot.model.values import Barriers, GotoFault, Passage, Source
+from tests.rows import rows
 
 
 def scale(kind: Kind, high: int = 3000) -> Scale:
@@ -103,17 +104,17 @@ NO_VALUES = [
 ]
 
 
-@pytest.mark.parametrize(("kind", "text", "value"), FITTING)
+@rows("kind, text, value", FITTING)
 def test_fits(kind: Kind, text: str, value: Any) -> None:
     assert expectation(text, scale(kind)).fits(value, {"t": 1000})
 
 
-@pytest.mark.parametrize(("kind", "text", "value"), UNFIT)
+@rows("kind, text, value", UNFIT)
 def test_does_not_fit(kind: Kind, text: str, value: Any) -> None:
     assert not expectation(text, scale(kind)).fits(value, {"t": 1000})
 
 
-@pytest.mark.parametrize(("kind", "text"), [row[:2] for row in NO_VALUES], ids=[row[2] for row in NO_VALUES])
+@rows("kind, text", [row[:2] for row in NO_VALUES])
 def test_refuses(kind: Kind, text: str) -> None:
     with pytest.raises(ValueProblem, match="is not allowed; allowed: "):
         expectation(text, scale(kind))
@@ -144,9 +145,14 @@ def test_needs_the_variable_to_be_saved_by_then() -> None:
         expectation("{t}", scale(X)).fits(1, {})
 
 
-@pytest.mark.parametrize(
-    ("text", "shown"),
-    [("1200+-15", "1200 mm +- 15 mm"), ("<5", "< 5 mm"), ("{t}..{t}", "{t} = 7 mm .. {t} = 7 mm"), ("any", "anything")],
-)
+SHOWN = [
+    ("1200+-15", "1200 mm +- 15 mm"),
+    ("<5", "< 5 mm"),
+    ("{t}..{t}", "{t} = 7 mm .. {t} = 7 mm"),
+    ("any", "anything"),
+]
+
+
+@rows("text, shown", SHOWN)
 def test_shows_itself(text: str, shown: str) -> None:
     assert expectation(text, scale(X)).text({"t": 7}) == shown

@@ -348,7 +348,7 @@ def test_wrong_usage_is_told_in_the_last_line(
         (
             ["--enemies", "0", "--against", strategy.__file__],
             2,
-            "a second robot takes the place of an enemy, and there is to be none",
+            "a second robot takes the place of an enemy, and the match has none",
         ),
         (["--fault", "goto-not-send"], 2, "unknown fault 'goto-not-send'; did you mean goto-not-sent?"),
         (["--world", "wheel_noise"], 2, "--world wheel_noise: write NAME=VALUE"),

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from eurobot_od.client.pdo_mapping import in_order, pdo_of, procedure_objects
+from eurobot_od.client.pdo_mapping import in_order, procedure_objects
 from eurobot_od.od.concise import Write
-from eurobot_od.od.values import Address
+from eurobot_od.od.values import Address, pdo_of
 from tests.rows import rows
 
 COB_ID = {(0x1403, 1): bytes.fromhex("08000000")}
@@ -30,7 +30,7 @@ def written(writes: list[Write]) -> list[tuple[str, str]]:
     ],
 )
 def test_a_pdo_is_its_communication_and_its_mapping_record(address: Address, pdo: int | None) -> None:
-    assert pdo_of(address) == pdo
+    assert pdo_of(address[0]) == pdo
 
 
 def test_a_mapping_changes_while_its_pdo_is_invalid_and_it_is_empty() -> None:

@@ -15,7 +15,7 @@ from eurobot_od.robot.match.stage import play_simulated
 from eurobot_od.robot.model import messages
 from eurobot_od.robot.nodes import Drive
 from eurobot_od.robot.protocol import EurobotProtocol
-from eurobot_od.traffic.senders import by_sender
+from eurobot_od.traffic.filters import by_sender
 from tests.client.wired import Station, WiredBus, wired
 
 LOG = [(100.0, Frame(0x123, b"a")), (100.5, Frame(0x124)), (100.5, Frame(0x125)), (102.0, Frame(0x126))]

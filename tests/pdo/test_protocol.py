@@ -15,8 +15,8 @@ import pytest
 import eurobot_od
 from eurobot_od.errors import FieldError, FrameLengthError, MappingError, RemoteError, UnknownIdentifier, UnknownName
 from eurobot_od.frame import Frame
-from eurobot_od.od.make.files import make_files, write_files
 from eurobot_od.od.make.table import read_table
+from eurobot_od.od.make.text import make_files, write_files
 from eurobot_od.pdo.kinds import OutOfRange
 from eurobot_od.pdo.message import Message, flagged_fields
 from eurobot_od.pdo.protocol import Protocol
@@ -430,20 +430,6 @@ def test_2014_unmasked_obstacle_byte() -> None:
         message = FIRMWARE.decode(0x002, bytes([byte]))
         assert message == EmergencyStop(OutOfRange(byte))
         assert flagged_fields(message) == ["obstacle"]
-
-
-POSITIONS = [NaviPositionResponse, KalmanPositionResponse, Enemy1PositionResponse, ConfederatePositionResponse]
-
-
-@rows("protocol", [PROTOCOL, FIRMWARE])
-@rows("message_type", [*POSITIONS, Enemy2PositionResponse, GotoXY])
-def test_2014_positions_outside_the_field_stored_unchecked(message_type: type[Message], protocol: Protocol) -> None:
-    name = protocol.name(message_type)
-    for x, y in product((0, 255, 3000, 3001, 4095), (0, 255, 2000, 2001, 4095)):
-        others = {field: 0 for field in protocol.binding(name).layout.fields if field not in ("x", "y")}
-        message = protocol.decode(protocol.cob_id(name), protocol.pack(name, x=x, y=y, **others))
-        assert flagged_fields(message) == ["x"] * (x > 3000) + ["y"] * (y > 2000)
-        assert message[:2] == (x, y)
 
 
 # Dictionaries that do not fit: changes in the EDS files, the file and index told, and what is said.

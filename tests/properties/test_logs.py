@@ -19,9 +19,8 @@ from eurobot_od.robot.protocol import decoder as robot_decoder
 from eurobot_od.traffic import formats
 from eurobot_od.traffic.decoding import Decoding
 from eurobot_od.traffic.entries import Damage, Foreign, Raw, shortened
-from eurobot_od.traffic.formats.records import CsvOutput, JsonOutput
 from eurobot_od.traffic.meaning import Decoder
-from eurobot_od.traffic.output import Output, TextOutput
+from eurobot_od.traffic.output import CsvOutput, JsonOutput, Output, TextOutput
 from tests.rows import rows
 
 FRAMES = st.builds(Frame, st.integers(0, 0x7FF), st.binary(max_size=8))

@@ -6,10 +6,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from eurobot_od.client.configure import ChangedObject, ChangePlan
-from eurobot_od.client.pdo_mapping import in_order, pdo_of, procedure_objects
+from eurobot_od.client.pdo_mapping import in_order, procedure_objects
 from eurobot_od.od.concise import Write
 from eurobot_od.od.objects import undescribed
-from eurobot_od.od.values import MAPPING_OFFSET, NOT_VALID, Address
+from eurobot_od.od.values import MAPPING_OFFSET, NOT_VALID, Address, pdo_of
 from eurobot_od.robot import dialects
 
 PDOS = (0x1400, 0x1401, 0x1800)
@@ -28,7 +28,7 @@ class StrictDevice:
 
     def write(self, write: Write) -> None:
         address, data = write
-        pdo = pdo_of(address)
+        pdo = pdo_of(address[0])
         if pdo is not None:
             self.check(pdo, address, int.from_bytes(data, "little"))
         self.objects[address] = data

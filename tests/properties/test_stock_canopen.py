@@ -6,6 +6,7 @@ import logging
 import random
 import struct
 from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias
 
@@ -61,11 +62,11 @@ def cases_of(dictionary: Dictionary, objects: Any) -> Iterator[Case]:
         pdos = node.rpdo if each.direction is PdoDirection.RPDO else node.tpdo
         stock = pdos[each.number]
         stock.read(from_od=True)
-        (binding,) = Protocol([(dictionary, [each._replace(valid=True)])]).bindings
+        (binding,) = Protocol([(dictionary, [replace(each, valid=True)])]).bindings
         layout = binding.layout
         columns = [column(layout, field) for field in layout.fields]
         yield Case(
-            f"{dictionary.file.parent.name}/{dictionary.file.name} {each.direction.name} {each.number} {each.name}",
+            f"{dictionary.file.parent.name}/{dictionary.file.name} {each.title} {each.name}",
             stock,
             layout,
             reader(layout, columns, tuple, never, None),

@@ -217,7 +217,7 @@ def test_an_abort_says_the_code_in_words_and_why() -> None:
 
 HEAD = """# Why did my SDO abort?
 
-This page lists every abort that our devices send: the robot's nodes, and any device that `eurobot-od node` or
+This page lists every abort that our devices send: the robot's nodes, and any device that `canopen-workbench node` or
 `simulated()` runs from its EDS. A client sees only the code. Look it up here, and see which of its reasons fits what
 you read or wrote. Clauses are those of CiA 301.
 

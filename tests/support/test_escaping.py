@@ -11,7 +11,7 @@ import pytest
 
 from eurobot_od import cli
 from eurobot_od.check import report
-from eurobot_od.check.results import Reason, Status, StepResult, SuitePart, SuiteResult
+from eurobot_od.check.results import Status, StepReason, StepResult, SuitePart, SuiteResult
 from eurobot_od.device.storage import FileStore
 from eurobot_od.gatekeeper import Report
 from eurobot_od.gatekeeper.reports import Event
@@ -89,14 +89,14 @@ def test_errors(capsys: pytest.CaptureFixture[str]) -> None:
     assert capsys.readouterr().err == "eurobot-od: no\\x1b[31m\\nfile.log: No such file or directory\n"
 
 
-STEP = StepResult(SuitePart.STEPS, EVIL, Place(1, 1), Status.FAILED, 0.0, 0.0, Reason(EVIL, EVIL, EVIL))
+STEP = StepResult(SuitePart.STEPS, EVIL, Place(1, 1), Status.FAILED, 0.0, 0.0, StepReason(EVIL, EVIL, EVIL))
 SKIPPED = STEP._replace(status=Status.SKIPPED)
 RESULT = SuiteResult(Path(f"{EVIL}.yaml"), EVIL, "simulated", (STEP, SKIPPED))
 LEFT_OUT = SuiteResult(Path("x.yaml"), EVIL, "simulated", skipped=EVIL)
 
 LINES = {
     "step": report.step_line(STEP),
-    "reason": "\n".join(report.reason_lines(STEP.reason or Reason(""))),
+    "reason": "\n".join(report.reason_lines(STEP.reason or StepReason(""))),
     "finding": str(Finding(EVIL, 1, 1, "E001", EVIL)),
     "difference": str(EdsDifference((0x1000, 0), "name", EVIL, EVIL)),
     "node strings": "\n".join(columns([("1", EVIL), ("2", "b")])),

@@ -31,7 +31,7 @@ def short(*words: str) -> list[str]:
 
 
 def test_every_row_of_a_group_gives_figures_or_says_why_not(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    group = "codec"  # .ci/run goes through all of them
+    group = "codec"  # tools/nightly.py goes through all of them
     file = tmp_path / "bench.json"
     assert command.main(short(group, "--json", str(file))) == 0
     written = json.loads(file.read_text())

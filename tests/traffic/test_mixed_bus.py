@@ -9,7 +9,7 @@ import pytest
 
 from eurobot_od import cli
 from eurobot_od.frame import Frame
-from eurobot_od.traffic.following import Following
+from eurobot_od.traffic.decoding import Following
 from eurobot_od.traffic.meaning import Decoder, Meaning
 from eurobot_od.traffic.services import NAMES, SRDO
 from tests.traffic.mixed_bus import BLOCK, FILES, dictionaries, log_text, recorded

@@ -10,8 +10,8 @@ from eurobot_od.frame import Frame, RemoteFrame
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.robot import dialects
 from eurobot_od.robot.protocol import decoder as robot_decoder
+from eurobot_od.traffic.decoding import Following
 from eurobot_od.traffic.entries import Damage
-from eurobot_od.traffic.following import Following
 from eurobot_od.traffic.meaning import Decoder
 from tests.eds_text import DEVICE_TYPE, pdo, record, variable
 from tests.rows import rows

@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from eurobot_od.traffic import services
-from eurobot_od.traffic.following import Following
+from eurobot_od.traffic.decoding import Following
 from eurobot_od.traffic.meaning import Decoder, Meaning
 from interop_rows.row import Answer, agree
 from interop_rows.tools import run

@@ -44,7 +44,7 @@ NOT_AT_ALL = MotionBounds(0, 0)
 
 
 @dataclass(frozen=True)
-class Drive(Subject):
+class TestedDrive(Subject):
     """A drive under test; `motion` is how far and how fast its motor may be moved."""
 
     motion: MotionBounds = NOT_AT_ALL
@@ -55,7 +55,7 @@ class Drive(Subject):
         return cia402.supported(self.number((cia402.SUPPORTED_MODES, 0)))
 
 
-CHAPTER: Chapter[Drive] = Chapter("cia402", "drive", standard=402)
+CHAPTER: Chapter[TestedDrive] = Chapter("cia402", "drive", standard=402)
 """The suite, in the order of this file: what gives no torque comes first."""
 
 
@@ -72,7 +72,7 @@ def _digits(mask: int, bits: int) -> str:
     return digits
 
 
-def _until(drive: Drive, name: str, mask: int, bits: int, within: str = SOON) -> Data:
+def _until(drive: TestedDrive, name: str, mask: int, bits: int, within: str = SOON) -> Data:
     """Ask for the statusword until it has these bits."""
     ask = drive.request(initiate(ClientCommand.UPLOAD << 5, (cia402.STATUSWORD, 0)))
     # 4B is an expedited answer of 2 bytes (CiA 301, 7.2.4.3); the other two bytes may be anything.
@@ -82,7 +82,7 @@ def _until(drive: Drive, name: str, mask: int, bits: int, within: str = SOON) ->
     return {"name": name, "poll": poll, "until": drive.answer(f"{head}{word}????"), "within": within}
 
 
-def _state(drive: Drive, state: State) -> Data:
+def _state(drive: TestedDrive, state: State) -> Data:
     return _until(drive, f"it is in {state.words}", state.mask, state.bits)
 
 
@@ -104,7 +104,7 @@ WAYS: dict[State, tuple[DriveCommand, ...]] = {
 """The commands that bring a drive from Switch on disabled into each state."""
 
 
-def _into(drive: Drive, state: State) -> Steps:
+def _into(drive: TestedDrive, state: State) -> Steps:
     """Bring the drive into a state, each arrow seen."""
     yield _commanded(DriveCommand.DISABLE_VOLTAGE)
     yield _state(drive, State.DISABLED)
@@ -115,7 +115,7 @@ def _into(drive: Drive, state: State) -> Steps:
         yield _state(drive, present)
 
 
-def _off(drive: Drive) -> Steps:
+def _off(drive: TestedDrive) -> Steps:
     yield _commanded(DriveCommand.DISABLE_VOLTAGE)
     yield _state(drive, State.DISABLED)
 
@@ -124,7 +124,7 @@ def _off(drive: Drive) -> Steps:
 
 
 @CHAPTER.clause("6.2", "Objects")
-def _objects(drive: Drive) -> Steps:
+def _objects(drive: TestedDrive) -> Steps:
     for index in (cia402.CONTROLWORD, cia402.STATUSWORD):  # mandatory: a drive without them is red
         variable = drive.find((index, 0))
         yield step.read(title(variable) if variable else hexadecimal(index), (index, 0))
@@ -143,7 +143,7 @@ LEADS_TO: Mapping[tuple[State, DriveCommand | None], State] = {
 """The state after a command, by the state before; a command that is not here leaves the state as it is."""
 
 
-def _table(drive: Drive, powered: bool) -> Steps:
+def _table(drive: TestedDrive, powered: bool) -> Steps:
     """Give the rows of the state machine: each command in each state, those with torque or those without."""
     for before in (State.DISABLED, State.READY, State.SWITCHED_ON, State.ENABLED):
         for command in DriveCommand:
@@ -159,12 +159,12 @@ def _table(drive: Drive, powered: bool) -> Steps:
 
 
 @CHAPTER.clause("8.1", "States", Tier.REVERSIBLE)
-def _states(drive: Drive) -> Steps:
+def _states(drive: TestedDrive) -> Steps:
     return _table(drive, powered=False)
 
 
 @CHAPTER.clause("8.1", "States with torque", Tier.MOTION)
-def _states_with_torque(drive: Drive) -> Steps:
+def _states_with_torque(drive: TestedDrive) -> Steps:
     return _table(drive, powered=True)
 
 
@@ -172,7 +172,7 @@ def _states_with_torque(drive: Drive) -> Steps:
 
 
 @CHAPTER.clause("8.4", "Quick stop", Tier.MOTION)
-def _quick_stop(drive: Drive) -> Steps:
+def _quick_stop(drive: TestedDrive) -> Steps:
     option = cia402.QUICK_STOP_OPTION, 0
     stopped = _commanded(DriveCommand.QUICK_STOP)
     if not drive.may_be(option, STAYS):
@@ -191,7 +191,7 @@ def _quick_stop(drive: Drive) -> Steps:
 
 
 @CHAPTER.clause("8.4", "Connection", Tier.MOTION, group="a lost heartbeat, and its reset")
-def _lost_heartbeat(drive: Drive) -> Steps:
+def _lost_heartbeat(drive: TestedDrive) -> Steps:
     """Lose a heartbeat that the drive watches: it has a fault, which a rising edge resets."""
     watched, option, another = (CONSUMED_HEARTBEATS, 1), (cia402.ABORT_CONNECTION, 0), drive.another
     entry = another << 16 | WATCHED
@@ -213,17 +213,17 @@ def _lost_heartbeat(drive: Drive) -> Steps:
     yield step.write("abort connection as before", option, value=drive.number(option))
 
 
-def _mode(drive: Drive, mode: Mode) -> Steps:
+def _mode(drive: TestedDrive, mode: Mode) -> Steps:
     """Choose a mode of operation, and enable."""
     yield step.write(f"mode {cia402.MODE_WORDS[mode]}", (cia402.MODE, 0), value=int(mode))
     yield step.read("it is the mode", (cia402.MODE_DISPLAY, 0), expect=int(mode))
     yield from _into(drive, State.ENABLED)
 
 
-def _has(mode: Mode, *indices: int) -> Need[Drive]:
+def _has(mode: Mode, *indices: int) -> Need[TestedDrive]:
     """Need a drive with a mode, and the objects by which it is commanded."""
 
-    def has(drive: Drive) -> None:
+    def has(drive: TestedDrive) -> None:
         need(mode in drive.modes, f"the file has no mode {cia402.MODE_WORDS[mode]} (0x6502)")
         lacks = [hexadecimal(index) for index in (cia402.MODE, *indices) if drive.find((index, 0)) is None]
         need(not lacks, f"the file has no {', '.join(lacks)}")
@@ -242,7 +242,7 @@ HOME_IS_HERE = 37
     group="present position is home",
     needs=[_has(Mode.HOMING, cia402.HOMING_METHOD, cia402.POSITION)],
 )
-def _homing(drive: Drive) -> Steps:
+def _homing(drive: TestedDrive) -> Steps:
     done = cia402.BIT_12 | cia402.TARGET_REACHED
     yield step.write(f"method {HOME_IS_HERE}", (cia402.HOMING_METHOD, 0), value=HOME_IS_HERE)
     yield from _mode(drive, Mode.HOMING)
@@ -260,7 +260,7 @@ def _homing(drive: Drive) -> Steps:
     group="there and back",
     needs=[_has(Mode.PROFILE_POSITION, cia402.TARGET_POSITION, cia402.PROFILE_VELOCITY, cia402.POSITION)],
 )
-def _position(drive: Drive) -> Steps:
+def _position(drive: TestedDrive) -> Steps:
     """Move by the distance that is allowed, and back."""
     distance, velocity = drive.motion
     window = drive.number((cia402.POSITION_WINDOW, 0)) & 0xFFFFFFFF
@@ -275,7 +275,7 @@ def _position(drive: Drive) -> Steps:
     yield from _off(drive)
 
 
-def _moved(drive: Drive, distance: int) -> Steps:
+def _moved(drive: TestedDrive, distance: int) -> Steps:
     enable, reached = DriveCommand.ENABLE.bits, cia402.TARGET_REACHED | cia402.BIT_12
     bits = enable | cia402.NEW_SET_POINT | cia402.AT_ONCE | cia402.RELATIVE
     yield step.write(f"by {distance}", (cia402.TARGET_POSITION, 0), value=distance)
@@ -293,7 +293,7 @@ def _moved(drive: Drive, distance: int) -> Steps:
     group="up, and quick stop",
     needs=[_has(Mode.PROFILE_VELOCITY, cia402.TARGET_VELOCITY, cia402.VELOCITY)],
 )
-def _velocity(drive: Drive) -> Steps:
+def _velocity(drive: TestedDrive) -> Steps:
     velocity, target = drive.motion.velocity, (cia402.TARGET_VELOCITY, 0)
     near = max(velocity // 20, 1)
     yield step.write("velocity 0", target, value=0)
@@ -314,7 +314,7 @@ def _velocity(drive: Drive) -> Steps:
 def text(dictionary: Dictionary, reversible: bool = False, motion: MotionBounds | None = None) -> str:
     """Return the suite of a drive; `reversible` writes its controlword, `motion` gives it torque within its limits."""
     tier = Tier.MOTION if motion else Tier.REVERSIBLE if reversible else Tier.READING
-    drive = Drive(dictionary, tier, motion=motion or NOT_AT_ALL)
+    drive = TestedDrive(dictionary, tier, motion=motion or NOT_AT_ALL)
     reset = [_command(0, "no command"), _commanded(DriveCommand.FAULT_RESET), _command(0, "no command")]
     off = {**_commanded(DriveCommand.DISABLE_VOLTAGE), "name": "8.1 States: no torque [reversible]"}
     is_written = tier.allows(Tier.REVERSIBLE)

@@ -28,7 +28,7 @@ Kind: TypeAlias = "DigitalInputs | DigitalOutputs | AnalogueInputs | AnalogueOut
 
 
 @dataclass(frozen=True)
-class Module(Subject):
+class TestedModule(Subject):
     """A module under test."""
 
     def blocks(self, kinds: Sequence[Kind]) -> Iterator[tuple[Kind, Address]]:
@@ -48,7 +48,7 @@ class Module(Subject):
 _INPUTS: tuple[Kind, ...] = (*cia401.DIGITAL_INPUTS, *cia401.ANALOGUE_INPUTS)
 _OUTPUTS: tuple[Kind, ...] = (*cia401.DIGITAL_OUTPUTS, *cia401.ANALOGUE_OUTPUTS)
 
-CHAPTER: Chapter[Module] = Chapter("cia401", "I/O module", standard=401)
+CHAPTER: Chapter[TestedModule] = Chapter("cia401", "I/O module", standard=401)
 """The suite, in the order of this file: what switches nothing comes first."""
 
 
@@ -60,7 +60,7 @@ def _every(bits: int, byte: int = 0xFF) -> int:
     return int.from_bytes(bytes([byte]) * (bits // 8), "little")
 
 
-def _name(module: Module, address: Address) -> str:
+def _name(module: TestedModule, address: Address) -> str:
     variable = module.find(address)
     return title(variable) if variable else label(address)
 
@@ -70,14 +70,14 @@ def _set(address: Address, value: int) -> Data:
     return step.write(name, address, value=value)
 
 
-def _kept(module: Module, address: Address, *steps: Data, name: str = "") -> Data:
+def _kept(module: TestedModule, address: Address, *steps: Data, name: str = "") -> Data:
     """Do something with an object and give it back its value."""
     variable = module.find(address)
     assert variable is not None
     return step.group(name or title(variable), step.save(variable), *steps, step.put_back(variable))
 
 
-def _written_and_read(module: Module, address: Address, values: Sequence[int]) -> Data:
+def _written_and_read(module: TestedModule, address: Address, values: Sequence[int]) -> Data:
     pairs = ((_set(address, each), step.read(f"it is {each:#x}", address, expect=each)) for each in values)
     return _kept(module, address, *(each for pair in pairs for each in pair))
 
@@ -98,7 +98,7 @@ FUNCTIONS: Mapping[int, tuple[Sequence[Kind], int]] = {
 
 
 @CHAPTER.clause("0x1000", "Device type")
-def _device_type(module: Module) -> Steps:
+def _device_type(module: TestedModule) -> Steps:
     says = module.number(DEVICE_TYPE)
     yield step.read("an I/O module", DEVICE_TYPE, expect=says)
     for bit, (kinds, usual) in FUNCTIONS.items():
@@ -110,7 +110,7 @@ def _device_type(module: Module) -> Steps:
 
 
 @CHAPTER.clause("0x6000", "Inputs")
-def _inputs(module: Module) -> Steps:
+def _inputs(module: TestedModule) -> Steps:
     return [step.read(_name(module, address), address, data="any") for _, address in module.blocks(_INPUTS)]
 
 
@@ -118,7 +118,7 @@ def _inputs(module: Module) -> Steps:
 
 
 @CHAPTER.clause("0x6002", "Polarity of inputs", Tier.REVERSIBLE)
-def _input_polarity(module: Module) -> Steps:
+def _input_polarity(module: TestedModule) -> Steps:
     """Invert one bit after the other; the inputs have to be at rest."""
     for kind, address in module.blocks(cia401.DIGITAL_INPUTS):
         assert isinstance(kind, DigitalInputs)
@@ -154,7 +154,7 @@ SETTINGS: Mapping[str, tuple[tuple[int, ...], tuple[int, ...]]] = {
 
 def _settings_clause(topic: str, indices: tuple[int, ...], values: tuple[int, ...]) -> None:
     @CHAPTER.clause(hexadecimal(indices[0]), topic, Tier.REVERSIBLE)
-    def _steps(module: Module) -> Steps:
+    def _steps(module: TestedModule) -> Steps:
         found = [each for each in module.settings(*indices) if module.may_be(each, *values)]
         yield from (_written_and_read(module, each, values) for each in found)
         if not found:
@@ -169,7 +169,7 @@ for _topic, _row in SETTINGS.items():
 
 
 @CHAPTER.clause("0x6200", "Outputs", Tier.OUTPUTS)
-def _outputs(module: Module) -> Steps:
+def _outputs(module: TestedModule) -> Steps:
     for kind, address in module.blocks(_OUTPUTS):
         # Each bit both ways, next to bits that differ from it and to bits that do not; off at the end.
         values = [0x55, 0xAA, 0xFF, 0x00] if isinstance(kind, DigitalOutputs) else [1, 100, 0]
@@ -183,7 +183,7 @@ def _outputs(module: Module) -> Steps:
 
 def text(dictionary: Dictionary, reversible: bool = False, outputs: bool = False) -> str:
     """Return the suite of a module; `reversible` writes settings, `outputs` switches."""
-    module = Module(dictionary, Tier.OUTPUTS if outputs else Tier.REVERSIBLE if reversible else Tier.READING)
+    module = TestedModule(dictionary, Tier.OUTPUTS if outputs else Tier.REVERSIBLE if reversible else Tier.READING)
     settable = [address for _, address in module.blocks(_OUTPUTS) if module.settable(address)] if outputs else []
     off = [
         step.write(f"0x6200 Outputs: {label(each)} as after power-on [outputs]", each, value=module.number(each))

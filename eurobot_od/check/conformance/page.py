@@ -16,7 +16,7 @@ from eurobot_od.check import report
 from eurobot_od.check.conformance import ctt
 from eurobot_od.check.conformance.clauses import StepName
 from eurobot_od.check.conformance.subject import Tier
-from eurobot_od.check.results import Reason, Status, StepResult, SuiteResult
+from eurobot_od.check.results import Status, StepReason, StepResult, SuiteResult
 from eurobot_od.errors import UnknownName
 from eurobot_od.export.forms import FORMS, SUFFIXES, DocBlock, DocHeading, DocTable, Paragraph, Preformatted
 from eurobot_od.lint.findings import Severity
@@ -143,12 +143,12 @@ def _belongs_to(step: StepResult) -> tuple[str, ...]:
 
 
 def _also_red(step: StepResult) -> tuple[str, str, str]:
-    name, reason = StepName.of(step.name), step.reason or Reason("red")
+    name, reason = StepName.of(step.name), step.reason or StepReason("red")
     return (name.inside or name.what if name else step.name), reason.expected or reason.what, reason.came
 
 
 def _red(step: StepResult) -> Iterator[DocBlock]:
-    name, reason = StepName.of(step.name), step.reason or Reason("red")
+    name, reason = StepName.of(step.name), step.reason or StepReason("red")
     yield DocHeading(3, step.name if name is None else f"{name.topic}: {name.inside or name.what}")
     rows = [("What", reason.what), ("Expected", reason.expected), ("Came", reason.came)]
     rows += [(each.what, f"expected {each.expected}, came {each.came}") for each in reason.mismatches]

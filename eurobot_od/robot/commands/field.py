@@ -33,7 +33,7 @@ def run(arguments: argparse.Namespace) -> None:
     from eurobot_od.robot.model.options import MatchOptions
     from eurobot_od.robot.panel.files import SeenMatch, form, save
     from eurobot_od.traffic.entries import REMEMBERED
-    from eurobot_od.traffic.statistics import DamageCounts
+    from eurobot_od.traffic.meaning import DamageCounts
 
     form(arguments.output)  # complains of a suffix before the logs are read
     robot, damage = plugin.find(arguments.robot), DamageCounts()

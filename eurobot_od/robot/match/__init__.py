@@ -1,7 +1,7 @@
 """A match of the three nodes: start, 90 s of driving to places, end; the same in simulated and in real time.
 
-Rule of this package: it uses the nodes as a team's program does, by the core's calls; what happened comes out as
-a timeline of events and a summary, which others print.
+Rule of this package: it uses the nodes as a team's program does, by the core's calls. What happens comes out as a
+timeline of events and a summary, which others print.
 """
 
 from eurobot_od.robot.match.rehearsal import rehearse as rehearse

@@ -1,7 +1,7 @@
 """Strategies side by side: the same seeds played by each, in numbers and as a picture.
 
 The same seed has the same opponents, wheels and beacons, so what counts is the difference at each seed. Its interval is
-much narrower than what the matches of one strategy spread.
+much narrower than the spread of one strategy's matches.
 """
 
 from __future__ import annotations
@@ -16,14 +16,14 @@ from eurobot_od.support import svg
 from eurobot_od.support.svg import Axis
 
 Played = Mapping[str, Sequence[PlayedMatch]]
-"""The matches of each strategy by its name, the same seeds in the same order."""
+"""The matches of each strategy, by its name, with the same seeds in the same order."""
 
 NORMAL = 1.96
-"""In 95 % of all samples the mean is within this many standard errors of the true one."""
+"""The mean is within this many standard errors of the true mean in 95 % of all samples."""
 
 
 class Measure(NamedTuple):
-    """What is compared: its name with the unit, and its value in a match."""
+    """A measure that is compared: its name with the unit, and its value in a match."""
 
     name: str
     of: Callable[[PlayedMatch], float]
@@ -39,12 +39,12 @@ POINTS = MEASURES[0]
 
 
 def interval(values: Sequence[float]) -> tuple[float, float]:
-    """Return a mean, and how far from it the true one may be, at 95 %."""
+    """Return a mean, and the half-width of its 95 % interval."""
     return fmean(values), NORMAL * stdev(values) / sqrt(len(values)) if len(values) > 1 else 0.0
 
 
 def report(played: Played) -> Iterator[str]:
-    """Write a line for each seed and the means; then how each strategy differs from the first at the same seeds."""
+    """Yield a line for each seed and the means; then how each strategy differs from the first at the same seeds."""
     names = list(played)
     width = max(12, *(len(name) + 2 for name in names))
     yield f"{'':<6}" + "".join(f"{measure.name:>{width * len(names)}}" for measure in MEASURES)
@@ -58,7 +58,7 @@ def report(played: Played) -> Iterator[str]:
     first, *others = names
     for name in others:
         for measure in MEASURES:
-            # Seed by seed: opponents and beacons are the same in both matches, so their luck cancels out.
+            # Seed by seed: opponents and beacons are the same in both matches, so luck cancels out.
             differences = [measure.of(after) - measure.of(before) for before, after in zip(played[first], played[name])]
             mean, half = interval(differences)
             # If the interval contains 0, it does not even tell which of the two is better.
@@ -71,11 +71,11 @@ def report(played: Played) -> Iterator[str]:
 # The picture
 
 LEFT, TOP, PLOT, HEIGHT, RIGHT, BOTTOM = 56, 64, 880, 320, 24, 40
-"""Margins, and the width and height of the plot; one unit is a pixel of a screen."""
+"""Margins, and the size of the plot; one unit is a pixel."""
 
 
 def picture(played: Played) -> str:
-    """Draw the points at each seed, a dot for each strategy, and a line at its mean, as an SVG document."""
+    """Return an SVG document with the points at each seed, a dot for each strategy, and a line at each mean."""
     points = {name: [POINTS.of(match) for match in matches] for name, matches in played.items()}
     seeds = [match.seed for match in next(iter(played.values()))]
     across = Axis(-0.5, len(seeds) - 0.5, LEFT, LEFT + PLOT)

@@ -22,7 +22,7 @@ def _decoder(options: MatchOptions) -> Decoder:
 
 
 def recorded(frames: Iterable[tuple[float, Frame]], options: MatchOptions, world: World) -> Recording:
-    """Return what is to be drawn of a match, from its frames with their times by the world's clock."""
+    """Return what to draw of a match, from its frames with their times by the world's clock."""
     return record_frames(frames, _decoder(options), truth_of(world))
 
 

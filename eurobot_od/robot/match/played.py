@@ -1,6 +1,6 @@
 """A match that was played, as values: how each goto ended, what was on the bus, and what needs a look.
 
-Rule of this file: all of it depends on the options and the EDS files alone; whoever plays a seed again gets the same.
+It depends only on the options and the EDS files: whoever plays a seed again gets the same result.
 """
 
 from __future__ import annotations
@@ -28,16 +28,17 @@ from eurobot_od.traffic.recorder import recording
 
 ARRIVED = Outcome.ARRIVED.value
 UNMEANT = tuple(outcome.value for outcome in (Outcome.NOT_POSSIBLE, Outcome.REPLACED, Outcome.LOST))
-"""Ways for a goto to end that nobody meant; one that is blocked was driven into, which is counted with the touches."""
+"""Ways for a goto to end that nobody wanted; if it was blocked, the robot drove into something, which counts as a
+touch."""
 
 SHIPPED = Players()
 
 
 class PlayedGoto(NamedTuple):
-    """How a goto to a place, mm and degrees, ended, and after how many seconds from its first transmission.
+    """How a goto to a place, mm and degrees, ended, and how many seconds after its first transmission.
 
-    `end` is its outcome; a stop says why. At an arrival, in mm: the `distance` from the place to where the robot truly
-    was, and the `error` of the position that it believed in.
+    `end` is its outcome; for a stop, with the reason. At an arrival, in mm: the `distance` from the place to where the
+    robot truly was, and the `error` of the position that it believed in.
     """
 
     x: int
@@ -50,7 +51,7 @@ class PlayedGoto(NamedTuple):
 
 
 class PlayedTask(NamedTuple):
-    """A task that was done: when it ended, in s, and what it came to, in points or fruit."""
+    """A task that was done: when it ended, in seconds, and its result in points or fruit."""
 
     time: float
     task: str
@@ -59,9 +60,9 @@ class PlayedTask(NamedTuple):
 
 @dataclass(frozen=True)
 class PlayedMatch:
-    """What the match of a seed came to.
+    """The result of the match of a seed.
 
-    `failure` says why it could not be played to its end; then there is no `summary`, and the rest is what was until
+    `failure` says why it could not be played to its end; then there is no `summary`, and the rest covers the time until
     then. `moved` is how far the robot moved after it had come to rest, mm; `stops` is how often it was stopped for
     something ahead; `way` is how far it drove, m.
     """
@@ -89,7 +90,7 @@ class PlayedMatch:
 
     @property
     def wrong(self) -> list[str]:
-        """What needs a look, nothing if all is well."""
+        """What needs a look; empty if all is well."""
         texts = [] if self.failure is None else [self.failure]
         if self.summary and self.summary.failure:
             # The last line of a traceback is the exception; whoever plays the seed again sees the rest.
@@ -97,7 +98,7 @@ class PlayedMatch:
             texts.append(end if end.startswith("the strategy ") else f"the strategy raised {end}")
         texts += [f"goto ({goto.x}, {goto.y}): {goto.end}" for goto in self.gotos if goto.end in UNMEANT]
         texts += [f"touched {touch.thing} at {touch.time:.1f} s" for touch in self.touches if touch.is_wrong]
-        pushed = any(touch.driven_into for touch in self.touches)  # also when it stood, and by what it did not come at
+        pushed = any(touch.driven_into for touch in self.touches)  # even if it stood
         texts += [f"moved {self.moved:g} mm after it had stopped"] if self.moved and not pushed else []
         texts += self.warnings
         return texts + [f"gatekeeper: {report}" for report in (self.summary.reports if self.summary else ())]
@@ -131,8 +132,8 @@ class Prefixed(io.TextIOBase):
 def play(options: MatchOptions, files: EdsFiles, players: Players = SHIPPED, log: Path | None = None) -> PlayedMatch:
     """Play a match in simulated time; a node that does not answer is a result of the match, not an error.
 
-    What a strategy prints goes to standard error, with the seed. All frames are written to `log`; raises as
-    `logs.recorder.recording`.
+    What a strategy prints goes to standard error, with the seed. All frames are written to `log`; raises the errors of
+    `traffic.recorder.recording`.
     """
     events: list[MatchEvent] = []
     summary, failure, way = None, None, 0.0
@@ -159,7 +160,7 @@ def play(options: MatchOptions, files: EdsFiles, players: Players = SHIPPED, log
 
 
 def gotos_in(events: Iterable[MatchEvent]) -> list[PlayedGoto]:
-    """Return how the gotos of a timeline ended, in their order; one without an end is left out."""
+    """Return how the gotos of a timeline ended, in order; one without an end is left out."""
     begun: list[dict[str, Any]] = []
     ended: list[PlayedGoto] = []
     for event in events:

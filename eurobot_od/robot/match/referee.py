@@ -1,6 +1,6 @@
-"""A match around a strategy: it starts up the nodes, lets the strategy play, and sees to the end.
+"""A match around a strategy: the referee starts up the nodes, lets the strategy play, and brings it to its end.
 
-Rule of this file: it knows neither bus nor clock, so that the same coroutine runs in simulated and in real time.
+The referee has neither bus nor clock, so that the same coroutine runs in simulated and in real time.
 """
 
 from __future__ import annotations
@@ -27,17 +27,17 @@ from eurobot_od.robot.nodes.core import Core
 from eurobot_od.robot.nodes.goto import GotoReport
 from eurobot_od.robot.world.timeline import EventKind, Timeline
 
-# Who tells the timeline what a strategy does
+# The observer, who tells the timeline what a strategy does and what happens to it; a strategy need not tell it itself
 
 
 AHEAD = " ahead"
-"""How the core ends the reason of a stop for what its distance sensor saw."""
+"""How the core ends the reason of a stop for something that its distance sensor saw."""
 
 
 class Observer:
-    """Watches a core's gotos and tasks; `truth` gives the true pose of its robot.
+    """Watches a core's gotos and tasks, and changes nothing; `truth` gives the true pose of its robot.
 
-    `errors` are the distances between the position that the robot believed in and the true one, at each arrival, mm.
+    `errors` are the distances between the believed and the true position at each arrival, mm.
     """
 
     def __init__(self, core: Core, timeline: Timeline, truth: Callable[[], Pose]) -> None:
@@ -59,7 +59,7 @@ class Observer:
         call.add_done_callback(partial(self._ended, begin))
 
     def _ask_for(self, name: str, where: str, call: Call[Any]) -> None:
-        """Warn of a call that has ended and that nobody has waited for."""
+        """Warn of a call that has ended without anybody awaiting it."""
         if not call.is_wanted:
             self._timeline.tell(
                 EventKind.WARNING, f"{where}: nobody awaits this {name}; write `await core.{name}(...)`"
@@ -74,13 +74,13 @@ class Observer:
             report = call.result()
         except CancelledError:
             self._tell_end("cancelled", "", self._timeline.clock() - begin)
-        except Exception as error:  # the strategy gets it as well: it may know what to do
+        except Exception as error:  # the strategy gets it, too: it may know what to do
             self._tell_end("failed", str(error), self._timeline.clock() - begin)
         else:
             if report.outcome is Outcome.ARRIVED:
                 self._tell_arrival(report)
                 return
-            # The core stopped by itself: there was no call of the strategy's that could be observed.
+            # The core stopped by itself: the strategy made no call that could be observed.
             if report.why.endswith(AHEAD):
                 self._timeline.tell(EventKind.STOP, f"emergency stop: {report.why}", obstacle=report.why[: -len(AHEAD)])
             self._tell_end(report.outcome.value, report.why, report.ended)
@@ -105,35 +105,35 @@ class Observer:
 
 
 Strategy: TypeAlias = Callable[[Core], Coroutine[Any, Any, Any]]
-"""A team's program: a coroutine that awaits the core's calls. It begins with the match, and is cancelled at its end."""
+"""A team's program: a coroutine that awaits the core's calls. It starts with the match, and is cancelled at its end."""
 
 LOOKS = 0.05
-"""How often the referee checks whether the match is over, s."""
+"""Seconds between two checks whether the match is over."""
 
 MOMENT = 0.001
-"""The shortest wait, s: without it, no time would pass for a core whose match is just about to end."""
+"""The shortest wait in seconds: without it, no time would pass for a core whose match is just about to end."""
 
 FIRST_POSITION = 5.0
-"""Seconds until the first position should have come: the polling's start delay, and several periods."""
+"""Seconds within which the first position should have come: the polling's start delay, and several periods."""
 
 SETTLED = 1.0
-"""After a stop the robot stands still within this time, s."""
+"""Seconds after a stop within which the robot stands still."""
 
 SEEN_TO_STAND = 0.5
-"""How long a robot that was already seen to stand is watched, s."""
+"""Seconds for which a robot is watched that was already seen to stand."""
 
 LAST_LINES = 5
-"""How many lines of a strategy's traceback are shown: what it raised, and the two lines that led there."""
+"""Lines of a strategy's traceback that are shown: what it raised, and the two lines that led there."""
 
 PACKAGE = Path(__file__).resolve().parents[2]
-"""Where this package lies: what is called in there says nothing to the team."""
+"""The folder of this package: calls inside it mean nothing to the team."""
 
 CARETS = " ~^"
-"""What Python 3.11 and later underline the place in a line with."""
+"""The characters with which Python 3.11 and later underline the place in a line."""
 
 
 def _last_lines(error: BaseException) -> str:
-    """Return the end of a traceback, without what is inside of this package, or generated, unless it has no other."""
+    """Return the end of a traceback, without calls in this package or generated code, unless there are no others."""
     told = traceback.TracebackException.from_exception(error)
     foreign = [frame for frame in told.stack if frame.line and PACKAGE not in Path(frame.filename).resolve().parents]
     told.stack = traceback.StackSummary.from_list(foreign or told.stack)
@@ -142,7 +142,7 @@ def _last_lines(error: BaseException) -> str:
 
 
 async def _played(strategy: Strategy, core: Core) -> None:
-    """Let a strategy play; raises ProgramFailed for one that would end the whole program."""
+    """Let a strategy play; raises ProgramFailed if it tries to end the whole program."""
     try:
         await strategy(core)
     except Terminated:
@@ -152,15 +152,15 @@ async def _played(strategy: Strategy, core: Core) -> None:
 
 
 def _count(number: int, one: str, several: str = "") -> str:
-    """Write a number with its noun: `no enemies`, `1 enemy`, `2 enemies`."""
+    """Return a number with its noun: `no enemies`, `1 enemy`, `2 enemies`."""
     return f"{number or 'no'} {one if number == 1 else several or one + 's'}"
 
 
 class Referee:
-    """A match that a strategy plays by `core`; what happens goes into `timeline`.
+    """A match that a strategy plays with `core`; what happens goes into `timeline`.
 
-    `truth` gives the true pose of the robot. `failure` is the last lines of the traceback if the strategy raised.
-    Raises LocalError for an emergency that is not within the match.
+    `truth` gives the true pose of the robot. `failure` has the last lines of the traceback if the strategy raised.
+    Raises LocalError for an emergency outside the match.
     """
 
     def __init__(self, core: Core, options: MatchOptions, timeline: Timeline, truth: Callable[[], Pose]) -> None:
@@ -186,7 +186,7 @@ class Referee:
         self.timeline.tell(EventKind.CHECK, answers, seconds=answered)
         options = self.options
         enemies = (self.core.facts.others[each] for each in DIAMETERS)
-        # The diameter in cm of a radius in mm, rounded up: strategies keep clear of it.
+        # The diameter in cm for a radius in mm, rounded up: strategies keep clear of it.
         diameters = [ceil(each.radius / 5) * (number < options.enemies) for number, each in enumerate(enemies)]  # cm
         took = await self.core.configure_start(options.team, options.enemies, options.confederates, *diameters)
         others = f"{_count(options.enemies, 'enemy', 'enemies')}, {_count(options.confederates, 'confederate')}"
@@ -195,7 +195,7 @@ class Referee:
         patience = self.clock() + FIRST_POSITION
         while KalmanPositionResponse not in self.core.positions:
             await asyncio.sleep(LOOKS)
-            # Polling may have lost its first answers, and a strategy needs a place to start from.
+            # The first answers of the polling may have been lost, and a strategy needs a place to start from.
             if self.clock() > patience:
                 await self.core.position()
         seen = self.core.positions[KalmanPositionResponse].position
@@ -211,7 +211,7 @@ class Referee:
         self.timeline.tell(EventKind.MATCH, f"begins, {self._duration:g} s long", duration=self._duration)
         self.core.start_match(self._duration)
         loop, playing = asyncio.get_running_loop(), asyncio.ensure_future(_played(strategy, self.core))
-        # Live, the core runs in the bus's thread, and a task may be cancelled in its loop's thread only.
+        # On a live bus the core runs on the bus's thread, and only its loop's own thread may cancel a task.
         self.core.at_match_end = partial(loop.call_soon_threadsafe, playing.cancel)
         try:
             while not (self._over or self.core.match_over):
@@ -241,8 +241,8 @@ class Referee:
             self.timeline.tell(EventKind.FAILED, str(unseen))
 
     async def _end_strategy(self, playing: asyncio.Future[Any]) -> None:
-        """Cancel a strategy that is still going on, and let it clean up."""
-        # It gets a moment for its `finally`; one that swallows the cancellation is reported, and not waited for.
+        """Cancel a strategy that is still running, and let it clean up."""
+        # It gets a moment for its `finally`; one that swallows the cancellation is reported, and not awaited.
         if playing.cancel():
             await asyncio.wait([playing], timeout=SETTLED)
             await self._look_at(playing)
@@ -253,8 +253,8 @@ class Referee:
             self.timeline.tell(EventKind.STOP, "stop drive: the match is over")
 
     async def _stand_still(self) -> None:
-        """Let the robot come to rest, wait for the end of the match, and tell whether anything moved meanwhile."""
-        # A strategy that failed was stopped and seen to stand already, and nothing else is to come.
+        """Let the robot come to rest, wait for the end of the match, and report whether anything moved meanwhile."""
+        # A strategy that failed was already stopped and seen to stand, and nothing else will follow.
         settled, left = (SEEN_TO_STAND, 0.0) if self.failure else (SETTLED, self._end + LOOKS - self.clock())
         await asyncio.sleep(settled)
         told, rest = self.core.match_over or bool(self.failure), self._truth()

@@ -1,4 +1,4 @@
-"""A team's program in simulated time: no referee, no start-up but its own, with the log and the picture of a match."""
+"""A team's program in simulated time, without a referee or a start-up of ours, with the log and picture of a match."""
 
 from __future__ import annotations
 
@@ -35,10 +35,10 @@ def rehearse(
 ) -> Result:
     """Run a team's strategy in simulated time against simulated nodes, and return its result.
 
-    It works in a notebook as well. The strategy starts when the nodes have booted. `log` is a file for all frames, in
-    the format of its suffix, `picture` one for the drawing: .svg, .html or .png; both are written also when the
-    strategy raises. Raises what the strategy raises, ProgramFailed if it hangs, DictionaryError, OSError, LocalError
-    for a suffix or an option.
+    It also works in a notebook. The strategy starts when the nodes have booted. `log` is a file for all frames, in the
+    format of its suffix; `picture` is one for the drawing: .svg, .html or .png. Both are written even if the strategy
+    raises. Raises what the strategy raises, ProgramFailed if it hangs, DictionaryError, OSError, LocalError for a
+    suffix or an option.
     """
     return apart(lambda: _rehearse(strategy, options, log, picture))
 
@@ -48,7 +48,7 @@ async def rehearse_async(
     options: MatchOptions = DEFAULTS,
     **files: str | Path | None,
 ) -> Result:
-    """Do as `rehearse` does, for a program that has an event loop of its own, which goes on meanwhile."""
+    """Do what `rehearse` does, for a program with an event loop of its own, which keeps running meanwhile."""
     return await asyncio.to_thread(lambda: rehearse(strategy, options, **files))
 
 
@@ -67,14 +67,14 @@ def _rehearse(
             from eurobot_od.robot.match.drawing import draw
             from eurobot_od.robot.panel.files import form
 
-            form(Path(picture))  # complains of a suffix before anything is played
+            form(Path(picture))  # raises for a suffix before anything is played
             frames: list[tuple[float, Frame]] = []
             network.observers.append(lambda time, frame: frames.append((time, frame)))
             stack.callback(draw, Path(picture), frames, options, world)
         network.observers.append(
             stack.enter_context(recording(None if log is None else Path(log), tell=partial(print, file=sys.stderr)))
         )
-        # A program's first call would meet nodes that have not booted, and wait for a whole check attempt.
+        # Otherwise a program's first call would meet nodes that have not booted, and wait for a whole check attempt.
         network.run(POWER_UP)
         with Watchdog(passing(lambda: network.now), partial(print, file=sys.stderr)) as watchdog:
             try:

@@ -1,7 +1,7 @@
-"""Plays a match for each of many seeds, by whatever workers there are.
+"""Plays a match for each of many seeds, with any workers.
 
-Rule of this file: matches are given in the order of their seeds, and are the same whoever plays them; each process
-reads the EDS files and the strategies once.
+Matches come in the order of their seeds, and are the same whoever plays them; each process reads the EDS files and the
+strategies once.
 """
 
 from __future__ import annotations
@@ -18,15 +18,15 @@ from eurobot_od.robot.match.strategies import Players, StrategyFiles
 from eurobot_od.robot.model.options import MatchOptions
 from eurobot_od.robot.model.robot_file import file_for
 from eurobot_od.robot.world import World
-from eurobot_od.season.campaign import blocks
-from eurobot_od.season.campaign.executors import HERE, Workers
-from eurobot_od.season.campaign.results import Results
+from eurobot_od.season import campaign
+from eurobot_od.season.campaign import HERE, Workers
+from eurobot_od.season.results import Results
 from eurobot_od.support.files import digest_of
 
 SHIPPED = StrategyFiles()
 
 SEED = "{seed}"
-"""What stands for the seed in the name of a log."""
+"""The placeholder for the seed in the name of a log."""
 
 
 def play_many(
@@ -37,15 +37,15 @@ def play_many(
     results: Results[PlayedMatch] | None = None,
     log: str | None = None,
 ) -> Generator[PlayedMatch, None, None]:
-    """Play a match for each seed; `results` keeps them, and those that it has already are not played again.
+    """Play a match for each seed; `results` keeps them, and those that it already has are not played again.
 
     `log` is the name of a file for the frames of each match, with `{seed}` in it.
 
     Raises UnknownName, DictionaryError, LocalError before anything is played, ChildProcessError if a process dies.
     """
     player = SeedPlayer(options, strategies, _digest(options, strategies), log)
-    Performance(options, stage(player)[0], World(options, lambda: 0.0))  # complains here, once
-    return blocks.run(player, seeds, workers, results)
+    Performance(options, stage(player)[0], World(options, lambda: 0.0))  # raises here, once
+    return campaign.run(player, seeds, workers, results)
 
 
 @dataclass(frozen=True)
@@ -66,7 +66,7 @@ class SeedPlayer:
         return play(replace(self.options, seed=seed), *stage(self), log)
 
 
-# One is enough: a process plays one campaign, and a changed file has another digest, so it is another key.
+# One is enough: a process plays one campaign, and a changed file has another digest and so another key.
 @lru_cache(1)
 def stage(player: SeedPlayer) -> tuple[EdsFiles, Players]:
     """Read the EDS files and the strategies: once in each process, unless they change."""
@@ -74,7 +74,7 @@ def stage(player: SeedPlayer) -> tuple[EdsFiles, Players]:
 
 
 def settings(options: MatchOptions, strategies: StrategyFiles) -> dict[str, str]:
-    """Return all that the matches of any seeds depend on: the options, and what the files have in them.
+    """Return everything that the matches of any seeds depend on: the options, and the contents of the files.
 
     Raises UnknownName, LocalError.
     """
@@ -83,6 +83,6 @@ def settings(options: MatchOptions, strategies: StrategyFiles) -> dict[str, str]
 
 
 def _digest(options: MatchOptions, strategies: StrategyFiles) -> str:
-    """Return what tells the EDS files, the robot's file and the strategies from all others."""
+    """Return a digest of the EDS files, the robot's file and the strategies."""
     folder = plugin.find(options.robot).dialects.folder(options.dialect)
     return digest_of([*sorted(folder.glob("*.eds")), file_for(folder), *strategies])

@@ -1,6 +1,6 @@
 """Sets up a match: the nodes from their EDS files, the world, the bus; simulated or live.
 
-Rule of this file: simulated and live differ in what keeps the time and carries the frames, and in nothing else.
+Rule of this file: simulated and live matches differ only in what keeps the time and carries the frames.
 """
 
 from __future__ import annotations
@@ -47,11 +47,11 @@ from eurobot_od.robot.world.remote import RemoteVehicle
 from eurobot_od.robot.world.timeline import EventKind, MatchEvent, Timeline
 from eurobot_od.robot.world.world import OURS, RIVAL
 
-# Settings: values that stand in a node's object dictionary in place of its EDS file's
+# Settings: values in a node's object dictionary that replace those of its EDS file
 
 
 def stores(settings: Iterable[tuple[str, str]], dictionaries: Mapping[str, Dictionary]) -> dict[str, MemoryStore]:
-    """Return what each node finds stored when it is switched on: settings as a person writes them.
+    """Return what each node finds stored when it is switched on, from settings as a person writes them.
 
     A name is that of the node and of the object, `drive.Motion.Maximum speed` or `navigation.0x2101:1`. Raises
     UnknownName, LocalError, FieldError.
@@ -60,7 +60,7 @@ def stores(settings: Iterable[tuple[str, str]], dictionaries: Mapping[str, Dicti
     for name, text in settings:
         node, _, thing = name.partition(".")
         if node not in values:
-            # The name may only lack its beginning, as people write `Maximum speed` for `drive.Motion.Maximum speed`.
+            # The name may only lack its beginning, as in `Maximum speed` for `drive.Motion.Maximum speed`.
             known = (
                 f"{each}.{object_.qualname}"
                 for each in dictionaries
@@ -79,23 +79,23 @@ def stores(settings: Iterable[tuple[str, str]], dictionaries: Mapping[str, Dicti
 
 
 BOOT_TIMES = {"core": 0.0, "drive": 0.03, "navigation": 0.05}
-"""When each node has booted after power-on, s: no two at once. Further nodes boot one by one after these."""
+"""Seconds after power-on at which each node has booted, no two at once. Further nodes boot one by one after these."""
 
 BOOT_STEP = 0.001
-"""From one further node's boot-up to the next one's, s: there may be a hundred before the startup begins."""
+"""Seconds between the boot-ups of further nodes: there may be a hundred before the startup begins."""
 
 POWER_UP = 0.1
-"""When the core begins with the startup (document 5.1), s."""
+"""Seconds after power-on at which the core begins the startup (document 5.1)."""
 
 Watcher = Callable[[float, Frame], None]
-"""Called with the time in seconds and each frame on the bus."""
+"""Called with each frame on the bus and its time in seconds."""
 
 ShowEvent = Callable[[MatchEvent], None]
 """Called with each event of the timeline as it comes."""
 
 
 def _nobody(*_: object) -> None:
-    """Neither show, watch nor tell anything, as for a rival."""
+    """Show, watch or tell nothing, as for a rival."""
 
 
 class EdsFiles(NamedTuple):
@@ -108,7 +108,7 @@ class EdsFiles(NamedTuple):
 
     @classmethod
     def read(cls, options: MatchOptions) -> EdsFiles:
-        """Read the EDS files of a match; raises UnknownName, DictionaryError, LocalError for a node that is missing."""
+        """Read the EDS files of a match; raises UnknownName, DictionaryError, LocalError for a missing node."""
         robot = plugin.find(options.robot)
         folder = robot.dialects.folder(options.dialect)
         dictionaries = {each.name: each for each in robot.dialects.load_all(options.dialect)}
@@ -121,9 +121,9 @@ class EdsFiles(NamedTuple):
 
 
 def cast_for(options: MatchOptions, files: EdsFiles, world: World, name: str = OURS) -> tuple[Core, list[Node]]:
-    """Make the nodes of a robot in the world: its core, and all of them, the core first.
+    """Make the nodes of a robot in the world: its core, and all of them with the core first.
 
-    Raises UnknownName for a fault, a node or an object that there is not, LocalError for a value that is not allowed.
+    Raises UnknownName for an unknown fault, node or object, LocalError for a value that is not allowed.
     """
     robot, found = plugin.find(options.robot), stores(options.of_nodes, files.dictionaries)
     kinds = {each: robot.kind(files.roles[each], options.faults) for each in (*BOOT_TIMES, *files.dictionaries)}
@@ -135,9 +135,9 @@ def cast_for(options: MatchOptions, files: EdsFiles, world: World, name: str = O
 
 
 class Performance:
-    """A match of one robot that is ready to be played, by whatever clock and bus: its nodes, who watches and counts.
+    """A match of one robot, ready to be played with any clock and bus: its nodes, its observers and counters.
 
-    Raises LocalError for options that do not fit each other.
+    Raises LocalError for contradictory options.
     """
 
     def __init__(
@@ -183,7 +183,7 @@ class Performance:
         await self._referee.play(strategy)
 
     def result(self, seconds: float, bitrate: int, reports: Sequence[Report]) -> Summary:
-        """Return what the match came to, `seconds` after power-on."""
+        """Return the summary of the match, `seconds` after power-on."""
         touches = touches_of(self.name, self._world.touches)
         return replace(
             self._counter.summary(seconds, bitrate),
@@ -197,7 +197,7 @@ class Performance:
 
 
 def switch_on(nodes: Iterable[Node], network: Simulation, seed: int) -> None:
-    """Attach nodes to a simulated bus; each boots in its time."""
+    """Attach nodes to a simulated bus; each boots at its time."""
     last = max(BOOT_TIMES.values())
     for number, node in enumerate(nodes, 1 - len(BOOT_TIMES)):
         boots = BOOT_TIMES.get(node.name, last + number * BOOT_STEP)
@@ -219,7 +219,7 @@ def play_simulated(
     UnknownName, DictionaryError, LocalError. `tell` gets a line about each line of a strategy that blocks.
     """
     if against is not None and not options.enemies:
-        raise LocalError("a second robot takes the place of an enemy, and there is to be none")
+        raise LocalError("a second robot takes the place of an enemy, and the match has none")
     files = files or EdsFiles.read(options)
     networks = [Simulation() for _ in range(1 if against is None else 2)]
     clock = networks[0] if against is None else simulated_loop.Several(*networks)
@@ -240,16 +240,16 @@ def play_simulated(
 
 
 def _rival(options: MatchOptions) -> MatchOptions:
-    """Return the match as the other robot sees it: of the other colour, with as many others around it."""
+    """Return the match from the other robot's side: in the other colour, with as many others around it."""
     return replace(
         options,
         team=TeamColour(1 - options.team),
-        # The rival's enemies are we and our confederate; our second enemy is its confederate.
+        # The rival's enemies are our robot and our confederate; our second enemy is its confederate.
         enemies=1 + options.confederates,
         confederates=max(options.enemies - 1, 0),
         emergency_at=None,
         faults=(),
-        # Facts hold for both robots; settings and faults are for our nodes alone.
+        # Facts hold for both robots; settings and faults are only for our nodes.
         settings=tuple(each for each in options.settings if each not in options.of_nodes),
     )
 
@@ -267,10 +267,10 @@ def play_live(
     tell: Callable[[str], object] = _nobody,
     bit_rate: int = runtime.BITRATE,
 ) -> tuple[Summary, World]:
-    """Play a match in real time; each node, and the watcher, gets a bus of its own from `open_bus`.
+    """Play a match in real time; each node and the watcher get a bus of their own from `open_bus`.
 
-    The bus's load is reckoned at `bit_rate`, bit/s.
-    Raises BusError, NoAnswer, UnknownName, DictionaryError, LocalError.
+    The bus's load is computed for `bit_rate`, in bit/s. Raises BusError, NoAnswer, UnknownName, DictionaryError,
+    LocalError.
     """
     begin = time.monotonic()
 
@@ -297,14 +297,14 @@ def play_live(
 
 
 NOWHERE = Pose(nan, nan, nan)
-"""Where a robot is in a world that cannot be reached."""
+"""The pose of a robot in a world that cannot be reached."""
 
 LOOKS = 0.1
-"""How often to check whether the bus has failed, s."""
+"""Seconds between two checks whether the bus has failed."""
 
 
 class Led:
-    """A core that is running on a bus, with the truth about its robot from the world; `show` gets the timeline."""
+    """A core running on a bus, with the truth about its robot from the world; `show` gets the timeline."""
 
     def __init__(self, live: Live, core: Core, vehicle: RemoteVehicle, show: Callable[[MatchEvent], None]) -> None:
         begin = live.clock()
@@ -315,7 +315,7 @@ class Led:
     def play(self, options: MatchOptions, strategy: Strategy, counter: FrameCounter) -> Summary:
         """Play a match from the node checks to its end.
 
-        `counter` counts the frames. An arrival at which the world did not answer has no position error. Raises
+        `counter` counts the frames. An arrival for which the world did not answer has no position error. Raises
         BusError, NoAnswer.
         """
         observer = Observer(self._core, self._timeline, self._truth)
@@ -336,12 +336,12 @@ class Led:
 
 
 async def _as_long_as_it_runs(live: Live, playing: Coroutine[Any, Any, None]) -> None:
-    """Await a match, and give it up when the bus fails."""
+    """Await a match, and give it up if the bus fails."""
     task = asyncio.ensure_future(playing)
     while not task.done() and live.failure is None:
         await asyncio.wait([task], timeout=LOOKS)
     if live.failure is not None:
-        # The strategy's `finally` may still await something, so it is waited for before the failure comes out.
+        # The strategy's `finally` may still await something, so it is awaited before the failure is raised.
         task.cancel()
         await asyncio.wait([task])
         raise live.failure

@@ -1,6 +1,6 @@
-"""What many matches came to: how their gotos ended, the spread of their figures, and the seeds that need a look.
+"""The results of many matches: how their gotos ended, the spread of their figures, and seeds that need a look.
 
-Counts and order statistics, nothing smoothed: every extreme names its seed, which can be played again.
+They are counts and order statistics, nothing is smoothed: every extreme names its seed, which can be played again.
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ from typing import NamedTuple
 from eurobot_od.robot.match.played import ARRIVED, UNMEANT, PlayedMatch
 from eurobot_od.robot.match.summary import RobotTouch, Summary, Touched
 
-# A histogram of whole numbers in lines of text
+# A histogram of whole numbers, as lines of text
 
 
 BLOCKS = " ▏▎▍▌▋▊▉█"
-"""Nothing, parts of a character, and a whole one."""
+"""Nothing, the parts of a character, and a whole one."""
 
 ASCII = " #"
 
@@ -28,7 +28,7 @@ WIDTH = 40
 """Characters of the longest bar."""
 
 MOST_ROWS = 15
-"""The greatest number of rows; each covers as many values as that takes."""
+"""Most rows of a histogram; each row covers as many values as that takes."""
 
 STEPS = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000)
 
@@ -43,7 +43,7 @@ def bar_marks(encoding: str | None) -> str:
 
 
 def histogram(values: Sequence[int], characters: str = BLOCKS) -> Iterator[str]:
-    """Draw how often values of 0 and more come, with a row for each step from the least to the greatest."""
+    """Yield how often values from 0 up occur, with a row for each step from the least to the greatest."""
     step = next((each for each in STEPS if max(values) // each - min(values) // each < MOST_ROWS), STEPS[-1])
     counts = Counter(value // step for value in values)
     most, width = max(counts.values()), len(str(max(counts) * step + step - 1))
@@ -61,14 +61,14 @@ def histogram(values: Sequence[int], characters: str = BLOCKS) -> Iterator[str]:
 
 
 MOST_LISTED = 20
-"""How many of the seeds that need a look are listed; all of them are in the JSON."""
+"""Most seeds to look at that are listed; all of them are in the JSON."""
 
 LOWEST = 3
-"""How many of the seeds with the fewest points are worth a look as well."""
+"""Number of seeds with the fewest points that are worth a look as well."""
 
 
 class EndingCount(NamedTuple):
-    """A way for gotos to end: in how many matches, and how many gotos."""
+    """A way for gotos to end: in how many matches, and for how many gotos."""
 
     name: str
     matches: int
@@ -86,14 +86,14 @@ class TouchCount(NamedTuple):
 
 
 class Figure(NamedTuple):
-    """A figure of which a team wants to know the spread: one of each match, or of each of its arrivals."""
+    """A figure whose spread a team wants to know: one for each match, or for each of its arrivals."""
 
     name: str
     decimals: int
     of: Callable[[PlayedMatch], Iterable[float | None]]
 
     def line(self, spread: Spread | None) -> str:
-        """Write a line of the table; None for a figure that no match has."""
+        """Return a line of the table; None is for a figure that no match has."""
         if spread is None:
             return f"{self.name:<22} {'none':>8}"
         quartiles = (spread.lower, spread.median, spread.upper)
@@ -123,7 +123,7 @@ FIGURES = (
 
 
 class Spread(NamedTuple):
-    """Mean, least, quartiles and greatest of a figure, and the first seeds that have the extremes."""
+    """Mean, least, quartiles and greatest of a figure, and the first seeds with the extremes."""
 
     mean: float
     least: float
@@ -136,7 +136,7 @@ class Spread(NamedTuple):
 
 
 def endings(matches: Sequence[PlayedMatch]) -> list[EndingCount]:
-    """Count how gotos ended: those that arrived, those whose end nobody meant, then every other way to end."""
+    """Count how gotos ended: those that arrived, those whose end nobody wanted, then every other way to end."""
     ends = [[goto.end for goto in match.gotos] for match in matches]
     gotos, in_matches = Counter(chain(*ends)), Counter(chain(*map(set, ends)))
     names = [ARRIVED, *UNMEANT, *sorted(gotos.keys() - {ARRIVED, *UNMEANT})]
@@ -147,7 +147,7 @@ FORCED = "forced barrier"
 
 
 def touch_counts(matches: Iterable[PlayedMatch]) -> list[TouchCount]:
-    """Count what was touched, and by whose fault; a barrier that was to be kept off by force counts as that alone."""
+    """Count what was touched, and by whose fault; a barrier flagged as forced counts only as that."""
     found: dict[str, list[tuple[int, RobotTouch]]] = {name: [] for name in (FORCED, *(kind.value for kind in Touched))}
     for match in matches:
         for touch in match.touches:
@@ -170,7 +170,7 @@ def spread(figure: Figure, matches: Iterable[PlayedMatch]) -> Spread | None:
     if not pairs:
         return None
     values = [value for value, _ in pairs]
-    # Inclusive: the seeds are all that was played, and the extremes are among them.
+    # Inclusive: the seeds are everything that was played, and the extremes are among them.
     lower, median, upper = quantiles(values, n=4, method="inclusive") if len(values) > 1 else values * 3
     least, most = min(pairs, key=itemgetter(0)), max(pairs, key=itemgetter(0))
     return Spread(fmean(values), *least, lower, median, upper, *most)
@@ -180,7 +180,7 @@ def spread(figure: Figure, matches: Iterable[PlayedMatch]) -> Spread | None:
 
 
 def report(matches: Sequence[PlayedMatch], marks: str = BLOCKS) -> Iterator[str]:
-    """Say in lines what the matches came to; there is at least one. `marks` are the characters of the histogram."""
+    """Yield lines that sum up the matches, at least one; `marks` are the characters of the histogram."""
     yield f"{'gotos':<30} {'matches':>8} {'gotos':>8}"
     for ending in endings(matches):
         yield f"{ending.name:<30} {ending.matches:>8} {ending.gotos:>8}"
@@ -205,7 +205,7 @@ def report(matches: Sequence[PlayedMatch], marks: str = BLOCKS) -> Iterator[str]
 
 
 def _to_look_at(matches: Sequence[PlayedMatch]) -> Iterator[str]:
-    """Name the seeds in which something was wrong, and those with the fewest points."""
+    """Name the seeds in which something went wrong, and those with the fewest points."""
     bad = [match for match in matches if match.wrong]
     for match in bad[:MOST_LISTED]:
         first, *others = match.wrong

@@ -1,6 +1,6 @@
 """A team's strategy from its file: Python with a coroutine function `play(core)`.
 
-Rule of this file: whatever is wrong with a strategy before a match begins is one line that names the place in its file.
+Rule of this file: whatever is wrong with a strategy before a match begins is one line with the place in its file.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ class Players(NamedTuple):
 
 
 class StrategyFiles(NamedTuple):
-    """The files of a match's strategies: ours, None for the shipped one; the second robot's, None for no such robot."""
+    """The files of strategies: ours, None for the shipped one; the second robot's, None if there is no such robot."""
 
     ours: Path | None = None
     against: Path | None = None
@@ -34,9 +34,9 @@ class StrategyFiles(NamedTuple):
 
 
 def load(file: Path) -> Strategy:
-    """Return the `play` of a Python file, which may import what stands beside it.
+    """Return the `play` of a Python file, which may import modules beside it.
 
-    What the file prints while it is loaded goes to standard error. Raises LocalError, with the line of the file, if it
+    What the file prints while it is loaded goes to standard error. Raises LocalError with the line of the file if it
     cannot be read, is not Python, raises, or has no coroutine function `play` that takes the core.
     """
     play = getattr(python_file.load(file), "play", None)
@@ -45,9 +45,9 @@ def load(file: Path) -> Strategy:
     code = getattr(play, "__code__", None)
     where = f"{code.co_filename}:{code.co_firstlineno}" if code else str(file)
     if not iscoroutinefunction(play):
-        raise LocalError(f"{where}: `play` is no coroutine function; write `async def play(core)`")
+        raise LocalError(f"{where}: `play` is not a coroutine function; write `async def play(core)`")
     try:
-        # Tried here: in the match the TypeError would name a line of ours.
+        # Tried here: in the match, the TypeError would name a line of ours.
         signature(play).bind(None)
     except TypeError as error:
         raise LocalError(f"{where}: `play` is called with the core and nothing else: {error}") from None

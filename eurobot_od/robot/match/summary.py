@@ -1,6 +1,4 @@
-"""What a match came to: frames per message and bus load, counted on the bus and not by the nodes; and what was touched,
-by whose fault.
-"""
+"""The summary of a match: frames by message and bus load, counted on the bus and not by the nodes; and touches."""
 
 from __future__ import annotations
 
@@ -21,12 +19,12 @@ from eurobot_od.traffic.services import services
 
 @dataclass(frozen=True)
 class Summary:
-    """Frames by message name in the order of the protocol, those of no message, and what they came to.
+    """Frames by message name in the order of the protocol, other frames, and what followed from them.
 
-    `load` is the share of the time that the bus was in use at `bitrate`; `errors` the position errors in mm at the
-    arrivals, `reports` what the gatekeepers had to say, `points` those of each robot that plays. `touches` counts what
-    our robot touched by kind; in `at_fault` of them it drove into the other. `failure` is the end of the traceback if a
-    strategy raised.
+    `load` is the share of the time for which the bus was in use at `bitrate`; `errors` are the position errors at the
+    arrivals in mm, `reports` those of the gatekeepers, `points` those of each robot that plays. `touches` counts by
+    kind what our robot touched; in `at_fault` of them it drove into the other. `failure` is the end of the traceback if
+    a strategy raised.
     """
 
     seconds: float
@@ -102,7 +100,7 @@ class FrameCounter:
 
 
 class Touched(Enum):
-    """What kind of thing was touched."""
+    """The kind of thing that was touched."""
 
     POOL = "pool"
     FIRE = "fire"
@@ -112,7 +110,7 @@ class Touched(Enum):
 
 
 KINDS = {each.value: each for each in Touched} | dict.fromkeys(("ours", "enemy", "confederate"), Touched.ROBOT)
-"""The kinds of things by the first words of their names."""
+"""The kinds of things, by the first words of their names."""
 
 
 def kind_of(thing: str) -> Touched:
@@ -121,10 +119,10 @@ def kind_of(thing: str) -> Touched:
 
 
 class RobotTouch(NamedTuple):
-    """A touch as one of the two sees it: when, in s, what it touched, who drove into whom.
+    """A touch from the side of one of the two: when, in seconds, what it touched, who drove into whom.
 
-    `at_fault` tells whether the robot drove into the other body, `driven_into` whether that one drove into the robot;
-    both may have, or neither, if one was pushed. `forced` tells whether the robot's goto had flagged it as forced.
+    `at_fault` tells whether the robot drove into the other body, `driven_into` whether that body drove into the robot;
+    both may be true, or neither if one was pushed. `forced` tells whether the robot's goto had flagged it as forced.
     """
 
     time: float
@@ -140,7 +138,7 @@ class RobotTouch(NamedTuple):
 
     @property
     def is_wrong(self) -> bool:
-        """Tell whether the robot should have kept off: it had been told to, or the thing cannot have got in its way."""
+        """Tell whether the robot should have kept off: it was told to, or the thing cannot have got in its way."""
         return self.forced or (self.at_fault and not self.driven_into and self.kind in AVOIDABLE)
 
 
@@ -149,7 +147,7 @@ AVOIDABLE = (Touched.POOL, Touched.BORDER, Touched.ROBOT)
 
 
 def touches_of(robot: str, touches: Iterable[Touch]) -> list[RobotTouch]:
-    """Return the touches of a robot, in their order."""
+    """Return the touches of a robot, in order."""
     own = ((each, each.thing if each.robot == robot else each.robot) for each in touches if robot in each[1:3])
     return [RobotTouch(each.time, other, each.is_fault_of(robot), each.is_fault_of(other)) for each, other in own]
 

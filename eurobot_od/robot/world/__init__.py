@@ -1,3 +1,3 @@
-"""What is around the nodes in a simulated match: the field, the other robots, and the truth about our own."""
+"""The surroundings of the nodes in a simulated match: field, other robots, and the truth about our own."""
 
 from eurobot_od.robot.world.world import World as World

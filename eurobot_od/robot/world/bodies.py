@@ -1,7 +1,7 @@
-"""What is solid on the field: round bodies that cannot be in the same place, and the border around them.
+"""The solid bodies on the field, which are round and cannot be in the same place, and the border around them.
 
-Geometry without time. A body that is moved into another one is pushed out of it along the line of their centres, so
-that it slides off what it meets at an angle, and stands still where it meets it head on.
+This is geometry without time. A body that is moved into another one is pushed out of it along the line of their
+centres, so that it slides off when they meet at an angle, and stands still when they meet head on.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from eurobot_od.robot.model.values import Obstacle
 from eurobot_od.robot.nodes.equipment import Detection
 
 BORDER = "border"
-"""What a robot touches that stands at the edge of the field."""
+"""What a robot touches at the edge of the field."""
 
 
 class Weight(Enum):
@@ -36,7 +36,7 @@ class Weight(Enum):
 
 @dataclass
 class Body:
-    """A disc on the field: its centre and radius in mm; with a `shape` that has an outline, the circle around that."""
+    """A disc on the field with its centre and radius in mm; if its `shape` has an outline, the circle around that."""
 
     name: str
     point: Point
@@ -46,7 +46,7 @@ class Body:
 
 
 class Contact(NamedTuple):
-    """How an outline and a disc meet: the direction from the one to the other, and how far they are apart, mm."""
+    """How an outline and a disc meet: the direction from the one to the other, and the gap between them, mm."""
 
     x: float
     y: float
@@ -57,19 +57,19 @@ class Contact(NamedTuple):
         """Work out how a disc meets an outline."""
         near = nearest_on(corners, centre)
         x, y, apart = centre.x - near.x, centre.y - near.y, math.dist(centre, near)
-        # With the centre inside of the outline the nearest edge is the way out, so that the direction turns round.
+        # With the centre inside the outline, the nearest edge is the way out, so the direction is reversed.
         outwards = -1.0 if contains(corners, centre) else 1.0
-        if not apart:  # the centre on the edge: any direction is as good
+        if not apart:  # the centre is on the edge: any direction is as good
             return cls(1.0, 0.0, -radius)
         return cls(outwards * x / apart, outwards * y / apart, outwards * apart - radius)
 
 
 @dataclass
 class RobotBody(Body):
-    """A robot: where it is and looks, what it touches, and how it came there.
+    """A robot: its place and heading, what it touches, and how it came there.
 
     `speed` is that of its last step along its heading, mm/s. `room` is how far it may drive before it can meet anything
-    that stands, mm, as far as that is known. `trace` has its true poses with their times in s, one for each step.
+    that stands, mm, as far as is known. `trace` has its true poses with their times in seconds, one for each step.
     """
 
     angle: float = 0.0
@@ -80,16 +80,16 @@ class RobotBody(Body):
 
     @property
     def pose(self) -> Pose:
-        """Where it is, and where it looks."""
+        """Its place and heading."""
         return Pose(*self.point, self.angle)
 
     def place(self, pose: Pose) -> None:
         """Put it somewhere."""
-        # Room 0: what is near has to be looked at anew before the next step.
+        # Room 0: its surroundings have to be looked at before the next step.
         self.point, self.angle, self.room = pose.point, pose.angle, 0.0
 
     def go(self, point: Point, angle: float, now: float) -> None:
-        """Put it where its way has led it."""
+        """Move it to where it has driven."""
         self.point, self.angle = point, angle
         self.trace.append((now, self.pose))
 
@@ -98,19 +98,19 @@ class RobotBody(Body):
         return self.shape.corners(pose) if self.shape else []
 
     def gap(self, pose: Pose, other: Body) -> float:
-        """Tell how far it would be from a body at a pose, edge to edge, mm; negative if they overlap."""
+        """Return the gap between it at a pose and another body, edge to edge, mm; negative if they overlap."""
         contact = self._contact(pose, other)
         return gap(pose.point, self.radius, other) if contact is None else contact.gap
 
     def out_of(self, pose: Pose, other: Body) -> Point:
-        """Return the nearest place to a pose where it only touches a body that it overlaps."""
+        """Return the nearest place to a pose where it merely touches a body that it overlaps."""
         contact = self._contact(pose, other)
         if contact is None:
             return pushed_out(pose.point, self.radius, other)
         return Point(pose.x + contact.gap * contact.x, pose.y + contact.gap * contact.y)
 
     def pushes(self, pose: Pose, other: Body) -> Point:
-        """Return where a body is that it pushes out of itself at a pose."""
+        """Return the place of a body that it pushes out of itself at a pose."""
         contact = self._contact(pose, other)
         if contact is None:
             return pushed_out(other.point, other.radius, Body(self.name, pose.point, self.radius, self.weight))
@@ -136,8 +136,8 @@ class RobotBody(Body):
         return Pose(*self.point, self.pose.bearing(towards)).moved(self.radius, 0).point
 
     def _contact(self, pose: Pose, other: Body) -> Contact | None:
-        """Return how it would meet a body at a pose if either has an outline; of two that have, the other is round."""
-        if self.shape is None and other.shape is None:  # as nearly always
+        """Return how it would meet a body at a pose if either has an outline; with two, the other counts as round."""
+        if self.shape is None and other.shape is None:  # as is nearly always the case
             return None
         if corners := self.corners(pose):
             return Contact.of(corners, other.point, other.radius)
@@ -147,7 +147,7 @@ class RobotBody(Body):
         return None
 
     def approach(self, other: Body) -> float:
-        """Tell how fast it drives towards another body, mm/s; negative if away from it."""
+        """Return how fast it drives towards another body, mm/s; negative if away from it."""
         bearing = math.radians(self.angle - self.pose.bearing(other.point))
         # Only the part along the line between the two: a robot that passes by does not come nearer.
         return self.speed * math.cos(bearing)
@@ -172,24 +172,24 @@ def nearest_on(corners: list[Point], point: Point) -> Point:
 
 
 def contains(corners: list[Point], point: Point) -> bool:
-    """Tell whether a point is inside of an outline: a ray from it crosses an odd number of sides."""
-    # A corner just at the height of the point counts for one of its two sides only: the ray crosses the outline there
-    # once.
+    """Tell whether a point is inside an outline: a ray from it crosses an odd number of sides."""
+    # A corner at exactly the height of the point counts for only one of its two sides: the ray crosses the outline
+    # there once.
     sides = [side for side in pairwise([*corners, corners[0]]) if (side[0].y > point.y) != (side[1].y > point.y)]
     crossings = (one.x + (point.y - one.y) / (two.y - one.y) * (two.x - one.x) for one, two in sides)
     return sum(x > point.x for x in crossings) % 2 == 1
 
 
 def gap(point: Point, radius: float, other: Body) -> float:
-    """Tell how far a disc is from a body, edge to edge, mm; negative if they overlap."""
+    """Return the gap between a disc and a body, edge to edge, mm; negative if they overlap."""
     return math.hypot(point.x - other.point.x, point.y - other.point.y) - radius - other.radius
 
 
 def pushed_out(point: Point, radius: float, other: Body) -> Point:
-    """Return the nearest place where a disc that overlaps a body only touches it."""
+    """Return the nearest place where a disc merely touches a body that it overlaps."""
     apart = math.dist(point, other.point)
     reach = radius + other.radius
-    if not apart:  # centre on centre: any direction is as good
+    if not apart:  # both centres coincide: any direction is as good
         return Point(point.x + reach, point.y)
     share = reach / apart
     return Point(other.point.x + (point.x - other.point.x) * share, other.point.y + (point.y - other.point.y) * share)
@@ -204,17 +204,17 @@ def inside(point: Point, radius: float, field: Field) -> Point:
 
 
 def nearest_ahead(body: RobotBody, others: Iterable[Body], distance: float, angle: float) -> Detection | None:
-    """Return the nearest body of which any part is within `distance` mm and `angle` degrees to either side."""
+    """Return the nearest body with any part within `distance` mm and `angle` degrees to either side."""
     seen = []
     for other in others:
         dx, dy = other.point.x - body.point.x, other.point.y - body.point.y
         apart = math.hypot(dx, dy)
         gap = apart - body.radius - other.radius
-        if other is body or gap > distance:  # most are farther: the angle is worked out for those that are near
+        if other is body or gap > distance:  # most are farther away: the angle is computed only for near ones
             continue
         bearing = turn(body.angle, math.degrees(math.atan2(dy, dx)))
         half = math.degrees(math.asin(min(other.radius / apart, 1.0)))
-        # Any part of it counts: the middle of a wide robot close by may well lie outside of the cone.
+        # Any part counts: the middle of a wide robot close by may well lie outside the cone.
         if abs(bearing) - half <= angle:
             what = Obstacle.ENEMY if isinstance(other, RobotBody) else Obstacle.OBJECT
             seen.append(Detection(what, max(gap, 0.0), bearing))

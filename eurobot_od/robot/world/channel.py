@@ -1,8 +1,8 @@
 """The side channel: what a robot's instruments ask of a world in another process, as lines of JSON.
 
-Rule of this file: no socket and no clock. A line goes in and a line comes out, whatever the line is: one that is wrong
-is answered with what is wrong, and counted. Each request says all there is to say, so that a connection has no state.
-The reference is `docs/world.md`.
+Rule of this file: no socket and no clock. A line goes in and a line comes out, whatever the line is: a wrong one is
+answered with what is wrong, and counted. Each request is complete, so that a connection has no state. The reference is
+`docs/world.md`.
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ from eurobot_od.robot.world.world import OURS, LocalVehicle, World
 from eurobot_od.support.address import Address, parse
 
 VERSION = 1
-"""Of the requests and answers; a client refuses another one."""
+"""The version of requests and answers; a client refuses any other."""
 
 LINE_LIMIT = 4096
-"""Bytes of the longest line."""
+"""Most bytes in a line."""
 
 REQUEST = "request"
 ROBOT = "robot"
@@ -54,7 +54,7 @@ class WorldAddress(NamedTuple):
 
 
 class RequestField(NamedTuple):
-    """What a field of a request may be, in words and as a test; one without a default has to be given."""
+    """What a field of a request may be, in words and as a test; one without a default is required."""
 
     allowed: str
     accepts: Callable[[Any], bool]
@@ -72,7 +72,7 @@ _TASK = RequestField("the name of a task", lambda value: isinstance(value, str))
 
 
 class _Asked(NamedTuple):
-    """A request that is right: whose robot it is about, and its fields."""
+    """A correct request: whose robot it is about, and its fields."""
 
     world: World
     options: MatchOptions
@@ -100,7 +100,7 @@ class _Asked(NamedTuple):
 
 
 class Request(NamedTuple):
-    """A request: its fields, and what answers it."""
+    """A request: its fields, and the function that answers it."""
 
     fields: dict[str, RequestField]
     answer: Callable[[_Asked], Any]
@@ -127,14 +127,14 @@ REQUESTS = {
     "begin": Request({"task": _TASK}, lambda asked: asked.vehicle.begin(**asked.fields)),
     "finish": Request({"task": _TASK}, lambda asked: asked.vehicle.finish(**asked.fields)),
 }
-"""What can be asked: the methods of a `Vehicle`, who one is, and what is true."""
+"""The requests: the methods of a `Vehicle`, who one is, and what is true."""
 
 
 class Channel:
-    """The world's end of the side channel; `requests` counts the lines, `refused` those that were wrong.
+    """The world's end of the side channel; `requests` counts the lines, `refused` the wrong ones.
 
-    `matches` has, for each robot that is driven by nodes, the match as it sees it. With a `token`, a request without
-    it is refused.
+    `matches` has, for each robot driven by nodes, the match from its side. With a `token`, a request without it is
+    refused.
     """
 
     def __init__(self, world: World, matches: Mapping[str, MatchOptions], token: str = "") -> None:
@@ -142,15 +142,15 @@ class Channel:
         self._world, self._matches, self._token = world, matches, token
 
     def answer(self, line: bytes) -> bytes:
-        """Return the answer to a line; both are without, and with, the line's end."""
+        """Return the answer to a line; the line has no line end, its answer has one."""
         self.requests += 1
         try:
             given = _parsed(line)
             name, robot, token = given.pop(REQUEST, None), given.pop(ROBOT, OURS), str(given.pop(TOKEN, ""))
-            # In constant time: how long a comparison takes would tell how much of a guessed token is right.
+            # In constant time: the duration of a comparison would tell how much of a guessed token is right.
             if self._token and not hmac.compare_digest(token.encode(), self._token.encode()):
                 raise LocalError("the token is missing or wrong: give the address as the world printed it")
-            # In a tuple, as JSON may bring a list, which has no hash and is in no mapping.
+            # In a tuple, as JSON may bring a list, which is not hashable.
             if name not in tuple(REQUESTS):
                 raise UnknownName("request", name, REQUESTS)
             if robot not in tuple(self._matches):
@@ -164,11 +164,11 @@ class Channel:
 
 
 def _parsed(line: bytes) -> dict[str, Any]:
-    """Read a line; raises LocalError. All its numbers are floating-point ones then."""
+    """Read a line, with all its numbers as floats; raises LocalError."""
     if len(line) > LINE_LIMIT:
         raise LocalError(f"a line of more than {LINE_LIMIT} bytes")
     try:
-        # All as floats, so that one test (`_number`) is right for 1 and 1.0 alike.
+        # All as floats, so that one test (`_number`) works for 1 and 1.0 alike.
         given = json.loads(line, parse_int=float)
     except (ValueError, RecursionError) as error:
         raise LocalError(f"not JSON: {error}") from error
@@ -178,7 +178,7 @@ def _parsed(line: bytes) -> dict[str, Any]:
 
 
 def _checked(name: str, given: dict[str, Any]) -> dict[str, Any]:
-    """Return the fields of a request, with defaults for what is left out; raises UnknownName, FieldError."""
+    """Return the fields of a request, with defaults for those that are left out; raises UnknownName, FieldError."""
     rules = REQUESTS[name].fields
     for field in given:
         if field not in rules:

@@ -1,11 +1,11 @@
-"""What bodies do to each other: robots stop at what is fixed, push what is light, shove one another, and slide.
+"""What bodies do to each other: robots stop at fixed things, push light ones, shove one another, and slide.
 
-Every movement is judged alike. Where it would end inside of something, what is light is pushed along, and the robot is
-pushed out of everything else: it slides along what it meets at an angle, and stands before what it meets head on. A
-robot that is driven into yields a little. The first moment of each contact is a `Touch`.
+Every movement is treated alike. If it would end inside something, light things are pushed along, and the robot is
+pushed out of everything else: it slides along what it meets at an angle, and stops at what it meets head on. A robot
+that is driven into yields a little. The first moment of each contact is a `Touch`.
 
 Most of the time nothing is near. How far a robot may drive before it can meet anything that stands is its `room`; until
-that is used up only the other robots are looked at.
+that is used up, only the other robots are looked at.
 """
 
 from __future__ import annotations
@@ -18,20 +18,20 @@ from eurobot_od.robot.model.places import Point, Pose
 from eurobot_od.robot.world.bodies import BORDER, Body, RobotBody, Weight, gap, inside
 
 SHOVE = 0.3
-"""Share by which a robot yields to one that drives into it."""
+"""The share by which a robot yields to one that drives into it."""
 
 WEDGED = 1.0
-"""A robot that would still be so deep in something, mm, after it was pushed out of everything else stays put."""
+"""A robot stays put if it would still be this deep in something, mm, after it was pushed out of everything else."""
 
 RELEASED = 5.0
-"""A contact is over when they are so far apart, mm."""
+"""A contact is over when the bodies are this far apart, mm."""
 
 AT_FAULT = 20.0
 """A robot that comes nearer at this speed, mm/s, was not standing."""
 
 
 class Touch(NamedTuple):
-    """Two bodies met: when, in s, which robot moved into what, how fast either came nearer, mm/s, and where, mm."""
+    """Two bodies met: when, in s, which robot moved into what, how fast each came nearer, mm/s, and where, mm."""
 
     time: float
     robot: str
@@ -42,7 +42,7 @@ class Touch(NamedTuple):
     y: float
 
     def is_fault_of(self, robot: str) -> bool:
-        """Tell whether a robot drove into the other body, and was not rather driven into."""
+        """Tell whether a robot drove into the other body, rather than being driven into."""
         own, other = (self.speed, self.met) if robot == self.robot else (self.met, self.speed)
         return own >= max(other, AT_FAULT)
 
@@ -52,7 +52,7 @@ class Touch(NamedTuple):
 
 
 class Contacts:
-    """Moves `robots` among `things`; calls `touched` with each touch, and `pushed` with what was pushed along."""
+    """Moves `robots` among `things`; calls `touched` with each touch, and `pushed` with each thing that was pushed."""
 
     def __init__(
         self,
@@ -67,7 +67,7 @@ class Contacts:
         self._robots, self._clock, self._touched, self._pushed = robots, clock, touched, pushed
 
     def move(self, body: RobotBody, wanted: Pose) -> None:
-        """Move a robot to a pose, or as near as it comes."""
+        """Move a robot to a pose, or as near to it as possible."""
         there = self._clear(body, wanted)
         body.go(there.point, there.angle, self._clock())
         if body.touching:
@@ -79,34 +79,34 @@ class Contacts:
             body.touching &= near
 
     def stir(self) -> None:
-        """Take notice that something stands elsewhere than before."""
+        """Note that something has moved."""
         for robot in self._robots.values():
             robot.room = 0.0
 
     def _clear(self, body: RobotBody, wanted: Pose) -> Pose:
-        """Return the nearest pose to the wanted one where a robot is in nothing else; push what can be pushed."""
+        """Return the nearest pose to the wanted one where a robot is inside nothing else; push what can be pushed."""
         point = body.inside(wanted, self.field)
         if point != wanted.point:
             self._touch(body, BORDER, wanted.point)
         pose = Pose(*point, wanted.angle)
         near: list[Body] = [each for each in self._robots.values() if each is not body]
         body.room -= body.pose.distance(point)
-        if body.room <= 0:  # what stands may be in reach: measure the room anew, and look at all of it
+        if body.room <= 0:  # something that stands may be in reach: measure the room again, and look at everything
             body.room = min((gap(point, body.radius, each) for each in self.things), default=0.0)
             near += self.things
         met = [each for each in near if body.gap(pose, each) < 0]
         for each in met:
             pose = Pose(*self._meet(body, pose, each), wanted.angle)
-        # Light things are left out: they have been pushed already, and hold nobody up.
+        # Without the light things, which have already been pushed and do not hold anybody up.
         heavy = [each for each in near if each.weight is not Weight.LIGHT] if met else []
-        # Between two bodies: where the one lets it out, the other holds it.
+        # Between two bodies: one lets it out where the other holds it.
         if any(body.gap(pose, each) < -WEDGED for each in heavy):
-            # A disc can always turn on the spot; the corner of an outline would turn into what holds it.
+            # A disc can always turn on the spot; a corner of an outline would turn into whatever holds it.
             return Pose(*body.point, body.angle if body.shape else wanted.angle)
         return Pose(*body.inside(pose, self.field), wanted.angle) if met else pose
 
     def _meet(self, body: RobotBody, pose: Pose, other: Body) -> Point:
-        """Have a robot meet a body at a pose; return where the robot is then."""
+        """Let a robot meet a body at a pose; return where the robot is then."""
         self._touch(body, other.name, other.point)
         if other.weight is Weight.LIGHT:
             other.point = inside(body.pushes(pose, other), 0, self.field)
@@ -125,7 +125,7 @@ class Contacts:
         return body.out_of(pose, other)
 
     def _touch(self, body: RobotBody, thing: str, towards: Point) -> None:
-        """Tell that a robot meets something, which lies towards a point, unless it does already."""
+        """Report that a robot meets something in the direction of a point, unless it already does."""
         if thing in body.touching:
             return
         body.touching.add(thing)
@@ -138,14 +138,14 @@ class Contacts:
         self._touched(Touch(self._clock(), body.name, thing, speed, met, *place))
 
 
-# A thing that falls over in front of our robot: once in a match it has to stop for an object
+# A thing that falls over in front of our robot: once in a match, it has to stop for an object
 
 
 AHEAD = 230.0
 """How far ahead of a driving robot's edge it falls, mm."""
 
 FAST = 200.0
-"""The robot is fast enough for it from this speed on, mm/s."""
+"""It falls for a robot with at least this speed, mm/s."""
 
 FROM_BORDER = 100.0
 """It falls no nearer to the border than this, mm."""
@@ -165,14 +165,14 @@ class FallenThing:
         self._fell: float | None = None
 
     def look_at(self, robot: RobotBody, now: float) -> None:
-        """Fall over before a robot that drives fast enough; be taken away when the time has come."""
+        """Fall in front of a robot that drives fast enough; be taken away when its time has come."""
         if self._fell is not None:
             if self.body is not None and now - self._fell > REMOVED_AFTER:
                 self._contacts.things.remove(self.body)
                 self.body = None
         elif robot.speed >= FAST:
             point = robot.pose.moved(robot.radius + AHEAD + RADIUS, 0).point
-            # Too near, and it waits for a better place, so that every match has its fall.
+            # Where there is no room it waits for a better place, so that every match has its fall.
             if inside(point, FROM_BORDER, self._contacts.field) == point:
                 self._fell, self.body = now, Body("fallen thing", point, RADIUS, Weight.LIGHT)
                 self._contacts.things.append(self.body)

@@ -1,8 +1,7 @@
-"""The instruments of a simulated robot: wheels, beacons and distance sensor, with their errors; and what they ask of
-the world.
+"""The instruments of a simulated robot, which measure the world with their errors: wheels, beacons, distance sensor.
 
-A `Vehicle` tells the truth and nothing else. The instruments make the errors themselves, so that they are the same
-whether the world is in this process or in another one.
+A `Vehicle` tells only the truth. The instruments add the errors themselves, so that these are the same whether the
+world is in this process or in another one.
 """
 
 from __future__ import annotations
@@ -24,12 +23,12 @@ from eurobot_od.robot.world import World
 
 
 class Vehicle(Actuators, Protocol):
-    """One robot in the world; its actuators are as the world has them."""
+    """One robot in the world; its actuators are those of the world."""
 
     def move(self, wanted: Odometry, dt: float) -> float | None:
-        """Drive an arc for `dt` seconds as far as nothing is in the way; return how far it came, mm.
+        """Drive along an arc for `dt` seconds, as far as nothing is in the way; return the distance, mm.
 
-        None if nothing moves, as the world cannot be reached.
+        None if nothing moves, because the world cannot be reached.
         """
 
     def pose(self, whom: Source, age: float = 0.0) -> Pose | None:
@@ -43,14 +42,14 @@ class Vehicle(Actuators, Protocol):
 
 
 BLOCKED = 0.5
-"""Below this share of the way that they should have made, wheels are blocked: their encoders slip on."""
+"""Wheels are blocked if they make less than this share of their distance: the encoders then slip on."""
 
 
 class SimulatedWheels:
     """The chassis of a drive (see `nodes.motion.Chassis`), on a vehicle in the world.
 
-    They roll a little more or less than they count: by a share that stays the same for a match, and by chance. What
-    blocks the robot stalls them, and they count what it still moved, and a share of what it did not.
+    The wheels roll a little more or less than they count: by a share that stays the same for a match, and at random. If
+    something blocks the robot they stall, and count what it still moved, and a share of what it did not.
     """
 
     def __init__(self, vehicle: Vehicle, errors: Errors, chance: random.Random) -> None:
@@ -63,7 +62,7 @@ class SimulatedWheels:
         told = Odometry(command.speed * dt, command.turn * dt)
         wanted = self._rolled(told)
         moved = self._vehicle.move(wanted, dt)
-        # No world: wheels that do not turn, so that the drive gives up its goto as blocked.
+        # Without a world the wheels do not turn, so that the drive gives up its goto as blocked.
         if moved is None:
             return Odometry(0.0, 0.0)
         if not wanted.distance or abs(moved) >= BLOCKED * abs(wanted.distance):
@@ -72,12 +71,12 @@ class SimulatedWheels:
         return Odometry(told.distance * (share + self._errors.wheel_slip * (1 - share)), told.turn)
 
     def _rolled(self, told: Odometry) -> Odometry:
-        """Return how the wheels really roll when they are given a step."""
+        """Return how the wheels really roll when they are commanded a step."""
         metres, quarters = abs(told.distance) / 1000, abs(told.turn) / 90
         distance, turn = told.distance * self._scale, told.turn * self._bias
         if metres:
             distance += self._chance.gauss(0, self._errors.wheel_noise * math.sqrt(metres))
-        # Random errors grow with the root of the way: they are the sum of many small ones.
+        # Random errors grow with the root of the distance: they are the sum of many small ones.
         if metres or quarters:
             turn += self._chance.gauss(0, self._errors.heading_noise * math.sqrt(metres + quarters))
         return Odometry(distance, turn)
@@ -89,7 +88,9 @@ class SimulatedWheels:
 class SimulatedBeacons:
     """The beacons of a navigation (see `nodes.navigation.Beacons`), which see the robots of the world.
 
-    `deviations` gives their standard deviations, mm and degrees. Only our own heading can be measured.
+    They are noisy, late, sometimes blind and sometimes wrong. All chance comes from one seed, with a stream for each
+    robot that is asked for: with one stream for all, one more question would change all later answers. `deviations`
+    gives their standard deviations, mm and degrees. Only our own heading can be measured.
     """
 
     def __init__(
@@ -122,7 +123,8 @@ class SimulatedBeacons:
 class Sensor:
     """The distance sensor of a core (see `nodes.equipment.DistanceSensor`), on a vehicle in the world.
 
-    It sees robots and what has fallen over; barriers, trees and the border are lower than it looks.
+    It has a range, is slightly off, misses things, and sees things that are not there. It sees robots and what has
+    fallen over; barriers, trees and the border are too low for it.
     """
 
     def __init__(self, vehicle: Vehicle, errors: Errors, chance: random.Random) -> None:
@@ -132,7 +134,7 @@ class Sensor:
         """Measure what is ahead; None if nothing is seen."""
         errors, chance = self._errors, self._chance
         seen = self._vehicle.ahead(errors.sensor_range, errors.sensor_angle)
-        # Also when something is there: the false echo hides it.
+        # Even if something is there: the false echo hides it.
         if chance.random() < errors.sensor_false:
             return Detection(Obstacle.OBJECT, chance.uniform(0, errors.sensor_range), 0.0)
         if seen is None or chance.random() < errors.sensor_missed:
@@ -152,9 +154,9 @@ def assemble(nodes: Sequence[Node], options: MatchOptions, clock: Callable[[], f
 
 
 def equip(nodes: Iterable[Node], vehicle: Vehicle, errors: Errors, seed: str) -> None:
-    """Give some of a robot's nodes the instruments that they have on its vehicle; `seed` is that of their errors."""
+    """Give some of a robot's nodes their instruments on its vehicle; `seed` is that of the errors."""
     for node in nodes:
-        # A random stream for each instrument: one more look of the sensor must not change how the wheels roll.
+        # A random stream for each instrument: one more look by the sensor must not change how the wheels roll.
         if isinstance(node, Drive):
             node.chassis = SimulatedWheels(vehicle, errors, random.Random(f"{seed} wheels"))
         if isinstance(node, Navigation):

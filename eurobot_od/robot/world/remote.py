@@ -1,7 +1,7 @@
-"""A robot in a world of another process: asks over the side channel what `channel` answers there.
+"""A robot in the world of another process: asks over the side channel what `channel` answers there.
 
-Rule of this file: a node's thread waits for the world at most for a moment, and nothing that becomes of the world ends
-the node. A world that cannot be reached is one in which nothing moves and nothing is seen.
+Rule of this file: a node's thread waits for the world only for a moment, and whatever happens to the world, the node
+goes on. If a world cannot be reached, nothing moves in it and nothing is seen.
 """
 
 from __future__ import annotations
@@ -27,14 +27,14 @@ from eurobot_od.support.address import Address
 Value = TypeVar("Value")
 
 TIMEOUT = 0.1
-"""Seconds that a connection, and an answer, may take."""
+"""Seconds that a connection, or an answer, may take."""
 
 RETRY = 0.5
 """Seconds between two attempts to reach a world that was not there; it is not asked meanwhile."""
 
 
 class WorldTruth(NamedTuple):
-    """What is true of a robot at a time of the world, in s: where it is, its points, and how often it was touched."""
+    """What is true of a robot at a time of the world, in s: where it is, its points, and its number of touches."""
 
     time: float
     x: float
@@ -45,12 +45,12 @@ class WorldTruth(NamedTuple):
 
     @property
     def pose(self) -> Pose:
-        """Where it truly is."""
+        """Its true pose."""
         return Pose(self.x, self.y, self.angle)
 
 
 class _Connection:
-    """A line to the world, made again when it is needed. Everything raises OSError, at the latest after its time."""
+    """A line to the world, made again when it is needed. Everything raises OSError, at the latest after TIMEOUT."""
 
     def __init__(self, address: Address) -> None:
         self._address: tuple[str, int] = address
@@ -73,8 +73,8 @@ class _Connection:
             connection.sendall(line)
             answer = self._answer(connection)
         except OSError:
-            self.close()  # an answer that comes later would be taken for the next one's
-            # One that has answered before is asked again at once: it may just have been restarted.
+            self.close()  # a late answer would be taken for the next one
+            # A world that has answered before is asked again at once: it may just have been restarted.
             self._rests_until = time.monotonic() + RETRY * (not self._has_answered)
             self._has_answered = False
             raise
@@ -84,7 +84,7 @@ class _Connection:
     def _answer(self, connection: socket.socket) -> bytes:
         end, answer = time.monotonic() + TIMEOUT, b""
         while not answer.endswith(b"\n"):
-            # The time is for the whole answer, not for each part; 0 would mean "do not wait", and raise another error.
+            # TIMEOUT is for the whole answer, not for each part; 0 would mean "do not wait", and raise another error.
             connection.settimeout(max(end - time.monotonic(), 0.001))
             part = connection.recv(LINE_LIMIT)
             if not part or len(answer) > LINE_LIMIT:
@@ -99,10 +99,10 @@ class _Connection:
 
 
 class RemoteVehicle:
-    """One robot of a world in another process (see `vehicle.Vehicle`); any thread may call it.
+    """One robot of a world in another process (see `instruments.Vehicle`); any thread may call it.
 
-    `report` is called once when the world can no longer be reached, and once when it is back. A world that was started
-    anew is found again.
+    `report` is called once when the world can no longer be reached, and once when it is back. A restarted world is
+    found again.
     """
 
     def __init__(self, where: WorldAddress, report: Callable[[str], None], robot: str = OURS) -> None:
@@ -152,7 +152,7 @@ class RemoteVehicle:
     # Actuators
 
     def begin(self, task: str) -> float:
-        """Begin with a task; raises LocalError for one that there is not, WorldError."""
+        """Begin a task; raises LocalError for an unknown one, WorldError."""
         return self._asked(float, "begin", task=task)
 
     def finish(self, task: str) -> int:
@@ -167,12 +167,12 @@ class RemoteVehicle:
             return self._asked(lambda answer: None if answer is None else read(answer), request, **fields)
         except WorldError:
             return None
-        except LocalError as error:  # its questions are not ours: of another version, then
+        except LocalError as error:  # it refuses our questions, so it is of another version
             self._tell(True, f"{error}; nothing moves, and nothing is seen")
             return None
 
     def _asked(self, read: Callable[[Any], Value], request: str, **fields: object) -> Value:
-        """Ask; report once when answers stop, and when they are back. Raises WorldError, LocalError for a refusal."""
+        """Ask; report once when answers stop, and once when they are back. Raises WorldError, LocalError (refused)."""
         with self._lock:
             try:
                 line = json.dumps({REQUEST: request, **self._given, **fields}).encode() + b"\n"
@@ -180,7 +180,7 @@ class RemoteVehicle:
                 if ERROR in answer:
                     raise LocalError(f"the world at {self._address}: {answer[ERROR]}")
                 value = read(answer[ANSWER])
-            # Whatever answers there need not be a world: anything that is not its answer counts as none.
+            # The other end need not be a world: anything that is not an answer counts as no answer.
             except (OSError, WorldError, KeyError, TypeError, ValueError, AttributeError) as error:
                 text = f"the world at {self._address} does not answer: {getattr(error, 'strerror', None) or error}"
                 self._tell(True, f"{text}; nothing moves, and nothing is seen")
@@ -195,7 +195,7 @@ class RemoteVehicle:
 
 
 def _options(answer: dict[str, Any]) -> MatchOptions:
-    """Read what hello says; raises LocalError for another version."""
+    """Read the answer to hello; raises LocalError for another version."""
     if answer["version"] != VERSION:
         raise LocalError(f"the world has version {answer['version']} of the side channel, this program {VERSION}")
     team, errors = TeamColour[answer["team"].upper()], Errors(**answer["errors"])

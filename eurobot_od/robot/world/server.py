@@ -1,7 +1,7 @@
-"""Serves a world to the nodes of other processes, over TCP and in real time (see `channel` for what is said).
+"""Serves a world to the nodes of other processes, over TCP and in real time (see `channel` for the requests).
 
-One thread does it all, and never waits for a client: one that hangs, or does not read its answers, is not read from
-until it does.
+One thread does it all, and never waits for a client: if one hangs, or does not read its answers, nothing more is read
+from it until it does.
 """
 
 from __future__ import annotations
@@ -18,17 +18,17 @@ from eurobot_od.robot.world.world import OURS, World
 from eurobot_od.support.address import Address
 
 LOOKS = 0.1
-"""How often the server looks for news, s."""
+"""Seconds between two looks for news."""
 
 HTTP = re.compile(rb"(GET|HEAD|POST|PUT|DELETE|OPTIONS|PATCH|TRACE|CONNECT) ")
-"""Begins a request of a browser, which ends the connection; a line of ours begins with a brace."""
+"""The beginning of a browser's request, which ends the connection; our own lines begin with a brace."""
 
 REMEMBERED = 10_000
-"""How many steps of each robot are kept: a world that runs for days must not grow without end."""
+"""Steps of each robot that are kept: a world that runs for days must not grow without end."""
 
 
 class _Client(asyncio.Protocol):
-    """A connection, one of all `clients`: takes bytes apart into lines, and answers them."""
+    """A connection, one of all `clients`: splits bytes into lines, and answers them."""
 
     def __init__(self, answer: Callable[[bytes], bytes], clients: set[asyncio.Transport]) -> None:
         self._answer, self._clients, self._rest = answer, clients, b""
@@ -42,10 +42,10 @@ class _Client(asyncio.Protocol):
 
     def data_received(self, data: bytes) -> None:
         *lines, rest = (self._rest + data).split(b"\n")
-        if any(map(HTTP.match, (*lines, rest))):  # a web page can have its browser send this, with a body of our lines
+        if any(map(HTTP.match, (*lines, rest))):  # a web page can make its browser send our lines
             self._transport.abort()
             return
-        self._rest = rest[: LINE_LIMIT + 1]  # enough of a line that is too long to be refused when its end comes
+        self._rest = rest[: LINE_LIMIT + 1]  # enough of a line that is too long to be refused when it ends
         self._transport.write(b"".join(map(self._answer, lines)))  # writelines() of 3.12 cannot pause
 
     def pause_writing(self) -> None:
@@ -57,7 +57,7 @@ class _Client(asyncio.Protocol):
 
 
 class Server:
-    """A world, served; `show` is called with its address, then with each touch and each score as it comes."""
+    """A served world; `show` is called with its address, then with each touch and each score as it comes."""
 
     def __init__(self, world: World, channel: Channel, show: Callable[[MatchEvent], None]) -> None:
         self._world, self._channel, self._show = world, channel, show
@@ -90,9 +90,9 @@ class Server:
             self._look()
 
     def _look(self) -> None:
-        """Tell what is new, and forget what is old."""
+        """Report what is new, and forget what is old."""
         world = self._world
-        world.pose(OURS, 0.0)  # the others are on their rounds, and run into each other, though nobody asks
+        world.pose(OURS, 0.0)  # the others are on their rounds, and run into each other even if nobody asks
         for touch in world.touches[self._touches :]:
             self._show(MatchEvent(touch.time, EventKind.TOUCH, str(touch), touch._asdict()))
         for score in world.game.scores[self._scores :]:

@@ -9,7 +9,7 @@ from typing import Any
 
 
 class EventKind(Enum):
-    """What kind of event it is; the value is the word that heads its line."""
+    """The kind of an event; the value is the word that heads its line."""
 
     START = "start"
     CHECK = "check"

@@ -1,12 +1,15 @@
-"""The world around the robots: where everybody truly is, what they run into, and what they get for what they do.
+"""The world around the robots: where everybody truly is, what they run into, and the points they get.
 
-Theory of operation. The truth stays here; nodes see it through instruments that err (`wheels`, `beacons`, `sensor`),
-which reach their robot by a `Vehicle`. A robot that is driven by nodes moves when its wheels say so, a control period
-at a time. The others, on their rounds, are brought up to the present in steps of PACE whenever anybody asks for
-anything: the world needs neither a thread nor a timer, and where nobody looks nothing is worked out.
+Theory of operation. The truth stays in here. Nodes see it through `instruments`, which have errors and reach their
+robot by a `Vehicle`. A robot that is driven by nodes moves when its wheels say so, one control period at a time. The
+others, on their rounds, are brought up to the present in steps of PACE whenever anybody asks for anything: the world
+needs neither a thread nor a timer, and where nobody looks nothing is computed.
 
-What bodies do to each other is in `contact`, what a robot has before it in `sight`, what it gets for what it did in
-`game`.
+What bodies do to each other is in `contact`, what a robot has ahead of it in `bodies`.
+
+A patrol goes along its way points and back again. It stops for a robot ahead, waits for it to go, and then turns round,
+as it does for anything that holds it up. A careless one does not look out, and stops only when it has driven into
+somebody.
 """
 
 from __future__ import annotations
@@ -14,22 +17,162 @@ from __future__ import annotations
 import math
 import random
 from bisect import bisect_right
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
+from typing import NamedTuple
 
-from eurobot_od.robot.model.facts import Facts
+from eurobot_od.errors import UnknownName
+from eurobot_od.robot.model.facts import Facts, Task, Worth
 from eurobot_od.robot.model.options import MatchOptions
-from eurobot_od.robot.model.places import Point, Pose
+from eurobot_od.robot.model.places import Point, Pose, is_near
 from eurobot_od.robot.model.values import Source, TeamColour
 from eurobot_od.robot.nodes.equipment import Detection
 from eurobot_od.robot.nodes.motion import Odometry
 from eurobot_od.robot.world.bodies import RobotBody, Weight, inside, nearest_ahead, standing
 from eurobot_od.robot.world.contact import Contacts, FallenThing, Touch
-from eurobot_od.robot.world.game import Game, find
-from eurobot_od.robot.world.patrols import Patrol
+
+# The game, as the world referees it
+
+
+REACH = 40.0
+REACH_ANGLE = 8.0
+"""How far from its place a robot can still do a task: mm and degrees."""
+
+
+class Score(NamedTuple):
+    """Points that a robot has made with a task, and when, in s."""
+
+    time: float
+    robot: str
+    task: str
+    points: int
+
+
+class Game:
+    """What has been done on the field. All chance comes from one seed, with a stream for each task."""
+
+    def __init__(self, seed: int) -> None:
+        self.scores: list[Score] = []
+        self._seed = seed
+        self._done: set[tuple[str, str]] = set()
+        self._fruit: dict[str, int] = {}
+
+    def points(self, robot: str) -> int:
+        """Return how many points a robot has."""
+        return sum(score.points for score in self.scores if score.robot == robot)
+
+    def fall(self, task: str) -> None:
+        """Note that something has fallen over, so that it cannot be turned over any more."""
+        self._done.add(("", task))
+
+    def finish(self, robot: str, task: Task, pose: Pose, now: float) -> int:
+        """Judge what a robot has done at its true pose: points or fruit; 0 if it was done before or is out of reach."""
+        # By the true pose, not the believed one: a robot that is wrong about its place misses.
+        if not is_near(pose, task.pose, REACH, REACH_ANGLE):
+            return 0
+        if task.worth is Worth.HARVEST:
+            return self._score(now, robot, task, self._fruit.pop(robot, 0))
+        # Under "", so that whoever comes second finds it done.
+        key = ("" if task.shared else robot, task.name)
+        if key in self._done:
+            return 0
+        self._done.add(key)
+        # A random stream for each task: whether the mammoth is hit must not depend on what was done before.
+        chance = random.Random(f"{self._seed} {robot} {task.name}")
+        came = task.points * sum(chance.random() < task.chance for _ in range(task.tries))
+        if task.worth is Worth.FRUIT:
+            self._fruit[robot] = self._fruit.get(robot, 0) + came
+            return came
+        return self._score(now, robot, task, came)
+
+    def _score(self, now: float, robot: str, task: Task, points: int) -> int:
+        if points:
+            self.scores.append(Score(now, robot, task.name, points))
+        return points
+
+
+def task_of(tasks: dict[str, Task], name: str) -> Task:
+    """Return a task by its name; raises UnknownName."""
+    if name not in tasks:
+        raise UnknownName("task", name, tasks)
+    return tasks[name]
+
+
+# Patrols: the other robots when nobody plays them
+
+
+STRAY = 60
+"""How far a patrol's way points may move with the seed, mm."""
+
+PATROL_SPEEDS = (150.0, 350.0)
+"""Speeds of the slowest and the fastest patrol, mm/s."""
+
+CARELESS = 0.25
+"""Share of the enemies that do not look out."""
+
+LOOK_OUT, BUMPED = 120.0, 1.0
+"""How near a careful robot and a careless one let another robot come that is in their way, mm from edge to edge."""
+
+PATROL_WAIT = 1.5
+"""Seconds that a patrol waits for something in its way."""
+
+
+class Patrol:
+    """A robot on its rounds; `pose` is where it wants to be, and where it looks."""
+
+    def __init__(self, points: Sequence[Point], speed: float, careless: bool = False) -> None:
+        self._points, self.speed, self.careless = tuple(points), speed, careless
+        self._leg, self._step = 1, 1
+        self._waited = 0.0
+        self.pose = Pose(*self._points[0], Pose(*self._points[0], 0).bearing(self._points[1]))
+
+    @property
+    def look_out(self) -> float:
+        """How near it lets a robot come that is in its way, mm from edge to edge."""
+        return BUMPED if self.careless else LOOK_OUT
+
+    def held_up(self, here: Point, dt: float) -> Pose:
+        """Wait `here` for what is in the way, and turn round if that takes too long; return the pose it wants."""
+        self._waited += dt
+        if self._waited >= PATROL_WAIT:
+            # It turns round rather than wait on: two that wait for each other would stand there until the end.
+            self._waited, self._step = 0.0, -self._step
+            self._aim_at_next()
+            self.pose = Pose(*here, Pose(*here, 0).bearing(self._points[self._leg]))
+        return self.pose
+
+    def advance(self, here: Point, dt: float) -> Pose:
+        """Return where it wants to be `dt` seconds after it was `here`; call `gone_on` if it got there."""
+        target, way = self._points[self._leg], self.speed * dt
+        if math.dist(here, target) <= way:
+            self._aim_at_next()
+            target = self._points[self._leg]
+        self.pose = Pose(*here, Pose(*here, 0).bearing(target)).moved(way, 0)
+        return self.pose
+
+    def gone_on(self) -> None:
+        """Note that nothing is in the way any more."""
+        self._waited = 0.0
+
+    def _aim_at_next(self) -> None:
+        self._leg = (self._leg + self._step) % len(self._points)
+
+    @classmethod
+    def of(cls, who: Source, facts: Facts, team: TeamColour, chance: random.Random) -> Patrol:
+        """Make the rounds of a robot in our match as `team`; chance moves the way points a little."""
+        rounds = facts.others[who].rounds
+        points = [Point(x + chance.uniform(-STRAY, STRAY), y + chance.uniform(-STRAY, STRAY)) for x, y in rounds]
+        seen = [facts.field.seen_by(team, point) for point in points]
+        # Drawn even for the confederate, who is never careless, so that the order of the random numbers stays the same.
+        speed, careless = chance.uniform(*PATROL_SPEEDS), chance.random() < CARELESS
+        return cls(seen, speed, careless and who is not Source.CONFEDERATE)
+
+
+# The world
+
 
 PACE = 0.1
-"""Seconds of a step of the robots on their rounds."""
+"""Seconds in a step of the robots on their rounds."""
 
 LOOK_OUT_ANGLE = 50.0
 """How far to either side a robot on its rounds looks, degrees."""
@@ -40,7 +183,7 @@ PLACEMENT_ANGLE = 0.5
 
 OURS = "ours"
 NAMES = {Source.ENEMY_1: "enemy 1", Source.ENEMY_2: "enemy 2", Source.CONFEDERATE: "confederate"}
-"""The robots of a match, by whom our navigation takes them for."""
+"""The names of a match's robots, by whom our navigation takes them for."""
 
 RIVAL = NAMES[Source.ENEMY_1]
 """The other robot that is driven by nodes, if there are two."""
@@ -49,16 +192,15 @@ SEEN_BY = {
     OURS: {Source.INTERNAL: OURS, **NAMES},
     RIVAL: {Source.INTERNAL: RIVAL, Source.ENEMY_1: OURS, Source.ENEMY_2: "confederate", Source.CONFEDERATE: "enemy 2"},
 }
-"""Which robot each of the two takes for whom."""
+"""For each of the two, the robots that it takes for whom."""
 
 
 class World:
-    """A match's world: the true poses of all `robots` by name, the `touches` between them, and the `game`.
+    """The world of a match: the true poses of all `robots` by name, the `touches` between them, and the `game`.
 
-    `facts` are those of our robot and its match, by default what the options say.
-
-    `clock` gives the time in seconds; `watchers` are called with each touch. With a `rival`, enemy 1 is driven by nodes
-    as ours is, and not on its rounds.
+    `facts` are those of our robot and its match, by default what the options say. `clock` gives the time in seconds;
+    `watchers` are called with each touch. With a `rival`, enemy 1 is driven by nodes as ours is, and is not on its
+    rounds.
     """
 
     def __init__(
@@ -90,13 +232,13 @@ class World:
                 self._send(source)
 
     def _stream(self, name: str) -> random.Random:
-        """Return a stream of chance of its own: with one for all, one more question would change all that follows."""
+        """Return a random stream of its own: with one for all, one more question would change all that follows."""
         return random.Random(f"{self._options.seed} {name}")
 
     def _put(self, name: str) -> None:
-        """Put a robot that nodes drive where its team starts."""
+        """Put a robot that is driven by nodes where its team starts."""
         start = self.facts.start(self._teams[name])
-        # Ours has no robot's name in it, and keeps it so: another name would make another match of every seed.
+        # Our stream has no robot's name in it, and must stay so: with another name, every seed would be another match.
         chance = self._stream(f"placement {name}" if name != OURS else "placement")
         spreads = (PLACEMENT, PLACEMENT, PLACEMENT_ANGLE)
         shape = self.facts.body
@@ -130,16 +272,17 @@ class World:
         return self.robots[OURS].trace
 
     def vehicle(self, name: str = OURS) -> LocalVehicle:
-        """Return what the instruments of a robot reach the world by."""
+        """Return the vehicle by which a robot's instruments reach the world."""
         return LocalVehicle(self, name)
 
     # Movements
 
     def move(self, name: str, wanted: Odometry, dt: float) -> float:
-        """Move a robot along an arc as far as nothing is in the way; return how far it came, mm."""
+        """Move a robot along an arc as far as nothing is in the way; return the distance, mm."""
         self._catch_up()
         body = self.robots[name]
-        # As it is driven, not as it gets on: a robot that pushes against another one is at fault although it stands.
+        # The speed of its wheels, not of its progress: a robot that pushes against another one is at fault although it
+        # stands.
         body.speed = wanted.distance / dt if dt else 0.0
         before, there = body.pose, body.pose.moved(*wanted)
         self._go(body, there)
@@ -147,7 +290,7 @@ class World:
             self._fallen.look_at(body, self.clock())
         if body.point == there.point or not self._options.solid:
             return wanted.distance
-        # Along the chord, with its sign: a robot that was pushed back has made a negative way.
+        # Along the chord, with its sign: for a robot that was pushed back, the distance is negative.
         heading = math.radians(before.angle + wanted.turn / 2)
         return (body.point.x - before.x) * math.cos(heading) + (body.point.y - before.y) * math.sin(heading)
 
@@ -160,7 +303,7 @@ class World:
 
     def _catch_up(self) -> None:
         """Bring the robots on their rounds up to the present."""
-        # In steps of their own: what they do must not depend on how often somebody asks where they are.
+        # In steps of their own: what they do must not depend on how often anybody asks where they are.
         while self._now + PACE <= self.clock():
             self._now += PACE
             for name, patrol in self._patrols.items():
@@ -170,7 +313,8 @@ class World:
                     continue
                 before, body.speed = body.point, patrol.speed
                 self._go(body, patrol.advance(before, PACE))
-                # Sliding along something does not count as going on: it would rub there to the end of the match.
+                # Sliding along something does not count as progress: the robot would rub there until the end of the
+                # match.
                 if math.dist(before, body.point) < 0.2 * patrol.speed * PACE:
                     body.angle = patrol.held_up(body.point, PACE).angle
                 else:
@@ -191,7 +335,7 @@ class World:
         return body.trace[max(after - 1, 0)][1]
 
     def ahead(self, name: str, distance: float, angle: float) -> Detection | None:
-        """Return the nearest robot or fallen thing ahead of a robot; all else is lower than a sensor looks."""
+        """Return the nearest robot or fallen thing ahead of a robot; everything else is too low for a sensor."""
         self._catch_up()
         fallen = [] if self._fallen.body is None else [self._fallen.body]
         return nearest_ahead(self.robots[name], [*self.robots.values(), *fallen], distance, angle)
@@ -199,19 +343,19 @@ class World:
     # Tasks
 
     def begin(self, name: str, task: str) -> float:
-        """Begin with a task; return how many seconds it takes. Raises UnknownName."""
-        return find(self.facts.tasks(self._teams[name]), task).seconds
+        """Begin a task; return how many seconds it takes. Raises UnknownName."""
+        return task_of(self.facts.tasks(self._teams[name]), task).seconds
 
     def finish(self, name: str, task: str) -> int:
-        """Finish a task where the robot truly is; return what it came to."""
+        """Finish a task where the robot truly is; return its result."""
         self._catch_up()
         return self.game.finish(
-            name, find(self.facts.tasks(self._teams[name]), task), self.robots[name].pose, self.clock()
+            name, task_of(self.facts.tasks(self._teams[name]), task), self.robots[name].pose, self.clock()
         )
 
 
 class LocalVehicle:
-    """One robot of a world in this process (see `vehicle.Vehicle`)."""
+    """One robot of a world in this process (see `instruments.Vehicle`)."""
 
     def __init__(self, world: World, name: str) -> None:
         self._world, self._name, self._seen = world, name, SEEN_BY[name]
@@ -219,5 +363,5 @@ class LocalVehicle:
         self.begin, self.finish = partial(world.begin, name), partial(world.finish, name)
 
     def pose(self, whom: Source, age: float = 0.0) -> Pose | None:
-        """Return where a robot was `age` seconds ago, as this robot names them."""
+        """Return where a robot was `age` seconds ago, by this robot's name for it."""
         return self._world.pose(self._seen[whom], age)

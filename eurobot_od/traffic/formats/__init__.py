@@ -21,16 +21,16 @@ STANDARD_INPUT = CANDUMP = "log"
 
 
 FORMATS = {
-    CANDUMP: ("candump", "CandumpFormat"),
-    "candump": ("candump", "CandumpFormat"),
-    "asc": ("asc", "AscFormat"),
+    CANDUMP: ("lines", "CandumpFormat"),
+    "candump": ("lines", "CandumpFormat"),
+    "asc": ("lines", "AscFormat"),
     "csv": ("python_can", "read_csv"),
-    "trc": ("trc", "TrcFormat"),
-    "blf": ("blf", "read_blf"),
+    "trc": ("lines", "TrcFormat"),
+    "blf": ("binary", "read_blf"),
     "db": ("python_can", "read_table"),
     "mf4": ("python_can", "read_mf4"),
-    "pcap": ("pcap", "read_pcap"),
-    "pcapng": ("pcap", "read_pcapng"),
+    "pcap": ("binary", "read_pcap"),
+    "pcapng": ("binary", "read_pcapng"),
 }
 """Formats by suffix: a module of this package, and in it a LineFormat or a function; imported when they are needed."""
 

@@ -15,9 +15,18 @@ from rich.text import Text
 from eurobot_od.support.amounts import amount
 from eurobot_od.support.tables import GAP
 from eurobot_od.traffic.meaning import CANOPEN
-from eurobot_od.traffic.monitor.cells import ALIGN, HEADINGS, cells, fitting, health
-from eurobot_od.traffic.monitor.controls import HELP, Controls
-from eurobot_od.traffic.monitor.traffic import MonitorRow, Traffic, selected
+from eurobot_od.traffic.monitor.traffic import (
+    ALIGN,
+    HEADINGS,
+    HELP,
+    Controls,
+    MonitorRow,
+    Traffic,
+    cells,
+    fitting,
+    health,
+    selected,
+)
 
 COLOURS = ("bright_cyan", "green", "yellow", "bright_blue", "bright_magenta")
 """Colours of the groups of messages, in the catalogue's order; further groups have none."""

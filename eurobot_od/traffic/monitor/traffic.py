@@ -7,7 +7,7 @@ came before, and memory does not grow with them.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 from statistics import fmean, pstdev
@@ -15,15 +15,16 @@ from typing import Any, NamedTuple
 
 from eurobot_od.client.watch import Heartbeats
 from eurobot_od.device.nmt import STATE_NAMES, NmtState
-from eurobot_od.frame import Frame
+from eurobot_od.frame import Frame, identifier_text
 from eurobot_od.od.standard import HEARTBEAT_TIME
+from eurobot_od.support.escaping import one_line
+from eurobot_od.support.tables import GAP, columns
+from eurobot_od.traffic.decoding import Following
 from eurobot_od.traffic.entries import Damage, Raw
-from eurobot_od.traffic.following import Following
-from eurobot_od.traffic.load.message_set import MessageSet
+from eurobot_od.traffic.load.analysis import MessageSet
 from eurobot_od.traffic.load.seen import NOTHING, SeenTraffic
-from eurobot_od.traffic.meaning import REQUEST, Decoder, Meaning
+from eurobot_od.traffic.meaning import REQUEST, DamageCounts, Decoder, Meaning, with_defects
 from eurobot_od.traffic.services import EMCY_NAME, GUARDING, HEARTBEAT
-from eurobot_od.traffic.statistics import DamageCounts
 
 REMEMBERED_TIMES = 33
 """Period and jitter are those of the last 32 intervals."""
@@ -172,3 +173,110 @@ def selected(rows: Iterable[MonitorRow], sort: str, part: str) -> list[MonitorRo
 def named(meaning: Meaning, part: str) -> bool:
     """Tell whether `part` is part of the name of a message, of its protocol, or of a node that has it."""
     return part.casefold() in " ".join((meaning.name, meaning.group, *meaning.nodes)).casefold()
+
+
+# Cells of the table as text, the same for every terminal
+
+
+HEADINGS = ("ID", "Message", "Count", "Period ms", "Age s", "Last values")
+ALIGN = "llrrrl"
+
+DROPPED = ("Age s", "Count", "Period ms")
+"""The columns that a narrow terminal drops, the least important first."""
+
+ROOM = 24
+"""Characters for the last values; columns are dropped to keep them."""
+
+
+def fitting(lines: Sequence[Sequence[str]], width: int) -> list[int]:
+    """Return the numbers of the columns that fit into `width` characters; `lines` are the cells of all columns."""
+    widths = [max(map(len, column)) for column in zip(HEADINGS, *lines)]
+    shown = list(range(len(HEADINGS)))
+    for dropped in map(HEADINGS.index, DROPPED):
+        # The last values get what the others leave, so their own width does not count.
+        if sum(widths[each] + len(GAP) for each in shown[:-1]) + ROOM <= width:
+            break
+        shown.remove(dropped)
+    return shown
+
+
+def cells(row: MonitorRow, now: float) -> tuple[str, ...]:
+    """Write a row, one text for each heading."""
+    identifier = "" if row.identifier is None else identifier_text(row.identifier)
+    period = row.period
+    every = f"{period.mean * 1000:.1f} ± {period.jitter * 1000:.1f}" if period else ""
+    age = f"{max(now - row.last, 0.0):.1f}"  # the clocks of driver and computer do not run alike
+    return identifier, one_line(row.name), str(row.count), every, age, one_line(values(row))
+
+
+def values(row: MonitorRow) -> str:
+    """Write the last values and what is wrong with them."""
+    return with_defects(row.meaning) if row.meaning.defects else row.meaning.text
+
+
+def health(name: str, node: NodeHealth, now: float) -> str:
+    """Write the state of a node."""
+    state = "not heard" if node.pulse.heard is None else "LOST" if node.pulse.lost(now) else node.state
+    return one_line(f"{name} {state} ({node.emergency})" if node.emergency else f"{name} {state}")
+
+
+def plain_table(rows: list[MonitorRow], now: float) -> Iterator[str]:
+    """Write the table without colours, one line a row."""
+    return columns([HEADINGS, *(cells(row, now) for row in rows)], ALIGN)
+
+
+# What the keys do
+
+
+ENTER, ESCAPE, BACKSPACES = "\r\n", "\x1b", "\x08\x7f"  # a terminal sends one or the other
+HELP = "q quit  p pause  s sort  / filter  j k scroll  c clear counts"
+
+
+@dataclass
+class Controls:
+    """Settings of the table: `part` is what names must contain, `typing` whether it is being typed.
+
+    `top` is how many rows are scrolled away.
+    """
+
+    sort: str = "identifier"
+    part: str = ""
+    typing: bool = False
+    paused: bool = False
+    clear: bool = False
+    running: bool = True
+    top: int = 0
+
+    def within(self, most: int) -> int:
+        """Return how many rows are scrolled away, `most` at most: what is shown ends with the last row."""
+        # Kept, or each press of `j` beyond the end would have to be taken back by one of `k`.
+        self.top = min(self.top, max(most, 0))
+        return self.top
+
+    def key(self, key: str) -> None:
+        """Take in a key; unknown keys do nothing."""
+        if not self.typing:
+            for name, value in (KEYS[key](self) if key in KEYS else {}).items():
+                setattr(self, name, value)
+        elif key in ENTER:
+            self.typing = False
+        elif key == ESCAPE:
+            self.typing, self.part = False, ""
+        elif key in BACKSPACES:
+            self.part = self.part[:-1]
+        elif key.isprintable():
+            self.part += key
+
+
+ORDERS = list(SORTS)
+
+KEYS: Mapping[str, Callable[[Controls], Mapping[str, object]]] = {
+    **dict.fromkeys("p ", lambda controls: {"paused": not controls.paused}),
+    "s": lambda controls: {"sort": ORDERS[(ORDERS.index(controls.sort) + 1) % len(ORDERS)]},
+    "/": lambda _: {"typing": True, "part": ""},
+    **dict.fromkeys("j\x0e", lambda controls: {"top": controls.top + 1}),
+    **dict.fromkeys("k\x10", lambda controls: {"top": max(controls.top - 1, 0)}),
+    "c": lambda _: {"clear": True},
+    "q": lambda _: {"running": False},
+}
+"""What the keys change while no filter is being typed."""

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import pytest
-
 from eurobot_od.check.conformance import step
 from eurobot_od.check.conformance.clauses import Chapter, StepName, settable
 from eurobot_od.check.conformance.step import Data, Steps
@@ -13,6 +11,7 @@ from eurobot_od.check.conformance.subject import Subject, Tier, need
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.standard import HEARTBEAT_TIME
 from tests.eds_text import DEVICE_TYPE, variable
+from tests.rows import rows
 
 CHAPTER = Chapter[Subject]("odd", "odd things", lambda _: [step.wait("1 ms")])
 
@@ -92,8 +91,6 @@ def test_a_name_is_read_as_it_is_written() -> None:
     assert StepName.of("send Check Drive Request") is None
 
 
-@pytest.mark.parametrize(
-    ("written", "numbers"), [("", ()), ("2.5", ("2.5",)), ("7.1, 7.201 to 7.203", ("7.1", "7.201", "7.202", "7.203"))]
-)
+@rows("written, numbers", [("", ()), ("2.5", ("2.5",)), ("7.1, 7.201 to 7.203", ("7.1", "7.201", "7.202", "7.203"))])
 def test_numbers_one_by_one(written: str, numbers: tuple[str, ...]) -> None:
     assert StepName("7.4", "x", "y", "reading", written).numbers == numbers

@@ -5,13 +5,12 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-import pytest
-
 from eurobot_od.check.conformance import ctt, suite
 from eurobot_od.check.conformance.clauses import StepName
 from eurobot_od.check.conformance.ctt import Verdict
-from eurobot_od.check.results import Reason, Status, StepResult, SuitePart, SuiteResult
+from eurobot_od.check.results import Status, StepReason, StepResult, SuitePart, SuiteResult
 from eurobot_od.support.yaml_places import Place
+from tests.rows import rows
 
 GUIDE = Path(__file__).parents[3] / "docs" / "conformance.md"
 CLAUSES = [clause for chapter in suite.CHAPTERS for clause in chapter]
@@ -37,7 +36,7 @@ def test_the_guide_names_each_test_once() -> None:
 def run(*steps: tuple[str, Status, str]) -> SuiteResult:
     """A run whose steps have numbers, statuses and reasons."""
     done = (
-        StepResult(SuitePart.STEPS, f"7.4 x: y [reading, CTT {number}]", Place(1, 1), status, 0, 0, Reason(why))
+        StepResult(SuitePart.STEPS, f"7.4 x: y [reading, CTT {number}]", Place(1, 1), status, 0, 0, StepReason(why))
         for number, status, why in steps
     )
     return SuiteResult(Path("device.yaml"), "suite", "simulated", tuple(done))
@@ -53,7 +52,7 @@ JUDGED = [
 ]
 
 
-@pytest.mark.parametrize(("steps", "verdict", "why"), JUDGED)
+@rows("steps, verdict, why", JUDGED)
 def test_a_red_step_fails_a_test_and_a_green_one_passes_it(
     steps: list[tuple[str, Status, str]], verdict: Verdict, why: str
 ) -> None:

@@ -38,6 +38,7 @@ from tests.kit.devices import (
     suites,
     suites_of,
 )
+from tests.rows import rows
 
 LONG = ("compact_drive.eds", "configured.dcf", "editor_with_comments.eds", "generated.eds")
 FILES = [
@@ -125,7 +126,7 @@ LACKING = [
 ]
 
 
-@pytest.mark.parametrize(("name", "clause", "reason"), LACKING)
+@rows("name, clause, reason", LACKING)
 def test_what_a_file_lacks_is_skipped_with_the_reason(name: str, clause: str, reason: str) -> None:
     skipped = [each for each in steps(suites(SAMPLES / name)) if each.status is Status.SKIPPED]
     reasons = [each.reason.what for each in skipped if each.reason and each.name.startswith(f"{clause} ")]
@@ -141,7 +142,7 @@ HEARTBEAT_LIMITS = {
 }
 
 
-@pytest.mark.parametrize("limits", HEARTBEAT_LIMITS)
+@rows("limits", HEARTBEAT_LIMITS)
 def test_states_are_watched_by_heartbeats_that_come_soon_or_not_at_all(limits: str) -> None:
     default, watched = HEARTBEAT_LIMITS[limits]
     text = DEVICE_TYPE + variable("1017", "Producer heartbeat time", "UNSIGNED16", default, limits)
@@ -162,6 +163,13 @@ def test_an_identity_without_a_default_is_that_of_the_device_info() -> None:
     step = 'Identity: 0x1018:1 Entry 1 [reading]", sdo: {read: "0x1018:1", data: "42 00 00 00"}'
     assert step in made(identity, "[DeviceInfo]\nVendorNumber=0x42\n")
     assert "the file does not say it" in made(identity)
+
+
+def test_a_number_of_the_device_info_that_its_object_cannot_have_is_skipped() -> None:
+    identity = record(0x1018, "Identity", (0, "UNSIGNED8", "2"), (1, "UNSIGNED16", None), (2, "VISIBLE_STRING", None))
+    text = made(identity, "[DeviceInfo]\nVendorNumber=84078612\nProductNumber=7\n")
+    assert "[DeviceInfo] of the file: 84078612 is not UNSIGNED16" in text
+    assert "[DeviceInfo] of the file: 7 is not VISIBLE_STRING" in text
 
 
 def test_of_a_device_without_a_number_that_may_be_written_none_is_written() -> None:
@@ -280,8 +288,8 @@ def test_a_destructive_suite_is_green_and_leaves_the_defaults() -> None:
 
 
 @pytest.mark.long
-@pytest.mark.parametrize(
-    ("requests", "answers"),
+@rows(
+    "requests, answers",
     [
         ("0x601", "0x581"),  # copied from node 1: the server is at the device's own identifiers
         ("0x80000605", "0x80000585"),  # not valid: the server is there all the same

@@ -5,14 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-import pytest
-
 from eurobot_od.device.faults.device import FAULTS
 from eurobot_od.device.nmt import NmtCommand
 from eurobot_od.device.simulated import SimulatedDevice
 from eurobot_od.frame import Frame
 from tests.device.io_module import NODE_ID, module
 from tests.device.master import NodeWire
+from tests.rows import rows
 
 HEARTBEATS, EMERGENCIES, ANSWERS, CHANGED, CYCLIC = (base + NODE_ID for base in (0x700, 0x080, 0x580, 0x180, 0x280))
 PRODUCT = Frame(0x600 + NODE_ID, bytes.fromhex("4018100200000000"))
@@ -111,7 +110,7 @@ def sent(case: Case, kind: type[SimulatedDevice]) -> str:
     return " ".join(frame.data.hex() for frame in wire.heard if frame.cob_id == case.cob_id)
 
 
-@pytest.mark.parametrize("name", FAULTS)
+@rows("name", FAULTS)
 def test_a_fault_does_what_it_says(name: str) -> None:
     case = CASES[name]
     assert sent(case, SimulatedDevice) == case.healthy

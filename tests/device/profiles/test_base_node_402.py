@@ -37,6 +37,7 @@ def drive() -> Iterator[Any]:
         network.connect(interface="virtual", channel=channel)
         master: Any = PatientMaster
         node = network.add_node(master(NODE_ID, SERVO.objects))
+        node.sdo.RESPONSE_TIMEOUT = LONGEST
         node.nmt.state = "PRE-OPERATIONAL"
         node.setup_402_state_machine()
         node.nmt.state = "OPERATIONAL"

@@ -55,8 +55,8 @@ def test_what_a_file_prints_does_not_get_into_the_output(mine: Path, capsys: pyt
 
 WRONG = [
     ("x = 1\n", "{file}: no `play` in it; write `async def play(core)`"),
-    ("\ndef play(core):\n    pass\n", "{file}:2: `play` is no coroutine function; write `async def play(core)`"),
-    ("play = 5\n", "{file}: `play` is no coroutine function; write `async def play(core)`"),
+    ("\ndef play(core):\n    pass\n", "{file}:2: `play` is not a coroutine function; write `async def play(core)`"),
+    ("play = 5\n", "{file}: `play` is not a coroutine function; write `async def play(core)`"),
     (
         "async def play():\n    pass\n",
         "{file}:1: `play` is called with the core and nothing else: too many positional arguments",

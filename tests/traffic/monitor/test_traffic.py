@@ -12,8 +12,7 @@ from eurobot_od.robot import dialects
 from eurobot_od.robot.model.messages import GotoStateResponse, GotoXY, KalmanPositionRequest
 from eurobot_od.robot.protocol import decoder
 from eurobot_od.traffic.entries import Damage, Foreign
-from eurobot_od.traffic.monitor.cells import HEADINGS, health, plain_table
-from eurobot_od.traffic.monitor.traffic import SORTS, MeanPeriod, Traffic, selected
+from eurobot_od.traffic.monitor.traffic import HEADINGS, SORTS, MeanPeriod, Traffic, health, plain_table, selected
 
 DECODER = decoder(dialects.DEFAULT)
 REQUEST = DECODER.protocol.encode(KalmanPositionRequest())

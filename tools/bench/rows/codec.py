@@ -217,7 +217,7 @@ def _decode(name: str, message: Message) -> Series:
     return _series(
         task,
         partial(decoders, message),
-        _claim(task, "decode_message", "cantools decode_message", 3),
+        _claim(task, "decode_message", "cantools decode_message", 2.8),
         _claim(task, "decode_simple", "cantools decode_simple"),
         _claim(task, "variables", "canopen's PDO variables"),
         _claim(task, "bitstruct", "bitstruct, a dict of integers"),
@@ -229,7 +229,7 @@ def _encode(name: str, message: Message) -> Series:
     return _series(
         task,
         partial(encoders, message),
-        _claim(task, "encode_message", "cantools encode_message", 10),
+        _claim(task, "encode_message", "cantools encode_message", 9.5),
         _claim(task, "strict=False", "cantools, strict=False"),
         _claim(task, "cheapest", "cantools' cheapest, no scaling either"),
         _claim(task, "variables", "canopen's PDO variables"),

@@ -23,12 +23,11 @@ from eurobot_od.bus.live import Live
 from eurobot_od.client.configure import all_writes, configure
 from eurobot_od.client.description import Description, from_file
 from eurobot_od.client.master import Master
-from eurobot_od.client.pdo_mapping import pdo_of
 from eurobot_od.client.reading import parameters
 from eurobot_od.od import dcf
 from eurobot_od.od.concise import Write
 from eurobot_od.od.objects import address_of, default_of, limits
-from eurobot_od.od.values import Address, Value
+from eurobot_od.od.values import Address, Value, pdo_of
 from eurobot_od.robot import dialects
 from eurobot_od.robot.nodes import ROLES
 
@@ -65,9 +64,9 @@ def other_values(description: Description) -> Iterator[tuple[Address, int]]:
             continue
         if not isinstance(value, int) or range_ is None:
             continue
-        if pdo_of(address) is None:
+        if pdo_of(address[0]) is None:
             yield address, value + 1 if value < range_.high else int(range_.low)
-        elif pdo_of(address) == each.index and each.subindex == TRANSMISSION_TYPE:
+        elif pdo_of(address[0]) == each.index and each.subindex == TRANSMISSION_TYPE:
             yield address, EVENT_DRIVEN
 
 

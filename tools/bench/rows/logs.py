@@ -88,6 +88,15 @@ def candump(traffic: Traffic, full: int, scale: Scale) -> Iterator[Mapping[str, 
 
 
 @contextmanager
+def counted(scale: Scale) -> Iterator[Mapping[str, Contender]]:
+    """Write a candump log, and give what decodes it and what counts it."""
+    with tempfile.TemporaryDirectory() as folder:
+        write_candump(log := Path(folder, "traffic.log"), random_traffic(scale.of(100_000, 200)))
+        words = {"decode": (), "statistics": ("--statistics",)}
+        yield {name: partial(run, [*OURS, "decode", *more, log]) for name, more in words.items()}
+
+
+@contextmanager
 def _folder() -> Iterator[tuple[Path, Path]]:
     """Make a folder with the DBC file for the peers."""
     with tempfile.TemporaryDirectory() as name:
@@ -153,9 +162,15 @@ def _other(suffix: str) -> Series:
 
 
 SERIES = (
-    _candump("decode 1000 lines", 1000, 1),
-    _candump("decode 100 000 lines", 100_000, 3),
-    _candump("decode 1 000 000 lines", 1_000_000),
+    _candump("decode 1000 lines", 1000),
+    _candump("decode 100 000 lines", 100_000),
+    _candump("decode 1 000 000 lines", 1_000_000, 6),
     _candump("decode 100 000 lines of one match repeated", 100_000, traffic=recorded_traffic),
+    Series(
+        "logs",
+        "decode --statistics of 100 000 lines",
+        counted,
+        (Claim("decode --statistics of 100 000 lines: decode", "statistics", "decode", Way.RATIO, 1.3),),
+    ),
     *map(_other, WRITERS),
 )

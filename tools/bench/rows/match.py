@@ -12,7 +12,8 @@ from contextlib import contextmanager
 from functools import partial
 
 from bench.measure import Claim, Contender, NotHere, Scale, Series, Way
-from bench.process import OURS, run
+from bench.process import OURS, PYTHON, run
+from bench.rows.startup import ALL, LOADING, eds_files
 
 JOBS = 2
 SHORT = ("--duration", "5")
@@ -20,8 +21,11 @@ SHORT = ("--duration", "5")
 
 @contextmanager
 def one(scale: Scale) -> Iterator[Mapping[str, Contender]]:
-    """Give a match with all defaults."""
-    yield {"ours": partial(run, [*OURS, "match", *SHORT * scale.short])}
+    """Give a match with all defaults, and canopen that reads its EDS files."""
+    yield {
+        "canopen": partial(run, [PYTHON, "-c", LOADING, *eds_files(ALL)]),
+        "ours": partial(run, [*OURS, "match", *SHORT * scale.short]),
+    }
 
 
 @contextmanager
@@ -37,7 +41,12 @@ def many(scale: Scale) -> Iterator[Mapping[str, Contender]]:
 
 
 SERIES = (
-    Series("match", "match", one, (Claim("a match of 90 s, whole process", "ours", None, Way.ALONE, 1.0),)),
+    Series(
+        "match",
+        "match",
+        one,
+        (Claim("a match of 90 s: canopen reading its files", "ours", "canopen", Way.RATIO, 6.0),),
+    ),
     Series(
         "match",
         "match --seeds",

@@ -147,8 +147,8 @@ def opened(different: int, scale: Scale) -> Iterator[Mapping[str, Contender]]:
 
 
 CLAIMS = (
-    Claim("frame to typed message in a queue: bare Notifier", "queue", "notifier", Way.RATIO, 1.6),
-    Claim("frame to a node: bare Notifier", "node", "notifier", Way.RATIO, 1.6),
+    Claim("frame to typed message in a queue: bare Notifier", "queue", "notifier", Way.RATIO, 1.7),
+    Claim("frame to a node: bare Notifier", "node", "notifier", Way.RATIO, 1.7),
     Claim("frame to a function in its own thread: bare Notifier", "function", "notifier", Way.RATIO),
     *(Claim(f"{n} listeners on other messages: 1", f"{n} others", "queue", Way.RATIO, 1.1) for n in OTHERS),
 )

@@ -6,13 +6,15 @@ a command opens no other is counted too.
 
 from __future__ import annotations
 
-import os
 import tempfile
-from collections.abc import Iterator, Mapping, Sequence
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 from typing import NamedTuple
+
+import canopen
 
 from bench.eds import make_eds
 from bench.measure import Claim, Contender, Figures, Quantity, Scale, Series, Way
@@ -21,6 +23,7 @@ from bench.traffic import recorded_traffic, write_candump
 from eurobot_od.client.description import from_file
 from eurobot_od.client.reading import parameters
 from eurobot_od.od import dcf
+from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.objects import address_of
 from eurobot_od.robot import dialects
 
@@ -33,12 +36,13 @@ ALL = ("core", NODE, "navigation")
 class Command(NamedTuple):
     """A command by name, and the nodes whose EDS files it needs; `{...}` among its words are files of `made_files`.
 
-    One that goes on until it is ended counts until its first line.
+    One that goes on until it is ended counts until its first line. `wanted` is the ratio to canopen's time.
     """
 
     name: str
     needs: tuple[str, ...]
     words: str
+    wanted: float | None = None
     goes_on: bool = False
 
     def line(self, files: Mapping[str, Path]) -> list[str]:
@@ -47,21 +51,21 @@ class Command(NamedTuple):
 
 
 COMMANDS = (
-    Command("show", ALL, "show"),
-    Command("show NAME", ALL, "show Goto_XY"),
-    Command("decode, empty log", ALL, "decode {empty}"),
+    Command("show", ALL, "show", 1.25),
+    Command("show NAME", ALL, "show Goto_XY", 1.25),
+    Command("decode, empty log", ALL, "decode {empty}", 1.25),
     Command("export dbc", ALL, "export dbc -o {output}"),
     Command("export cdcf", (NODE,), "export cdcf {dcf} -o {output}"),
     Command("diff of a file with itself", (NODE,), "diff {eds} {eds}"),
     Command("lint of a node's file", (NODE,), "lint {eds}"),
-    Command("check --list of a suite", ALL, "check --list {suite}"),
-    Command("check --schema", ALL, "check --schema"),
+    Command("check --list of a suite", ALL, "check --list {suite}", 1.25),
+    Command("check --schema", ALL, "check --schema", 1.25),
     Command("faults", (), "faults"),
-    Command("field, short log", ALL, "field {short} -o {picture}"),
+    Command("field, short log", ALL, "field {short} -o {picture}", 1.4),
     Command("monitor, short log", ALL, "monitor --speed max {short}"),
     Command("send on the in-process bus", ALL, "send Goto_XY x=1 y=1 angle=1 speed=1 -i virtual"),
-    Command("match, until it begins", ALL, "match", goes_on=True),
-    Command("node, until it runs", (NODE,), f"node {NODE} -i virtual", goes_on=True),
+    Command("match, until it begins", ALL, "match", 1.4, goes_on=True),
+    Command("node, until it runs", (NODE,), f"node {NODE} -i virtual", 1.4, goes_on=True),
 )
 ENDING = (
     *(command for command in COMMANDS if not command.goes_on),
@@ -132,8 +136,7 @@ def bare(_: Scale) -> Iterator[Mapping[str, Contender]]:
             "pass": partial(run, [PYTHON, "-c", "pass"]),
             "--help": partial(run, [*OURS, "--help"]),
             "lint": partial(run, [*OURS, "lint", files["minimal"]]),
-            "show": partial(run, [*OURS, "show"]),
-            "decode": partial(run, [*OURS, "decode", "--format", "log", os.devnull]),
+            "completion": partial(run, [*OURS, "completion", "bash"]),
         }
 
 
@@ -150,6 +153,27 @@ def started(command: Command, files: Mapping[str, Path]) -> Figures:
     """Measure a command."""
     words = [*OURS, *command.line(files)]
     return until_first_line(words) if command.goes_on else run(words)
+
+
+# A file, within a program that has both
+
+
+@contextmanager
+def loading(scale: Scale) -> Iterator[Mapping[str, Contender]]:
+    """Give both readers of an EDS file."""
+    file, times = eds_files([NODE])[0], scale.of(10, 1)
+    yield {
+        "ours": partial(timed, partial(Dictionary.load, file), times),
+        "import_od": partial(timed, partial(canopen.import_od, str(file)), times),
+    }
+
+
+def timed(load: Callable[[], object], times: int) -> Figures:
+    """Load a file so many times, and give the time of one."""
+    begin = time.perf_counter()
+    for _ in range(times):
+        load()
+    return {Quantity.TIME: (time.perf_counter() - begin) / times}
 
 
 # Files
@@ -179,8 +203,8 @@ def opened(command: Command, files: Mapping[str, Path]) -> set[str]:
     return set(report.read_text().split("\n")) - {""}
 
 
-BARE = {"--help": 0.020, "lint": 0.040, "show": 0.040, "decode": 0.040}
-"""Commands that start without canopen, and how many seconds more than a bare Python they may take."""
+BEYOND_PYTHON = 0.080
+"""Seconds more than a bare Python that a command may take which starts without canopen."""
 
 SERIES = (
     Series(
@@ -188,7 +212,8 @@ SERIES = (
         "start without canopen",
         bare,
         tuple(
-            Claim(f"{name} beyond python -c pass", name, "pass", Way.DIFFERENCE, most) for name, most in BARE.items()
+            Claim(f"{name} beyond python -c pass", name, "pass", Way.DIFFERENCE, BEYOND_PYTHON)
+            for name in ("--help", "lint", "completion")
         ),
     ),
     Series(
@@ -196,9 +221,16 @@ SERIES = (
         "start of commands",
         beside_canopen,
         tuple(
-            Claim(f"start of {each.name}: {peer(each.needs)}", each.name, peer(each.needs), Way.RATIO, 1.3)
+            Claim(f"start of {each.name}: {peer(each.needs)}", each.name, peer(each.needs), Way.RATIO, each.wanted)
             for each in COMMANDS
         ),
+    ),
+    Series(
+        "startup",
+        "load an EDS file",
+        loading,
+        (Claim("load a node's file: canopen's import_od", "ours", "import_od", Way.RATIO, 1.6),),
+        often=3,
     ),
     Series(
         "startup",

@@ -8,7 +8,7 @@ from eurobot_od.errors import UnknownName
 from eurobot_od.frame import Frame
 from eurobot_od.robot import dialects
 from eurobot_od.robot.protocol import EurobotProtocol
-from eurobot_od.traffic.senders import by_sender
+from eurobot_od.traffic.filters import by_sender
 
 PROTOCOL = EurobotProtocol.load()
 OUTLINES = dialects.load_all()

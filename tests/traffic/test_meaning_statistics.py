@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from eurobot_od.traffic.entries import Damage
-from eurobot_od.traffic.meaning import Defect
-from eurobot_od.traffic.statistics import DamageCounts
+from eurobot_od.traffic.meaning import DamageCounts, Defect
 
 
 def test_each_kind_is_counted_and_has_its_first_place() -> None:

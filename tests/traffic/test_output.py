@@ -12,8 +12,7 @@ from eurobot_od.frame import Frame
 from eurobot_od.robot import dialects
 from eurobot_od.robot.protocol import decoder as robot_decoder
 from eurobot_od.traffic.entries import Damage, Foreign, Raw
-from eurobot_od.traffic.formats.records import CsvOutput, JsonOutput
-from eurobot_od.traffic.output import Output
+from eurobot_od.traffic.output import CsvOutput, JsonOutput, Output
 
 DECODER = robot_decoder(dialects.DEFAULT)
 PLACE = {"log": 'a "log", 1', "line": 7, "channel": "can,0"}
