@@ -48,7 +48,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> ExitStatus:
     """Send the message or frame; 1 if the expected answer does not come in time."""
     within = durations.seconds(arguments.within)  # all of the line is read before anything goes out
-    protocol = shared.Devices.of(arguments).protocol()
+    devices, expect = shared.Devices.of(arguments), arguments.expect
+    are_frames = all(FRAME_MARK in each for each in (arguments.message, expect or FRAME_MARK))
+    # What decodes them needs no file, and a frame can be sent without.
+    protocol = devices.decoder().protocol if are_frames else devices.protocol()
     frame, words = question(protocol, arguments.message, arguments.fields)
     expected = expectation(protocol, arguments.expect) if arguments.expect else None
     # Printed once it is sent; before that the line would be false if the bus does not take the frame.

@@ -50,7 +50,7 @@ class TrafficEntry(NamedTuple):
 class NetworkFile(NamedTuple):
     """What a network file says: its nodes, shared messages, messages by urgency, bit rate, what is sent how often.
 
-    `robot` is what `plugin.find` finds, a folder relative to the file; such a file need not name nodes. `master` is the
+    `robot` is the name of an installed robot (see `plugin`); such a file need not name nodes. `master` is the
     node that leads the network, or any other name for a master without a file, such as a PC.
     """
 

@@ -17,7 +17,7 @@ a node may be called `off`, and what YAML 1.1 makes of it does not count.
     traffic:                                  # how often what is sent, for `load`: a duration, or a setting in ms
       Goto XY: {every: Goto handshake.Confirm wait, deadline: 50 ms, reason: sent again until it is confirmed}
       Goto Confirm: {answers: Goto XY, jitter: 1 ms}
-    robot: .                                  # whose messages and nodes these are, for `--robot` where it is left out
+    robot: eurobot2014                        # an installed robot, whose messages and nodes these are without `--robot`
 """
 
 from __future__ import annotations
