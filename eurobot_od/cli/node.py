@@ -90,7 +90,7 @@ def run(arguments: argparse.Namespace) -> ExitStatus | None:
     """Run the node until its time is over, an interrupt, or the bus's failure; raises BusError, WorldError."""
     from eurobot_od.bus.live import Live
     from eurobot_od.device.station import OnError
-    from eurobot_od.od.sdo_channel import moved_server
+    from eurobot_od.od.dictionary import moved_server
 
     everybody = _all(arguments) if arguments.node is None else []
     if everybody:
@@ -139,7 +139,7 @@ def _run_all(bus: can.BusABC, nodes: list[Node], duration: float | None) -> None
     """Run several devices on one bus until the time is over, or an interrupt; raises BusError."""
     from eurobot_od.bus.live.group import LiveGroup
     from eurobot_od.device.station import NodeGroup
-    from eurobot_od.od.sdo_channel import moved_server
+    from eurobot_od.od.dictionary import moved_server
 
     for node in nodes:
         node.alarm = partial(_alarm, node)

@@ -324,7 +324,7 @@ class Devices(NamedTuple):
         """Return the words of --emcy by node-ID, 0 for all nodes; raises FileError."""
         if not self.emcy:
             return {}  # most commands start without YAML
-        from eurobot_od.od.emcy_file import read_error_words
+        from eurobot_od.od.yaml_files import read_error_words
 
         found: dict[int, dict[int, str]] = {}
         for file, node_id in (network.node_file(text)[:2] for text in self.emcy):
@@ -407,7 +407,7 @@ def _fitting(files: Sequence[NodeFile], node: str) -> list[int]:
 
 def complain_of_repairs(dictionaries: Iterable[Dictionary]) -> None:
     """Say in a line for each file what had to be repaired to read it, what is left out, and what looks like a copy."""
-    from eurobot_od.od.sdo_channel import SdoChannel, moved_server
+    from eurobot_od.od.dictionary import SdoChannel, moved_server
 
     # By file: two nodes may share one, and it was repaired once.
     for file, each in {each.file: each for each in dictionaries}.items():

@@ -48,7 +48,7 @@ def is_network(path: str | Path) -> bool:
 
 
 def _read_yaml(text: str, file: str) -> NetworkFile:
-    from eurobot_od.od.network_yaml import read_network_file  # most commands start without YAML
+    from eurobot_od.od.yaml_files import read_network_file  # most commands start without YAML
 
     return read_network_file(text, file)
 

@@ -58,7 +58,7 @@ def own_robot(
 
     @cache
     def faults() -> Faults:
-        from eurobot_od.device.faults.messages import generated
+        from eurobot_od.device.faults.fault import generated
         from eurobot_od.pdo.protocol import Protocol
 
         ours = set(ROBOT.catalogue().types)

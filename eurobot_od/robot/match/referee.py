@@ -14,8 +14,7 @@ from math import ceil, inf
 from pathlib import Path
 from typing import Any, TypeAlias
 
-from eurobot_od.bus.live.event_loop import exited
-from eurobot_od.bus.live.signals import Terminated
+from eurobot_od.bus.live.event_loop import Terminated, exited
 from eurobot_od.bus.live.watchdog import Hang, caller
 from eurobot_od.device.flow import Call
 from eurobot_od.errors import LocalError, ProgramFailed, RemoteError, StateError

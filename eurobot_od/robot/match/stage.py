@@ -18,8 +18,7 @@ import can
 from eurobot_od import plugin
 from eurobot_od.bus import live as runtime
 from eurobot_od.bus.live import BITRATE, Live
-from eurobot_od.bus.live.event_loop import run, run_in, watched_loop
-from eurobot_od.bus.live.signals import EndedBySigterm
+from eurobot_od.bus.live.event_loop import EndedBySigterm, run, run_in, watched_loop
 from eurobot_od.bus.live.watchdog import Watchdog, passing
 from eurobot_od.bus.simulated import loop as simulated_loop
 from eurobot_od.bus.simulated.network import Simulation, processing_time

@@ -12,10 +12,9 @@ from collections.abc import Iterable, Iterator, Mapping
 
 from eurobot_od.errors import DictionaryError, FileError, LocalError
 from eurobot_od.od import standard, values
-from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.dictionary import Dictionary, SdoChannel
 from eurobot_od.od.network_file import NetworkFile, TrafficEntry
 from eurobot_od.od.pdos import Pdo
-from eurobot_od.od.sdo_channel import SdoChannel
 from eurobot_od.od.values import PdoDirection
 from eurobot_od.support import durations
 from eurobot_od.traffic.load.analysis import MessageSet, PeriodicMessage

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from eurobot_od.errors import FileError, YamlError
-from eurobot_od.od.emcy_file import read_error_words
+from eurobot_od.od.yaml_files import read_error_words
 from tests.rows import rows
 
 

@@ -7,7 +7,7 @@ import threading
 
 import pytest
 
-from eurobot_od.bus.live.signals import TERMINATED, EndedBySigterm
+from eurobot_od.bus.live.event_loop import TERMINATED, EndedBySigterm
 
 
 def tell() -> None:
