@@ -59,7 +59,6 @@ def read_network_file(text: str, file: str) -> NetworkFile:
 
 # A maker's words for emergency error codes: `0x7310: speed`, `0x73xx: sensor`, `0xFF01..0xFF0F: axis`
 
-
 KEY = re.compile(r"0x(?P<first>[0-9A-F]{1,4}|[0-9A-F]{2,3}X{1,2})(\.\.0x(?P<last>[0-9A-F]{1,4}))?", re.IGNORECASE)
 """A code, a class of codes with an x for any digit, or the first and the last of a range."""
 

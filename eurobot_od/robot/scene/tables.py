@@ -147,7 +147,7 @@ def timeline(recording: Recording) -> str:
         *_bars(recording.gotos, x, end),
         *(svg.moved(where, style.stop_mark(letter)) for where, letter in _signs(recording.stops, x)),
         *(svg.moved((x(each.time), TIME_Y + BAR / 2), style.touch_mark(each.at_fault)) for each in touches),
-        *_points(scores, x),
+        *_points(recording, x),
         style.label((WIDTH, CAPTION_Y), caption, fill=style.PALE, size=style.SMALL, anchor="end"),
     )
 
@@ -204,8 +204,9 @@ CHARACTER = 17
 """About the width of a character of a small text."""
 
 
-def _points(scores: Sequence[ScoredTask], x: Callable[[float], float]) -> Iterator[str]:
+def _points(recording: Recording, x: Callable[[float], float]) -> Iterator[str]:
     """Draw the points of each robot as steps over the time, and name the tasks that brought ours."""
+    scores, ours = recording.truth.scores, style.team_colour(recording.team)
     # The scale is that of the robot with the most points, so it is known only after all of them are added up.
     totals: Counter[str] = Counter()
     for each in scores:
@@ -220,7 +221,7 @@ def _points(scores: Sequence[ScoredTask], x: Callable[[float], float]) -> Iterat
             points += each.points
         steps.append((WIDTH, points))
         line = [(place, SCORE_Y + SCORE_BAR * (1 - height / max(totals.values()))) for place, height in steps]
-        colour, dashes = (style.GOTO, None) if robot == OURS else (style.colour_of(robot), "18 12")
+        colour, dashes = (ours, None) if robot == OURS else (style.colour_of(robot), "18 12")
         last = max(line[-1][1], last + ROW)  # two that are nearly equal are written below each other
         yield svg.polyline(line, fill="none", stroke=colour, stroke_width=7, stroke_dasharray=dashes)
         yield style.label((WIDTH + 12, last + 11), str(total), fill=colour, anchor="start")

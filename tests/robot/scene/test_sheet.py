@@ -221,7 +221,7 @@ def test_points_stand_along_the_time_with_what_brought_them() -> None:
             for each in drawing.iter(f"{SVG}polyline")
             if each.get("stroke") == colour and each.get("stroke-width") == "7"
         ]
-        for colour in (light(style.GOTO), light(style.colour_of("enemy 1")))
+        for colour in (light(style.colour_of("red")), light(style.colour_of("enemy 1")))
     )
     assert [len(line.attrib["points"].split()) for line in (*ours, *other)] == [6, 4]  # two corners a step
     assert "red team, 1 enemy, 0 confederates, 1 of 2 gotos reached, 1 stop, 2 touches, 9 points, 16 s" in words(
