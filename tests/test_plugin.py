@@ -58,6 +58,7 @@ def install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Install
     def add(entry: str, **modules: str) -> None:
         for name, text in modules.items():
             (site / f"{name}.py").write_text(text)
+            monkeypatch.delitem(sys.modules, name, raising=False)  # another of that name, such as one of the tools
         package = site / f"{entry.partition(' ')[0]}-1.0.dist-info"
         package.mkdir()
         (package / "entry_points.txt").write_text(

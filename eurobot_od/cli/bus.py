@@ -29,8 +29,7 @@ from eurobot_od.od import network
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.values import BASE_IDENTIFIER, NMT_COB_ID, SYNC_COB_ID, TIME_COB_ID, parse_number
 from eurobot_od.support import durations
-from eurobot_od.support.escaping import one_line
-from eurobot_od.support.tables import columns
+from eurobot_od.support.texts import columns, one_line
 
 
 def scan(access: Access, *, listen: Seconds = 1.5, as_json: Json = False) -> ExitStatus:

@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 from eurobot_od.check import report
-from eurobot_od.check.reader import SuiteError
 from eurobot_od.check.results import CheckedSeed, SuiteResult
 from eurobot_od.check.runner import Interrupt
 from eurobot_od.cli import ExitStatus, version
@@ -117,11 +116,7 @@ def check(
         if output is not None:
             write(output, "".join(checks.made.texts(checks.devices.load()).values()))
             return ExitStatus.FINE
-        try:
-            suites = checks.suites(reader)
-        except SuiteError as error:
-            print(error, file=sys.stderr)
-            return ExitStatus.WRONG_INPUT
+        suites = checks.suites(reader)
     if list:
         print(*listed(suites), sep="\n")
         return ExitStatus.FINE

@@ -23,9 +23,9 @@ from eurobot_od.od import network
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.pdos import OnRefused
 from eurobot_od.od.values import MOST_SUBS
-from eurobot_od.support.escaping import one_line
 from eurobot_od.support.files import digest_of
 from eurobot_od.support.terminal import in_colour
+from eurobot_od.support.texts import one_line
 
 if TYPE_CHECKING:
     from eurobot_od.check.conformance.page import DeviceRun
@@ -168,7 +168,7 @@ class Checks:
         return SuiteReader(networks, self.devices.dialect)
 
     def suites(self, reader: SuiteReader) -> list[Suite]:
-        """Read the suites that are asked for; raises SuiteError, LocalError."""
+        """Read the suites that are asked for; raises YamlError, LocalError."""
         if self.made.is_wanted:
             read = reader.read_texts(self.made.texts(self.devices.load()))
         else:

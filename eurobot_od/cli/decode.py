@@ -18,7 +18,7 @@ from eurobot_od.cli.signature import HelpGroup, Option
 from eurobot_od.errors import LocalError, UnknownName
 from eurobot_od.frame import Frame
 from eurobot_od.pdo.protocol import Protocol
-from eurobot_od.support.amounts import amount
+from eurobot_od.support.texts import amount
 from eurobot_od.traffic.decoding import Decoding
 from eurobot_od.traffic.filters import Wanted, Window, by_name, by_node, by_value
 from eurobot_od.traffic.meaning import Decoder

@@ -16,14 +16,13 @@ from eurobot_od.cli import RobotName, complain, is_alone
 from eurobot_od.cli.options import BusOptions
 from eurobot_od.cli.signature import HelpGroup, Option, Parser, ahead
 from eurobot_od.device.emergency import ErrorWords
-from eurobot_od.errors import DictionaryError, LocalError, MappingError, RemoteError
+from eurobot_od.errors import FileError, LocalError, MappingError, RemoteError
 from eurobot_od.od import network
 from eurobot_od.od.dialects import DIALECT_VARIABLE
-from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.dictionary import Dictionary, SdoChannel, moved_server
 from eurobot_od.od.network_file import NetworkFile, NodeFile
 from eurobot_od.od.objects import all_objects
 from eurobot_od.od.pdos import OnRefused
-from eurobot_od.od.sdo_channel import SdoChannel, moved_server
 from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.plugin import Plugin
 
@@ -76,25 +75,25 @@ class Devices:
 
     @property
     def _described(self) -> NetworkFile:
-        """What the network file says, if there is one; raises DictionaryError."""
+        """What the network file says, if there is one; raises FileError."""
         if not self.network and (self.dialect or not os.path.isfile(self._file)):  # noqa: PTH113
             return NetworkFile()
         return network.read_network(self._file)
 
     @property
     def master(self) -> str:
-        """Who leads the network, if its file says it; raises DictionaryError."""
+        """Who leads the network, if its file says it; raises FileError."""
         return self._described.master
 
     def files(self) -> list[NodeFile]:
-        """Return the files that are named, none for a dialect; raises LocalError, DictionaryError."""
+        """Return the files that are named, none for a dialect; raises LocalError, FileError."""
         if self.dialect and (self.eds or self.network):
             raise LocalError("--dialect is a network of its own: leave out --eds and --network, or leave it out")
         named = [*map(network.node_file, self.eds), *self._described.nodes]
         return with_patches(with_modules(named, self.module), self.patch)
 
     def load(self) -> tuple[Dictionary, ...]:
-        """Load the files that are named, or else the dialect's; raises LocalError, DictionaryError, UnknownName."""
+        """Load the files that are named, or else the dialect's; raises LocalError, FileError, UnknownName."""
         files = self.files()
         return network.load(files) if files else self.robot.dialects.load_all(self.dialect)
 
@@ -157,7 +156,7 @@ class Devices:
             rows = network.read_network(file) if os.path.exists(file) else NetworkFile()  # noqa: PTH110
             names = {each.cob_id: each.name for each in decoder.protocol.bindings}
             return network_set(decoder.dictionaries, names, rows, file)
-        except (DictionaryError, LocalError):  # a bus can be watched without knowing how often a message is to come
+        except (FileError, LocalError):  # a bus can be watched without knowing how often a message is to come
             return NOTHING
 
 
@@ -171,10 +170,10 @@ def robot_meant(parser: Parser) -> Plugin:
 
 
 def error_words(files: Iterable[str]) -> dict[int, dict[int, str]]:
-    """Return makers' words for emergency error codes by node-ID, 0 for all nodes; raises DictionaryError."""
+    """Return makers' words for emergency error codes by node-ID, 0 for all nodes; raises FileError."""
     found: dict[int, dict[int, str]] = {}
     for file, node_id in (network.node_file(text)[:2] for text in files):
-        from eurobot_od.od.emcy_file import read_error_words  # most commands start without YAML
+        from eurobot_od.od.yaml_files import read_error_words  # most commands start without YAML
 
         found.setdefault(node_id or 0, {}).update(read_error_words(file))
     return found

@@ -13,7 +13,7 @@ from eurobot_od.cli.target import Target
 from eurobot_od.client.drive402 import Drive402, DriveStatus
 from eurobot_od.errors import LocalError
 from eurobot_od.od.profiles.cia402 import MODE_WORDS
-from eurobot_od.support.escaping import one_line
+from eurobot_od.support.texts import one_line
 
 LOOK = 0.5
 """Seconds from one line of `jog` to the next."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from io import BytesIO
 from pathlib import Path
 from typing import Annotated, Literal, TypeAlias
@@ -19,9 +18,9 @@ from eurobot_od.od.formats import SUFFIXES
 from eurobot_od.od.network import is_network, node_file, read_network
 from eurobot_od.od.network_file import NodeFile
 from eurobot_od.od.values import NODE_IDS
-from eurobot_od.support import bounded, extras
-from eurobot_od.support.amounts import amount
-from eurobot_od.support.files import check_writable, write_whole
+from eurobot_od.support import extras
+from eurobot_od.support.files import check_writable, read_whole, write_whole
+from eurobot_od.support.texts import amount
 
 # Other forms
 
@@ -242,16 +241,12 @@ def make_eds(
     output: folder to put the dialects' folders in
     check: write nothing; list the files that differ, with exit status 1 if any do
     """
-    from eurobot_od.od.make.table import TableError, read_table
+    from eurobot_od.od.make.table import read_table
     from eurobot_od.od.make.text import differences, make_files, write_files  # with canopen
 
     # What is not UTF-8 becomes a sign that the table refuses, with its line and column.
-    source = bounded.read(table).decode(errors="replace")
-    try:
-        texts = make_files(read_table(source, table, plugin.table_of))
-    except TableError as error:  # a line for each problem, with its place: `complain` would make one line of them all
-        print(error, file=sys.stderr)
-        return ExitStatus.WRONG_INPUT
+    source = read_whole(table).decode(errors="replace")
+    texts = make_files(read_table(source, table, plugin.table_of))
     if not check:
         write_files(texts, output)
         return ExitStatus.FINE

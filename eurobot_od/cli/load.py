@@ -86,7 +86,7 @@ def load(
 
 
 def _read(path: str | None, dialect: str | None, robot: Plugin) -> MessageSet:
-    """Return the messages that the command line is about; raises LocalError, DictionaryError, OSError."""
+    """Return the messages that the command line is about; raises LocalError, FileError, OSError."""
     if path is None:
         return of_robot(robot, dialect)
     if dialect:

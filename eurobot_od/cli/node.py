@@ -25,13 +25,12 @@ from eurobot_od.device.storage import FileStore
 from eurobot_od.device.waveforms import Waveform, read_waveforms
 from eurobot_od.errors import LocalError, RemoteError, UnknownName
 from eurobot_od.frame import Frame
-from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.dictionary import Dictionary, moved_server
 from eurobot_od.od.objects import address_of, find_one, given
-from eurobot_od.od.sdo_channel import moved_server
 from eurobot_od.pdo.message import describe
 from eurobot_od.plugin import NodeRun, Scene, Stage
-from eurobot_od.support import bounded
-from eurobot_od.support.escaping import one_line
+from eurobot_od.support.files import read_whole
+from eurobot_od.support.texts import one_line
 
 if TYPE_CHECKING:
     pass
@@ -84,7 +83,7 @@ class DeviceOptions:
         """Return the values that a device is made with; raises LocalError, FieldError, UnknownName."""
         waves: Mapping[str, Waveform] = {}
         if self.values:
-            waves = read_waveforms(bounded.read(self.values).decode(errors="replace"), str(self.values))
+            waves = read_waveforms(read_whole(self.values).decode(errors="replace"), str(self.values))
         found: dict[str, Any] = {
             "given": dict(given(*each, dictionary.objects) for each in self.given),
             "waveforms": {address_of(find_one(name, dictionary.objects)): wave for name, wave in waves.items()},

@@ -22,11 +22,9 @@ from eurobot_od.od.objects import address_of, data_type, encode, find, find_one,
 from eurobot_od.od.pdos import Pdo
 from eurobot_od.od.profiles.words import words, written
 from eurobot_od.od.values import label as place
-from eurobot_od.support.amounts import amount
-from eurobot_od.support.escaping import one_line
 from eurobot_od.support.files import write_whole
 from eurobot_od.support.progress import bar, passing
-from eurobot_od.support.tables import columns
+from eurobot_od.support.texts import amount, columns, one_line
 
 if TYPE_CHECKING:
     from canopen.objectdictionary import ODVariable

@@ -20,9 +20,8 @@ from eurobot_od.client.reading import dcf_of_node, parameters
 from eurobot_od.errors import LocalError
 from eurobot_od.od.objects import label
 from eurobot_od.od.values import MOST_SUBS
-from eurobot_od.support.amounts import amount
 from eurobot_od.support.progress import bar, passing
-from eurobot_od.support.tables import columns
+from eurobot_od.support.texts import amount, columns
 
 HEARTBEAT_WAIT = 1.2
 """Seconds in which a node's heartbeat shows the state to go back to; our nodes send one a second."""

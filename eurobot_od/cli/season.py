@@ -19,10 +19,8 @@ from eurobot_od.plugin import Plugin
 from eurobot_od.season import campaign
 from eurobot_od.season.reports import REPORTS, SeasonReport
 from eurobot_od.support import extras, progress
-from eurobot_od.support.amounts import amount
-from eurobot_od.support.escaping import one_line
 from eurobot_od.support.progress import Progress, bar, counted, unwatched
-from eurobot_od.support.tables import columns
+from eurobot_od.support.texts import amount, columns, one_line
 
 if TYPE_CHECKING:
     import polars as pl

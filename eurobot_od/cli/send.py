@@ -20,7 +20,7 @@ from eurobot_od.frame import Frame
 from eurobot_od.pdo.binding import parse
 from eurobot_od.pdo.message import Message, describe
 from eurobot_od.pdo.protocol import Protocol
-from eurobot_od.support.escaping import one_line
+from eurobot_od.support.texts import one_line
 
 if TYPE_CHECKING:
     import can
@@ -50,7 +50,9 @@ def send(
     expect: wait for this message and print it; 185#01: with data beginning like this
     within: how long to wait for it (default: 1 s)
     """
-    protocol = devices.protocol()
+    are_frames = all(FRAME_MARK in each for each in (message, expect or FRAME_MARK))
+    # What decodes them needs no file, and a frame can be sent without.
+    protocol = devices.decoder().protocol if are_frames else devices.protocol()
     frame, words = question(protocol, message, fields)
     expected = expectation(protocol, expect) if expect else None
     # Printed once it is sent; before that the line would be false if the bus does not take the frame.

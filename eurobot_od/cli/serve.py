@@ -24,8 +24,8 @@ from eurobot_od.cli.options import BusOptions, EmcyFiles
 from eurobot_od.cli.signature import Option
 from eurobot_od.errors import EurobotError, LocalError
 from eurobot_od.support import extras
-from eurobot_od.support.address import Address
-from eurobot_od.support.address import parse as parse_address
+from eurobot_od.support.connections import Address
+from eurobot_od.support.connections import parse as parse_address
 from eurobot_od.traffic.meaning import DamageCounts, Decoder
 from eurobot_od.web.access import AccessRules, is_local
 from eurobot_od.web.page import Columns, described, page, stop_message

@@ -15,9 +15,9 @@ from eurobot_od.cli.logs import STANDARD_INPUT, Logs, Reading, entries
 from eurobot_od.cli.signature import Option
 from eurobot_od.errors import EurobotError, RemoteError
 from eurobot_od.robot.model.options import MatchOptions
-from eurobot_od.robot.panel.files import SeenMatch, form, save
-from eurobot_od.robot.picture.recording import NOTHING, Truth
-from eurobot_od.robot.picture.truth_file import read_truth
+from eurobot_od.robot.scene.files import SeenMatch, form, save
+from eurobot_od.robot.scene.recording import NOTHING, Truth
+from eurobot_od.robot.scene.truth_file import read_truth
 from eurobot_od.traffic.entries import REMEMBERED
 from eurobot_od.traffic.meaning import DamageCounts, Meaning
 

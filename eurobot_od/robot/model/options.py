@@ -11,7 +11,7 @@ from eurobot_od import plugin
 from eurobot_od.errors import LocalError, UnknownName
 from eurobot_od.robot.model.facts import Facts
 from eurobot_od.robot.model.values import TeamColour
-from eurobot_od.support.address import Address, parse
+from eurobot_od.support.connections import Address, parse
 
 
 @dataclass(frozen=True)
@@ -132,7 +132,7 @@ class MatchOptions:
     def facts(self) -> Facts:
         """Return the facts of the robot and its match: from the file beside the EDS files, changed by the settings.
 
-        Raises UnknownName, DictionaryError, LocalError, OSError.
+        Raises UnknownName, FileError, LocalError.
         """
         return facts_for(plugin.find(self.robot).dialects.folder(self.dialect), self.settings)
 
