@@ -18,7 +18,7 @@ from eurobot_od.od.dictionary import Dictionary, SdoChannel
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.sdo.wire import code_and_reason
 from eurobot_od.support import durations
-from eurobot_od.support.amounts import amount
+from eurobot_od.support.texts import amount
 from eurobot_od.support.yaml_places import Place
 from eurobot_od.traffic.meaning import Decoder
 

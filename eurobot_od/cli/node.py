@@ -16,8 +16,9 @@ from typing import TYPE_CHECKING, Any
 from eurobot_od.cli import ExitStatus
 from eurobot_od.cli import options as shared
 from eurobot_od.errors import LocalError, RemoteError, UnknownName
-from eurobot_od.support import bounded, durations
-from eurobot_od.support.escaping import one_line
+from eurobot_od.support import durations
+from eurobot_od.support.files import read_whole
+from eurobot_od.support.texts import one_line
 
 if TYPE_CHECKING:
     import can
@@ -241,7 +242,7 @@ def _values(dictionary: Dictionary, assigned: Iterable[str], file: Path | None) 
     from eurobot_od.od.objects import address_of, find_one, given
 
     named = shared.assignments("--set", "OBJECT=VALUE", assigned)
-    waves = read_waveforms(bounded.read(file).decode(errors="replace"), str(file)) if file else {}
+    waves = read_waveforms(read_whole(file).decode(errors="replace"), str(file)) if file else {}
     return {
         "given": dict(given(*each, dictionary.objects) for each in named),
         "waveforms": {address_of(find_one(name, dictionary.objects)): wave for name, wave in waves.items()},

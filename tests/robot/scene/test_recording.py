@@ -7,6 +7,7 @@ import pytest
 from eurobot_od.frame import Frame
 from eurobot_od.pdo.kinds import OutOfRange
 from eurobot_od.pdo.message import Message
+from eurobot_od.robot.model import robot_file
 from eurobot_od.robot.model.messages import (
     EmergencyShutdown,
     EmergencyStop,
@@ -19,9 +20,11 @@ from eurobot_od.robot.model.messages import (
     StartConfigurationSet,
     StopDrive,
 )
-from eurobot_od.robot.model.places import Point, Pose
-from eurobot_od.robot.model.values import Barriers, GotoFault, Obstacle, Outcome, Passage, Source, TeamColour
-from eurobot_od.robot.picture.recording import (
+from eurobot_od.robot.model.places import Point
+from eurobot_od.robot.model.values import GotoFault, Obstacle, Outcome, Source, TeamColour
+from eurobot_od.robot.protocol import EurobotProtocol, decoder
+from eurobot_od.robot.scene.files import SeenMatch
+from eurobot_od.robot.scene.recording import (
     OURS,
     PathPoint,
     Recording,
@@ -30,9 +33,7 @@ from eurobot_od.robot.picture.recording import (
     Truth,
     at,
     record,
-    record_frames,
 )
-from eurobot_od.robot.protocol import EurobotProtocol, decoder
 
 PROTOCOL = EurobotProtocol.load()
 ONE, TWO = GotoXY(1000, 500, 0, 50), GotoXY(2000, 500, 90, 50)
@@ -122,12 +123,6 @@ def test_paths_hold_known_places_by_who_was_seen() -> None:
     assert recording.end == 4
 
 
-def test_the_strongest_passage_of_all_gotos_counts() -> None:
-    normal, forced = Barriers.of({2: Passage.NORMAL, 7: Passage.FORCED}), Barriers.of({2: Passage.FORCED})
-    recording = recorded(ONE._replace(barriers=normal), TWO._replace(barriers=forced))
-    assert recording.passages == {2: Passage.FORCED, 7: Passage.FORCED}
-
-
 def test_team() -> None:
     start = StartConfigurationSet(TeamColour.RED, 1, 0, 30, 0)
     assert recorded(start).team is TeamColour.RED
@@ -137,10 +132,8 @@ def test_team() -> None:
 
 def test_what_the_world_knows_has_the_clock_of_the_messages() -> None:
     touch, score = TouchMark(101.0, Point(5, 6), "ours touched fire 1", True), ScoredTask(102.0, OURS, "tree 1", 3)
-    recording = record([(100.0, ONE)], Truth([(100.5, Pose(1, 2, 3))], [touch], [score]))
-    assert recording.truth == [PathPoint(0.5, 1, 2, 3)]
-    assert recording.touches == [touch._replace(time=1.0)]
-    assert recording.scores == [score._replace(time=2.0)]
+    recording = record([(100.0, ONE)], Truth([PathPoint(100.5, 1, 2, 3)], [touch], [score]))
+    assert recording.truth == ([(0.5, 1, 2, 3)], [touch._replace(time=1.0)], [score._replace(time=2.0)])
 
 
 def test_frames_that_are_not_messages_are_left_out() -> None:
@@ -150,7 +143,9 @@ def test_frames_that_are_not_messages_are_left_out() -> None:
         (3.0, Frame(PROTOCOL.cob_id(GotoStateResponse), b"\0")),  # too short
         (4.0, PROTOCOL.encode(GotoStateResponse(0))),
     ]
-    assert endings(record_frames(frames, decoder())) == [(Outcome.ARRIVED, 0, 3)]
+    decode = decoder()
+    seen = SeenMatch([(time, decode(frame)) for time, frame in frames], decode, robot_file.read())
+    assert endings(seen.recording) == [(Outcome.ARRIVED, 0, 3)]
 
 
 PATH = [PathPoint(1, 0, 0, 0), PathPoint(2, 100, 200, 90)]

@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 import json
-from itertools import pairwise
 from pathlib import Path
 
 import pytest
 
 from eurobot_od.errors import LocalError
-from eurobot_od.robot.model.places import Point, Pose
-from eurobot_od.robot.picture.recording import NOTHING, ScoredTask, TouchMark, Truth
-from eurobot_od.robot.picture.truth_file import STEP, read_truth, truth_file, write_truth
+from eurobot_od.robot.model.places import Point
+from eurobot_od.robot.scene.recording import NOTHING, PathPoint, ScoredTask, TouchMark, Truth
+from eurobot_od.robot.scene.truth_file import read_truth, truth_file, write_truth
 
 TRUTH = Truth(
-    [(10.0, Pose(1.0, 2.0, 3.0)), (10.5, Pose(4.0, 5.0, 6.0))],
+    [PathPoint(10.0, 1.0, 2.0, 3.0), PathPoint(10.5, 4.0, 5.0, 6.0)],
     [TouchMark(11.0, Point(7.0, 8.0), "ours and enemy 1", True)],
     [ScoredTask(12.5, "ours", "fruit", 4)],
 )
@@ -40,13 +39,6 @@ def test_a_log_with_nothing_beside_it(log: Path) -> None:
 def test_a_log_that_is_no_file_has_nothing_beside_it(tmp_path: Path) -> None:
     write_truth(tmp_path, TRUTH, 0.0)
     assert not truth_file(tmp_path).exists()
-
-
-def test_the_path_is_thinned(log: Path) -> None:
-    write_truth(log, Truth([(each / 100, Pose(each, 0.0, 0.0)) for each in range(1000)]), 0.0)
-    times = [time for time, _ in read_truth(log).path]
-    assert 80 < len(times) <= 100
-    assert min(after - before for before, after in pairwise(times)) >= STEP - 0.001
 
 
 @pytest.mark.parametrize(

@@ -7,14 +7,13 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
+from math import ceil
 from typing import NamedTuple
 
 from eurobot_od.robot.model.facts import Facts
-from eurobot_od.robot.model.messages import Enemy1PositionResponse
-from eurobot_od.robot.model.values import Outcome, Passage
-from eurobot_od.robot.picture import style
-from eurobot_od.robot.picture.ground import barrier_shape, passage_ring
-from eurobot_od.robot.picture.recording import OURS, RecordedGoto, RecordedStop, Recording, ScoredTask
+from eurobot_od.robot.scene import style
+from eurobot_od.robot.scene.recording import OURS, RecordedGoto, RecordedStop, Recording, ScoredTask
+from eurobot_od.robot.scene.scene import legend
 from eurobot_od.support import svg
 from eurobot_od.support.svg import PaperPoint
 
@@ -28,8 +27,8 @@ HEIGHT = 2640
 HEADS = 6
 """Rows taken up by headings, gaps, and the lines that say what is left out."""
 
-TIME_TICK = 10
-"""Seconds between two marks on the time line."""
+TIME_TICK, MOST_TICKS = 10, 60
+"""Seconds between two marks, and the most of them: one far time in a log is no reason to draw for ever."""
 
 
 def column(recording: Recording, facts: Facts) -> str:
@@ -47,41 +46,35 @@ def column(recording: Recording, facts: Facts) -> str:
     )
 
 
-# Legend
+def ticks(tick: int, end: float) -> range:
+    """Return the times up to the end that are marked: every `tick` seconds, more seldom where that were too many."""
+    step = tick * max(ceil(end / tick / MOST_TICKS), 1)
+    return range(step, int(end) + 1, step)
 
-SAMPLE = (45.0, 30.0)
-"""Middle of the sample next to a line of the legend."""
+
+# Legend
 
 
 def _legend(recording: Recording, facts: Facts) -> Iterator[str]:
-    pieces = ((step * 10, step / 8) for step in range(9))
-    ramp = (svg.line((x, 30), (x + 11, 30), stroke=style.colour_at(share), stroke_width=15) for x, share in pieces)
+    pieces = ((step * 10 - 45, step / 8) for step in range(9))
+    ramp = (svg.line((x, 0), (x + 11, 0), stroke=style.colour_at(share), stroke_width=15) for x, share in pieces)
     yield _explained("our path, darker is later", *ramp)
-    if recording.truth:
+    if recording.truth.path:
         yield _explained("our path, as it really was", _stroke(style.TRUTH, 6, None))
-    yield _explained("place and angle of gotos", style.target_mark(SAMPLE, [0]))
-    yield _explained("goto, reached", style.goto_mark(SAMPLE, 1, Outcome.ARRIVED))
-    yield _explained("goto, not reached", style.goto_mark(SAMPLE, 2, Outcome.STOPPED))
-    yield _explained("stop", style.stop_mark(SAMPLE, "A"))
-    for whom, (name, colour, dashes) in style.OTHERS.items():
+    for whom, (name, dashes) in style.OTHERS.items():
         if recording.paths.get(whom):
-            yield _explained(f"{name}, seen last as a disc", _stroke(colour, 7, dashes))
-    if recording.touches:
-        yield _explained("touch; filled: we drove into it", style.touch_mark(SAMPLE, at_fault=True))
-    for kind in dict.fromkeys(each.kind for each in facts.barriers):
-        yield _explained(kind.name, barrier_shape(kind, SAMPLE, 28))
-    if facts.field.trees.places:
-        yield _explained("tree", svg.circle(SAMPLE, 26, fill=style.TREE))
-    for passage in sorted(set(recording.passages.values())):
-        yield _explained(f"{style.PASSAGES[passage][0]}, in some goto", passage_ring(SAMPLE, 22, Passage(passage)))
+            yield _explained(f"{name}, seen last as a disc", _stroke(style.colour_of(name), 7, dashes))
+    if recording.truth.touches:
+        yield _explained("touch; filled: we drove into it", style.touch_mark(at_fault=True))
+    yield from (_explained(*each) for each in legend(facts))
 
 
 def _explained(words: str, *sample: str) -> str:
-    return svg.group(*sample, style.label((125, 43), words, anchor="start"))
+    return svg.group(svg.moved((45, 30), *sample), style.label((125, 43), words, anchor="start"))
 
 
 def _stroke(colour: str, width: float, dashes: str | None) -> str:
-    return svg.line((0, 30), (90, 30), stroke=colour, stroke_width=width, stroke_dasharray=dashes)
+    return svg.line((-45, 0), (45, 0), stroke=colour, stroke_width=width, stroke_dasharray=dashes)
 
 
 # Tables
@@ -122,13 +115,13 @@ STOP_COLUMNS = (
 
 def _table(heading: str, columns: Sequence[TableColumn], rows: Sequence[object], shown: int) -> str:
     """Draw the first `shown` rows; if there are more, the line below says how many."""
-    lines = [svg.text((0, 0), heading, font_size=style.TEXT, font_weight="bold", fill=svg.INK)]
-    lines += [column.cell(1, column.heading, svg.PALE) for column in columns]
+    lines = [svg.text((0, 0), heading, font_size=style.TEXT, font_weight="bold", fill=style.INK)]
+    lines += [column.cell(1, column.heading, style.PALE) for column in columns]
     for row, each in enumerate(rows[:shown], 2):
-        lines += [column.cell(row, column.words(each), svg.INK) for column in columns]
+        lines += [column.cell(row, column.words(each), style.INK) for column in columns]
     if len(rows) > shown:
         more, place = f"and {len(rows) - shown} more", (195, (shown + 2) * ROW)
-        lines.append(style.label(place, more, fill=svg.PALE, anchor="start"))
+        lines.append(style.label(place, more, fill=style.PALE, anchor="start"))
     return svg.group(*lines)
 
 
@@ -144,21 +137,18 @@ NARROW = 48
 def timeline(recording: Recording) -> str:
     """Draw the time from left to right: the path's colours, the gotos as bars, the stops."""
     # A log of one frame has no length, and everything on the line is divided by it.
-    end = max(recording.end, 1.0)
-
-    def x(time: float) -> float:
-        return WIDTH * time / end
-
-    ours = "; line: our points" if recording.scores else ""
-    other = ", dashed: the other robot's" if any(each.robot != OURS for each in recording.scores) else ""
+    end, (_, touches, scores) = max(recording.end, 1.0), recording.truth
+    x = svg.Axis(0, end, 0, WIDTH).at
+    ours = "; line: our points" if scores else ""
+    other = ", dashed: the other robot's" if any(each.robot != OURS for each in scores) else ""
     caption = f"time in s; bars: gotos, green if reached{ours}{other}"
     return svg.group(
         *_seconds(end, x),
         *_bars(recording.gotos, x, end),
-        *(style.stop_mark(where, letter) for where, letter in _signs(recording.stops, x)),
-        *(style.touch_mark((x(each.time), TIME_Y + BAR / 2), each.at_fault) for each in recording.touches),
-        *_points(recording.scores, x),
-        style.label((WIDTH, CAPTION_Y), caption, fill=svg.PALE, size=style.SMALL, anchor="end"),
+        *(svg.moved(where, style.stop_mark(letter)) for where, letter in _signs(recording.stops, x)),
+        *(svg.moved((x(each.time), TIME_Y + BAR / 2), style.touch_mark(each.at_fault)) for each in touches),
+        *_points(recording, x),
+        style.label((WIDTH, CAPTION_Y), caption, fill=style.PALE, size=style.SMALL, anchor="end"),
     )
 
 
@@ -168,9 +158,9 @@ def _seconds(end: float, x: Callable[[float], float]) -> Iterator[str]:
         start = WIDTH * piece / pieces
         # One unit wider: renderers show a light line between two that only touch.
         yield svg.rectangle((start, TIME_Y), WIDTH / pieces + 1, BAR, fill=style.colour_at(piece / pieces))
-    for time in (0, *style.ticks(TIME_TICK, end)):
-        yield svg.line((x(time), TIME_Y), (x(time), SCORE_Y + SCORE_BAR), stroke=svg.GRID, stroke_width=3)
-        yield style.label((x(time), TIME_Y - 14), str(time), fill=svg.PALE, size=style.SMALL)
+    for time in (0, *ticks(TIME_TICK, end)):
+        yield svg.line((x(time), TIME_Y), (x(time), SCORE_Y + SCORE_BAR), stroke=style.GRID, stroke_width=3)
+        yield style.label((x(time), TIME_Y - 14), str(time), fill=style.PALE, size=style.SMALL)
 
 
 def _signs(stops: Sequence[RecordedStop], x: Callable[[float], float]) -> Iterator[tuple[PaperPoint, str]]:
@@ -214,8 +204,9 @@ CHARACTER = 17
 """About the width of a character of a small text."""
 
 
-def _points(scores: Sequence[ScoredTask], x: Callable[[float], float]) -> Iterator[str]:
+def _points(recording: Recording, x: Callable[[float], float]) -> Iterator[str]:
     """Draw the points of each robot as steps over the time, and name the tasks that brought ours."""
+    scores, ours = recording.truth.scores, style.team_colour(recording.team)
     # The scale is that of the robot with the most points, so it is known only after all of them are added up.
     totals: Counter[str] = Counter()
     for each in scores:
@@ -230,7 +221,7 @@ def _points(scores: Sequence[ScoredTask], x: Callable[[float], float]) -> Iterat
             points += each.points
         steps.append((WIDTH, points))
         line = [(place, SCORE_Y + SCORE_BAR * (1 - height / max(totals.values()))) for place, height in steps]
-        colour, dashes = (style.GOTO, None) if robot == OURS else (style.OTHERS[Enemy1PositionResponse][1], "18 12")
+        colour, dashes = (ours, None) if robot == OURS else (style.colour_of(robot), "18 12")
         last = max(line[-1][1], last + ROW)  # two that are nearly equal are written below each other
         yield svg.polyline(line, fill="none", stroke=colour, stroke_width=7, stroke_dasharray=dashes)
         yield style.label((WIDTH + 12, last + 11), str(total), fill=colour, anchor="start")
@@ -246,5 +237,5 @@ def _names(scores: Sequence[ScoredTask], x: Callable[[float], float]) -> Iterato
         row = next((row for row, begin in free.items() if begin <= left), None)
         if row is not None:
             free[row] = x(each.time) + CHARACTER
-            yield svg.line((x(each.time), SCORE_Y + SCORE_BAR), (x(each.time), row), stroke=svg.PALE, stroke_width=3)
+            yield svg.line((x(each.time), SCORE_Y + SCORE_BAR), (x(each.time), row), stroke=style.PALE, stroke_width=3)
             yield style.label((x(each.time) - 6, row), words, size=style.SMALL, anchor="end")

@@ -8,21 +8,16 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from eurobot_od.errors import LocalError
-from eurobot_od.robot.model.places import Point, Pose
-from eurobot_od.robot.picture.recording import NOTHING, ScoredTask, TouchMark, Truth
-from eurobot_od.support import bounded
-from eurobot_od.support.files import write_whole
+from eurobot_od.errors import FileError, LocalError
+from eurobot_od.robot.model.places import Point
+from eurobot_od.robot.scene.recording import NOTHING, PathPoint, ScoredTask, TouchMark, Truth
+from eurobot_od.support.files import read_whole, write_whole
 
 BEGINNING = 1 << 16
 """Bytes of a log that tell it from another one."""
-
-STEP = 0.1
-"""Seconds between two places of the path: a tenth of what a robot is wide at its top speed."""
 
 
 def truth_file(log: Path) -> Path:
@@ -35,14 +30,6 @@ def _digest(log: Path) -> str:
         return hashlib.sha256(file.read(BEGINNING)).hexdigest()
 
 
-def _thinned(path: Iterable[tuple[float, Pose]]) -> Iterable[tuple[float, Pose]]:
-    last = float("-inf")
-    for time, pose in path:
-        if time - last >= STEP:
-            last = time
-            yield time, pose
-
-
 def write_truth(log: Path, truth: Truth, start: float) -> None:
     """Write what is true of a match beside its log, whose first frame came at `start`; raises OSError.
 
@@ -50,12 +37,9 @@ def write_truth(log: Path, truth: Truth, start: float) -> None:
     """
     if not log.is_file():
         return
-    data = {
-        "log": _digest(log),
-        "path": [(round(time - start, 3), *(round(each, 1) for each in pose)) for time, pose in _thinned(truth.path)],
-        "touches": [(each.time - start, each.place, each.words, each.at_fault) for each in truth.touches],
-        "scores": [each._replace(time=each.time - start) for each in truth.scores],
-    }
+    known = truth.later(-start)
+    rounded = [[round(each, 3) for each in place if each is not None] for place in known.path]
+    data = {"log": _digest(log), **known._asdict(), "path": rounded}
     write_whole(truth_file(log), json.dumps(data).encode())
 
 
@@ -68,23 +52,17 @@ def read_truth(log: Path, start: float = 0.0) -> Truth:
     if not file.is_file():
         return NOTHING
     try:
-        data = json.loads(bounded.read(file))
+        data = json.loads(read_whole(file))
         if data["log"] == _digest(log):
-            return _truth(data, start)
-    except (ValueError, KeyError, TypeError) as error:
+            return _truth(data).later(start)
+    except (FileError, ValueError, KeyError, TypeError) as error:
         raise LocalError(f"{file}: not what `match --log` writes: {error}") from error
     raise LocalError(f"{file}: of another log than {log.name}; its points are left out")
 
 
-def _truth(data: Any, start: float) -> Truth:
+def _truth(data: Any) -> Truth:
     return Truth(
-        [(start + float(time), Pose(*map(float, pose))) for time, *pose in data["path"]],
-        [
-            TouchMark(start + float(time), Point(*place), str(words), bool(at_fault))
-            for time, place, words, at_fault in data["touches"]
-        ],
-        [
-            ScoredTask(start + float(time), str(robot), str(task), int(points))
-            for time, robot, task, points in data["scores"]
-        ],
+        [PathPoint(*map(float, place)) for place in data["path"]],
+        [TouchMark(float(time), Point(*place), str(words), bool(ours)) for time, place, words, ours in data["touches"]],
+        [ScoredTask(float(time), str(robot), str(task), int(points)) for time, robot, task, points in data["scores"]],
     )

@@ -9,8 +9,8 @@ from typing import NamedTuple
 
 from eurobot_od.errors import UnknownName
 from eurobot_od.robot.model.facts import Facts
-from eurobot_od.robot.picture.picture import PAGE, picture
-from eurobot_od.robot.picture.recording import NOTHING, Recording, Truth, record
+from eurobot_od.robot.scene.recording import NOTHING, Recording, Truth, record
+from eurobot_od.robot.scene.sheet import PAGE, sheet
 from eurobot_od.support import extras
 from eurobot_od.support.files import write_whole
 from eurobot_od.traffic.meaning import Decoder, Meaning
@@ -40,26 +40,27 @@ def _renderer() -> ModuleType:
 
 def _html(match: SeenMatch, title: str) -> bytes:
     from eurobot_od.bus.live import BITRATE
-    from eurobot_od.robot.panel import field_panel, true_path, truth_events
+    from eurobot_od.robot.scene.panel import field_panel, true_path, truth_events
     from eurobot_od.web.page import Columns, page
 
     panels = [field_panel(match.facts)]
     columns = Columns(title, match.decoder, BITRATE, panels)
     for time, meaning in match.frames:
         columns.take(time, meaning)
-    columns.add(truth_events(match.truth, columns.start or 0.0))
-    return page(title, [columns.data(true_path(match.truth, columns.start or 0.0))], panels).encode()
+    truth = match.truth.later(-(columns.start or 0.0))
+    columns.add(truth_events(truth, match.facts))
+    return page(title, [columns.data(true_path(truth))], panels).encode()
 
 
 PNG = ".png"
 """The suffix of the one format that needs an extra."""
 
 PICTURE_FORMATS: Mapping[str, Callable[[SeenMatch, str], bytes]] = {
-    ".svg": lambda match, title: picture(match.recording, match.facts, title).encode(),
+    ".svg": lambda match, title: sheet(match.recording, match.facts, title).encode(),
     ".html": _html,
     # One pixel for each unit of the drawing: on an A4 page that is 360 to the inch.
     PNG: lambda match, title: bytes(
-        _renderer().svg_to_bytes(svg_string=picture(match.recording, match.facts, title), width=PAGE[0])
+        _renderer().svg_to_bytes(svg_string=sheet(match.recording, match.facts, title), width=PAGE[0])
     ),
 }
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from eurobot_od.support.backoff import FIRST_PAUSE, LONGEST_PAUSE, STEADY, Backoff
+from eurobot_od.support.connections import FIRST_PAUSE, LONGEST_PAUSE, STEADY, Backoff
 
 
 def test_pauses_are_doubled_up_to_the_longest_and_start_again_after_a_steady_time() -> None:

@@ -6,16 +6,14 @@ What is out of range is not acted on here either: the picture shows what the nod
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple, get_args
 
-from eurobot_od.frame import Frame
 from eurobot_od.pdo.message import Message, is_flagged, kinds
 from eurobot_od.robot.model import messages
-from eurobot_od.robot.model.places import Point, Pose
-from eurobot_od.robot.model.values import FAULT_OUTCOME, GotoFault, Outcome, Passage, TeamColour
-from eurobot_od.traffic.meaning import Decoder
+from eurobot_od.robot.model.places import Point
+from eurobot_od.robot.model.values import FAULT_OUTCOME, GotoFault, Outcome, TeamColour
 
 
 class PathPoint(NamedTuple):
@@ -41,6 +39,12 @@ class RecordedGoto:
     outcome: Outcome | None = None
 
     @property
+    def words(self) -> str:
+        """What was asked for."""
+        asked = self.message
+        return f"goto {self.number} to {asked.x}, {asked.y} mm, {asked.angle} deg, {asked.speed} %"
+
+    @property
     def ending(self) -> str:
         """How it ended, in words."""
         return "under way" if self.outcome is None else self.outcome.value
@@ -55,6 +59,11 @@ class RecordedStop:
     name: str
     reason: str
     place: PathPoint | None
+
+    @property
+    def words(self) -> str:
+        """What it was, and why."""
+        return f"{self.letter}: {self.name}: {self.reason}"
 
 
 class TouchMark(NamedTuple):
@@ -82,9 +91,14 @@ class ScoredTask(NamedTuple):
 class Truth(NamedTuple):
     """What nobody can see on the bus, with times by its clock: our true poses, touches, and who made which points."""
 
-    path: Iterable[tuple[float, Pose]] = ()
-    touches: Iterable[TouchMark] = ()
-    scores: Iterable[ScoredTask] = ()
+    path: Sequence[PathPoint] = ()
+    touches: Sequence[TouchMark] = ()
+    scores: Sequence[ScoredTask] = ()
+
+    def later(self, by: float) -> Truth:
+        """Return the same `by` s later: by another clock."""
+        parts: Iterable[Sequence[Any]] = self
+        return Truth(*([each._replace(time=each.time + by) for each in part] for part in parts))
 
 
 NOTHING = Truth()
@@ -94,17 +108,14 @@ NOTHING = Truth()
 class Recording:
     """A match: everything with its time in s since the first message.
 
-    `paths` are the sightings by message type. `truth` are the true poses of our robot, `touches` and `scores` what
-    only a simulated world knows; a log has neither.
+    `paths` are the sightings by message type. `truth` is what only a simulated world knows; of a log it is nothing.
     """
 
     configuration: messages.StartConfigurationSet | None = None
     paths: dict[type[messages.PositionResponse], list[PathPoint]] = field(default_factory=dict)
-    truth: list[PathPoint] = field(default_factory=list)
+    truth: Truth = NOTHING
     gotos: list[RecordedGoto] = field(default_factory=list)
     stops: list[RecordedStop] = field(default_factory=list)
-    touches: list[TouchMark] = field(default_factory=list)
-    scores: list[ScoredTask] = field(default_factory=list)
     end: float = 0.0
 
     @property
@@ -118,15 +129,6 @@ class Recording:
         colour = None if self.configuration is None else self.configuration.team_colour
         return colour if isinstance(colour, TeamColour) else None
 
-    @property
-    def passages(self) -> Mapping[int, Passage]:
-        """The strongest passage that any goto asked for, by barrier number."""
-        found: dict[int, Passage] = {}
-        for goto in self.gotos:
-            for number, passage in goto.message.barriers.set_barriers():
-                found[number] = max(passage, found.get(number, Passage.FREE))
-        return found
-
 
 def record(events: Iterable[tuple[float, Message]], truth: Truth = NOTHING) -> Recording:
     """Work out a match from its messages and their times in s, and what else is known, by the same clock."""
@@ -134,18 +136,10 @@ def record(events: Iterable[tuple[float, Message]], truth: Truth = NOTHING) -> R
     for time, message in events:
         recorder.take(time, message)
     start, recording = recorder.start or 0.0, recorder.recording
-    recording.truth = [PathPoint(time - start, *pose) for time, pose in truth.path]
-    recording.touches = [each._replace(time=each.time - start) for each in truth.touches]
-    recording.scores = [each._replace(time=each.time - start) for each in truth.scores]
-    known = [each.time for each in recording.touches] + [each.time for each in recording.scores]
-    recording.end = max([recording.end, *known])
+    known = recording.truth = truth.later(-start)
+    times = [each.time for each in known.touches] + [each.time for each in known.scores]
+    recording.end = max([recording.end, *times])
     return recording
-
-
-def record_frames(frames: Iterable[tuple[float, Frame]], decoder: Decoder, truth: Truth = NOTHING) -> Recording:
-    """Work out a match from frames and their times in s; those that are not messages, or damaged, are left out."""
-    meanings = ((time, decoder(frame).message) for time, frame in frames)
-    return record(((time, message) for time, message in meanings if message is not None), truth)
 
 
 class Recorder:
@@ -156,18 +150,21 @@ class Recorder:
         self.start: float | None = None
         self._running: RecordedGoto | None = None
         self._standing: Message | None = None
+        self._news: list[RecordedGoto | RecordedStop] = []
 
-    def take(self, time: float, message: Message) -> None:
-        """Take in a message."""
+    def take(self, time: float, message: Message) -> list[RecordedGoto | RecordedStop]:
+        """Take in a message; returns gotos and stops that are new, or have ended."""
         self.start = time if self.start is None else self.start
         # Times in a log may go back by a moment; the match does not.
         now = self.recording.end = max(time - self.start, self.recording.end)
         # The drive stops even for an obstacle that nobody knows (Table 1), so the picture shows that stop.
         if is_flagged(message) and type(message) not in messages.CATALOGUE.always:
-            return
+            return []
+        self._news = []
         handle = HANDLERS.get(type(message))
         if handle is not None:
             handle(self, now, message)
+        return self._news
 
     def configure(self, _: float, configuration: messages.StartConfigurationSet) -> None:
         self.recording.configuration = configuration
@@ -185,6 +182,7 @@ class Recorder:
         self._running = RecordedGoto(len(self.recording.gotos) + 1, now, goto)
         self._standing = None
         self.recording.gotos.append(self._running)
+        self._news.append(self._running)
 
     def state(self, now: float, state: messages.GotoStateResponse) -> None:
         if state.time == 0:
@@ -205,10 +203,12 @@ class Recorder:
         elif isinstance(stop, messages.EmergencyShutdown):
             name, reason = "Emergency Shutdown", "mushroom"
         self.recording.stops.append(RecordedStop(letter, now, name, reason, place))
+        self._news.append(self.recording.stops[-1])
 
     def _end(self, now: float, outcome: Outcome) -> None:
         if self._running is not None:
             self.recording.gotos[-1] = replace(self._running, ended=now, outcome=outcome)
+            self._news.append(self.recording.gotos[-1])
             self._running = None
 
 

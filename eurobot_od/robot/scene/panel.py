@@ -1,6 +1,6 @@
-"""The robot on the page: the playing field with everybody on it, and the match as events.
+"""The playing field on the page: the scene as it grows, and the match as events.
 
-What the messages say about the match is worked out by `picture.recording`, as for the picture; `field.js` draws it.
+What the messages say about the match is worked out by `recording`, what is drawn of it by `scene`; `field.js` paints.
 """
 
 from __future__ import annotations
@@ -11,18 +11,15 @@ from pathlib import Path
 from threading import Event as Signal
 from typing import Any, ClassVar
 
-from eurobot_od.pdo.kinds import words_of
 from eurobot_od.pdo.message import Message, describe
 from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.robot.model import robot_file
 from eurobot_od.robot.model.facts import Facts
 from eurobot_od.robot.model.messages import (
-    SOURCES,
     EmergencyShutdown,
     GotoXY,
     KalmanPositionRequest,
     KalmanPositionResponse,
-    NaviPositionResponse,
     StartConfigurationSet,
 )
 from eurobot_od.robot.model.places import Point
@@ -30,21 +27,18 @@ from eurobot_od.robot.model.values import Outcome, Route
 from eurobot_od.robot.nodes.route import Clearances, find_route
 from eurobot_od.robot.nodes.sightings import SPREAD, TOP_SPEED
 from eurobot_od.robot.nodes.startup import NODE_CHECKS
-from eurobot_od.robot.picture import style
-from eurobot_od.robot.picture.ground import RING, ground
-from eurobot_od.robot.picture.recording import (
-    OURS,
-    RecordedGoto,
-    RecordedStop,
-    Recorder,
-    Truth,
-    at,
-)
-from eurobot_od.robot.picture.truth_file import read_truth
+from eurobot_od.robot.scene import style
+from eurobot_od.robot.scene.ground import ground
+from eurobot_od.robot.scene.recording import OURS, RecordedGoto, RecordedStop, Recorder, Truth, at
+from eurobot_od.robot.scene.scene import LAYERS, Explained, Item, Look, MatchScene, legend, looks, way_mark
+from eurobot_od.robot.scene.truth_file import read_truth
 from eurobot_od.support import svg
 from eurobot_od.web.panel import Beside, Control, PageEvent, Panel
 
 HERE = Path(__file__).parent
+
+AROUND = (200, 50, 80, 100)
+"""Room around the field for the numbers of its axes: left, above, right, below, mm."""
 
 SPEED = 50
 """Per cent of the drive's maximum that a goto of the page has, unless somebody says another."""
@@ -63,18 +57,16 @@ class FieldPanel(Panel):
 
     name: ClassVar[str] = "field"
     title: ClassVar[str] = "Field"
-    script: ClassVar[Path] = HERE / "field.js"
-    style: ClassVar[Path] = HERE / "field.css"
+    script: ClassVar[str] = (HERE / "field.js").read_text(encoding="utf-8")
+    style: ClassVar[str] = style.style_sheet() + (HERE / "field.css").read_text(encoding="utf-8")
     stop: ClassVar[str] = "Stop Drive"
     plan: ClassVar[str] = "Goto XY"
 
     def __init__(self) -> None:
-        self._recorder = Recorder()
+        self._recorder, self._scene = Recorder(), MatchScene(self.facts())
         # The drive also keeps a margin, by how well it knows where it is.
         self._clearances = Clearances.of(self.facts(), self.facts().body.radius, 0.0)
-        self._told: dict[str, PageEvent] = {}
         self._routes: dict[int, list[Point]] = {}
-        self._stops = 0
         self._heard: defaultdict[type[Message], Signal] = defaultdict(Signal)
         self._place_known = self._shut_down = False
 
@@ -96,22 +88,22 @@ class FieldPanel(Panel):
     @classmethod
     def beside(cls, log: Path) -> Beside:
         truth = read_truth(log)
-        return Beside(list(truth_events(truth, 0.0)), true_path(truth, 0.0))
+        return Beside(list(truth_events(truth, cls.facts())), true_path(truth))
 
     @classmethod
     def setup(cls) -> Mapping[str, Any]:
         facts = cls.facts()
+        left, above, right, below = AROUND
+        width, height = facts.field.width, facts.field.height
         return {
-            "width": facts.field.width,
-            "height": facts.field.height,
-            "ground": ground(facts, None, {}),
-            "ring": RING,
+            "width": width,
+            "height": height,
+            "view": f"{-left} {-above} {left + width + right:g} {above + height + below:g}",
+            "ground": ground(facts),
+            "layers": LAYERS,
+            "robots": _as_data(looks(facts, None)),
+            "legend": [*legend(facts), *PAGE_LEGEND],
             "speed": SPEED,
-            "barriers": {each.number: (each.name, each.x, each.y, each.kind.radius) for each in facts.barriers},
-            "robots": list(_robots(facts)),
-            "teams": {words_of(team): colour for team, colour in style.TEAM.items()},
-            "start": StartConfigurationSet.__name__,
-            "ink": svg.INK,
             "reach": {"speed": TOP_SPEED, "spread": SPREAD},
         }
 
@@ -143,47 +135,33 @@ class FieldPanel(Panel):
             self._shut_down = isinstance(message, EmergencyShutdown)
         if type(message) in self._heard:
             self._heard[type(message)].set()
-        recording = self._recorder.recording
-        # The last goto is looked at again: this message may have ended it.
-        before = max(len(recording.gotos) - 1, 0)
-        self._recorder.take(time, message)
-        for path in recording.paths.values():
+        news = self._recorder.take(time, message)
+        for path in self._recorder.recording.paths.values():
             # Many at once, as deleting at the front moves all the rest.
             if len(path) > 2 * KEPT:
                 del path[:KEPT]
         if isinstance(message, StartConfigurationSet):
-            yield PageEvent(f"start {time}", "start", time, f"Start Configuration Set: {describe(message)}")
+            text, robots = f"Start Configuration Set: {describe(message)}", _as_data(looks(self.facts(), message))
+            yield PageEvent(f"start {time}", "start", time, text, data={"robots": robots})
+        for each in news:
+            yield self._goto(each) if isinstance(each, RecordedGoto) else self._stop(each)
+
+    def _goto(self, goto: RecordedGoto) -> PageEvent:
+        text, name = f"{goto.words}: {goto.ending}", f"goto {goto.number}"
+        end, wrong = goto.ended, goto.outcome not in (None, Outcome.ARRIVED, Outcome.REPLACED)
+        items = self._scene.goto(goto, self._route(goto))
+        return self._event(PageEvent(name, "goto", goto.sent, text, end, str(goto.number), wrong), items)
+
+    def _stop(self, stop: RecordedStop) -> PageEvent:
+        name = f"stop {stop.letter}"
+        event = PageEvent(name, "stop", stop.time, stop.words, mark=stop.letter, wrong=True)
+        return self._event(event, self._scene.stop(stop))
+
+    def _event(self, event: PageEvent, items: Iterable[Item]) -> PageEvent:
+        """Return an event of the recording with its drawings, by the page's clock."""
         start = self._recorder.start or 0.0
-        yield from self._new(self._goto(start, each) for each in recording.gotos[before:])
-        yield from self._new(_stop(start, each) for each in recording.stops[self._stops :])
-        self._stops = len(recording.stops)
-
-    def _new(self, events: Iterable[PageEvent]) -> Iterator[PageEvent]:
-        """Give the events that have changed since they were given last."""
-        for event in events:
-            if self._told.get(event.key) != event:
-                self._told[event.key] = event
-                yield event
-
-    def _goto(self, start: float, goto: RecordedGoto) -> PageEvent:
-        message = goto.message
-        return PageEvent(
-            f"goto {goto.number}",
-            "goto",
-            start + goto.sent,
-            f"goto {goto.number} to {message.x}, {message.y} mm, {message.angle} deg, {message.speed} %: {goto.ending}",
-            end=None if goto.ended is None else start + goto.ended,
-            mark=str(goto.number),
-            wrong=goto.outcome not in (None, Outcome.ARRIVED, Outcome.REPLACED),
-            data={
-                "x": message.x,
-                "y": message.y,
-                "angle": message.angle,
-                "barriers": {number: int(passage) for number, passage in message.barriers.set_barriers()},
-                "route": self._route(goto),
-                "outcome": goto.ending,
-            },
-        )
+        end = None if event.end is None else event.end + start
+        return event._replace(time=event.time + start, end=end, data=_drawn(each.later(start) for each in items))
 
     def _route(self, goto: RecordedGoto) -> list[Point]:
         """Return the way points of a goto as the drive may plan them, from where the robot was when it was sent."""
@@ -203,50 +181,42 @@ def field_panel(facts: Facts) -> type[FieldPanel]:
     return type(FieldPanel.__name__, (FieldPanel,), {"facts": classmethod(lambda _: facts)})
 
 
-def _robots(facts: Facts) -> Iterator[dict[str, Any]]:
-    body = facts.body
-    ours: dict[str, Any] = {"radius": body.radius, "outline": body.outline, "dashes": None, "diameter": None}
-    yield ours | {"name": OURS, "message": KalmanPositionResponse.__name__, "colour": None}
-    yield ours | {
-        "name": "raw position",
-        "message": NaviPositionResponse.__name__,
-        "colour": None,
-        "radius": 0,
-        "outline": (),
-    }
-    for whom, (name, colour, dashes) in style.OTHERS.items():
-        diameter = f"{name.replace(' ', '_')}_diameter"
-        known = diameter if diameter in StartConfigurationSet._fields else None
-        size = {"radius": facts.others[SOURCES[whom]].radius, "outline": (), "diameter": known}
-        yield {"name": name, "message": whom.__name__, "colour": colour, "dashes": dashes, **size}
+def _as_data(robots: Iterable[Look]) -> list[dict[str, Any]]:
+    return [each._asdict() for each in robots]
 
 
-def _stop(start: float, stop: RecordedStop) -> PageEvent:
-    place = stop.place and {"x": stop.place.x, "y": stop.place.y}
-    text = f"{stop.letter}: {stop.name}: {stop.reason}"
-    return PageEvent(
-        f"stop {stop.letter}", "stop", start + stop.time, text, mark=stop.letter, wrong=True, data={"place": place}
-    )
+def _drawn(items: Iterable[Item]) -> Mapping[str, Any]:
+    return {"items": [*items]}
+
+
+PAGE_LEGEND = (
+    Explained("way to the goto", way_mark([(-45, 20), (0, -20), (45, 20)])),
+    Explained("seen where it cannot be", svg.circle(style.CENTRE, 22, fill=style.PALE, fill_opacity=0.5)),
+    Explained(
+        "not seen for longer than twice its period",
+        svg.circle(style.CENTRE, 36, fill="none", stroke=style.PALE, stroke_width=9, stroke_dasharray="30 14"),
+    ),
+)
+"""What only a moment shows."""
 
 
 # What only the world of a simulated match knows
 
 
-def truth_events(truth: Truth, start: float) -> Iterator[PageEvent]:
-    """Give touches and points as events, `start` being when the page's time begins."""
+def truth_events(truth: Truth, facts: Facts) -> Iterator[PageEvent]:
+    """Give touches and points as events; times are the page's."""
+    scene = MatchScene(facts)
     for number, touch in enumerate(truth.touches):
-        place, time = {"x": touch.place.x, "y": touch.place.y}, touch.time - start
-        yield PageEvent(
-            f"touch {number}", "touch", time, touch.words, mark="✶", wrong=touch.at_fault, data={"place": place}
-        )
+        name, data = f"touch {number}", _drawn([scene.touch(touch)])
+        yield PageEvent(name, "touch", touch.time, touch.words, None, "✶", touch.at_fault, data)
     for number, score in enumerate(truth.scores):
         text = f"{score.robot}: {score.task} +{score.points}"
-        yield PageEvent(f"points {number}", "points", score.time - start, text, mark=f"+{score.points}")
+        yield PageEvent(f"points {number}", "points", score.time, text, mark=f"+{score.points}")
 
 
-def true_path(truth: Truth, start: float) -> list[dict[str, Any]]:
+def true_path(truth: Truth) -> list[dict[str, Any]]:
     """Return where our robot truly was as a row of the page; nothing if nobody knows."""
-    path = [(time - start, pose) for time, pose in truth.path if time >= start]
+    path = [each for each in truth.path if each.time >= 0]
     if not path:
         return []
     row: dict[str, Any] = {
@@ -254,8 +224,8 @@ def true_path(truth: Truth, start: float) -> list[dict[str, Any]]:
         "name": "True position",
         "group": "world",
         "nodes": [OURS],
-        "times": [round(time, 4) for time, _ in path],
-        "values": [[round(each[field], 1) for _, each in path] for field in range(3)],
+        "times": [round(each.time, 4) for each in path],
+        "values": [[round(each, 1) for each in values] for values in list(zip(*path))[1:]],
         "texts": [],
         "wrong": {},
         "bits": 0,

@@ -22,13 +22,14 @@ from eurobot_od.robot.model.messages import (
     StartConfigurationSet,
     StopDrive,
 )
-from eurobot_od.robot.model.places import Point, Pose
+from eurobot_od.robot.model.places import Point
 from eurobot_od.robot.model.values import Barriers, Obstacle, Passage, Source, TeamColour
-from eurobot_od.robot.panel.files import SeenMatch, form, save
-from eurobot_od.robot.picture import style
-from eurobot_od.robot.picture.picture import PAGE, picture
-from eurobot_od.robot.picture.recording import OURS, ScoredTask, TouchMark, Truth, record
 from eurobot_od.robot.protocol import decoder
+from eurobot_od.robot.scene import style
+from eurobot_od.robot.scene.files import SeenMatch, form, save
+from eurobot_od.robot.scene.recording import OURS, PathPoint, ScoredTask, TouchMark, Truth, record
+from eurobot_od.robot.scene.scene import SPACING
+from eurobot_od.robot.scene.sheet import PAGE, sheet
 from eurobot_od.support import svg
 
 FACTS = robot_file.read()
@@ -57,14 +58,18 @@ SCORES = [
     ScoredTask(8.0, "enemy 1", "mammoth", 10),
     ScoredTask(15.0, OURS, "tree 1", 3),
 ]
-KNOWN = Truth([(1.0, Pose(200, 1800, 0)), (15.0, Pose(1000, 500, 0))], TOUCHES, SCORES)
+KNOWN = Truth([PathPoint(1.0, 200, 1800, 0), PathPoint(15.0, 1000, 500, 0)], TOUCHES, SCORES)
 """What the world knows of the events."""
 
 
 def drawn(
     events: list[tuple[float, Message]] = EVENTS, title: str = "Match", truth: Truth | None = None
 ) -> ElementTree.Element:
-    return ElementTree.fromstring(picture(record(events, truth or Truth()), FACTS, title))
+    return ElementTree.fromstring(sheet(record(events, truth or Truth()), FACTS, title))
+
+
+def light(colour: str) -> str:
+    return style.COLOURS[colour].light
 
 
 def field_of(picture: ElementTree.Element) -> ElementTree.Element:
@@ -81,23 +86,34 @@ def titles(picture: ElementTree.Element) -> list[str]:
     return [each.text or "" for each in picture.iter(f"{SVG}title")]
 
 
+def placed(
+    picture: ElementTree.Element, x: float = 0, y: float = 0
+) -> Iterator[tuple[ElementTree.Element, float, float]]:
+    """Yield all elements, each with the place of its origin."""
+    for each in picture:
+        moved = re.match(r"translate\((\S+) (\S+)\)", each.get("transform", ""))
+        here = (x + float(moved[1]), y + float(moved[2])) if moved else (x, y)
+        yield each, *here
+        yield from placed(each, *here)
+
+
 def circles(picture: ElementTree.Element, **attributes: str) -> list[tuple[float, float, float]]:
     return [
-        (float(each.attrib["cx"]), float(each.attrib["cy"]), float(each.attrib["r"]))
-        for each in picture.iter(f"{SVG}circle")
-        if attributes.items() <= each.attrib.items()
+        (x + float(each.get("cx", 0)), y + float(each.get("cy", 0)), float(each.attrib["r"]))
+        for each, x, y in placed(picture)
+        if each.tag == f"{SVG}circle" and attributes.items() <= each.attrib.items()
     ]
 
 
 def numbers(picture: ElementTree.Element) -> Iterator[tuple[float, float]]:
     """Yield all places of a drawing, by the coordinates of its elements."""
-    for each in picture.iter():
-        for x, y in (("x", "y"), ("cx", "cy"), ("x1", "y1"), ("x2", "y2")):
-            if x in each.attrib:
-                yield float(each.attrib[x]), float(each.attrib[y])
+    for each, x, y in placed(picture):
+        for one, other in (("x", "y"), ("cx", "cy"), ("x1", "y1"), ("x2", "y2")):
+            if one in each.attrib:
+                yield x + float(each.attrib[one]), y + float(each.attrib[other])
         for pair in each.attrib.get("points", "").split():
             x_text, y_text = pair.split(",")
-            yield float(x_text), float(y_text)
+            yield x + float(x_text), y + float(y_text)
 
 
 def test_the_field_is_to_scale() -> None:
@@ -114,9 +130,9 @@ def test_pools_stand_where_they_stand() -> None:
 
 def test_asked_barriers_are_ringed_by_their_passage() -> None:
     rings = [
-        (float(each.attrib["cx"]), float(each.attrib["cy"]), each.get("stroke-dasharray"))
-        for each in field_of(drawn()).iter(f"{SVG}circle")
-        if each.get("fill") == "none"
+        (x, y, each.get("stroke-dasharray"))
+        for each, x, y in placed(field_of(drawn()))
+        if each.tag == f"{SVG}circle" and each.get("stroke") == light(style.STOP) and each.get("fill") == "none"
     ]
     first, last = FACTS.barriers[0], FACTS.barriers[7]
     assert rings == [(first.x, FACTS.field.height - first.y, "18 14"), (last.x, FACTS.field.height - last.y, None)]
@@ -124,27 +140,25 @@ def test_asked_barriers_are_ringed_by_their_passage() -> None:
 
 def test_gotos_to_one_place_share_its_mark_and_have_their_own_discs() -> None:
     field = field_of(drawn())
-    assert len(circles(field, r="26")) == 1
     assert [(x, FACTS.field.height - y, r) for x, y, r in circles(field, r="26")] == [(1000, 500, 26)]
-    assert [fill for fill in (svg.PAPER, style.GOTO) for _ in circles(field, r=str(style.MARK), fill=fill)] == [
-        svg.PAPER,
-        style.GOTO,
-    ]
+    (stopped,), (reached,) = (circles(field, r=str(style.MARK), fill=light(each)) for each in (style.PAPER, style.GOTO))
+    assert (stopped[0], reached[0] - stopped[0], stopped[1]) == (1000, SPACING, reached[1])
 
 
 def test_stops_and_gotos_say_everything_under_the_pointer() -> None:
     assert titles(drawn()) == [
+        "fire 1",
+        "pool 2",
         "enemy 1",
-        "goto 1 at 2.0 s: 1000, 500 mm, 90 deg, 80 %, barriers fire 1:normal, pool 2:forced: stopped",
-        "goto 2 at 12.0 s: 1000, 500 mm, 90 deg, 80 %, barriers none: arrived",
-        "A: Emergency Stop, enemy, at 6.0 s",
+        "goto 1 to 1000, 500 mm, 90 deg, 80 %, barriers fire 1:normal, pool 2:forced, at 2.0 s: stopped",
+        "goto 2 to 1000, 500 mm, 90 deg, 80 %, barriers none, at 12.0 s: arrived",
+        "A: Emergency Stop: enemy, at 6.0 s",
     ]
 
 
 def test_an_enemy_has_the_size_of_the_start_configuration() -> None:
-    assert circles(field_of(drawn()), fill=style.OTHERS[Enemy1PositionResponse][1]) == [
-        (2000, FACTS.field.height - 1500, 200)
-    ]
+    enemies = circles(field_of(drawn()), fill=light(style.colour_of("enemy 1")))
+    assert enemies == [(2000, FACTS.field.height - 1500, 200)]
 
 
 def test_summary_and_tables() -> None:
@@ -159,7 +173,7 @@ def test_summary_and_tables() -> None:
 def test_the_own_start_place_is_the_one_that_is_marked() -> None:
     squares = [each for each in field_of(drawn()).iter(f"{SVG}rect") if each.get("fill-opacity")]
     marked = {each.attrib["fill"]: each.get("stroke-dasharray") is None for each in squares}
-    assert marked == {style.TEAM[TeamColour.RED]: True, style.TEAM[TeamColour.YELLOW]: False}
+    assert marked == {light(style.team_colour(team)): team is TeamColour.RED for team in TeamColour}
 
 
 def test_the_path_is_marked_every_ten_seconds() -> None:
@@ -178,15 +192,17 @@ def test_bodies_are_to_scale() -> None:
     assert circles(field, fill=style.TREE) == [
         (x, FACTS.field.height - y, FACTS.field.trees.radius) for x, y in FACTS.field.trees.places
     ]
-    assert circles(field, fill=style.colour_of(TeamColour.RED)) == [(1000, FACTS.field.height - 500, FACTS.body.radius)]
+    ours = circles(field, fill=light(style.team_colour(TeamColour.RED)))
+    assert ours == [(1000, FACTS.field.height - 500, FACTS.body.radius)]
 
 
 def bursts(picture: ElementTree.Element) -> list[tuple[float, float, bool]]:
     """Return the middle of each burst, and whether it is filled."""
-    found = [each for each in picture.iter(f"{SVG}polygon") if style.TOUCH in each.attrib.values()]
-    corners = [[tuple(map(float, pair.split(","))) for pair in each.attrib["points"].split()] for each in found]
-    middles = [(sum(x for x, _ in each) / len(each), sum(y for _, y in each) / len(each)) for each in corners]
-    return [(round(x), round(y), each.get("fill") == style.TOUCH) for (x, y), each in zip(middles, found)]
+    return [
+        (round(x), round(y), each.get("fill") == style.TOUCH)
+        for each, x, y in placed(picture)
+        if each.tag == f"{SVG}polygon" and style.TOUCH in each.attrib.values()
+    ]
 
 
 def test_touches_are_marked_where_they_happened() -> None:
@@ -205,7 +221,7 @@ def test_points_stand_along_the_time_with_what_brought_them() -> None:
             for each in drawing.iter(f"{SVG}polyline")
             if each.get("stroke") == colour and each.get("stroke-width") == "7"
         ]
-        for colour in (style.GOTO, style.OTHERS[Enemy1PositionResponse][1])
+        for colour in (light(style.colour_of("red")), light(style.colour_of("enemy 1")))
     )
     assert [len(line.attrib["points"].split()) for line in (*ours, *other)] == [6, 4]  # two corners a step
     assert "red team, 1 enemy, 0 confederates, 1 of 2 gotos reached, 1 stop, 2 touches, 9 points, 16 s" in words(
@@ -262,12 +278,9 @@ def test_what_does_not_fit_in_a_table_is_counted() -> None:
     assert sum(bool(re.fullmatch(r"and \d+ more", each)) for each in words(drawn(MANY))) == 2
 
 
-def test_the_true_path_is_drawn_without_points_nobody_could_tell_apart() -> None:
-    truth = [(n / 100, Pose(200 + n, 1800, 0)) for n in range(1001)]
-    drawing = ElementTree.fromstring(picture(record(EVENTS, Truth(truth)), FACTS, "Match"))
-    (line,) = (each for each in drawing.iter(f"{SVG}polyline") if each.get("stroke") == style.TRUTH)
-    points = line.attrib["points"].split()
-    assert (points[0], len(points)) == ("200,200", 126)
+def test_the_true_path_is_drawn() -> None:
+    (line,) = (each for each in drawn(truth=KNOWN).iter(f"{SVG}polyline") if each.get("stroke") == style.TRUTH)
+    assert line.attrib["points"] == "200,200 1000,1500"
 
 
 def test_time_has_ever_darker_colours() -> None:
@@ -277,6 +290,12 @@ def test_time_has_ever_darker_colours() -> None:
     shades = [brightness(style.colour_at(share / 20)) for share in range(21)]
     assert shades == sorted(shades, reverse=True)
     assert (style.colour_at(-1), style.colour_at(2)) == (style.colour_at(0), style.colour_at(1))
+
+
+def test_a_file_has_colours_that_every_program_knows() -> None:
+    title = "var(--field-ink)"
+    drawing = sheet(record(MANY, KNOWN), FACTS, title)
+    assert re.findall(r"var\(.*?\)", drawing) == [title], "a title stays as it is"
 
 
 # Files
@@ -311,7 +330,7 @@ def test_png_without_its_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
 
 def test_one_far_timestamp_does_not_draw_for_ever() -> None:
     far: list[tuple[float, Message]] = [*EVENTS, (9e10, KalmanPositionResponse(700, 1100, 300, Source.INTERNAL))]
-    assert len(picture(record(far), FACTS, "far")) < 100_000
+    assert len(sheet(record(far), FACTS, "far")) < 100_000
 
 
 def test_a_path_that_took_no_time_is_drawn() -> None:

@@ -1,4 +1,4 @@
-"""What files and peers say stays in its place on every way out: terminal, CSV, JUnit, SVG, DCF."""
+"""Texts stay in their place on every way out (terminal, CSV, JUnit, SVG, DCF), and in their columns and lines."""
 
 from __future__ import annotations
 
@@ -21,8 +21,7 @@ from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.document import parse
 from eurobot_od.robot import dialects
 from eurobot_od.support import svg
-from eurobot_od.support.escaping import cell, one_line
-from eurobot_od.support.tables import columns
+from eurobot_od.support.texts import Level, amount, annotation, cell, columns, one_line
 from eurobot_od.support.yaml_places import Place
 from tests.rows import rows
 
@@ -128,3 +127,54 @@ def test_a_device_name_with_line_ends_injects_no_section_into_a_dcf(tmp_path: Pa
     written = parse((tmp_path / "stored.dcf").read_text("latin-1"))
     assert written.text("devicecomissioning", "nodename") == ""
     assert "parametervalue" not in written.sections["2101sub6"].entries
+
+
+# Amounts
+
+
+def test_one_is_singular() -> None:
+    assert [amount(number, "frame") for number in range(3)] == ["0 frames", "1 frame", "2 frames"]
+    assert [amount(number, "enemy", "enemies") for number in (1, 2)] == ["1 enemy", "2 enemies"]
+
+
+# Columns
+
+
+ROWS = [("ID", "count", "from"), ("1", "7", "drive"), ("0200", "12", "core")]
+
+
+@pytest.mark.parametrize(
+    ("align", "lines"),
+    [
+        ("", ["ID    count  from", "1     7      drive", "0200  12     core"]),
+        ("rr", ["  ID  count  from", "   1      7  drive", "0200     12  core"]),
+        ("llr", ["ID    count   from", "1     7      drive", "0200  12      core"]),
+    ],
+)
+def test_a_column_is_as_wide_as_its_longest_text(align: str, lines: list[str]) -> None:
+    assert list(columns(ROWS, align)) == lines
+
+
+def test_a_row_is_one_line_and_ends_with_its_last_text() -> None:
+    assert list(columns([("a\nb", ""), ("c", "")])) == ["a\\nb", "c"]
+
+
+def test_no_rows_are_no_lines() -> None:
+    assert list(columns([])) == []
+
+
+# Annotations
+
+
+ANNOTATIONS = [
+    # (file, title, lines of the message, what is printed)
+    ("a.eds", "E308", ["plain"], "::error file=a.eds,line=3,col=7,title=E308::plain"),
+    ("a.eds", "E308", ["one", "two: 100 %"], "::error file=a.eds,line=3,col=7,title=E308::one%0Atwo: 100 %25"),
+    ("C:\\a,b.eds", "a: b", ["x"], "::error file=C%3A\\a%2Cb.eds,line=3,col=7,title=a%3A b::x"),
+    ("a\n::error::b", "\x1b", ["x\r\ny"], "::error file=a\\n%3A%3Aerror%3A%3Ab,line=3,col=7,title=\\x1b::x\\r\\ny"),
+]
+
+
+@pytest.mark.parametrize(("file", "title", "lines", "printed"), ANNOTATIONS)
+def test_an_annotation_is_one_line(file: str, title: str, lines: list[str], printed: str) -> None:
+    assert annotation(Level.ERROR, file, 3, 7, title, lines) == printed
