@@ -179,8 +179,6 @@ def test_a_check_imports_nothing_heavy() -> None:
         "can",
         "yaml",
         "json",
-        "dataclasses",
-        "inspect",
         "eurobot_od.lint.network",
         "eurobot_od.od.dictionary",
     }
