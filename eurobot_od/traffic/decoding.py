@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from functools import lru_cache
 from typing import Any, BinaryIO
 
-from eurobot_od.device.nmt import TOGGLE
+from eurobot_od.device.nmt import TOGGLE, NmtState
 from eurobot_od.frame import Frame
 from eurobot_od.traffic import formats, words
 from eurobot_od.traffic.entries import LARGEST, REMEMBERED, Damage, Raw
@@ -43,7 +43,7 @@ class Follower:
         frame = meaning.raw
         assert isinstance(frame, Frame)
         if meaning.name != SDO:
-            return self._guarded(channel, frame, meaning)
+            return self._guarded(channel, frame, self._booted(channel, frame, meaning))
         end = self._decoder.services[frame.cob_id].end
         if end is None or frame.is_remote:
             return meaning
@@ -59,6 +59,15 @@ class Follower:
         """Yield the transfers that the end of the log cuts off, each with the meaning of its last frame."""
         for key, transfer in self._transfers.unfinished():
             yield self._last[key], transfer
+
+    def _booted(self, channel: str, frame: Frame, meaning: Meaning) -> Meaning:
+        """Say what transfers a boot-up cuts off."""
+        if frame.is_remote or frame.data[0] != NmtState.INITIALISING:
+            return meaning
+        for said in self._transfers.boot(channel, meaning.nodes[0]):
+            lost = (Defect(Damage.INCOMPLETE, f"{frame}: {said.lost}"),) if said.lost else ()
+            meaning = meaning._replace(defects=(*meaning.defects, *lost), transfer=said.ended)
+        return meaning
 
     def _guarded(self, channel: str, frame: Frame, meaning: Meaning) -> Meaning:
         """Name what a node answers to a remote frame: only by its toggle bit would it be told from a heartbeat."""

@@ -78,13 +78,16 @@ class Meaning(NamedTuple):
     transfer: SdoTransfer | None = None
     sender: str = ""
 
+    @property
+    def is_read(self) -> bool:
+        """Whether it says what the frame says: what is wrong may also be what the log lacks before it."""
+        return self.message is not None or all(each.damage is Damage.INCOMPLETE for each in self.defects)
+
 
 def with_defects(meaning: Meaning) -> str:
     """Write a damaged frame as far as it could be read, and after `!` what is wrong with it."""
     wrong = "; ".join(f"{damage.value}: {text}" for damage, text in meaning.defects)
-    # A frame before which others are missing says all the same what it says.
-    is_read = meaning.message is not None or all(each.damage is Damage.INCOMPLETE for each in meaning.defects)
-    return f"{meaning.text}  ! {wrong}" if is_read else f"! {wrong}"
+    return f"{meaning.text}  ! {wrong}" if meaning.is_read else f"! {wrong}"
 
 
 class Decoder:

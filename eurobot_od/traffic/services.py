@@ -46,11 +46,15 @@ SENT = 1
 
 
 class SdoEnd(NamedTuple):
-    """Which end of an SDO channel sends under an identifier; the `channel` is called by that of its requests."""
+    """Which end of an SDO channel sends under an identifier; the `channel` is called by that of its requests.
+
+    `server` is the name of the node with the objects.
+    """
 
     channel: int
     is_answer: bool
     dictionary: Dictionary | None
+    server: str
 
 
 class CanopenService(NamedTuple):
@@ -141,7 +145,7 @@ def _sdo(node: KnownNode, request: int, answer: int, client: str) -> Services:
             (8,),
             partial(frame_words, commands, node.dictionary),
             sender,
-            SdoEnd(request, commands is ANSWERS, node.dictionary),
+            SdoEnd(request, commands is ANSWERS, node.dictionary, node.name),
         )
         for cob_id, commands, sender in ((request, REQUESTS, client), (answer, ANSWERS, node.name))
     }
