@@ -143,10 +143,9 @@ class Running:
 
     def ended(self, time: float, aborted: int | None = None, is_whole: bool = True) -> SdoTransfer:
         """Return what the transfer was, for the count of all."""
-        seconds = time - self.began
-        return SdoTransfer(
-            self.object, self.is_upload, self.how.value, self.size, seconds, aborted, self.lost, is_whole
-        )
+        seconds, kept = time - self.began, is_whole and aborted is None and not self.lost and self.size <= KEPT
+        way = self.object, self.is_upload, self.how.value, self.size, seconds, aborted, self.lost, is_whole
+        return SdoTransfer(*way, self.end.server, self.address, bytes(self.content) if kept else None)
 
     @property
     def broken(self) -> str:
@@ -303,7 +302,7 @@ class Transfers:
             self._step(key, running.end, time, asked)
         return said
 
-    def boot(self, channel: str, server: str) -> Iterator[Said]:
+    def boot(self, channel: str, server: int) -> Iterator[Said]:
         """End the transfers with a server that has booted up: it knows nothing of them."""
         for key in [key for key, each in self._running.items() if key[0] == channel and each.end.server == server]:
             said = self._give_up(key, self._running[key].heard)
