@@ -187,7 +187,7 @@ NOUNS: dict[str, dict[str, str]] = {
     "MappingEntry": {"od.values.MappingEntry": "index, sub-index and bits"},
     "Mapped": {"od.pdos.Mapped": "an entry with its variable"},
     "Message": {
-        "traffic.load.message_set.PeriodicMessage": "what is sent again and again, in us or bit times",
+        "traffic.load.analysis.PeriodicMessage": "what is sent again and again, in us or bit times",
         "traffic.load.seen.SeenMessage": "what was seen of an identifier",
         "export.description.DescribedMessage": "what exports say of one",
         "export.dbc.DbcMessage": "... as DBC has it",

@@ -30,9 +30,9 @@ from eurobot_od.device.simulated import SimulatedDevice
 from eurobot_od.robot import dialects
 from eurobot_od.robot.nodes import ROLES
 from eurobot_od.robot.plugin import ROBOT
-from eurobot_od.season.campaign import blocks
-from eurobot_od.season.campaign.executors import Workers
-from eurobot_od.season.campaign.results import Results
+from eurobot_od.season.campaign import Workers
+from eurobot_od.season.campaign import run as in_blocks
+from eurobot_od.season.results import Results
 from tests.kit.devices import MODULE, first_red, suites
 from tests.kit.faults import CONFORMANCE
 
@@ -168,7 +168,7 @@ def not_found_by_conformance(names: Iterable[str]) -> Iterator[str]:
 
 
 def _done(runs: Sequence[Run], workers: Workers, kept: Results[Outcome] | None) -> list[Outcome]:
-    return list(campaign.counted(blocks.run(do, runs, workers, kept), len(runs), "runs", workers))
+    return list(campaign.counted(in_blocks(do, runs, workers, kept), len(runs), "runs", workers))
 
 
 def parser() -> argparse.ArgumentParser:

@@ -40,7 +40,7 @@ from eurobot_od.robot.nodes.motion import AT_REST, Chassis, Odometry, WheelComma
 from eurobot_od.robot.world import World
 from eurobot_od.robot.world.instruments import equip
 from eurobot_od.robot.world.timeline import EventKind, MatchEvent, Timeline
-from eurobot_od.season.campaign import blocks
+from eurobot_od.season.campaign import run as in_blocks
 
 FINE, WRONG = 0, 1
 
@@ -351,7 +351,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     chosen = [each for each in cells(options.dialect, options.times) if options.only in f"{each.what} {each.how}"]
     kept = campaign.results(options, Result, lambda: {"campaign": "losses", "dialect": options.dialect})
     with campaign.workers(options, len(chosen)) as workers:
-        results = list(campaign.counted(blocks.run(attempt, chosen, workers, kept), len(chosen), "cells", workers))
+        results = list(campaign.counted(in_blocks(attempt, chosen, workers, kept), len(chosen), "cells", workers))
     print(*table(results), sep="\n")
     print()
     wrong = [each for each in results if each.wrong]

@@ -33,7 +33,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> None:
     """Archive all logs; print a line for each."""
-    from eurobot_od.season.campaign import executors
+    from eurobot_od.season import campaign
     from eurobot_od.support.progress import bar, counted, unwatched
 
     with extras.needed("season"):
@@ -47,7 +47,7 @@ def run(arguments: argparse.Namespace) -> None:
     answers = {names[each.identifier]: each.answers for each in promised if each.answers and each.identifier in names}
     network = DecodedNetwork(decoder.dictionaries, decoder.protocol.catalogue, tuple(answers.items()))
     drawn = bar(str(logs[0])) if len(logs) == 1 else nullcontext(unwatched)
-    with executors.workers(None, arguments.jobs, len(logs)) as workers, drawn as draw:
+    with campaign.workers(None, arguments.jobs, len(logs)) as workers, drawn as draw:
         done = archive(logs, arguments.output, network, arguments.format, workers, _adding(draw, logs[0]))
         for each in list(done) if len(logs) == 1 else counted(done, len(logs), "logs", workers.number):
             log, size = one_line(each.log), f"{amount(each.frames, 'frame')}, {each.damage} damaged"

@@ -26,8 +26,8 @@ from eurobot_od.support.tables import columns
 if TYPE_CHECKING:
     from eurobot_od.bus.live.connection import Opener
     from eurobot_od.cli.options import Devices
+    from eurobot_od.client.description import Found
     from eurobot_od.client.master import Master
-    from eurobot_od.client.scan import Found
     from eurobot_od.client.watch import NodeEvent
 
 
@@ -37,17 +37,18 @@ def scan(master: Master, devices: Devices, listen: float, as_json: bool) -> Exit
     With --network or --eds also what they are called there, and which of them are missing. Exit status 1 if one is
     missing, or if there is no node at all.
     """
-    from eurobot_od.client import scan
+    from eurobot_od.client import description
 
     known = devices.load_and_complain() if devices.eds or devices.network else ()
     with master:
         for each in known:
             master.follow(each)  # a device that answers elsewhere is there, too
-        found = scan.scan(master, listen=listen)
+        found = description.scan(master, listen=listen)
     names = {each.node_id: each.name for each in known}
     missing = [node_id for node_id in names if node_id not in {each.node_id for each in found}]
     if as_json:
-        rows = [found_as_data(each) for each in (*found, *(scan.Found(each, None, None, "") for each in missing))]
+        silent = (description.Found(each, None, None, "") for each in missing)
+        rows = [found_as_data(each) for each in (*found, *silent)]
         for row in rows if names else ():  # a stranger to the network has no name in it: null
             row.update(network_name=names.get(row["node_id"]), missing=row["node_id"] in missing)
         print(json.dumps(rows, indent=2))

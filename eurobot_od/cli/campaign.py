@@ -15,8 +15,8 @@ from eurobot_od.support import extras, progress
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from eurobot_od.season.campaign.executors import Workers
-    from eurobot_od.season.campaign.results import Results
+    from eurobot_od.season.campaign import Workers
+    from eurobot_od.season.results import Results
 
 OPTIONS = ("jobs", "executor", "results", "resume")
 
@@ -48,14 +48,14 @@ def refuse(arguments: argparse.Namespace, option: str) -> None:
 @contextmanager
 def workers(arguments: argparse.Namespace, things: int) -> Iterator[Workers]:
     """Give the workers for a number of things; raises LocalError."""
-    from eurobot_od.season.campaign import executors
+    from eurobot_od.season import campaign
 
     if arguments.executor and arguments.jobs:
         raise LocalError("--jobs is for processes of this machine, and does not go with --executor")
     with ExitStack() as stack:
         # A missing package is one only while the workers are made; later an ImportError would be a fault in the work.
         with extras.needed("cluster"):
-            found = stack.enter_context(executors.workers(arguments.executor, arguments.jobs, things))
+            found = stack.enter_context(campaign.workers(arguments.executor, arguments.jobs, things))
         yield found
 
 
@@ -68,7 +68,7 @@ def results(
             raise LocalError("--resume needs --results: the folder of the run to continue")
         return None
     with extras.needed("cluster"):
-        from eurobot_od.season.campaign.results import Results
+        from eurobot_od.season.results import Results
     return Results(arguments.results, record, settings(), arguments.resume)
 
 

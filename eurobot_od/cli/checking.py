@@ -27,8 +27,8 @@ if TYPE_CHECKING:
     from eurobot_od.check.suite import Suite
     from eurobot_od.od.dictionary import Dictionary
     from eurobot_od.od.pdos import OnRefused
-    from eurobot_od.season.campaign.executors import Workers
-    from eurobot_od.season.campaign.results import Results
+    from eurobot_od.season.campaign import Workers
+    from eurobot_od.season.results import Results
 
 
 class Checks(NamedTuple):
@@ -264,9 +264,9 @@ def many_results(
     kept: Results[CheckedSeed] | None,
 ) -> Iterator[SuiteResult]:
     """Run the suites for all seeds by several workers, and print what `results_of` prints, seed by seed."""
-    from eurobot_od.season.campaign import blocks
+    from eurobot_od.season.campaign import run as in_blocks
 
-    done = blocks.run(checks.run_seed, seeds, workers, kept)
+    done = in_blocks(checks.run_seed, seeds, workers, kept)
     for seed, results in campaign.counted(done, len(seeds), "seeds", workers, hidden=not printer.silent):
         for suite, result in zip(suites, results):
             printer.heading(suite, result.skipped or checks.how(seed))

@@ -216,8 +216,8 @@ def _print_annotations(findings: Sequence[Finding]) -> None:
 def _print_sarif(findings: Sequence[Finding]) -> None:
     import json
 
+    from eurobot_od.lint.findings import sarif
     from eurobot_od.lint.network import RULES
-    from eurobot_od.lint.sarif import sarif
 
     json.dump(sarif(findings, (*FILE_RULES, *RULES)), sys.stdout, indent=1)
     print()

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from eurobot_od.od.dictionary import Dictionary
     from eurobot_od.od.network_file import NetworkFile
     from eurobot_od.plugin import Plugin
-    from eurobot_od.traffic.load.message_set import ErrorRate, MessageSet
+    from eurobot_od.traffic.load.analysis import ErrorRate, MessageSet
 
 BIT_RATE = 500_000
 """bit/s where neither the option nor the file says it."""
@@ -51,7 +51,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def _errors(text: str) -> ErrorRate:
     from eurobot_od.support import durations
-    from eurobot_od.traffic.load.message_set import ErrorRate
+    from eurobot_od.traffic.load.analysis import ErrorRate
 
     number, slash, time = text.partition("/")
     try:

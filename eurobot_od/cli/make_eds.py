@@ -25,8 +25,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> ExitStatus:
     """Write the files, or compare them."""
     from eurobot_od import plugin
-    from eurobot_od.od.make.files import differences, make_files, write_files
     from eurobot_od.od.make.table import TableError, read_table
+    from eurobot_od.od.make.text import differences, make_files, write_files
 
     # What is not UTF-8 becomes a sign that the table refuses, with its line and column.
     source = bounded.read(arguments.table).decode(errors="replace")

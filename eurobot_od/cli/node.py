@@ -137,7 +137,7 @@ def _all(arguments: argparse.Namespace) -> list[Node]:
 def _run_all(bus: can.BusABC, nodes: list[Node], duration: float | None) -> None:
     """Run several devices on one bus until the time is over, or an interrupt; raises BusError."""
     from eurobot_od.bus.live.group import LiveGroup
-    from eurobot_od.device.group import NodeGroup
+    from eurobot_od.device.station import NodeGroup
     from eurobot_od.od.sdo_channel import moved_server
 
     for node in nodes:

@@ -21,7 +21,7 @@ from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.network_file import NetworkFile, NodeFile
 from eurobot_od.od.values import NODE_IDS
 from eurobot_od.plugin import Plugin
-from eurobot_od.season.campaign import MOST_JOBS
+from eurobot_od.season import MOST_JOBS
 from eurobot_od.support.address import parse
 from eurobot_od.traffic.recorder import END, GO_ON
 
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from eurobot_od.device.emergency import ErrorWords
     from eurobot_od.od.pdos import OnRefused
     from eurobot_od.pdo.protocol import Protocol
-    from eurobot_od.traffic.load.message_set import MessageSet
+    from eurobot_od.traffic.load.analysis import MessageSet
     from eurobot_od.traffic.meaning import Decoder
 
 

@@ -74,7 +74,7 @@ def run(arguments: argparse.Namespace) -> ExitStatus:
 def question(protocol: Protocol, text: str, fields: Sequence[str]) -> tuple[Frame, str]:
     """Return the frame to send, of a message or in candump's notation, and what it means; raises as `parse`."""
     from eurobot_od.frame import Frame
-    from eurobot_od.pdo.written import parse
+    from eurobot_od.pdo.binding import parse
 
     if FRAME_MARK not in text:
         message = parse(protocol.binding(text), fields)

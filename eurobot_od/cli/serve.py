@@ -104,7 +104,7 @@ def _source(
 ) -> dict[str, Any]:
     """Read a log as a source of the page, with what is kept beside it."""
     from eurobot_od.traffic.meaning import DamageCounts
-    from eurobot_od.web.content import Columns
+    from eurobot_od.web.page import Columns
 
     # No bar: it would share the terminal with the address and with what is wrong in the log.
     columns, damage = Columns(Path(log).name, decoder, bitrate, panels), DamageCounts()
@@ -137,8 +137,7 @@ def bus_name(interface: str | None, channel: str | None) -> str:
 
 
 async def _show_bus(session: Session, panels: Sequence[type[Panel]], name: str, control: bool, listen: Address) -> None:
-    from eurobot_od.web.content import described, stop_message
-    from eurobot_od.web.page import page
+    from eurobot_od.web.page import described, page, stop_message
     from eurobot_od.web.requests import Requests
 
     about = {"name": name, "bitrate": session.bitrate, **described(session.decoder)}

@@ -19,8 +19,7 @@ from typing import NamedTuple
 
 from eurobot_od.client.configure import configure
 from eurobot_od.client.description import Description, Identity
-from eurobot_od.client.master import RemoteNode
-from eurobot_od.client.procedure import Procedure
+from eurobot_od.client.master import Procedure, RemoteNode
 from eurobot_od.device.nmt import NmtCommand, NmtState
 from eurobot_od.errors import BusError, EurobotError, NoAnswer, NodeRefused, RemoteError
 from eurobot_od.od.dictionary import Dictionary

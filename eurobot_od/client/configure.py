@@ -15,9 +15,8 @@ from typing import NamedTuple
 from canopen.objectdictionary import ODVariable
 
 from eurobot_od.client.description import Description, Identity, read_identity
-from eurobot_od.client.master import STORE_WAIT, RemoteNode
+from eurobot_od.client.master import STORE_WAIT, Procedure, RemoteNode
 from eurobot_od.client.pdo_mapping import Bytes, in_order, procedure_objects
-from eurobot_od.client.procedure import Procedure
 from eurobot_od.device.nmt import STATE_NAMES, NmtCommand, NmtState
 from eurobot_od.device.objects import COMMUNICATION_PROFILE
 from eurobot_od.errors import BusError, ConfigurationError, DictionaryError, EurobotError, FieldError, NodeRefused

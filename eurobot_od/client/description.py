@@ -1,20 +1,24 @@
-"""What a node is: its identity 0x1018, and the EDS that describes it, wherever that is found.
+"""What a node is: its identity 0x1018, and its EDS, wherever that is found. And which nodes there are on a bus.
 
-An EDS is taken only for a node with the same identity; a file that a person names is taken as it is.
+An EDS is taken only for a node with the same identity; a file that a person names is taken as it is. In a scan a node
+is there if it answers one of our SDO requests, or if its heartbeat is heard. Other frames prove nothing: a protocol's
+own identifiers may look like PDOs of any node.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
-from eurobot_od.client.master import RemoteNode
-from eurobot_od.client.procedure import Procedure
-from eurobot_od.errors import NodeRefused
+from eurobot_od.client.master import Master, Procedure, RemoteNode
+from eurobot_od.device.nmt import NmtState
+from eurobot_od.errors import NodeRefused, RemoteError
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.od.standard import DEVICE_NAME, IDENTITY, STORE_FORMAT, STORED_EDS
-from eurobot_od.od.values import Address
+from eurobot_od.od.standard import DEVICE_NAME, DEVICE_TYPE, IDENTITY, STORE_FORMAT, STORED_EDS
+from eurobot_od.od.values import NODE_IDS, Address
+from eurobot_od.sdo.wire import LENGTH, ClientCommand, Initiate, ServerCommand, initiate
 
 PLAIN_TEXT = b"\0"
 """Value of 0x1022 for an EDS that is not compressed (CiA 301, 7.5.2.25)."""
@@ -117,3 +121,60 @@ async def _optional(node: RemoteNode, address: Address, name: str) -> bytes:
         return await node.upload.steps(address, name)
     except NodeRefused:
         return b""
+
+
+# The nodes of a bus
+
+
+PACE = 0.005
+"""Seconds between two requests, so that 127 of them do not fill a bus that others use."""
+
+UPLOADED = (ServerCommand.UPLOAD, ServerCommand.ABORT)
+"""The ways in which an SDO server answers an upload."""
+
+LISTEN = 1.5
+"""Seconds of waiting for heartbeats; most nodes send one every second."""
+
+
+class Found(NamedTuple):
+    """A node: its NMT `state` if a heartbeat was heard, its `identity` if it answers SDO, its `name` in 0x1008."""
+
+    node_id: int
+    state: NmtState | None
+    identity: Identity | None
+    name: str
+
+
+@Procedure
+async def scan(
+    master: Master, node_ids: Iterable[int] = NODE_IDS, pace: float = PACE, listen: float = LISTEN
+) -> list[Found]:
+    """Return the nodes that are there, by node-ID. Raises BusError."""
+    wanted = sorted(node_ids)
+    answered: set[int] = set()
+
+    def received(node_id: int, data: bytes) -> None:
+        # An abort of 0x1000 is an answer, too. A transfer would not do here: it ends with the first odd answer, and
+        # another master may be asking the node as well.
+        answer = Initiate.of(data) if len(data) == LENGTH else None
+        if answer is not None and answer.address == DEVICE_TYPE and answer.command >> 5 in UPLOADED:
+            answered.add(node_id)
+
+    # All are asked before the first has to answer: one after the other, silent node-IDs would take a minute.
+    for node_id in wanted:
+        server = master.sdo_server(node_id)
+        master.listeners[server.answers] = partial(received, node_id)
+        master.send(server.requests, initiate(ClientCommand.UPLOAD << 5, DEVICE_TYPE))
+        await master.pump.steps(pace)
+    await master.pump.steps(max(listen - pace * len(wanted), master.answer_wait))
+    return [await _found(master, node_id) for node_id in sorted(answered | set(master.states)) if node_id in wanted]
+
+
+async def _found(master: Master, node_id: int) -> Found:
+    """Ask a node that is there for its identity; one that is STOPPED does not answer."""
+    node = master.node(node_id)
+    try:
+        identity, name = await read_identity.steps(node), await device_name.steps(node)
+    except RemoteError:
+        identity, name = None, ""
+    return Found(node_id, node.last_state, identity, name)

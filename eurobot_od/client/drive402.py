@@ -13,14 +13,12 @@ from contextlib import asynccontextmanager
 from functools import partial
 from typing import NamedTuple
 
-from eurobot_od.client.master import RemoteNode
-from eurobot_od.client.procedure import finished
+from eurobot_od.client.master import RemoteNode, finished
 from eurobot_od.errors import DriveError, LocalError
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.objects import data_type
 from eurobot_od.od.profiles import cia402
-from eurobot_od.od.profiles.cia402 import DriveCommand, Mode, State
-from eurobot_od.od.profiles.homing import METHODS
+from eurobot_od.od.profiles.cia402 import METHODS, DriveCommand, Mode, State
 from eurobot_od.od.values import DATA_TYPES, UNSIGNED16, UNSIGNED32, DataType
 
 POLL = 0.01

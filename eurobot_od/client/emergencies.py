@@ -8,8 +8,7 @@ from __future__ import annotations
 import struct
 from typing import NamedTuple
 
-from eurobot_od.client.master import RemoteNode
-from eurobot_od.client.procedure import Procedure
+from eurobot_od.client.master import Procedure, RemoteNode
 from eurobot_od.client.streams import AsyncStream, BlockingStream, Stream
 from eurobot_od.device.emergency import REGISTER_BITS, ErrorCode, error_words
 from eurobot_od.od.standard import ERROR_FIELD, ERROR_REGISTER

@@ -14,8 +14,7 @@ from itertools import count
 from typing import NamedTuple, TypeAlias, TypeVar
 
 from eurobot_od.client.description import Identity
-from eurobot_od.client.master import STORE_WAIT, Master
-from eurobot_od.client.procedure import Procedure
+from eurobot_od.client.master import STORE_WAIT, Master, Procedure
 from eurobot_od.errors import LocalError, NoAnswer, RemoteError
 from eurobot_od.od.lss import (
     ANSWERS,

@@ -1,24 +1,33 @@
-"""A CANopen master: SDO transfers, NMT, heartbeats, as procedures (see `procedure`) that await frames in `pump`.
+"""A CANopen master: SDO transfers, NMT, heartbeats, as procedures that await frames in `pump`.
 
 No thread receives in here. Whoever waits for something takes frames from the bus meanwhile, and each frame goes to the
 listener of its COB-ID; a frame that comes while nothing waits is read at the next wait. Masters that receive all the
 time, in a thread or in an event loop, are in `masters`.
+
+Theory of operation. A procedure is a coroutine that awaits only other procedures, down to `Master.pump`, where
+frames are awaited. The pump of a blocking master waits inside itself: a procedure on it runs from beginning to end in
+one step, which is what calling it does. The pump of an event loop's master suspends, and its procedures are awaited:
+
+    configure(node, description, now)               # on a blocking master
+    await configure.steps(node, description, now)   # in an event loop, and in other procedures
+
+So each procedure is written only once, and there is no thread or loop that nobody has asked for.
 """
 
 from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Coroutine, Iterator
 from contextlib import AbstractAsyncContextManager, AbstractContextManager, contextmanager, nullcontext
-from typing import TYPE_CHECKING, Protocol, TypeAlias
+from functools import partial, update_wrapper
+from typing import TYPE_CHECKING, Any, Concatenate, Generic, ParamSpec, Protocol, TypeAlias, TypeVar
 
 from eurobot_od.bus.live import Driver, Opener
 from eurobot_od.bus.live.buses import failure
 from eurobot_od.bus.live.connection import Connection
-from eurobot_od.client.procedure import Procedure
 from eurobot_od.device.nmt import COMMAND_NAMES, NmtCommand, NmtState
-from eurobot_od.errors import BusError, NamedObject, NoAnswer, NodeRefused, RemoteError, WrongAnswer
+from eurobot_od.errors import BusError, NamedObject, NoAnswer, NodeRefused, RemoteError, StateError, WrongAnswer
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.sdo_channel import SdoChannel
 from eurobot_od.od.values import (
@@ -45,6 +54,51 @@ from eurobot_od.support.progress import Progress, unwatched
 
 if TYPE_CHECKING:
     import can
+
+
+# Procedures
+
+
+P = ParamSpec("P")
+Result = TypeVar("Result")
+Owner = TypeVar("Owner")
+Rest = ParamSpec("Rest")
+
+
+class Procedure(Generic[P, Result]):
+    """A coroutine function: calling it carries all of it out at once, its `steps` have to be awaited.
+
+    It is a decorator for functions and methods. Called for the master of an event loop, it raises StateError.
+    """
+
+    def __init__(self, function: Callable[P, Coroutine[Any, Any, Result]]) -> None:
+        self.steps = function
+        if not isinstance(function, partial):
+            update_wrapper(self, function)
+
+    def __call__(self, *args: P.args, **kwargs: P.kwargs) -> Result:
+        """Carry it out, and return when it is done."""
+        return finished(self.steps(*args, **kwargs))
+
+    def __get__(
+        self: Procedure[Concatenate[Owner, Rest], Result], instance: Owner, owner: type[Owner]
+    ) -> Procedure[Rest, Result]:
+        """Return the procedure bound to an object, like a method."""
+        return Procedure(partial(self.steps, instance))
+
+
+def finished(steps: Coroutine[Any, Any, Result]) -> Result:
+    """Return the result of a coroutine that must not suspend; raises StateError if it does."""
+    try:
+        steps.send(None)
+    except StopIteration as end:
+        result: Result = end.value
+        return result
+    steps.close()
+    raise StateError("this network belongs to an event loop: await its calls")
+
+
+# The master
 
 
 ANSWER_WAIT = 0.5

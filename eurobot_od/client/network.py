@@ -23,14 +23,12 @@ from eurobot_od.bus.live import open_bus
 from eurobot_od.bus.simulated.network import Simulation
 from eurobot_od.bus.simulated.simulated_bus import SimulatedBus
 from eurobot_od.client import lss
-from eurobot_od.client.description import Identity
+from eurobot_od.client.description import LISTEN, Found, Identity, scan
 from eurobot_od.client.lss import LssSteps, Result
-from eurobot_od.client.master import ANSWER_WAIT, Master
+from eurobot_od.client.master import ANSWER_WAIT, Master, finished
 from eurobot_od.client.masters import Feed, LoopMaster, OwnFeed, PeriodicTask, ThreadedMaster, feed_of
-from eurobot_od.client.procedure import finished
 from eurobot_od.client.producing import syncs
 from eurobot_od.client.remote_device import AsyncRemoteDevice, DeviceAtNode, RemoteDevice
-from eurobot_od.client.scan import LISTEN, Found, scan
 from eurobot_od.client.watch import LOST_AFTER, NodeEvent, NodeWatch
 from eurobot_od.device.nmt import ALL_NODES, NmtCommand
 from eurobot_od.device.simulated import SimulatedDevice

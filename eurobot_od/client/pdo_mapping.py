@@ -11,8 +11,7 @@ from typing import TypeAlias
 
 from canopen.objectdictionary import ODVariable
 
-from eurobot_od.client.master import RemoteNode
-from eurobot_od.client.procedure import Procedure
+from eurobot_od.client.master import Procedure, RemoteNode
 from eurobot_od.errors import ConfigurationError, LocalError
 from eurobot_od.od.concise import Write
 from eurobot_od.od.dictionary import Dictionary

@@ -14,8 +14,7 @@ from typing import NamedTuple
 from zlib import crc32
 
 from eurobot_od.client.description import Identity, read_identity
-from eurobot_od.client.master import RemoteNode
-from eurobot_od.client.procedure import Procedure
+from eurobot_od.client.master import Procedure, RemoteNode
 from eurobot_od.errors import BusError, EurobotError, NoAnswer, NodeRefused, ProgramError
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.standard import FLASH_STATUS, PROGRAM_CONTROL, PROGRAM_DATA, PROGRAM_IDENTIFICATION

@@ -12,8 +12,7 @@ from canopen.objectdictionary import ODVariable
 
 from eurobot_od.client.configure import is_parameter, read_object
 from eurobot_od.client.description import device_name
-from eurobot_od.client.master import RemoteNode
-from eurobot_od.client.procedure import Procedure
+from eurobot_od.client.master import Procedure, RemoteNode
 from eurobot_od.errors import NodeRefused
 from eurobot_od.od.dcf import Dcf, with_contents
 from eurobot_od.od.dictionary import Dictionary

@@ -9,8 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any, Generic, NamedTuple, TypeVar
 
-from eurobot_od.client.master import RemoteNode
-from eurobot_od.client.procedure import Procedure, finished
+from eurobot_od.client.master import Procedure, RemoteNode, finished
 from eurobot_od.client.reading import read_bytes
 from eurobot_od.client.streams import AsyncStream, BlockingStream, Stream
 from eurobot_od.errors import FieldError, FrameLengthError, LocalError, MappingError, UnknownName

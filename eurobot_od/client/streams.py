@@ -12,8 +12,7 @@ from math import inf
 from typing import Generic, TypeVar
 from weakref import WeakSet
 
-from eurobot_od.client.master import Master
-from eurobot_od.client.procedure import finished
+from eurobot_od.client.master import Master, finished
 from eurobot_od.errors import NoAnswer
 
 Item = TypeVar("Item")

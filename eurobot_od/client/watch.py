@@ -14,8 +14,7 @@ from math import inf
 from statistics import median_low
 from typing import NamedTuple
 
-from eurobot_od.client.master import Guard, Master, unguarded
-from eurobot_od.client.procedure import Procedure
+from eurobot_od.client.master import Guard, Master, Procedure, unguarded
 from eurobot_od.device.nmt import TOGGLE, NmtState
 from eurobot_od.errors import RemoteError
 from eurobot_od.od.standard import HEARTBEAT_TIME

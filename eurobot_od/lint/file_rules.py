@@ -14,8 +14,8 @@ from eurobot_od.lint.findings import Rule, Rules, Violations
 from eurobot_od.lint.model import TOP, LintedDevice
 from eurobot_od.od import keys as cia306
 from eurobot_od.od import values
-from eurobot_od.od.completion import misspelled
 from eurobot_od.od.document import Entry, Odd, Section
+from eurobot_od.od.formats import misspelled
 from eurobot_od.od.standard import MANDATORY
 from eurobot_od.od.values import Number, PdoDirection, parse_number
 

@@ -1,4 +1,4 @@
-"""Findings of a check: how they are selected and written.
+"""Findings of a check: how they are selected and written, as text and as SARIF.
 
 Rule of this file: the first letter of a code is its severity, which is stated nowhere else.
 """
@@ -124,3 +124,51 @@ def summary(findings: Sequence[Finding], files: int, hidden: bool) -> str:
 def count(findings: Iterable[Finding], severity: Severity) -> int:
     """Count the findings of one severity."""
     return sum(each.severity is severity for each in findings)
+
+
+# SARIF 2.1.0 (OASIS), which code scanning services and editors read; each function names its section
+
+
+SCHEMA = "https://json.schemastore.org/sarif-2.1.0.json"
+LEVELS = {Severity.ERROR: "error", Severity.WARNING: "warning", Severity.INFO: "note"}
+
+
+def sarif(findings: Iterable[Finding], rules: Sequence[Rule]) -> dict[str, Any]:
+    """Return a log of one run (3.13, 3.14), `rules` are all that were checked."""
+    numbers = {each.code: number for number, each in enumerate(rules)}
+    described = [  # 3.49
+        {
+            "id": each.code,
+            "shortDescription": {"text": each.demand},
+            "help": {"text": f"Source: {each.clause}"},
+            "defaultConfiguration": {"level": LEVELS[each.severity]},
+        }
+        for each in rules
+    ]
+    driver = {"name": "eurobot-od lint", "rules": described}
+    run = {
+        "tool": {"driver": driver},
+        "columnKind": "unicodeCodePoints",  # Python's characters, not UTF-16 units
+        "results": [_result(each, numbers[each.code]) for each in findings],
+    }
+    return {"$schema": SCHEMA, "version": "2.1.0", "runs": [run]}
+
+
+def _result(finding: Finding, rule: int) -> dict[str, Any]:
+    """Describe a finding (3.27); `rule` is the number of its rule in the list."""
+    from pathlib import Path  # `lint` starts without both
+    from urllib.parse import quote
+
+    file = Path(finding.file)  # a file named relative to the working folder has a relative URI (3.4.3)
+    uri = file.as_uri() if file.is_absolute() else quote(file.as_posix())
+    place = {
+        "artifactLocation": {"uri": uri},
+        "region": {"startLine": finding.line, "startColumn": finding.column},
+    }
+    return {
+        "ruleId": finding.code,
+        "ruleIndex": rule,
+        "level": LEVELS[finding.severity],
+        "message": {"text": one_line(finding.message)},
+        "locations": [{"physicalLocation": place}],
+    }

@@ -13,7 +13,7 @@ from typing import NamedTuple, TypeAlias
 from eurobot_od.errors import DictionaryError, FieldError, UnknownName
 from eurobot_od.od.description import DescribedDevice, DescribedVariable
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.od.document import Document, is_text, parse, read_bytes
+from eurobot_od.od.document import Document, Rewriting, is_text, parse, read_bytes
 from eurobot_od.od.keys import COMMISSIONING, OBJECT_LISTS
 from eurobot_od.od.objects import data_type, value_text
 from eurobot_od.od.values import (
@@ -27,7 +27,6 @@ from eurobot_od.od.values import (
     label,
     parse_number,
 )
-from eurobot_od.od.writing import Rewriting
 
 NOT_SAID = {"NetNumber": 0, "NetworkName": "", "CANopenManager": 0, "LSS_SerialNumber": ""}
 """The other keys of the commissioning, with the values they have where nobody knows better."""

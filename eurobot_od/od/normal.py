@@ -21,10 +21,9 @@ from typing import NamedTuple
 
 from eurobot_od.errors import DictionaryError
 from eurobot_od.od import keys, values
-from eurobot_od.od.completion import completed, looks_odd, misspelled, usual_name
 from eurobot_od.od.description import SIMPLE, DescribedDevice, DescribedObject, DescribedVariable, ObjectCode
 from eurobot_od.od.document import STRAY, Document, Entry, Odd, Section
-from eurobot_od.od.formats import read
+from eurobot_od.od.formats import completed, looks_odd, misspelled, read, usual_name
 from eurobot_od.od.modules import CONNECTED, with_modules
 from eurobot_od.od.patches import Patch, patched, with_settings
 from eurobot_od.od.plain import BYTES, TEXTS, plain_number, plain_value

@@ -23,9 +23,9 @@ from typing import NamedTuple
 
 from eurobot_od.errors import DictionaryError, LocalError, UnknownName
 from eurobot_od.od import formats, keys, values
-from eurobot_od.od.completion import completed
 from eurobot_od.od.description import COMPOSED, DescribedDevice, DescribedVariable, ObjectCode
 from eurobot_od.od.document import Document, Entry, Section, is_text, read_bytes
+from eurobot_od.od.formats import completed
 from eurobot_od.od.modules import CONNECTED
 from eurobot_od.od.objects import numbered
 from eurobot_od.od.plain import plain_number, plain_value

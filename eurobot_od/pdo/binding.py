@@ -6,13 +6,13 @@ are generated when they are needed first: a program that sends two messages does
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cached_property, partial
 from itertools import accumulate
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from eurobot_od.errors import FieldError, FrameLengthError, MappingError, UnknownName
+from eurobot_od.errors import FieldError, FrameLengthError, LocalError, MappingError, UnknownName
 from eurobot_od.frame import Data, Frame
 from eurobot_od.od.pdos import Mapped, Pdo
 from eurobot_od.od.values import Address, Limits
@@ -244,3 +244,28 @@ def _slots(mapping: Iterable[Mapped]) -> list[Slot]:
         slots.append(each)
         taken.add(each.field)
     return slots
+
+
+# Messages as a person writes them, fields as `name=value`
+
+
+def parse(binding: Binding, fields: Sequence[str]) -> Message:
+    """Return the message of `name=value` words; raises UnknownName, FieldError, LocalError."""
+    values: dict[str, Any] = {}
+    for text in fields:
+        field, given, value = text.partition("=")
+        if field not in binding.kinds:
+            raise UnknownName(f"field of {binding.name}", field, binding.kinds)
+        if field in values:
+            raise LocalError(f"{binding.name}: {field} given twice")
+        kind, limits = binding.kinds[field], binding.limits.get(field)
+        try:
+            values[field] = kind.parse(value)
+        except (ValueError, KeyError):
+            allowed = kind.allowed(limits) if limits else "nothing, as the loaded EDS does not map it"
+            # without an equals sign the whole word is what was written, and wrong
+            raise FieldError(binding.name, field, value if given else text, allowed) from None
+    missing = [field for field in binding.kinds if field not in values and field not in binding.defaults]
+    if missing:
+        raise LocalError(f"{binding.name}: {', '.join(missing)} missing")
+    return binding.message(**values)

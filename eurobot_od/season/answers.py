@@ -3,16 +3,142 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import Any
 
 import polars as pl
 import polars.selectors as cs
 
-from eurobot_od.season.chart import chart_of, draw
-from eurobot_od.season.reports import SeasonReport
+from eurobot_od.errors import LocalError
+from eurobot_od.season.reports import Chart, ChartKind, SeasonReport
 from eurobot_od.season.season import Season
+from eurobot_od.support import svg
 from eurobot_od.support.escaping import cell
+from eurobot_od.support.svg import Axis
 from eurobot_od.support.tables import columns
+
+# Pictures: bars, lines, histograms, as SVG. They show what the rows say; nothing is smoothed or left out.
+
+
+LEFT, TOP, PLOT, HEIGHT, RIGHT, BOTTOM = 70, 60, 720, 320, 30, 60
+"""Margins, width and height of the plot; one unit is a pixel of a screen."""
+
+NAMES, ROW, BAR = 320, 20, 12
+"""Width for the names of bars, height of a row, and of its bar."""
+
+CLASSES = 40
+"""A histogram has at most this many classes."""
+
+
+def draw(rows: pl.DataFrame, chart: Chart, title: str) -> str:
+    """Return a picture of rows as an SVG document; raises LocalError for rows that it cannot show."""
+    complete = rows.drop_nulls()
+    if not any(column.dtype.is_numeric() for column in rows):
+        raise LocalError(f"nothing to draw: none of the columns {', '.join(rows.columns)} has numbers")
+    if not len(complete):
+        nothing = svg.text((LEFT, TOP), "no rows", font_size=svg.TEXT, fill=svg.PALE)
+        return svg.document(title, svg.heading(title), nothing, width=LEFT + PLOT, height=TOP + BOTTOM)
+    content, width, height = DRAWN[chart.kind](complete, chart)
+    return svg.document(title, svg.heading(title), *content, width=width, height=height)
+
+
+Drawn = tuple[list[str], int, int]
+"""Elements, width and height of a picture."""
+
+
+def chart_of(rows: pl.DataFrame) -> Chart:
+    """Return how rows of any query are drawn: a number first is drawn along, anything else names bars."""
+    first = rows.columns[0]
+    if len(rows.columns) == 1:
+        return Chart(ChartKind.HISTOGRAM, first, "rows")
+    kind = ChartKind.LINES if rows[first].dtype.is_numeric() else ChartKind.BARS
+    return Chart(kind, first, ", ".join(rows.columns[1:]))
+
+
+# Bars: a row for each
+
+
+def _bars(rows: pl.DataFrame, chart: Chart) -> Drawn:
+    column = next(name for name in rows.columns[1:] or rows.columns if rows[name].dtype.is_numeric())
+    names, values = rows[rows.columns[0]].cast(pl.String).to_list(), rows[column].cast(pl.Float64).to_list()
+    bottom = TOP + ROW * len(values)
+    scale = Axis(min(0.0, *values), max(0.0, *values) or 1.0, NAMES, NAMES + PLOT)
+    content = list(_grid_down(scale, bottom, chart.up))
+    for y, name, value in zip(range(TOP, bottom, ROW), names, values):
+        low, high = sorted((scale.at(0), scale.at(value)))
+        shown = f"{value:.6g}"
+        bar = svg.group(
+            svg.title(f"{name}: {shown}"),
+            svg.text((NAMES - 10, y + BAR - 1), name, font_size=svg.TEXT, fill=svg.INK, text_anchor="end"),
+            svg.rectangle((low, y), max(high - low, 1.0), BAR, fill=svg.COLOURS[0]),  # a 0 is seen, too
+            svg.text((high + 6, y + BAR - 1), shown, font_size=svg.TEXT, fill=svg.PALE),
+        )
+        content.append(bar)
+    return content, NAMES + PLOT + RIGHT + 40, bottom + BOTTOM
+
+
+def _grid_down(scale: Axis, bottom: float, label: str) -> Iterator[str]:
+    yield from svg.axis_across(((scale.at(value), f"{value:g}") for value in scale.ticks()), TOP, bottom)
+    middle = (scale.start + scale.end) / 2
+    yield svg.text((middle, bottom + 42), label, font_size=svg.TEXT, fill=svg.INK, text_anchor="middle")
+
+
+# Lines and histograms: both have two scales
+
+
+def _axes(across: Axis, up: Axis, chart: Chart) -> Iterator[str]:
+    yield from _grid_down(across, TOP + HEIGHT, chart.along)
+    yield from svg.axis_up(up, LEFT, LEFT + PLOT)
+    yield svg.text((LEFT, TOP - 12), chart.up, font_size=svg.TEXT, fill=svg.INK)
+
+
+def _scales(across: Sequence[float], up: Sequence[float]) -> tuple[Axis, Axis]:
+    low, high = min(across), max(across)
+    most = max(0.0, *up) or 1.0
+    # An axis has a length also where all values are one.
+    return (
+        Axis(low, high if high > low else low + 1, LEFT, LEFT + PLOT),
+        Axis(min(0.0, *up), most, TOP + HEIGHT, TOP),
+    )
+
+
+def _lines(rows: pl.DataFrame, chart: Chart) -> Drawn:
+    first, *others = rows.columns
+    series: Mapping[str, list[Any]] = {
+        name: rows[name].cast(pl.Float64).to_list() for name in others if rows[name].dtype.is_numeric()
+    }
+    along = rows[first].cast(pl.Float64).to_list()
+    across, up = _scales(along, [value for values in series.values() for value in values])
+    content = list(_axes(across, up, chart))
+    for number, (name, values) in enumerate(series.items()):
+        colour, places = svg.COLOURS[number % len(svg.COLOURS)], zip(map(across.at, along), map(up.at, values))
+        content.append(svg.polyline(places, fill="none", stroke=colour, stroke_width=1.5))
+        content.append(svg.text((LEFT + PLOT - 150, TOP + 16 * number - 24), name, font_size=svg.TEXT, fill=colour))
+    return content, LEFT + PLOT + RIGHT, TOP + HEIGHT + BOTTOM
+
+
+def _histogram(rows: pl.DataFrame, chart: Chart) -> Drawn:
+    values = rows[rows.columns[0]].cast(pl.Float64)
+    low, high = float(values.min() or 0), float(values.max() or 0)  # type: ignore[arg-type]  # numbers
+    # A round width, so that the classes begin at numbers a person would choose.
+    width = svg.round_step((high - low) / CLASSES) if high > low else 1.0
+    classes = (values / width).floor().value_counts(name="count").sort("index" if not values.name else values.name)
+    begins = [number * width for number in classes[:, 0].to_list()]
+    counts = classes["count"].to_list()
+    across, up = _scales([*begins, begins[-1] + width], counts)
+    content = list(_axes(across, up, chart))
+    for begin, count in zip(begins, counts):
+        x, y = across.at(begin), up.at(count)
+        bar = svg.rectangle((x, y), across.at(begin + width) - x - 1, up.start - y, fill=svg.COLOURS[0])
+        content.append(svg.group(svg.title(f"{begin:g} to {begin + width:g}: {count}"), bar))
+    return content, LEFT + PLOT + RIGHT, TOP + HEIGHT + BOTTOM
+
+
+DRAWN: Mapping[ChartKind, Callable[[pl.DataFrame, Chart], Drawn]] = {
+    ChartKind.BARS: _bars,
+    ChartKind.LINES: _lines,
+    ChartKind.HISTOGRAM: _histogram,
+}
 
 
 def tables(season: Season) -> pl.DataFrame:

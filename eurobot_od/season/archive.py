@@ -22,10 +22,9 @@ from typing import Any, BinaryIO, NamedTuple
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from eurobot_od.season import tables
+from eurobot_od.season import campaign, tables
 from eurobot_od.season.batches import batches
-from eurobot_od.season.campaign import blocks
-from eurobot_od.season.campaign.executors import BLOCK, HERE, Workers
+from eurobot_od.season.campaign import BLOCK, HERE, Workers
 from eurobot_od.season.writing import DecodedNetwork, NetworkDecoding, RunTables
 from eurobot_od.traffic import formats
 
@@ -75,7 +74,7 @@ def archive(
     # A bar on this terminal cannot be moved by another process.
     archiver = Archiver(season, network, form, unwatched if workers.executor else progress)
     with _begun(season / BEGUN):
-        yield from blocks.run(archiver, files, workers._replace(block=BLOCK))
+        yield from campaign.run(archiver, files, workers._replace(block=BLOCK))
 
 
 @contextmanager

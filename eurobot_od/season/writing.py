@@ -20,9 +20,9 @@ from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.catalogue import Catalogue
-from eurobot_od.season import defects, tables
+from eurobot_od.season import tables
 from eurobot_od.season.batches import FOREIGN, Batch
-from eurobot_od.season.columns import FROM_DATA, LENGTH, WORD, message_columns, readable
+from eurobot_od.season.columns import FROM_DATA, LENGTH, WORD, MessageChecks, message_columns, of_others, readable
 from eurobot_od.traffic.decoding import Follower, is_followed
 from eurobot_od.traffic.meaning import Decoder
 from eurobot_od.traffic.services import HEARTBEAT, NMT, SDO
@@ -87,7 +87,7 @@ class NetworkDecoding:
 
     def defects_of_others(self, frames: pl.DataFrame) -> Iterator[pl.DataFrame]:
         """Yield what is wrong with frames that belong to no message."""
-        return defects.of_others(frames, self.services, self.messages, self.others)
+        return of_others(frames, self.services, self.messages, self.others)
 
 
 EMPTY = pl.DataFrame(schema={WORD: pl.UInt64, LENGTH: pl.UInt32})
@@ -110,7 +110,7 @@ class MessageDecoding:
         }
         schema = pa.schema([*tables.PLACE, *made], said)
         self.table, self.schema = table, tables.with_metadata(schema, {each.name: each.metadata for each in columns})
-        self._checks = defects.MessageChecks(binding)
+        self._checks = MessageChecks(binding)
         self._readable = readable(binding)
         self._columns = [*place, *(each.expression.alias(each.name) for each in columns)]
 

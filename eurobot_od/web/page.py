@@ -2,6 +2,9 @@
 
 Rule of this file: whatever comes from files and buses gets into the page only as JSON without any `<`; a content
 security policy names the scripts and styles by their hashes.
+
+A log has columns for each message, its times and the values of its fields, which the page looks up and plots. The page
+computes counts, periods and everything else from them.
 """
 
 from __future__ import annotations
@@ -15,8 +18,190 @@ from html import escape
 from pathlib import Path
 from typing import Any
 
-from eurobot_od.web.content import panels_described
-from eurobot_od.web.panel import Panel
+from eurobot_od.bus.bits import frame_bits
+from eurobot_od.frame import Frame
+from eurobot_od.od.standard import IDENTITY
+from eurobot_od.pdo.binding import Binding
+from eurobot_od.pdo.message import kinds
+from eurobot_od.traffic.entries import Damage
+from eurobot_od.traffic.meaning import Decoder, Meaning
+from eurobot_od.traffic.monitor.traffic import MonitorRow
+from eurobot_od.web.drives import axes_of, drive_data, machine_data
+from eurobot_od.web.panel import PageEvent, Panel, service_events
+
+# What the page shows, as data
+
+
+def described(decoder: Decoder) -> dict[str, Any]:
+    """Return messages and nodes as data."""
+    return {
+        "messages": [
+            {
+                "id": each.cob_id,
+                "name": each.name,
+                "group": each.group,
+                "senders": each.senders,
+                "receivers": each.receivers,
+                "fields": [_field(each, field) for field in each.kinds],
+            }
+            for each in decoder.protocol.bindings
+        ],
+        "nodes": [
+            {
+                "name": each.name,
+                "id": each.node_id,
+                "file": each.file.name,
+                "identity": [each.number((IDENTITY, sub)) for sub in range(1, 5)],
+                "drive": drive_data(each),
+            }
+            for each in decoder.dictionaries
+        ],
+        "machine": machine_data() if any(map(axes_of, decoder.dictionaries)) else None,
+        "groups": list(decoder.protocol.catalogue.groups),
+    }
+
+
+def _field(binding: Binding, field: str) -> dict[str, Any]:
+    kind, limits = binding.kinds[field], binding.limits.get(field)
+    data: dict[str, Any] = {"name": field, "unit": kind.unit, "words": dict(kind.named_values())}
+    data |= {"allowed": kind.allowed(limits)} if limits else {"unmapped": True}
+    if limits and kind.numbers(limits):
+        data |= {"low": kind.numbers(limits).start, "high": kind.numbers(limits).stop - 1}
+    if field in binding.defaults:
+        data["default"] = kind.text(binding.defaults[field])
+    return data
+
+
+def panels_described(panels: Iterable[type[Panel]]) -> list[dict[str, Any]]:
+    """Return the panels as data."""
+    return [{"name": each.name, "title": each.title, "stop": each.stop, "setup": each.setup()} for each in panels]
+
+
+def stop_message(panels: Sequence[type[Panel]]) -> str:
+    """Return the message of the button Stop, empty if no panel has one."""
+    return next((each.stop for each in panels if each.stop), "")
+
+
+def values(meaning: Meaning) -> list[Any] | None:
+    """Return a message's values for the page (numbers, words, None for unknown); None if it is not a message."""
+    if meaning.message is None:
+        return None
+    written = kinds(type(meaning.message))
+    return [kind.plain(value) for kind, value in zip(written.values(), meaning.message)]
+
+
+def defects(meaning: Meaning) -> str:
+    """Return what is wrong with a frame, empty if nothing is."""
+    return "; ".join(f"{damage.value}: {text}" for damage, text in meaning.defects)
+
+
+def event_data(event: PageEvent) -> dict[str, Any]:
+    """Return an event as data."""
+    return event._asdict() | {"time": round(event.time, 4), "end": None if event.end is None else round(event.end, 4)}
+
+
+# A log
+
+
+MOST_FRAMES = 300_000
+"""Most frames of a log on a page, about 20 minutes of a full bus; more would take a browser minutes to read."""
+
+DIGITS = 5
+"""Decimal places of a time in seconds: ten microseconds, less than the shortest frame takes."""
+
+
+class _Row:
+    """All frames of one message, service or kind of damage."""
+
+    def __init__(self, meaning: Meaning, identifier: int | None) -> None:
+        self.meaning, self.identifier = meaning, identifier
+        self.times: list[float] = []
+        self.values: list[list[Any]] = []
+        self.texts: list[str] = []
+        self.wrong: dict[int, str] = {}
+        self.bits = 0
+
+    def take(self, time: float, meaning: Meaning) -> None:
+        found = values(meaning)
+        if meaning.message is None:
+            self.texts.append(meaning.text)
+        elif self.texts:  # earlier frames of this message could not be read
+            self.texts.append("")
+        self.times.append(round(time, DIGITS))
+        self.values.append(found or [])
+        if meaning.defects:
+            self.wrong[len(self.times) - 1] = defects(meaning)
+        if isinstance(meaning.raw, Frame):
+            self.bits += frame_bits(meaning.raw)
+
+    def data(self) -> dict[str, Any]:
+        # A frame that could not be read has no values: its places are filled up.
+        width = max(map(len, self.values))
+        padded = ([*each, *[None] * (width - len(each))] for each in self.values)
+        return {
+            "id": self.identifier,
+            "name": MonitorRow(self.identifier, self.meaning).name,
+            "group": self.meaning.group,
+            "nodes": self.meaning.nodes,
+            "times": self.times,
+            "values": list(zip(*padded)),
+            "texts": [""] * (len(self.times) - len(self.texts)) + self.texts if self.texts else [],
+            "wrong": self.wrong,
+            "bits": self.bits / len(self.times),
+        }
+
+
+class Columns:
+    """Collects a log; times count from its first entry. `left_out` counts the entries that are too many for a page."""
+
+    def __init__(self, name: str, decoder: Decoder, bitrate: int, panels: Iterable[type[Panel]] = ()) -> None:
+        self.name, self.bitrate, self._decoder = name, bitrate, decoder
+        self.left_out = 0
+        self.start: float | None = None
+        self._end = 0.0
+        self._taken = 0
+        self._rows: dict[int | Damage, _Row] = {}
+        self._panels = [panel() for panel in panels]
+        self._events: dict[str, PageEvent] = {}
+
+    def take(self, time: float, meaning: Meaning) -> None:
+        """Take in an entry of the log."""
+        if self._taken >= MOST_FRAMES:
+            self.left_out += 1
+            return
+        self.start = time if self.start is None else self.start
+        now, raw = time - self.start, meaning.raw
+        self._taken, self._end = self._taken + 1, max(self._end, now)
+        row = self._rows.get(raw[0])
+        if row is None:
+            row = self._rows[raw[0]] = _Row(meaning, raw.cob_id if isinstance(raw, Frame) else None)
+        row.take(now, meaning)
+        self.add(service_events(self._taken, now, meaning))
+        if meaning.message is not None:
+            for panel in self._panels:
+                self.add(panel.take(now, meaning.message))
+
+    def add(self, events: Iterable[PageEvent]) -> None:
+        """Enter events, whose times count from the start."""
+        for event in events:
+            self._events[event.key] = event
+            self._end = max(self._end, event.time)
+
+    def data(self, more: Sequence[dict[str, Any]] = ()) -> dict[str, Any]:
+        """Return the source as data for the page; `more` are rows of what was not on the bus."""
+        return {
+            "name": self.name,
+            "bitrate": self.bitrate,
+            "end": round(self._end, DIGITS),
+            "left_out": self.left_out,
+            "rows": [*(row.data() for row in self._rows.values()), *more],
+            "events": [event_data(each) for each in self._events.values()],
+            **described(self._decoder),
+        }
+
+
+# The file
+
 
 FILES = Path(__file__).with_name("files")
 STYLES = ("uplot.css", "page.css")

@@ -27,8 +27,8 @@ from eurobot_od.od import objects
 from eurobot_od.od.profiles.words import with_words, words
 from eurobot_od.od.standard import REVISION
 from eurobot_od.od.values import DOMAIN, NMT_COB_ID, NODE_IDS, Value, label
+from eurobot_od.pdo.binding import parse
 from eurobot_od.pdo.message import Message
-from eurobot_od.pdo.written import parse
 from eurobot_od.web.drives import LOOK, AxisAddress, Drives, quick_stops
 from eurobot_od.web.session import MOST_POLLED, POLL_PERIOD, POLLED_FOR, PolledObject, Session
 

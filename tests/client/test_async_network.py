@@ -9,8 +9,8 @@ from typing import Any
 
 import pytest
 
+from eurobot_od.client.master import Procedure
 from eurobot_od.client.network import AsyncNetwork
-from eurobot_od.client.procedure import Procedure
 from eurobot_od.device.nmt import NmtState
 from eurobot_od.errors import FieldError, HeartbeatLost, NoAnswer, StateError
 from eurobot_od.od import dcf

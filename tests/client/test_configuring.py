@@ -12,8 +12,7 @@ from canopen.sdo.exceptions import SdoAbortedError
 
 from eurobot_od.client.configure import Configured, DictionaryArea, apply, configure, difference, is_parameter
 from eurobot_od.client.description import Description, from_file
-from eurobot_od.client.master import RemoteNode
-from eurobot_od.client.procedure import Procedure
+from eurobot_od.client.master import Procedure, RemoteNode
 from eurobot_od.device.nmt import NmtCommand, NmtState
 from eurobot_od.errors import BusError, ConfigurationError, DictionaryError, NoAnswer
 from eurobot_od.frame import Frame

@@ -7,8 +7,7 @@ from functools import partial
 import can
 import pytest
 
-from eurobot_od.client.description import Identity
-from eurobot_od.client.scan import Found, scan
+from eurobot_od.client.description import Found, Identity, scan
 from eurobot_od.device.nmt import NmtState
 from tests.client.peers import master_on, new_channel, open_bus, peer, robot, stock_drive
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from eurobot_od.device.group import MOST_AT_ONCE, NodeGroup
 from eurobot_od.device.simulated import SimulatedDevice
+from eurobot_od.device.station import MOST_AT_ONCE, NodeGroup
 from eurobot_od.frame import Frame, RemoteFrame
 from eurobot_od.od.dictionary import Dictionary
 from tests.eds_text import DEVICE_TYPE, pdo, variable

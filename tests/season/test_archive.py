@@ -19,7 +19,7 @@ from eurobot_od.robot import dialects
 from eurobot_od.robot.model.messages import CATALOGUE
 from eurobot_od.season import writing
 from eurobot_od.season.archive import BEGUN, Archived, Archiver, _begun, archive
-from eurobot_od.season.campaign.executors import local
+from eurobot_od.season.campaign import local
 from eurobot_od.season.season import Season
 from eurobot_od.season.tables import is_whole, table_names
 from eurobot_od.season.writing import DecodedNetwork

@@ -18,8 +18,8 @@ from eurobot_od.robot.model.messages import CATALOGUE, KalmanPositionResponse, N
 from eurobot_od.robot.model.values import GotoFault, Obstacle, RobotError, Source
 from eurobot_od.robot.plugin import ROBOT
 from eurobot_od.robot.protocol import EurobotProtocol
+from eurobot_od.season.answers import draw
 from eurobot_od.season.archive import Archiver
-from eurobot_od.season.chart import draw
 from eurobot_od.season.season import Season
 from eurobot_od.season.writing import DecodedNetwork
 from tests.season.seasons import Timed, write_log

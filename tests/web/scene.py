@@ -24,8 +24,7 @@ from eurobot_od.robot.world import World
 from eurobot_od.robot.world.instruments import assemble
 from eurobot_od.traffic.meaning import Decoder
 from eurobot_od.web.access import AccessRules
-from eurobot_od.web.content import described, stop_message
-from eurobot_od.web.page import page
+from eurobot_od.web.page import described, page, stop_message
 from eurobot_od.web.panel import Panel
 from eurobot_od.web.requests import Requests
 from eurobot_od.web.server import served

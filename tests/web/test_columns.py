@@ -12,8 +12,8 @@ from eurobot_od.robot.model.values import Source
 from eurobot_od.robot.panel import FieldPanel
 from eurobot_od.robot.protocol import decoder
 from eurobot_od.traffic.entries import Damage, Foreign, Raw
-from eurobot_od.web import content
-from eurobot_od.web.content import Columns
+from eurobot_od.web import page
+from eurobot_od.web.page import Columns
 
 DECODER = decoder()
 GOTO = DECODER.protocol.encode(GotoXY(1000, 500, 90, 80))
@@ -72,5 +72,5 @@ def test_events_are_services_and_what_panels_make_of_messages() -> None:
 
 
 def test_more_than_a_page_holds_is_left_out_and_counted(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(content, "MOST_FRAMES", 3)
+    monkeypatch.setattr(page, "MOST_FRAMES", 3)
     assert data_of(*((float(time), HERE) for time in range(5)))["left_out"] == 2

@@ -11,8 +11,7 @@ import pytest
 
 from eurobot_od.robot.panel import FieldPanel
 from eurobot_od.robot.protocol import decoder
-from eurobot_od.web.content import Columns
-from eurobot_od.web.page import FILES, page
+from eurobot_od.web.page import FILES, Columns, page
 
 EMPTY = Columns("empty", decoder(), 500_000).data()
 

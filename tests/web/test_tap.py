@@ -7,7 +7,7 @@ import pytest
 from eurobot_od.bus.live import Driver, open_bus
 from eurobot_od.errors import BusError
 from eurobot_od.frame import Frame
-from eurobot_od.web.tap import MOST_WAITING, Tap
+from eurobot_od.web.session import MOST_WAITING, Tap
 from tests.web.scene import channel
 
 ANSWER, BEAT = Frame(0x582, bytes(8)), Frame(0x702, b"\x05")

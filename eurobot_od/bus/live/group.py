@@ -10,7 +10,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from eurobot_od.bus.live.buses import Driver, failure, shut_down
-from eurobot_od.device.group import NodeGroup
+from eurobot_od.device.station import NodeGroup
 from eurobot_od.errors import BusError
 from eurobot_od.frame import HIGHEST_IDENTIFIER, MOST_BYTES, Frame, RemoteFrame
 

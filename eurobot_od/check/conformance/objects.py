@@ -92,11 +92,18 @@ def _unknown_subindices(subject: Subject) -> Steps:
 def _identity(subject: Subject) -> Steps:
     for subindex, number in enumerate(subject.dictionary.identity[:3], start=1):
         each = subject.find((IDENTITY, subindex))
-        if each is not None and number:
-            yield step.read(title(each), address_of(each), data=data_type(each).write(number).hex(" ").upper())
-        elif each is not None:
-            # A master tells devices apart by these; 0 in a file mostly means that nobody has filled it in.
-            yield step.skip(title(each), "the file does not say it")
+        if each is not None:
+            yield _told(each, number)
+
+
+def _told(each: ODVariable, number: int) -> Data:
+    # A master tells devices apart by these; 0 in a file mostly means that nobody has filled it in.
+    if not number:
+        return step.skip(title(each), "the file does not say it")
+    try:
+        return step.read(title(each), address_of(each), data=data_type(each).write(number).hex(" ").upper())
+    except ValueError as error:  # an object too small for what [DeviceInfo] says
+        return step.skip(title(each), f"[DeviceInfo] of the file: {error}")
 
 
 @CHAPTER.clause("7.4.9", "Structure", ctt="4.5", name="0x1000:255")

@@ -15,7 +15,7 @@ from typing import NamedTuple
 from eurobot_od.device.profiles.modes import MODES, Homing, ModeOfOperation
 from eurobot_od.device.profiles.motion import STEP, Demand, Motor, Plant, Units
 from eurobot_od.device.profiles.values import AxisValues
-from eurobot_od.od.profiles import cia402, homing
+from eurobot_od.od.profiles import cia402
 from eurobot_od.od.profiles.cia402 import ARROWS, POWERED, DriveCommand, Mode, Ramp, State, Transition
 
 MOST_STEPS = 1000
@@ -284,7 +284,7 @@ class DriveAxis:
         leads = self.demand.velocity if self.demand.torque is None else self.demand.torque
         # Only the switch ahead stops it: an axis that stands on one must be able to leave it.
         moves = int(copysign(1, leads)) if leads else 0
-        if moves and self.motor.switches & homing.LIMITS[moves]:
+        if moves and self.motor.switches & cia402.LIMITS[moves]:
             self.demand.position, self.demand.velocity = before
             self.demand.to_velocity(0.0, 1.0, self._deceleration(Ramp.QUICK_STOP))
             self.limited = True

@@ -11,9 +11,8 @@ from typing import ClassVar, NamedTuple, Protocol
 
 from eurobot_od.device.profiles.motion import ROUND, STEP, Demand, Motor, Units
 from eurobot_od.device.profiles.values import AxisValues
-from eurobot_od.od.profiles import cia402, homing
-from eurobot_od.od.profiles.cia402 import BIT_12, BIT_13, TARGET_REACHED, Mode
-from eurobot_od.od.profiles.homing import LIMITS, Seek
+from eurobot_od.od.profiles import cia402
+from eurobot_od.od.profiles.cia402 import BIT_12, BIT_13, LIMITS, TARGET_REACHED, Mode, Seek
 
 
 class Leads(Protocol):
@@ -333,7 +332,7 @@ class Homing(ModeOfOperation):
     def command(self, word: int, rising: int) -> None:
         if rising & cia402.HOMING_START:
             self.begin()
-            method = homing.METHODS.get(self.axis.values.get(cia402.HOMING_METHOD))
+            method = cia402.METHODS.get(self.axis.values.get(cia402.HOMING_METHOD))
             self._failed, self._runs = method is None, method is not None
             self._steps = iter(method.steps if method else ())
             self._go_on()

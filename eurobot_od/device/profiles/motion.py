@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 from eurobot_od.device.profiles.values import AxisValues
 from eurobot_od.od.profiles import cia402
-from eurobot_od.od.profiles.homing import Switch
+from eurobot_od.od.profiles.cia402 import Switch
 
 STEP = 0.001
 """Seconds in a step."""

@@ -1,4 +1,4 @@
-"""Makes the EDS files and the network file from a protocol table: table, layout, objects, text, files.
+"""Makes the EDS files and the network file from a protocol table: table, objects, text.
 
-Each module knows only those before it in this list; `files` alone touches the disk.
+Each module knows only those before it in this list; `text` alone touches the disk.
 """

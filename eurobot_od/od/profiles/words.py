@@ -11,7 +11,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 from eurobot_od.od import objects as od
-from eurobot_od.od.profiles import cia401, cia402, homing
+from eurobot_od.od.profiles import cia401, cia402
 from eurobot_od.od.profiles.cia402 import DriveCommand, Mode, State
 from eurobot_od.od.standard import DEVICE_TYPE
 from eurobot_od.od.values import Address, Value
@@ -82,7 +82,7 @@ DRIVE: Mapping[Address, ValueMeaning] = {
     (cia402.STATUSWORD, 0): _word(cia402.state_of, "no state", cia402.STATUS_BITS, cia402.MODE_STATUS_BITS),
     (cia402.MODE, 0): _coded(cia402.MODE_WORDS),
     (cia402.MODE_DISPLAY, 0): _coded(cia402.MODE_WORDS),
-    (cia402.HOMING_METHOD, 0): _coded(homing.METHOD_WORDS),
+    (cia402.HOMING_METHOD, 0): _coded(cia402.METHOD_WORDS),
     (cia402.DIGITAL_INPUTS, 0): _bits(cia402.INPUT_BITS),
     (cia402.DIGITAL_OUTPUTS, 1): _bits(cia402.OUTPUT_BITS),
     (cia402.SUPPORTED_MODES, 0): _bits(cia402.MODE_BITS),

@@ -18,9 +18,9 @@ from eurobot_od.robot.match.strategies import Players, StrategyFiles
 from eurobot_od.robot.model.options import MatchOptions
 from eurobot_od.robot.model.robot_file import file_for
 from eurobot_od.robot.world import World
-from eurobot_od.season.campaign import blocks
-from eurobot_od.season.campaign.executors import HERE, Workers
-from eurobot_od.season.campaign.results import Results
+from eurobot_od.season import campaign
+from eurobot_od.season.campaign import HERE, Workers
+from eurobot_od.season.results import Results
 from eurobot_od.support.files import digest_of
 
 SHIPPED = StrategyFiles()
@@ -45,7 +45,7 @@ def play_many(
     """
     player = SeedPlayer(options, strategies, _digest(options, strategies), log)
     Performance(options, stage(player)[0], World(options, lambda: 0.0))  # raises here, once
-    return blocks.run(player, seeds, workers, results)
+    return campaign.run(player, seeds, workers, results)
 
 
 @dataclass(frozen=True)

@@ -41,8 +41,7 @@ def _renderer() -> ModuleType:
 def _html(match: SeenMatch, title: str) -> bytes:
     from eurobot_od.bus.live import BITRATE
     from eurobot_od.robot.panel import field_panel, true_path, truth_events
-    from eurobot_od.web.content import Columns
-    from eurobot_od.web.page import page
+    from eurobot_od.web.page import Columns, page
 
     panels = [field_panel(match.facts)]
     columns = Columns(title, match.decoder, BITRATE, panels)

@@ -5,8 +5,11 @@ robot by a `Vehicle`. A robot that is driven by nodes moves when its wheels say 
 others, on their rounds, are brought up to the present in steps of PACE whenever anybody asks for anything: the world
 needs neither a thread nor a timer, and where nobody looks nothing is computed.
 
-What bodies do to each other is in `contact`, what a robot has ahead of it in `bodies`, what it gets for its tasks in
-`game`.
+What bodies do to each other is in `contact`, what a robot has ahead of it in `bodies`.
+
+A patrol goes along its way points and back again. It stops for a robot ahead, waits for it to go, and then turns round,
+as it does for anything that holds it up. A careless one does not look out, and stops only when it has driven into
+somebody.
 """
 
 from __future__ import annotations
@@ -14,19 +17,159 @@ from __future__ import annotations
 import math
 import random
 from bisect import bisect_right
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
+from typing import NamedTuple
 
-from eurobot_od.robot.model.facts import Facts
+from eurobot_od.errors import UnknownName
+from eurobot_od.robot.model.facts import Facts, Task, Worth
 from eurobot_od.robot.model.options import MatchOptions
-from eurobot_od.robot.model.places import Point, Pose
+from eurobot_od.robot.model.places import Point, Pose, is_near
 from eurobot_od.robot.model.values import Source, TeamColour
 from eurobot_od.robot.nodes.equipment import Detection
 from eurobot_od.robot.nodes.motion import Odometry
 from eurobot_od.robot.world.bodies import RobotBody, Weight, inside, nearest_ahead, standing
 from eurobot_od.robot.world.contact import Contacts, FallenThing, Touch
-from eurobot_od.robot.world.game import Game, find
-from eurobot_od.robot.world.patrols import Patrol
+
+# The game, as the world referees it
+
+
+REACH = 40.0
+REACH_ANGLE = 8.0
+"""How far from its place a robot can still do a task: mm and degrees."""
+
+
+class Score(NamedTuple):
+    """Points that a robot has made with a task, and when, in s."""
+
+    time: float
+    robot: str
+    task: str
+    points: int
+
+
+class Game:
+    """What has been done on the field. All chance comes from one seed, with a stream for each task."""
+
+    def __init__(self, seed: int) -> None:
+        self.scores: list[Score] = []
+        self._seed = seed
+        self._done: set[tuple[str, str]] = set()
+        self._fruit: dict[str, int] = {}
+
+    def points(self, robot: str) -> int:
+        """Return how many points a robot has."""
+        return sum(score.points for score in self.scores if score.robot == robot)
+
+    def fall(self, task: str) -> None:
+        """Note that something has fallen over, so that it cannot be turned over any more."""
+        self._done.add(("", task))
+
+    def finish(self, robot: str, task: Task, pose: Pose, now: float) -> int:
+        """Judge what a robot has done at its true pose: points or fruit; 0 if it was done before or is out of reach."""
+        # By the true pose, not the believed one: a robot that is wrong about its place misses.
+        if not is_near(pose, task.pose, REACH, REACH_ANGLE):
+            return 0
+        if task.worth is Worth.HARVEST:
+            return self._score(now, robot, task, self._fruit.pop(robot, 0))
+        # Under "", so that whoever comes second finds it done.
+        key = ("" if task.shared else robot, task.name)
+        if key in self._done:
+            return 0
+        self._done.add(key)
+        # A random stream for each task: whether the mammoth is hit must not depend on what was done before.
+        chance = random.Random(f"{self._seed} {robot} {task.name}")
+        came = task.points * sum(chance.random() < task.chance for _ in range(task.tries))
+        if task.worth is Worth.FRUIT:
+            self._fruit[robot] = self._fruit.get(robot, 0) + came
+            return came
+        return self._score(now, robot, task, came)
+
+    def _score(self, now: float, robot: str, task: Task, points: int) -> int:
+        if points:
+            self.scores.append(Score(now, robot, task.name, points))
+        return points
+
+
+def task_of(tasks: dict[str, Task], name: str) -> Task:
+    """Return a task by its name; raises UnknownName."""
+    if name not in tasks:
+        raise UnknownName("task", name, tasks)
+    return tasks[name]
+
+
+# Patrols: the other robots when nobody plays them
+
+
+STRAY = 60
+"""How far a patrol's way points may move with the seed, mm."""
+
+PATROL_SPEEDS = (150.0, 350.0)
+"""Speeds of the slowest and the fastest patrol, mm/s."""
+
+CARELESS = 0.25
+"""Share of the enemies that do not look out."""
+
+LOOK_OUT, BUMPED = 120.0, 1.0
+"""How near a careful robot and a careless one let another robot come that is in their way, mm from edge to edge."""
+
+PATROL_WAIT = 1.5
+"""Seconds that a patrol waits for something in its way."""
+
+
+class Patrol:
+    """A robot on its rounds; `pose` is where it wants to be, and where it looks."""
+
+    def __init__(self, points: Sequence[Point], speed: float, careless: bool = False) -> None:
+        self._points, self.speed, self.careless = tuple(points), speed, careless
+        self._leg, self._step = 1, 1
+        self._waited = 0.0
+        self.pose = Pose(*self._points[0], Pose(*self._points[0], 0).bearing(self._points[1]))
+
+    @property
+    def look_out(self) -> float:
+        """How near it lets a robot come that is in its way, mm from edge to edge."""
+        return BUMPED if self.careless else LOOK_OUT
+
+    def held_up(self, here: Point, dt: float) -> Pose:
+        """Wait `here` for what is in the way, and turn round if that takes too long; return the pose it wants."""
+        self._waited += dt
+        if self._waited >= PATROL_WAIT:
+            # It turns round rather than wait on: two that wait for each other would stand there until the end.
+            self._waited, self._step = 0.0, -self._step
+            self._aim_at_next()
+            self.pose = Pose(*here, Pose(*here, 0).bearing(self._points[self._leg]))
+        return self.pose
+
+    def advance(self, here: Point, dt: float) -> Pose:
+        """Return where it wants to be `dt` seconds after it was `here`; call `gone_on` if it got there."""
+        target, way = self._points[self._leg], self.speed * dt
+        if math.dist(here, target) <= way:
+            self._aim_at_next()
+            target = self._points[self._leg]
+        self.pose = Pose(*here, Pose(*here, 0).bearing(target)).moved(way, 0)
+        return self.pose
+
+    def gone_on(self) -> None:
+        """Note that nothing is in the way any more."""
+        self._waited = 0.0
+
+    def _aim_at_next(self) -> None:
+        self._leg = (self._leg + self._step) % len(self._points)
+
+    @classmethod
+    def of(cls, who: Source, facts: Facts, team: TeamColour, chance: random.Random) -> Patrol:
+        """Make the rounds of a robot in our match as `team`; chance moves the way points a little."""
+        rounds = facts.others[who].rounds
+        points = [Point(x + chance.uniform(-STRAY, STRAY), y + chance.uniform(-STRAY, STRAY)) for x, y in rounds]
+        seen = [facts.field.seen_by(team, point) for point in points]
+        # Drawn even for the confederate, who is never careless, so that the order of the random numbers stays the same.
+        speed, careless = chance.uniform(*PATROL_SPEEDS), chance.random() < CARELESS
+        return cls(seen, speed, careless and who is not Source.CONFEDERATE)
+
+
+# The world
+
 
 PACE = 0.1
 """Seconds in a step of the robots on their rounds."""
@@ -201,13 +344,13 @@ class World:
 
     def begin(self, name: str, task: str) -> float:
         """Begin a task; return how many seconds it takes. Raises UnknownName."""
-        return find(self.facts.tasks(self._teams[name]), task).seconds
+        return task_of(self.facts.tasks(self._teams[name]), task).seconds
 
     def finish(self, name: str, task: str) -> int:
         """Finish a task where the robot truly is; return its result."""
         self._catch_up()
         return self.game.finish(
-            name, find(self.facts.tasks(self._teams[name]), task), self.robots[name].pose, self.clock()
+            name, task_of(self.facts.tasks(self._teams[name]), task), self.robots[name].pose, self.clock()
         )
 
 

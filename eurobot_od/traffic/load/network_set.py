@@ -18,7 +18,7 @@ from eurobot_od.od.pdos import Pdo
 from eurobot_od.od.sdo_channel import SdoChannel
 from eurobot_od.od.values import PdoDirection
 from eurobot_od.support import durations
-from eurobot_od.traffic.load.message_set import MessageSet, PeriodicMessage
+from eurobot_od.traffic.load.analysis import MessageSet, PeriodicMessage
 
 SERVER_NODE_ID = 3
 """Sub-index of an SDO client's record (CiA 301, 7.5.2.34)."""

@@ -9,8 +9,7 @@ from typing import Any, NamedTuple
 
 from eurobot_od.support import svg
 from eurobot_od.support.tables import columns
-from eurobot_od.traffic.load.analysis import analysed
-from eurobot_od.traffic.load.message_set import MICROSECONDS, MessageSet, PeriodicMessage
+from eurobot_od.traffic.load.analysis import MICROSECONDS, MessageSet, PeriodicMessage, analysed
 
 NO_BOUND = "no bound"
 MISSED = "MISSED"

@@ -16,7 +16,7 @@ from eurobot_od.support.amounts import amount
 from eurobot_od.support.durations import text
 from eurobot_od.support.escaping import one_line
 from eurobot_od.support.tables import columns
-from eurobot_od.traffic.load.message_set import MICROSECONDS, MessageSet
+from eurobot_od.traffic.load.analysis import MICROSECONDS, MessageSet
 from eurobot_od.traffic.load.report import BoundRow, load_report
 from eurobot_od.traffic.meaning import Meaning, SdoTransfer
 from eurobot_od.traffic.output import Output, WriteLine

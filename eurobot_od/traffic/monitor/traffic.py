@@ -21,7 +21,7 @@ from eurobot_od.support.escaping import one_line
 from eurobot_od.support.tables import GAP, columns
 from eurobot_od.traffic.decoding import Following
 from eurobot_od.traffic.entries import Damage, Raw
-from eurobot_od.traffic.load.message_set import MessageSet
+from eurobot_od.traffic.load.analysis import MessageSet
 from eurobot_od.traffic.load.seen import NOTHING, SeenTraffic
 from eurobot_od.traffic.meaning import REQUEST, DamageCounts, Decoder, Meaning, with_defects
 from eurobot_od.traffic.services import EMCY_NAME, GUARDING, HEARTBEAT

@@ -17,9 +17,9 @@ import pytest
 from eurobot_od.bus.live.group import LiveGroup
 from eurobot_od.client.boot import boot_slave, start_slave
 from eurobot_od.client.description import described
-from eurobot_od.device.group import NodeGroup
 from eurobot_od.device.nmt import NmtState
 from eurobot_od.device.simulated import SimulatedDevice
+from eurobot_od.device.station import NodeGroup
 from eurobot_od.errors import BusError
 from eurobot_od.od.dictionary import Dictionary
 from tests.client.peers import master_on, new_channel, open_bus

@@ -165,6 +165,13 @@ def test_an_identity_without_a_default_is_that_of_the_device_info() -> None:
     assert "the file does not say it" in made(identity)
 
 
+def test_a_number_of_the_device_info_that_its_object_cannot_have_is_skipped() -> None:
+    identity = record(0x1018, "Identity", (0, "UNSIGNED8", "2"), (1, "UNSIGNED16", None), (2, "VISIBLE_STRING", None))
+    text = made(identity, "[DeviceInfo]\nVendorNumber=84078612\nProductNumber=7\n")
+    assert "[DeviceInfo] of the file: 84078612 is not UNSIGNED16" in text
+    assert "[DeviceInfo] of the file: 7 is not VISIBLE_STRING" in text
+
+
 def test_of_a_device_without_a_number_that_may_be_written_none_is_written() -> None:
     assert NO_NUMBER in made()
 

@@ -7,8 +7,7 @@ from math import sqrt
 import pytest
 
 from eurobot_od.device.profiles.motion import Plant
-from eurobot_od.od.profiles.cia402 import State
-from eurobot_od.od.profiles.homing import METHODS
+from eurobot_od.od.profiles.cia402 import METHODS, State
 from tests.device.profiles.bench import TURN, Bench
 from tests.rows import rows
 

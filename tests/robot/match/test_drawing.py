@@ -12,8 +12,7 @@ from eurobot_od.robot.model.places import Point, Pose
 from eurobot_od.robot.nodes.motion import Odometry
 from eurobot_od.robot.picture.recording import ScoredTask
 from eurobot_od.robot.world import World
-from eurobot_od.robot.world.game import Score
-from eurobot_od.robot.world.world import OURS, RIVAL
+from eurobot_od.robot.world.world import OURS, RIVAL, Score
 
 STEP = 5.0
 

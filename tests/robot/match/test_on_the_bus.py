@@ -13,8 +13,7 @@ import pytest
 
 from eurobot_od.bus.live import FrameReader, Live
 from eurobot_od.client.configure import Configured, configure
-from eurobot_od.client.description import from_file
-from eurobot_od.client.scan import scan
+from eurobot_od.client.description import from_file, scan
 from eurobot_od.frame import Frame
 from eurobot_od.od import dcf
 from eurobot_od.od.description import DescribedDevice

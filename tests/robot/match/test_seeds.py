@@ -14,7 +14,7 @@ from eurobot_od.robot.match.played import play
 from eurobot_od.robot.match.seeds import play_many
 from eurobot_od.robot.match.stage import EdsFiles
 from eurobot_od.robot.match.strategies import StrategyFiles
-from eurobot_od.season.campaign.executors import HERE
+from eurobot_od.season.campaign import HERE
 
 SHORT = MatchOptions(duration=3.0)
 
@@ -22,7 +22,7 @@ PROGRAM = """
 import os, signal
 from contextlib import ExitStack
 from multiprocessing import active_children
-from eurobot_od.season.campaign.executors import local
+from eurobot_od.season.campaign import local
 from eurobot_od.robot.match import MatchOptions
 from eurobot_od.robot.match.seeds import play_many
 opened = ExitStack()
@@ -104,7 +104,7 @@ def test_each_process_loads_the_strategies(tmp_path: Path, workers: str) -> None
     file.write_text(LOOK)
     program = f"""
 from pathlib import Path
-from eurobot_od.season.campaign.executors import HERE
+from eurobot_od.season.campaign import HERE
 from eurobot_od.robot.match.strategies import StrategyFiles
 for match in play_many(MatchOptions(duration=3.0), range(1, 4), {workers}, StrategyFiles(Path({str(file)!r}))):
     print(match.wrong)

@@ -10,7 +10,7 @@ from eurobot_od.robot.model import robot_file
 from eurobot_od.robot.model.places import Point, Pose
 from eurobot_od.robot.model.values import Source, TeamColour
 from eurobot_od.robot.world.bodies import inside
-from eurobot_od.robot.world.patrols import WAIT, Patrol
+from eurobot_od.robot.world.world import PATROL_WAIT, Patrol
 
 FACTS = robot_file.read()
 
@@ -39,9 +39,9 @@ def test_held_up_it_turns_round_after_a_while() -> None:
     patrol = Patrol(TRIANGLE, speed=100)
     walk(patrol, 4.0)
     here = patrol.pose.point
-    assert patrol.held_up(here, WAIT / 2).angle == pytest.approx(90, abs=1)
+    assert patrol.held_up(here, PATROL_WAIT / 2).angle == pytest.approx(90, abs=1)
     assert walk(patrol, 0.1).angle == pytest.approx(90, abs=1)
-    assert patrol.held_up(here, WAIT).angle == pytest.approx(270, abs=1)  # it turns, and so sees another way
+    assert patrol.held_up(here, PATROL_WAIT).angle == pytest.approx(270, abs=1)  # it turns, and so sees another way
     assert walk(patrol, 0.1).angle == pytest.approx(270, abs=1)
 
 

@@ -12,7 +12,7 @@ from eurobot_od.robot.model import robot_file
 from eurobot_od.robot.model.places import Point, Pose
 from eurobot_od.robot.model.values import Source, TeamColour
 from eurobot_od.robot.nodes.motion import Odometry
-from eurobot_od.robot.world import patrols
+from eurobot_od.robot.world import world as world_module
 from eurobot_od.robot.world.bodies import BORDER, gap
 from eurobot_od.robot.world.contact import SHOVE, Touch
 from eurobot_od.robot.world.world import OURS, RIVAL
@@ -53,7 +53,7 @@ def test_who_asks_how_often_does_not_change_where_the_others_are() -> None:
 
 
 def test_a_robot_that_cannot_pass_waits_and_turns_round(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(patrols, "STRAY", 0)
+    monkeypatch.setattr(world_module, "STRAY", 0)
     rounds = ("robots.enemy 1.rounds", "[[1500, 900], [500, 900]]")
     place, way = Place(enemies=1, settings=(rounds,)), []
     for _ in range(300):
@@ -64,7 +64,7 @@ def test_a_robot_that_cannot_pass_waits_and_turns_round(monkeypatch: pytest.Monk
     pool, enemy = FACTS.barrier("pool 1"), FACTS.others[Source.ENEMY_1]
     assert nearest == pytest.approx(pool.x + pool.kind.radius + enemy.radius, abs=1), "it came as far as the pool"
     waits = [len(list(times)) * 0.1 for x, times in groupby(way) if x == nearest]
-    assert waits[0] == pytest.approx(patrols.WAIT, abs=0.2)
+    assert waits[0] == pytest.approx(world_module.PATROL_WAIT, abs=0.2)
     assert max(way[way.index(nearest) :]) > 1400, "and went back"
 
 
@@ -237,7 +237,7 @@ def test_those_on_their_rounds_go_at_their_speed_though_nobody_drives_them() -> 
     place.vehicle.pose(Source.ENEMY_1)
     speeds = {name: body.speed for name, body in place.world.robots.items()}
     assert speeds.pop(OURS) == 0
-    assert all(patrols.SPEEDS[0] <= speed <= patrols.SPEEDS[1] for speed in speeds.values())
+    assert all(world_module.PATROL_SPEEDS[0] <= speed <= world_module.PATROL_SPEEDS[1] for speed in speeds.values())
     ways = {name: math.dist(body.point, before[name]) for name, body in place.world.robots.items()}
     assert ways == pytest.approx({OURS: 0} | {name: 2.0 * speed for name, speed in speeds.items()})
 

@@ -10,8 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from eurobot_od.traffic.load.analysis import HORIZON, INSTANCES, Analysis
-from eurobot_od.traffic.load.message_set import ErrorRate, PeriodicMessage
+from eurobot_od.traffic.load.analysis import HORIZON, INSTANCES, Analysis, ErrorRate, PeriodicMessage
 from tests.traffic.load.sets import FAR, message, sets
 
 

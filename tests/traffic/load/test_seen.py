@@ -6,7 +6,7 @@ import pytest
 
 from eurobot_od.bus.bits import frame_bits
 from eurobot_od.frame import Frame
-from eurobot_od.traffic.load.message_set import MessageSet, PeriodicMessage
+from eurobot_od.traffic.load.analysis import MessageSet, PeriodicMessage
 from eurobot_od.traffic.load.report import load_report
 from eurobot_od.traffic.load.seen import SeenTraffic, table
 

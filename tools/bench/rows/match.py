@@ -45,7 +45,7 @@ SERIES = (
         "match",
         "match",
         one,
-        (Claim("a match of 90 s: canopen loading its files", "ours", "canopen", Way.RATIO, 6.0),),
+        (Claim("a match of 90 s: canopen reading its files", "ours", "canopen", Way.RATIO, 6.0),),
     ),
     Series(
         "match",

@@ -6,8 +6,7 @@ from collections.abc import Callable
 
 import pytest
 
-from eurobot_od.od.document import Document, parse
-from eurobot_od.od.writing import Rewriting
+from eurobot_od.od.document import Document, Rewriting, parse
 
 TEXT = """; a comment
 

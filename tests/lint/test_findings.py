@@ -10,9 +10,9 @@ from typing import Any
 import jsonschema
 import pytest
 
+from eurobot_od.lint.findings import sarif
 from eurobot_od.lint.network import RULES
 from eurobot_od.lint.rules import FILE_RULES, lint
-from eurobot_od.lint.sarif import sarif
 
 OLD = Path(__file__).parent / "samples" / "old.eds"
 

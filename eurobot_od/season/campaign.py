@@ -1,6 +1,11 @@
-"""Who does the work of a campaign: this process, others on this machine, or dask's workers on any machine.
+"""Much work in blocks, on any `concurrent.futures.Executor`: this process, others on this machine, or dask's workers.
 
-A campaign sees nothing of them but an executor of `concurrent.futures`.
+An item is what one call does, such as the match of a seed. Items go out in blocks, results come back in the items'
+order, and may be kept in Parquet files, a file for each block, from which a campaign is taken up again (`results`).
+There is no scheduler here.
+
+Rule of this file: an item's result depends on the item alone. So a block whose worker was lost is done again, and the
+results are the same on any executor. Nothing is done twice: results that are already there are read.
 """
 
 from __future__ import annotations
@@ -8,15 +13,19 @@ from __future__ import annotations
 import os
 import signal
 import threading
-from collections.abc import Iterator
-from concurrent.futures import Executor, ProcessPoolExecutor
+from collections import deque
+from collections.abc import Callable, Generator, Iterator, Sequence
+from concurrent.futures import BrokenExecutor, Executor, ProcessPoolExecutor, as_completed
 from contextlib import AbstractContextManager, contextmanager
 from multiprocessing import get_context, parent_process
 from multiprocessing.connection import Connection, wait
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 from eurobot_od.errors import LocalError
-from eurobot_od.season.campaign import MOST_JOBS
+from eurobot_od.season import MOST_JOBS
+
+if TYPE_CHECKING:
+    from eurobot_od.season.results import Results
 
 DASK = "dask://"
 
@@ -134,3 +143,63 @@ def workers(text: str | None, jobs: int | None, most: int) -> AbstractContextMan
     if not text.startswith(DASK):
         raise LocalError(f"{text!r} is no executor: {DASK}HOST:PORT, or --jobs for processes of this machine")
     return dask(text.removeprefix(DASK))
+
+
+# Items out in blocks, results back in their order: only those that come before their turn are held back
+
+
+ROUNDS = 8
+"""Blocks for each worker, if there are enough items: so the wait for the last block is short."""
+
+ItemT = TypeVar("ItemT")
+ResultT = TypeVar("ResultT")
+
+
+def run(
+    do: Callable[[ItemT], ResultT],
+    items: Sequence[ItemT],
+    workers: Workers,
+    results: Results[ResultT] | None = None,
+) -> Generator[ResultT, None, None]:
+    """Yield what `do` makes of each item, in their order; `do` and everything it needs is sent to the workers.
+
+    Raises ChildProcessError if a process of this machine dies, and whatever `do` raises.
+    """
+    done = {} if results is None else results.known(items)
+    left = [item for item in items if str(item) not in done]
+    # By what is left, not by all items: a campaign resumed near its end still keeps all workers busy.
+    size = block_size(len(left), workers, results is not None)
+    blocks = [left[begin : begin + size] for begin in range(0, len(left), size)]
+    turns = deque(map(str, items))
+    for block, found in _done(do, blocks, workers):
+        if results is not None:
+            results.write(block, found)
+        done.update(zip(map(str, block), found))
+        while turns and turns[0] in done:
+            yield done.pop(turns.popleft())
+    yield from map(done.pop, turns)
+
+
+def block_size(items: int, workers: Workers, kept: bool) -> int:
+    """Return how many items a block has; results that are kept come in larger blocks, as each block is a file."""
+    return max(1, min(BLOCK if kept else workers.block, items // (workers.number * ROUNDS)))
+
+
+def _done(
+    do: Callable[[ItemT], ResultT], blocks: Sequence[Sequence[ItemT]], workers: Workers
+) -> Generator[tuple[Sequence[ItemT], list[ResultT]], None, None]:
+    """Yield each block with its results as it is done."""
+    if workers.executor is None:
+        yield from ((block, _do_block(do, block)) for block in blocks)
+        return
+    # All at once: the executor keeps every worker busy, and blocks are written in whatever order they are done.
+    futures = {workers.executor.submit(_do_block, do, block): block for block in blocks}
+    try:
+        for future in as_completed(futures):
+            yield futures.pop(future), future.result()
+    except BrokenExecutor:
+        raise ChildProcessError("a process that did a part of the work has died") from None
+
+
+def _do_block(do: Callable[[ItemT], ResultT], block: Sequence[ItemT]) -> list[ResultT]:
+    return list(map(do, block))  # a function of the module, as it is sent to other processes

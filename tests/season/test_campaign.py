@@ -14,13 +14,13 @@ from typing import NamedTuple
 import pytest
 
 from eurobot_od.errors import LocalError
-from eurobot_od.season.campaign import blocks
-from eurobot_od.season.campaign.executors import BLOCK, HERE, Workers, dask, local, workers
+from eurobot_od.season import campaign
+from eurobot_od.season.campaign import BLOCK, HERE, Workers, dask, local, workers
 
 pytest.importorskip("pyarrow", reason="the extra `cluster` is not installed")
 
-from eurobot_od.season.campaign.results import Results
-from tests.season.campaign.clusters import Cluster, two_workers
+from eurobot_od.season.results import Results
+from tests.season.clusters import Cluster, two_workers
 
 
 class Square(NamedTuple):
@@ -40,12 +40,12 @@ def squares(*numbers: int) -> list[Square]:
 def test_results_come_in_order_from_any_executor(count: int) -> None:
     with ThreadPoolExecutor(4) as executor:
         for who in (HERE, Workers(4, executor), Workers(4, executor, BLOCK)):
-            assert list(blocks.run(square, range(count), who)) == squares(*range(count))
+            assert list(campaign.run(square, range(count), who)) == squares(*range(count))
 
 
 def test_processes_of_this_machine_come_to_the_same() -> None:
     with local(2) as processes:
-        assert list(blocks.run(square, range(9), processes)) == squares(*range(9))
+        assert list(campaign.run(square, range(9), processes)) == squares(*range(9))
 
 
 @pytest.mark.parametrize(
@@ -60,7 +60,7 @@ def test_processes_of_this_machine_come_to_the_same() -> None:
     ],
 )
 def test_blocks_are_of_about_a_hundred_or_smaller(items: int, who: Workers, kept: bool, size: int) -> None:
-    assert blocks.block_size(items, who, kept) == size
+    assert campaign.block_size(items, who, kept) == size
 
 
 # Kept results
@@ -77,15 +77,19 @@ def counting(done: list[int], number: int) -> Square:
 
 def test_a_campaign_that_was_broken_off_does_only_what_is_left(tmp_path: Path) -> None:
     folder, done = tmp_path / "squares", list[int]()
-    run = blocks.run(partial(counting, done), range(20), HERE, kept(folder))
+    run = campaign.run(partial(counting, done), range(20), HERE, kept(folder))
     for _ in range(7):
         next(run)
     run.close()
     first = len(done)
     assert 7 <= first < 20
-    assert list(blocks.run(partial(counting, done), range(30), HERE, kept(folder, resume=True))) == squares(*range(30))
+    assert list(campaign.run(partial(counting, done), range(30), HERE, kept(folder, resume=True))) == squares(
+        *range(30)
+    )
     assert sorted(done) == list(range(30))
-    assert list(blocks.run(partial(counting, done), range(30), HERE, kept(folder, resume=True))) == squares(*range(30))
+    assert list(campaign.run(partial(counting, done), range(30), HERE, kept(folder, resume=True))) == squares(
+        *range(30)
+    )
     assert len(done) == 30
 
 
@@ -132,12 +136,12 @@ def test_a_dask_worker_that_is_killed_loses_its_block_only(cluster: Cluster, tmp
     notes.mkdir()
     with dask(cluster.address) as who:
         assert who.number == 2
-        run = blocks.run(partial(with_pid, str(notes)), range(60), who, kept(folder))
+        run = campaign.run(partial(with_pid, str(notes)), range(60), who, kept(folder))
         found = [next(run)]
         cluster.started[1].send_signal(signal.SIGKILL)
         found += list(run)
     assert found == squares(*range(60))
-    assert list(blocks.run(square, range(60), HERE, kept(folder, resume=True))) == found
+    assert list(campaign.run(square, range(60), HERE, kept(folder, resume=True))) == found
     assert cluster.started[1].wait() == -signal.SIGKILL
 
 

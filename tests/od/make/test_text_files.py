@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from eurobot_od.od.make.files import differences, make_files, write_files
 from eurobot_od.od.make.table import read_table
+from eurobot_od.od.make.text import differences, make_files, write_files
 from eurobot_od.od.network_file import NetworkFile, NodeFile, TrafficEntry
 from eurobot_od.od.network_yaml import read_network_file
 from tests.od.make.tables import TABLE

@@ -12,8 +12,8 @@ import canopen
 import pytest
 
 from eurobot_od.od import values
-from eurobot_od.od.make.files import make_files, write_files
 from eurobot_od.od.make.table import read_table
+from eurobot_od.od.make.text import make_files, write_files
 from tests.od.make.tables import TABLE
 
 Frame = tuple[str, dict[str, int], str]
