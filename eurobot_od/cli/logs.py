@@ -68,7 +68,7 @@ READING = Parameter("reading", add_reading, ReadOptions.of)
 def entries(
     logs: Iterable[str], reading: ReadOptions, is_watched: bool = True
 ) -> Generator[tuple[str, LogEntry], None, None]:
-    """Give the entries of logs, one log after the other, with the log's name. Errors as `logs.formats.read`.
+    """Give the entries of logs, one log after the other, with the log's name. Errors as `formats.entries`.
 
     With `is_watched` a terminal shows how far a long log has been read.
     """
@@ -76,7 +76,7 @@ def entries(
 
     for log in logs:
         with opened(log, is_watched) as file:
-            for entry in formats.read(file, reading.form, reading.largest):
+            for entry in formats.entries(file, reading.form, reading.largest):
                 yield log, entry
 
 

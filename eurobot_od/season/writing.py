@@ -24,6 +24,7 @@ from eurobot_od.season import tables
 from eurobot_od.season.batches import FOREIGN, Batch
 from eurobot_od.season.columns import FROM_DATA, LENGTH, WORD, MessageChecks, message_columns, of_others, readable
 from eurobot_od.traffic.decoding import Follower, is_followed
+from eurobot_od.traffic.entries import Damage
 from eurobot_od.traffic.meaning import Decoder
 from eurobot_od.traffic.services import HEARTBEAT, NMT, SDO
 from eurobot_od.traffic.unmapped import Unmapped
@@ -247,7 +248,9 @@ class RunTables:
         """Decode and write a batch."""
         frames = batch.frames.with_columns(self._constant, *FROM_DATA)
         self._frames.write(frames)
-        self._write_damage((batch.foreign, *self._by_what_is_in_force(frames)))
+        # Frames of CAN FD are other traffic on the wire, and not damage.
+        foreign = batch.foreign.filter(pl.col("kind") != Damage.FD.value)
+        self._write_damage((foreign, *self._by_what_is_in_force(frames)))
         self._counts["frames"] += len(batch.frames)
         times = [each["t"] for each in (batch.frames, batch.foreign) if len(each)]
         if times:

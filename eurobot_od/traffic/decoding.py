@@ -166,7 +166,7 @@ class Decoding:
         return known
 
     def lines(self, file: BinaryIO, log: str, form: str | None = None, largest: int = LARGEST) -> Iterator[str]:
-        """Yield the lines of output for an open log named `log`; errors as `formats.read`.
+        """Yield the lines of output for an open log named `log`; errors as `formats.entries`.
 
         What is wrong in the log is counted, whether it is wanted or not.
         """
@@ -174,7 +174,7 @@ class Decoding:
         now: dict[str, Callable[[Raw], Known]] = {}
         follow = Follower(self._decoder, lambda channel, decoder: now.update({channel: self._remembering(decoder)}))
         known_now = now.get
-        for number, time, channel, raw in formats.read(file, form, largest):
+        for number, time, channel, raw in formats.entries(file, form, largest):
             row, defects, followed = known_now(channel, known)(raw)
             if followed and (said := follow(time, channel, followed)) is not followed:
                 row, defects = self._row(said), said.defects

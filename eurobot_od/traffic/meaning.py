@@ -152,6 +152,10 @@ class Decoder:
         read = self._readers.get(raw[0])  # by COB-ID; a Damage is never found
         if read:
             return read(raw)
+        if isinstance(raw, Foreign) and raw.damage is Damage.FD:  # other traffic on the same wire is not damage
+            _, mark, data = raw.text.rpartition("#")
+            name = f"CAN FD, {amount(len(data) // 2, 'byte')}" if mark and not data.endswith("...") else "CAN FD"
+            return Meaning(raw, name, "", (), None, raw.text)
         if isinstance(raw, Foreign):
             return Meaning(raw, "", "", (), None, raw.text, (Defect(raw.damage, raw.text),))
         # The reader of an identifier is made at its first frame: a log has few of a network's messages.
