@@ -1,0 +1,106 @@
+"""`watch`, `sync` and `time`: what is printed, what is sent, and what is refused."""
+
+from __future__ import annotations
+
+import json
+from itertools import islice
+from pathlib import Path
+
+import pytest
+
+from eurobot_od.cli import options
+from eurobot_od.client.master import Master
+from eurobot_od.client.producing import produce, syncs
+from eurobot_od.errors import BusError
+from eurobot_od.sdo.client import UNANNOUNCED
+from tests.cli.console import run
+from tests.client.test_reconnecting import Unplugged
+from tests.client.test_watch import Beating, beats
+from tests.client.wired import WiredBus
+from tests.eds_text import DEVICE_TYPE
+from tests.rows import rows
+
+
+@pytest.fixture
+def bus(monkeypatch: pytest.MonkeyPatch) -> WiredBus:
+    """A bus in simulated time, with node 5 on it for 3 s."""
+    bus = WiredBus(Beating([(0.5, b"\0"), *beats(1, 2, 3)]))
+    monkeypatch.setattr("eurobot_od.cli.options.BusOptions.open", lambda _: bus)
+    monkeypatch.setattr("eurobot_od.client.master.time.monotonic", lambda: bus.now)
+    monkeypatch.setattr("eurobot_od.client.master.Master.__init__.__defaults__", (0.5, lambda: bus.now, UNANNOUNCED))
+    return bus
+
+
+@pytest.mark.usefixtures("bus")
+def test_watch_prints_a_line_an_event(capsys: pytest.CaptureFixture[str]) -> None:
+    said = run(capsys, "watch", "--for", "9 s")
+    assert (said.status, said.err) == (1, "")
+    assert [line.split(maxsplit=1)[1] for line in said.out.splitlines()] == [
+        "node 5 has booted",
+        "node 5 is lost (operational)",
+    ]
+
+
+@pytest.mark.usefixtures("bus")
+def test_watch_in_json(capsys: pytest.CaptureFixture[str]) -> None:
+    said = run(capsys, "watch", "5", "--for", "2 s", "--json")
+    assert said.status == 0
+    assert json.loads(said.out) == {"time": 0.5, "node_id": 5, "change": "booted", "state": "boot-up"}
+
+
+@pytest.mark.usefixtures("bus")
+def test_a_node_that_has_to_be_there(capsys: pytest.CaptureFixture[str]) -> None:
+    said = run(capsys, "watch", "7", "--for", "2 s", "--within", "1 s")
+    assert (said.status, said.out.splitlines()[-1].split(maxsplit=1)[1]) == (1, "node 7 is lost")
+
+
+@pytest.mark.usefixtures("bus")
+def test_nodes_are_called_by_the_names_of_their_network(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    (tmp_path / "a.eds").write_text(DEVICE_TYPE)
+    (tmp_path / "net.yaml").write_text(
+        "nodes: {left: {file: a.eds, node_id: 5}, right: {file: a.eds, node_id: 7}}", encoding="ascii"
+    )
+    words = ["--network", str(tmp_path / "net.yaml"), "--for", "2 s", "--within", "1 s"]
+    said = run(capsys, "watch", *words)
+    assert (said.status, [line.split(maxsplit=1)[1] for line in said.out.splitlines()]) == (
+        1,
+        ["node 5 left has booted", "node 7 right is lost"],
+    )
+    said = run(capsys, "watch", "right", "--json", *words)
+    assert json.loads(said.out.splitlines()[-1])["name"] == "right"
+    assert run(capsys, "watch", "middle", *words).complaint == "eurobot-od: unknown node 'middle'; known: left, right"
+
+
+def test_sync(capsys: pytest.CaptureFixture[str], bus: WiredBus) -> None:
+    assert run(capsys, "sync", "--period", "10 ms", "--counter", "2", "--count", "3") == (0, "", "")
+    assert [str(frame) for frame in bus.sent] == ["080#01", "080#02", "080#01"]
+    assert bus.now == pytest.approx(0.03)
+
+
+def test_time_is_sent_once(capsys: pytest.CaptureFixture[str], bus: WiredBus) -> None:
+    assert run(capsys, "time", "--utc", "--cob-id", "0x101") == (0, "", "")
+    assert [(frame.cob_id, len(frame.data)) for frame in bus.sent] == [(0x101, 6)]
+
+
+@rows(
+    "words, complaint",
+    [
+        (["watch", "128"], "node-ID 128 is not in 1..127"),
+        (["watch", "--guard", "1 s"], "--guard polls the nodes that are named"),
+        (["sync", "--counter", "1"], "a counter of SYNC ends at 2 to 240, not at 1"),
+        (["sync", "--period", "0 s"], "the period must be longer than 0"),
+        (["sync", "--cob-id", "0x800"], "'0x800' is not an 11-bit identifier"),
+    ],
+)
+def test_what_is_refused(capsys: pytest.CaptureFixture[str], bus: WiredBus, words: list[str], complaint: str) -> None:
+    said = run(capsys, *words)
+    assert said.status == 2
+    assert complaint in said.err
+    assert bus.sent == []
+
+
+def test_without_reconnecting_a_bus_that_is_lost_ends_it() -> None:
+    bus = Unplugged()
+    master = Master(bus, clock=lambda: bus.now)
+    with pytest.raises(BusError):
+        produce(master, islice(syncs(), 10), 0.5, options.BusOptions().guard(master, no_reconnect=True))

@@ -1,0 +1,212 @@
+"""`export` and `make-eds`: where files go, what they are called, and what a mistake costs."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from eurobot_od import cli
+from eurobot_od.cli.files import export
+from eurobot_od.robot import dialects
+from tests.cli.console import run
+from tests.od.make.tables import TABLE
+from tests.rows import rows
+
+DRIVE = str(dialects.folder(dialects.DEFAULT) / "drive.eds")
+
+CALLS = [
+    # (form and options, begin of the output)
+    (["c"], "/* Messages of core.eds"),
+    (["dbc"], 'VERSION ""'),
+    (["docs"], "# CANopen network: core, drive, navigation"),
+    (["docs", "--format", "html"], "<!DOCTYPE html>"),
+    (["wireshark"], "-- Messages of core.eds"),
+    (["xdd", DRIVE], "<?xml version="),
+]
+
+
+@rows("words, begin", CALLS)
+def test_a_form_goes_to_standard_output_or_into_a_file(
+    words: list[str], begin: str, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    said = run(capsys, "export", *words)
+    assert (said.status, said.err) == (0, "")
+    assert said.out.startswith(begin)
+    file = tmp_path / ("pdo.md" if words == ["docs"] else "pdo.html")
+    file.write_text("old")
+    assert run(capsys, "export", *words, "-o", str(file)) == (0, "", "")
+    assert file.read_text() == said.out
+    assert list(tmp_path.iterdir()) == [file]
+
+
+NAMED = [
+    (["c"], "robot_goto_xy_pack"),
+    (["c", "--name", "Our bus"], "our_bus_goto_xy_pack"),
+    (["wireshark"], 'local SHORT_NAME = "robot"'),
+    (["wireshark", "--name", "bus"], 'local SHORT_NAME = "bus"'),
+]
+
+
+@rows("words, part", NAMED)
+def test_identifiers_begin_with_the_output_s_name(
+    words: list[str], part: str, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    file = tmp_path / "robot.out"
+    assert run(capsys, "export", *words, "-o", str(file)).status == 0
+    assert part in file.read_text()
+
+
+@pytest.fixture
+def silent(tmp_path: Path) -> Path:
+    """Return a folder with one device that has no PDO."""
+    folder = tmp_path / "silent"
+    folder.mkdir()
+    text = "[1000]\nParameterName=Type\nDataType=7\nAccessType=ro\n[DeviceComissioning]\nNodeID=1\n"
+    (folder / "mute.eds").write_text(text)
+    return folder
+
+
+@rows("form", ["c", "dbc", "wireshark"])
+def test_a_network_without_messages_is_told(form: str, silent: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    said = run(capsys, "export", form, "--dialect", str(silent))
+    assert (said.status, said.out) == (2, "")
+    assert said.err == "eurobot-od: no messages: none of the loaded files has a valid PDO\n"
+
+
+MISTAKES = [
+    (["c", "--dialect", "nowhere"], 2, "eurobot-od: unknown dialect 'nowhere'"),
+    (["c", "-o", "nowhere/bus.h"], 3, "No such file or directory"),
+    (["docs", "-o", "bus.pdf"], 2, "unknown document format '.pdf'"),
+    (["docs", "--format", "pdf"], 2, "argument --format: unknown value 'pdf'; known: markdown, html"),
+    (["xdd"], 2, "name a FILE, or a network by --network"),
+    (["cdcf", DRIVE, "--network", "net.yaml"], 2, "name a FILE, or a network by --network"),
+    (["cdcf", "--network", DRIVE], 2, "not a network: neither a folder nor one of"),
+    (["xdd", "none.eds"], 2, "none.eds: No such file or directory"),
+    (["xdd", __file__], 2, "not an EDS: it describes no object"),
+    (["nonsense"], 2, "invalid choice"),
+]
+
+
+@rows("words, status, part", MISTAKES)
+def test_a_mistake_costs_one_line(words: list[str], status: int, part: str, capsys: pytest.CaptureFixture[str]) -> None:
+    said = run(capsys, "export", *words)
+    assert (said.status, said.out) == (status, "")
+    assert part in said.complaint
+    assert said.err.count("\n") == 1
+
+
+def test_a_device_is_written_into_and_not_replaced(capsys: pytest.CaptureFixture[str]) -> None:
+    before = Path(os.devnull).stat().st_ino
+    assert run(capsys, "export", "c", "-o", os.devnull).status == 0
+    assert Path(os.devnull).stat().st_ino == before
+
+
+@rows("form", export.functions)
+def test_every_form_explains_itself(form: str, capsys: pytest.CaptureFixture[str]) -> None:
+    said = run(capsys, "export", form, "--help")
+    assert said.status == 0
+    assert said.out.startswith("usage: eurobot-od export " + form)
+
+
+def test_a_log_becomes_mcap(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip("mcap", reason="the extra `mcap` is not installed")
+    log, file = tmp_path / "some.log", tmp_path / "some.mcap"
+    log.write_text("(1.000000) can0 008#D27423592C01C3A5\n(1.250000) can0 7E6#\n")
+    said = run(capsys, "export", "mcap", str(log), "-o", str(file))
+    assert said == (0, f"{file}: 1 message, 1 pose, 1 damaged\n", "")
+    assert file.read_bytes().startswith(b"\x89MCAP")
+
+
+def test_an_xdd_says_what_was_repaired_for_it(capsys: pytest.CaptureFixture[str]) -> None:
+    said = run(capsys, "export", "xdd", "tests/lint/samples/broken_by_hand.eds")
+    assert said.status == 0
+    assert ["repaired to be read" in said.err, "left out: line 820: 0x1A01" in said.err] == [True, True]
+
+
+@rows("form", ["xdd", "cdcf"])
+@rows("words", [["net.yaml"], ["--network", "net.yaml"]])
+def test_of_a_network_each_node_has_a_file(
+    form: str, words: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("net.yaml").write_text(f"nodes: {{left: {{file: {DRIVE}, node_id: 5}}, right: {{file: {DRIVE}, node_id: 6}}}}")
+    assert cli.main(["export", form, *words, "-o", "made"]) == 0
+    assert sorted(each.name for each in Path("made").iterdir()) == [f"left.{form}", f"right.{form}"]
+
+
+# make-eds
+
+
+ROOT = Path(__file__).resolve().parents[2]
+EDS = ROOT / "eds"
+
+
+@pytest.fixture
+def table(tmp_path: Path) -> Path:
+    file = tmp_path / "table.yaml"
+    file.write_text(TABLE)
+    return file
+
+
+def test_the_repositorys_files_are_what_its_table_says(capsys: pytest.CaptureFixture[str]) -> None:
+    said = run(capsys, "make-eds", str(EDS / "protocol.yaml"), "-o", str(EDS), "--check")
+    assert said == (0, f"{EDS}: as the table says: 7 files\n", "")
+
+
+def test_the_repositorys_tool_runs_the_command() -> None:
+    command = [sys.executable, str(ROOT / "tools" / "make_eds.py"), "--check"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout, done.stderr) == (0, f"{EDS}: as the table says: 7 files\n", "")
+
+
+def test_makes_the_files_of_a_teams_own_table(table: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    words = ("make-eds", str(table), "-o", str(tmp_path / "new" / "eds"))
+    assert run(capsys, *words) == (0, "", "")
+    assert run(capsys, *words, "--check").status == 0
+    files = [str(each) for each in (tmp_path / "new" / "eds" / "plain").iterdir()]
+    assert run(capsys, "lint", "--strict", *files).status == 0
+    assert run(capsys, "lint", "--network", str(tmp_path / "new" / "eds" / "network.yaml")).status == 0
+
+
+def test_check_tells_what_differs_and_writes_nothing(
+    table: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    said = run(capsys, "make-eds", str(table), "-o", str(tmp_path / "eds"), "--check")
+    assert (said.status, said.err) == (1, "")
+    assert said.out.splitlines()[0] == f"{tmp_path / 'eds' / 'network.yaml'}: is missing"
+    assert not (tmp_path / "eds").exists()
+
+
+def test_every_problem_of_a_table_is_a_line_and_nothing_is_written(
+    table: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    table.write_text(
+        TABLE.replace("object: Target", "object: Goal").replace("receivers: [drive]", "receivers: [wheel]")
+    )
+    said = run(capsys, "make-eds", str(table), "-o", str(tmp_path / "eds"))
+    assert (said.status, said.out) == (2, "")
+    assert [line.partition(": ")[2] for line in said.err.splitlines()] == [
+        "unknown node 'wheel'",
+        "unknown object 'Goal'",
+    ]
+    lines = [n for n, line in enumerate(table.read_text().split("\n"), start=1) if "wheel" in line or "Goal" in line]
+    assert [int(line.split(":")[1]) for line in said.err.splitlines()] == 2 * lines
+    assert not (tmp_path / "eds").exists()
+
+
+def test_a_table_that_is_not_there(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    said = run(capsys, "make-eds", str(tmp_path / "none.yaml"), "-o", str(tmp_path))
+    assert said == (2, "", f"eurobot-od: {tmp_path / 'none.yaml'}: No such file or directory\n")
+
+
+def test_a_folder_that_cannot_be_written(table: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    said = run(capsys, "make-eds", str(table), "-o", str(table / "eds"))
+    assert said == (3, "", f"eurobot-od: {table / 'eds'}: Not a directory\n")
+
+
+def test_a_command_without_folder_is_wrong_usage(table: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(capsys, "make-eds", str(table)).status == 2

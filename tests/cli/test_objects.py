@@ -1,0 +1,531 @@
+"""The commands for any CANopen node: what they print, the exit status, and one line where something is wrong."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import can
+import pytest
+
+from eurobot_od.bus.live import Live
+from eurobot_od.cli import main
+from eurobot_od.device.emergency import ErrorCode
+from eurobot_od.device.node import Node
+from eurobot_od.device.simulated import SimulatedDevice
+from eurobot_od.od import dcf
+from eurobot_od.od.description import DescribedDevice
+from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.document import parse
+from eurobot_od.od.normal import in_normal_form
+from tests.cli.console import Terminal
+from tests.client.peers import DRIVE, new_channel, robot, stock_drive
+from tests.eds_text import DEVICE_TYPE, pdo, record, variable
+from tests.rows import rows
+
+HEARTBEAT = "0x1017:0  Producer heartbeat time"
+NAMED = "0x1017:0: Producer heartbeat time"
+NOT_ALLOWED = " is not allowed; allowed: "
+READ_ONLY = ": Attempt to write a read only object (0x06010002)"
+
+FILES = """\
+[200E]
+ParameterName=Script
+ObjectType=2
+DataType=0x000F
+AccessType=rw
+"""
+
+Run = Callable[..., tuple[int, str, str]]
+"""Runs a command on a bus; gives exit status, output and error output."""
+
+
+@pytest.fixture
+def run(capsys: pytest.CaptureFixture[str]) -> Run:
+    def command(channel: str, *words: str) -> tuple[int, str, str]:
+        status = main([*words, "--timeout", "300 ms", "-i", "virtual", "-c", channel])
+        return (status, *capsys.readouterr())
+
+    return command
+
+
+@pytest.fixture
+def drive(run: Run) -> Iterator[str]:
+    """Our drive with a quick heartbeat; gives the channel."""
+    with robot("drive") as channel:
+        run(channel, "write", "2", "0x1017", "10")
+        yield channel
+
+
+@rows("words", [("dump", "2"), ("export-dcf", "2", "-o", "{folder}/drive.dcf"), ("diff", str(DRIVE), "--node", "2")])
+def test_a_terminal_sees_how_far_it_is_with_the_objects(
+    drive: str, words: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    terminal = Terminal()
+    monkeypatch.setattr("eurobot_od.support.progress.SHORT", 0.0)
+    monkeypatch.setattr("sys.stderr", terminal)
+    main([*(word.format(folder=tmp_path) for word in words), "-i", "virtual", "-c", drive])
+    drawn, *_, wiped = terminal.getvalue().split("\r")[1:-1]
+    assert re.fullmatch(r"node 2 .* 0 of \d+ objects .*", drawn)
+    assert not wiped.strip()
+
+
+# scan
+
+
+def test_scan_lists_the_nodes_of_the_robot(run: Run) -> None:
+    with robot("core", "drive", "navigation") as channel:
+        status, out, err = run(channel, "scan", "--listen", "10 ms")
+    lines = [line.split() for line in out.splitlines()]
+    assert (status, err) == (0, "")
+    assert lines[0] == ["node", "name", "state", "vendor", "product", "revision", "serial"]
+    assert [(line[0], line[3]) for line in lines[1:]] == [("1", "core"), ("2", "drive"), ("3", "navigation")]
+
+
+def test_scan_as_json(run: Run, drive: str) -> None:
+    status, out, _ = run(drive, "scan", "--json", "--listen", "10 ms")
+    assert status == 0
+    assert json.loads(out) == [
+        {
+            "node_id": 2,
+            "name": "Eurobot 2014 drive",
+            "state": "operational",
+            "identity": {"vendor": 0, "product": 2, "revision": 0x30000, "serial": 1},
+        }
+    ]
+
+
+NETWORK = """nodes:
+  wheels: {file: drive.eds, node_id: 2}
+  eyes: {file: drive.eds, node_id: 7}
+"""
+
+
+@pytest.fixture
+def network(tmp_path: Path) -> str:
+    """A network file whose node 7 is not there."""
+    (tmp_path / "drive.eds").write_bytes(DRIVE.read_bytes())
+    (tmp_path / "network.yaml").write_text(NETWORK)
+    return str(tmp_path / "network.yaml")
+
+
+def test_scan_of_a_network_names_its_nodes_and_says_which_are_missing(run: Run, network: str) -> None:
+    with robot("core", "drive") as channel:
+        status, out, err = run(channel, "scan", "--listen", "10 ms", "--network", network)
+    head, core, drive, missing = out.splitlines()
+    assert (status, err) == (1, "")
+    assert head.split()[:4] == ["node", "in", "network", "name"]
+    assert core.split()[:5] == ["1", "-", "Eurobot", "2014", "core"]
+    assert drive.split()[:5] == ["2", "wheels", "Eurobot", "2014", "drive"]
+    assert missing == "missing: eyes (7)"
+
+
+def test_scan_of_a_network_as_json(run: Run, drive: str, network: str) -> None:
+    status, out, _ = run(drive, "scan", "--json", "--listen", "10 ms", "--network", network)
+    rows = [(each["node_id"], each["network_name"], each["missing"], each["name"]) for each in json.loads(out)]
+    assert (status, rows) == (1, [(2, "wheels", False, "Eurobot 2014 drive"), (7, "eyes", True, "")])
+
+
+def test_scan_of_a_network_that_is_complete_is_fine(run: Run, drive: str) -> None:
+    status, out, _ = run(drive, "scan", "--listen", "10 ms", "--eds", f"2={DRIVE}")
+    assert (status, "missing" in out) == (0, False)
+
+
+def test_scan_of_an_empty_bus(run: Run) -> None:
+    assert run(new_channel(), "scan", "--listen", "10 ms") == (1, "no node answers\n", "")
+
+
+# read, write, dump
+
+
+@rows(
+    "words, out",
+    [
+        (["2", "0x1018:2"], "0x1018:2  Identity object.Product code  0x00000002\n"),
+        (["drive", "Motion.Maximum speed"], "0x2101:1  Motion.Maximum speed  800\n"),  # names of node and object
+        (
+            ["2", "0x1017", "0x1008"],
+            f"{HEARTBEAT}   10\n0x1008:0  Manufacturer device name  Eurobot 2014 drive\n",
+        ),
+        (["2", "0x1017", "--eds", str(DRIVE)], "0x1017:0  Producer heartbeat time  10\n"),
+    ],
+)
+def test_read(run: Run, drive: str, words: list[str], out: str) -> None:
+    assert run(drive, "read", *words) == (0, out, "")
+
+
+# The same node by a file of anybody's, with and without its node-ID, and by its name in a network file.
+DEVICES = [
+    ("5", ["--eds", "thing.eds"]),
+    ("5", ["--eds", "5=thing.eds"]),
+    ("thing", ["--eds", "5=thing.eds"]),
+    ("thing", ["--network", "net.yaml"]),
+    ("5", ["--network", "net.yaml"]),
+]
+
+
+@rows("node, options", DEVICES)
+def test_any_device_is_read_by_the_names_of_its_file(
+    run: Run, node: str, options: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    text, _ = in_normal_form((DEVICE_TYPE + variable("2000", "Heat", "INTEGER16", "-5")).encode(), "thing.eds")
+    Path("thing.eds").write_text(text.decode().replace("PDOMapping=1", "PDOMAPPING=1"))
+    Path("net.yaml").write_text("nodes: {thing: {file: thing.eds, node_id: 5}}")
+    thing = Node(Dictionary.load("thing.eds", 5))
+    channel = new_channel()
+    with can.Bus(channel, interface="virtual") as bus, Live.node(bus, thing):
+        status, out, err = run(channel, "read", node, "Heat", *options)
+    assert (status, out) == (0, "0x2000:0  Heat  -5\n")
+    assert err.count("\n") == err.count("thing.eds: repaired to be read: ") == 1
+
+
+def test_a_name_that_no_device_has_is_told(run: Run) -> None:
+    assert run(new_channel(), "read", "thing", "0x1000") == (
+        2,
+        "",
+        "eurobot-od: unknown node 'thing'; known: core, drive, navigation\n",
+    )
+
+
+def test_read_as_json(run: Run, drive: str) -> None:
+    _, out, _ = run(drive, "read", "2", "0x1017", "0x5000", "--json")
+    assert json.loads(out) == [
+        {"index": 0x1017, "subindex": 0, "name": "Producer heartbeat time", "type": "UNSIGNED16", "value": 10},
+        {"index": 0x5000, "subindex": 0, "name": "", "type": "", "refused": "Object does not exist"},
+    ]
+
+
+def test_a_node_without_an_eds_is_read_and_written_by_number(run: Run, tmp_path: Path) -> None:
+    eds = tmp_path / "foreign.eds"
+    eds.write_text(DRIVE.read_text().replace("[1018sub2]\n", "[1018sub2]\nParameterValue=99\n"))
+    with stock_drive(eds) as (channel, _):
+        assert run(channel, "write", "2", "0x1017", "0x1F4")[:2] == (0, "node 2: 0x1017:0 = 0x1F4\n")
+        assert run(channel, "read", "2", "0x1017")[:2] == (0, "0x1017:0    0x1F4\n")
+        status, _, err = run(channel, "read", "2", "Motion")
+        assert (status, err) == (2, "eurobot-od: without an EDS no object is known as 'Motion'; give its number\n")
+        status, _, err = run(channel, "dump", "2")
+        assert (status, err[:60]) == (2, "eurobot-od: no EDS has the identity of node 2, and it keeps ")
+
+
+@rows(
+    "words, status, err",
+    [
+        (["read", "9", "0x1017"], 1, "no answer from node 9 within 300 ms after read 0x1018:1 vendor"),
+        (["read", "128", "0x1017"], 2, "node-ID 128 is not in 1..127"),
+        (["read", "nobody", "0x1017"], 2, "unknown node 'nobody'; known: core, drive, navigation"),
+        (["read", "2", "Motoin"], 2, "unknown object 'Motoin'; did you mean Motion?"),
+        (["write", "2", "0x1017", "65536"], 2, f"{NAMED} = 65536" + NOT_ALLOWED + "0..65535"),
+        (["write", "2", "0x1017", "often"], 2, f"{NAMED} = 'often'" + NOT_ALLOWED + "an integer"),
+        (["write", "2", "0x1018:1", "5"], 1, "node 2 refused to write 0x1018:1 Identity object.Vendor-ID" + READ_ONLY),
+        (["write", "2", "0x5000", "5"], 1, "node 2 refused to read 0x5000:0: Object does not exist (0x06020000)"),
+        (["read", "2", "0x1017", "--eds", "none.eds"], 2, "none.eds: No such file or directory"),
+        (["configure", "2", "none.dcf"], 2, "none.dcf: No such file or directory"),
+    ],
+)
+def test_one_line_where_something_is_wrong(run: Run, drive: str, words: list[str], status: int, err: str) -> None:
+    assert run(drive, *words) == (status, "", f"eurobot-od: {err}\n")
+
+
+def test_a_refused_object_is_listed_with_its_reason(run: Run, drive: str) -> None:
+    status, out, err = run(drive, "read", "2", "0x1003:1", "0x1017")
+    assert (status, err) == (1, "")
+    assert out.splitlines()[0].endswith("(No data available)")
+
+
+def test_dump_lists_every_object(run: Run, drive: str) -> None:
+    status, out, err = run(drive, "dump", "2")
+    assert (status, err) == (0, "")
+    assert any(line.split() == ["0x2101:1", "Motion.Maximum", "speed", "800"] for line in out.splitlines())
+    _, out, _ = run(drive, "dump", "2", "--json")
+    assert {
+        "index": 0x2101,
+        "subindex": 1,
+        "name": "Motion.Maximum speed",
+        "type": "UNSIGNED16",
+        "value": 800,
+    } in json.loads(out)
+
+
+def test_a_bus_that_cannot_be_opened(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["scan", "-i", "nonsense", "-c", "x"]) == 3
+    assert capsys.readouterr().err.startswith("eurobot-od: cannot open the nonsense bus x:")
+
+
+def test_files_go_in_and_out(run: Run, tmp_path: Path) -> None:
+    eds, there, back = tmp_path / "drive.eds", tmp_path / "there", tmp_path / "back"
+    eds.write_bytes(in_normal_form((DRIVE.read_text() + FILES).encode())[0])  # which lists the object, too
+    there.write_bytes(bytes(range(256)) * 4)
+    object_ = "2", "Script", "--eds", str(eds), "--file"
+    with stock_drive(eds) as (channel, _):
+        said = "node 2: 0x200E:0 Script = 1024 bytes (CRC-32 0xB70B4C26)\n"
+        assert run(channel, "write", *object_, str(there)) == (0, said, "")
+        said = f"{back}: 1024 bytes of node 2, 0x200E:0 Script\n"
+        assert run(channel, "read", *object_, str(back)) == (0, said, "")
+    assert back.read_bytes() == there.read_bytes()
+
+
+@rows(
+    "words, said",
+    [
+        (["write", "2", "0x1017"], "what to write: give a value or --file FILE, one of them"),
+        (["write", "2", "0x1017", "5", "--file", "x"], "what to write: give a value or --file FILE, one of them"),
+        (["read", "2", "0x1018", "--file", "x"], "--file takes one object, not 5"),
+        (["write", "2", "0x1017", "--file", "none.bin"], "none.bin: No such file or directory"),
+    ],
+)
+def test_a_file_is_for_one_object(run: Run, drive: str, words: list[str], said: str) -> None:
+    assert run(drive, *words)[1:] == ("", f"eurobot-od: {said}\n")
+
+
+# A device whose file moves its SDO server
+
+MOVED = (
+    DEVICE_TYPE
+    + record(0x1010, "Store", (0, "UNSIGNED8", "1"), (1, "UNSIGNED32", "1"))
+    + record(0x1200, "SDO server", (0, "UNSIGNED8", "2"), (1, "UNSIGNED32", "0x650"), (2, "UNSIGNED32", "0x5D5"))
+    + variable("2000", "Speed", "UNSIGNED16", "7")
+).replace("PDOMapping=1", "PDOMapping=0")  # a parameter, which a DCF has; what is mapped comes and goes
+
+
+@pytest.fixture
+def moved(tmp_path: Path) -> Iterator[tuple[str, str]]:
+    """A device with its SDO server elsewhere; gives its channel and its file."""
+    file, channel = tmp_path / "moved.eds", new_channel()
+    file.write_text(MOVED)
+    with can.Bus(channel, interface="virtual") as bus, Live.node(bus, SimulatedDevice.load(file, 5)):
+        yield channel, str(file)
+
+
+def test_commands_talk_to_a_moved_sdo_server_where_the_file_says(
+    run: Run, moved: tuple[str, str], tmp_path: Path
+) -> None:
+    channel, file = moved
+    own = tmp_path / "own.dcf"
+    assert run(channel, "read", "5", "0x2000")[0] == 1  # without the file nobody knows where it is
+    assert run(channel, "write", "5", "Speed", "9", "--eds", file)[0] == 0
+    assert run(channel, "read", "5", "Speed", "--eds", f"5={file}")[1].split()[-1] == "9"
+    assert run(channel, "export-dcf", "5", "-o", str(own), "--eds", file)[0] == 0
+    own.write_text(own.read_text().replace("ParameterValue=9", "ParameterValue=11"))
+    assert run(channel, "configure", "5", str(own), "--no-store", "--no-reset")[0] == 0
+    assert run(channel, "read", "5", "Speed", "--eds", f"5={file}")[1].split()[-1] == "11"
+    status, out, _ = run(channel, "scan", "--listen", "10 ms", "--eds", f"5={file}")
+    assert (status, out.splitlines()[1].split()[:2]) == (0, ["5", "moved"])
+
+
+def test_a_file_is_compared_with_its_device_where_it_says_that_the_sdo_server_is(
+    capsys: pytest.CaptureFixture[str], moved: tuple[str, str]
+) -> None:
+    channel, file = moved
+    assert main(["diff", file, "--node", "5", "-i", "virtual", "-c", channel]) == 0
+    assert capsys.readouterr().out == ""
+
+
+def test_errors_are_asked_for_where_a_file_says_that_the_sdo_server_is(run: Run, moved: tuple[str, str]) -> None:
+    channel, file = moved
+    assert "node 5 refused to read 0x1001:0" in run(channel, "emcy", "5", "--eds", file)[2]
+
+
+# export-dcf, configure, store, restore
+
+
+@pytest.fixture
+def new_dcf(tmp_path: Path) -> Path:
+    """A DCF for node 2 with two new values."""
+    file = tmp_path / "new.dcf"
+    file.write_text(
+        dcf.with_values(
+            DescribedDevice(parse(DRIVE.read_text())), {(0x1017, 0): 20, (0x1403, 1): 0x18}, 2, "drive", 500
+        )
+    )
+    return file
+
+
+DIFFERENCE = """\
+node 2 differs from new.dcf in 2 objects:
+0x1017:0 Producer heartbeat time    10 -> 20
+0x1403:1 Goto XY.COB-ID used by PDO  0x00000008 -> 0x00000018
+""".replace("time    10", "time     10")
+
+
+def test_a_dry_run_prints_the_difference_and_writes_nothing(run: Run, drive: str, new_dcf: Path) -> None:
+    assert run(drive, "configure", "2", str(new_dcf), "--dry-run") == (1, DIFFERENCE, "")
+    assert run(drive, "configure", "2", str(new_dcf), "--dry-run") == (1, DIFFERENCE, "")
+
+
+def test_configure_writes_stores_and_verifies(run: Run, drive: str, new_dcf: Path) -> None:
+    done = "node 2 configured: 2 objects written and read back, stored, verified after a reset\n"
+    assert run(drive, "configure", "drive", str(new_dcf)) == (0, DIFFERENCE + done, "")
+    assert run(drive, "configure", "2", str(new_dcf)) == (0, "node 2 already is as new.dcf says\n", "")
+
+
+@pytest.mark.parametrize(
+    ("option", "kept"), [("--no-store", "not stored"), ("--no-reset", "stored"), ("--only=profile", "")]
+)
+def test_configure_does_no_more_than_it_is_told(run: Run, drive: str, new_dcf: Path, option: str, kept: str) -> None:
+    done = f"node 2 configured: 2 objects written and read back, {kept}\n"
+    said = DIFFERENCE + done if kept else "node 2 already is as new.dcf says\n"
+    assert run(drive, "configure", "drive", str(new_dcf), option) == (0, said, "")
+
+
+def test_a_file_for_another_node_is_refused_before_the_bus_is_opened(
+    capsys: pytest.CaptureFixture[str], new_dcf: Path
+) -> None:
+    assert main(["configure", "3", str(new_dcf), "-i", "nonsense"]) == 2
+    assert capsys.readouterr().err == f"eurobot-od: {new_dcf}: is for node 2, not for node 3\n"
+
+
+def test_the_dcf_of_a_live_node(run: Run, drive: str, tmp_path: Path) -> None:
+    file = tmp_path / "live.dcf"
+    assert run(drive, "export-dcf", "2", "-o", str(file)) == (0, "", "")
+    assert Dictionary.load(file).default((0x1017, 0)) == 10
+    assert run(drive, "export-dcf", "2") == (0, file.read_text(), "")
+    assert run(drive, "configure", "2", str(file), "--dry-run")[0] == 0
+
+
+def test_what_no_line_can_hold_stands_in_a_file_beside_the_dcf(run: Run, tmp_path: Path) -> None:
+    eds, file = tmp_path / "drive.eds", tmp_path / "live.dcf"
+    eds.write_bytes(in_normal_form((DRIVE.read_text() + FILES).encode())[0])  # which lists the object, too
+    with stock_drive(eds) as (channel, node):
+        node.set_data(0x200E, 0, b"a\nb")
+        words = (channel, "export-dcf", "2", "--eds", str(eds))
+        assert run(*words, "-o", str(file))[0] == 0
+        assert (tmp_path / "live-200E-0.bin").read_bytes() == b"a\nb"
+        said = "eurobot-od: the DCF needs files beside it (drive-200E-0.bin): write it by -o FILE\n"
+        assert run(*words) == (2, "", said)
+        node.set_data(0x200E, 0, b"c")
+        change = "node 2 differs from live.dcf in 1 object:\n0x200E:0 Script  63 -> 61 0A 62\n"
+        assert run(channel, "configure", "2", str(file), "--dry-run") == (1, change, "")
+
+
+def test_stored_parameters_survive_a_reset_and_defaults_come_back(run: Run, drive: str) -> None:
+    assert run(drive, "store", "2") == (0, "node 2 has stored all parameters\n", "")
+    assert run(drive, "nmt", "2", "reset")[0] == 0
+    assert run(drive, "read", "2", "0x1017")[1].split()[-1] == "10"
+    assert run(drive, "restore", "2")[1] == "node 2 will have, from its next reset on, the defaults of all parameters\n"
+    assert run(drive, "read", "2", "0x1017")[1].split()[-1] == "10"
+    assert run(drive, "restore", "2", "--reset")[1] == "node 2 has the defaults of all parameters\n"
+    assert run(drive, "read", "2", "0x1017")[1].split()[-1] == "1000"
+
+
+# nmt, emcy
+
+
+@rows(
+    "command, out",
+    [
+        ("pre-operational", "node 2 is pre-operational\n"),
+        ("stop", "node 2 is stopped\n"),
+        ("start", "node 2 is operational\n"),
+    ],
+)
+def test_nmt_tells_what_the_heartbeat_says(run: Run, drive: str, command: str, out: str) -> None:
+    assert run(drive, "nmt", "2", command) == (0, out, "")
+
+
+@rows("command", ["reset", "reset-communication"])
+def test_a_reset_is_a_boot_up(run: Run, drive: str, command: str) -> None:
+    run(drive, "store", "2")
+    assert run(drive, "nmt", "2", command) == (0, "node 2 has booted and is operational\n", "")
+
+
+def test_nmt_to_all_nodes(run: Run, drive: str) -> None:
+    assert run(drive, "nmt", "all", "stop") == (0, "stop sent to all nodes\n", "")
+    assert run(drive, "scan", "--listen", "10 ms")[1].splitlines()[1].split() == ["2", *"-", "stopped", *"----"]
+
+
+def test_emcy_lists_and_clears_what_a_node_remembers(run: Run, drive: str) -> None:
+    assert run(drive, "emcy", "2") == (0, "node 2: no error (error register 0x00)\nno error remembered\n", "")
+    with can.Bus(interface="virtual", channel=drive) as bus:
+        bus.send(can.Message(arbitration_id=0x008, data=b"\1\2", is_extended_id=False))  # half a Goto XY
+    status, out, _ = run(drive, "emcy", "2")
+    assert status == 1
+    assert out.splitlines()[0] == "node 2: generic error, communication (error register 0x11)"
+    assert out.splitlines()[1].startswith("0x8210  pdo too short")
+    _, out, _ = run(drive, "emcy", "2", "--json")
+    assert json.loads(out)["history"][0]["code"] == ErrorCode.PDO_TOO_SHORT
+    assert "no error remembered" in run(drive, "emcy", "2", "--clear")[1]
+
+
+# export cdcf
+
+
+def test_a_concise_dcf_there_and_back(capsys: pytest.CaptureFixture[str], new_dcf: Path, tmp_path: Path) -> None:
+    concise, back = tmp_path / "drive.cdcf", tmp_path / "back.dcf"
+    assert main(["export", "cdcf", str(new_dcf), "-o", str(concise)]) == 0
+    assert capsys.readouterr().out == f"{concise}: 3 writes for node 2\n"
+    assert main(["export", "cdcf", str(concise), "--eds", str(DRIVE), "-o", str(back)]) == 0
+    assert back.read_text() == new_dcf.read_text()
+
+
+def test_a_concise_dcf_is_shown_in_the_order_of_its_writes(
+    capsys: pytest.CaptureFixture[str], new_dcf: Path, tmp_path: Path
+) -> None:
+    concise = tmp_path / "drive.cdcf"
+    main(["export", "cdcf", str(new_dcf), "-o", str(concise)])
+    capsys.readouterr()
+    assert main(["export", "cdcf", str(concise)]) == 0
+    assert capsys.readouterr().out.split() == ["0x1017:0", "0x14", "0x1403:1", "0x80000018", "0x1403:1", "0x18"]
+    assert main(["export", "cdcf", str(concise), "--eds", str(DRIVE)]) == 0
+    assert "0x1403:1  Goto XY.COB-ID used by PDO  0x80000018" in capsys.readouterr().out
+
+
+def test_a_damaged_concise_dcf_is_refused(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    concise = tmp_path / "drive.cdcf"
+    concise.write_bytes(b"\1\0\0\0\x17")
+    assert main(["export", "cdcf", str(concise)]) == 2
+    told = f"eurobot-od: {concise}: not a concise DCF: ends at byte 5, 7 bytes expected at byte 4\n"
+    assert capsys.readouterr().err == told
+
+
+def test_a_dcf_needs_an_eds_to_be_made_of(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    concise = tmp_path / "drive.cdcf"
+    concise.write_bytes(b"\0\0\0\0")
+    assert main(["export", "cdcf", str(concise), "-o", str(tmp_path / "drive.dcf")]) == 2
+    assert "name the EDS by --eds" in capsys.readouterr().err
+
+
+PDOS = pdo(0x1400, "0x20000010", cob_id="$NODEID+0x200") + pdo(0x1401, "0x2F000008", cob_id="$NODEID+0x300")
+LIST = "[MandatoryObjects]\nSupportedObjects=1\n1=0x1000\n"
+CONFIGURED = (LIST + DEVICE_TYPE + variable("2000", "Speed", "INTEGER16") + PDOS).replace(
+    "DefaultValue=$NODEID", "ParameterValue=$NODEID"
+)
+
+
+@pytest.fixture
+def configured(tmp_path: Path) -> Path:
+    """A DCF without lists of other objects, whose second PDO maps what is not there."""
+    (tmp_path / "motor.dcf").write_text(f"{CONFIGURED}[DeviceComissioning]\nNodeID=7\n")
+    return tmp_path / "motor.dcf"
+
+
+FOR_WHOM = [(["{}"], 0x207), (["{}", "--node-id", "9"], 0x209), (["5={}"], 0x205)]
+
+
+@rows("words, identifier", FOR_WHOM)
+def test_a_concise_dcf_is_made_for_the_node_that_is_said(
+    capsys: pytest.CaptureFixture[str], configured: Path, words: list[str], identifier: int
+) -> None:
+    assert main(["export", "cdcf", *(each.format(configured) for each in words)]) == 0
+    said = capsys.readouterr()
+    rows = [each.split() for each in said.out.splitlines()]
+    # off, and on again; nothing of the PDO that maps what is not there
+    assert [(row[0], int(row[-1], 0)) for row in rows] == [("0x1400:1", identifier | 1 << 31), ("0x1400:1", identifier)]
+    assert said.err == f"eurobot-od: PDO left out: {configured}: 0x1601: maps 0x2F00 sub 0, which is missing\n"
+
+
+def test_the_concise_dcfs_of_a_network_are_written_into_a_folder(
+    capsys: pytest.CaptureFixture[str], configured: Path
+) -> None:
+    network = configured.with_name("network.yaml")
+    network.write_text("nodes:\n  left: {file: motor.dcf, node_id: 5}\n  right: {file: motor.dcf, node_id: 6}\n")
+    folder = configured.with_name("made")
+    assert main(["export", "cdcf", str(network), "-o", str(folder)]) == 0
+    assert sorted(each.name for each in folder.iterdir()) == ["left.cdcf", "right.cdcf"]
+    assert capsys.readouterr().out.splitlines()[1].endswith("right.cdcf: 2 writes for node 6")
+    assert main(["export", "cdcf", str(network)]) == 0
+    assert [each for each in capsys.readouterr().out.splitlines() if each.endswith(":")] == ["left:", "right:"]
+    assert main(["export", "cdcf", str(network), "--node-id", "5"]) == 2
+    assert "--node-id is for one file" in capsys.readouterr().err
