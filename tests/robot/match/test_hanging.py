@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import gc
 import threading
 import time
+from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -64,9 +66,12 @@ def write(folder: Path, body: str) -> Path:
 
 
 @pytest.fixture
-def _impatient(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Have a strategy that hangs ended soon."""
+def _impatient(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """Have a strategy that hangs ended soon, and not in what hypothesis does at each garbage collection."""
     monkeypatch.setattr(watchdog, "PATIENCE", 0.3)
+    gc.disable()
+    yield
+    gc.enable()
 
 
 def play(file: Path) -> tuple[Summary, list[MatchEvent], list[int], list[str]]:
