@@ -66,7 +66,7 @@ def extension_count(device: LintedDevice) -> Violations:
         last = section.text("objextend")
         number = parse_number(last)
         if last and (number is None or not 0 <= number.value <= MOST_SUBS):
-            yield section.at("objextend"), f"ObjExtend of [{section.name}] is no sub-index from 0 to {MOST_SUBS}"
+            yield section.at("objextend"), f"ObjExtend of [{section.name}] is not a sub-index from 0 to {MOST_SUBS}"
 
 
 def _extensions(device: LintedDevice) -> list[Section]:

@@ -1,6 +1,6 @@
 """A maker's words for emergency error codes, in a YAML file: `0x7310: speed`, `0x73xx: sensor`, `0xFF01..0xFF0F: axis`.
 
-Rule of this file: what a file says wrong is one line, with the place.
+A mistake in the file is one line, with its place.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ def read_error_words(file: str | Path) -> dict[int, str]:
         words = read_yaml(read_bytes(file).decode("utf-8", "replace"), mapping(any_text, key=scalar), problems)
         ranges = [(_codes(str(key)), str(text)) for key, text in words.items()]
         problems += [
-            Problem(key.place, f"{str(key)!r} is no error code: write 0x7310, 0x73xx or 0x7380..0x738F")
+            Problem(key.place, f"{str(key)!r} is not an error code: write 0x7310, 0x73xx or 0x7380..0x738F")
             for key, (codes, _) in zip(words, ranges)
             if not codes
         ]

@@ -34,7 +34,7 @@ def read(data: bytes) -> Document:
     """Read the bytes of a file; nothing raises, what is odd is in the document."""
     if not is_xml(data):
         return document.read(data)
-    from eurobot_od.od import xdd  # most files are none
+    from eurobot_od.od import xdd  # most files are not XML
 
     return xdd.read(data)
 

@@ -1,6 +1,6 @@
 """What the frames of the layer setting services say: commands, identity, bit rates, refusals (CiA 305).
 
-Rule of this file: data, and the only copy in the package; `client.lss` asks with it, and who decodes a log reads by it.
+`client.lss` sends them, and the decoder of logs explains them.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ LENGTH = 8
 """Bytes of every LSS request and answer."""
 
 UNCONFIGURED = 255
-"""The node-ID of a device that has none."""
+"""The node-ID of a device that has not been given one."""
 
 BIT_RATES = {1000: 0, 800: 1, 500: 2, 250: 3, 125: 4, 50: 6, 20: 7, 10: 8}
 """Index in the standard table of bit timings, by kbit/s (CiA 305, Table 1)."""

@@ -1,6 +1,6 @@
 """Numbers and values of a file as every tool reads them, whatever an editor has written.
 
-Rule of this file: what is written plainly already stays in its own words.
+What is plain already stays as it is.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ PLAIN_RELATIVE = re.compile(r"\$NODEID\+(?:0[xX][0-9A-Fa-f]+|0|[1-9][0-9]*)")
 
 @lru_cache(maxsize=REMEMBERED_NUMBERS)
 def plain_value(text: str, type_: DataType) -> str | None:
-    """Write a value of a data type as every tool reads it; None for what is none of the type."""
+    """Write a value of a data type as every tool reads it; None if it does not fit the type."""
     if type_ in TEXTS:
         return text
     if type_ in BYTES:

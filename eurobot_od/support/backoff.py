@@ -1,4 +1,4 @@
-"""Growing pauses between tries: what may come back at once is tried at once, what stays dead costs little."""
+"""Growing pauses between attempts: the first come at once, and what stays dead costs little."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Files that are read whole: no more than fits, whatever stands behind a name."""
+"""Files that are read whole, up to a limit, whatever is behind their names."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""Text of files and peers where it leaves the program: whatever they say, it stays in its place, and it shows.
+"""Text of files and peers on its way out of the program: whatever it contains, it stays in its place and is visible.
 
-Rule of this file: a way out calls it, once, for each text that is not its own: a name of an EDS, a channel of a log, a
-step of a suite, a node's string. XML, HTML and JSON add their own escapes.
+Rule of this file: whatever writes output calls it once for each text that is not its own: a name in an EDS, a channel
+of a log, a step of a suite, a node's string. XML, HTML and JSON add their own escapes.
 """
 
 from __future__ import annotations

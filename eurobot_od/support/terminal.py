@@ -24,7 +24,7 @@ def in_colour(stream: TextIO) -> bool:
 
 
 def columns(stream: TextIO) -> int:
-    """Return how many characters a line of a terminal has; as good as endless for what is none."""
+    """Return how many characters a line of a terminal has; practically endless for anything else."""
     try:
         return os.get_terminal_size(stream.fileno()).columns or ENDLESS
     except (OSError, ValueError):  # a text in memory has no file

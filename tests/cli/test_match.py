@@ -501,7 +501,7 @@ def test_many_seeds_are_logged_kept_and_taken_up_again(tmp_path: Path, capsys: p
     [
         (["--results", "x"], "--results goes with --seeds only"),
         (["--seeds", "2", "--resume"], "--resume needs --results: the folder of the run to continue"),
-        (["--seeds", "2", "--executor", "x"], "'x' is no executor: dask://HOST:PORT, or --jobs"),
+        (["--seeds", "2", "--executor", "x"], "'x' is not an executor: dask://HOST:PORT, or --jobs"),
         (["--seeds", "2", "--executor", "dask://x:1", "--jobs", "2"], "does not go with --executor"),
     ],
 )

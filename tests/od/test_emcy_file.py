@@ -33,12 +33,15 @@ def test_the_narrowest_entry_counts_in_any_order(tmp_path: Path) -> None:
 @rows(
     "text, what",
     [
-        ("0x7310: speed\nspeed: fast\n", "line 2: 'speed' is no error code: write 0x7310, 0x73xx or 0x7380..0x738F"),
-        ("0x12345: long\n", "line 1: '0x12345' is no error code"),
-        ("0xxxxx: any\n", "line 1: '0xxxxx' is no error code"),
-        ("0x7320..0x7310: turned round\n", "line 1: '0x7320..0x7310' is no error code"),
-        ("0x73xx..0x74FF: mixed\n", "line 1: '0x73xx..0x74FF' is no error code"),
-        ("7310: decimal\n", "line 1: '7310' is no error code"),
+        (
+            "0x7310: speed\nspeed: fast\n",
+            "line 2: 'speed' is not an error code: write 0x7310, 0x73xx or 0x7380..0x738F",
+        ),
+        ("0x12345: long\n", "line 1: '0x12345' is not an error code"),
+        ("0xxxxx: any\n", "line 1: '0xxxxx' is not an error code"),
+        ("0x7320..0x7310: turned round\n", "line 1: '0x7320..0x7310' is not an error code"),
+        ("0x73xx..0x74FF: mixed\n", "line 1: '0x73xx..0x74FF' is not an error code"),
+        ("7310: decimal\n", "line 1: '7310' is not an error code"),
         ("0x7310: 5\n", "line 1: expected a text, found '5', which needs quotes to be one"),
         ("0x7310: a\n0x7310: b\n", "line 2: key '0x7310' is given twice"),
         ("- 0x7310\n", "line 1: expected a mapping"),
