@@ -35,8 +35,7 @@ def add_arguments(_: argparse.ArgumentParser) -> None:
 
 def run(_: argparse.Namespace) -> ExitStatus:
     """Print what there is; 1 if something is wrong."""
-    from eurobot_od.bus.live.adapters import plugged_in
-    from eurobot_od.bus.live.interfaces import drivers, here, refused
+    from eurobot_od.bus.live.adapters import drivers, here, plugged_in, refused
     from eurobot_od.bus.live.links import INSTEAD, links, troubles, without_socketcan
 
     why = {each: broken(each) for each in plugin.installed().values()}

@@ -6,16 +6,16 @@ finds.
 
 from __future__ import annotations
 
-from eurobot_od.lint import dcf_rules, file_rules, module_rules, object_rules, pdo_rules
+from eurobot_od.lint import configuration_rules, file_rules, object_rules, pdo_rules
 from eurobot_od.lint.findings import Finding, Rule
 from eurobot_od.lint.model import LintedDevice, load
 
 FILE_RULES: tuple[Rule, ...] = (
     *file_rules.RULES,
     *object_rules.RULES,
-    *module_rules.RULES,
+    *configuration_rules.MODULE_RULES,
     *pdo_rules.RULES,
-    *dcf_rules.RULES,
+    *configuration_rules.RULES,
 )
 """The rules for one file, by code."""
 

@@ -12,12 +12,14 @@ import selectors
 from collections.abc import Callable, Coroutine
 from contextvars import Context
 from math import inf
-from typing import Any, Protocol
+from typing import Any, Protocol, TypeVarTuple
 
 from eurobot_od.bus.live.event_loop import run_in
 from eurobot_od.bus.simulated.network import Simulation
 from eurobot_od.device.flow import Result
 from eurobot_od.errors import EurobotError
+
+Arguments = TypeVarTuple("Arguments")
 
 
 class Simulated(Protocol):
@@ -94,14 +96,16 @@ class SimulatedLoop(asyncio.SelectorEventLoop):
         super().__init__(self._simulated)
         self._network = network
 
-    def call_soon_threadsafe(  # type: ignore[override]  # typeshed ties the arguments to the callback's
-        self, callback: Callable[..., object], *args: Any, context: Context | None = None
+    def call_soon(
+        self, callback: Callable[[*Arguments], object], *args: *Arguments, context: Context | None = None
     ) -> asyncio.Handle:
         """Have a callback run before the next event, as the nodes do with those who await them."""
         # A node's answer wakes its task within the same event: another event first would put a time between the two
         # that no real program has.
         self._simulated.woken = True
-        return self.call_soon(callback, *args, context=context)
+        return super().call_soon(callback, *args, context=context)
+
+    call_soon_threadsafe = call_soon  # nothing has to be woken from a system call
 
     def time(self) -> float:
         """Return the simulated time in seconds."""

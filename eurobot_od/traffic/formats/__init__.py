@@ -26,11 +26,11 @@ FORMATS = {
     "asc": ("lines", "AscFormat"),
     "csv": ("python_can", "read_csv"),
     "trc": ("lines", "TrcFormat"),
-    "blf": ("blf", "read_blf"),
+    "blf": ("binary", "read_blf"),
     "db": ("python_can", "read_table"),
     "mf4": ("python_can", "read_mf4"),
-    "pcap": ("pcap", "read_pcap"),
-    "pcapng": ("pcap", "read_pcapng"),
+    "pcap": ("binary", "read_pcap"),
+    "pcapng": ("binary", "read_pcapng"),
 }
 """Formats by suffix: a module of this package, and in it a LineFormat or a function; imported when they are needed."""
 

@@ -86,6 +86,19 @@ def test_an_answer_in_time_is_the_result() -> None:
     assert bench.play(main(bench.core)) is Outcome.ARRIVED
 
 
+def test_a_future_that_an_event_settles_wakes_who_awaits_it_before_the_next_event() -> None:
+    network = Simulation()
+
+    async def main() -> list[float]:
+        loop = asyncio.get_running_loop()
+        first, second = loop.create_future(), loop.create_future()
+        for time, future in ((1.0, first), (2.0, second)):
+            network.plan(time, partial(future.set_result, None))  # directly, as Python 3.14 passes a result on
+        return [await first or loop.time(), await second or loop.time()]
+
+    assert run(network, main()) == [1.0, 2.0]
+
+
 def test_calls_run_side_by_side() -> None:
     bench = Bench()
     bench.configure()

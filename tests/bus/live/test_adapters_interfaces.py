@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from can.interfaces import BACKENDS
 
-from eurobot_od.bus.live.interfaces import Attached, drivers, here, refused
+from eurobot_od.bus.live.adapters import Attached, drivers, here, refused
 
 
 def test_an_interface_is_written_as_the_command_line_takes_it() -> None:
