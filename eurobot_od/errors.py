@@ -1,4 +1,4 @@
-"""The one error tree: every error says in one line what is wrong and where.
+"""The one error tree: every error says what is wrong and where, in one line; only a YAML file's problems are several.
 
 An error tells whose fault it is. Local errors are a caller's mistake, dictionary errors a file's, remote errors a
 peer's; an exception outside this tree is a bug of ours.
@@ -22,6 +22,7 @@ __all__ = [
     "DictionaryError",
     "EurobotError",
     "FieldError",
+    "FileError",
     "FrameLengthError",
     "HeartbeatLost",
     "ListenerError",
@@ -40,6 +41,7 @@ __all__ = [
     "UnknownName",
     "WorldError",
     "WrongAnswer",
+    "YamlError",
 ]
 
 LONGEST_NAME = 100
@@ -106,13 +108,28 @@ class ProgramFailed(EurobotError):
 # A file's mistakes
 
 
-class DictionaryError(EurobotError):
+class FileError(EurobotError):
+    """A file that cannot be used: `file`, and `what` is wrong."""
+
+    def __init__(self, file: str | Path, what: str) -> None:
+        self.file, self.what = str(file), what
+        super().__init__(f"{file}: {what}")
+
+
+class YamlError(FileError):
+    """YAML that cannot be used: all that is wrong with it, or several files, `file:line:column: what` for each."""
+
+    def __init__(self, file: str | Path, problems: Iterable[str]) -> None:
+        super().__init__(file, "\n".join(problems))
+        self.args = (self.what,)
+
+
+class DictionaryError(FileError):
     """An EDS or DCF that cannot be used: `file`, `index` (object dictionary index or None) and what is wrong."""
 
     def __init__(self, file: str | Path, index: int | None, what: str) -> None:
-        self.file, self.index, self.what = str(file), index, what
-        where = self.file if index is None else f"{self.file}: 0x{index:04X}"
-        super().__init__(f"{where}: {what}")
+        super().__init__(file if index is None else f"{file}: 0x{index:04X}", what)
+        self.file, self.index = str(file), index
 
 
 class DamagedFile(DictionaryError):

@@ -310,7 +310,7 @@ def find(name: str | None = None, network: str | Path = DEFAULT, *, alone: bool 
     """Return the robot that is meant: `name`, or the environment's, or the `network` file's, or the installed one.
 
     `alone`: the installed one does not count. Raises UnknownName; LocalError, with the place, for a named one that
-    cannot be loaded, and if several are installed; DictionaryError for the network file.
+    cannot be loaded, and if several are installed; FileError for the network file.
     """
     return named(name, network) or (NO_ROBOT if alone else the_installed())
 

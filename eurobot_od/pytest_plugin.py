@@ -62,11 +62,11 @@ class SuiteFile(pytest.File):
     """A file of suites; what is wrong with it is an error of collecting, with line and column."""
 
     def collect(self) -> Iterator[pytest.Collector]:
-        from eurobot_od.errors import DictionaryError, LocalError
+        from eurobot_od.errors import FileError, LocalError
 
         try:
             suites = _read(self.config, self.path)
-        except (DictionaryError, LocalError) as error:
+        except (FileError, LocalError) as error:
             raise self.CollectError(str(error)) from None
         for suite in suites:
             yield SuiteTests.from_parent(self, name=suite.name, suite=suite)
@@ -172,7 +172,7 @@ READER: pytest.StashKey[SuiteReader] = pytest.StashKey()
 
 
 def _read(config: pytest.Config, file: Path) -> list[Suite]:
-    """Read the suites of a file; raises LocalError, DictionaryError."""
+    """Read the suites of a file; raises LocalError, FileError."""
     from eurobot_od.check.reader import SuiteReader
 
     known, (path, names_devices) = _robot(config).networks(), _network(config)
@@ -227,13 +227,13 @@ def eurobot_check(request: pytest.FixtureRequest) -> Callable[..., list[SuiteRes
     """
 
     def check(file: str, faults: Iterable[str] = (), seed: int = 1) -> list[SuiteResult]:
-        from eurobot_od.errors import DictionaryError, LocalError
+        from eurobot_od.errors import FileError, LocalError
 
         beside = request.path.with_name(file)
         try:
             path = beside if beside.is_file() else _robot(request.config).suite(file)
             results = [_run(request.config, suite, faults, seed) for suite in _read(request.config, path)]
-        except (DictionaryError, LocalError) as error:
+        except (FileError, LocalError) as error:
             pytest.fail(str(error), pytrace=False)
         _fail(step for result in results for step in result.steps)
         return results

@@ -13,6 +13,7 @@ from eurobot_od.errors import (
     DriveError,
     EurobotError,
     FieldError,
+    FileError,
     FrameLengthError,
     HeartbeatLost,
     ListenerError,
@@ -31,6 +32,7 @@ from eurobot_od.errors import (
     UnknownName,
     WorldError,
     WrongAnswer,
+    YamlError,
 )
 from eurobot_od.robot.model.values import Direction
 from tests.rows import rows
@@ -66,7 +68,9 @@ ERRORS: list[tuple[EurobotError, type[EurobotError], str]] = [
     (ListenerError("lamp: too late"), LocalError, "lamp: too late"),
     (StateError("not now"), LocalError, "not now"),
     # a file's
-    (DictionaryError("a/drive.eds", None, "is empty"), EurobotError, "a/drive.eds: is empty"),
+    (FileError("a.yaml", "is empty"), EurobotError, "a.yaml: is empty"),
+    (YamlError("a.yaml", ["a.yaml:1:2: one", "a.yaml:3:4: two"]), FileError, "a.yaml:1:2: one\na.yaml:3:4: two"),
+    (DictionaryError("a/drive.eds", None, "is empty"), FileError, "a/drive.eds: is empty"),
     (DictionaryError("drive.eds", 0x1A03, "no value"), EurobotError, "drive.eds: 0x1A03: no value"),
     (DamagedFile("stored.dcf", None, "damaged"), DictionaryError, "stored.dcf: damaged"),
     (MappingError("drive.eds", 0x1603, "65 bits"), DictionaryError, "drive.eds: 0x1603: 65 bits"),

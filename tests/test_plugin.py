@@ -61,6 +61,7 @@ def install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Install
     def add(entry: str, **modules: str) -> None:
         for name, text in modules.items():
             (site / f"{name}.py").write_text(text)
+            monkeypatch.delitem(sys.modules, name, raising=False)  # another of that name, such as one of the tools
         package = site / f"{entry.partition(' ')[0]}-1.0.dist-info"
         package.mkdir()
         (package / "entry_points.txt").write_text(
@@ -128,17 +129,17 @@ def test_two_that_fit_are_an_error_that_names_both_and_what_to_type(
 
 BROKEN = {
     # what a robot's module has; where, and what is said about it
-    "def f(:\n": ("/site/broken.py:1: ", "SyntaxError: invalid syntax"),
-    "\n\nimport nothing_at_all\n": ("/site/broken.py:3: ", "ModuleNotFoundError: No module named 'nothing_at_all'"),
-    "def f():\n    1 / 0\nf()\n": ("/site/broken.py:2: ", "ZeroDivisionError: division by zero"),
+    "def f(:\n": ("/site/wrecked.py:1: ", "SyntaxError: invalid syntax"),
+    "\n\nimport nothing_at_all\n": ("/site/wrecked.py:3: ", "ModuleNotFoundError: No module named 'nothing_at_all'"),
+    "def f():\n    1 / 0\nf()\n": ("/site/wrecked.py:2: ", "ZeroDivisionError: division by zero"),
     "import json\njson.loads('')": (
-        "/site/broken.py:2: ",
+        "/site/wrecked.py:2: ",
         "JSONDecodeError: Expecting value: line 1 column 1 (char 0)",
     ),
-    "raise SystemExit('good\\nbye')": ("/site/broken.py:1: ", "SystemExit: good bye"),
-    "import pytest\npytest.skip('no arms', allow_module_level=True)": ("/site/broken.py:2: ", "Skipped: no arms"),
-    "def __getattr__(name):\n    raise OSError(name)\n": ("/site/broken.py:2: ", "OSError: "),
-    "ROBOT = 5\n": ("entry_points.txt: ", "no `broken:ROBOT` there that is an eurobot_od.plugin.Plugin"),
+    "raise SystemExit('good\\nbye')": ("/site/wrecked.py:1: ", "SystemExit: good bye"),
+    "import pytest\npytest.skip('no arms', allow_module_level=True)": ("/site/wrecked.py:2: ", "Skipped: no arms"),
+    "def __getattr__(name):\n    raise OSError(name)\n": ("/site/wrecked.py:2: ", "OSError: "),
+    "ROBOT = 5\n": ("entry_points.txt: ", "no `wrecked:ROBOT` there that is an eurobot_od.plugin.Plugin"),
 }
 
 
@@ -146,24 +147,24 @@ BROKEN = {
 def test_a_robot_that_cannot_be_loaded_is_one_warning_and_the_rest_goes_on(
     text: str, install: Install, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    install("broken = broken:ROBOT", broken=text)
+    install("wrecked = wrecked:ROBOT", wrecked=text)
     install(OURS)
     where, what = BROKEN[text]
     for words in (["--help"], ["show"], ["check", "--list"], ["faults"]):
         said = run(capsys, *words)
         assert (said.status, said.err.count("\n")) == (0, 1), words
-        assert said.err.startswith("eurobot-od: robot broken: ")
+        assert said.err.startswith("eurobot-od: robot wrecked: ")
         assert where in said.err
         assert what in said.err
         assert said.err.endswith("; going on without it\n")
     assert "  match " in run(capsys, "--help").out, "ours is there all the same"
-    named = run(capsys, "--help", "--robot", "broken")
+    named = run(capsys, "--help", "--robot", "wrecked")
     assert (named.status, named.out, named.err.count("\n")) == (2, "", 1)
     doctor = run(capsys, "doctor")
     assert (doctor.status, doctor.err) == (1, "")
-    assert "robot      broken does not load: broken:ROBOT" in doctor.out
+    assert "robot      wrecked does not load: wrecked:ROBOT" in doctor.out
     assert "robot      eurobot2014 loads: eurobot_od.robot.plugin:ROBOT" in doctor.out
-    assert "pip uninstall broken" in " ".join(doctor.out.split())
+    assert "pip uninstall wrecked" in " ".join(doctor.out.split())
 
 
 def test_a_package_that_was_removed_by_hand_is_told_by_its_entry_point(install: Install) -> None:

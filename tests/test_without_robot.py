@@ -37,6 +37,9 @@ WAYS = {
     "folder": ([], NETWORK),
     "somebody's folder": ([], f"{NETWORK}robot: ./somebodys\n"),
 }
+NEEDS_A_FILE = {"show", "check", "node", "dump", "pdo", "export-dcf", "configure", "export"}
+"""What asks for a device's file where there is none; all else works by number."""
+
 FOUND = {
     # what ends with status 1, as the motor has no such thing or the robot does not load, and what is said
     "store": "refused to write 0x1010:1",
@@ -63,14 +66,13 @@ class Done(NamedTuple):
     entered: list[str]
 
 
-def ran(folder: Path, program: str, way: str) -> list[Done]:
-    """Run all commands of a program in a folder."""
+def ran(folder: Path, program: str, devices: list[str], network: str) -> list[Done]:
+    """Run all commands of a program in a folder with this network file, each that takes devices with these."""
     (folder / "somebodys").mkdir()
     for name, text in FILES.items():
         (folder / name).write_text(text)
     for file in ("docs/motor.eds", "eds/protocol.yaml"):
         shutil.copy(ROOT / file, folder)
-    devices, network = WAYS[way]
     if network:
         (folder / "eurobot-od.yaml").write_text(network)
     line = [sys.executable, str(ROOT / "tests" / "without_robot.py"), program, *devices]
@@ -82,7 +84,7 @@ def ran(folder: Path, program: str, way: str) -> list[Done]:
 @pytest.mark.parametrize("way", WAYS)
 @pytest.mark.parametrize("program", [cli.PROGRAM, cli.WORKBENCH])
 def test_every_command_works_and_none_enters_a_robot(program: str, way: str, tmp_path: Path) -> None:
-    done = ran(tmp_path, program, way)
+    done = ran(tmp_path, program, *WAYS[way])
     called = [each for each in done if each.words[-1] != "--help"]
     helped = [each for each in done if each.words[-1] == "--help"]
     assert {each.words[0] for each in called} == {each.words[0] for each in helped[1:]} == cli.COMMANDS.keys()
@@ -102,3 +104,10 @@ def test_every_command_works_and_none_enters_a_robot(program: str, way: str, tmp
     if WAYS[way][0]:
         taking = {each.words[0] for each in helped if "--eds" in each.out}
         assert taking <= {each.words[0] for each in called if {"--eds", "net.yaml"} & set(each.words)}
+
+
+def test_by_number_the_workbench_needs_no_file_but_for_what_is_about_files(tmp_path: Path) -> None:
+    for words, status, out, err, _ in ran(tmp_path, cli.WORKBENCH, [], ""):
+        refused = words[0] in NEEDS_A_FILE and not {"--help", "xdd", "mcap"} & set(words)
+        assert (status == 2) is refused, (words, out, err)
+        assert err.count("\n") == 1 or not refused, words

@@ -6,7 +6,8 @@ Each cell of the matrix is a short match in which one thing goes wrong. What is 
   Braking after an ordinary stop counts, too, so that it is never 0. It has to end within BOUND seconds.
 - *off*: how far from its place the robot truly is when it has arrived.
 - *open calls*: calls of the core that have not ended when all is over. There must be none.
-- *went on*: whether another place was reached after it went wrong. Not every match can go on; that is not judged.
+- *went on*: whether another place was reached after it went wrong. Not every match can go on; that is judged only of
+  pauses without the navigation, which no match may end with.
 
 A drive that is dead or frozen moves nothing here: what a motor does when nobody controls it is not in the protocol.
 
@@ -23,6 +24,7 @@ from contextlib import suppress
 from dataclasses import replace
 from functools import cache
 from importlib import import_module
+from itertools import product
 from typing import NamedTuple
 
 from eurobot_od.bus.simulated import loop
@@ -84,6 +86,14 @@ DOUBLED = "doubled"
 MESSAGE_FATES = (*LOST, *DELAYS, DOUBLED)
 NODE_FATES = ("killed", "rebooted", "frozen 5 s")
 BUS, BUS_FATE = "bus", "off 1 s"
+PAUSES = {f"pause {seconds:g} s, navigation dead": seconds for seconds in (0.2, 0.5, 1.0, 2.0, 3.0)}
+"""What core, drive or bus do after the navigation has died: only the drive knows the place then, and the match has to
+go on. With a pause of 1 s the drive gives up its goto, and the core only hears of no goto. A longer one than 3 s ends
+in Emergency Shutdown, after which a start configuration has to come, whatever the drive still knows."""
+
+NAVIGATION_DIES = 1.0
+PAUSE_FROM, PAUSE_UNTIL = 4.0, 12.0
+"""When the navigation dies, and between which times the pauses begin, in seconds of the match."""
 
 
 class Cell(NamedTuple):
@@ -142,9 +152,10 @@ class Trial:
         self.cell, self.files = cell, files(cell.dialect)
         emergency = MUSHROOM_AT if cell.what == MUSHROOM else None
         # Judged is what is lost, and not what beacons take for something else or who pushes whom.
+        self.duration = 2 * DURATION if cell.how in PAUSES else DURATION  # there must be time to go on
         self.options = MatchOptions(
             seed=cell.seed,
-            duration=DURATION,
+            duration=self.duration,
             emergency_at=emergency,
             dialect=cell.dialect,
             errors=NOISE_ONLY,
@@ -206,11 +217,12 @@ class Trial:
     def _go_wrong(self) -> None:
         how, now = self.cell.how, self.network.now
         if self.cell.what == BUS:
-            self.off_until = now + OFF
+            self.off_until = now + PAUSES.get(how, OFF)
             self.network.cut(self.off_until)
-        elif how == "frozen 5 s":
-            self.network.freeze(self.stations[self.cell.what], now + FROZEN)
-            self._miss_core_until(now + FROZEN)
+        elif how in PAUSES or how == "frozen 5 s":
+            end = now + PAUSES.get(how, FROZEN)
+            self.network.freeze(self.stations[self.cell.what], end)
+            self._miss_core_until(end)
         else:
             self.network.detach(self.stations[self.cell.what])
             self._miss_core_until(now + BOOTING if how == "rebooted" else float("inf"))
@@ -228,13 +240,13 @@ class Trial:
         self.without_core = True
         if time < float("inf"):
             asyncio.get_running_loop().call_later(time - self.network.now, self._core_is_back)
-        if self.cell.how != "frozen 5 s" and self.playing is not None:
+        if self.cell.how in ("killed", "rebooted") and self.playing is not None:
             self.playing.cancel()  # the strategy is part of the program that has died
 
     def _core_is_back(self) -> None:
         self.without_core = False
         if self.cell.how == "rebooted":
-            self.playing = asyncio.ensure_future(self._play(BEGIN + DURATION - self.network.now))
+            self.playing = asyncio.ensure_future(self._play(BEGIN + self.duration - self.network.now))
 
     # The match
 
@@ -253,14 +265,22 @@ class Trial:
 
     async def _run(self) -> bool:
         """Play the match, have it go wrong, and tell whether everything has ended in time."""
-        self.playing = asyncio.ensure_future(self._play(DURATION))
+        self.playing = asyncio.ensure_future(self._play(self.duration))
         if self.cell.how in MESSAGE_FATES:
             self._spoil_message()
         else:
-            await asyncio.sleep(self.cell.time)
+            if self.cell.how in PAUSES:
+                await asyncio.sleep(BEGIN + NAVIGATION_DIES)
+                self.network.detach(self.stations["navigation"])
+            await asyncio.sleep(self.cell.time - self.network.now)
             self._go_wrong()
-        await asyncio.sleep(BEGIN + DURATION + AFTERWARDS - self.network.now)
+        await asyncio.sleep(BEGIN + self.duration + AFTERWARDS - self.network.now)
         return self.playing.done()
+
+    @property
+    def _is_placeless(self) -> bool:
+        """Whether the drive goes by its wheels alone, or by positions of which it cannot know the time."""
+        return self.cell.what in UNDATED or self.cell.how in PAUSES
 
     def result(self) -> Result:
         """Try the cell."""
@@ -269,11 +289,12 @@ class Trial:
         wrong = {
             "moves at the end": killed != "drive" and self.wheels.moving,
             f"uncommanded for {self.wheels.seconds:.2f} s": self.wheels.seconds > BOUND,
-            f"arrived {self.off:.0f} mm off": self.off > OFF_PLACE and self.cell.what not in UNDATED,
+            f"arrived {self.off:.0f} mm off": self.off > OFF_PLACE and not self._is_placeless,
             "the match does not end": not ended,
             f"{self.core.open_calls} open calls": killed != "core" and self.core.open_calls > 0,
         }
         went_on = any(time > self.cell.time for time in self.reached)
+        wrong["the match does not go on"] = self.cell.how in PAUSES and not went_on
         text = "; ".join(text for text, is_so in wrong.items() if is_so)
         return Result(self.cell, self.wheels.seconds, self.wheels.distance, went_on, text)
 
@@ -294,6 +315,10 @@ def cells(dialect: str, times: int) -> Iterator[Cell]:
     for what, how in (*losses, (BUS, BUS_FATE)):
         for number in range(times):
             yield Cell(what, how, BEGIN + DURATION * number / times, number + 1, dialect)
+    span = PAUSE_UNTIL - PAUSE_FROM
+    for what, how in product(("core", "drive", BUS), PAUSES):
+        for number in range(times):
+            yield Cell(what, how, BEGIN + PAUSE_FROM + span * number / times, number + 1, dialect)
 
 
 # The table

@@ -14,11 +14,10 @@ from pathlib import Path
 from rich.console import Console
 
 from eurobot_od.frame import Frame
-from eurobot_od.robot.match.drawing import recorded
+from eurobot_od.robot.match.drawing import seen_match
 from eurobot_od.robot.match.stage import play_simulated
 from eurobot_od.robot.model.options import MatchOptions
-from eurobot_od.robot.picture.picture import picture
-from eurobot_od.robot.protocol import decoder as robot_decoder
+from eurobot_od.robot.scene.sheet import sheet
 from eurobot_od.traffic.meaning import Decoder
 from eurobot_od.traffic.monitor.screen import Size, screen
 from eurobot_od.traffic.monitor.traffic import Controls, Traffic
@@ -31,7 +30,7 @@ WATCHED = 40.0
 WIDTH, HEIGHT = 150, 36
 BITRATE = 500_000
 
-FIELD_ALONE = "50 230 3230 2180"
+FIELD_ALONE = "30 230 3240 2190"
 """The part of the picture that is the field: 190, 300 is its corner, 3000 by 2000 mm its size."""
 
 LEGIBLE = 43
@@ -54,8 +53,8 @@ def play() -> tuple[list[tuple[float, Frame]], str, Decoder]:
     """Play the match; return its frames, the picture of the field, and the decoder of its dialect."""
     frames: list[tuple[float, Frame]] = []
     _, world = play_simulated(OPTIONS, lambda _: None, lambda now, frame: frames.append((now, frame)))
-    drawing = picture(recorded(frames, OPTIONS, world), world.facts, f"Match, seed {OPTIONS.seed}")
-    return frames, drawing, robot_decoder(OPTIONS.dialect)
+    match = seen_match(frames, OPTIONS, world)
+    return frames, sheet(match.recording, match.facts, f"Match, seed {OPTIONS.seed}"), match.decoder
 
 
 def field_alone(drawing: str) -> str:

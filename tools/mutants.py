@@ -23,7 +23,7 @@ from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
 from environment import ROOT, ensure
-from ready import mirror
+from ready import mirrors
 
 ensure("cosmic_ray", "test,mutants")
 
@@ -63,9 +63,9 @@ class Verdict(NamedTuple):
 
 
 def tests_of(module: str) -> str:
-    """Return the tests that mirror a module: its own file, or the folder that would have it."""
-    own = mirror(module)
-    return str(own if (ROOT / own).is_file() else own.parent)
+    """Return the tests that mirror a module: its own files, or the folder that would have them."""
+    folder = Path(module.removeprefix("eurobot_od/")).parent
+    return " ".join(mirrors(module)) or str(Path("tests", folder))
 
 
 def choose(session: Path, at_most: int, seed: int) -> None:

@@ -39,16 +39,18 @@ def changed() -> set[str]:
     return {*git("diff", "--name-only", next(bases, "HEAD")), *git("ls-files", "--others", "--exclude-standard")}
 
 
-def mirror(file: str) -> Path:
-    """Return where the tests of a module are, if it has some of its own."""
+def mirrors(file: str) -> list[str]:
+    """Return the files with the tests of a module: `test_NAME.py`, and `test_NAME_PART.py` of a part of it."""
     *folders, name = Path(file.removeprefix("eurobot_od/")).parts
-    return Path("tests", *folders, f"test_{name}")
+    folder, stem = ROOT.joinpath("tests", *folders), Path(name).stem
+    found = (*folder.glob(f"test_{stem}.py"), *folder.glob(f"test_{stem}_*.py"))
+    return sorted(str(each.relative_to(ROOT)) for each in found) if name.endswith(".py") else []
 
 
 def tests_of(files: Iterable[str]) -> tuple[str, ...]:
     """Return the tests among some files, and those that mirror them."""
-    own = {each for each in files if Path(each).name.startswith("test_")} | {str(mirror(each)) for each in files}
-    return tuple(sorted(each for each in own if each.endswith(".py") and (ROOT / each).is_file()))
+    own = {each for each in files if Path(each).name.startswith("test_") and (ROOT / each).is_file()}
+    return tuple(sorted(own.union(*map(mirrors, files))))
 
 
 def main() -> int:

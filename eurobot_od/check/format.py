@@ -11,29 +11,24 @@ from typing import Any, NamedTuple
 
 import yaml
 
-from eurobot_od.check import shapes, suite
+from eurobot_od.check import suite
 from eurobot_od.check.frames import FrameShapes
 from eurobot_od.check.patterns import Pattern
 from eurobot_od.check.services import ServiceShapes
-from eurobot_od.check.shapes import DURATION, NAME, SCALAR, TEXT, Key, Schema, Shape
-from eurobot_od.check.vocabulary import Vocabulary
+from eurobot_od.check.vocabulary import DURATION, NAME, SOME_TIME, Vocabulary
 from eurobot_od.errors import UnknownName
-from eurobot_od.support.yaml_places import (
-    PlacedText,
-    Problem,
-    Problems,
-    ReadError,
-    pairs_of,
-    place_of,
-    read_all,
-    refuse,
-)
+from eurobot_od.support import yaml_shapes as shapes
+from eurobot_od.support.declared import Within
+from eurobot_od.support.yaml_places import PlacedText, Problem, Problems, ReadError, place_of, read_all, refuse
+from eurobot_od.support.yaml_shapes import SCALAR, TEXT, Key, Schema, Shape, pairs_of
 
 VERSION = 1
 """Value of the key `spec`."""
 
 MAX_COUNT = 100_000
 """Most repetitions of a step, including those of the steps inside it; most periods measured."""
+
+COUNT = shapes.within(shapes.shape_of(int), Within(1, MAX_COUNT), "count")
 
 
 class ActionRow(NamedTuple):
@@ -57,7 +52,7 @@ class Format:
         self._actions = self._action_table()
         self._common = {
             "name": Key(TEXT, "what the step is for; default: what it does"),
-            "repeat": Key(shapes.whole(1, MAX_COUNT), "how many times the step is done"),
+            "repeat": Key(COUNT, "how many times the step is done"),
             "needed": Key(shapes.named({"yes": True, "no": False}, "answer"), "yes: the suite ends if the step fails"),
         }
         self._suite: Shape[dict[str, Any]] = shapes.record(dict, self._suite_table())
@@ -75,7 +70,7 @@ class Format:
             "node": Key(nodes, "node or nodes under test; default: all"),
             "dialect": Key(shapes.converted(TEXT, self._dialect), "EDS files that the suite is for; default: any"),
             "timeout": Key(DURATION, f"time for an answer if a step gives none; default: {suite.TIMEOUT:g} s"),
-            "variables": Key(shapes.mapping(NAME, SCALAR), 'names and values, used as "{name}"'),
+            "variables": Key(shapes.mapping(SCALAR, NAME), 'names and values, used as "{name}"'),
             "world": Key(
                 shapes.named({"shared": True, "any": False}, "world"),
                 "shared: what one node does, another has to see; with separate nodes on a bus the suite is skipped",
@@ -91,7 +86,7 @@ class Format:
         within = {"within": Key(DURATION, "longest time; default: the suite's timeout")}
         span = {"for": Key(DURATION, "how long to watch", needed=True)}
         until = {"until": Key(frames.pattern, "the frame that ends the polling", needed=True)} | within
-        every = {"every": Key(shapes.SOME_TIME, "time from one to the next", needed=True)}
+        every = {"every": Key(SOME_TIME, "time from one to the next", needed=True)}
         question = {"send": Key(frames.sent, "what is sent", needed=True)} | every
         polled = shapes.record(lambda send, every: (send, every), question)
         return {
@@ -114,7 +109,7 @@ class Format:
             "nmt": ActionRow(services.nmt, _same, "send an NMT command"),
             "heartbeat": ActionRow(services.heartbeat, _expect_one, "wait for a heartbeat with a state", within),
             "emcy": ActionRow(services.emcy, _expect_one, "wait for an emergency message", within),
-            "save": ActionRow(shapes.mapping(NAME, frames.field), suite.Save, "keep fields of messages received last"),
+            "save": ActionRow(shapes.mapping(frames.field, NAME), suite.Save, "keep fields of messages received last"),
             "wait": ActionRow(DURATION, suite.Wait, "let time pass"),
             "skip": ActionRow(TEXT, lambda text: suite.Skip(str(text)), "do nothing, for this reason"),
             "steps": ActionRow(shapes.listing(self._step), suite.Group, "steps that belong together"),
@@ -125,7 +120,7 @@ class Format:
             "message": Key(self._frames.pattern, "which frame", needed=True),
             **every,
             "tolerance": Key(DURATION, "by how much it may be off", needed=True),
-            "count": Key(shapes.whole(1, MAX_COUNT), "how many periods are measured", needed=True),
+            "count": Key(COUNT, "how many periods are measured", needed=True),
         }
         return shapes.record(suite.Period, keys)
 
@@ -169,10 +164,10 @@ class Format:
         if len(found) == 1:
             return found[0]
         if found:
-            problems.append(shapes.problem_at(found[1], f"a step has one action, and {str(found[0])!r} is one already"))
+            problems.append(Problem(found[1].place, f"a step has one action, and {str(found[0])!r} is one already"))
         elif unknown:
             # Most likely a misspelled action: UnknownName suggests the nearest one.
-            problems.append(shapes.problem_at(unknown[0], UnknownName("action", str(unknown[0]), self._actions)))
+            problems.append(Problem(unknown[0].place, str(UnknownName("action", str(unknown[0]), self._actions))))
         else:
             refuse(node, problems, f"no action; a step has one of {', '.join(self._actions)}")
         raise ReadError
@@ -183,7 +178,7 @@ class Format:
         for key in pairs:
             if key != action and key not in extra and key not in self._common:
                 known = [*extra, *self._common]
-                yield shapes.problem_at(key, UnknownName(f"key next to {action}", str(key), known))
+                yield Problem(key.place, str(UnknownName(f"key next to {action}", str(key), known)))
         for name, each in extra.items():
             if each.needed and name not in list(pairs):
                 yield Problem(place_of(node.start_mark), f"{action} needs the key '{name}'")

@@ -12,10 +12,8 @@ from typing import Any, TypeVar
 
 import yaml
 
-from eurobot_od.check import shapes
 from eurobot_od.check.patterns import FramePattern, MessagePattern, Pattern, Sent, SentFrame, SentMessage
 from eurobot_od.check.services import ServiceShapes
-from eurobot_od.check.shapes import SCALAR, Schema, Shape, converted, taken
 from eurobot_od.check.suite import FieldOf, Order, Patterns
 from eurobot_od.check.values import FieldValues, Operand, Scale, ValueProblem, expectation
 from eurobot_od.check.vocabulary import Vocabulary
@@ -25,7 +23,9 @@ from eurobot_od.od.values import parse_number
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.catalogue import field_name, plain_name
 from eurobot_od.pdo.kinds import KeyedForm, Kind
-from eurobot_od.support.yaml_places import NodeReader, PlacedText, Problems, pairs_of, read_all, refuse
+from eurobot_od.support import yaml_shapes as shapes
+from eurobot_od.support.yaml_places import NodeReader, PlacedText, Problems, read_all, refuse, refusing, taken
+from eurobot_od.support.yaml_shapes import SCALAR, Schema, Shape, converted, pairs_of
 
 T = TypeVar("T")
 
@@ -73,7 +73,7 @@ class FrameShapes:
         # Some values are wrong only together (half of an unknown position), which encoding once shows. What a step is
         # to save has no value yet.
         if all(operand.variable is None for operand in fields.values()):
-            with shapes.refusing(node, problems):
+            with refusing(node, problems):
                 sent.frame({})
         return sent
 
@@ -206,7 +206,7 @@ def _read_value(node: yaml.Node, kind: Kind, scale: Scale, problems: Problems, r
         text = ",".join(f"{key}:{word}" for key, word in words.items()) or "none"
     else:
         text = str(SCALAR.read(node, problems))
-    with shapes.refusing(node, problems):
+    with refusing(node, problems):
         return read(text, scale)
 
 
@@ -257,7 +257,5 @@ def _keyed(form: KeyedForm) -> Shape[dict[Any, Any]]:
             raise UnknownName(form.key, str(text), form.keys)
         return keys[plain_name(text)]
 
-    return shapes.mapping(
-        converted(SCALAR, known, {"enum": list(form.keys)}),
-        shapes.named({word: word for word in form.words}, form.word),
-    )
+    words = shapes.named({word: word for word in form.words}, form.word)
+    return shapes.mapping(words, converted(SCALAR, known, {"enum": list(form.keys)}))

@@ -16,7 +16,7 @@ from eurobot_od.frame import Frame
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.message import flagged_fields
 from eurobot_od.pdo.protocol import Protocol
-from eurobot_od.support.amounts import amount
+from eurobot_od.support.texts import amount
 
 ANY = "any"
 """Any state in a heartbeat, any code in an EMCY."""

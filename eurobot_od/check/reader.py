@@ -11,24 +11,22 @@ from pathlib import Path
 import yaml
 
 from eurobot_od.check.format import Format
-from eurobot_od.check.shapes import Schema
 from eurobot_od.check.suite import Suite
 from eurobot_od.check.vocabulary import Networks, Vocabulary, saved_names, texts_at
-from eurobot_od.errors import DictionaryError, LocalError, UnknownName
+from eurobot_od.errors import FileError, UnknownName, YamlError
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.support import bounded
-from eurobot_od.support.escaping import one_line
-from eurobot_od.support.yaml_places import START, Problem, Problems, ReadError, compose_all, refuse_aliases
+from eurobot_od.support.files import read_whole
+from eurobot_od.support.yaml_places import (
+    START,
+    Problem,
+    Problems,
+    ReadError,
+    compose_all,
+    placed_lines,
+    refuse_aliases,
+)
+from eurobot_od.support.yaml_shapes import Schema
 from eurobot_od.traffic.meaning import Decoder
-
-
-class SuiteError(LocalError):
-    """Suite files that cannot be used: `problems` with their files, one line each."""
-
-    def __init__(self, problems: Iterable[tuple[Path, Problem]]) -> None:
-        self.problems = tuple(problems)
-        lines = (one_line(f"{file}:{line}:{column}: {what}") for file, ((line, column), what) in self.problems)
-        super().__init__("\n".join(lines))
 
 
 class SuiteReader:
@@ -42,37 +40,32 @@ class SuiteReader:
         self._loaded: dict[Path, tuple[Decoder, dict[str, Dictionary]]] = {}
 
     def read_files(self, files: Iterable[Path]) -> list[Suite]:
-        """Read all suites of some files; raises SuiteError with the problems of all of them."""
-        sources: list[tuple[Path, str | Problem]] = []
+        """Read all suites of some files; raises YamlError with the problems of all of them."""
+        sources: dict[Path, str | Problem] = {}
         for file in files:
             try:
-                sources.append((file, bounded.read(file).decode()))
-            except OSError as error:
-                sources.append((file, Problem(START, error.strerror or str(error))))
-            except DictionaryError as error:
-                # `what` alone: its text names the file, and so does each line of a SuiteError
-                sources.append((file, Problem(START, error.what)))
+                sources[file] = read_whole(file).decode()
+            except FileError as error:
+                sources[file] = Problem(START, error.what)
             except UnicodeDecodeError as error:
                 byte = f"byte 0x{error.object[error.start]:02X} at {error.start}"
-                sources.append((file, Problem(START, f"not UTF-8: {byte}")))
-        return self._all_of(sources)
+                sources[file] = Problem(START, f"not UTF-8: {byte}")
+        return self.read_texts(sources)
 
-    def read_texts(self, texts: Mapping[Path, str]) -> list[Suite]:
-        """Read the suites of texts, by the files that errors and reports call them; raises SuiteError."""
-        return self._all_of(texts.items())
+    def read_texts(self, texts: Mapping[Path, str | Problem]) -> list[Suite]:
+        """Read the suites of texts, by the files that errors and reports call them; raises YamlError.
 
-    def _all_of(self, sources: Iterable[tuple[Path, str | Problem]]) -> list[Suite]:
-        """Return the suites of texts; raises SuiteError with the problems of all, and those of files without a text."""
+        In place of a text stands why there is none.
+        """
         suites: list[Suite] = []
-        wrong: list[tuple[Path, Problem]] = []
-        for file, source in sources:
-            problems = [source] if isinstance(source, Problem) else []
-            if isinstance(source, str):
-                suites += self.read(file, source, problems)
-            # They come mapping by mapping, its keys before what is below them; a person reads a file from the top.
-            wrong += ((file, problem) for problem in sorted(problems))
+        wrong: list[str] = []
+        for file, text in texts.items():
+            problems = [text] if isinstance(text, Problem) else []
+            if isinstance(text, str):
+                suites += self.read(file, text, problems)
+            wrong += placed_lines(file, problems)
         if wrong:
-            raise SuiteError(wrong)
+            raise YamlError(wrong[0].partition(":")[0], wrong)
         return suites
 
     def read(self, file: Path, source: str, problems: Problems) -> list[Suite]:

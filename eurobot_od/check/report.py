@@ -8,9 +8,7 @@ from xml.etree import ElementTree
 
 from eurobot_od.check.results import Status, StepReason, StepResult, SuitePart, SuiteResult
 from eurobot_od.check.suite import Suite
-from eurobot_od.support.amounts import amount
-from eurobot_od.support.annotations import Level, annotation
-from eurobot_od.support.escaping import one_line
+from eurobot_od.support.texts import Level, amount, annotation, one_line
 
 COLOURS = {Status.PASSED: 32, Status.FAILED: 31, Status.BUS_FAILED: 31, Status.SKIPPED: 33, Status.INTERRUPTED: 33}
 """Terminal colours of steps."""

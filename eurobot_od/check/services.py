@@ -11,19 +11,20 @@ from typing import Any, TypeVar
 import yaml
 from canopen.objectdictionary import ODVariable
 
-from eurobot_od.check import shapes
 from eurobot_od.check.patterns import ANY, EmergencyPattern, HeartbeatPattern, Pattern
-from eurobot_od.check.shapes import NAME, NUMBER, SCALAR, TEXT, Key, Shape, converted, taken
 from eurobot_od.check.suite import AbortCodes, Action, Dump, Nmt, NodeServices, SdoRead, SdoWrite, SelfReported
 from eurobot_od.check.values import ObjectValues, expectation
-from eurobot_od.check.vocabulary import Vocabulary
+from eurobot_od.check.vocabulary import NAME, Vocabulary
 from eurobot_od.device.nmt import ALL_NODES, COMMAND_NAMES, STATE_NAMES, NmtCommand
 from eurobot_od.errors import LocalError
 from eurobot_od.od import objects
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.standard import COMMANDS, EMCY
 from eurobot_od.od.values import BASE_IDENTIFIER, DOMAIN, ERROR_CONTROL_BASE, NOT_SCANNED, NOT_VALID
-from eurobot_od.support.yaml_places import Problems
+from eurobot_od.support import yaml_shapes as shapes
+from eurobot_od.support.declared import Within
+from eurobot_od.support.yaml_places import Problems, refusing, taken
+from eurobot_od.support.yaml_shapes import NUMBER, SCALAR, TEXT, Key, Shape, converted
 
 T = TypeVar("T")
 
@@ -50,7 +51,7 @@ class ServiceShapes:
         self._words = words
         self._node = shapes.named(words.dictionaries, "node")
         state = Key(shapes.named(STATES, "NMT state"), "state in the heartbeat", needed=True)
-        number: Shape[int | None] = Shape(shapes.whole(0, 0xFFFF).read, NUMBER.schema)  # of 16 bits (CiA 301, 7.2.7)
+        number: Shape[Any] = shapes.within(NUMBER, Within(0, 0xFFFF), "error code")  # of 16 bits (CiA 301, 7.2.7)
         code = Key(_or_any(number, None), "error code, or any", needed=True)
         command = Key(shapes.named(NMT_COMMANDS, "NMT command"), "NMT command", needed=True)
         self.heartbeat: Shape[Pattern] = self._service("state", state, self._heartbeat)
@@ -97,7 +98,7 @@ class ServiceShapes:
         def read(node: yaml.Node, problems: Problems) -> T:
             is_long = isinstance(node, yaml.MappingNode)
             parts = long.read(node, problems) if is_long else {name: key.shape.read(node, problems)}
-            with shapes.refusing(node, problems):
+            with refusing(node, problems):
                 return make(parts[name], parts.get("node"))
 
         return Shape(read, {"anyOf": [key.shape.schema, long.schema]})
@@ -131,7 +132,7 @@ class ServiceShapes:
 
     def _read_sdo(self, node: yaml.Node, problems: Problems) -> Action:
         given = self._sdo_parts.read(node, problems)
-        with shapes.refusing(node, problems):
+        with refusing(node, problems):
             verb = _verb(given)
             dictionary = self._dictionary(given.get("node"))
         named = taken(given[verb], problems, lambda text: objects.find_one(text, dictionary.objects))

@@ -38,7 +38,7 @@ from eurobot_od.sdo.client import (
 )
 from eurobot_od.sdo.wire import LENGTH, code_and_reason
 from eurobot_od.support import durations
-from eurobot_od.support.amounts import amount
+from eurobot_od.support.texts import amount
 from eurobot_od.traffic.meaning import Decoder
 
 

@@ -14,12 +14,11 @@ from eurobot_od.check.patterns import Pattern, Sent
 from eurobot_od.check.values import Expected, Operand, Variables
 from eurobot_od.device.nmt import NmtCommand
 from eurobot_od.od import objects
-from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.od.sdo_channel import SdoChannel
+from eurobot_od.od.dictionary import Dictionary, SdoChannel
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.sdo.wire import code_and_reason
 from eurobot_od.support import durations
-from eurobot_od.support.amounts import amount
+from eurobot_od.support.texts import amount
 from eurobot_od.support.yaml_places import Place
 from eurobot_od.traffic.meaning import Decoder
 

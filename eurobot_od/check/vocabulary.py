@@ -12,12 +12,30 @@ from typing import NamedTuple
 import yaml
 
 from eurobot_od.check.values import Scale, Values
+from eurobot_od.errors import LocalError
 from eurobot_od.od import network
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.pdos import OnRefused, fatal
 from eurobot_od.pdo.catalogue import NOTHING, Catalogue
 from eurobot_od.pdo.protocol import Protocol
+from eurobot_od.support import durations
+from eurobot_od.support.yaml_shapes import DURATION as ANY_DURATION
+from eurobot_od.support.yaml_shapes import converted, longer_than_0, matching
 from eurobot_od.traffic.meaning import Decoder
+
+LONGEST_TIME = 86_400.0
+"""The longest time in s that a step may take for anything it does once."""
+
+
+def _at_most_a_day(seconds: float) -> float:
+    if seconds > LONGEST_TIME:
+        raise LocalError(f"{seconds:g} s is too long: at most {durations.text(LONGEST_TIME)}, a day")
+    return seconds
+
+
+DURATION = converted(ANY_DURATION, _at_most_a_day)
+SOME_TIME = converted(DURATION, longer_than_0)
+NAME = matching(r"[A-Za-z_][A-Za-z0-9_]*", "a name of letters, digits and _")
 
 
 class Networks(NamedTuple):

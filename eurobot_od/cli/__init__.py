@@ -34,8 +34,9 @@ from eurobot_od.errors import (
     RobotWarning,
     UnknownName,
     WorldError,
+    YamlError,
 )
-from eurobot_od.support.escaping import one_line
+from eurobot_od.support.texts import one_line
 
 if TYPE_CHECKING:
     from eurobot_od.plugin import Plugin
@@ -169,6 +170,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if is_closed_pipe(error):  # `| head` has seen enough: no error of ours
             fall_silent()
             return ExitStatus.FINE
+        if isinstance(error, YamlError):  # a line for each of its problems, which begins with the place, for editors
+            print(error, file=sys.stderr)
+            return ExitStatus.WRONG_INPUT
         what = str(error)
         if isinstance(error, OSError) and error.filename is not None:
             what = f"{error.filename}: {error.strerror}"  # first the file, as in errors of our own

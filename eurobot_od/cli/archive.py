@@ -13,8 +13,7 @@ from typing import TYPE_CHECKING
 
 from eurobot_od.cli import options
 from eurobot_od.support import extras
-from eurobot_od.support.amounts import amount
-from eurobot_od.support.escaping import one_line
+from eurobot_od.support.texts import amount, one_line
 
 if TYPE_CHECKING:
     from eurobot_od.support.progress import Progress

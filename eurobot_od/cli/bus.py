@@ -20,8 +20,7 @@ from eurobot_od.errors import LocalError, UnknownName
 from eurobot_od.od import network
 from eurobot_od.od.values import BASE_IDENTIFIER, NMT_COB_ID, SYNC_COB_ID, TIME_COB_ID, parse_number
 from eurobot_od.support import durations
-from eurobot_od.support.escaping import one_line
-from eurobot_od.support.tables import columns
+from eurobot_od.support.texts import columns, one_line
 
 if TYPE_CHECKING:
     from eurobot_od.bus.live.connection import Opener

@@ -116,7 +116,6 @@ def _motion(text: str) -> MotionBounds:
 
 def run(arguments: argparse.Namespace) -> ExitStatus:
     """Read the suites, run them, and report."""
-    from eurobot_od.check.reader import SuiteError
     from eurobot_od.cli.checking import Checks, listed
 
     _refuse_what_does_not_go_together(arguments)
@@ -136,11 +135,7 @@ def run(arguments: argparse.Namespace) -> ExitStatus:
             texts = checks.conformance_texts() if checks.conformance else checks.profile_texts()
             output.write(arguments.output, "".join(texts.values()))
             return ExitStatus.FINE
-        try:
-            suites = checks.suites(reader)
-        except SuiteError as error:
-            print(error, file=sys.stderr)
-            return ExitStatus.WRONG_INPUT
+        suites = checks.suites(reader)
     if arguments.list:
         print(*listed(suites), sep="\n")
         return ExitStatus.FINE

@@ -16,8 +16,8 @@ from eurobot_od.cli import campaign
 from eurobot_od.cli.options import Devices, complain_of_repairs
 from eurobot_od.errors import LocalError
 from eurobot_od.od import network
-from eurobot_od.support.escaping import one_line
 from eurobot_od.support.terminal import in_colour
+from eurobot_od.support.texts import one_line
 
 if TYPE_CHECKING:
     from eurobot_od.bus.live.connection import Opener
@@ -109,7 +109,7 @@ class Checks(NamedTuple):
         return [DeviceRun(each, self.tier, own, made) for each, own in of_device.items()]
 
     def suites(self, reader: SuiteReader) -> list[Suite]:
-        """Read the suites that are asked for; raises SuiteError, LocalError."""
+        """Read the suites that are asked for; raises YamlError, LocalError."""
         if self.conformance:
             read = reader.read_texts(self.conformance_texts())
         elif self.profile is not None:

@@ -15,9 +15,9 @@ from eurobot_od.cli import ExitStatus, version
 from eurobot_od.errors import LocalError
 from eurobot_od.plugin import Installed
 from eurobot_od.support import extras
-from eurobot_od.support.escaping import one_line
 from eurobot_od.support.extras import Package
 from eurobot_od.support.terminal import folded
+from eurobot_od.support.texts import one_line
 
 INDENT = len("interface  ")
 """Where what is said begins in a line."""

@@ -12,7 +12,7 @@ from eurobot_od.cli.remote import TARGET, Target
 from eurobot_od.cli.table import JSON, CommandRow, option
 from eurobot_od.errors import LocalError
 from eurobot_od.support import durations
-from eurobot_od.support.escaping import one_line
+from eurobot_od.support.texts import one_line
 
 if TYPE_CHECKING:
     from eurobot_od.client.drive402 import Drive402, DriveStatus

@@ -19,8 +19,8 @@ from eurobot_od.od.formats import SUFFIXES
 from eurobot_od.od.network_file import NodeFile
 from eurobot_od.od.values import NODE_IDS
 from eurobot_od.support import extras
-from eurobot_od.support.amounts import amount
 from eurobot_od.support.files import check_writable, write_whole
+from eurobot_od.support.texts import amount
 
 STEM = "pdo"
 """Begins the identifiers in what goes to standard output."""

@@ -18,7 +18,7 @@ from eurobot_od.lint.model import load
 from eurobot_od.lint.rules import FILE_RULES, lint
 from eurobot_od.od.document import read_bytes
 from eurobot_od.od.formats import SUFFIXES, files_in, is_xml
-from eurobot_od.support.escaping import one_line
+from eurobot_od.support.texts import one_line
 
 if TYPE_CHECKING:
     from eurobot_od.lint.network import LintedNetwork
@@ -148,7 +148,7 @@ def _fix(files: Sequence[str], output: str | None) -> ExitStatus:
 
 
 def read_network(files: Sequence[str]) -> LintedNetwork:
-    """Read a network: a network file, a folder, or the nodes' EDS and DCF files; raises DictionaryError."""
+    """Read a network: a network file, a folder, or the nodes' EDS and DCF files; raises FileError."""
     from eurobot_od.lint.network import LintedNetwork, NetworkMember, nodes_of
     from eurobot_od.od.network import read_network
     from eurobot_od.od.network_file import NetworkFile, NodeFile
@@ -206,7 +206,7 @@ def _print_json(findings: Sequence[Finding], identifiers: Sequence[tuple[str, ..
 
 
 def _print_annotations(findings: Sequence[Finding]) -> None:
-    from eurobot_od.support.annotations import Level, annotation
+    from eurobot_od.support.texts import Level, annotation
 
     levels = {Severity.ERROR: Level.ERROR, Severity.WARNING: Level.WARNING, Severity.INFO: Level.NOTICE}
     for each in findings:

@@ -90,7 +90,7 @@ def run(arguments: argparse.Namespace) -> ExitStatus:
 
 
 def _read(path: str | None, dialect: str | None, robot: Plugin) -> MessageSet:
-    """Return the messages that the command line is about; raises LocalError, DictionaryError, OSError."""
+    """Return the messages that the command line is about; raises LocalError, FileError, OSError."""
     from eurobot_od.od.network import load, read_network
 
     if path is None:

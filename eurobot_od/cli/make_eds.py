@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from pathlib import Path
 
 from eurobot_od.cli import ExitStatus
-from eurobot_od.support import bounded
-from eurobot_od.support.amounts import amount
+from eurobot_od.support.files import read_whole
+from eurobot_od.support.texts import amount
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -25,16 +24,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> ExitStatus:
     """Write the files, or compare them."""
     from eurobot_od import plugin
-    from eurobot_od.od.make.table import TableError, read_table
+    from eurobot_od.od.make.table import read_table
     from eurobot_od.od.make.text import differences, make_files, write_files
 
     # What is not UTF-8 becomes a sign that the table refuses, with its line and column.
-    source = bounded.read(arguments.table).decode(errors="replace")
-    try:
-        texts = make_files(read_table(source, arguments.table, plugin.table_of))
-    except TableError as error:  # a line for each problem, with its place: `complain` would make one line of them all
-        print(error, file=sys.stderr)
-        return ExitStatus.WRONG_INPUT
+    source = read_whole(arguments.table).decode(errors="replace")
+    texts = make_files(read_table(source, arguments.table, plugin.table_of))
     if not arguments.check:
         write_files(texts, arguments.output)
         return ExitStatus.FINE

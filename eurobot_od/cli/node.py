@@ -16,8 +16,9 @@ from typing import TYPE_CHECKING, Any
 from eurobot_od.cli import ExitStatus
 from eurobot_od.cli import options as shared
 from eurobot_od.errors import LocalError, RemoteError, UnknownName
-from eurobot_od.support import bounded, durations
-from eurobot_od.support.escaping import one_line
+from eurobot_od.support import durations
+from eurobot_od.support.files import read_whole
+from eurobot_od.support.texts import one_line
 
 if TYPE_CHECKING:
     import can
@@ -89,7 +90,7 @@ def run(arguments: argparse.Namespace) -> ExitStatus | None:
     """Run the node until its time is over, an interrupt, or the bus's failure; raises BusError, WorldError."""
     from eurobot_od.bus.live import Live
     from eurobot_od.device.station import OnError
-    from eurobot_od.od.sdo_channel import moved_server
+    from eurobot_od.od.dictionary import moved_server
 
     everybody = _all(arguments) if arguments.node is None else []
     if everybody:
@@ -138,7 +139,7 @@ def _run_all(bus: can.BusABC, nodes: list[Node], duration: float | None) -> None
     """Run several devices on one bus until the time is over, or an interrupt; raises BusError."""
     from eurobot_od.bus.live.group import LiveGroup
     from eurobot_od.device.station import NodeGroup
-    from eurobot_od.od.sdo_channel import moved_server
+    from eurobot_od.od.dictionary import moved_server
 
     for node in nodes:
         node.alarm = partial(_alarm, node)
@@ -241,7 +242,7 @@ def _values(dictionary: Dictionary, assigned: Iterable[str], file: Path | None) 
     from eurobot_od.od.objects import address_of, find_one, given
 
     named = shared.assignments("--set", "OBJECT=VALUE", assigned)
-    waves = read_waveforms(bounded.read(file).decode(errors="replace"), str(file)) if file else {}
+    waves = read_waveforms(read_whole(file).decode(errors="replace"), str(file)) if file else {}
     return {
         "given": dict(given(*each, dictionary.objects) for each in named),
         "waveforms": {address_of(find_one(name, dictionary.objects)): wave for name, wave in waves.items()},

@@ -15,11 +15,9 @@ from eurobot_od.cli.table import JSON, CommandRow, option, with_emcy
 from eurobot_od.errors import LocalError, UnknownName
 from eurobot_od.od.objects import address_of, encode, find, find_one, is_described, label, parse, shown
 from eurobot_od.od.profiles.words import written
-from eurobot_od.support.amounts import amount
-from eurobot_od.support.escaping import one_line
 from eurobot_od.support.files import write_whole
 from eurobot_od.support.progress import bar, passing
-from eurobot_od.support.tables import columns
+from eurobot_od.support.texts import amount, columns, one_line
 
 if TYPE_CHECKING:
     from canopen.objectdictionary import ODVariable

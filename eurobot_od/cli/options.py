@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
 from eurobot_od import plugin
 from eurobot_od.cli import Parser, complain, is_alone
-from eurobot_od.errors import DictionaryError, LocalError, MappingError, RemoteError
+from eurobot_od.errors import FileError, LocalError, MappingError, RemoteError
 from eurobot_od.od import network
 from eurobot_od.od.dialects import DIALECT_VARIABLE
 from eurobot_od.od.dictionary import Dictionary
@@ -22,7 +22,7 @@ from eurobot_od.od.network_file import NetworkFile, NodeFile
 from eurobot_od.od.values import NODE_IDS
 from eurobot_od.plugin import Plugin
 from eurobot_od.season import MOST_JOBS
-from eurobot_od.support.address import parse
+from eurobot_od.support.connections import parse
 from eurobot_od.traffic.recorder import END, GO_ON
 
 if TYPE_CHECKING:
@@ -271,25 +271,25 @@ class Devices(NamedTuple):
 
     @property
     def _described(self) -> NetworkFile:
-        """What the network file says, if there is one; raises DictionaryError."""
+        """What the network file says, if there is one; raises FileError."""
         if not self.network and (self.dialect or not os.path.isfile(self._file)):  # noqa: PTH113
             return NetworkFile()
         return network.read_network(self._file)
 
     @property
     def master(self) -> str:
-        """Who leads the network, if its file says it; raises DictionaryError."""
+        """Who leads the network, if its file says it; raises FileError."""
         return self._described.master
 
     def files(self) -> list[NodeFile]:
-        """Return the files that are named, none for a dialect; raises LocalError, DictionaryError."""
+        """Return the files that are named, none for a dialect; raises LocalError, FileError."""
         if self.dialect and (self.eds or self.network):
             raise LocalError("--dialect is a network of its own: leave out --eds and --network, or leave it out")
         named = [*map(network.node_file, self.eds), *self._described.nodes]
         return with_patches(with_modules(named, self.modules), self.patches)
 
     def load(self) -> tuple[Dictionary, ...]:
-        """Load the files that are named, or else the dialect's; raises LocalError, DictionaryError, UnknownName."""
+        """Load the files that are named, or else the dialect's; raises LocalError, FileError, UnknownName."""
         files = self.files()
         return network.load(files) if files else self.robot.dialects.load_all(self.dialect)
 
@@ -321,10 +321,10 @@ class Devices(NamedTuple):
         return decoder_of(known, self.robot, self.own_errors(), self.master)
 
     def own_errors(self) -> dict[int, dict[int, str]]:
-        """Return the words of --emcy by node-ID, 0 for all nodes; raises DictionaryError."""
+        """Return the words of --emcy by node-ID, 0 for all nodes; raises FileError."""
         if not self.emcy:
             return {}  # most commands start without YAML
-        from eurobot_od.od.emcy_file import read_error_words
+        from eurobot_od.od.yaml_files import read_error_words
 
         found: dict[int, dict[int, str]] = {}
         for file, node_id in (network.node_file(text)[:2] for text in self.emcy):
@@ -367,7 +367,7 @@ class Devices(NamedTuple):
             rows = network.read_network(file) if os.path.exists(file) else NetworkFile()  # noqa: PTH110
             names = {each.cob_id: each.name for each in decoder.protocol.bindings}
             return network_set(decoder.dictionaries, names, rows, file)
-        except (DictionaryError, LocalError):  # a bus can be watched without knowing how often a message is to come
+        except (FileError, LocalError):  # a bus can be watched without knowing how often a message is to come
             return NOTHING
 
 
@@ -407,7 +407,7 @@ def _fitting(files: Sequence[NodeFile], node: str) -> list[int]:
 
 def complain_of_repairs(dictionaries: Iterable[Dictionary]) -> None:
     """Say in a line for each file what had to be repaired to read it, what is left out, and what looks like a copy."""
-    from eurobot_od.od.sdo_channel import SdoChannel, moved_server
+    from eurobot_od.od.dictionary import SdoChannel, moved_server
 
     # By file: two nodes may share one, and it was repaired once.
     for file, each in {each.file: each for each in dictionaries}.items():

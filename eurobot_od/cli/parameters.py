@@ -12,8 +12,7 @@ from eurobot_od.cli.remote import TARGET, Target
 from eurobot_od.cli.table import CommandRow, option
 from eurobot_od.errors import LocalError
 from eurobot_od.od.values import MOST_SUBS
-from eurobot_od.support.amounts import amount
-from eurobot_od.support.tables import columns
+from eurobot_od.support.texts import amount, columns
 
 if TYPE_CHECKING:
     from eurobot_od.client.configure import ChangePlan

@@ -15,7 +15,7 @@ from eurobot_od.cli import complain, options, output
 from eurobot_od.errors import LocalError, UnknownName
 from eurobot_od.plugin import Plugin
 from eurobot_od.support import extras, progress
-from eurobot_od.support.tables import columns
+from eurobot_od.support.texts import columns
 
 if TYPE_CHECKING:
     import polars as pl

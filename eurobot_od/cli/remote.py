@@ -19,7 +19,7 @@ from eurobot_od.od.objects import address_of, data_type, is_described
 from eurobot_od.od.profiles.words import words, written
 from eurobot_od.od.values import label
 from eurobot_od.support import durations
-from eurobot_od.support.tables import columns
+from eurobot_od.support.texts import columns
 
 if TYPE_CHECKING:
     from eurobot_od.bus.live.connection import Opener

@@ -8,7 +8,7 @@ from __future__ import annotations
 import argparse
 
 from eurobot_od.cli import logs, options
-from eurobot_od.support.amounts import amount
+from eurobot_od.support.texts import amount
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

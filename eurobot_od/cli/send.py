@@ -15,7 +15,7 @@ from eurobot_od.cli import ExitStatus
 from eurobot_od.cli import options as shared
 from eurobot_od.errors import BusError, LocalError, RemoteError
 from eurobot_od.support import durations
-from eurobot_od.support.escaping import one_line
+from eurobot_od.support.texts import one_line
 
 if TYPE_CHECKING:
     import can
@@ -48,7 +48,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> ExitStatus:
     """Send the message or frame; 1 if the expected answer does not come in time."""
     within = durations.seconds(arguments.within)  # all of the line is read before anything goes out
-    protocol = shared.Devices.of(arguments).protocol()
+    devices, expect = shared.Devices.of(arguments), arguments.expect
+    are_frames = all(FRAME_MARK in each for each in (arguments.message, expect or FRAME_MARK))
+    # What decodes them needs no file, and a frame can be sent without.
+    protocol = devices.decoder().protocol if are_frames else devices.protocol()
     frame, words = question(protocol, arguments.message, arguments.fields)
     expected = expectation(protocol, arguments.expect) if arguments.expect else None
     # Printed once it is sent; before that the line would be false if the bus does not take the frame.

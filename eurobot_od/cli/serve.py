@@ -23,7 +23,7 @@ from eurobot_od.errors import EurobotError, LocalError
 from eurobot_od.support import extras
 
 if TYPE_CHECKING:
-    from eurobot_od.support.address import Address
+    from eurobot_od.support.connections import Address
     from eurobot_od.traffic.meaning import Decoder
     from eurobot_od.web.panel import Panel
     from eurobot_od.web.requests import Requests

@@ -18,8 +18,7 @@ from eurobot_od.cli import options as shared
 from eurobot_od.errors import LocalError, UnknownName
 from eurobot_od.od import objects as od
 from eurobot_od.od.values import label
-from eurobot_od.support.escaping import one_line
-from eurobot_od.support.tables import columns
+from eurobot_od.support.texts import columns, one_line
 
 if TYPE_CHECKING:
     from canopen.objectdictionary import ODVariable

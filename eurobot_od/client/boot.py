@@ -32,7 +32,7 @@ from eurobot_od.od.standard import (
     VERIFY_CONFIGURATION,
 )
 from eurobot_od.od.values import ERROR_CONTROL_BASE
-from eurobot_od.support.amounts import amount
+from eurobot_od.support.texts import amount
 
 MARGIN = 0.2
 """Seconds that a heartbeat may be late on a busy machine."""

@@ -28,8 +28,7 @@ from eurobot_od.bus.live.buses import failure
 from eurobot_od.bus.live.connection import Connection
 from eurobot_od.device.nmt import COMMAND_NAMES, NmtCommand, NmtState
 from eurobot_od.errors import BusError, NamedObject, NoAnswer, NodeRefused, RemoteError, StateError, WrongAnswer
-from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.od.sdo_channel import SdoChannel
+from eurobot_od.od.dictionary import Dictionary, SdoChannel
 from eurobot_od.od.values import (
     ERROR_CONTROL_BASE,
     NMT_COB_ID,
@@ -194,7 +193,7 @@ class Master:
         return self._sdo_servers.get(node_id, SdoChannel.default(node_id))
 
     def follow(self, device: Dictionary) -> None:
-        """Talk to a device at the SDO server that its file gives (0x1200; the rule is in `od.sdo_channel`)."""
+        """Talk to a device at the SDO server that its file gives (0x1200; see `SdoChannel`)."""
         self._sdo_servers[device.node_id] = SdoChannel.of(device)
 
     def turn(self, node_id: int) -> AbstractAsyncContextManager[object]:

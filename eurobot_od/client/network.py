@@ -74,7 +74,7 @@ def _dictionary(file: DeviceFile, node_id: int) -> Dictionary | None:
 
 
 def _described(file: str | Path) -> tuple[Sequence[Dictionary], int | None]:
-    """Return the devices of a network file or folder, and its bit rate in kbit/s; raises DictionaryError."""
+    """Return the devices of a network file or folder, and its bit rate in kbit/s; raises FileError."""
     network = read_network(file)
     return load(network.nodes), network.bit_rate
 
@@ -326,7 +326,7 @@ class Network(NetworkOfDevices[RemoteDevice]):
     def load(cls, file: str | Path = DEFAULT, bus: BusName = None, channel: str | None = None, **options: Any) -> Self:
         """Open a bus with all devices of a network file (`network.yaml`, `nodelist.cpj`) or of a folder of EDS files.
 
-        The bit rate is the file's; `options` are those of `open`. Raises DictionaryError, BusError, LocalError.
+        The bit rate is the file's; `options` are those of `open`. Raises FileError, BusError, LocalError.
         """
         described, kbit = _described(file)
         network = cls.open(bus, channel, kbit and kbit * 1000, **options)

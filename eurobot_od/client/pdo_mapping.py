@@ -28,7 +28,7 @@ from eurobot_od.od.values import (
     label,
     pdo_of,
 )
-from eurobot_od.support.amounts import amount
+from eurobot_od.support.texts import amount
 
 # The order of writes
 

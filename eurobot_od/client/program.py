@@ -20,8 +20,8 @@ from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.standard import FLASH_STATUS, PROGRAM_CONTROL, PROGRAM_DATA, PROGRAM_IDENTIFICATION
 from eurobot_od.od.values import label
 from eurobot_od.sdo.wire import LARGEST, AbortCode
-from eurobot_od.support.amounts import amount
 from eurobot_od.support.progress import Progress, unwatched
+from eurobot_od.support.texts import amount
 
 NAMES = {
     PROGRAM_DATA: "Program data",

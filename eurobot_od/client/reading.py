@@ -19,7 +19,7 @@ from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.objects import address_of, all_objects, at, data_type, decode
 from eurobot_od.od.values import DOMAIN, Address, Value
 from eurobot_od.sdo.wire import AbortCode
-from eurobot_od.support.amounts import amount
+from eurobot_od.support.texts import amount
 
 
 class ObjectReading(NamedTuple):

@@ -33,9 +33,8 @@ from eurobot_od.errors import DamagedFile, DictionaryError, FrameLengthError, Re
 from eurobot_od.frame import Frame
 from eurobot_od.gatekeeper import Stay
 from eurobot_od.od import standard
-from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.dictionary import Dictionary, SdoChannel
 from eurobot_od.od.objects import data_type
-from eurobot_od.od.sdo_channel import SdoChannel
 from eurobot_od.od.values import (
     BASE_IDENTIFIER,
     ERROR_CONTROL_BASE,

@@ -13,10 +13,9 @@ from typing import Any
 from canopen.objectdictionary import ODVariable
 
 from eurobot_od.errors import Cause, DictionaryError, Refused
-from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.dictionary import Dictionary, SdoChannel
 from eurobot_od.od.objects import data_type, initial, limits
 from eurobot_od.od.pdos import Part
-from eurobot_od.od.sdo_channel import SdoChannel
 from eurobot_od.od.standard import COMMANDS, EMCY, IDENTITY, SDO_ANSWERS, SDO_REQUESTS, SYNC, TIME, VERIFY_CONFIGURATION
 from eurobot_od.od.values import (
     COB_ID,

@@ -21,7 +21,7 @@ from eurobot_od.device.node import Node
 from eurobot_od.errors import DictionaryError, NodeFailed
 from eurobot_od.frame import Frame
 from eurobot_od.gatekeeper import Event, Gatekeeper, Report, Stay
-from eurobot_od.support.backoff import Backoff
+from eurobot_od.support.connections import Backoff
 
 
 class OnError(Enum):

@@ -14,31 +14,32 @@ the same values.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from math import inf, isfinite, pi, sin
+from math import inf, isfinite, nan, pi, sin
 from random import Random
-from typing import TypeAlias
+from typing import Annotated, TypeAlias
 
 import yaml
 
 from eurobot_od.errors import LocalError
 from eurobot_od.od.values import DataType, Value, parse_number
-from eurobot_od.support import durations
-from eurobot_od.support.yaml_places import (
-    NodeReader,
-    Problems,
-    ReadError,
-    listing,
+from eurobot_od.support.yaml_places import Problems, compose, refuse, refuse_aliases, telling
+from eurobot_od.support.yaml_shapes import (
+    DURATION,
+    SCALAR,
+    Shape,
+    converted,
+    filled,
+    longer_than_0,
     mapping,
     pairs_of,
-    read_yaml,
-    record,
-    refuse,
-    refuse_aliases,
-    scalar,
+    shape_of,
 )
 
 Waveform: TypeAlias = Callable[[float], float]
 """Gives the value at a time in seconds."""
+
+Period: TypeAlias = Annotated[float, DURATION, longer_than_0]
+"""In seconds; in the file a duration with its unit."""
 
 
 def constant(value: float) -> Waveform:
@@ -46,27 +47,27 @@ def constant(value: float) -> Waveform:
     return lambda _: value
 
 
-def ramp(low: float, high: float, period: float) -> Waveform:
+def ramp(low: float, high: float, period: Period) -> Waveform:
     """Rises from `low` to `high` in each period, in seconds, and drops back to `low` at once."""
     return lambda time: low + (high - low) * (time / period % 1)
 
 
-def sine(low: float, high: float, period: float) -> Waveform:
+def sine(low: float, high: float, period: Period) -> Waveform:
     """Swings between `low` and `high`, starting upwards from the middle."""
     return lambda time: (low + high) / 2 + (high - low) / 2 * sin(2 * pi * time / period)
 
 
-def square(low: float, high: float, period: float) -> Waveform:
+def square(low: float, high: float, period: Period) -> Waveform:
     """`low` for the first half of each period, `high` for the second."""
     return lambda time: low if time / period % 1 < 0.5 else high
 
 
-def steps(values: Sequence[float], every: float) -> Waveform:
+def steps(values: Annotated[Sequence[float], filled], every: Period) -> Waveform:
     """One value after the other, each for `every` seconds, then from the beginning."""
     return lambda time: values[int(time / every) % len(values)]
 
 
-def walk(start: float, step: float, every: float, seed: int = 1, low: float = -inf, high: float = inf) -> Waveform:
+def walk(start: float, step: float, every: Period, seed: int = 1, low: float = -inf, high: float = inf) -> Waveform:
     """A random walk within limits: up to `step` up or down `every` so many seconds, the same for the same seed."""
     chance, steps_done, place = Random(seed), 0, start
 
@@ -94,77 +95,40 @@ def fitted(value: float, type_: DataType) -> Value:
 # The file
 
 
-def _number(node: yaml.Node, problems: Problems) -> float:
-    text = scalar(node, problems)
+def _number(text: str) -> float:
     whole = parse_number(text)
     try:
         number = whole.value if whole and not whole.relative else float(text)
     except ValueError:
-        refuse(node, problems, f"expected a number, found {str(text)!r}")
+        number = nan
     if not isfinite(number):  # float() accepts `nan` and `inf` as well
-        refuse(node, problems, f"expected a number, found {str(text)!r}")
+        raise LocalError(f"expected a number, found {str(text)!r}")
     return number
 
 
-def _duration(node: yaml.Node, problems: Problems) -> float:
-    text = scalar(node, problems)
-    try:
-        seconds = durations.seconds(text)
-    except durations.DurationError as error:
-        refuse(node, problems, str(error))
-    if not seconds:
-        refuse(node, problems, "expected a time longer than 0")
-    return seconds
-
-
-_BETWEEN: Mapping[str, NodeReader[float]] = {"low": _number, "high": _number, "period": _duration}
-
-_WAVEFORMS: Mapping[str, NodeReader[Waveform]] = {
-    "ramp": record(ramp, _BETWEEN, {}),
-    "sine": record(sine, _BETWEEN, {}),
-    "square": record(square, _BETWEEN, {}),
-    "steps": record(
-        steps,
-        {
-            "values": lambda node, problems: (
-                listing(_number)(node, problems) or refuse(node, problems, "expected at least one value")
-            ),
-            "every": _duration,
-        },
-        {},
-    ),
-    "walk": record(
-        walk,
-        {"start": _number, "step": _number, "every": _duration},
-        {"seed": _number, "low": _number, "high": _number},
-    ),
+NUMBER: Shape[float] = converted(SCALAR, _number)
+WAVEFORMS: Mapping[str, Shape[Waveform]] = {
+    each.__name__: shape_of(each, {float: NUMBER, int: NUMBER}) for each in (ramp, sine, square, steps, walk)
 }
 """The reader of each waveform, by its name in the file."""
 
 
 def _waveform(node: yaml.Node, problems: Problems) -> Waveform:
     if isinstance(node, yaml.ScalarNode):
-        return constant(_number(node, problems))
+        return constant(NUMBER.read(node, problems))
     pairs = pairs_of(node, problems)
-    if len(pairs) != 1 or not pairs.keys() <= _WAVEFORMS.keys():
-        refuse(node, problems, f"expected a number or one of {', '.join(_WAVEFORMS)}, found {', '.join(pairs)}")
+    if len(pairs) != 1 or not pairs.keys() <= WAVEFORMS.keys():
+        refuse(node, problems, f"expected a number or one of {', '.join(WAVEFORMS)}, found {', '.join(pairs)}")
     ((name, shape),) = pairs.items()
-    return _WAVEFORMS[name](shape, problems)
+    return WAVEFORMS[name].read(shape, problems)
 
 
 def read_waveforms(text: str, file: str) -> Mapping[str, Waveform]:
     """Read the waveforms of a YAML text by the names of their objects; `file` is its name in errors.
 
-    Raises LocalError with the line of the first fault.
+    Raises YamlError.
     """
-
-    def named(node: yaml.Node, problems: Problems) -> Mapping[str, Waveform]:
-        refuse_aliases(node, problems)
-        return {str(name): each for name, each in mapping(_waveform, key=scalar)(node, problems).items()}
-
-    problems: Problems = []
-    try:
-        return read_yaml(text, named, problems)
-    except ReadError as error:
-        place, what = problems[0]
-        raise LocalError(f"{file}, line {place.line}: {what}") from error
+    with telling(file) as problems:
+        root = compose(text, problems)
+        refuse_aliases(root, problems)
+        return {str(name): each for name, each in mapping(Shape(_waveform, {}), SCALAR).read(root, problems).items()}

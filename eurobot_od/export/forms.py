@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import NamedTuple, TypeAlias
 
 from eurobot_od.errors import UnknownName
-from eurobot_od.support import escaping
+from eurobot_od.support import texts
 
 
 class DocHeading(NamedTuple):
@@ -87,7 +87,7 @@ def _markdown_block(block: DocBlock) -> Iterator[str]:
     elif isinstance(block, Paragraph):
         yield _marked(block.text)
     elif isinstance(block, Preformatted):
-        yield from (f"    {escaping.one_line(each)}" for each in block.lines)
+        yield from (f"    {texts.one_line(each)}" for each in block.lines)
     else:
         yield _markdown_row(block.head)
         yield "|" + "|".join("---:" if each in block.numbers else "---" for each in block.head) + "|"
@@ -147,7 +147,7 @@ def _html_block(block: DocBlock) -> Iterator[str]:
     elif isinstance(block, Paragraph):
         yield f"<p>{_escaped(block.text)}</p>"
     elif isinstance(block, Preformatted):
-        yield "<pre>" + "\n".join(escape(escaping.one_line(each)) for each in block.lines) + "</pre>"
+        yield "<pre>" + "\n".join(escape(texts.one_line(each)) for each in block.lines) + "</pre>"
     else:
         of_columns = dict.fromkeys(block.words, ' class="word"') | dict.fromkeys(block.numbers, ' class="number"')
         classes = [of_columns.get(each, "") for each in block.head]

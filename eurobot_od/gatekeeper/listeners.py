@@ -10,7 +10,7 @@ from queue import Empty, SimpleQueue
 from typing import Generic, NamedTuple, TypeAlias, TypeVar
 
 from eurobot_od.gatekeeper.reports import Event, Report, Reporter, has_doubled
-from eurobot_od.support.amounts import amount
+from eurobot_od.support.texts import amount
 
 T = TypeVar("T")
 

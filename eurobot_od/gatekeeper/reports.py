@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import TypeAlias
 
-from eurobot_od.support.escaping import one_line
+from eurobot_od.support.texts import one_line
 
 
 class Event(Enum):

@@ -20,7 +20,7 @@ from eurobot_od.od.document import Document, Entry, read_bytes
 from eurobot_od.od.standard import ERROR_FIELD, ERROR_REGISTER, RESTORE, STORE
 from eurobot_od.od.values import Address, Number
 from eurobot_od.sdo.wire import AbortCode, code_and_reason
-from eurobot_od.support.escaping import one_line
+from eurobot_od.support.texts import one_line
 
 ABSENT = "-"
 STATE = (ERROR_REGISTER[0], 0x1002, ERROR_FIELD, STORE, RESTORE)

@@ -9,8 +9,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from enum import Enum
 from typing import Any, NamedTuple, Protocol, TypeAlias, TypeVar
 
-from eurobot_od.support.amounts import amount
-from eurobot_od.support.escaping import one_line
+from eurobot_od.support.texts import amount, one_line
 
 
 class Severity(Enum):

@@ -15,7 +15,7 @@ from copy import copy
 from functools import cached_property
 from io import StringIO
 from pathlib import Path
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING, NamedTuple, Self
 
 from eurobot_od.errors import DictionaryError
 from eurobot_od.od import objects as od
@@ -26,12 +26,20 @@ from eurobot_od.od.modules import Module, Modules
 from eurobot_od.od.normal import Change, Normal, Refusal, normal
 from eurobot_od.od.patches import Patch, read_patch
 from eurobot_od.od.pdos import Mapped, OnRefused, Part, Pdo, PdoReader, fatal, part_of
-from eurobot_od.od.standard import IDENTITY
-from eurobot_od.od.values import Address, Number, Value
+from eurobot_od.od.standard import IDENTITY, SDO_ANSWERS, SDO_CLIENTS, SDO_REQUESTS, SDO_SERVERS
+from eurobot_od.od.values import (
+    NODE_IDS,
+    NOT_VALID,
+    SDO_REQUEST_BASE,
+    SDO_RESPONSE_BASE,
+    Address,
+    Number,
+    Value,
+    identifier,
+)
 
 if TYPE_CHECKING:
     from canopen.objectdictionary import ObjectDictionary, ODVariable
-
 
 IDENTITY_KEYS = ("vendornumber", "productnumber", "revisionnumber", "")
 """Keys of [DeviceInfo] for the sub-indices of 0x1018 from 1 on; there is no key for the serial number."""
@@ -295,3 +303,65 @@ def _imported(file: Path, normal: Normal, node_id: int) -> ObjectDictionary:
         if target is not None:  # it is one of the refusals
             setattr(target, attribute, value.at(node_id) if isinstance(value, Number) else value)
     return objects
+
+
+# Where the SDO server is: the one rule for the simulated device, the master, logs, checks and the page.
+#
+# The file's 0x1200 counts, ParameterValue before DefaultValue, as for every other identifier of the device; without a
+# valid one it is at its default identifiers (CiA 301, 7.3.3). Only both default identifiers of another node are not
+# taken at their word unless they are ParameterValues: many files were written for one node and have its numbers where
+# $NODEID belongs. Nor are those of the node that a DCF is commissioned for, where the DCF is used for another one.
+
+
+class SdoChannel(NamedTuple):
+    """The COB-IDs of a node's SDO server: of the requests to it, and of its answers."""
+
+    requests: int
+    answers: int
+
+    @classmethod
+    def default(cls, node_id: int) -> SdoChannel:
+        """Return where a node's SDO server is by default (CiA 301, 7.3.3)."""
+        return cls(SDO_REQUEST_BASE + node_id, SDO_RESPONSE_BASE + node_id)
+
+    @classmethod
+    def of(cls, device: Dictionary) -> SdoChannel:
+        """Return where a device's SDO server is, as its file says."""
+        said = cls(device.cob_id(SDO_REQUESTS, SDO_REQUEST_BASE), device.cob_id(SDO_ANSWERS, SDO_RESPONSE_BASE))
+        node_id = said.usual_for
+        if node_id is None:
+            return said
+        # A ParameterValue was set for this device; a DefaultValue was perhaps only copied.
+        is_set = all(device.has_own_value(each) for each in (SDO_REQUESTS, SDO_ANSWERS))
+        is_for_another = node_id in (0, device.commissioned_node_id)
+        return said if is_set and not is_for_another else cls.default(device.node_id)
+
+    @property
+    def usual_for(self) -> int | None:
+        """The node-ID whose default identifiers both are, 0 if they lack one; None if they belong to no node."""
+        node_id = self.requests - SDO_REQUEST_BASE
+        return node_id if node_id in (0, *NODE_IDS) and self == self.default(node_id) else None
+
+
+def moved_server(device: Dictionary) -> str:
+    """Say where a device's SDO server is, if its file has moved it from where every tool looks for it; else nothing."""
+    at = SdoChannel.of(device)
+    if at == SdoChannel.default(device.node_id):
+        return ""
+    others = f": there node {at.usual_for} has its own by default" if at.usual_for else ""
+    return f"its SDO server is at 0x{at.requests:03X}, answers at 0x{at.answers:03X}, as its file says (0x1200){others}"
+
+
+def sdo_channels(dictionary: Dictionary) -> Iterator[tuple[int, int, int, int]]:
+    """Yield node-IDs of server and client, identifiers of requests and answers, of each channel that a file describes.
+
+    The client's is 0 if no file names it: of the default channel it is the master (CiA 301, 7.5.2.33).
+    """
+    yield dictionary.node_id, 0, *SdoChannel.of(dictionary)
+    records = [index for index in (*SDO_SERVERS[1:], *SDO_CLIENTS) if index in dictionary.members]
+    for index in records:
+        request, answer, other = (dictionary.number((index, sub)) for sub in (1, 2, 3))
+        own = dictionary.node_id
+        server, client = (own, other or 0) if index in SDO_SERVERS else (other, own)
+        if request and answer and server and not (request | answer) & NOT_VALID:
+            yield server, client, identifier(request), identifier(answer)

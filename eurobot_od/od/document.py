@@ -12,8 +12,8 @@ from collections.abc import Iterator, Sequence
 from enum import Enum
 from typing import TYPE_CHECKING, NamedTuple
 
-from eurobot_od.errors import DictionaryError
-from eurobot_od.support import bounded
+from eurobot_od.errors import DictionaryError, FileError
+from eurobot_od.support.files import read_whole
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -137,9 +137,9 @@ class Document(NamedTuple):
 def read_bytes(file: str | Path) -> bytes:
     """Return what a file holds; raises DictionaryError if it cannot be read, or is too large."""
     try:
-        return bounded.read(file)
-    except (OSError, ValueError) as error:
-        raise DictionaryError(file, None, getattr(error, "strerror", None) or str(error)) from error
+        return read_whole(file)
+    except FileError as error:
+        raise DictionaryError(file, None, error.what) from error
 
 
 def read(data: bytes) -> Document:

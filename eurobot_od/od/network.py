@@ -11,13 +11,13 @@ from collections.abc import Callable, Iterable, Mapping
 from itertools import pairwise
 from pathlib import Path
 
-from eurobot_od.errors import DictionaryError
+from eurobot_od.errors import DictionaryError, FileError
 from eurobot_od.od import DEFAULT as DEFAULT
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.od.document import read_bytes
 from eurobot_od.od.formats import files_in
 from eurobot_od.od.network_file import NetworkFile, NodeFile, read_nodelist
 from eurobot_od.od.values import NODE_IDS, parse_number
+from eurobot_od.support.files import read_whole
 
 
 def node_file(text: str) -> NodeFile:
@@ -32,14 +32,14 @@ def node_file(text: str) -> NodeFile:
 
 
 def read_network(path: str | Path) -> NetworkFile:
-    """Read a network: a folder of EDS and DCF files, `nodelist.cpj`, or a YAML file; raises DictionaryError."""
+    """Read a network: a folder of EDS and DCF files, `nodelist.cpj`, or a YAML file; raises FileError."""
     if Path(path).is_dir():
         # by their stems, so that a DCF, which comes later, takes the place of its EDS
         return NetworkFile([NodeFile(str(each)) for each in {each.stem: each for each in files_in(path)}.values()])
     read = READERS.get(Path(path).suffix.lower())
     if read is None:
-        raise DictionaryError(path, None, f"not a network: neither a folder nor one of {', '.join(READERS)}")
-    return read(read_bytes(path).decode("utf-8", "replace"), str(path))
+        raise FileError(path, f"not a network: neither a folder nor one of {', '.join(READERS)}")
+    return read(read_whole(path).decode("utf-8", "replace"), str(path))
 
 
 def is_network(path: str | Path) -> bool:
@@ -48,7 +48,7 @@ def is_network(path: str | Path) -> bool:
 
 
 def _read_yaml(text: str, file: str) -> NetworkFile:
-    from eurobot_od.od.network_yaml import read_network_file  # most commands start without YAML
+    from eurobot_od.od.yaml_files import read_network_file  # most commands start without YAML
 
     return read_network_file(text, file)
 

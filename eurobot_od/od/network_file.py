@@ -13,11 +13,12 @@ import re
 from collections.abc import Mapping, Sequence
 from pathlib import PurePath, PureWindowsPath
 from types import MappingProxyType
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 from eurobot_od.errors import DictionaryError
 from eurobot_od.od.document import parse
-from eurobot_od.od.values import Number, parse_number
+from eurobot_od.od.values import NODE_IDS, Number, parse_number
+from eurobot_od.support.declared import ByName, OneOrMore, Within
 
 
 class NodeFile(NamedTuple):
@@ -27,10 +28,10 @@ class NodeFile(NamedTuple):
     """
 
     file: str
-    node_id: int | None = None
+    node_id: Annotated[int, Within(NODE_IDS[0], NODE_IDS[-1])] | None = None
     name: str = ""
     modules: Sequence[str] | None = None
-    patch: Sequence[str] = ()
+    patch: Annotated[Sequence[str], OneOrMore()] = ()
 
 
 class TrafficEntry(NamedTuple):
@@ -47,16 +48,16 @@ class TrafficEntry(NamedTuple):
 
 
 class NetworkFile(NamedTuple):
-    """What a network file says: its nodes, shared messages, messages by urgency, kbit/s, what is sent how often.
+    """What a network file says: its nodes, shared messages, messages by urgency, bit rate, what is sent how often.
 
-    `robot` is what `plugin.find` finds, a folder relative to the file; such a file need not name nodes. `master` is the
+    `robot` is the name of an installed robot (see `plugin`); such a file need not name nodes. `master` is the
     node that leads the network, or any other name for a master without a file, such as a PC.
     """
 
-    nodes: Sequence[NodeFile] = ()
+    nodes: Annotated[Sequence[NodeFile], ByName()] = ()
     shared: Sequence[str] = ()
     order: Sequence[str] = ()
-    bit_rate: int | None = None
+    bit_rate: Annotated[int, Within(1, 1000, "kbit/s")] | None = None
     traffic: Mapping[str, TrafficEntry] = MappingProxyType({})
     robot: str = ""
     master: str = ""

@@ -23,10 +23,19 @@ from eurobot_od.errors import DictionaryError
 from eurobot_od.od import keys, values
 from eurobot_od.od.description import SIMPLE, DescribedDevice, DescribedObject, DescribedVariable, ObjectCode
 from eurobot_od.od.document import STRAY, Document, Entry, Odd, Section
-from eurobot_od.od.formats import completed, looks_odd, misspelled, read, usual_name
+from eurobot_od.od.formats import (
+    BYTES,
+    TEXTS,
+    completed,
+    looks_odd,
+    misspelled,
+    plain_number,
+    plain_value,
+    read,
+    usual_name,
+)
 from eurobot_od.od.modules import CONNECTED, with_modules
 from eurobot_od.od.patches import Patch, patched, with_settings
-from eurobot_od.od.plain import BYTES, TEXTS, plain_number, plain_value
 from eurobot_od.od.standard import MANDATORY, known_type
 from eurobot_od.od.values import NODE_ID, DataType, MappingEntry, Number, is_standard_number, parse_number
 

@@ -17,7 +17,7 @@ from zlib import crc32
 from eurobot_od.errors import LONGEST_NAME, FieldError, LocalError, UnknownName
 from eurobot_od.od import values
 from eurobot_od.od.values import DATA_TYPES, DOMAIN, REALS, Address, DataType, Value
-from eurobot_od.support.amounts import amount
+from eurobot_od.support.texts import amount
 
 if TYPE_CHECKING:
     from canopen.objectdictionary import ObjectDictionary, ODArray, ODRecord, ODVariable

@@ -26,10 +26,9 @@ from eurobot_od.errors import DictionaryError, LocalError, UnknownName
 from eurobot_od.od import formats, keys, values
 from eurobot_od.od.description import COMPOSED, DescribedDevice, DescribedVariable, ObjectCode
 from eurobot_od.od.document import Document, Entry, Section, is_text, read_bytes
-from eurobot_od.od.formats import completed
+from eurobot_od.od.formats import completed, plain_number, plain_value
 from eurobot_od.od.modules import CONNECTED
 from eurobot_od.od.objects import numbered
-from eurobot_od.od.plain import plain_number, plain_value
 from eurobot_od.od.standard import known_type
 from eurobot_od.od.values import DATA_TYPES, DataType, label, parse_number
 
@@ -64,7 +63,7 @@ class Patch(NamedTuple):
 
     def wrong(self, line: int, what: str) -> DictionaryError:
         """Return the error of a line."""
-        return DictionaryError(self.file, None, f"line {line}: {what}")
+        return DictionaryError(f"{self.file}:{line}", None, what)
 
 
 def read_patch(file: str | Path) -> Patch:
@@ -76,14 +75,9 @@ def read_patch(file: str | Path) -> Patch:
 
 
 def _of_yaml(text: str, file: str) -> Patch:
-    from eurobot_od.support.yaml_places import Problems, ReadError, mapping, read_yaml, scalar
+    from eurobot_od.support.yaml_shapes import SCALAR, mapping, read_yaml
 
-    problems: Problems = []
-    try:
-        said = read_yaml(text, mapping(mapping(scalar, key=scalar), key=scalar), problems)
-    except ReadError as error:
-        place, what = problems[0]
-        raise DictionaryError(file, None, f"line {place.line}: {what}") from error
+    said = read_yaml(text, mapping(mapping(SCALAR, SCALAR), SCALAR), file)
     return Patch(
         file,
         [
@@ -96,7 +90,7 @@ def _of_yaml(text: str, file: str) -> Patch:
 def _of_configuration(data: bytes, file: Path) -> Patch:
     document = completed(formats.read(data))
     if document.hiding:
-        raise DictionaryError(file, None, f"line {document.hiding.line}: {document.hiding.kind.value}")
+        raise DictionaryError(f"{file}:{document.hiding.line}", None, document.hiding.kind.value)
     variables = (each for whole in DescribedDevice(document).objects.values() for each in whole.variables())
     said = ((each, list(_configured(each, file))) for each in variables)
     objects = [

@@ -78,7 +78,7 @@ class Protocol:
         """Return the messages of a device, or of all devices of a network.
 
         A device is its EDS or DCF, or what was read of one, with a node-ID (1..127) if the file has none. A network is
-        an `eurobot_od.Network`, a network file (YAML, nodelist.cpj), or a folder of EDS files. Raises DictionaryError,
+        an `eurobot_od.Network`, a network file (YAML, nodelist.cpj), or a folder of EDS files. Raises FileError,
         and MappingError as the class does.
         """
         if isinstance(source, Dictionary):

@@ -16,8 +16,7 @@ from typing import Any, Concatenate, ParamSpec, cast
 
 from eurobot_od import plugin
 from eurobot_od.bus import live as runtime
-from eurobot_od.bus.live.event_loop import apart, run
-from eurobot_od.bus.live.signals import EndedBySigterm
+from eurobot_od.bus.live.event_loop import EndedBySigterm, apart, run
 from eurobot_od.device.flow import Call, Result
 from eurobot_od.pdo.message import Message, MessageT
 from eurobot_od.robot.nodes.core import Core

@@ -58,7 +58,7 @@ def own_robot(
 
     @cache
     def faults() -> Faults:
-        from eurobot_od.device.faults.messages import generated
+        from eurobot_od.device.faults.fault import generated
         from eurobot_od.pdo.protocol import Protocol
 
         ours = set(ROBOT.catalogue().types)
@@ -101,7 +101,7 @@ ROBOT = Plugin(
     faults=partial(_imported, "faults", "FAULTS"),
     suites=HERE / "check" / "suites",
     partners=partial(_called, "check.partners", "partners"),
-    panels=lambda: (_imported("panel", "FieldPanel"),),
+    panels=lambda: (_imported("scene.panel", "FieldPanel"),),
     drawings=partial(_called, "model.poses", "drawings"),
     reports=partial(_imported, "season", "REPORTS"),
     stage=partial(import_module, f"{__package__}.commands.node"),

@@ -13,9 +13,8 @@ from eurobot_od.errors import LocalError
 from eurobot_od.season.reports import Chart, ChartKind, SeasonReport
 from eurobot_od.season.season import Season
 from eurobot_od.support import svg
-from eurobot_od.support.escaping import cell
 from eurobot_od.support.svg import Axis
-from eurobot_od.support.tables import columns
+from eurobot_od.support.texts import cell, columns
 
 # Pictures: bars, lines, histograms, as SVG. They show what the rows say; nothing is smoothed or left out.
 

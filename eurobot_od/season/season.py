@@ -102,7 +102,8 @@ class Season:
                 said = {key.decode(): text.decode() for key, text in (pq.read_schema(file).metadata or {}).items()}
                 eds = pl.read_parquet(tables.file_of(self.folder, tables.RUNS, file.stem), columns=["eds"]).item()
                 rows.append((table, eds, *(said.get(key, "") for key in KNOWN)))
-        made = pl.DataFrame(rows, ["table", "eds", *KNOWN], orient="row")
+        # The types are said, as there may be no row: nothing but frames is known of a bus without files.
+        made = pl.DataFrame(rows, dict.fromkeys(("table", "eds", *KNOWN), pl.String), orient="row")
         number = pl.col("cob_id").str.strip_prefix("0x").str.to_integer(base=16, dtype=pl.UInt32)
         return made.with_columns(number).sort("cob_id", "eds")
 

@@ -1,8 +1,9 @@
-"""Files that are written completely or not at all: a crash at any moment leaves the old one or the new one.
+"""Files that are read whole, up to a limit, and written completely or not at all.
 
-Any number of programs may write one file at once; the last one wins. Each writes a file with a name of its own, which
-takes the old one's place in one step. The operating system releases the lock on the folder when its program ends;
-whoever gets it knows that other new files beside the file were left there by a crash.
+A crash at any moment leaves the old file or the new one. Any number of programs may write one file at once; the last
+one wins. Each writes a file with a name of its own, which takes the old one's place in one step. The operating system
+releases the lock on the folder when its program ends; whoever gets it knows that other new files beside the file were
+left there by a crash.
 """
 
 from __future__ import annotations
@@ -10,13 +11,17 @@ from __future__ import annotations
 import errno
 import hashlib
 import os
-import secrets
 import stat
 import time
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from glob import escape
 from pathlib import Path
+
+from eurobot_od.errors import FileError
+
+MOST = 16 << 20
+"""Bytes of the largest EDS, DCF or YAML file that is read; those of real devices have some hundred thousand."""
 
 LONGEST_WAIT, WAIT = 0.5, 0.01
 """How long another program may hold the folder or the file, and the pause before looking again, in seconds."""
@@ -26,6 +31,19 @@ ABANDONED = 60.0
 
 NAME_BYTES = 4
 """Random bytes, in hexadecimal digits, that make the name of a new file unique."""
+
+
+def read_whole(file: str | Path) -> bytes:
+    """Return what a file holds; raises FileError if it cannot be read, or holds more than `MOST` bytes."""
+    try:
+        with open(file, "rb") as stream:  # noqa: PTH123  # a name may hold what no path can
+            # One more than may be. A size asked beforehand is 0 for /dev/zero or a pipe.
+            content = stream.read(MOST + 1)
+    except (OSError, ValueError) as error:
+        raise FileError(file, getattr(error, "strerror", None) or str(error)) from error
+    if len(content) > MOST:
+        raise FileError(file, f"larger than {MOST >> 20} MB, which is the most that is read")
+    return content
 
 
 def write_whole(file: Path, content: bytes) -> None:
@@ -46,7 +64,7 @@ def _put(file: Path, content: bytes) -> None:
         return
     # A link stays one. The new file lies beside the real one: only within one file system it can take its place.
     file = Path(os.path.realpath(file))
-    beside = file.with_name(f"{file.name}.{secrets.token_hex(NAME_BYTES)}.new")
+    beside = file.with_name(f"{file.name}.{os.urandom(NAME_BYTES).hex()}.new")
     with _folder(file):
         try:
             with beside.open("xb") as new:

@@ -8,8 +8,8 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from typing import NamedTuple, TextIO, TypeAlias, TypeVar
 
-from eurobot_od.support.escaping import one_line
 from eurobot_od.support.terminal import ENDLESS, columns, redraws
+from eurobot_od.support.texts import one_line
 
 Progress: TypeAlias = Callable[[int, "int | None"], object]
 """Called with how much is done, and how much there is in all, None if that is not known."""

@@ -10,7 +10,7 @@ from html import escape
 from math import ceil, floor, log10
 from typing import NamedTuple
 
-from eurobot_od.support.escaping import one_line
+from eurobot_od.support.texts import one_line
 
 FONT = "Helvetica, Arial, 'Liberation Sans', 'DejaVu Sans', sans-serif"
 INK, PALE, GRID, PAPER = "#22262b", "#6b7178", "#e6e3d8", "#ffffff"
@@ -87,7 +87,7 @@ def group(*content: str, **attributes: object) -> str:
 
 def moved(corner: PaperPoint, *content: str, **attributes: object) -> str:
     """Return elements as one, with their origin at `corner`."""
-    return group(*content, transform=f"translate({corner[0]} {corner[1]})", **attributes)
+    return group(*content, transform=f"translate({number(corner[0])} {number(corner[1])})", **attributes)
 
 
 def _points(points: Iterable[PaperPoint]) -> str:

@@ -1,25 +1,24 @@
-"""Reads YAML into typed values that know their place in the file.
+"""YAML as nodes with their places in the file, and the problems that a file has, each with its place.
 
-Nothing is converted by the rules of YAML 1.1 (`010` is 8, `12:30` is 750, `off` is False, the second of two equal keys
-wins): a reader takes a composed node, and says with line and column what it cannot take. All problems of a file are
-collected, so one run shows them all.
+A file is parsed only as far as nodes, which `yaml_shapes` reads. All problems of a file are collected, so one run shows
+them all.
 """
 
 from __future__ import annotations
 
-import re
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import suppress
-from typing import Any, NamedTuple, NoReturn, TypeVar
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import NamedTuple, NoReturn, TypeVar
 
 import yaml
 from yaml.composer import Composer
 
-from eurobot_od.errors import UnknownName
+from eurobot_od.errors import LocalError, YamlError
+from eurobot_od.support.texts import one_line
 from eurobot_od.support.yaml_mistakes import in_words
 
 T = TypeVar("T")
-NUMBER = re.compile(r"0|[1-9][0-9]{0,99}|0x[0-9A-Fa-f]{1,99}")
 STRING = "tag:yaml.org,2002:str"
 """The tag of what YAML itself takes for a text."""
 
@@ -137,128 +136,41 @@ def refuse(node: yaml.Node, problems: Problems, what: str) -> NoReturn:
     raise ReadError
 
 
-def number(node: yaml.Node, problems: Problems) -> PlacedNumber:
-    """Read a whole number, decimal without leading zeros or 0x hexadecimal, and not in quotes."""
-    if not isinstance(node, yaml.ScalarNode) or node.style or not NUMBER.fullmatch(node.value):
-        refuse(node, problems, f"expected a whole number, decimal or 0x hexadecimal, found {shown(node)}")
-    return PlacedNumber(int(node.value, 0), place_of(node.start_mark))
+@contextmanager
+def refusing(node: yaml.Node, problems: Problems) -> Iterator[None]:
+    """Have a LocalError noted as the problem of a node, whose reader is left then."""
+    try:
+        yield
+    except LocalError as error:
+        refuse(node, problems, str(error))
 
 
-def any_text(node: yaml.Node, problems: Problems) -> PlacedText:
-    """Read a text; one that YAML takes for something else (`off`, `12:30`, `1.0`) has to be in quotes."""
-    if not isinstance(node, yaml.ScalarNode) or node.tag != STRING:
-        hint = ", which needs quotes to be one" if isinstance(node, yaml.ScalarNode) else ""
-        refuse(node, problems, f"expected a text, found {shown(node)}{hint}")
-    return PlacedText(node.value, place_of(node.start_mark))
+def taken(text: PlacedText, problems: Problems, convert: Callable[[str], T]) -> T:
+    """Convert a text that knows its place; the LocalError of one that cannot be converted is noted there."""
+    try:
+        return convert(str(text))
+    except LocalError as error:
+        problems.append(Problem(text.place, str(error)))
+        raise ReadError from None
 
 
-def text(node: yaml.Node, problems: Problems) -> PlacedText:
-    """Read a text of printable ASCII characters."""
-    value = any_text(node, problems)
-    if not (value.isascii() and value.isprintable()):
-        refuse(node, problems, f"expected printable ASCII characters, found {shown(node)}")
-    return value
+@contextmanager
+def telling(file: str | Path) -> Iterator[Problems]:
+    """Collect what is wrong with a file; raises YamlError with all of it in the end, if there is anything."""
+    problems: Problems = []
+    with suppress(ReadError):
+        yield problems
+    if problems:
+        raise YamlError(file, placed_lines(file, problems))
 
 
-def scalar(node: yaml.Node, problems: Problems) -> PlacedText:
-    """Read a single value as it is written, whatever YAML takes it for."""
-    if not isinstance(node, yaml.ScalarNode):
-        braces = isinstance(node, yaml.MappingNode) and node.flow_style
-        hint = "; a text in { } needs quotes: '{t}'" if braces else ""
-        refuse(node, problems, f"expected a single value, found {shown(node)}{hint}")
-    return PlacedText(node.value, place_of(node.start_mark))
-
-
-def number_or_text(node: yaml.Node, problems: Problems) -> PlacedNumber | PlacedText:
-    """Read a number, or else a text."""
-    return text(node, problems) if node.tag == STRING else number(node, problems)
-
-
-def matching(pattern: str, what: str) -> NodeReader[PlacedText]:
-    """Make a reader of a text that matches all of a regular expression, called `what`."""
-
-    def read(node: yaml.Node, problems: Problems) -> PlacedText:
-        value = text(node, problems)
-        if not re.fullmatch(pattern, value):
-            refuse(node, problems, f"expected {what}, found {shown(node)}")
-        return value
-
-    return read
-
-
-def listing(item: NodeReader[T], length: int | None = None) -> NodeReader[tuple[T, ...]]:
-    """Make a reader of a list of items, of exactly `length` of them if given."""
-
-    def read(node: yaml.Node, problems: Problems) -> tuple[T, ...]:
-        if not isinstance(node, yaml.SequenceNode):
-            refuse(node, problems, f"expected a list, found {shown(node)}")
-        if length not in (None, len(node.value)):
-            refuse(node, problems, f"expected a list of {length}, found {len(node.value)}")
-        return tuple(read_all(((item, each) for each in node.value), problems))
-
-    return read
-
-
-def one_or_more(item: NodeReader[T]) -> NodeReader[tuple[T, ...]]:
-    """Make a reader of one item, or of a list of them."""
-    several = listing(item)
-
-    def read(node: yaml.Node, problems: Problems) -> tuple[T, ...]:
-        return several(node, problems) if isinstance(node, yaml.SequenceNode) else (item(node, problems),)
-
-    return read
-
-
-def mapping(value: NodeReader[T], key: NodeReader[PlacedText] = text) -> NodeReader[dict[PlacedText, T]]:
-    """Make a reader of a mapping from texts to values, in the file's order, no key twice."""
-
-    def read(node: yaml.Node, problems: Problems) -> dict[PlacedText, T]:
-        pairs = pairs_of(node, problems, key)
-        return dict(zip(pairs, read_all(((value, each) for each in pairs.values()), problems), strict=True))
-
-    return read
-
-
-def record(
-    make: Callable[..., T],
-    needed: Mapping[str, NodeReader[Any]],
-    may: Mapping[str, NodeReader[Any]],
-    helps: Mapping[str, str] = {},
-) -> NodeReader[T]:
-    """Make a reader of a mapping with fixed keys: all `needed` ones, the ones that `may` be there, and no others.
-
-    `helps` say what keys are for, where one is missing.
-    """
-    readers = {**needed, **may}
-
-    def read(node: yaml.Node, problems: Problems) -> T:
-        pairs = pairs_of(node, problems)
-        wrong = [Problem(key.place, str(UnknownName("key", str(key), readers))) for key in pairs if key not in readers]
-        missing = (f"key '{key}' is missing" + (f": {helps[key]}" if key in helps else "") for key in needed)
-        wrong += [Problem(place_of(node.start_mark), what) for key, what in zip(needed, missing) if key not in pairs]
-        problems += wrong
-        known = {key: each for key, each in pairs.items() if key in readers}
-        values = read_all(((readers[key], each) for key, each in known.items()), problems)
-        if wrong:  # only now: problems with the other keys are reported in the same run
-            raise ReadError
-        return make(**dict(zip(known, values, strict=True)))
-
-    return read
-
-
-def pairs_of(
-    node: yaml.Node, problems: Problems, read_key: NodeReader[PlacedText] = text
-) -> dict[PlacedText, yaml.Node]:
-    """Return a mapping's keys with their values' nodes; a key that is given twice is a problem."""
-    if not isinstance(node, yaml.MappingNode):
-        refuse(node, problems, f"expected a mapping, `key: value`, found {shown(node)}")
-    pairs: dict[PlacedText, yaml.Node] = {}
-    for key_node, value_node in node.value:
-        key = read_key(key_node, problems)
-        if key in pairs:  # PyYAML would take the second without a word
-            problems.append(Problem(key.place, f"key '{key}' is given twice"))
-        pairs.setdefault(key, value_node)
-    return pairs
+def placed_lines(file: str | Path, problems: Iterable[Problem]) -> list[str]:
+    """Return a line `file:line:column: what` for each problem, once, in the file's order."""
+    # An object that several nodes share brings its problem several times.
+    return [
+        one_line(f"{getattr(place, 'file', file)}:{place.line}:{place.column}: {what}")
+        for place, what in sorted(set(problems))
+    ]
 
 
 def read_all(parts: Iterator[tuple[NodeReader[T], yaml.Node]], problems: Problems) -> list[T]:
@@ -273,14 +185,6 @@ def read_all(parts: Iterator[tuple[NodeReader[T], yaml.Node]], problems: Problem
     if len(problems) > before:
         raise ReadError
     return values
-
-
-def read_yaml(source: str, reader: NodeReader[T], problems: Problems) -> T:
-    """Read one YAML document; raise ReadError, with the problems noted, if there are any."""
-    value = reader(compose(source, problems), problems)
-    if problems:
-        raise ReadError
-    return value
 
 
 def compose(source: str, problems: Problems) -> yaml.Node:

@@ -21,8 +21,7 @@ from eurobot_od.pdo.codec import compiled
 from eurobot_od.pdo.kinds import OutOfRange
 from eurobot_od.pdo.message import Message, flagged_fields
 from eurobot_od.pdo.protocol import Protocol
-from eurobot_od.support.amounts import amount
-from eurobot_od.support.escaping import one_line
+from eurobot_od.support.texts import amount, one_line
 from eurobot_od.traffic.entries import MASTER, REMEMBERED, Damage, Foreign, Raw
 
 if TYPE_CHECKING:

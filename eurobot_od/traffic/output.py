@@ -15,7 +15,7 @@ from typing import Any, TypeAlias
 
 from eurobot_od.frame import Frame, identifier_text
 from eurobot_od.pdo.message import plain
-from eurobot_od.support.escaping import cell, one_line
+from eurobot_od.support.texts import cell, one_line
 from eurobot_od.traffic.meaning import Meaning, SdoTransfer, with_defects
 
 NAME_WIDTH = 29

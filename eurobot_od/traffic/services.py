@@ -13,8 +13,7 @@ from typing import NamedTuple
 
 from eurobot_od.device.emergency import ErrorWords
 from eurobot_od.od import lss, values
-from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.od.sdo_channel import sdo_channels
+from eurobot_od.od.dictionary import Dictionary, sdo_channels
 from eurobot_od.od.standard import (
     EMCY,
     SRDO_DATA,

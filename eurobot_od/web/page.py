@@ -221,8 +221,8 @@ def page(
     title: str, sources: Sequence[Mapping[str, Any]], panels: Sequence[type[Panel]] = (), **settings: object
 ) -> str:
     """Return the page that shows some sources; `settings` are for its script."""
-    styles = [_read(each) for each in (*(FILES / name for name in STYLES), *(panel.style for panel in panels))]
-    scripts = [_read(each) for each in (*(FILES / name for name in SCRIPTS), *(panel.script for panel in panels))]
+    styles = [*(_read(FILES / name) for name in STYLES), *(panel.style for panel in panels)]
+    scripts = [*(_read(FILES / name) for name in SCRIPTS), *(panel.script for panel in panels)]
     content = {"title": title, "sources": sources, "panels": panels_described(panels), **settings}
     # By hashes: with 'unsafe-inline', anything that slipped into the page could run as well.
     allowed = f"script-src {_hashes(scripts)}; style-src {_hashes(styles)}; img-src data: blob:; connect-src 'self'"

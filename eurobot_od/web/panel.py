@@ -59,8 +59,8 @@ class Panel:
 
     name: ClassVar[str]
     title: ClassVar[str]
-    script: ClassVar[Path]
-    style: ClassVar[Path]
+    script: ClassVar[str]
+    style: ClassVar[str]
     stop: ClassVar[str] = ""
     plan: ClassVar[str] = ""
 

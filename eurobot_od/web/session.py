@@ -20,7 +20,7 @@ from canopen.objectdictionary import ODVariable
 
 from eurobot_od.errors import BusError, LocalError
 from eurobot_od.frame import Frame
-from eurobot_od.od.sdo_channel import SdoChannel
+from eurobot_od.od.dictionary import SdoChannel
 from eurobot_od.od.values import NODE_IDS, SDO_RESPONSE_BASE
 from eurobot_od.traffic.entries import Damage, Raw
 from eurobot_od.traffic.meaning import Decoder

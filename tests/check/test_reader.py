@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 
 from eurobot_od.check.patterns import EmergencyPattern, FramePattern, HeartbeatPattern, MessagePattern
-from eurobot_od.check.reader import SuiteError
 from eurobot_od.check.suite import Expect, Group, Nmt, Order, Poll, SdoWrite, Send
 from eurobot_od.device.nmt import NmtCommand, NmtState
+from eurobot_od.errors import YamlError
 from eurobot_od.frame import Frame, RemoteFrame
 from eurobot_od.od.objects import address_of
 from tests.check.suites import HEAD, document, read, reader, suite
@@ -73,7 +73,7 @@ WRONG_STEPS = {
     "unknown state": ("- heartbeat: ^awake", "unknown NMT state 'awake'; known: boot-up"),
     "unknown command": ("- nmt: ^restart", "unknown NMT command 'restart'"),
     "unknown node": ("- nmt: {command: reset, node: ^wheels}", "unknown node 'wheels'; known: core, drive, navigation"),
-    "error code": ("- emcy: ^0x10000", "0x10000 is not in 0..65535"),
+    "error code": ("- emcy: ^0x10000", "error code = '0x10000' is not allowed; allowed: whole numbers 0..65535"),
     "unknown object": (
         "- sdo: {read: ^Producer heartbet time}",
         "unknown object 'Producer heartbet time'; did you mean",
@@ -97,17 +97,17 @@ WRONG_STEPS = {
         "0x1017:0: Producer heartbeat time = '12 3' is",
     ),
     # counts
-    "no times": ("- {wait: 1 s, repeat: ^0}", "0 is not in 1..100000"),
+    "no times": ("- {wait: 1 s, repeat: ^0}", "count = '0' is not allowed; allowed: whole numbers 1..100000"),
     "too many times": (
         "- ^repeat: 400\n  steps: [{repeat: 251, wait: 1 s}]",
         "with the repetitions inside it 100400 steps",
     ),
-    "more digits than a number has": (f"- {{wait: 1 s, repeat: ^{'9' * 4400}}}", "expected a whole number"),
+    "more digits than a number has": (f"- {{wait: 1 s, repeat: ^{'9' * 4400}}}", "count = '9999"),
     "longer than a day": ("- wait: ^86401 s", "86401 s is too long: at most 86400 s, a day"),
     "for ever": (f"- wait: ^{'9' * 400} s", "'999"),
     "a value of two lines": ('- expect: {Goto XY: {x: ^"a\\nb"}}', "'a\\nb' is not allowed"),
     "hexadecimal for ever": (f"- expect: {{Goto XY: {{x: ^0x{'F' * 5000}}}}}", "'0xFFF"),
-    "half a time": ("- {wait: 1 s, repeat: ^1.5}", "expected a whole number"),
+    "half a time": ("- {wait: 1 s, repeat: ^1.5}", "count = '1.5' is not allowed"),
     # variables
     "no name": ("- save: {^a-b: Goto State Response.time}", "expected a name of letters, digits and _, found 'a-b'"),
     "no field": ("- save: {t: ^Goto State Response}", "unknown field of Goto State Response"),
@@ -162,7 +162,7 @@ def test_tells_all_problems_of_all_files_at_once(tmp_path: Path) -> None:
     one.write_text(document("- wait: 1\n- send: Stop Drve\n- {send: Stop Drive, for: 1 s, wthin: x}"))
     other.write_text("a: [")
     latin.write_bytes("spec: 1 # Zürich".encode("latin-1"))
-    with pytest.raises(SuiteError) as error:
+    with pytest.raises(YamlError) as error:
         reader(None).read_files([one, other, missing, latin])
     places = [line.split(": ")[0] for line in str(error.value).splitlines()]
     assert places == [

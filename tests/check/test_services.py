@@ -6,13 +6,14 @@ from pathlib import Path
 
 import pytest
 
-from eurobot_od.check.reader import SuiteError, SuiteReader
+from eurobot_od.check.reader import SuiteReader
 from eurobot_od.check.results import Status, StepResult
 from eurobot_od.check.runner import RunOptions
 from eurobot_od.check.simulated import NodeUnderTest, run_simulated
 from eurobot_od.check.suite import NodeServices, Suite
 from eurobot_od.check.vocabulary import Networks
 from eurobot_od.device.simulated import SimulatedDevice
+from eurobot_od.errors import YamlError
 from eurobot_od.od.dictionary import Dictionary
 from tests.eds_text import DEVICE_TYPE, record, variable
 from tests.rows import rows
@@ -166,7 +167,7 @@ REFUSED = [
 
 @rows("step, what", REFUSED)
 def test_what_an_object_does_not_allow_is_told_with_its_place(step: str, what: str) -> None:
-    with pytest.raises(SuiteError) as told:
+    with pytest.raises(YamlError) as told:
         suite(step)
     (line,) = str(told.value).splitlines()
     assert line.startswith("arm.yaml:5:")

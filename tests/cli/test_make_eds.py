@@ -70,7 +70,7 @@ def test_every_problem_of_a_table_is_a_line_and_nothing_is_written(
 
 def test_a_table_that_is_not_there(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     said = run(capsys, "make-eds", str(tmp_path / "none.yaml"), "-o", str(tmp_path))
-    assert said == (3, "", f"eurobot-od: {tmp_path / 'none.yaml'}: No such file or directory\n")
+    assert said == (2, "", f"eurobot-od: {tmp_path / 'none.yaml'}: No such file or directory\n")
 
 
 def test_a_folder_that_cannot_be_written(table: Path, capsys: pytest.CaptureFixture[str]) -> None:

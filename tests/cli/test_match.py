@@ -93,7 +93,7 @@ def test_json_of_an_emergency_has_all_messages_and_nothing_moves_afterwards(
     ("words", "told"),
     [
         (["--team", "yellow"], "yellow, 2 enemies, 1 confederate"),
-        (["--enemies", "0", "--confederates", "0"], "red, no enemies, no confederates"),
+        (["--enemies", "0", "--confederates", "0"], "red, 0 enemies, 0 confederates"),
         (["--enemies", "1"], "red, 1 enemy, 1 confederate"),
         (["--dialect", "firmware2014"], "EDS files: firmware2014"),
         (["--duration", "2.5"], "begins, 2.5 s long"),

@@ -135,7 +135,7 @@ def test_a_patch_is_for_one_device_and_a_wrong_line_of_it_is_named(
     (folder / "my.yaml").write_text("0x2000:\n  DefaultValue: 99999\n")
     question = "eurobot-od: --patch my.yaml: say of which device: 5=, 1=\n"
     assert run(capsys, "show", *BOTH, "--patch", "my.yaml") == (ExitStatus.WRONG_INPUT, "", question)
-    wrong = "eurobot-od: my.yaml: line 2: DefaultValue '99999': expected INTEGER16, -32768..32767\n"
+    wrong = "eurobot-od: my.yaml:2: DefaultValue '99999': expected INTEGER16, -32768..32767\n"
     assert run(capsys, "show", *BOTH, "--patch", "5=my.yaml") == (ExitStatus.WRONG_INPUT, "", wrong)
 
 

@@ -24,7 +24,7 @@ from eurobot_od.robot.nodes import Navigation
 from eurobot_od.robot.world.channel import WorldAddress
 from eurobot_od.robot.world.instruments import SimulatedBeacons
 from eurobot_od.robot.world.remote import RemoteVehicle
-from eurobot_od.support.address import Address
+from eurobot_od.support.connections import Address
 from tests.cli.console import run
 from tests.cli.processes import PATIENCE, command, killed_if_it_hangs, line, node, serve_bus
 

@@ -41,6 +41,7 @@ def test_a_setting_is_what_the_object_has_in_its_unit() -> None:
 
 def test_what_is_written_holds_from_the_next_use_on() -> None:
     lift = Lift(dictionary())
+    assert (lift.speed, lift.motion) == (100, Motion(100, 0.25))
     lift.device.objects.write((0x2100, 1), (7).to_bytes(2, "little"))
     assert (lift.speed, lift.motion) == (7, Motion(7, 0.25))
 

@@ -7,7 +7,7 @@ from itertools import pairwise
 import pytest
 
 from eurobot_od.device.waveforms import Waveform, constant, fitted, ramp, read_waveforms, sine, square, steps, walk
-from eurobot_od.errors import LocalError
+from eurobot_od.errors import YamlError
 from eurobot_od.od.values import REAL32, UNSIGNED8
 from tests.rows import rows
 
@@ -61,22 +61,22 @@ Noise: {walk: {start: 20, step: 0.5, every: 100 ms, seed: 7, low: 10, high: 30}}
 
 
 WRONG = [
-    ("", "line 1: the file is empty"),
-    ("[1]", "line 1: expected a mapping, `key: value`, found a list"),
-    ("A: x", "line 1: expected a number, found 'x'"),
-    ("A: nan", "line 1: expected a number, found 'nan'"),
-    ("A: 1\nA: 2", "line 2: key 'A' is given twice"),
-    ("A: {saw: {}}", "line 1: expected a number or one of ramp, sine, square, steps, walk, found saw"),
-    ("A: {ramp: {low: 0, high: 1}}", "line 1: key 'period' is missing"),
-    ("A: {ramp: {low: 0, high: 1, period: 5}}", "line 1: '5' is not a duration"),
-    ("A: {ramp: {low: 0, high: 1, period: 0 s}}", "line 1: expected a time longer than 0"),
-    ("A: {steps: {values: [], every: 1 s}}", "line 1: expected at least one value"),
-    ("A: &a {ramp: {low: 0, high: 1, period: 1 s}}\nB: *a", "line 1: an alias refers to this; write it out"),
+    ("", "1:1: the file is empty"),
+    ("[1]", "1:1: expected a mapping, `key: value`, found a list"),
+    ("A: x", "1:4: expected a number, found 'x'"),
+    ("A: nan", "1:4: expected a number, found 'nan'"),
+    ("A: 1\nA: 2", "2:1: key 'A' is given twice"),
+    ("A: {saw: {}}", "1:4: expected a number or one of ramp, sine, square, steps, walk, found saw"),
+    ("A: {ramp: {low: 0, high: 1}}", "1:11: key 'period' is missing"),
+    ("A: {ramp: {low: 0, high: 1, period: 5}}", "1:37: '5' is not a duration"),
+    ("A: {ramp: {low: 0, high: 1, period: 0 s}}", "1:37: this time has to be longer than 0"),
+    ("A: {steps: {values: [], every: 1 s}}", "1:21: expected at least one entry"),
+    ("A: &a {ramp: {low: 0, high: 1, period: 1 s}}\nB: *a", "1:4: an alias refers to this; write it out"),
 ]
 
 
 @rows("text, complaint", WRONG)
 def test_a_file_that_says_no_waveforms_is_refused_with_its_line(text: str, complaint: str) -> None:
-    with pytest.raises(LocalError) as refusal:
+    with pytest.raises(YamlError) as refusal:
         read_waveforms(text, "values.yaml")
-    assert str(refusal.value).startswith(f"values.yaml, {complaint}")
+    assert str(refusal.value).startswith(f"values.yaml:{complaint}")

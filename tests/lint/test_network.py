@@ -10,7 +10,7 @@ import pytest
 import yaml
 
 from eurobot_od.cli.lint import read_network
-from eurobot_od.errors import DictionaryError
+from eurobot_od.errors import DictionaryError, FileError
 from eurobot_od.lint.findings import Severity
 from eurobot_od.lint.model import load
 from eurobot_od.lint.network import RULES, LintedNetwork, NetworkMember, lint_network, nodes_of, overview
@@ -209,19 +209,19 @@ def test_our_network_file_has_nothing_above_info() -> None:
 
 MALFORMED = [
     # (text, what the error says)
-    ("", "line 1: the file is empty"),
-    ("core.eds", "line 1: expected a mapping, `key: value`, found 'core.eds'"),
-    ("nodes: {}\n", "line 1: it names no nodes"),
-    ("nodes:\n  core: {node_id: 1}\n", "line 2: key 'file' is missing"),
-    ("nodes: {core: {file: core.eds, node_id: 128}}", "expected a number from 1 to 127, found '128'"),
+    ("", "1:1: the file is empty"),
+    ("core.eds", "1:1: expected a mapping, `key: value`, found 'core.eds'"),
+    ("nodes: {}\n", ": it names no nodes"),
+    ("nodes:\n  core: {node_id: 1}\n", "2:9: key 'file' is missing"),
+    ("nodes: {core: {file: core.eds, node_id: 128}}", "node_id = '128' is not allowed; allowed: whole numbers 1..127"),
     (
         "nodes: {core: {file: core.eds}}\nbit_rate: $NODEID+1",
-        "line 2: expected a number from 1 to 1000, found '$NODEID+1'",
+        "2:11: bit_rate = '$NODEID+1' is not allowed; allowed: whole numbers 1..1000 kbit/s",
     ),
     ("nodes: {core: {file: core.eds, colour: red}}", "unknown key 'colour'"),
-    ("nodes: {core: {file: core.eds}}\nnodes: {}", "line 2: key 'nodes' is given twice"),
-    ("nodes: {core: {file: core.eds}}\nshared: x", "line 2: expected a list, found 'x'"),
-    ("nodes: [", "line 1: a value is missing"),
+    ("nodes: {core: {file: core.eds}}\nnodes: {}", "2:1: key 'nodes' is given twice"),
+    ("nodes: {core: {file: core.eds}}\nshared: x", "2:9: expected a list, found 'x'"),
+    ("nodes: [", "1:9: a value is missing"),
     ("nodes: {core: {file: [a]}}", "expected a single value, found a list"),
     ("nodes: {core: {file: none.eds}}", "No such file"),
 ]
@@ -229,7 +229,7 @@ MALFORMED = [
 
 @rows("text, message", MALFORMED)
 def test_a_malformed_network_file_is_told_by_line(write: Callable[[str], str], text: str, message: str) -> None:
-    with pytest.raises(DictionaryError, match=re.escape(message)):
+    with pytest.raises(FileError, match=re.escape(message)):
         read_network([write(text)])
 
 
@@ -265,5 +265,5 @@ def test_a_node_is_checked_with_the_patches_over_its_file(tmp_path: Path) -> Non
     assert [each for each in after if "0x7E5" in each.message and each.file.endswith("core.eds")]
     assert not [each for each in before if "0x7E5" in each.message]
     (tmp_path / "own.yaml").write_text("0x1800:9: {DefaultValue: 1}")
-    with pytest.raises(DictionaryError, match=r"own.yaml: line 1: the file has no 0x1800:9"):
+    with pytest.raises(DictionaryError, match=r"own.yaml:1: the file has no 0x1800:9"):
         read_network([str(over)])

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from eurobot_od.errors import DictionaryError
+from eurobot_od.errors import DictionaryError, FileError
 from eurobot_od.od.network import load, node_file, read_network
 from eurobot_od.od.network_file import NodeFile
 from tests.eds_text import DEVICE_TYPE
@@ -104,20 +104,20 @@ def test_a_bare_eds_asks_for_its_node_id(tmp_path: Path) -> None:
 
 # A file's name, its text, and what is said.
 WRONG = [
-    ("nodelist.cpj", "[Other]\n", "not a nodelist: it has no [Topology]"),
-    ("nodelist.cpj", "[Topology]\nNode4Present=1\n", "line 1: node 4 has no Node4DCFName"),
-    ("network.yaml", "nodes: {}\n", "line 1: it names no nodes"),
-    ("network.yaml", "nodes:\n  a: {}\n", "line 2: key 'file' is missing"),
-    ("network.toml", "", "not a network: neither a folder nor one of .yaml, .yml, .cpj"),
+    ("nodelist.cpj", "[Other]\n", " not a nodelist: it has no [Topology]"),
+    ("nodelist.cpj", "[Topology]\nNode4Present=1\n", " line 1: node 4 has no Node4DCFName"),
+    ("network.yaml", "nodes: {}\n", " it names no nodes"),
+    ("network.yaml", "nodes:\n  a: {}\n", "2:6: key 'file' is missing"),
+    ("network.toml", "", " not a network: neither a folder nor one of .yaml, .yml, .cpj"),
 ]
 
 
 @pytest.mark.parametrize(("name", "text", "what"), WRONG)
 def test_what_is_no_network_is_told_in_one_line(tmp_path: Path, name: str, text: str, what: str) -> None:
     (tmp_path / name).write_text(text)
-    with pytest.raises(DictionaryError) as error:
+    with pytest.raises(FileError) as error:
         read_network(tmp_path / name)
-    assert str(error.value) == f"{tmp_path / name}: {what}"
+    assert str(error.value) == f"{tmp_path / name}:{what}"
 
 
 def test_an_empty_folder_is_told(tmp_path: Path) -> None:

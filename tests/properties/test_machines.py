@@ -32,7 +32,7 @@ from eurobot_od.robot import dialects
 from eurobot_od.robot.model.messages import CATALOGUE
 from eurobot_od.season.archive import BEGUN, Archived, archive
 from eurobot_od.season.writing import DecodedNetwork
-from eurobot_od.support import backoff
+from eurobot_od.support import connections
 from tests.client.flash import NODE_ID, FlashDevice, Trouble
 from tests.client.wired import wired
 
@@ -135,8 +135,8 @@ class LostConnection(RuleBasedStateMachine):
     def __init__(self) -> None:
         super().__init__()
         self._patch = pytest.MonkeyPatch()
-        self._patch.setattr(backoff, "FIRST_PAUSE", 0.0)
-        self._patch.setattr(backoff, "LONGEST_PAUSE", 0.0)
+        self._patch.setattr(connections, "FIRST_PAUSE", 0.0)
+        self._patch.setattr(connections, "LONGEST_PAUSE", 0.0)
         self._patch.setattr(Driver, "overflow", property(lambda driver: driver.bus.lost))
         self._now, self._refusals, self._lost_frames, self._away = 0.0, 0, 0, 0.0
         self._lost_at: float | None = None

@@ -1,4 +1,4 @@
-"""Files written whole: by several programs at once, over links, with the mode they had, and nothing left behind."""
+"""Files are read up to a bound, and written whole: by several programs at once, over links, nothing left behind."""
 
 from __future__ import annotations
 
@@ -8,17 +8,22 @@ import re
 import stat
 import subprocess
 import sys
+import tracemalloc
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from eurobot_od.errors import FileError
 from eurobot_od.support import files
-from eurobot_od.support.files import check_writable, write_whole
+from eurobot_od.support.files import MOST, check_writable, read_whole, write_whole
+from tests.cli.console import run
+from tests.rows import rows
 
 SIZE = 20_000
 WRITE = f"""
 import sys
+import tracemalloc
 from pathlib import Path
 from eurobot_od.support.files import write_whole
 for _ in range(60):
@@ -134,3 +139,51 @@ def test_a_file_is_on_the_disk_before_it_takes_the_others_place(file: Path, monk
     monkeypatch.setattr(Path, "replace", replaced)
     write_whole(file, b"new")
     assert steps == ["file", "replace", "folder"]
+
+
+# Reading
+
+COMMANDS = [
+    "lint {}.eds",
+    "show --eds 5={}.eds",
+    "diff {}.eds {}.eds",
+    "lint --network {}.yaml",
+    "show --network {}.yaml",
+    "check {}.yaml --simulate",
+    "make-eds {}.yaml -o out",
+    "load {}.yaml",
+    "node --eds {}.eds --values {}.yaml -i virtual",
+]
+
+
+@rows("command", COMMANDS)
+def test_a_file_that_is_too_large_is_one_line(
+    command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for suffix in ("eds", "yaml"):
+        with (tmp_path / f"large.{suffix}").open("wb") as file:
+            file.truncate(MOST + 1)
+    monkeypatch.chdir(tmp_path)
+    said = run(capsys, *command.replace("{}", "large").split())
+    assert (said.status, said.out) == (2, "")
+    assert said.err.count("\n") == 1
+    assert "larger than 16 MB, which is the most that is read" in said.err
+
+
+def test_a_file_that_just_fits_is_read(tmp_path: Path) -> None:
+    file = tmp_path / "fits.eds"
+    with file.open("wb") as stream:
+        stream.truncate(MOST)
+    assert len(read_whole(file)) == MOST
+
+
+def test_no_more_is_read_than_fits(tmp_path: Path) -> None:
+    file = tmp_path / "endless.eds"
+    with file.open("wb") as stream:
+        stream.truncate(8 * MOST)
+    tracemalloc.start()
+    with pytest.raises(FileError, match="larger than 16 MB"):
+        read_whole(file)
+    most = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert most < 3 * MOST

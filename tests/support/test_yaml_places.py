@@ -1,103 +1,40 @@
-"""YAML is read as it is written, with the place of everything, and a file's problems are all told."""
+"""YAML is parsed to nodes with their places, and a file's problems are all told."""
 
 from __future__ import annotations
 
 import pickle
 from collections.abc import Iterator
 from pathlib import Path
-from typing import NamedTuple
 
 import pytest
 import yaml
 
+from eurobot_od.errors import YamlError
 from eurobot_od.support.yaml_places import (
     PARSERS,
     Place,
     PlacedNumber,
     PlacedText,
+    Problem,
     Problems,
     ReadError,
-    any_text,
     compose,
     compose_all,
-    listing,
-    mapping,
-    matching,
-    number,
-    read_yaml,
-    record,
     refuse_aliases,
-    scalar,
-    text,
+    telling,
 )
 from tests.rows import rows
-
-
-class Pair(NamedTuple):
-    one: int
-    two: str = ""
-
-
-A_OR_B = matching("a|b", "a or b")
-PAIR = record(Pair, {"one": number}, {"two": any_text})
-
-VALID = [
-    (number, "12", 12),
-    (number, "0xFF", 255),
-    (text, "'12'", "12"),
-    (any_text, "Zürich", "Zürich"),
-    (scalar, "010", "010"),  # as written
-    (scalar, "off", "off"),
-    (A_OR_B, "b", "b"),
-    (listing(number), "[1, 2]", (1, 2)),
-    (listing(number, 2), "[1, 2]", (1, 2)),
-    (mapping(number), "{a: 1, b: 2}", {"a": 1, "b": 2}),
-    (PAIR, "{one: 1}", Pair(1)),
-    (PAIR, "{two: x, one: 1}", Pair(1, "x")),
-]
-
-INVALID = [
-    (number, "010", "1:1: expected a whole number, decimal or 0x hexadecimal, found '010'"),
-    (number, "'1'", "1:1: expected a whole number, decimal or 0x hexadecimal, found '1'"),
-    (text, "Zürich", "1:1: expected printable ASCII characters, found 'Zürich'"),
-    (any_text, "off", "1:1: expected a text, found 'off', which needs quotes to be one"),
-    (scalar, "[]", "1:1: expected a single value, found a list"),
-    (A_OR_B, "c", "1:1: expected a or b, found 'c'"),
-    (listing(number, 2), "[1]", "1:1: expected a list of 2, found 1"),
-    (mapping(number), "a: 1\nb: x\n", "2:4: expected a whole number, decimal or 0x hexadecimal, found 'x'"),
-    (mapping(number), "a: 1\na: 2\n", "2:1: key 'a' is given twice"),
-    (PAIR, "{two: x}", "1:1: key 'one' is missing"),
-    (PAIR, "{one: 1, three: 3}", "1:10: unknown key 'three'; known: one, two"),
-]
 
 
 def shown(problems: Problems) -> list[str]:
     return [f"{line}:{column}: {what}" for (line, column), what in problems]
 
 
-@rows("reader, source, value", VALID)
-def test_reads(reader: object, source: str, value: object) -> None:
-    assert read_yaml(source, reader, []) == value  # type: ignore[arg-type]
-
-
-@rows("reader, source, what", INVALID)
-def test_tells_place_and_reason(reader: object, source: str, what: str) -> None:
-    problems: Problems = []
-    with pytest.raises(ReadError):
-        read_yaml(source, reader, problems)  # type: ignore[arg-type]
-    assert shown(problems) == [what]
-
-
-def test_tells_all_problems() -> None:
-    problems: Problems = []
-    with pytest.raises(ReadError):
-        read_yaml("[x, 1, y]", listing(number), problems)
-    assert [place for place, _ in problems] == [Place(1, 2), Place(1, 8)]
-
-
-def test_values_know_their_place() -> None:
-    value = read_yaml("- 1\n- 22\n", listing(number), [])[1]
-    assert value.place == Place(2, 3)
+def test_all_problems_of_a_file_are_one_error_in_the_files_order_each_once() -> None:
+    found = [Problem(Place(3, 1), "b\nc"), Problem(Place(2, 5), "a"), Problem(Place(2, 5), "a")]
+    with pytest.raises(YamlError) as error, telling("a.yaml") as problems:
+        problems += found
+    assert str(error.value) == "a.yaml:2:5: a\na.yaml:3:1: b\\nc"
 
 
 @pytest.mark.parametrize(

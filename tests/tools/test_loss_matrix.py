@@ -37,7 +37,7 @@ def test_the_robot_stands_and_every_call_ends(cell: Cell, dialect: str) -> None:
 
 def test_every_message_and_every_loss_has_its_cells() -> None:
     cells = list(loss_matrix.cells(dialects.DEFAULT, 3))
-    assert len(cells) == len(set(cells)) == 23 * 8 + (3 * 3 + 1) * 3
+    assert len(cells) == len(set(cells)) == 23 * 8 + (3 * 3 + 1) * 3 + 3 * 5 * 3
 
 
 def test_a_match_goes_on_after_the_drive_was_frozen() -> None:
@@ -51,5 +51,5 @@ def test_a_drive_that_does_not_watch_the_core_is_seen(monkeypatch: pytest.Monkey
 
 
 def test_the_exit_status_and_the_last_line_tell_how_it_went(capsys: pytest.CaptureFixture[str]) -> None:
-    assert loss_matrix.main(["--times", "1", "--only", "bus", "--jobs", "1"]) == loss_matrix.FINE
+    assert loss_matrix.main(["--times", "1", "--only", "bus off", "--jobs", "1"]) == loss_matrix.FINE
     assert capsys.readouterr().out.splitlines()[-1].startswith("1 cells, 0 wrong; uncommanded for ")

@@ -18,8 +18,8 @@ from eurobot_od.robot.match.stage import stores
 from eurobot_od.robot.model.options import MatchOptions
 from eurobot_od.robot.model.values import TeamColour
 from eurobot_od.robot.nodes import Core, Drive, Navigation, Node
-from eurobot_od.robot.panel import FieldPanel
 from eurobot_od.robot.protocol import decoder
+from eurobot_od.robot.scene.panel import FieldPanel
 from eurobot_od.robot.world import World
 from eurobot_od.robot.world.instruments import assemble
 from eurobot_od.traffic.meaning import Decoder

@@ -7,7 +7,10 @@ from itertools import combinations
 
 import pytest
 
-from eurobot_od.robot.panel import FieldPanel
+from eurobot_od.robot.model.messages import StartConfigurationSet
+from eurobot_od.robot.model.values import TeamColour
+from eurobot_od.robot.scene.panel import FieldPanel
+from eurobot_od.robot.scene.scene import looks
 from eurobot_od.web.page import FILES
 from tests.rows import rows
 from tests.web.colours import SEEN, contrast, distance
@@ -21,17 +24,17 @@ APART = 20.0
 TEXTS = [
     *((ink, ground) for ink in ("ink", "pale", "bad", "accent", "good") for ground in ("paper", "surface")),
     ("on-accent", "accent"),
-    ("target", "paper"),
     ("paper", "bad"),
-    ("paper", "target"),
+    *((ink, ground) for ink in ("field-ink", "field-pale") for ground in ("field-paper", "field-surface")),
+    *(("field-paper", ground) for ground in ("field-goto", "field-stop")),
 ]
 
 
 def themes() -> dict[str, dict[str, str]]:
     """Return the variables of the light style, and of the dark one."""
     found: dict[str, dict[str, str]] = {"light": {}, "dark": {}}
-    for file in (FILES / "page.css", FieldPanel.style):
-        light, dark = re.findall(r":root \{(.*?)\}", file.read_text(), re.DOTALL)
+    for text in ((FILES / "page.css").read_text(), FieldPanel.style):
+        light, dark = re.findall(r":root \{(.*?)\}", text, re.DOTALL)
         for name, block in (("light", light), ("dark", dark)):
             found[name] |= dict(re.findall(r"--([\w-]+): (#[0-9a-f]{6})", block))
     return found
@@ -73,7 +76,7 @@ def test_robots_are_told_apart_by_all_eyes(theme: str, eyes: str) -> None:
 
 
 def test_each_robot_has_a_colour_of_its_own() -> None:
-    robots = [each["name"].replace(" ", "-") for each in FieldPanel.setup()["robots"] if each["colour"]]
-    teams = list(FieldPanel.setup()["teams"])
+    starts = [StartConfigurationSet(team, 2, 1, 30, 30) for team in TeamColour]
+    colours = {each.colour for start in starts for each in looks(FieldPanel.facts(), start)}
     for theme in THEMES.values():
-        assert {f"robot-{each}" for each in (*robots, *teams)} == {name for name in theme if name.startswith("robot-")}
+        assert colours == {f"var(--{name})" for name in theme if name.startswith("robot-")}

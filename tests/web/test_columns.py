@@ -9,8 +9,8 @@ import pytest
 from eurobot_od.frame import Frame
 from eurobot_od.robot.model.messages import GotoXY, KalmanPositionResponse
 from eurobot_od.robot.model.values import Source
-from eurobot_od.robot.panel import FieldPanel
 from eurobot_od.robot.protocol import decoder
+from eurobot_od.robot.scene.panel import FieldPanel
 from eurobot_od.traffic.entries import Damage, Foreign, Raw
 from eurobot_od.web import page
 from eurobot_od.web.page import Columns

@@ -9,8 +9,8 @@ import re
 
 import pytest
 
-from eurobot_od.robot.panel import FieldPanel
 from eurobot_od.robot.protocol import decoder
+from eurobot_od.robot.scene.panel import FieldPanel
 from eurobot_od.web.page import FILES, Columns, page
 
 EMPTY = Columns("empty", decoder(), 500_000).data()

@@ -153,6 +153,18 @@ def test_numbers_are_those_of_the_monitor(page: Page, logs: list[Path], capsys: 
             assert period in told[cob_id]
 
 
+def test_a_robots_values_have_its_colour(page: Page) -> None:
+    page.run("clock.seek(clock.end)")
+    for field in ("x", "y"):
+        page.run(f"plots.add(new FieldSeries(sources[0].row('Kalman Position Response'), '{field}'))")
+    page.run("plots.add(new FieldSeries(sources[0].row('Goto State Response'), 'time'))")
+    page.click("#tab-plots")
+    lines = "plots.chosen.drawnBy().map(({colour, dash}) => [colour, dash ? 'dashed' : 'solid'])"
+    assert page.run(lines) == [["--robot-red", "solid"], ["--robot-red", "dashed"], ["--line-0", "solid"]]
+    drawn = "document.querySelector('.robot circle').getAttribute('stroke')"
+    assert page.run(drawn) == "var(--robot-red)"
+
+
 def test_a_plot_is_saved_as_csv(page: Page) -> None:
     text = page.run("""(async () => {
         let kept = null;
@@ -267,13 +279,13 @@ def test_a_search_that_finds_nothing_says_so(page: Page) -> None:
 
 
 def test_a_robot_that_is_no_longer_seen_is_hollow_and_says_its_age(page: Page) -> None:
-    stale = "document.querySelectorAll('.bodies .stale').length"
+    stale = "document.querySelectorAll('.robots .stale').length"
     page.run("clock.seek(clock.end)")
     assert page.run(stale) == 0
     page.run("sources[0].rows.forEach(row => { row.times = row.times.map(time => time - 5); })")
     page.run("clock.seek(clock.end - 0.01)")
     page.wait(f"{stale} > 0")
-    assert "5 s ago" in page.text(".bodies .stale text")
+    assert "5 s ago" in page.run("document.querySelector('.names').textContent")
     assert "seen 5." in page.text(".field-panel .where")
 
 
@@ -283,6 +295,7 @@ def test_a_robot_is_drawn_by_its_outline(window: Page, tmp_path: Path) -> None:
     assert cli.main(["match", "--duration", "6", "--set", outline, "--field", str(file)]) == 0
     window.open(file.as_uri())
     window.run("clock.seek(clock.end)")
+    window.wait("document.querySelector('.robot polygon')")
     shape = window.run("document.querySelector('.robot polygon').getAttribute('points')")
     assert shape == "120,-60 -120,-60 -120,60 120,60", "y grows downwards on the drawing"
     assert window.run("document.querySelectorAll('.robot polygon').length") == 1, "the others are discs"
@@ -324,7 +337,7 @@ def test_a_lost_node_greys_its_part(page: Page) -> None:
     page.wait(f"{lost}.includes('Navi Position Response')")
     assert "Kalman Position Response" not in page.run(lost), "the drive sends it"
     assert page.run("document.querySelectorAll('.robot.lost').length") > 0
-    assert page.run("document.querySelector('.robot:not(.raw)').classList.contains('lost')") is False
+    assert page.run("document.querySelector('.robot').classList.contains('lost')") is False
 
 
 @pytest.mark.parametrize("size", [(390, 844), (360, 640)], ids=str)

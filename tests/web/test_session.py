@@ -20,8 +20,8 @@ from eurobot_od.errors import BusError
 from eurobot_od.frame import Frame
 from eurobot_od.pdo.message import Message
 from eurobot_od.robot.model.messages import StopDrive
-from eurobot_od.robot.panel import FieldPanel
 from eurobot_od.robot.protocol import decoder
+from eurobot_od.robot.scene.panel import FieldPanel
 from eurobot_od.web import session as module
 from eurobot_od.web.panel import PageEvent, Panel
 from eurobot_od.web.session import Session

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 from eurobot_od.bus.live.buses import Driver
 from eurobot_od.errors import BusError
-from eurobot_od.support.backoff import Backoff
+from eurobot_od.support.connections import Backoff
 
 if TYPE_CHECKING:
     import can

@@ -22,7 +22,7 @@ from eurobot_od.export.forms import FORMS, SUFFIXES, DocBlock, DocHeading, DocTa
 from eurobot_od.lint.findings import Severity
 from eurobot_od.lint.rules import lint
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.support.amounts import amount
+from eurobot_od.support.texts import amount
 
 JSON = ".json"
 

@@ -6,68 +6,35 @@ table of checks. A check yields problems and repairs nothing, so that one run sh
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Container, Iterable, Iterator
-from dataclasses import MISSING, dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Annotated, Any, NewType, TypeAlias, TypeVar, get_args, get_origin, get_type_hints
+from typing import Annotated, TypeAlias
 
 import yaml
 
-from eurobot_od.errors import EurobotError
 from eurobot_od.od.keys import BIT_RATES
 from eurobot_od.od.pdos import RESERVED, carries_nothing
 from eurobot_od.od.values import BASE_IDENTIFIER, MAX_BITS, NODE_ID, NODE_IDS
-from eurobot_od.support import bounded, durations, yaml_places
-from eurobot_od.support.escaping import one_line
-from eurobot_od.support.yaml_places import (
-    NodeReader,
-    Place,
-    PlacedNumber,
-    PlacedText,
-    Problem,
-    Problems,
-    ReadError,
-    refuse,
-)
+from eurobot_od.support import durations, yaml_places
+from eurobot_od.support.declared import Within
+from eurobot_od.support.files import read_whole
+from eurobot_od.support.yaml_places import Place, PlacedNumber, PlacedText, Problem, Problems, refuse, telling
+from eurobot_od.support.yaml_shapes import ASCII, NUMBER_OR_ASCII, PLAIN, SCALAR, Plain, filled, matching, shape_of
 
-FIELD_BITS = 32
-HIGHEST_16, HIGHEST_32 = 0xFFFF, 0xFFFFFFFF
-FILE_NAME = re.compile(r"[A-Za-z0-9_-]+")
 SERVICES = ("EMCY", "SDO")
 """CANopen services that may have a row in the traffic, for all nodes."""
 FORMS = {"identifier": "0x{:03X}", "index": "0x{:04X}", "setting": "'{}'"}
 """How the values of a kind are written in problems, if not as they are."""
-EntriesT = TypeVar("EntriesT", bound=dict[PlacedText, Any])
-Time = NewType("Time", PlacedText)
-Date = NewType("Date", PlacedText)
+
+Bits: TypeAlias = Annotated[PlacedNumber, Within(1, 32)]
+Milliseconds: TypeAlias = Annotated[PlacedNumber, Within(0, 0xFFFF, "ms")]
+Number32: TypeAlias = Annotated[PlacedNumber, Within(0, 0xFFFFFFFF)]
+FileName: TypeAlias = Annotated[PlacedText, matching(r"[A-Za-z0-9_-]+", "a name of letters, digits, _ and -")]
+"""What names a folder or a file, on any system."""
 
 
 # The shape of the YAML
-
-
-def filled(read_entries: NodeReader[EntriesT]) -> NodeReader[EntriesT]:
-    """Make a reader that refuses an empty mapping."""
-
-    def read(node: yaml.Node, problems: Problems) -> EntriesT:
-        return read_entries(node, problems) or refuse(node, problems, "expected at least one entry")
-
-    return read
-
-
-def naming_files(read_entries: NodeReader[EntriesT]) -> NodeReader[EntriesT]:
-    """Make a reader of a mapping whose keys become names of files or folders, on any system."""
-
-    def read(node: yaml.Node, problems: Problems) -> EntriesT:
-        entries = filled(read_entries)(node, problems)
-        wrong = [name for name in entries if not FILE_NAME.fullmatch(name)]
-        for name in wrong:
-            problems.append(Problem(name.place, f"'{name}' cannot name a file: letters, digits, _ and - only"))
-        if wrong:
-            raise ReadError
-        return entries
-
-    return read
 
 
 @dataclass(frozen=True)
@@ -77,7 +44,7 @@ class TableField:
     `default` is a number, one of the codes or, of a setting, `$NODEID`: the node-ID of the node that has the setting.
     """
 
-    bits: PlacedNumber
+    bits: Bits
     range: tuple[PlacedNumber, PlacedNumber]
     default: PlacedNumber | PlacedText
     codes: dict[PlacedText, PlacedNumber] = field(default_factory=dict)
@@ -104,7 +71,7 @@ def always_zero(bits: PlacedNumber) -> TableField:
 class Record:
     """An object of the dictionary: its index and its fields, sub-indices 1, 2, ... in this order."""
 
-    index: PlacedNumber
+    index: Annotated[PlacedNumber, Within(0x2000, 0x2FFF, form="0x{:04X}")]
     fields: Annotated[dict[PlacedText, TableField], filled]
 
 
@@ -112,7 +79,7 @@ class Record:
 class MessageRow:
     """A message: one PDO in each of its nodes; `object` is its data, None without any."""
 
-    identifier: PlacedNumber
+    identifier: Annotated[PlacedNumber, Within(1, BASE_IDENTIFIER, form="0x{:03X}")]
     senders: tuple[PlacedText, ...]
     receivers: tuple[PlacedText, ...]
     listeners: tuple[PlacedText, ...] = ()
@@ -131,17 +98,17 @@ class NodeRow:
     node's own times, in place of the table's.
     """
 
-    node_id: PlacedNumber
+    node_id: Annotated[PlacedNumber, Within(NODE_IDS[0], NODE_IDS[-1])]
     product_name: PlacedText
-    product_number: PlacedNumber
+    product_number: Number32
     order_code: PlacedText
     watches: tuple[PlacedText, ...]
-    communication_error: PlacedNumber
+    communication_error: Annotated[PlacedNumber, Within(0, 2)]
     settings: dict[PlacedText, Record]
     readings: dict[PlacedText, Record] = field(default_factory=dict)
     asks: tuple[PlacedText, ...] = ()
-    heartbeat: PlacedNumber | None = None
-    heartbeat_timeout: PlacedNumber | None = None
+    heartbeat: Milliseconds | None = None
+    heartbeat_timeout: Milliseconds | None = None
 
 
 @dataclass(frozen=True)
@@ -151,10 +118,10 @@ class DialectRow:
     `reserved` says about an object how many bits of its PDO carry nothing, by the field that they stand before.
     """
 
-    revision_number: PlacedNumber
+    revision_number: Number32
     fields: dict[PlacedText, dict[PlacedText, TableField]] = field(default_factory=dict)
-    widths: dict[PlacedText, dict[PlacedText, PlacedNumber]] = field(default_factory=dict)
-    reserved: dict[PlacedText, dict[PlacedText, PlacedNumber]] = field(default_factory=dict)
+    widths: dict[PlacedText, dict[PlacedText, Bits]] = field(default_factory=dict)
+    reserved: dict[PlacedText, dict[PlacedText, Bits]] = field(default_factory=dict)
     most_significant_first: tuple[PlacedText, ...] = ()
 
     def form_of(self, name: PlacedText, plain: Record) -> Record:
@@ -190,7 +157,7 @@ class Vendor:
     """The vendor in the identity of every node."""
 
     name: PlacedText
-    number: PlacedNumber
+    number: Number32
 
 
 @dataclass(frozen=True)
@@ -199,8 +166,8 @@ class FileData:
 
     version: PlacedNumber
     revision: PlacedNumber
-    time: Time
-    date: Date
+    time: Annotated[PlacedText, matching(r"(0[1-9]|1[0-2]):[0-5][0-9](AM|PM)", "a time hh:mmAM or hh:mmPM")]
+    date: Annotated[PlacedText, matching(r"(0[1-9]|1[0-2])-(0[1-9]|[12][0-9]|3[01])-[0-9]{4}", "a date mm-dd-yyyy")]
     author: PlacedText
     comment: str = "Made by eurobot-od make-eds from a protocol table; change it there."
 
@@ -211,18 +178,18 @@ class Table:
 
     file: FileData
     vendor: Vendor
-    serial_number: PlacedNumber
+    serial_number: Number32
     hardware_version: PlacedText
     software_version: PlacedText
     bit_rate: PlacedNumber
     bit_rates: tuple[PlacedNumber, ...]
-    heartbeat: PlacedNumber
-    heartbeat_timeout: PlacedNumber
-    nodes: Annotated[dict[PlacedText, NodeRow], naming_files]
+    heartbeat: Milliseconds
+    heartbeat_timeout: Milliseconds
+    nodes: Annotated[dict[FileName, NodeRow], filled]
     settings: dict[PlacedText, Record]
     objects: dict[PlacedText, Record]
     messages: dict[PlacedText, MessageRow]
-    dialects: Annotated[dict[PlacedText, DialectRow], naming_files]
+    dialects: Annotated[dict[FileName, DialectRow], filled]
     traffic: dict[PlacedText, TrafficRow] = field(default_factory=dict)
 
     @property
@@ -235,48 +202,8 @@ class Table:
         return {name: dialect.form_of(name, each) for name, each in self.objects.items()}
 
 
-class TableError(EurobotError):
-    """A file that is not a protocol table: `problems`, each once, in the file's order; a line for each."""
-
-    def __init__(self, file: str | Path, problems: Iterable[Problem]) -> None:
-        """Sort the problems; one that shows in several nodes or dialects is still one."""
-        self.problems = sorted(set(problems))
-        lines = (
-            one_line(f"{getattr(place, 'file', file)}:{place.line}:{place.column}: {what}")
-            for place, what in self.problems
-        )
-        super().__init__("\n".join(lines))
-
-
-READERS: dict[Any, NodeReader[Any]] = {
-    PlacedNumber: yaml_places.number,
-    PlacedText: yaml_places.text,
-    str: yaml_places.text,
-    PlacedText | None: yaml_places.text,  # None by leaving it out
-    PlacedNumber | None: yaml_places.number,
-    PlacedNumber | PlacedText: yaml_places.number_or_text,
-    Time: yaml_places.matching(r"(0[1-9]|1[0-2]):[0-5][0-9](AM|PM)", "a time hh:mmAM or hh:mmPM"),
-    Date: yaml_places.matching(r"(0[1-9]|1[0-2])-(0[1-9]|[12][0-9]|3[01])-[0-9]{4}", "a date mm-dd-yyyy"),
-}
-"""What reads a single value, by its annotation."""
-
-
-def reader_of(kind: Any) -> NodeReader[Any]:
-    """Make the reader of what an annotation says; in a dataclass, what has a default may be left out."""
-    if kind in READERS:
-        return READERS[kind]
-    origin, inner = get_origin(kind), get_args(kind)
-    if origin is Annotated:
-        wrap: Callable[[NodeReader[Any]], NodeReader[Any]] = inner[1]
-        return wrap(reader_of(inner[0]))
-    if origin is dict:
-        return yaml_places.mapping(reader_of(inner[1]))
-    if origin is tuple:
-        return yaml_places.listing(reader_of(inner[0]), None if inner[-1] is ... else len(inner))
-    readers = {name: reader_of(hint) for name, hint in get_type_hints(kind, include_extras=True).items()}
-    left_out = [each.name for each in fields(kind) if (each.default, each.default_factory) != (MISSING, MISSING)]
-    may = {name: readers.pop(name) for name in left_out}
-    return yaml_places.record(kind, readers, may)
+SINGLE_VALUES: Plain = {**PLAIN, str: ASCII, PlacedNumber | PlacedText: NUMBER_OR_ASCII}
+"""How the table's single values are read: an EDS holds ASCII only."""
 
 
 # The rules between its parts
@@ -324,32 +251,6 @@ def repeated(kind: str, values: Iterable[PlacedNumber] | Iterable[PlacedText]) -
             yield Problem(each.place, f"{kind} {value} is used twice, first in {where}")
 
 
-def numbers_out_of_range(table: Table) -> Iterator[Problem]:
-    """Check the numbers whose range CiA 301 fixes, by itself or by the width of the object that takes them."""
-    messages, nodes, dialects = table.messages.values(), table.nodes.values(), table.dialects.values()
-    records = (*data_records(table), *setting_records(table))
-    yield from outside("identifier", 1, BASE_IDENTIFIER, *(each.identifier for each in messages))
-    yield from outside("node_id", NODE_IDS[0], NODE_IDS[-1], *(each.node_id for each in nodes))
-    yield from outside("communication_error", 0, 2, *(each.communication_error for each in nodes))
-    yield from outside("index", 0x2000, 0x2FFF, *(each.index for each in records))
-    heartbeats = (table.heartbeat, *(each.heartbeat for each in nodes))
-    yield from outside("heartbeat", 0, HIGHEST_16, *(each for each in heartbeats if each is not None))
-    timeouts = (table.heartbeat_timeout, *(each.heartbeat_timeout for each in nodes))
-    yield from outside("heartbeat_timeout", 0, HIGHEST_16, *(each for each in timeouts if each is not None))
-    yield from outside("vendor number", 0, HIGHEST_32, table.vendor.number)
-    yield from outside("product_number", 0, HIGHEST_32, *(each.product_number for each in nodes))
-    yield from outside("revision_number", 0, HIGHEST_32, *(each.revision_number for each in dialects))
-    yield from outside("serial_number", 0, HIGHEST_32, table.serial_number)
-
-
-def outside(kind: str, low: int, high: int, *values: PlacedNumber) -> Iterator[Problem]:
-    """Yield a problem for each value that is not in `low`..`high`."""
-    form = FORMS.get(kind, "{}").format
-    for each in values:
-        if not low <= each <= high:
-            yield Problem(each.place, f"{kind} {form(each)} is not in {form(low)}..{form(high)}")
-
-
 def bit_rates_that_no_node_has(table: Table) -> Iterator[Problem]:
     """Check that CiA 306 knows the bit rates, and that nodes have the network's."""
     for known, rates in ((BIT_RATES, table.bit_rates), (table.bit_rates, [table.bit_rate])):
@@ -387,7 +288,6 @@ def fields_that_do_not_hold(table: Table) -> Iterator[Problem]:
 def number_problems(each: TableField) -> Iterator[Problem]:
     """Check that a field's width holds its values, and that it has values."""
     low, high = each.range
-    yield from outside("bits", 1, FIELD_BITS, each.bits)
     if each.high >= 1 << each.bits:
         yield Problem(each.bits.place, f"{each.high} does not fit into {each.bits} bits")
     if low > high:
@@ -442,17 +342,16 @@ def _composed(source: str, find: FindTable, problems: Problems) -> yaml.Node:
     if named is None:
         return own
     own.value = [pair for pair in own.value if pair[0] is not named[0]]
-    file = find(yaml_places.scalar(named[1], problems))
+    file = find(SCALAR.read(named[1], problems))
     if file is None or not file.is_file():
         refuse(named[1], problems, f"there is no table to build on that is called {yaml_places.shown(named[1])}")
-    base = _composed(bounded.read(file).decode(errors="replace"), find, problems)
+    base = _composed(read_whole(file).decode(errors="replace"), find, problems)
     return yaml_places.merged(yaml_places.elsewhere(base, str(file)), own)
 
 
 CHECKS = (
     unknown_names,
     repeated_values,
-    numbers_out_of_range,
     bit_rates_that_no_node_has,
     fields_that_do_not_hold,
     fields_that_would_carry_nothing,
@@ -468,19 +367,12 @@ EXTENDS = "extends"
 
 
 def read_table(source: str, file: str | Path, find: FindTable = lambda _: None) -> Table:
-    """Read the table from the text of `file`; raises TableError with all problems, if there are any.
+    """Read the table from the text of `file`; raises YamlError with all problems, if there are any.
 
     A table may build on another one, which it `extends`: `find` finds that. What it says itself comes beside it, or in
     its place.
     """
-    problems: Problems = []
-    try:
-        table: Table = reader_of(Table)(_composed(source, find, problems), problems)
-    except ReadError:
-        raise TableError(file, problems) from None
-    if problems:
-        raise TableError(file, problems)
-    found = [each for check in CHECKS for each in check(table)]
-    if found:
-        raise TableError(file, found)
-    return table
+    with telling(file) as problems:
+        table: Table = shape_of(Table, SINGLE_VALUES).read(_composed(source, find, problems), problems)
+        problems += (each for check in CHECKS for each in check(table))
+        return table

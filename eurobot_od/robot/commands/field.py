@@ -15,7 +15,7 @@ from eurobot_od.cli.logs import ReadOptions, add_log, entries
 from eurobot_od.errors import EurobotError, RemoteError
 
 if TYPE_CHECKING:
-    from eurobot_od.robot.picture.recording import Truth
+    from eurobot_od.robot.scene.recording import Truth
     from eurobot_od.traffic.meaning import Meaning
 
 
@@ -31,7 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> None:
     """Draw the match; say what was wrong in the log."""
     from eurobot_od.robot.model.options import MatchOptions
-    from eurobot_od.robot.panel.files import SeenMatch, form, save
+    from eurobot_od.robot.scene.files import SeenMatch, form, save
     from eurobot_od.traffic.entries import REMEMBERED
     from eurobot_od.traffic.meaning import DamageCounts
 
@@ -59,8 +59,8 @@ def run(arguments: argparse.Namespace) -> None:
 
 def _truth(logs: list[str], start: float) -> Truth:
     """Return what the world of a simulated match has left beside its log; of several logs nobody knows."""
-    from eurobot_od.robot.picture.recording import NOTHING
-    from eurobot_od.robot.picture.truth_file import read_truth
+    from eurobot_od.robot.scene.recording import NOTHING
+    from eurobot_od.robot.scene.truth_file import read_truth
 
     try:
         return read_truth(Path(logs[0]), start) if len(logs) == 1 else NOTHING

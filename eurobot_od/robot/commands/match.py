@@ -163,7 +163,7 @@ def _run_one(arguments: argparse.Namespace, options: MatchOptions) -> ExitStatus
 def _keep_truth(log: Path, world: World, began: float) -> None:
     """Write what only the world knows beside the log; without it the match is a match all the same."""
     from eurobot_od.robot.match.drawing import truth_of
-    from eurobot_od.robot.picture.truth_file import write_truth
+    from eurobot_od.robot.scene.truth_file import write_truth
 
     try:
         write_truth(log, truth_of(world), began)
@@ -199,7 +199,7 @@ def _refuse_what_does_not_go_with_one_match(arguments: argparse.Namespace) -> No
         if (value := getattr(arguments, name)) is not None:
             raise LocalError(f"--{name} {value} goes with --speed real only: in simulated time there is no such bus")
     if arguments.field is not None:
-        from eurobot_od.robot.panel.files import form
+        from eurobot_od.robot.scene.files import form
         from eurobot_od.support.files import check_writable
 
         form(arguments.field)

@@ -6,8 +6,7 @@ from collections.abc import Iterable
 from typing import Any
 
 from eurobot_od.device.faults import hooks
-from eurobot_od.device.faults.fault import Caught
-from eurobot_od.device.faults.messages import MOVED, NOT_SENT, REVERSED, TWICE, sent_late
+from eurobot_od.device.faults.fault import MOVED, NOT_SENT, REVERSED, TWICE, Caught, sent_late
 from eurobot_od.device.flow import Call
 from eurobot_od.frame import Frame
 from eurobot_od.pdo.message import Message

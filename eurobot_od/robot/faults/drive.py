@@ -8,8 +8,16 @@ from functools import partial
 from typing import Any, ClassVar
 
 from eurobot_od.device.faults import hooks
-from eurobot_od.device.faults.fault import Caught
-from eurobot_od.device.faults.messages import MOVED, NOT_ANSWERED, NOT_SENT, READ_REVERSED, REVERSED, TWICE, sent_late
+from eurobot_od.device.faults.fault import (
+    MOVED,
+    NOT_ANSWERED,
+    NOT_SENT,
+    READ_REVERSED,
+    REVERSED,
+    TWICE,
+    Caught,
+    sent_late,
+)
 from eurobot_od.device.node import Node
 from eurobot_od.errors import Refused
 from eurobot_od.frame import Frame

@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from functools import cache
 
-from eurobot_od.device.faults.fault import Caught, Fault
+from eurobot_od.device.faults.fault import Caught, Fault, Wrong, words
 from eurobot_od.device.faults.hooks import FrameChange, arriving, leaving, lost
-from eurobot_od.device.faults.messages import Wrong, words
 from eurobot_od.device.node import Node
 from eurobot_od.frame import Frame
 from eurobot_od.pdo.message import Message

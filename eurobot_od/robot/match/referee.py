@@ -14,8 +14,7 @@ from math import ceil, inf
 from pathlib import Path
 from typing import Any, TypeAlias
 
-from eurobot_od.bus.live.event_loop import exited
-from eurobot_od.bus.live.signals import Terminated
+from eurobot_od.bus.live.event_loop import Terminated, exited
 from eurobot_od.bus.live.watchdog import Hang, caller
 from eurobot_od.device.flow import Call
 from eurobot_od.errors import LocalError, ProgramFailed, RemoteError, StateError
@@ -26,6 +25,7 @@ from eurobot_od.robot.model.values import Outcome
 from eurobot_od.robot.nodes.core import Core
 from eurobot_od.robot.nodes.goto import GotoReport
 from eurobot_od.robot.world.timeline import EventKind, Timeline
+from eurobot_od.support.texts import amount
 
 # The observer, who tells the timeline what a strategy does and what happens to it; a strategy need not tell it itself
 
@@ -151,11 +151,6 @@ async def _played(strategy: Strategy, core: Core) -> None:
         raise ProgramFailed(exited(end)).with_traceback(end.__traceback__) from None
 
 
-def _count(number: int, one: str, several: str = "") -> str:
-    """Return a number with its noun: `no enemies`, `1 enemy`, `2 enemies`."""
-    return f"{number or 'no'} {one if number == 1 else several or one + 's'}"
-
-
 class Referee:
     """A match that a strategy plays with `core`; what happens goes into `timeline`.
 
@@ -189,7 +184,7 @@ class Referee:
         # The diameter in cm for a radius in mm, rounded up: strategies keep clear of it.
         diameters = [ceil(each.radius / 5) * (number < options.enemies) for number, each in enumerate(enemies)]  # cm
         took = await self.core.configure_start(options.team, options.enemies, options.confederates, *diameters)
-        others = f"{_count(options.enemies, 'enemy', 'enemies')}, {_count(options.confederates, 'confederate')}"
+        others = f"{amount(options.enemies, 'enemy', 'enemies')}, {amount(options.confederates, 'confederate')}"
         what = f"{options.team.name.lower()}, {others}"
         self.timeline.tell(EventKind.CONFIGURE, f"{what}: confirmed after {took * 1000:.1f} ms", seconds=took)
         patience = self.clock() + FIRST_POSITION

@@ -37,8 +37,8 @@ def rehearse(
 
     It also works in a notebook. The strategy starts when the nodes have booted. `log` is a file for all frames, in the
     format of its suffix; `picture` is one for the drawing: .svg, .html or .png. Both are written even if the strategy
-    raises. Raises what the strategy raises, ProgramFailed if it hangs, DictionaryError, OSError, LocalError for a
-    suffix or an option.
+    raises. Raises what the strategy raises, ProgramFailed if it hangs, FileError, OSError, LocalError for a suffix or
+    an option.
     """
     return apart(lambda: _rehearse(strategy, options, log, picture))
 
@@ -65,7 +65,7 @@ def _rehearse(
     with ExitStack() as stack:
         if picture is not None:
             from eurobot_od.robot.match.drawing import draw
-            from eurobot_od.robot.panel.files import form
+            from eurobot_od.robot.scene.files import form
 
             form(Path(picture))  # raises for a suffix before anything is played
             frames: list[tuple[float, Frame]] = []

@@ -41,7 +41,7 @@ def play_many(
 
     `log` is the name of a file for the frames of each match, with `{seed}` in it.
 
-    Raises UnknownName, DictionaryError, LocalError before anything is played, ChildProcessError if a process dies.
+    Raises UnknownName, FileError, LocalError before anything is played, ChildProcessError if a process dies.
     """
     player = SeedPlayer(options, strategies, _digest(options, strategies), log)
     Performance(options, stage(player)[0], World(options, lambda: 0.0))  # raises here, once

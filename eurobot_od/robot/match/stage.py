@@ -18,8 +18,7 @@ import can
 from eurobot_od import plugin
 from eurobot_od.bus import live as runtime
 from eurobot_od.bus.live import BITRATE, Live
-from eurobot_od.bus.live.event_loop import run, run_in, watched_loop
-from eurobot_od.bus.live.signals import EndedBySigterm
+from eurobot_od.bus.live.event_loop import EndedBySigterm, run, run_in, watched_loop
 from eurobot_od.bus.live.watchdog import Watchdog, passing
 from eurobot_od.bus.simulated import loop as simulated_loop
 from eurobot_od.bus.simulated.network import Simulation, processing_time
@@ -108,7 +107,7 @@ class EdsFiles(NamedTuple):
 
     @classmethod
     def read(cls, options: MatchOptions) -> EdsFiles:
-        """Read the EDS files of a match; raises UnknownName, DictionaryError, LocalError for a missing node."""
+        """Read the EDS files of a match; raises UnknownName, FileError, LocalError for a missing node."""
         robot = plugin.find(options.robot)
         folder = robot.dialects.folder(options.dialect)
         dictionaries = {each.name: each for each in robot.dialects.load_all(options.dialect)}
@@ -216,7 +215,7 @@ def play_simulated(
     """Play a match in simulated time; without `files` the EDS files are read.
 
     `against` is the strategy of a second robot, which takes enemy 1's place on a bus of its own. Raises NoAnswer,
-    UnknownName, DictionaryError, LocalError. `tell` gets a line about each line of a strategy that blocks.
+    UnknownName, FileError, LocalError. `tell` gets a line about each line of a strategy that blocks.
     """
     if against is not None and not options.enemies:
         raise LocalError("a second robot takes the place of an enemy, and the match has none")
@@ -269,8 +268,7 @@ def play_live(
 ) -> tuple[Summary, World]:
     """Play a match in real time; each node and the watcher get a bus of their own from `open_bus`.
 
-    The bus's load is computed for `bit_rate`, in bit/s. Raises BusError, NoAnswer, UnknownName, DictionaryError,
-    LocalError.
+    The bus's load is computed for `bit_rate`, in bit/s. Raises BusError, NoAnswer, UnknownName, FileError, LocalError.
     """
     begin = time.monotonic()
 

@@ -9,11 +9,18 @@ import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from enum import Enum
-from typing import NamedTuple
+from typing import Annotated, NamedTuple, TypeAlias
 
-from eurobot_od.errors import UnknownName
+from eurobot_od.errors import LocalError, UnknownName
 from eurobot_od.robot.model.places import Point, Pose, normalise
-from eurobot_od.robot.model.values import Barriers, Passage, Source, TeamColour
+from eurobot_od.robot.model.values import FLAGGED, Barriers, Passage, Source, TeamColour
+from eurobot_od.support.declared import Listed, Within
+
+SIDE, ANGLE = Within(0, 100_000, "mm"), Within(0, 359, "degrees")
+"""Places on a side of the largest field, and headings."""
+
+OnField: TypeAlias = Annotated[Point, Listed(SIDE, SIDE)]
+Radius: TypeAlias = Annotated[float, Within(10, 1000, "mm")]
 
 # Tasks
 
@@ -28,28 +35,34 @@ class Worth(Enum):
     """A point for each piece of fruit that the robot has with it."""
 
 
+class Stand(NamedTuple):
+    """Where a robot stands and looks for a task: mm and degrees, whole numbers as in a goto."""
+
+    x: int
+    y: int
+    angle: int
+
+
 class Task(NamedTuple):
-    """Something to do at a place: mm, and the heading of the robot in degrees.
+    """Something to do at a place.
 
     It takes `seconds`. Each of `tries` succeeds with the probability `chance`, and then brings `points`. A task that is
     `shared` can be done once, by whoever comes first; any other once by each robot.
     """
 
     name: str
-    x: int
-    y: int
-    angle: int
-    seconds: float
-    tries: int
-    points: int
-    chance: float
+    at: Annotated[Stand, Listed(SIDE, SIDE, ANGLE)]
+    seconds: Annotated[float, Within(0, 1000, "s")]
+    tries: Annotated[int, Within(1, 1000)]
+    points: Annotated[int, Within(0, 10_000)]
+    chance: Annotated[float, Within(0, 1)]
     worth: Worth = Worth.POINTS
     shared: bool = False
 
     @property
     def pose(self) -> Pose:
         """The pose in which to do it."""
-        return Pose(self.x, self.y, self.angle)
+        return Pose(*self.at)
 
     @property
     def expected(self) -> float:
@@ -57,11 +70,15 @@ class Task(NamedTuple):
         return self.tries * self.chance * self.points
 
 
-class Wheels(NamedTuple):
-    """The two driven wheels: the distance between them, and their diameter, mm."""
+FROM_MIDDLE = Within(-1000, 1000, "mm")
+Corner: TypeAlias = Annotated[Point, Listed(FROM_MIDDLE, FROM_MIDDLE)]
 
-    track: float
-    diameter: float
+
+class Wheels(NamedTuple):
+    """The two driven wheels: the distance between them, and their diameter."""
+
+    track: Annotated[float, Within(1, 2000, "mm")]
+    diameter: Annotated[float, Within(1, 1000, "mm")]
 
 
 @dataclass(frozen=True)
@@ -111,18 +128,18 @@ class Zone(NamedTuple):
 class Start(NamedTuple):
     """Where a team starts: its zone, and the robot's place in it."""
 
-    zone: Zone
-    pose: Pose
+    zone: Annotated[Zone, Listed(SIDE, SIDE, SIDE, SIDE)]
+    pose: Annotated[Pose, Listed(SIDE, SIDE, ANGLE)]
 
 
 class Trees(NamedTuple):
-    """Trees at the border: the radius of their trunks and their places, mm."""
+    """Trees at the border: the radius of their trunks and their places."""
 
-    radius: float = 0.0
-    places: tuple[Point, ...] = ()
+    radius: Annotated[float, Within(1, 1000, "mm")]
+    places: tuple[OnField, ...]
 
 
-NO_TREES = Trees()
+NO_TREES = Trees(0, ())
 
 
 @dataclass(frozen=True)
@@ -160,11 +177,11 @@ AROUND = {BarrierShape.DISC: 2, BarrierShape.TRIANGLE: math.sqrt(3), BarrierShap
 
 
 class BarrierKind(NamedTuple):
-    """A kind of barrier: its shape and size in mm (diameter or side), and whether a robot pushes it along."""
+    """A kind of barrier: its shape and size (diameter or side), and whether a robot pushes it along."""
 
     name: str
     shape: BarrierShape
-    size: float
+    size: Annotated[float, Within(1, 5000, "mm")]
     pushed: bool = False
 
     @property
@@ -174,10 +191,10 @@ class BarrierKind(NamedTuple):
 
 
 class Barrier(NamedTuple):
-    """A barrier: its `name`, its `number` 1..8 in the flags of Goto XY, its kind, and its centre in mm."""
+    """A barrier: its `name`, its `number` in the flags of Goto XY, its kind, and its centre in mm."""
 
     name: str
-    number: int
+    number: Annotated[int, Within(1, FLAGGED)]
     kind: BarrierKind
     x: float
     y: float
@@ -191,11 +208,17 @@ class Barrier(NamedTuple):
 # All facts
 
 
-class OtherRobot(NamedTuple):
-    """Another robot of a simulated match: its radius in mm, and the way points of its rounds when our team is red."""
+def _leads_somewhere(rounds: tuple[Point, ...]) -> tuple[Point, ...]:
+    if len(rounds) < 2:
+        raise LocalError("rounds has less than 2 places")
+    return rounds
 
-    radius: float
-    rounds: tuple[Point, ...]
+
+class OtherRobot(NamedTuple):
+    """Another robot of a simulated match: its radius, and the way points of its rounds when our team is red."""
+
+    radius: Radius
+    rounds: Annotated[tuple[OnField, ...], _leads_somewhere]
 
 
 @dataclass(frozen=True)
@@ -242,9 +265,9 @@ class Facts:
             return dict(self.red_tasks)
         tasks = {}
         for task in self.red_tasks.values():
-            x = int(self.field.width) - task.x
+            at = Stand(int(self.field.width) - task.at.x, task.at.y, int(normalise(180 - task.at.angle)))
             # The mirrored place keeps its own name: yellow's `fire 1` is where red's is.
-            there = (each.name for each in self.red_tasks.values() if (each.x, each.y) == (x, task.y))
+            there = (each.name for each in self.red_tasks.values() if each.at[:2] == at[:2])
             name = next(there, task.name)
-            tasks[name] = task._replace(name=name, x=x, angle=int(normalise(180 - task.angle)))
+            tasks[name] = task._replace(name=name, at=at)
         return tasks

@@ -114,7 +114,7 @@ class MatchOptions:
     def facts(self) -> Facts:
         """Return the facts of the robot and its match: from the file beside the EDS files, changed by the settings.
 
-        Raises UnknownName, DictionaryError, LocalError, OSError.
+        Raises UnknownName, FileError, LocalError.
         """
         return facts_for(plugin.find(self.robot).dialects.folder(self.dialect), self.settings)
 

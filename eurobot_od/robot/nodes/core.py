@@ -59,7 +59,6 @@ from eurobot_od.robot.nodes import startup
 from eurobot_od.robot.nodes.equipment import Actuators, Approach, Detection, DistanceSensor
 from eurobot_od.robot.nodes.goto import (
     LOST_PLACE,
-    NO_GOTO,
     End,
     GotoReport,
     NotStanding,
@@ -154,7 +153,7 @@ class Core(CallingNode, CoreSettings):
         self._lost = ""
         self._twins = Twins()
         self._place: Place | None = None
-        self._astray = self._forgotten = False
+        self._astray = False
         self._match: Timer | None = None
         self._match_end: float | None = None
         self._polling = 0
@@ -460,7 +459,7 @@ class Core(CallingNode, CoreSettings):
         except BaseException:
             self._lost = self._lost or before
             raise
-        self.configuration, self.shut_down, self._forgotten = configuration, False, False
+        self.configuration, self.shut_down = configuration, False
         # The safe state is over, so a late goto is answered with a plain stop again.
         self._stopped = None if self._stopped is None else messages.StopDrive()
         self.clear_error(Standstill)
@@ -504,8 +503,7 @@ class Core(CallingNode, CoreSettings):
             raise
         else:
             if end.outcome is Outcome.LOST:
-                # A drive that has no goto may have booted, and then no longer knows its place.
-                self._lost, self._forgotten = end.why, end.why == NO_GOTO
+                self._lost = end.why
                 self._halt(messages.StopDrive())
         finally:
             limit.cancel()
@@ -524,7 +522,7 @@ class Core(CallingNode, CoreSettings):
         here = yield from drive_position(self)
         # Once configured, a drive believes in its start place until the navigation says otherwise: one that still knows
         # its place is left alone.
-        if here.x is None or self._forgotten or not self.readiness.configured:
+        if here.x is None or not self.readiness.configured:
             yield from self._configure(configuration)
         elif "navigation" not in self.without:
             yield from startup.tell_navigation(self, configuration)
@@ -660,10 +658,8 @@ class Core(CallingNode, CoreSettings):
         if self._goes_on_without(node_id, why):
             return
         self._lost = why
-        is_drive = self._is("drive", node_id)
         # A booting navigation forgets nothing that the drive needs; a drive forgets goto, place and configuration.
-        self._forgotten = self._forgotten or is_drive
-        if self.is_commanding and is_drive:
+        if self.is_commanding and self._is("drive", node_id):
             self._stop(messages.StopDrive(), Outcome.LOST, self._lost)
 
     def _is(self, node: str, node_id: int) -> bool:

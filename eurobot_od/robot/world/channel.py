@@ -18,7 +18,7 @@ from eurobot_od.robot.model.options import MatchOptions
 from eurobot_od.robot.model.values import Source
 from eurobot_od.robot.nodes.motion import Odometry
 from eurobot_od.robot.world.world import OURS, LocalVehicle, World
-from eurobot_od.support.address import Address, parse
+from eurobot_od.support.connections import Address, parse
 
 VERSION = 1
 """The version of requests and answers; a client refuses any other."""

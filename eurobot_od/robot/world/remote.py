@@ -22,7 +22,7 @@ from eurobot_od.robot.nodes.equipment import Detection
 from eurobot_od.robot.nodes.motion import Odometry
 from eurobot_od.robot.world.channel import ANSWER, ERROR, LINE_LIMIT, REQUEST, ROBOT, TOKEN, VERSION, WorldAddress
 from eurobot_od.robot.world.world import OURS
-from eurobot_od.support.address import Address
+from eurobot_od.support.connections import Address
 
 Value = TypeVar("Value")
 

@@ -15,7 +15,7 @@ from eurobot_od.errors import WorldError
 from eurobot_od.robot.world.channel import LINE_LIMIT, TOKEN, Channel, WorldAddress
 from eurobot_od.robot.world.timeline import EventKind, MatchEvent
 from eurobot_od.robot.world.world import OURS, World
-from eurobot_od.support.address import Address
+from eurobot_od.support.connections import Address
 
 LOOKS = 0.1
 """Seconds between two looks for news."""

@@ -10,12 +10,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 
-from eurobot_od.errors import DictionaryError, LocalError
+from eurobot_od.errors import DictionaryError, FileError, LocalError
 from eurobot_od.od import standard, values
-from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.dictionary import Dictionary, SdoChannel
 from eurobot_od.od.network_file import NetworkFile, TrafficEntry
 from eurobot_od.od.pdos import Pdo
-from eurobot_od.od.sdo_channel import SdoChannel
 from eurobot_od.od.values import PdoDirection
 from eurobot_od.support import durations
 from eurobot_od.traffic.load.analysis import MessageSet, PeriodicMessage
@@ -34,7 +33,7 @@ def network_set(
 ) -> MessageSet:
     """Return the messages of some devices; `names` are those of the PDOs by COB-ID, `file` is the network file's name.
 
-    Raises DictionaryError for a row of the network file that does not hold, LocalError for messages without a period.
+    Raises FileError for a row of the network file that does not hold, LocalError for messages without a period.
     """
     devices = tuple(dictionaries)
     reader = _Rows(devices, network.traffic, file)
@@ -170,8 +169,8 @@ class _Rows:
                 return number * MS
         raise self._error(text, f"{text!r} is neither a duration nor a setting of a device")
 
-    def _error(self, at: str, what: str) -> DictionaryError:
+    def _error(self, at: str, what: str) -> FileError:
         """Return the error at a text of the network file, which knows its place."""
         known = next((name for name in self._rows if name == at), at)  # the file's own text, with its place
         place = getattr(at, "place", None) or getattr(known, "place", None)
-        return DictionaryError(f"{self._file}:{place.line}:{place.column}" if place else self._file, None, what)
+        return FileError(f"{self._file}:{place.line}:{place.column}" if place else self._file, what)

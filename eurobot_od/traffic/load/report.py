@@ -8,7 +8,7 @@ from math import ceil, floor, log10
 from typing import Any, NamedTuple
 
 from eurobot_od.support import svg
-from eurobot_od.support.tables import columns
+from eurobot_od.support.texts import columns
 from eurobot_od.traffic.load.analysis import MICROSECONDS, MessageSet, PeriodicMessage, analysed
 
 NO_BOUND = "no bound"

@@ -12,8 +12,7 @@ from rich.console import Group, JustifyMethod, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from eurobot_od.support.amounts import amount
-from eurobot_od.support.tables import GAP
+from eurobot_od.support.texts import GAP, amount
 from eurobot_od.traffic.meaning import CANOPEN
 from eurobot_od.traffic.monitor.traffic import (
     ALIGN,

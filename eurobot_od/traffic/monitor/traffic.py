@@ -17,8 +17,7 @@ from eurobot_od.client.watch import Heartbeats
 from eurobot_od.device.nmt import STATE_NAMES, NmtState
 from eurobot_od.frame import Frame, identifier_text
 from eurobot_od.od.standard import HEARTBEAT_TIME
-from eurobot_od.support.escaping import one_line
-from eurobot_od.support.tables import GAP, columns
+from eurobot_od.support.texts import GAP, columns, one_line
 from eurobot_od.traffic.decoding import Following
 from eurobot_od.traffic.entries import Damage, Raw
 from eurobot_od.traffic.load.analysis import MessageSet

@@ -399,7 +399,7 @@ views.push({name: "messages", title: "Messages", make() {
 
 // Plots
 
-const COLOURS = ["--line-0", "--line-1", "--line-2", "--line-3", "--line-4", "--line-5", "--line-6", "--line-7"];
+const ownColours = [];                      // of panels: (row, time) to the variable of its colour, null for any other row
 const css = name => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
 
 class Plot {
@@ -438,11 +438,13 @@ class Plot {
     this.chart = null;
     show(this.empty, !this.series.length);
     this.labels = this.series.map(() => h("b", {}));
-    this.legend.replaceChildren(...this.series.map((each, place) => h("span", {class: `line line-${place % 8}`}, each.name, " ",
+    this.lines = this.drawnBy();
+    this.legend.replaceChildren(...this.series.map((each, place) => h("span", {class: this.lines[place].dash ? "line dashed" : "line"}, each.name, " ",
       this.labels[place], h("button", {"aria-label": `take ${each.name} out of the plot`, onclick: () => {
         this.series.splice(place, 1);
         this.build();
       }}, "×"))));
+    this.lines.forEach(({colour}, place) => this.legend.children[place].style.setProperty("--line", `var(${colour})`));
     if (!this.series.length || !this.canvas.clientWidth) return;
     const axis = {stroke: css("--ink"), grid: {stroke: css("--grid"), width: 1}, ticks: {stroke: css("--grid"), width: 1}};
     const units = [...new Set(this.series.map(each => each.unit))].join(", ");
@@ -452,7 +454,7 @@ class Plot {
       axes: [{...axis, label: "time in s", labelSize: 18}, {...axis, label: units || undefined, labelSize: 18, size: (_, values) => Math.max(60, 18 + 8 * Math.max(0, ...(values || []).map(each => each.length)))}],
       cursor: {sync: {key: "time"}, drag: {x: true, y: false, setScale: false}, bind: {dblclick: () => () => plots.zoom(null)}},
       series: [{}, ...this.series.map((each, place) => ({
-        label: each.name, stroke: css(COLOURS[place % 8]), width: 1.6, spanGaps: true, dash: place >= 4 ? [6, 4] : undefined,
+        label: each.name, stroke: css(this.lines[place].colour), width: 1.6, spanGaps: true, dash: this.lines[place].dash,
         // Stepped: between two frames a value is the last one. Gaps: joined series have none where another has a time.
         paths: uPlot.paths.stepped({align: 1}), points: {show: false},
       }))],
@@ -471,6 +473,16 @@ class Plot {
     }, this.data(), this.canvas);
     this.chart.over.append(this.playhead);
     this.ranged();
+  }
+  drawnBy() {                               // of each series: a colour of its own, or of its row's thing; there dashes differ
+    const drawn = [];
+    for (const {row} of this.series) {
+      const own = row && ownColours.map(each => each(row, clock.time)).find(Boolean);
+      const plain = drawn.filter(each => !each.own).length, same = drawn.filter(each => each.colour === own).length;
+      drawn.push(own ? {own, colour: own, dash: [undefined, [6, 4], [2, 3]][same % 3]}
+        : {own, colour: `--line-${plain % 8}`, dash: plain >= 4 ? [6, 4] : undefined});
+    }
+    return drawn;
   }
   data() { return uPlot.join(this.series.map(each => each.data())); }
   ranged() {
@@ -505,7 +517,7 @@ class Plot {
     pen.fillRect(0, 0, canvas.width, canvas.height);
     pen.font = `${13 * scale}px sans-serif`;
     this.series.forEach((each, place) => {
-      pen.fillStyle = css(COLOURS[place % 8]);
+      pen.fillStyle = css(this.lines[place].colour);
       pen.fillText(each.name, 10 * scale, 20 * scale * (place + 1));
     });
     pen.drawImage(from, 0, head);

@@ -12,8 +12,8 @@ from can.interfaces.virtual import VirtualBus
 from eurobot_od.bus.live import Driver
 from eurobot_od.bus.live.connection import Connection, Gaps
 from eurobot_od.errors import BusError
-from eurobot_od.support import backoff
-from eurobot_od.support.backoff import STEADY
+from eurobot_od.support import connections
+from eurobot_od.support.connections import STEADY
 
 FAILED = BusError("it failed")
 
@@ -48,8 +48,8 @@ class Scene:
 
 @pytest.fixture(autouse=True)
 def _at_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(backoff, "FIRST_PAUSE", 0.001)
-    monkeypatch.setattr(backoff, "LONGEST_PAUSE", 0.002)
+    monkeypatch.setattr(connections, "FIRST_PAUSE", 0.001)
+    monkeypatch.setattr(connections, "LONGEST_PAUSE", 0.002)
 
 
 def test_only_the_first_who_notices_is_heard() -> None:

@@ -21,7 +21,7 @@ from eurobot_od.robot.nodes import Drive
 from eurobot_od.robot.nodes.motion import AT_REST, Odometry, WheelCommand
 from eurobot_od.robot.nodes.node import Handlers
 from eurobot_od.robot.protocol import EurobotProtocol
-from eurobot_od.support.backoff import FIRST_PAUSE
+from eurobot_od.support.connections import FIRST_PAUSE
 from tests.bus.live.loose import LONG, Reports, wait_for
 
 PROTOCOL = EurobotProtocol.load()

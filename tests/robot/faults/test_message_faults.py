@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from eurobot_od.device.faults.fault import Caught
-from eurobot_od.device.faults.messages import (
+from eurobot_od.device.faults.fault import (
     MOVED,
     NOT_ANSWERED,
     NOT_SENT,
     READ_REVERSED,
     REVERSED,
     TWICE,
+    Caught,
     Wrong,
     sent_late,
 )

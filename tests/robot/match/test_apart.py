@@ -17,7 +17,7 @@ from eurobot_od.robot.protocol import EurobotProtocol
 from eurobot_od.robot.world.channel import WorldAddress
 from eurobot_od.robot.world.remote import RemoteVehicle
 from eurobot_od.robot.world.timeline import EventKind, MatchEvent
-from eurobot_od.support.address import Address
+from eurobot_od.support.connections import Address
 from tests.client.peers import new_channel, open_bus
 from tests.robot.nodes.harness import put
 

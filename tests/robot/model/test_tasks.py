@@ -31,17 +31,17 @@ def test_a_fire_is_where_its_task_looks(team: TeamColour) -> None:
     for name in sorted(bodies.keys() & FACTS.tasks(team).keys()):
         task, thing = FACTS.tasks(team)[name], bodies[name]
         assert math.dist(task.pose.point, thing.point) < FACTS.body.radius + thing.radius + 60, name
-        assert abs(task.pose.bearing(thing.point) - task.angle) < 3, name
+        assert abs(task.pose.bearing(thing.point) - task.at.angle) < 3, name
 
 
 def test_yellow_plays_the_mirror_image() -> None:
     red, yellow, width = FACTS.tasks(TeamColour.RED), FACTS.tasks(TeamColour.YELLOW), FACTS.field.width
     assert red.keys() == yellow.keys()
-    mirrored = {(round(width - task.x), task.y, (180 - task.angle) % 360) for task in red.values()}
-    assert {(task.x, task.y, task.angle) for task in yellow.values()} == mirrored
-    assert (yellow["fire 2"].x, yellow["fire 1"].x) == (
-        FACTS.field.width - red["fire 1"].x,
-        FACTS.field.width - red["fire 2"].x,
+    mirrored = {(round(width - task.at.x), task.at.y, (180 - task.at.angle) % 360) for task in red.values()}
+    assert {(task.at.x, task.at.y, task.at.angle) for task in yellow.values()} == mirrored
+    assert (yellow["fire 2"].at.x, yellow["fire 1"].at.x) == (
+        FACTS.field.width - red["fire 1"].at.x,
+        FACTS.field.width - red["fire 2"].at.x,
     )
 
 

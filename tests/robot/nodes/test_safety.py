@@ -740,8 +740,11 @@ def test_16_answers_without_a_goto_count_in_a_row_only(half: Bench) -> None:
     assert not call.done()
 
 
-@pytest.mark.parametrize("after", [0.1, 0.5, 2.0, 5.0])
-def test_16_a_drive_that_boots_loses_its_goto_and_the_next_one_recovers_it(bench: Bench, after: float) -> None:
+@pytest.mark.parametrize(("after", "place"), [(0.1, "unknown"), (0.5, "unknown"), (2.0, "seen"), (5.0, "seen")])
+def test_16_a_drive_that_boots_loses_its_goto_and_the_next_one_recovers_it(
+    bench: Bench, after: float, place: str
+) -> None:
+    """Once the beacons have seen a drive that has booted, it knows its place, and nothing may erase that."""
     true_robot(bench)
     bench.run(2.5)  # positions are polled
     call = drive_off(bench)
@@ -755,9 +758,10 @@ def test_16_a_drive_that_boots_loses_its_goto_and_the_next_one_recovers_it(bench
     bench.run(8.0)
     assert next_goto.result(0).outcome is Outcome.ARRIVED
     order = [type(each) for each in bench.messages()[begun:]]
-    steps = [CheckDriveRequest, StartConfigurationSet, NaviPositionResponse, GotoXY]
+    configured = [StartConfigurationSet] if place == "unknown" else []
+    steps = [CheckDriveRequest, *configured, NaviPositionResponse, GotoXY]
     assert sorted(steps, key=order.index) == steps
-    assert bench.drive.configuration == RED
+    assert order.count(StartConfigurationSet) == len(configured)
     assert next_goto.result(0).ended < call.result(0).ended + 6.0  # it began where the beacons saw it
 
 
@@ -1089,6 +1093,24 @@ def test_19_the_stop_at_the_end_is_repeated(bench: Bench) -> None:
     bench.lose(StopDrive, count=2)
     bench.run(0.1 + BRAKED)
     assert not bench.drive.moving
+
+
+@pytest.mark.parametrize("pause", [1.0, 3.0, 5.0])
+def test_20_a_drive_that_knows_its_place_is_not_configured_again(bench: Bench, pause: float) -> None:
+    """Without the navigation only the drive knows the place: a start configuration would put it at its start."""
+    true_robot(bench)
+    bench.core.start_match(90.0)
+    drive_off(bench)
+    bench.network.detach(bench.stations["navigation"])
+    bench.run(3.0)
+    drive_off(bench, GotoXY(500, 500, 0, 50))
+    bench.network.freeze(bench.stations["core"], bench.now + pause)
+    bench.run(pause + 3.0)
+    begun = len(bench.log)
+    call = bench.core.goto(*FAR)
+    bench.run(20.0)
+    assert call.result(0).outcome is Outcome.ARRIVED
+    assert StartConfigurationSet not in {type(each) for each in bench.messages()[begun:]}
 
 
 def test_19_a_match_lasts_as_long_as_the_setting_says(bench: Bench) -> None:

@@ -25,7 +25,7 @@ from eurobot_od.robot.world.instruments import Sensor, SimulatedBeacons, Simulat
 from eurobot_od.robot.world.remote import RemoteVehicle
 from eurobot_od.robot.world.server import Server
 from eurobot_od.robot.world.world import OURS, RIVAL
-from eurobot_od.support.address import Address
+from eurobot_od.support.connections import Address
 from tests.rows import rows
 
 FACTS = robot_file.read()

@@ -19,7 +19,7 @@ from eurobot_od.robot.world.channel import LINE_LIMIT, Channel, WorldAddress
 from eurobot_od.robot.world.server import REMEMBERED, Server
 from eurobot_od.robot.world.timeline import EventKind, MatchEvent
 from eurobot_od.robot.world.world import OURS
-from eurobot_od.support.address import Address
+from eurobot_od.support.connections import Address
 
 FACTS = robot_file.read()
 

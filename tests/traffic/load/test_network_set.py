@@ -7,11 +7,11 @@ from pathlib import Path
 import pytest
 
 from eurobot_od.cli.load import of_robot
-from eurobot_od.errors import DictionaryError, LocalError
+from eurobot_od.errors import FileError, LocalError
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.network_file import NetworkFile
-from eurobot_od.od.network_yaml import read_network_file
 from eurobot_od.od.values import BASE_IDENTIFIER
+from eurobot_od.od.yaml_files import read_network_file
 from eurobot_od.robot import dialects
 from eurobot_od.robot.plugin import ROBOT
 from eurobot_od.robot.protocol import EurobotProtocol
@@ -65,7 +65,7 @@ def test_an_sdo_client_is_a_record_of_1280_to_12ff(index: int, is_client: bool) 
     if is_client:
         assert len(found(client, rows=rows).messages) == 2
     else:
-        with pytest.raises((LocalError, DictionaryError)):
+        with pytest.raises((LocalError, FileError)):
             found(client, rows=rows)
 
 
@@ -99,7 +99,7 @@ WRONG_ROWS = [
 
 @pytest.mark.parametrize(("rows", "what"), WRONG_ROWS)
 def test_a_row_that_does_not_hold_is_told_by_its_place(rows: str, what: str) -> None:
-    with pytest.raises(DictionaryError) as error:
+    with pytest.raises(FileError) as error:
         found(tpdo(), rows=rows)
     assert str(error.value) == f"n.yaml:{what}"
 

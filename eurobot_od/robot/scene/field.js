@@ -1,0 +1,193 @@
+"use strict";
+// The playing field: paints the scene that it is given, drawings with their layer and their time, and moves the robots
+// where their rows say; the goto by hand.
+//
+// Rule of this file: y grows upwards on the field and downwards on the drawing; `across` is the only place that knows.
+
+panel("field", (setup, source) => {
+  const TRAIL = 20, LONGEST_GAP = 2;        // s of the path that is drawn; s between sightings that still belong together
+  const KEPT = 60;                          // s that a mark is shown
+  const OLD = 2, FRESH = 0.5;               // a place is stale after so many of its periods, and after s at the soonest
+  const across = y => setup.height - y;
+  function drawn(text) {                    // SVG as text; what it has of other people's texts is escaped there
+    const parsed = new DOMParser().parseFromString(`<svg xmlns="http://www.w3.org/2000/svg">${text}</svg>`, "image/svg+xml");
+    return document.importNode(parsed.documentElement.firstElementChild, true);
+  }
+  const layers = Object.fromEntries(setup.layers.map(name => [name, s("g", {class: name})]));
+  const aim = s("g", {class: "aim", visibility: "hidden"}, s("circle", {r: 40}), s("path", {d: "M-60 0H60M0-60V60"}));
+  const drawing = s("svg", {
+    class: "field", viewBox: setup.view, role: "img", "aria-label": "playing field", onclick: event => point(event),
+  }, drawn(setup.ground), ...Object.values(layers), aim);
+
+  // The drawing's units are mm, and a name has to be read at any width: the style says how large a pixel is.
+  let letter = 38;                          // mm that a line of text is high
+  new ResizeObserver(() => {
+    const width = drawing.clientWidth, pixel = drawing.viewBox.baseVal.width / width;
+    if (!width) return;
+    drawing.style.setProperty("--pixel", pixel);
+    letter = Math.max(38, 11 * pixel);
+    stale = true;
+  }).observe(drawing);
+
+  const robots = setup.robots.map(({name, message}) => {
+    const body = s("g", {class: "body"}), label = s("text", {}, name);
+    const group = s("g", {class: "robot"}, body), trail = s("polyline", {points: ""}), doubted = s("g", {class: "dots"});
+    layers.robots.append(group);
+    layers.names.append(label);
+    layers.trails.append(s("g", {class: "trail"}, trail, doubted));
+    return {name, message, body, label, group, trail, doubted};
+  });
+  const list = h("p", {class: "where", role: "status", "aria-live": "off"});
+  const legend = h("p", {class: "legend hint"}, ...setup.legend.map(([words, sample]) => h("span", {},
+    s("svg", {class: "field sample", viewBox: "-50 -50 100 100", "aria-hidden": "true"}, drawn(sample)), words)));
+
+  // The goto by hand
+
+  const inputs = {};
+  const labelled = (name, words, value, more) => h("label", {}, words,
+    inputs[name] = h("input", {type: "number", value, required: true, oninput: aimed, ...more}));
+  const form = h("form", {class: "goto", hidden: true, "aria-label": "Goto XY", onsubmit: event => {
+    event.preventDefault();
+    const fields = Object.fromEntries(Object.entries(inputs).map(([name, input]) => [name, input.value]));
+    quietly(request({do: "send", message: "Goto XY", fields}, `goto ${fields.x}, ${fields.y} sent`).then(follow));
+  }},
+  labelled("x", "x mm", "", {min: 0, max: setup.width}), labelled("y", "y mm", "", {min: 0, max: setup.height}),
+  labelled("angle", "angle deg", 0, {}), labelled("speed", "speed %", setup.speed, {min: 0, max: 100}),
+  h("div", {class: "act"}, h("button", {class: "main"}, "Go"), h("span", {class: "hint"}, "click the field for a place")));
+  const ASKED = 300, LONGEST = 60000;       // ms: how often the drive is asked, as the core would, and for how long
+  let following = 0;
+  function follow() {                       // a goto that is sent from here is no core's: nobody else asks how it ends
+    clearInterval(following);
+    const end = performance.now() + LONGEST;
+    following = setInterval(() => {
+      const last = source.sortedEvents().filter(each => each.kind === "goto").at(-1);
+      if (!last || last.end !== null || performance.now() > end) clearInterval(following);
+      else connection.ask({do: "send", message: "Goto State Request", fields: {}}).catch(() => clearInterval(following));
+    }, ASKED);
+  }
+  function aimed() {
+    const set = inputs.x.value !== "" && inputs.y.value !== "";
+    aim.setAttribute("visibility", set ? "visible" : "hidden");
+    if (set) aim.setAttribute("transform", `translate(${inputs.x.value} ${across(Number(inputs.y.value))})`);
+  }
+  function point(event) {
+    if (!connection.control) return;
+    const place = new DOMPoint(event.clientX, event.clientY).matrixTransform(drawing.getScreenCTM().inverse());
+    const within = (value, most) => String(Math.round(Math.min(Math.max(value, 0), most)));
+    inputs.x.value = within(place.x, setup.width);
+    inputs.y.value = within(across(place.y), setup.height);
+    aimed();
+  }
+
+  // Who is where
+
+  function sighting(row, place) {           // null if it is unknown, or there is none
+    const [x, y, angle] = ["x", "y", "angle"].map(name => row.columns[row.field(name)][place]);
+    return (x ?? null) === null || y === null ? null : {time: row.times[place], x, y, angle};
+  }
+  function near(row, place, step) {         // the next known one from there
+    let other = place + step;
+    while (other >= 0 && other < row.times.length && !sighting(row, other)) other += step;
+    return sighting(row, other);
+  }
+  // No robot drives so fast: the beacons have seen something else.
+  const far = (one, two) => Math.hypot(one.x - two.x, one.y - two.y)
+    > setup.reach.spread + setup.reach.speed * Math.abs(two.time - one.time);
+  function isOutlier(row, place) {          // out of reach from both its neighbours; the last one has no other yet
+    const here = sighting(row, place), before = near(row, place, -1), after = near(row, place, 1);
+    return Boolean(here && before && far(before, here) && (!after || (far(here, after) && !far(before, after))));
+  }
+  function believed(row, place, step) {     // the next one from there that is no outlier
+    let other = place;
+    while (isOutlier(row, other)) other += step;
+    return sighting(row, other);
+  }
+  function between(one, two, time) {
+    if (!two || two.time - one.time > LONGEST_GAP) return one;
+    const share = Math.min((time - one.time) / (two.time - one.time), 1);
+    const turn = ((two.angle - one.angle) % 360 + 540) % 360 - 180;
+    const angle = one.angle === null || two.angle === null ? one.angle : one.angle + share * turn;
+    return {time, x: one.x + share * (two.x - one.x), y: one.y + share * (two.y - one.y), angle};
+  }
+  function placeOf(row, time) {             // null if it was not seen yet, or is not known
+    let shown = time;
+    if (live && row.times.length > 1) {     // moved smoothly, the bus' last interval later
+      shown -= Math.min(row.times.at(-1) - row.times.at(-2), LONGEST_GAP / 2);
+    }
+    const count = upTo(row.times, shown);
+    if (!count) return live ? sighting(row, 0) : null;
+    const one = believed(row, count - 1, -1);
+    return one && between(one, believed(row, count, 1), shown);
+  }
+  const rowOf = robot => source.row(robot.message);
+  function begins() {                       // when somebody was seen first
+    const firsts = robots.map(rowOf).filter(Boolean).map(row => row.times.find((_, place) => sighting(row, place)) ?? Infinity);
+    return Math.min(...firsts);
+  }
+  function ageOf(row, time) {               // s since it was seen, 0 while that is as often as it should be
+    const now = row.now(time);
+    return now && now.age > Math.max(OLD * (now.period || 0), FRESH) ? now.age : 0;
+  }
+  function looksAt(time) {                  // as the last start configuration says
+    const start = source.sortedEvents().findLast(each => each.kind === "start" && each.time <= time);
+    return start ? start.data.robots : setup.robots;
+  }
+  ownColours.push((row, time) => {
+    const look = row.source === source && looksAt(time).find(each => plain(each.message) === plain(row.name));
+    return look ? look.colour.slice(4, -1) : null;   // `var(--x)`
+  });
+
+  function showRobot(robot, look, time) {
+    const row = rowOf(robot), place = row && placeOf(row, time);
+    for (const each of [robot.group, robot.label]) each.setAttribute("visibility", place ? "visible" : "hidden");
+    robot.trail.setAttribute("points", place && look.trail ? trailOf(row, time, place) : "");
+    robot.doubted.replaceChildren(...(place ? doubtedOf(row, time) : []));
+    if (!place) return null;
+    const age = ageOf(row, time), body = place.angle === null ? look.round : look.turned;
+    if (robot.painted !== body) robot.body.replaceChildren(drawn(robot.painted = body));
+    robot.group.classList.toggle("stale", age > 0);
+    robot.group.classList.toggle("lost", isLost(source, row, time));
+    for (const each of [robot.group, robot.label]) each.setAttribute("transform", `translate(${place.x} ${across(place.y)})`);
+    robot.body.setAttribute("transform", `rotate(${-(place.angle || 0)})`);
+    robot.trail.parentNode.style.color = look.colour;
+    robot.trail.setAttribute("stroke-dasharray", look.dashes || "none");
+    say(robot.label, look.trail ? age ? `${robot.name}, ${age.toFixed(0)} s ago` : robot.name : "");
+    const isBelow = across(place.y) < look.radius + 20 + letter;   // above it there is the border
+    robot.label.setAttribute("y", isBelow ? look.radius + 20 + letter : -look.radius - 20);
+    return `${robot.name} ${place.x.toFixed(0)}, ${place.y.toFixed(0)} mm`
+      + (place.angle === null ? "" : `, ${Math.round(place.angle + 360) % 360}°`) + (age ? `, seen ${age.toFixed(1)} s ago` : "");
+  }
+  const within = (row, from, to) => [...Array(Math.max(to - from, 0)).keys()].map(each => from + each).filter(each => sighting(row, each));
+  function trailOf(row, time, place) {
+    const seen = within(row, upTo(row.times, time - TRAIL), upTo(row.times, place.time));
+    return [...seen.filter(each => !isOutlier(row, each)).map(each => sighting(row, each)), place].map(({x, y}) => `${x},${across(y)}`).join(" ");
+  }
+  function doubtedOf(row, time) {
+    const seen = within(row, upTo(row.times, time - TRAIL), upTo(row.times, time)).filter(each => isOutlier(row, each));
+    return seen.map(each => sighting(row, each)).map(({x, y}) => s("circle", {cx: x, cy: across(y), r: 22}));
+  }
+
+  // What happens
+
+  let told = null;
+  function showItems(time) {
+    const shown = source.sortedEvents().filter(each => each.time <= time).flatMap(each => each.data.items || [])
+      .filter(([layer, , begin, end]) => begin <= time && (end === null || end > time) && (layer !== "marks" || time - begin < KEPT));
+    const state = shown.map(([, drawing]) => drawing).join();
+    if (state === told) return;
+    told = state;
+    for (const name of ["rings", "routes", "targets", "marks"]) {
+      layers[name].replaceChildren(...shown.filter(([layer]) => layer === name).map(([, drawing]) => drawn(drawing)));
+    }
+  }
+  return {
+    begins,
+    element: h("div", {class: "field-panel"}, drawing, list, form, legend),
+    show(time) {
+      const looks = looksAt(time);
+      say(list, robots.map((robot, place) => showRobot(robot, looks[place], time)).filter(Boolean).join(" · ") || "no robot seen yet");
+      showItems(time);
+      show(form, connection.control);
+    },
+  };
+});

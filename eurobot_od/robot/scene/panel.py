@@ -1,0 +1,234 @@
+"""The playing field on the page: the scene as it grows, and the match as events.
+
+What the messages say about the match is worked out by `recording`, what is drawn of it by `scene`; `field.js` paints.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
+from threading import Event as Signal
+from typing import Any, ClassVar
+
+from eurobot_od.pdo.message import Message, describe
+from eurobot_od.pdo.protocol import Protocol
+from eurobot_od.robot.model import robot_file
+from eurobot_od.robot.model.facts import Facts
+from eurobot_od.robot.model.messages import (
+    EmergencyShutdown,
+    GotoXY,
+    KalmanPositionRequest,
+    KalmanPositionResponse,
+    StartConfigurationSet,
+)
+from eurobot_od.robot.model.places import Point
+from eurobot_od.robot.model.values import Outcome, Route
+from eurobot_od.robot.nodes.route import Clearances, find_route
+from eurobot_od.robot.nodes.sightings import SPREAD, TOP_SPEED
+from eurobot_od.robot.nodes.startup import NODE_CHECKS
+from eurobot_od.robot.scene import style
+from eurobot_od.robot.scene.ground import ground
+from eurobot_od.robot.scene.recording import OURS, RecordedGoto, RecordedStop, Recorder, Truth, at
+from eurobot_od.robot.scene.scene import LAYERS, Explained, Item, Look, MatchScene, legend, looks, way_mark
+from eurobot_od.robot.scene.truth_file import read_truth
+from eurobot_od.support import svg
+from eurobot_od.web.panel import Beside, Control, PageEvent, Panel
+
+HERE = Path(__file__).parent
+
+AROUND = (200, 50, 80, 100)
+"""Room around the field for the numbers of its axes: left, above, right, below, mm."""
+
+SPEED = 50
+"""Per cent of the drive's maximum that a goto of the page has, unless somebody says another."""
+
+POSE_UNITS = {"x": "mm", "y": "mm", "angle": "deg"}
+
+PATIENCE = 1.0
+"""Seconds that a node has to answer before a goto of the page."""
+
+KEPT = 1000
+"""Sightings of each robot that are kept: the page has its own, here they tell where a goto began."""
+
+
+class FieldPanel(Panel):
+    """The playing field of one source, by the facts of the robot's file."""
+
+    name: ClassVar[str] = "field"
+    title: ClassVar[str] = "Field"
+    script: ClassVar[str] = (HERE / "field.js").read_text(encoding="utf-8")
+    style: ClassVar[str] = style.style_sheet() + (HERE / "field.css").read_text(encoding="utf-8")
+    stop: ClassVar[str] = "Stop Drive"
+    plan: ClassVar[str] = "Goto XY"
+
+    def __init__(self) -> None:
+        self._recorder, self._scene = Recorder(), MatchScene(self.facts())
+        # The drive also keeps a margin, by how well it knows where it is.
+        self._clearances = Clearances.of(self.facts(), self.facts().body.radius, 0.0)
+        self._routes: dict[int, list[Point]] = {}
+        self._heard: defaultdict[type[Message], Signal] = defaultdict(Signal)
+        self._place_known = self._shut_down = False
+
+    @classmethod
+    def facts(cls) -> Facts:
+        """Return the facts of the robot: those of the shipped one, unless `field_panel` says otherwise."""
+        return robot_file.read()
+
+    @classmethod
+    def fits(cls, protocol: Protocol) -> bool:
+        """Tell whether a network has what there is to see on the field."""
+        return {KalmanPositionResponse, GotoXY} <= {each.type for each in protocol.bindings}
+
+    @classmethod
+    def of(cls, protocol: Protocol) -> type[Panel]:
+        """Return the panel of the robot whose files those of a network are."""
+        return field_panel(robot_file.read(robot_file.file_for(protocol.bindings[0].file)))
+
+    @classmethod
+    def beside(cls, log: Path) -> Beside:
+        truth = read_truth(log)
+        return Beside(list(truth_events(truth, cls.facts())), true_path(truth))
+
+    @classmethod
+    def setup(cls) -> Mapping[str, Any]:
+        facts = cls.facts()
+        left, above, right, below = AROUND
+        width, height = facts.field.width, facts.field.height
+        return {
+            "width": width,
+            "height": height,
+            "view": f"{-left} {-above} {left + width + right:g} {above + height + below:g}",
+            "ground": ground(facts),
+            "layers": LAYERS,
+            "robots": _as_data(looks(facts, None)),
+            "legend": [*legend(facts), *PAGE_LEGEND],
+            "speed": SPEED,
+            "reach": {"speed": TOP_SPEED, "spread": SPREAD},
+        }
+
+    def objection(self, message: Message, control: Control) -> str:
+        """Say why no goto is sent from the page: there is no core of ours to check and configure the nodes."""
+        if not isinstance(message, GotoXY):
+            return ""
+        if self._shut_down:
+            return "no goto: an Emergency Shutdown has ended all of them until a Start Configuration Set"
+        for node, request, answer in NODE_CHECKS:
+            if not self._answers(request, answer, control):
+                return f"no goto: the {node} does not answer its check"
+            if not control.is_as_in_its_file(node):
+                return f"no goto: the {node} speaks another dialect than the page's EDS files"
+        if not self._answers(KalmanPositionRequest(), KalmanPositionResponse, control):
+            return "no goto: the drive does not say where it is"
+        return "" if self._place_known else "no goto: the drive's place is unknown; have a core configure the start"
+
+    def _answers(self, request: Message, answer: type[Message], control: Control) -> bool:
+        # A new one for each question: an answer to an earlier one must not count.
+        heard = self._heard[answer] = Signal()
+        control.send_message(request)
+        return heard.wait(PATIENCE)
+
+    def take(self, time: float, message: Message) -> Iterable[PageEvent]:
+        if isinstance(message, KalmanPositionResponse):
+            self._place_known = message.x is not None
+        if isinstance(message, (EmergencyShutdown, StartConfigurationSet)):
+            self._shut_down = isinstance(message, EmergencyShutdown)
+        if type(message) in self._heard:
+            self._heard[type(message)].set()
+        news = self._recorder.take(time, message)
+        for path in self._recorder.recording.paths.values():
+            # Many at once, as deleting at the front moves all the rest.
+            if len(path) > 2 * KEPT:
+                del path[:KEPT]
+        if isinstance(message, StartConfigurationSet):
+            text, robots = f"Start Configuration Set: {describe(message)}", _as_data(looks(self.facts(), message))
+            yield PageEvent(f"start {time}", "start", time, text, data={"robots": robots})
+        for each in news:
+            yield self._goto(each) if isinstance(each, RecordedGoto) else self._stop(each)
+
+    def _goto(self, goto: RecordedGoto) -> PageEvent:
+        text, name = f"{goto.words}: {goto.ending}", f"goto {goto.number}"
+        end, wrong = goto.ended, goto.outcome not in (None, Outcome.ARRIVED, Outcome.REPLACED)
+        items = self._scene.goto(goto, self._route(goto))
+        return self._event(PageEvent(name, "goto", goto.sent, text, end, str(goto.number), wrong), items)
+
+    def _stop(self, stop: RecordedStop) -> PageEvent:
+        name = f"stop {stop.letter}"
+        event = PageEvent(name, "stop", stop.time, stop.words, mark=stop.letter, wrong=True)
+        return self._event(event, self._scene.stop(stop))
+
+    def _event(self, event: PageEvent, items: Iterable[Item]) -> PageEvent:
+        """Return an event of the recording with its drawings, by the page's clock."""
+        start = self._recorder.start or 0.0
+        end = None if event.end is None else event.end + start
+        return event._replace(time=event.time + start, end=end, data=_drawn(each.later(start) for each in items))
+
+    def _route(self, goto: RecordedGoto) -> list[Point]:
+        """Return the way points of a goto as the drive may plan them, from where the robot was when it was sent."""
+        if goto.number not in self._routes:  # it is asked for at each message while the goto is under way
+            message, start = goto.message, at(self._recorder.recording.path, goto.sent)
+            here, there = start and Point(start.x, start.y), Point(message.x, message.y)
+            planned: Sequence[Point] | None = None
+            if here and message.route is Route.PLANNED:
+                planned = find_route(here, there, message.barriers, self._clearances)
+            # Without a way a straight line is drawn: it shows what was asked for.
+            self._routes[goto.number] = [*([here] if here else []), *(planned or (there,))]
+        return self._routes[goto.number]
+
+
+def field_panel(facts: Facts) -> type[FieldPanel]:
+    """Return the panel of a robot with other facts."""
+    return type(FieldPanel.__name__, (FieldPanel,), {"facts": classmethod(lambda _: facts)})
+
+
+def _as_data(robots: Iterable[Look]) -> list[dict[str, Any]]:
+    return [each._asdict() for each in robots]
+
+
+def _drawn(items: Iterable[Item]) -> Mapping[str, Any]:
+    return {"items": [*items]}
+
+
+PAGE_LEGEND = (
+    Explained("way to the goto", way_mark([(-45, 20), (0, -20), (45, 20)])),
+    Explained("seen where it cannot be", svg.circle(style.CENTRE, 22, fill=style.PALE, fill_opacity=0.5)),
+    Explained(
+        "not seen for longer than twice its period",
+        svg.circle(style.CENTRE, 36, fill="none", stroke=style.PALE, stroke_width=9, stroke_dasharray="30 14"),
+    ),
+)
+"""What only a moment shows."""
+
+
+# What only the world of a simulated match knows
+
+
+def truth_events(truth: Truth, facts: Facts) -> Iterator[PageEvent]:
+    """Give touches and points as events; times are the page's."""
+    scene = MatchScene(facts)
+    for number, touch in enumerate(truth.touches):
+        name, data = f"touch {number}", _drawn([scene.touch(touch)])
+        yield PageEvent(name, "touch", touch.time, touch.words, None, "✶", touch.at_fault, data)
+    for number, score in enumerate(truth.scores):
+        text = f"{score.robot}: {score.task} +{score.points}"
+        yield PageEvent(f"points {number}", "points", score.time, text, mark=f"+{score.points}")
+
+
+def true_path(truth: Truth) -> list[dict[str, Any]]:
+    """Return where our robot truly was as a row of the page; nothing if nobody knows."""
+    path = [each for each in truth.path if each.time >= 0]
+    if not path:
+        return []
+    row: dict[str, Any] = {
+        "id": None,
+        "name": "True position",
+        "group": "world",
+        "nodes": [OURS],
+        "times": [round(each.time, 4) for each in path],
+        "values": [[round(each, 1) for each in values] for values in list(zip(*path))[1:]],
+        "texts": [],
+        "wrong": {},
+        "bits": 0,
+        "fields": [{"name": name, "unit": unit, "words": {}} for name, unit in POSE_UNITS.items()],
+    }
+    return [row]

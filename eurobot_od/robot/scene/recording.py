@@ -1,0 +1,240 @@
+"""A match as its messages tell it: paths, gotos and how they ended, stops and why.
+
+What is out of range is not acted on here either: the picture shows what the nodes made of the messages.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, NamedTuple, get_args
+
+from eurobot_od.pdo.message import Message, is_flagged, kinds
+from eurobot_od.robot.model import messages
+from eurobot_od.robot.model.places import Point
+from eurobot_od.robot.model.values import FAULT_OUTCOME, GotoFault, Outcome, TeamColour
+
+
+class PathPoint(NamedTuple):
+    """A place at a time in s: x and y in mm, heading in degrees or None."""
+
+    time: float
+    x: float
+    y: float
+    angle: float | None
+
+
+@dataclass(frozen=True)
+class RecordedGoto:
+    """A goto with its number from 1, when it was sent first, and when and how it ended; times in s.
+
+    While it is under way, as far as the messages say, `ended` and `outcome` are None.
+    """
+
+    number: int
+    sent: float
+    message: messages.GotoXY
+    ended: float | None = None
+    outcome: Outcome | None = None
+
+    @property
+    def words(self) -> str:
+        """What was asked for."""
+        asked = self.message
+        return f"goto {self.number} to {asked.x}, {asked.y} mm, {asked.angle} deg, {asked.speed} %"
+
+    @property
+    def ending(self) -> str:
+        """How it ended, in words."""
+        return "under way" if self.outcome is None else self.outcome.value
+
+
+@dataclass(frozen=True)
+class RecordedStop:
+    """A stop: its letter (A, B, ...), time in s, name and reason, and where the robot was then, if that is known."""
+
+    letter: str
+    time: float
+    name: str
+    reason: str
+    place: PathPoint | None
+
+    @property
+    def words(self) -> str:
+        """What it was, and why."""
+        return f"{self.letter}: {self.name}: {self.reason}"
+
+
+class TouchMark(NamedTuple):
+    """Two bodies met: when, in s, where, who met whom in words, and whether our robot drove into the other."""
+
+    time: float
+    place: Point
+    words: str
+    at_fault: bool
+
+
+OURS = "ours"
+"""Our robot, among those that make points."""
+
+
+class ScoredTask(NamedTuple):
+    """Points made with a task: when, in s, by whom, which task, how many."""
+
+    time: float
+    robot: str
+    task: str
+    points: int
+
+
+class Truth(NamedTuple):
+    """What nobody can see on the bus, with times by its clock: our true poses, touches, and who made which points."""
+
+    path: Sequence[PathPoint] = ()
+    touches: Sequence[TouchMark] = ()
+    scores: Sequence[ScoredTask] = ()
+
+    def later(self, by: float) -> Truth:
+        """Return the same `by` s later: by another clock."""
+        parts: Iterable[Sequence[Any]] = self
+        return Truth(*([each._replace(time=each.time + by) for each in part] for part in parts))
+
+
+NOTHING = Truth()
+
+
+@dataclass
+class Recording:
+    """A match: everything with its time in s since the first message.
+
+    `paths` are the sightings by message type. `truth` is what only a simulated world knows; of a log it is nothing.
+    """
+
+    configuration: messages.StartConfigurationSet | None = None
+    paths: dict[type[messages.PositionResponse], list[PathPoint]] = field(default_factory=dict)
+    truth: Truth = NOTHING
+    gotos: list[RecordedGoto] = field(default_factory=list)
+    stops: list[RecordedStop] = field(default_factory=list)
+    end: float = 0.0
+
+    @property
+    def path(self) -> list[PathPoint]:
+        """The estimated path of our robot."""
+        return self.paths.get(messages.KalmanPositionResponse, [])
+
+    @property
+    def team(self) -> TeamColour | None:
+        """Our colour, None if it was not said or makes no sense."""
+        colour = None if self.configuration is None else self.configuration.team_colour
+        return colour if isinstance(colour, TeamColour) else None
+
+
+def record(events: Iterable[tuple[float, Message]], truth: Truth = NOTHING) -> Recording:
+    """Work out a match from its messages and their times in s, and what else is known, by the same clock."""
+    recorder = Recorder()
+    for time, message in events:
+        recorder.take(time, message)
+    start, recording = recorder.start or 0.0, recorder.recording
+    known = recording.truth = truth.later(-start)
+    times = [each.time for each in known.touches] + [each.time for each in known.scores]
+    recording.end = max([recording.end, *times])
+    return recording
+
+
+class Recorder:
+    """Takes in one message after the other: `recording` is the match so far, `start` the first message's time in s."""
+
+    def __init__(self) -> None:
+        self.recording = Recording()
+        self.start: float | None = None
+        self._running: RecordedGoto | None = None
+        self._standing: Message | None = None
+        self._news: list[RecordedGoto | RecordedStop] = []
+
+    def take(self, time: float, message: Message) -> list[RecordedGoto | RecordedStop]:
+        """Take in a message; returns gotos and stops that are new, or have ended."""
+        self.start = time if self.start is None else self.start
+        # Times in a log may go back by a moment; the match does not.
+        now = self.recording.end = max(time - self.start, self.recording.end)
+        # The drive stops even for an obstacle that nobody knows (Table 1), so the picture shows that stop.
+        if is_flagged(message) and type(message) not in messages.CATALOGUE.always:
+            return []
+        self._news = []
+        handle = HANDLERS.get(type(message))
+        if handle is not None:
+            handle(self, now, message)
+        return self._news
+
+    def configure(self, _: float, configuration: messages.StartConfigurationSet) -> None:
+        self.recording.configuration = configuration
+
+    def see(self, now: float, seen: messages.PositionResponse) -> None:
+        if seen.x is not None and seen.y is not None:
+            path = self.recording.paths.setdefault(type(seen), [])
+            path.append(PathPoint(now, seen.x, seen.y, seen.angle))
+
+    def goto(self, now: float, goto: messages.GotoXY) -> None:
+        """Take in a goto; one that is the same as the one under way is a repetition: its confirm was lost."""
+        if self._running is not None and self._running.message == goto:
+            return
+        self._end(now, Outcome.REPLACED)
+        self._running = RecordedGoto(len(self.recording.gotos) + 1, now, goto)
+        self._standing = None
+        self.recording.gotos.append(self._running)
+        self._news.append(self._running)
+
+    def state(self, now: float, state: messages.GotoStateResponse) -> None:
+        if state.time == 0:
+            self._end(now, Outcome.ARRIVED)
+        elif isinstance(state.time, GotoFault):
+            self._end(now, FAULT_OUTCOME[state.time])
+
+    def stop(self, now: float, stop: messages.StopMessage) -> None:
+        """Take in a stop; the same once more, with nothing under way in between, is a repetition."""
+        if stop == self._standing:
+            return
+        self._standing = stop
+        self._end(now, Outcome.STOPPED)
+        letter, place = _letter(len(self.recording.stops)), at(self.recording.path, now)
+        name, reason = ("Stop Drive", "commanded")
+        if isinstance(stop, messages.EmergencyStop):
+            name, reason = "Emergency Stop", kinds(messages.EmergencyStop)["obstacle"].text(stop.obstacle)
+        elif isinstance(stop, messages.EmergencyShutdown):
+            name, reason = "Emergency Shutdown", "mushroom"
+        self.recording.stops.append(RecordedStop(letter, now, name, reason, place))
+        self._news.append(self.recording.stops[-1])
+
+    def _end(self, now: float, outcome: Outcome) -> None:
+        if self._running is not None:
+            self.recording.gotos[-1] = replace(self._running, ended=now, outcome=outcome)
+            self._news.append(self.recording.gotos[-1])
+            self._running = None
+
+
+HANDLERS: Mapping[type[Message], Callable[[Recorder, float, Any], None]] = {
+    messages.StartConfigurationSet: Recorder.configure,
+    messages.KalmanPositionResponse: Recorder.see,
+    messages.Enemy1PositionResponse: Recorder.see,
+    messages.Enemy2PositionResponse: Recorder.see,
+    messages.ConfederatePositionResponse: Recorder.see,
+    messages.GotoXY: Recorder.goto,
+    messages.GotoStateResponse: Recorder.state,
+    **dict.fromkeys(get_args(messages.StopMessage), Recorder.stop),
+}
+
+
+def _letter(number: int) -> str:
+    """Return A, B, ..., Z, AA, AB, ... for 0, 1, ..."""
+    return (_letter(number // 26 - 1) if number >= 26 else "") + chr(ord("A") + number % 26)
+
+
+def at(path: list[PathPoint], time: float) -> PathPoint | None:
+    """Return where the robot was at a time: between two sightings on the straight line; None without any."""
+    after = bisect_right(path, time, key=lambda sighting: sighting.time)
+    if not path or after in (0, len(path)):
+        return (path[-1] if after else path[0]) if path else None
+    one, two = path[after - 1], path[after]
+    # Never 0: bisect has put the time after the first and before the second.
+    share = (time - one.time) / (two.time - one.time)
+    return PathPoint(time, one.x + share * (two.x - one.x), one.y + share * (two.y - one.y), one.angle)

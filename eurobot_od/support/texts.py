@@ -1,0 +1,75 @@
+"""Texts where they leave the program: whatever files and peers say, it stays in its place, and it shows.
+
+Rule of this file: a way out calls `one_line`, once, for each text that is not its own: a name of an EDS, a channel of a
+log, a step of a suite, a node's string. XML, HTML and JSON add their own escapes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from enum import Enum
+from typing import Any
+
+
+def one_line(text: str) -> str:
+    r"""Return a text as one line that a terminal shows as it is: control characters and line ends as `\x1b`, `\n`."""
+    if text.isprintable():
+        return text
+    return "".join(each if each.isprintable() else ascii(each)[1:-1] for each in text)
+
+
+def amount(number: int, thing: str, things: str = "") -> str:
+    """Say how many there are of a thing: `1 frame`, `2 frames`; `things` is a plural that has more than an s."""
+    return f"{number} {thing if number == 1 else things or thing + 's'}"
+
+
+# Tables
+
+FORMULA = ("=", "+", "-", "@")
+"""What a spreadsheet takes for the beginning of a formula."""
+
+
+def cell(value: Any) -> Any:
+    """Return a value for CSV: a text in one line, and with `'` in front if a spreadsheet would calculate it."""
+    if not isinstance(value, str):  # a number may begin with a minus
+        return value
+    return f"'{one_line(value)}" if value.startswith(FORMULA) else one_line(value)
+
+
+GAP = "  "
+"""Between two columns."""
+
+
+def columns(rows: Iterable[Sequence[str]], align: str = "") -> Iterator[str]:
+    """Write a line for each row, as a terminal shows it; a column is as wide as its longest text.
+
+    `align` has a letter for each column, `l` or `r` for flush left or right; columns without one are flush left.
+    """
+    lines = [[*map(one_line, row)] for row in rows]
+    widths = [max(map(len, column)) for column in zip(*lines)]
+    places = [str.rjust if letter == "r" else str.ljust for letter in align.ljust(len(widths), "l")]
+    for line in lines:
+        yield GAP.join(place(text, width) for place, text, width in zip(places, line, widths)).rstrip()
+
+
+# Findings in lines of files, as GitHub Actions reads them (GitHub, "Workflow commands for GitHub Actions")
+
+DATA = str.maketrans({"%": "%25", "\r": "%0D", "\n": "%0A"})
+PROPERTY = DATA | str.maketrans({":": "%3A", ",": "%2C"})
+"""What would end a message, or one of its properties."""
+
+
+class Level(Enum):
+    """How bad a finding is; the value is GitHub's word."""
+
+    ERROR = "error"
+    WARNING = "warning"
+    NOTICE = "notice"
+
+
+def annotation(level: Level, file: str, line: int, column: int, title: str, lines: Iterable[str]) -> str:
+    """Return the line that becomes a note at a line of a change; `line` and `column` count from 1."""
+    properties = {"file": file, "line": str(line), "col": str(column), "title": title}
+    said = ",".join(f"{name}={one_line(text).translate(PROPERTY)}" for name, text in properties.items())
+    message = "\n".join(map(one_line, lines)).translate(DATA)
+    return f"::{level.value} {said}::{message}"

@@ -1,0 +1,414 @@
+"""Shapes of YAML: what reads a value, and the JSON Schema that says the same to an editor; made of typed declarations.
+
+`shape_of` takes an annotation. A named tuple, a dataclass or a function stands for a mapping with its parameters as
+keys; what has a default may be left out. `Annotated` adds a range or a list's form (see `declared`), another shape, or
+a function that converts the value. Whatever is called with a value refuses it by a LocalError, which is told with the
+value's place.
+
+Nothing is converted by the rules of YAML 1.1: `010` is 8 there, `12:30` is 750, `off` is False, and the second of two
+equal keys wins.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import abc
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from enum import Enum
+from functools import partial
+from inspect import signature
+from pathlib import Path
+from types import NoneType, UnionType
+from typing import Annotated, Any, Generic, Literal, TypeAlias, TypeVar, Union, get_args, get_origin, get_type_hints
+
+import yaml
+
+from eurobot_od.errors import LocalError, UnknownName
+from eurobot_od.support import durations
+from eurobot_od.support.declared import ByName, Listed, OneOrMore, Within
+from eurobot_od.support.yaml_places import (
+    STRING,
+    NodeReader,
+    PlacedNumber,
+    PlacedText,
+    Problem,
+    Problems,
+    ReadError,
+    compose,
+    place_of,
+    read_all,
+    refuse,
+    refusing,
+    shown,
+    telling,
+)
+
+T = TypeVar("T")
+S = TypeVar("S")
+Schema: TypeAlias = "dict[str, Any]"
+WHOLE = re.compile(r"0|[1-9][0-9]{0,99}|0x[0-9A-Fa-f]{1,99}")
+DECIMAL = re.compile(r"-?(0|[1-9][0-9]{0,8})(\.[0-9]{1,9})?")
+
+
+@dataclass(frozen=True, eq=False)
+class Shape(Generic[T]):
+    """What may stand at a place: `read` takes it from the YAML, `schema` describes it."""
+
+    read: NodeReader[T]
+    schema: Schema
+
+
+def read_yaml(source: str, shape: Shape[T], file: str | Path) -> T:
+    """Read a text of one YAML document; raises YamlError with all its problems. `file` is its name in them."""
+    with telling(file) as problems:
+        return shape.read(compose(source, problems), problems)
+
+
+# Single values
+
+
+def _number(node: yaml.Node, problems: Problems) -> PlacedNumber:
+    if not isinstance(node, yaml.ScalarNode) or node.style or not WHOLE.fullmatch(node.value):
+        refuse(node, problems, f"expected a whole number, decimal or 0x hexadecimal, found {shown(node)}")
+    return PlacedNumber(int(node.value, 0), place_of(node.start_mark))
+
+
+def _real(node: yaml.Node, problems: Problems) -> float:
+    if not isinstance(node, yaml.ScalarNode) or node.style or not DECIMAL.fullmatch(node.value):
+        refuse(node, problems, f"expected a decimal number, found {shown(node)}")
+    return float(node.value)
+
+
+def _text(node: yaml.Node, problems: Problems) -> PlacedText:
+    if not isinstance(node, yaml.ScalarNode) or node.tag != STRING:
+        hint = ", which needs quotes to be one" if isinstance(node, yaml.ScalarNode) else ""
+        refuse(node, problems, f"expected a text, found {shown(node)}{hint}")
+    return PlacedText(node.value, place_of(node.start_mark))
+
+
+def _ascii(node: yaml.Node, problems: Problems) -> PlacedText:
+    value = _text(node, problems)
+    if not (value.isascii() and value.isprintable()):
+        refuse(node, problems, f"expected printable ASCII characters, found {shown(node)}")
+    return value
+
+
+def _scalar(node: yaml.Node, problems: Problems) -> PlacedText:
+    if not isinstance(node, yaml.ScalarNode):
+        braces = isinstance(node, yaml.MappingNode) and node.flow_style
+        hint = "; a text in { } needs quotes: '{t}'" if braces else ""
+        refuse(node, problems, f"expected a single value, found {shown(node)}{hint}")
+    return PlacedText(node.value, place_of(node.start_mark))
+
+
+# Of a number in quotes YAML makes a text: an editor takes 0x10 for one, too.
+NUMBER = Shape(_number, {"type": ["integer", "string"], "pattern": f"^({WHOLE.pattern})$"})
+"""A whole number, decimal without leading zeros or 0x hexadecimal, and not in quotes."""
+
+REAL = Shape(_real, {"type": "number"})
+"""A decimal number, which may be negative and have a fraction."""
+
+TEXT = Shape(_text, {"type": "string"})
+"""A text; one that YAML takes for something else (`off`, `12:30`, `1.0`) has to be in quotes."""
+
+ASCII = Shape(_ascii, TEXT.schema)
+"""A text of printable ASCII characters."""
+
+NUMBER_OR_ASCII: Shape[PlacedNumber | PlacedText] = Shape(
+    lambda node, problems: (ASCII if node.tag == STRING else NUMBER).read(node, problems),
+    {"anyOf": [NUMBER.schema, ASCII.schema]},
+)
+"""A number, or else a text of ASCII."""
+
+SCALAR = Shape(_scalar, {"type": ["string", "number"]})
+"""A single value as it is written, whatever YAML takes it for."""
+
+
+def converted(shape: Shape[T], convert: Callable[[T], S], schema: Schema | None = None) -> Shape[S]:
+    """Make a shape of what `convert` makes from another; it raises LocalError for what it does not take."""
+
+    def read(node: yaml.Node, problems: Problems) -> S:
+        value = shape.read(node, problems)
+        with refusing(node, problems):
+            return convert(value)
+
+    return Shape(read, shape.schema if schema is None else schema)
+
+
+def matching(pattern: str, what: str) -> Shape[PlacedText]:
+    """Make a shape of a text that matches all of a regular expression, called `what`."""
+
+    def matched(text: PlacedText) -> PlacedText:
+        if not re.fullmatch(pattern, text):
+            raise LocalError(f"expected {what}, found {str(text)!r}")
+        return text
+
+    return converted(ASCII, matched, {"type": "string", "pattern": f"^{pattern}$"})
+
+
+def named(table: Mapping[str, T], kind: str) -> Shape[T]:
+    """Make a shape of one of a table's names, read as what the table has for it."""
+
+    def find(text: PlacedText) -> T:
+        if text not in table:
+            raise UnknownName(kind, str(text), table)
+        return table[text]
+
+    return converted(SCALAR, find, {"enum": list(table)})
+
+
+def within(shape: Shape[T], allowed: Within, name: str) -> Shape[T]:
+    """Make a shape of a number in a range; `name` is what errors call it."""
+    words = f"whole numbers {allowed}" if "integer" in shape.schema.get("type", "") else str(allowed)
+
+    def read(node: yaml.Node, problems: Problems) -> T:
+        try:
+            value: Any = shape.read(node, [])
+        except ReadError:
+            value = None
+        if value is None or not allowed.low <= value <= allowed.high:
+            refuse(node, problems, f"{name} = {shown(node)} is not allowed; allowed: {words}")
+        return value  # type: ignore[no-any-return]
+
+    return Shape(read, shape.schema | {"minimum": allowed.low, "maximum": allowed.high})
+
+
+def longer_than_0(seconds: float) -> float:
+    """Return a time; raises LocalError for none."""
+    if not seconds:
+        raise LocalError("this time has to be longer than 0")
+    return seconds
+
+
+DURATION = converted(SCALAR, durations.seconds, {"type": "string", "pattern": "^[0-9.]+ *(us|ms|s|min)$"})
+"""A duration with its unit, in s."""
+
+
+# Lists and mappings
+
+
+def listing(item: Shape[T]) -> Shape[tuple[T, ...]]:
+    """Make a shape of a list."""
+
+    def read(node: yaml.Node, problems: Problems) -> tuple[T, ...]:
+        return tuple(read_all(((item.read, each) for each in _items(node, problems)), problems))
+
+    return Shape(read, {"type": "array", "items": item.schema})
+
+
+def listed(make: Callable[..., T], items: Sequence[Shape[Any]]) -> Shape[T]:
+    """Make a shape of a list with a shape for each of its items, which are given to `make`."""
+
+    def read(node: yaml.Node, problems: Problems) -> T:
+        found = _items(node, problems)
+        if len(found) != len(items):
+            refuse(node, problems, f"expected a list of {len(items)}, found {len(found)}")
+        return make(*read_all(((item.read, each) for item, each in zip(items, found)), problems))
+
+    number = {"minItems": len(items), "maxItems": len(items)}
+    return Shape(read, {"type": "array", "items": [each.schema for each in items]} | number)
+
+
+def _items(node: yaml.Node, problems: Problems) -> list[yaml.Node]:
+    if not isinstance(node, yaml.SequenceNode):
+        refuse(node, problems, f"expected a list, found {shown(node)}")
+    items: list[yaml.Node] = node.value
+    return items
+
+
+def one_or_more(item: Shape[T]) -> Shape[tuple[T, ...]]:
+    """Make a shape of one item, or of a list of them."""
+    several = listing(item)
+
+    def read(node: yaml.Node, problems: Problems) -> tuple[T, ...]:
+        return several.read(node, problems) if isinstance(node, yaml.SequenceNode) else (item.read(node, problems),)
+
+    return Shape(read, {"anyOf": [item.schema, several.schema]})
+
+
+def filled(entries: T) -> T:
+    """Return a list or mapping; raises LocalError for an empty one."""
+    if not entries:
+        raise LocalError("expected at least one entry")
+    return entries
+
+
+def pairs_of(node: yaml.Node, problems: Problems) -> dict[PlacedText, yaml.Node]:
+    """Return a mapping's keys with their values' nodes; a key that is given twice is a problem."""
+    return _pairs(node, problems, ASCII)
+
+
+def _pairs(node: yaml.Node, problems: Problems, key: Shape[T]) -> dict[T, yaml.Node]:
+    if not isinstance(node, yaml.MappingNode):
+        refuse(node, problems, f"expected a mapping, `key: value`, found {shown(node)}")
+    pairs: dict[T, yaml.Node] = {}
+    keys = read_all(((key.read, each) for each, _ in node.value), problems)
+    for name, (key_node, value_node) in zip(keys, node.value):
+        if name in pairs:  # PyYAML would take the second without a word
+            problems.append(Problem(place_of(key_node.start_mark), f"key {shown(key_node)} is given twice"))
+        pairs.setdefault(name, value_node)
+    return pairs
+
+
+def mapping(value: Shape[T], key: Shape[S]) -> Shape[dict[S, T]]:
+    """Make a shape of a mapping whose keys have a shape, too; it keeps the file's order, no key twice."""
+
+    def read(node: yaml.Node, problems: Problems) -> dict[S, T]:
+        pairs = _pairs(node, problems, key)
+        return dict(zip(pairs, read_all(((value.read, each) for each in pairs.values()), problems)))
+
+    names = {name: key.schema[name] for name in ("pattern", "enum") if name in key.schema}
+    return Shape(read, {"type": "object", "propertyNames": names, "additionalProperties": value.schema})
+
+
+@dataclass(frozen=True)
+class Key:
+    """One key of a mapping: its shape, what it is for, and whether it has to be there."""
+
+    shape: Shape[Any]
+    help: str = ""
+    needed: bool = False
+
+    @property
+    def schema(self) -> Schema:
+        """The shape's schema with the explanation."""
+        return self.shape.schema | ({"description": self.help} if self.help else {})
+
+
+Keys: TypeAlias = Mapping[str, Key]
+
+
+def record(make: Callable[..., T], keys: Keys) -> Shape[T]:
+    """Make a shape of a mapping with fixed keys, given to `make` by their names; no other key may be there."""
+
+    def read(node: yaml.Node, problems: Problems) -> T:
+        pairs = pairs_of(node, problems)
+        wrong = [Problem(each.place, str(UnknownName("key", str(each), keys))) for each in pairs if each not in keys]
+        wrong += [
+            Problem(place_of(node.start_mark), f"key '{name}' is missing" + (f": {key.help}" if key.help else ""))
+            for name, key in keys.items()
+            if key.needed and name not in pairs
+        ]
+        problems += wrong
+        known = {str(name): each for name, each in pairs.items() if name in keys}
+        values = read_all(((keys[name].shape.read, each) for name, each in known.items()), problems)
+        if wrong:  # only now: problems with the other keys are reported in the same run
+            raise ReadError
+        with refusing(node, problems):
+            return make(**dict(zip(known, values)))
+
+    return Shape(read, object_schema(keys))
+
+
+def object_schema(keys: Keys) -> Schema:
+    """Return the schema of a mapping with fixed keys."""
+    schema: Schema = {
+        "type": "object",
+        "properties": {name: key.schema for name, key in keys.items()},
+        "additionalProperties": False,
+    }
+    needed = [name for name, key in keys.items() if key.needed]
+    return schema | {"required": needed} if needed else schema
+
+
+# From declarations
+
+Plain: TypeAlias = Mapping[Any, Shape[Any]]
+"""The shapes of single values by their types."""
+
+PLAIN: Plain = {
+    int: converted(NUMBER, int, {"type": "integer"}),
+    float: REAL,
+    str: converted(TEXT, str),
+    bool: Shape(named({"true": True, "false": False}, "answer").read, {"type": "boolean"}),
+    PlacedNumber: NUMBER,
+    PlacedText: ASCII,
+}
+
+
+def shape_of(kind: Any, plain: Plain = PLAIN, name: str = "value") -> Shape[Any]:
+    """Return the shape that an annotation, a class or a function declares; `name` is what errors call its value."""
+    if kind in plain:
+        return plain[kind]
+    if isinstance(kind, type) and issubclass(kind, Enum):
+        return named({each.value: each for each in kind}, name)
+    form, of = FORMS.get(get_origin(kind)), partial(shape_of, plain=plain)
+    return form(of, name, *get_args(kind)) if form else record(kind, _keys(of, kind))
+
+
+Of: TypeAlias = Callable[..., Shape[Any]]
+"""`shape_of` with the shapes of a file."""
+
+
+def _keys(of: Of, kind: Any) -> dict[str, Key]:
+    """Return the keys that the parameters of a class or function stand for."""
+    hints, parameters = get_type_hints(kind, include_extras=True), signature(kind).parameters
+    return {
+        name: Key(of(hints[name], name=name), needed=each.default is each.empty) for name, each in parameters.items()
+    }
+
+
+def _optional(of: Of, name: str, *kinds: Any) -> Shape[Any]:
+    (kind,) = set(kinds) - {NoneType}  # None by leaving it out
+    return of(kind, name=name)
+
+
+def _mapping(of: Of, name: str, key: Any, value: Any) -> Shape[Any]:
+    if get_origin(key) is Literal:  # each of them has to be there
+        return record(dict, {each: Key(of(value, name=each), needed=True) for each in get_args(key)})
+    return mapping(of(value, name=name), of(key))
+
+
+def _sequence(of: Of, name: str, item: Any, *others: Any) -> Shape[Any]:
+    if others in ((), (...,)):
+        return listing(of(item, name=name))
+    return listed(lambda *values: values, [of(each, name=name) for each in (item, *others)])
+
+
+def _annotated(of: Of, name: str, kind: Any, *said: Any) -> Shape[Any]:
+    """Take in one after the other what is said of a type."""
+    shape: Shape[Any] | None = None
+    for each in said:
+        if isinstance(each, Shape):
+            shape = each
+        elif type(each) in SAID:
+            shape = SAID[type(each)](of, each, kind)
+        else:
+            shape = shape or of(kind, name=name)
+            shape = within(shape, each, name) if isinstance(each, Within) else converted(shape, each)
+    return shape or of(kind, name=name)
+
+
+FORMS: Mapping[Any, Callable[..., Shape[Any]]] = {
+    Annotated: _annotated,
+    Union: _optional,
+    UnionType: _optional,
+    dict: _mapping,
+    abc.Mapping: _mapping,
+    tuple: _sequence,
+    abc.Sequence: _sequence,
+}
+"""What makes the shape of an annotation by its origin."""
+
+
+def _by_fields(of: Of, said: Listed, kind: Any) -> Shape[Any]:
+    hints = get_type_hints(kind)
+    ranges = zip(kind._fields, said.ranges, strict=True)
+    return listed(kind, [within(of(hints[name]), allowed, name) for name, allowed in ranges])
+
+
+def _by_name(of: Of, _: ByName, kind: Any) -> Shape[Any]:
+    item = get_args(kind)[0]
+    keys = _keys(of, item)
+    del keys["name"]
+    entries: Shape[dict[str, Any]] = mapping(record(dict, keys), of(str))
+    return converted(entries, lambda found: tuple(item(name=name, **values) for name, values in found.items()))
+
+
+SAID: Mapping[type, Callable[..., Shape[Any]]] = {
+    Listed: _by_fields,
+    ByName: _by_name,
+    OneOrMore: lambda of, _, kind: one_or_more(of(get_args(kind)[0])),
+}
+"""What makes the shape of a type by what is said of it."""

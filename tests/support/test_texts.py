@@ -1,0 +1,180 @@
+"""Texts stay in their place on every way out (terminal, CSV, JUnit, SVG, DCF), and in their columns and lines."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import pytest
+
+from eurobot_od import cli
+from eurobot_od.check import report
+from eurobot_od.check.results import Status, StepReason, StepResult, SuitePart, SuiteResult
+from eurobot_od.device.storage import FileStore
+from eurobot_od.gatekeeper import Report
+from eurobot_od.gatekeeper.reports import Event
+from eurobot_od.lint.diff import EdsDifference
+from eurobot_od.lint.findings import Finding
+from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.document import parse
+from eurobot_od.robot import dialects
+from eurobot_od.support import svg
+from eurobot_od.support.texts import Level, amount, annotation, cell, columns, one_line
+from eurobot_od.support.yaml_places import Place
+from tests.rows import rows
+
+EVIL = "a\x1b[31m\nnot ok 1\r\x07\x9b\u202e\u2028\udc80"
+SHOWN = r"a\x1b[31m\nnot ok 1\r\x07\x9b\u202e\u2028\udc80"
+
+TEXTS = [
+    ("plain text, 5 µm", "plain text, 5 µm", "nothing to escape"),
+    (EVIL, SHOWN, "escapes, line ends, bells, C1, text direction, a surrogate of a file name"),
+    (r"C:\new", r"C:\new", "a backslash is printable"),
+    ("", "", "nothing"),
+]
+
+
+@pytest.mark.parametrize(("text", "shown", "why"), TEXTS)
+def test_a_text_becomes_one_line_that_shows(text: str, shown: str, why: str) -> None:
+    assert one_line(text) == shown, why
+
+
+CELLS = [
+    ("=1+2", "'=1+2"),
+    ("@SUM(A1)", "'@SUM(A1)"),
+    ("+49", "'+49"),
+    ("-x", "'-x"),
+    ("a=1", "a=1"),
+    ("\t=1", "\\t=1"),
+    (-5, -5),
+    (None, None),
+]
+
+
+@rows("value, written", CELLS)
+def test_no_cell_is_a_formula(value: Any, written: Any) -> None:
+    assert cell(value) == written
+
+
+def decoded(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
+    assert cli.main(["decode", *arguments]) == 0
+    said = capsys.readouterr()
+    return said.out + said.err
+
+
+@pytest.fixture
+def log(tmp_path: Path) -> Path:
+    """Give a log whose channel and name would like to be more than that."""
+    file = tmp_path / "=a\x1b[31m\nb.log"
+    file.write_text("(1.000000) =c\x1b[2Jan0 00C#\n(2.000000) can0 00C#FF\x1b\n")
+    return file
+
+
+@pytest.mark.parametrize("form", [[], ["--json"], ["--csv"], ["--statistics"]])
+def test_channels_and_names_of_logs(log: Path, form: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    said = decoded(capsys, *form, str(log), str(log))
+    assert all(line.isprintable() for line in said.split("\n"))
+
+
+def test_csv(log: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    row = next(csv.DictReader(decoded(capsys, "--csv", str(log)).splitlines()))
+    assert (row["channel"], row["line"]) == (r"'=c\x1b[2Jan0", "1")
+
+
+def test_errors(capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(["decode", "no\x1b[31m\nfile.log"]) == 3
+    assert capsys.readouterr().err == "eurobot-od: no\\x1b[31m\\nfile.log: No such file or directory\n"
+
+
+STEP = StepResult(SuitePart.STEPS, EVIL, Place(1, 1), Status.FAILED, 0.0, 0.0, StepReason(EVIL, EVIL, EVIL))
+SKIPPED = STEP._replace(status=Status.SKIPPED)
+RESULT = SuiteResult(Path(f"{EVIL}.yaml"), EVIL, "simulated", (STEP, SKIPPED))
+LEFT_OUT = SuiteResult(Path("x.yaml"), EVIL, "simulated", skipped=EVIL)
+
+LINES = {
+    "step": report.step_line(STEP),
+    "reason": "\n".join(report.reason_lines(STEP.reason or StepReason(""))),
+    "finding": str(Finding(EVIL, 1, 1, "E001", EVIL)),
+    "difference": str(EdsDifference((0x1000, 0), "name", EVIL, EVIL)),
+    "node strings": "\n".join(columns([("1", EVIL), ("2", "b")])),
+    "report": str(Report(Event.NODE_ALARM, EVIL, EVIL, 0.0)),
+}
+
+
+@pytest.mark.parametrize("text", LINES.values(), ids=LINES)
+def test_lines_of_names_and_strings(text: str) -> None:
+    assert all(line.isprintable() for line in text.split("\n"))
+
+
+def test_junit_is_xml_with_the_names_as_they_show() -> None:
+    root = ElementTree.fromstring(report.junit([RESULT, LEFT_OUT]))
+    assert [case.get("name") for case in root.iter("testcase")] == [SHOWN] * 3
+
+
+def test_svg_is_xml() -> None:
+    drawn = svg.element("svg", svg.text((0.0, 0.0), EVIL), svg.title(EVIL), id=EVIL)
+    root = ElementTree.fromstring(drawn)
+    assert [each.text for each in root] == [SHOWN, SHOWN]
+    assert root.get("id") == SHOWN
+
+
+def test_a_device_name_with_line_ends_injects_no_section_into_a_dcf(tmp_path: Path) -> None:
+    drive = dialects.load("drive")
+    named = Dictionary.load(drive.file, drive.node_id, "x\n[2101sub6]\nParameterValue=0")
+    FileStore(tmp_path / "stored.dcf", named).save({}, 2)
+    written = parse((tmp_path / "stored.dcf").read_text("latin-1"))
+    assert written.text("devicecomissioning", "nodename") == ""
+    assert "parametervalue" not in written.sections["2101sub6"].entries
+
+
+# Amounts
+
+
+def test_one_is_singular() -> None:
+    assert [amount(number, "frame") for number in range(3)] == ["0 frames", "1 frame", "2 frames"]
+    assert [amount(number, "enemy", "enemies") for number in (1, 2)] == ["1 enemy", "2 enemies"]
+
+
+# Columns
+
+
+ROWS = [("ID", "count", "from"), ("1", "7", "drive"), ("0200", "12", "core")]
+
+
+@pytest.mark.parametrize(
+    ("align", "lines"),
+    [
+        ("", ["ID    count  from", "1     7      drive", "0200  12     core"]),
+        ("rr", ["  ID  count  from", "   1      7  drive", "0200     12  core"]),
+        ("llr", ["ID    count   from", "1     7      drive", "0200  12      core"]),
+    ],
+)
+def test_a_column_is_as_wide_as_its_longest_text(align: str, lines: list[str]) -> None:
+    assert list(columns(ROWS, align)) == lines
+
+
+def test_a_row_is_one_line_and_ends_with_its_last_text() -> None:
+    assert list(columns([("a\nb", ""), ("c", "")])) == ["a\\nb", "c"]
+
+
+def test_no_rows_are_no_lines() -> None:
+    assert list(columns([])) == []
+
+
+# Annotations
+
+
+ANNOTATIONS = [
+    # (file, title, lines of the message, what is printed)
+    ("a.eds", "E308", ["plain"], "::error file=a.eds,line=3,col=7,title=E308::plain"),
+    ("a.eds", "E308", ["one", "two: 100 %"], "::error file=a.eds,line=3,col=7,title=E308::one%0Atwo: 100 %25"),
+    ("C:\\a,b.eds", "a: b", ["x"], "::error file=C%3A\\a%2Cb.eds,line=3,col=7,title=a%3A b::x"),
+    ("a\n::error::b", "\x1b", ["x\r\ny"], "::error file=a\\n%3A%3Aerror%3A%3Ab,line=3,col=7,title=\\x1b::x\\r\\ny"),
+]
+
+
+@pytest.mark.parametrize(("file", "title", "lines", "printed"), ANNOTATIONS)
+def test_an_annotation_is_one_line(file: str, title: str, lines: list[str], printed: str) -> None:
+    assert annotation(Level.ERROR, file, 3, 7, title, lines) == printed
