@@ -247,7 +247,7 @@ def time(utc: bool, period: float, count: int, cob_id: int, open_bus: Opener, re
     from eurobot_od.client.producing import produce, times
 
     zone = UTC if utc else None
-    # TIME_OF_DAY counts days from 1984 and knows no time zone (CiA 301, 7.1.6.6).
+    # TIME_OF_DAY counts days from 1984, without a time zone (CiA 301, 7.1.6.6).
     frames = times(lambda: datetime.now(zone).replace(tzinfo=None), cob_id)
     with Master(open_bus()) as master:
         produce(master, islice(frames, count), period, options.guard(reopen, master))

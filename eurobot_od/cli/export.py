@@ -112,7 +112,7 @@ def cdcf(file: str | None, path: str | None, output: Path | None, eds: str | Non
     The suffix of the file says which way; of a network the DCF files of all nodes are written, into a folder. The
     writes are in the order of CiA 301's PDO procedure (7.5.2.36): a PDO is off while it is mapped.
     """
-    # By the suffix: four bytes of a count are no mark by which bytes could be recognised.
+    # By the suffix: four bytes of a count are not a mark by which a file could be recognised.
     file = named(file, path)
     if network.is_network(file):
         nodes = network.read_network(file).nodes

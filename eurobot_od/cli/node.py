@@ -189,7 +189,7 @@ def _make(arguments: argparse.Namespace) -> tuple[Node, Scene | None]:
     dictionary, robot = _dictionary(devices, arguments.node, arguments.node_id), devices.robot
     role, stage = robot.role_of(dictionary), robot.stage() if robot.stage else None
     if role and (option := "values" if arguments.values else "set" if arguments.set and not stage else ""):
-        raise LocalError(f"--{option} is for devices that are none of the robot's, not for the {role}")
+        raise LocalError(f"--{option} is for devices that do not belong to the robot, not for the {role}")
     if stage:
         stage.check_arguments(arguments, role)
     # The fault goes in front of the class that the node would have without it.
@@ -206,7 +206,7 @@ def _make(arguments: argparse.Namespace) -> tuple[Node, Scene | None]:
 
 
 def _simulated(dictionary: Dictionary, profile: str | None, travels: bool) -> type[Node]:
-    """Return the class of a device that is none of the robot's; raises LocalError for options that it does not have."""
+    """Return the class of a device outside the robot; raises LocalError for options that it does not have."""
     from eurobot_od.device.profiles.devices import SimulatedDrive, simulated_kind
 
     number = None if profile is None else 0 if profile == "none" else int(profile)

@@ -58,7 +58,7 @@ def add_arguments(group: argparse._ActionsContainer) -> None:
 
 def check_arguments(arguments: argparse.Namespace, role: str) -> None:
     """Raise LocalError for options that do not fit a node, or each other."""
-    spoken = f"the {role}" if role else "devices that are none of the robot's"
+    spoken = f"the {role}" if role else "devices that do not belong to the robot"
     for option, only in ONLY.items():
         if getattr(arguments, option) and role != only:
             raise LocalError(f"--{option} is for the {only}, not for {spoken}")

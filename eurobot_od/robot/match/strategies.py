@@ -1,6 +1,6 @@
 """A team's strategy from its file: Python with a coroutine function `play(core)`.
 
-Rule of this file: whatever is wrong with a strategy before a match begins is one line with the place in its file.
+Whatever is wrong with a strategy before a match begins is one line with the place in its file.
 """
 
 from __future__ import annotations
