@@ -415,7 +415,7 @@ def test_strategies_are_compared_side_by_side(
     said = run(capsys, "match", "--compare", str(quick), str(slow), *words)
     assert said.status == 0
     assert [line.split()[0] for line in said.out.splitlines()[2:5]] == ["2", "3", "mean"]
-    assert "mine against quick: way, m -0." in said.out
+    assert "mine against quick: driven, m -0." in said.out
     assert "mine, seed 3: 0" in picture.read_text()
 
 

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from eurobot_od.frame import Frame
     from eurobot_od.plugin import Plugin
     from eurobot_od.robot.match import MatchEvent, MatchOptions
-    from eurobot_od.robot.match.strategies import StrategyFiles
+    from eurobot_od.robot.match.referee import StrategyFiles
     from eurobot_od.robot.world import World
 
 SEEDS = re.compile(r"(?:([0-9]{1,9})-)?([0-9]{1,9})")
@@ -103,7 +103,7 @@ def run(arguments: argparse.Namespace) -> ExitStatus:
 
 
 def _strategies(arguments: argparse.Namespace) -> StrategyFiles:
-    from eurobot_od.robot.match.strategies import StrategyFiles
+    from eurobot_od.robot.match.referee import StrategyFiles
 
     if arguments.against is not None and arguments.speed == "real":
         raise LocalError("--against is for simulated time, and does not go with --speed real")
@@ -263,8 +263,8 @@ def _compare(arguments: argparse.Namespace, options: MatchOptions) -> ExitStatus
     """Play all seeds with each strategy and print them side by side; status 1 if something went wrong in a match."""
     from eurobot_od.cli.output import write
     from eurobot_od.robot.match.comparison import picture, report
+    from eurobot_od.robot.match.referee import StrategyFiles
     from eurobot_od.robot.match.seeds import play_many
-    from eurobot_od.robot.match.strategies import StrategyFiles
     from eurobot_od.support.files import check_writable
 
     for name, left_out in OF_NO_COMPARISON.items():

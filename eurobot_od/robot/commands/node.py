@@ -118,9 +118,9 @@ set_up = NodeScene
 
 
 def _strategy(name: str) -> Strategy:
-    from eurobot_od.robot.match import strategies, strategy
+    from eurobot_od.robot.match import referee, strategy
 
-    return strategy.play if name == SHIPPED else strategies.load(Path(name))
+    return strategy.play if name == SHIPPED else referee.load_strategy(Path(name))
 
 
 def enter(node: Node, arguments: argparse.Namespace) -> tuple[RemoteVehicle, MatchOptions]:
