@@ -34,9 +34,7 @@ from eurobot_od.od import DEFAULT
 from eurobot_od.od.dialects import Dialects
 
 if TYPE_CHECKING:
-    import argparse
-
-    from eurobot_od.bus.live import Live
+    from eurobot_od.bus.live import Live, Opener
     from eurobot_od.check.results import SuiteResult
     from eurobot_od.check.runner import RunOptions
     from eurobot_od.check.simulated import NodeUnderTest
@@ -92,19 +90,25 @@ class Scene(Protocol):
         """Do what the options say; return the exit status, None if the node is to go on by itself."""
 
 
+class NodeRun(NamedTuple):
+    """How the command `node` runs a robot's node: a dialect of the robot's, on which bus, how long in s."""
+
+    robot: Plugin
+    dialect: str | None
+    open_bus: Opener
+    duration: float | None
+
+
 class Stage(Protocol):
-    """What the command `node` has to know to run a robot's node: options, and what they make of the node."""
+    """The options that `node` has for a robot's nodes, a dataclass as in `cli.signature`, and what they make of one."""
 
-    def add_arguments(self, group: argparse._ActionsContainer) -> None:
-        """Describe the options."""
-
-    def check_arguments(self, arguments: argparse.Namespace, role: str) -> None:
+    def check(self, role: str) -> None:
         """Raise LocalError for options that do not fit a node, `` for a device that does not belong to the robot."""
 
-    def values(self, kind: type[Node], dictionary: Dictionary, arguments: argparse.Namespace) -> Mapping[str, Any]:
-        """Return what else a node of the robot is made with, by the names that its class has for it."""
+    def values(self, kind: type[Node], dictionary: Dictionary, facts: Sequence[tuple[str, str]]) -> Mapping[str, Any]:
+        """Return what else a node is made with, by the names that its class has for it; `facts` are those of --set."""
 
-    def set_up(self, node: Node, arguments: argparse.Namespace) -> Scene:
+    def set_up(self, node: Node, run: NodeRun) -> Scene:
         """Give the node what it has besides the bus."""
 
 
@@ -120,9 +124,9 @@ class Plugin(NamedTuple):
     `nodes` are its node classes by the names of their EDS files, `faults` what can be wrong with them besides what can
     be wrong with any device. `suites` is a folder of check suites. `partners` gives simulated nodes that are checked
     their surroundings, with all chance from a seed, and returns what some do by themselves, by their names. `panels`
-    are views of the page, `drawings` what messages draw in an MCAP file, `reports` questions to a season. `stage` is
-    what the command `node` needs. `table` is the protocol table that other tables may build on, `folder` where its
-    other files lie.
+    are views of the page, `drawings` what messages draw in an MCAP file, `reports` questions to a season. `stage` are
+    the options that `node` has for its nodes. `table` is the protocol table that other tables may build on, `folder`
+    where its other files lie.
     """
 
     name: str = ""
@@ -135,7 +139,7 @@ class Plugin(NamedTuple):
     panels: Callable[[], Sequence[type[Panel]]] = tuple
     drawings: Callable[[Messages], Drawings] = lambda _: {}
     reports: Callable[[], Mapping[str, SeasonReport]] = dict
-    stage: Callable[[], Stage] | None = None
+    stage: Callable[[], type[Stage]] | None = None
     commands: Mapping[str, Command] = MappingProxyType({})
     table: Path | None = None
     folder: Path | None = None

@@ -52,8 +52,8 @@ FOUND = {
 SILENT = ("configure", "make-eds", "diff", "export-dcf", "sync", "time")
 """What prints nothing when all is well."""
 
-ABOUT_ROBOTS = {("doctor",), ("--help",), ("node", "--help"), ("faults",), ("query", "season")}
-"""What is about the robot itself: which are there, its commands and options, its faults and reports."""
+ABOUT_ROBOTS = {("doctor",), ("--help",), ("node", "--help"), ("faults",), ("query", "season"), ("completion", "bash")}
+"""What is about the robot itself: which are there, its commands, options and words, its faults and reports."""
 
 
 class Done(NamedTuple):

@@ -7,12 +7,11 @@ The exit status says whether it is so: 0 yes, 1 no.
 
 from __future__ import annotations
 
-import argparse
 import sys
 from collections.abc import Iterable, Iterator, Sequence
 from functools import cache, partial
 from importlib import import_module
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 from environment import ROOT
 
@@ -25,7 +24,8 @@ from eurobot_od.check.results import Status
 from eurobot_od.check.runner import RunOptions
 from eurobot_od.check.simulated import run_simulated
 from eurobot_od.check.suite import Suite
-from eurobot_od.cli import campaign
+from eurobot_od.cli.campaign import Campaign, counted
+from eurobot_od.cli.signature import HelpGroup, Option, Parser, describe, summary
 from eurobot_od.device.simulated import SimulatedDevice
 from eurobot_od.robot import dialects
 from eurobot_od.robot.nodes import ROLES
@@ -168,36 +168,28 @@ def not_found_by_conformance(names: Iterable[str]) -> Iterator[str]:
 
 
 def _done(runs: Sequence[Run], workers: Workers, kept: Results[Outcome] | None) -> list[Outcome]:
-    return list(campaign.counted(in_blocks(do, runs, workers, kept), len(runs), "runs", workers))
+    return list(counted(in_blocks(do, runs, workers, kept), len(runs), "runs", workers))
 
 
-def parser() -> argparse.ArgumentParser:
-    """Describe the command line."""
-    command = argparse.ArgumentParser(description="Run all shipped suites against all faults.")
-    command.add_argument("--dialect", action="append", help="EDS files (default: all dialects)")
-    command.add_argument("--fault", action="append", metavar="NAME", help="only this fault, may be given several times")
-    command.add_argument("--seeds", type=int, default=1, metavar="N", help="seeds for the runs without a fault")
-    campaign.add_campaign(command, "all of it")
-    return command
-
-
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Print the matrix for each dialect and what is not as it has to be."""
-    options = parser().parse_args(arguments)
-    asked_for, of_robot = options.fault or [*CONFORMANCE, *robot_faults()], robot_faults()
+def run_all(
+    *,
+    dialect: Annotated[Sequence[str], "EDS files (default: all dialects)"] = (),
+    fault: Annotated[Sequence[str], Option(metavar="NAME"), "only this fault, may be given several times"] = (),
+    seeds: Annotated[int, Option(metavar="N"), "seeds for the runs without a fault"] = 1,
+    campaign: Annotated[Campaign, HelpGroup("many at once, with all of it")],
+) -> int:
+    """Run all shipped suites against all faults; print the matrix for each dialect and what is not as it has to be."""
+    asked_for, of_robot = fault or [*CONFORMANCE, *robot_faults()], robot_faults()
     for name in {*asked_for} - {*CONFORMANCE}:
         ROBOT.find_fault(name)  # complains of a name before the first run
     of_devices = [name for name in asked_for if name in CONFORMANCE]
     wrong = list(not_found_by_conformance(of_devices))
     print(f"conformance: {len(of_devices)} faults, {len(wrong)} not found as named\n")
     names = [name for name in of_robot if name in asked_for]
-    chosen = {
-        dialect: (fault_runs(dialect, names), healthy_runs(dialect, options.seeds))
-        for dialect in options.dialect or dialects.names()
-    }
+    chosen = {each: (fault_runs(each, names), healthy_runs(each, seeds)) for each in dialect or dialects.names()}
     number = sum(len(runs) for both in chosen.values() for runs in both)
-    kept = campaign.results(options, Outcome, lambda: {"campaign": "faults"})
-    with campaign.workers(options, number) as workers:
+    kept = campaign.kept(Outcome, lambda: {"campaign": "faults"})
+    with campaign.workers(number) as workers:
         for dialect, both in chosen.items():
             found, healthy = (_done(runs, workers, kept) for runs in both)
             print(f"{dialect}: {UNTOUCHED!r} no such node, {GREEN} green, {RED} red, {NAMED} red as named\n")
@@ -209,6 +201,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
         f"{len(wrong)} findings" if wrong else "every fault is found by the step that it names, and nothing else is red"
     )
     return NOT_FOUND if wrong else FINE
+
+
+def main(words: Sequence[str] | None = None) -> int:
+    """Run what the words of a command line say, those of this process if None."""
+    parser = Parser("fault_matrix", description=summary(run_all))
+    status: int = describe(parser, run_all)(parser.parse_args(words))
+    return status
 
 
 if __name__ == "__main__":

@@ -16,7 +16,6 @@ The exit status says whether every cell is as it has to be: 0 yes, 1 no.
 
 from __future__ import annotations
 
-import argparse
 import asyncio
 import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -25,11 +24,12 @@ from dataclasses import replace
 from functools import cache
 from importlib import import_module
 from itertools import product
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 from eurobot_od.bus.simulated import loop
 from eurobot_od.bus.simulated.network import ON_TIME, Simulation, processing_time
-from eurobot_od.cli import campaign
+from eurobot_od.cli.campaign import Campaign, counted
+from eurobot_od.cli.signature import HelpGroup, Option, Parser, describe, summary
 from eurobot_od.device.station import Station
 from eurobot_od.errors import EurobotError
 from eurobot_od.frame import Frame
@@ -350,7 +350,7 @@ def _figures(results: Sequence[Result]) -> str:
     return f"{seconds:.2f} s, {distance:.0f} mm" + "*" * (not any(each.went_on for each in results))
 
 
-def summary(results: Sequence[Result]) -> str:
+def in_one_line(results: Sequence[Result]) -> str:
     """Say in one line what the worst was."""
     worst, farthest = max(results, key=lambda r: r.seconds), max(results, key=lambda r: r.distance)
     return (
@@ -360,29 +360,31 @@ def summary(results: Sequence[Result]) -> str:
     )
 
 
-def parser() -> argparse.ArgumentParser:
-    """Describe the command line."""
-    command = argparse.ArgumentParser(description="Lose messages and nodes in matches; see that the robot stands.")
-    command.add_argument("--dialect", default=dialects.DEFAULT, help="EDS files (default: %(default)s)")
-    command.add_argument("--times", type=int, default=TIMES, metavar="N", help=f"times of a match (default: {TIMES})")
-    command.add_argument("--only", default="", metavar="TEXT", help="only cells whose name has this in it")
-    campaign.add_campaign(command, "all of it")
-    return command
-
-
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Print the table, what is wrong, and the figures."""
-    options = parser().parse_args(arguments)
-    chosen = [each for each in cells(options.dialect, options.times) if options.only in f"{each.what} {each.how}"]
-    kept = campaign.results(options, Result, lambda: {"campaign": "losses", "dialect": options.dialect})
-    with campaign.workers(options, len(chosen)) as workers:
-        results = list(campaign.counted(in_blocks(attempt, chosen, workers, kept), len(chosen), "cells", workers))
+def run_all(
+    *,
+    dialect: Annotated[str, f"EDS files (default: {dialects.DEFAULT})"] = dialects.DEFAULT,
+    times: Annotated[int, Option(metavar="N"), f"times of a match (default: {TIMES})"] = TIMES,
+    only: Annotated[str, Option(metavar="TEXT"), "only cells whose name has this in it"] = "",
+    campaign: Annotated[Campaign, HelpGroup("many at once, with all of it")],
+) -> int:
+    """Lose messages and nodes in matches, see that the robot stands; print table, what is wrong, and figures."""
+    chosen = [each for each in cells(dialect, times) if only in f"{each.what} {each.how}"]
+    kept = campaign.kept(Result, lambda: {"campaign": "losses", "dialect": dialect})
+    with campaign.workers(len(chosen)) as workers:
+        results = list(counted(in_blocks(attempt, chosen, workers, kept), len(chosen), "cells", workers))
     print(*table(results), sep="\n")
     print()
     wrong = [each for each in results if each.wrong]
     print(*(f"{each.cell.what} {each.cell.how} at {each.cell.time:.2f} s: {each.wrong}" for each in wrong), sep="\n")
-    print(summary(results))
+    print(in_one_line(results))
     return WRONG if wrong else FINE
+
+
+def main(words: Sequence[str] | None = None) -> int:
+    """Run what the words of a command line say, those of this process if None."""
+    parser = Parser("loss_matrix", description=summary(run_all))
+    status: int = describe(parser, run_all)(parser.parse_args(words))
+    return status
 
 
 if __name__ == "__main__":

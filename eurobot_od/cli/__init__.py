@@ -3,27 +3,27 @@
 They differ in nothing but the robot where none is named: the installed one, or none. A robot (see `plugin`) has
 commands of its own beside these.
 
-Rule of this package: a command is a module with `add_arguments(parser)` and `run(arguments)`, or a row of a table that
-has both (`table.CommandRow`). It calls a typed function of a lower layer, prints, and returns an `ExitStatus`, or None
-if all is fine. Its module is imported when the command is called and not before.
+Rule of this package: a command is a typed function with its name, whose parameters are its options (`signature`). It
+calls a typed function of a lower layer, prints, and returns an `ExitStatus`, or None if all is fine. Its module is
+imported when the command is called and not before.
 """
 
 from __future__ import annotations
 
-import argparse
 import errno
 import gc
 import os
 import sys
+from argparse import Action, ArgumentParser, RawDescriptionHelpFormatter
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from enum import IntEnum
-from functools import partial
 from importlib import import_module
 from io import TextIOWrapper
 from types import ModuleType
-from typing import TYPE_CHECKING, Any, NoReturn, Protocol
+from typing import TYPE_CHECKING, Annotated, Any, NoReturn, TypeAlias
 
+from eurobot_od.cli.signature import Command, Option, Parser, describe, summary
 from eurobot_od.errors import (
     BusError,
     EurobotError,
@@ -82,12 +82,17 @@ COMMANDS = {
 }
 
 
-TABLES = {
-    **dict.fromkeys(("read", "write", "dump", "pdo", "export-dcf", "emcy"), "objects"),
-    **dict.fromkeys(("configure", "store", "restore", "program"), "parameters"),
+MODULES = {
     **dict.fromkeys(("scan", "boot", "nmt", "watch", "sync", "time"), "bus"),
+    **dict.fromkeys(("read", "write", "dump", "pdo", "emcy"), "objects"),
+    **dict.fromkeys(("configure", "store", "restore", "export-dcf", "program"), "parameters"),
+    **dict.fromkeys(("archive", "query"), "season"),
+    **dict.fromkeys(("export", "make-eds"), "files"),
+    **dict.fromkeys(("compare", "replay"), "decode"),
+    "diff": "lint",
+    "faults": "node",
 }
-"""The module of a command that is a row of a table; any other command has a module of its own."""
+"""The module of a command; one that is not here has a module of its own name."""
 
 PROGRAM = "eurobot-od"
 WORKBENCH = "canopen-workbench"
@@ -120,41 +125,6 @@ STATUS_OF = {
     OSError: ExitStatus.TROUBLE,
 }
 """The exit status of an error is that of the first class that it belongs to."""
-
-
-class Parser(argparse.ArgumentParser):
-    """Reports what is wrong with a command line in one line; its help is as wide as the terminal.
-
-    `words` are the command line, for options that only the robot has which they mean, and `robot` what `--robot` says.
-    """
-
-    def __init__(
-        self,
-        prog: str,
-        kind: type[argparse.HelpFormatter] = argparse.HelpFormatter,
-        words: Sequence[str] = (),
-        robot: str | None = None,
-        **options: Any,
-    ) -> None:
-        self.words, self.robot = words, robot
-        try:  # or else argparse asks `shutil`, which imports three compression libraries
-            width = int(os.environ.get("COLUMNS", 0)) or os.get_terminal_size().columns
-        except (ValueError, OSError):  # no number; no terminal
-            width = 80
-        super().__init__(prog, formatter_class=partial(kind, width=width - 2), **options)
-        self.register("type", int, _whole)  # under the name `int`, so that every `type=int` gets it
-
-    def error(self, message: str) -> NoReturn:
-        """Exit; raises SystemExit."""
-        self.exit(ExitStatus.WRONG_INPUT, f"{self.prog}: error: {message}; see {self.prog} --help\n")
-
-
-def _whole(text: str) -> int:
-    """Read a whole number; argparse's own message is `invalid int value`."""
-    try:
-        return int(text)
-    except ValueError:
-        raise argparse.ArgumentTypeError(f"{text} is not a whole number") from None
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -251,26 +221,22 @@ def _run(words: list[str]) -> int:
     words, robot = _robot_in(words)
     command = words[0] if words else "--help"
     if command.startswith("-"):
-        _overview(_robot_of_help(robot)).parse_args(words or [command])
+        _overview(robot_of_help(robot)).parse_args(words or [command])
         return ExitStatus.WRONG_INPUT
     # Imported modules and EDS files stay in memory: ten thousand objects. Looking for garbage among them again and
     # again took a fifth of a quick command's time. So it is off while importing, and seldom from then on.
     gc.disable()
     try:
         found = find(command, robot)
-        description = (found.__doc__ or "").partition("\n")[0]
-        parser = Parser(f"{program()} {command}", description=description, words=words[1:], robot=robot)
-        found.add_arguments(parser)
-        add_robot(parser)
-        # Only so may an option stand between positional arguments of which one can be left out.
-        parse = parser.parse_args if parser._subparsers else parser.parse_intermixed_args
-        arguments = parse(words[1:])
-        arguments.robot = robot
+        parser = Parser(f"{program()} {command}", description=summary(found), words=words[1:], robot=robot)
+        describe(parser, with_robot)
+        call = describe(parser, found)
+        given = parser.read()
     finally:
         gc.freeze()
         gc.set_threshold(ALLOCATIONS)
         gc.enable()
-    status = found.run(arguments)
+    status = call(given)
     sys.stdout.flush()  # here, where a reader that has left is not an error
     return status or ExitStatus.FINE
 
@@ -279,7 +245,7 @@ def _robot_in(words: list[str]) -> tuple[list[str], str | None]:
     """Take `--robot` out of the command line: the robot decides which commands and options there are."""
     if not any(each.partition("=")[0] == "--robot" for each in words):
         return words, None  # without a parser, whose help formatter imports three compression libraries
-    finder = argparse.ArgumentParser(program(), add_help=False, allow_abbrev=False)
+    finder = ArgumentParser(program(), add_help=False, allow_abbrev=False)
     finder.error = Parser.error.__get__(finder)  # type: ignore[method-assign]
     finder.add_argument("--robot")  # never abbreviated: a command may have an option that begins like it
     found, others = finder.parse_known_args(words)
@@ -292,7 +258,7 @@ def _find(robot: str | None) -> Plugin:
     return plugin.find(robot, alone=is_alone())
 
 
-def _robot_of_help(robot: str | None) -> Plugin:
+def robot_of_help(robot: str | None) -> Plugin:
     """Return the robot that is meant; without a name none if it is not clear which: the help needs no robot."""
     try:
         return _find(robot)
@@ -303,33 +269,24 @@ def _robot_of_help(robot: str | None) -> Plugin:
         return _find("none")
 
 
-def add_robot(parser: argparse.ArgumentParser) -> None:
-    """Add --robot, which every command has."""
-    parser.add_argument("--robot", metavar="ROBOT", help="robot to use: a name, a folder, a module, or none")
+RobotName: TypeAlias = Annotated[
+    str | None, Option("--robot", metavar="ROBOT", is_file=True), "robot to use: a name, a folder, a module, or none"
+]
 
 
-class Runnable(Protocol):
-    """A command: a module, or a row of a table. The first line of its docstring is what its help says."""
-
-    __doc__: str | None
-
-    def add_arguments(self, parser: argparse.ArgumentParser) -> None:
-        """Describe the command line."""
-
-    def run(self, arguments: argparse.Namespace) -> ExitStatus | None:
-        """Do what the command line says."""
+def with_robot(*, robot_name: RobotName = None) -> None:
+    """Describe what every command takes."""
 
 
-def find(command: str, robot: str | None = None) -> Runnable:
+def find(command: str, robot: str | None = None) -> Command:
     """Import a command, the workbench's or the robot's; raises UnknownName, and as `plugin.find`."""
-    module = _module(command, robot)
-    row: Runnable = vars(module).get("COMMANDS", {}).get(command, module)
-    return row
+    found: Command = getattr(_module(command, robot), command.replace("-", "_"))
+    return found
 
 
 def _module(command: str, robot: str | None) -> ModuleType:
     if command in COMMANDS:  # before the robot's: it cannot replace one of ours, and is not even looked for
-        return import_module(f"eurobot_od.cli.{TABLES.get(command, command).replace('-', '_')}")
+        return import_module(f"eurobot_od.cli.{MODULES.get(command, command)}")
     own = _find(robot).commands
     if command not in own:
         unknown = UnknownName("command", command, [*COMMANDS, *own])
@@ -341,10 +298,10 @@ def _module(command: str, robot: str | None) -> ModuleType:
         return import_module(name)
 
 
-class Version(argparse.Action):
+class Version(Action):
     """Prints the version; to find it takes 40 ms."""
 
-    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> NoReturn:
+    def __call__(self, parser: ArgumentParser, *_: object) -> NoReturn:
         print(version())
         parser.exit()
 
@@ -359,7 +316,7 @@ def version() -> str:
         return f"{program()}, not installed, from {__file__}, Python {sys.version.split()[0]}"
 
 
-def _overview(robot: Plugin) -> argparse.ArgumentParser:
+def _overview(robot: Plugin) -> ArgumentParser:
     own = {name: each.text for name, each in robot.commands.items()}
     width = max(map(len, (*COMMANDS, *own)))
 
@@ -372,9 +329,9 @@ def _overview(robot: Plugin) -> argparse.ArgumentParser:
         program(),
         description="A CANopen workbench for any device's EDS, and for robots that are plugged in.",
         epilog="\n".join(["commands:", *listed(COMMANDS), *ours, "", explained]),
-        kind=argparse.RawDescriptionHelpFormatter,
+        kind=RawDescriptionHelpFormatter,
     )
     parser.add_argument("command", metavar="COMMAND", help="one of the commands below")
-    add_robot(parser)
+    describe(parser, with_robot)
     parser.add_argument("--version", action=Version, nargs=0, help="print the version and exit")
     return parser

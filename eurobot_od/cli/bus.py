@@ -1,53 +1,55 @@
-"""Commands on the nodes of a CANopen bus as a whole: `scan`, `nmt`, `watch`, `sync` and `time`."""
+"""Commands on the nodes of a CANopen bus as a whole: `scan`, `boot`, `nmt`, `watch`, `sync` and `time`."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
+from dataclasses import replace
 from datetime import UTC, datetime
 from itertools import islice
 from math import inf
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import Annotated, Any, TypeAlias
 
-from eurobot_od.cli import ExitStatus, options
-from eurobot_od.cli.remote import MASTER, TARGET, Target
-from eurobot_od.cli.table import BUS, DEVICES, JSON, RECONNECT, CommandRow, Parameter, option
+from eurobot_od.cli import ExitStatus
+from eurobot_od.cli.devices import Devices
+from eurobot_od.cli.options import BusOptions, Json, NoReconnect, Seconds, check_node_id
+from eurobot_od.cli.signature import Option
+from eurobot_od.cli.target import Access, Target
+from eurobot_od.client.description import Found, described
+from eurobot_od.client.description import scan as scan_nodes
+from eurobot_od.client.master import Master
+from eurobot_od.client.producing import produce, syncs, times
+from eurobot_od.client.watch import NodeEvent, NodeWatch, watch_nodes, without_heartbeat
 from eurobot_od.device.nmt import ALL_NODES, COMMAND_NAMES, STATE_NAMES, NmtCommand, NmtState
 from eurobot_od.device.nmt import TARGET as TARGET_STATES
 from eurobot_od.errors import LocalError, UnknownName
 from eurobot_od.od import network
+from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.values import BASE_IDENTIFIER, NMT_COB_ID, SYNC_COB_ID, TIME_COB_ID, parse_number
 from eurobot_od.support import durations
 from eurobot_od.support.texts import columns, one_line
 
-if TYPE_CHECKING:
-    from eurobot_od.bus.live.connection import Opener
-    from eurobot_od.cli.options import Devices
-    from eurobot_od.client.description import Found
-    from eurobot_od.client.master import Master
-    from eurobot_od.client.watch import NodeEvent
 
-
-def scan(master: Master, devices: Devices, listen: float, as_json: bool) -> ExitStatus:
+def scan(access: Access, *, listen: Seconds = 1.5, as_json: Json = False) -> ExitStatus:
     """List the CANopen nodes of a bus: which answer, in which state, what they are.
 
     With --network or --eds also what they are called there, and which of them are missing. Exit status 1 if one is
     missing, or if there is no node at all.
-    """
-    from eurobot_od.client import description
 
+    listen: listen for heartbeats for this time (1.5 s)
+    """
+    devices = access.devices
     known = devices.load_and_complain() if devices.eds or devices.network else ()
-    with master:
+    with access.master() as master:
         for each in known:
             master.follow(each)  # a device that answers elsewhere is there, too
-        found = description.scan(master, listen=listen)
+        found = scan_nodes(master, listen=listen)
     names = {each.node_id: each.name for each in known}
     missing = [node_id for node_id in names if node_id not in {each.node_id for each in found}]
     if as_json:
-        silent = (description.Found(each, None, None, "") for each in missing)
-        rows = [found_as_data(each) for each in (*found, *silent)]
+        rows = [found_as_data(each) for each in (*found, *(Found(each, None, None, "") for each in missing))]
         for row in rows if names else ():  # a stranger to the network has no name in it: null
             row.update(network_name=names.get(row["node_id"]), missing=row["node_id"] in missing)
         print(json.dumps(rows, indent=2))
@@ -81,22 +83,22 @@ def found_rows(found: Sequence[Found], names: Mapping[int, str] = MappingProxyTy
 # Boot
 
 
-def boot(master: Master, path: str, devices: Devices) -> ExitStatus:
+def boot(path: Annotated[str, Option(metavar="NETWORK", is_file=True)], access: Access) -> ExitStatus:
     """Start a network as CiA 302-2 says: each slave reset, checked, configured and heard, then all started.
 
     The slaves are those of the network file, in its order; a DCF is loaded, unless 0x1020 says that the slave has it.
     Exit status 1 if a slave does not boot: then none is started.
+
+    path: network file, or a folder of EDS and DCF files
     """
-    from eurobot_od.client.boot import hear_slave, order_start, prepare_slave, started_state
-    from eurobot_od.client.description import described
-    from eurobot_od.od.dictionary import Dictionary
+    from eurobot_od.client.boot import hear_slave, order_start, prepare_slave, started_state  # with canopen
 
     named = network.read_network(path)
-    loaded = {each.node_id: each for each in devices._replace(network=path).load_and_complain()}
+    loaded = {each.node_id: each for each in replace(access.devices, network=path).load_and_complain()}
     # `load` sorts by node-ID; the standard starts slaves in the network's own order
     order = [Dictionary.load(*each).node_id for each in named.nodes]
     slaves = [loaded[each] for each in order if loaded[each].name != named.master]
-    with master:
+    with access.master() as master:
         nodes = [master.node(each.node_id) for each in slaves]
         prepared = [prepare_slave(node, described(each), datetime.now()) for node, each in zip(nodes, slaves)]
         booted = []
@@ -125,26 +127,27 @@ HEARTBEAT_WAIT = 1.2
 """Seconds to wait for the heartbeat after the command; our nodes send one a second."""
 
 
-def nmt(target: Target, command: str) -> ExitStatus:
+def nmt(target: Target, command: Annotated[NmtCommand, Option(choices=NMT_COMMANDS)]) -> ExitStatus:
     """Send an NMT command to a CANopen node, or to all, and print the state that the heartbeat reports.
 
     An NMT command has no answer: the heartbeat or the boot-up message shows what the node did. Exit status 1 if the
     heartbeat shows that the node did not follow.
+
+    command: the command; NODE may be `all`
     """
-    number = NMT_COMMANDS[command]
-    if target.name == "all":
+    if target.node == "all":
         with target.master() as master:
-            master.send(NMT_COB_ID, bytes([number, ALL_NODES]))
-        print(f"{command} sent to all nodes")
+            master.send(NMT_COB_ID, bytes([command, ALL_NODES]))
+        print(f"{COMMAND_NAMES[command]} sent to all nodes")
         return ExitStatus.FINE
     with target.opened() as node:
-        if number not in TARGET_STATES:  # a reset: the boot-up message proves it (CiA 301, 7.3.2.2.3)
-            node.reset(number)
+        if command not in TARGET_STATES:  # a reset: the boot-up message proves it (CiA 301, 7.3.2.2.3)
+            node.reset(command)
             state = node.state(HEARTBEAT_WAIT)  # None without a heartbeat, whose time a reset sets back to its default
             print(f"node {node.node_id} has booted" + ("" if state is None else f" and is {STATE_NAMES[state]}"))
             return ExitStatus.FINE
-        node.command(number)
-        followed = node.wait_for(TARGET_STATES[number], HEARTBEAT_WAIT)
+        node.command(command)
+        followed = node.wait_for(TARGET_STATES[command], HEARTBEAT_WAIT)
         state = node.last_state
     if state is None:  # with 0x1017 at 0 a node is silent, and may well have followed
         print(f"sent; node {node.node_id} has no heartbeat that would show its state")
@@ -157,23 +160,27 @@ def nmt(target: Target, command: str) -> ExitStatus:
 
 
 def watch(
-    nodes: Sequence[str],
-    within: float,
-    guard: float | None,
-    span: float,
-    as_json: bool,
+    nodes: Annotated[Sequence[str], Option(metavar="NODE", suggest=lambda robot: robot.nodes)] = (),
+    *,
+    within: Seconds = 2.0,
+    guard: Seconds | None = None,
+    span: Annotated[Seconds, Option("--for")] = inf,
+    as_json: Json = False,
+    no_reconnect: NoReconnect = False,
     devices: Devices,
-    open_bus: Opener,
-    reopen: Opener | None,
+    bus: BusOptions,
 ) -> ExitStatus:
     """Watch CANopen nodes by heartbeat or node guarding: a line when one boots, is lost or comes back.
 
     Without nodes all of --network or --eds have to be there; without these, too, every node that is heard is watched.
     Exit status 1 if a node is lost at the end.
-    """
-    from eurobot_od.client.master import Master
-    from eurobot_od.client.watch import NodeWatch, watch_nodes, without_heartbeat
 
+    nodes: nodes that must be there: node-IDs, or devices' names
+    within: time in which they must be heard (2 s)
+    guard: poll them by remote frames with this period
+    span: how long to watch (default: until Ctrl-C)
+    as_json: print one JSON object per line
+    """
     # The devices' files are read only if they are named, or a node is: most watch by number.
     is_named = bool(devices.files()) or not all(each.isdecimal() for each in nodes)
     named = {each.name: each.node_id for each in devices.load()} if is_named else {}
@@ -181,7 +188,7 @@ def watch(
     expected = [_node_id(each, named) for each in nodes] or ([*titles] if devices.eds or devices.network else [])
     if guard is not None and not (expected and guard):
         raise LocalError("--guard polls the nodes that are named: name them, and a time longer than 0")
-    with Master(open_bus()) as master:
+    with Master(bus.open()) as master:
         started = master.clock()
         write = event_as_json if as_json else event_as_line
 
@@ -196,7 +203,7 @@ def watch(
             guarded=dict.fromkeys(without_heartbeat(master, expected), guard) if guard else {},
         )
         with suppress(KeyboardInterrupt):  # the usual way to end it
-            watch_nodes(master, watched, started + span, options.guard(reopen, master))
+            watch_nodes(master, watched, started + span, bus.guard(master, no_reconnect))
     return ExitStatus.FOUND if any(node.lost for node in watched.nodes.values()) else ExitStatus.FINE
 
 
@@ -206,7 +213,7 @@ def _node_id(text: str, named: Mapping[str, int]) -> int:
         return named[text]
     if not text.isdecimal() or len(text) > MOST_DIGITS:
         raise UnknownName("node", text, named)
-    return options.check_node_id(int(text))
+    return check_node_id(int(text))
 
 
 MOST_DIGITS = 9
@@ -229,38 +236,15 @@ def event_as_json(event: NodeEvent, name: str = "") -> str:
 # What a master sends again and again
 
 
-def sync(
-    counter: int | None, period: float, count: int | None, cob_id: int, open_bus: Opener, reopen: Opener | None
-) -> None:
-    """Send SYNC messages at a fixed period, until Ctrl-C or --count."""
-    from eurobot_od.client.master import Master
-    from eurobot_od.client.producing import produce, syncs
-
-    frames = syncs(counter, cob_id)
-    with Master(open_bus()) as master:
-        produce(master, islice(frames, count), period, options.guard(reopen, master))
-
-
-def time(utc: bool, period: float, count: int, cob_id: int, open_bus: Opener, reopen: Opener | None) -> None:
-    """Send the time of this computer as CANopen's TIME message, once or periodically."""
-    from eurobot_od.client.master import Master
-    from eurobot_od.client.producing import produce, times
-
-    zone = UTC if utc else None
-    # TIME_OF_DAY counts days from 1984, without a time zone (CiA 301, 7.1.6.6).
-    frames = times(lambda: datetime.now(zone).replace(tzinfo=None), cob_id)
-    with Master(open_bus()) as master:
-        produce(master, islice(frames, count), period, options.guard(reopen, master))
-
-
 def _period(text: str) -> float:
+    """Read a time between two messages, s; raises LocalError."""
     seconds = durations.seconds(text)
     if not seconds:  # without a pause it would fill the bus
         raise LocalError("the period must be longer than 0")
     return seconds
 
 
-def identifier(text: str) -> int:
+def _identifier(text: str) -> int:
     """Read an 11-bit identifier; raises LocalError."""
     number = parse_number(text)
     if number is None or number.relative or not 0 <= number.value <= BASE_IDENTIFIER:
@@ -268,70 +252,48 @@ def identifier(text: str) -> int:
     return number.value
 
 
-def _production(cob_id: int, period: str, count: int | None = None) -> tuple[Parameter, ...]:
-    """Return the parameters of what is sent periodically."""
-    return (
-        option("--period", type=_period, default=period, metavar="TIME", help=f"time between two messages ({period})"),
-        option("--count", type=int, default=count, metavar="N", help="end after N messages"),
-        option("--cob-id", type=identifier, default=cob_id, metavar="ID", help=f"identifier (0x{cob_id:03X})"),
-        BUS,
-        RECONNECT,
-    )
+Period: TypeAlias = Annotated[float, Option(metavar="TIME", read=_period)]
+Count: TypeAlias = Annotated[int | None, Option(metavar="N"), "end after N messages"]
+Identifier: TypeAlias = Annotated[int, Option(metavar="ID", read=_identifier)]
 
 
-COMMANDS = {
-    "scan": CommandRow(
-        scan,
-        option(
-            "--listen",
-            type=durations.seconds,
-            default=1.5,
-            metavar="TIME",
-            help="listen for heartbeats for this time (1.5 s)",
-        ),
-        JSON,
-        MASTER,
-        Parameter("devices", lambda _: None, options.Devices.of),
-    ),
-    "nmt": CommandRow(nmt, TARGET, option("command", choices=NMT_COMMANDS, help="the command; NODE may be `all`")),
-    "watch": CommandRow(
-        watch,
-        option("nodes", nargs="*", metavar="NODE", help="nodes that must be there: node-IDs, or devices' names"),
-        option(
-            "--within",
-            type=durations.seconds,
-            default=2.0,
-            metavar="TIME",
-            help="time in which they must be heard (2 s)",
-        ),
-        option("--guard", type=durations.seconds, metavar="TIME", help="poll them by remote frames with this period"),
-        option(
-            "--for",
-            dest="span",
-            type=durations.seconds,
-            default=inf,
-            metavar="TIME",
-            help="how long to watch (default: until Ctrl-C)",
-        ),
-        option("--json", dest="as_json", action="store_true", help="print one JSON object per line"),
-        DEVICES,
-        BUS,
-        RECONNECT,
-    ),
-    "boot": CommandRow(
-        boot,
-        option("path", metavar="NETWORK", help="network file, or a folder of EDS and DCF files"),
-        MASTER,
-        Parameter("devices", lambda _: None, options.Devices.of),
-    ),
-    "sync": CommandRow(
-        sync,
-        option("--counter", type=int, metavar="N", help="number the messages from 1 to N (2..240), over and over"),
-        *_production(SYNC_COB_ID, "100 ms"),
-    ),
-    "time": CommandRow(
-        time,
-        option("--utc", action="store_true", help="UTC instead of local time"),
-        *_production(TIME_COB_ID, "1 s", count=1),
-    ),
-}
+def sync(
+    *,
+    counter: Annotated[int | None, Option(metavar="N")] = None,
+    period: Period = 0.1,
+    count: Count = None,
+    cob_id: Identifier = SYNC_COB_ID,
+    no_reconnect: NoReconnect = False,
+    bus: BusOptions,
+) -> None:
+    """Send SYNC messages at a fixed period, until Ctrl-C or --count.
+
+    counter: number the messages from 1 to N (2..240), over and over
+    period: time between two messages (100 ms)
+    cob_id: identifier (0x080)
+    """
+    frames = syncs(counter, cob_id)
+    with Master(bus.open()) as master:
+        produce(master, islice(frames, count), period, bus.guard(master, no_reconnect))
+
+
+def time(
+    *,
+    utc: bool = False,
+    period: Period = 1.0,
+    count: Count = 1,
+    cob_id: Identifier = TIME_COB_ID,
+    no_reconnect: NoReconnect = False,
+    bus: BusOptions,
+) -> None:
+    """Send the time of this computer as CANopen's TIME message, once or periodically.
+
+    utc: UTC instead of local time
+    period: time between two messages (1 s)
+    cob_id: identifier (0x100)
+    """
+    zone = UTC if utc else None
+    # TIME_OF_DAY counts days from 1984, without a time zone (CiA 301, 7.1.6.6).
+    frames = times(lambda: datetime.now(zone).replace(tzinfo=None), cob_id)
+    with Master(bus.open()) as master:
+        produce(master, islice(frames, count), period, bus.guard(master, no_reconnect))

@@ -4,52 +4,149 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import KW_ONLY, dataclass
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple
 
 from eurobot_od.check import report
 from eurobot_od.check.reader import SuiteReader
 from eurobot_od.check.results import CheckedSeed, StepResult, SuiteResult
 from eurobot_od.check.runner import Interrupt, RunOptions
-from eurobot_od.cli import campaign
-from eurobot_od.cli.options import Devices, complain_of_repairs
+from eurobot_od.check.suite import Suite
+from eurobot_od.cli.campaign import counted
+from eurobot_od.cli.devices import Devices, complain_of_repairs
+from eurobot_od.cli.options import BusOptions, Faults, whole
+from eurobot_od.cli.signature import Option
 from eurobot_od.errors import LocalError
 from eurobot_od.od import network
+from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.pdos import OnRefused
+from eurobot_od.od.values import MOST_SUBS
+from eurobot_od.support.files import digest_of
 from eurobot_od.support.terminal import in_colour
 from eurobot_od.support.texts import one_line
 
 if TYPE_CHECKING:
-    from eurobot_od.bus.live.connection import Opener
-    from eurobot_od.check.conformance.drive import MotionBounds
     from eurobot_od.check.conformance.page import DeviceRun
     from eurobot_od.check.conformance.subject import Tier
-    from eurobot_od.check.suite import Suite
-    from eurobot_od.od.dictionary import Dictionary
-    from eurobot_od.od.pdos import OnRefused
     from eurobot_od.season.campaign import Workers
     from eurobot_od.season.results import Results
 
+FIRST_OWN = 4
+"""The first sub-index of 0x1011 that is the maker's (CiA 301, 7.5.2.14)."""
 
-class Checks(NamedTuple):
-    """Which suites are run, and how, called as the options are; it can be sent to other processes."""
 
-    devices: Devices
-    open_bus: Opener
-    files: Sequence[str]
-    tag: Sequence[str]
-    step: Sequence[str]
-    fault: Sequence[str]
-    simulate: bool
-    shared_world: bool
-    conformance: bool
-    reversible: bool
-    destructive: bool
-    restore: Sequence[int]
-    keep_going: bool
-    profile: int | None = None
-    motion: MotionBounds | None = None
+def _motion(text: str) -> tuple[int, int]:
+    """Read how far and how fast a motor may be moved; raises LocalError."""
+    distance, _, velocity = (int(each) if each.isdecimal() and len(each) < 10 else 0 for each in text.partition("@"))
+    if not (distance and velocity):
+        raise LocalError(f"{text!r}: a distance and a velocity above 0, such as 2000@100")
+    return distance, velocity
+
+
+@dataclass(frozen=True, kw_only=True)
+class Made:
+    """The suites that are made from the EDS files, and how far they may go.
+
+    conformance: make the suites from the EDS files, by CiA 301
+    profile: make the suites from the EDS files, by a device profile
+    motion: profile 402: also move the motor, at most this far and this fast, in the drive's units
+    outputs: profile 401: also switch the outputs
+    reversible: conformance: also reset, write PDOs and own values; profile: also the state machine, settings
+    destructive: conformance: also write other values, and store
+    restore: conformance, destructive: also restore what the maker has behind this sub-index of 0x1011
+    """
+
+    conformance: bool = False
+    profile: Literal[401, 402] | None = None
+    motion: Annotated[tuple[int, int] | None, Option(metavar="DISTANCE@VELOCITY", read=_motion)] = None
     outputs: bool = False
+    reversible: Annotated[bool, Option(either="tier")] = False
+    destructive: Annotated[bool, Option(either="tier")] = False
+    restore: Annotated[
+        Sequence[int], Option(metavar="SUB", read=whole(FIRST_OWN, MOST_SUBS, what="a sub-index of the maker's"))
+    ] = ()
+
+    def check(self) -> None:
+        """Raise LocalError for options that do not go together."""
+        for option, profile in (("motion", 402), ("outputs", 401)):
+            if getattr(self, option) and self.profile != profile:
+                raise LocalError(f"--{option} needs --profile {profile}")
+        if self.restore and not self.destructive:
+            raise LocalError("--restore needs --destructive")
+        if self.reversible and not self.is_wanted:
+            raise LocalError("--reversible needs --conformance")
+        if self.destructive and not self.conformance:
+            raise LocalError("--destructive needs --conformance")
+
+    @property
+    def is_wanted(self) -> bool:
+        """Whether there are such suites."""
+        return self.conformance or self.profile is not None
+
+    @property
+    def tier(self) -> Tier:
+        """How far conformance suites may go."""
+        from eurobot_od.check.conformance.subject import Tier
+
+        return Tier.DESTRUCTIVE if self.destructive else Tier.REVERSIBLE if self.reversible else Tier.READING
+
+    def texts(self, dictionaries: Iterable[Dictionary]) -> dict[Path, str]:
+        """Make the suites of each device, by what reports call their file; raises LocalError."""
+        from eurobot_od.check.conformance import drive, module  # files of suites run without
+        from eurobot_od.check.conformance import suite as chapters
+
+        if self.conformance:
+            make = partial(chapters.text, tier=self.tier, restore=self.restore)
+        elif self.profile == 401:
+            make = partial(module.text, reversible=self.reversible, outputs=self.outputs)
+        else:
+            motion = drive.MotionBounds(*self.motion) if self.motion else None
+            make = partial(drive.text, reversible=self.reversible, motion=motion)
+        return {file_of(each): make(each) for each in dictionaries}
+
+    def device_runs(
+        self, dictionaries: Iterable[Dictionary], results: Sequence[SuiteResult], made: str
+    ) -> list[DeviceRun]:
+        """Return what there is to say about each device; `made` says by what and when."""
+        from eurobot_od.check.conformance.page import DeviceRun
+
+        of_device = {each: [result for result in results if result.file == file_of(each)] for each in dictionaries}
+        return [DeviceRun(each, self.tier, own, made) for each, own in of_device.items()]
+
+
+def file_of(device: Dictionary) -> Path:
+    """Return what the file of a device's suites is called."""
+    return Path(f"{device.name}.yaml")
+
+
+@dataclass(frozen=True)
+class Checks:
+    """Which suites are run, and how; it can be sent to other processes.
+
+    files: suite files, or names of the robot's suites (--list)
+    simulate: check simulated nodes, in simulated time
+    fault: give simulated nodes a fault
+    shared_world: the nodes on the bus share the world that a suite needs
+    tag: run the suites with this tag
+    step: run the steps whose names contain this, and those before them
+    keep_going: go on with the next step after a failed one
+    """
+
+    files: Annotated[
+        Sequence[str], Option(metavar="FILE", is_file=True, suggest=lambda robot: robot.shipped_suites())
+    ] = ()
+    _: KW_ONLY
+    simulate: bool = False
+    fault: Faults = ()
+    shared_world: bool = False
+    tag: Annotated[Sequence[str], Option(metavar="TAG")] = ()
+    step: Annotated[Sequence[str], Option(metavar="TEXT")] = ()
+    made: Made
+    keep_going: bool = False
+    devices: Devices
+    bus: BusOptions
 
     def reader(self, refused: OnRefused = lambda _: None) -> SuiteReader:
         """Return the reader of suites for the devices; `refused` gets each PDO that is left out."""
@@ -70,50 +167,10 @@ class Checks(NamedTuple):
         networks = known._replace(find=lambda dialect: known.find(dialect) if dialect else named, load=load)
         return SuiteReader(networks, self.devices.dialect)
 
-    @property
-    def tier(self) -> Tier:
-        """How far conformance suites may go."""
-        from eurobot_od.check.conformance.subject import Tier
-
-        return Tier.DESTRUCTIVE if self.destructive else Tier.REVERSIBLE if self.reversible else Tier.READING
-
-    def conformance_texts(self) -> dict[Path, str]:
-        """Make the conformance suites of each device, by what reports call their file."""
-        from eurobot_od.check.conformance import suite
-
-        return {_file_of(each): suite.text(each, self.tier, self.restore) for each in self.devices.load()}
-
-    def profile_texts(self) -> dict[Path, str]:
-        """Make the suites of each device by its profile, by what reports call their file."""
-        from eurobot_od.check.conformance import drive, module
-
-        makers = {
-            401: partial(module.text, outputs=self.outputs),
-            402: partial(drive.text, motion=self.motion),
-        }
-        make = makers[self.profile or 402]
-        return {_file_of(each): make(each, self.reversible) for each in self.devices.load()}
-
-    @property
-    def is_generated(self) -> bool:
-        """Whether the suites are made from the EDS files."""
-        return self.conformance or self.profile is not None
-
-    def conformance_reports(self, results: Sequence[SuiteResult], made: str) -> list[DeviceRun]:
-        """Return what there is to say about each device; `made` says by what and when."""
-        from eurobot_od.check.conformance.page import DeviceRun
-
-        of_device = {
-            each: [result for result in results if result.file == _file_of(each)] for each in self.devices.load()
-        }
-        return [DeviceRun(each, self.tier, own, made) for each, own in of_device.items()]
-
     def suites(self, reader: SuiteReader) -> list[Suite]:
         """Read the suites that are asked for; raises YamlError, LocalError."""
-        if self.conformance:
-            read = reader.read_texts(self.conformance_texts())
-        elif self.profile is not None:
-            read = reader.read_texts(self.profile_texts())
+        if self.made.is_wanted:
+            read = reader.read_texts(self.made.texts(self.devices.load()))
         else:
             robot = self.devices.robot
             files = [robot.suite(name) for name in self.files] or [*robot.shipped_suites().values()]
@@ -142,13 +199,13 @@ class Checks(NamedTuple):
         if skipped := self.skips(suite):
             return SuiteResult(suite.file, suite.name, self.how(seed), skipped=skipped)
         # A conformance suite is to find all that is wrong with a device; its steps do not build on each other.
-        keeps_going, is_chosen_here = self.keep_going or self.is_generated, partial(is_chosen, self.step)
-        options = RunOptions(keeps_going, is_chosen_here, self.is_generated, interrupt, show)
+        keeps_going, is_chosen_here = self.keep_going or self.made.is_wanted, partial(is_chosen, self.step)
+        options = RunOptions(keeps_going, is_chosen_here, self.made.is_wanted, interrupt, show)
         if self.simulate:
-            return self.devices.robot.simulate(suite, options, self.fault, seed, self.profile or 0)
+            return self.devices.robot.simulate(suite, options, self.fault, seed, self.made.profile or 0)
         from eurobot_od.check.live import run_live
 
-        return run_live(suite, options, self.open_bus)
+        return run_live(suite, options, self.bus.open)
 
     def run_seed(self, seed: int) -> CheckedSeed:
         """Run all suites for one seed, in any process."""
@@ -159,25 +216,16 @@ class Checks(NamedTuple):
 
     def settings(self, suites: Sequence[Suite]) -> dict[str, str]:
         """Return all that the results of a seed depend on: the options, and the content of the files."""
-        from eurobot_od.support.files import digest_of
-
         devices, dialect = self.devices, self.devices.dialect
         named = [Path(file) for each in devices.files() for file in (each.file, *each.patch)]
         dialects = devices.robot.dialects
         folders = {dialects.folder(each.dialect or dialect) for each in suites if each.dialect or not named}
         found = [file for folder in sorted(folders) for file in sorted(folder.glob("*.eds"))]
-        options = {"robot": devices.robot_name, "dialect": dialect, "eds": devices.eds, "network": devices.network}
-        options |= {"module": devices.modules, "patch": devices.patches}
-        tiers = ("conformance", "reversible", "destructive", "restore", "profile", "motion", "outputs")
-        own = ("fault", "tag", "step", *tiers, "keep_going")
         # Beside the options the files' content: an edited suite must not be continued with results of the old one.
-        given = {name: str(value) for name, value in (options | {each: getattr(self, each) for each in own}).items()}
-        return {"campaign": "checks", **given, "files": digest_of([*(each.file for each in suites), *named, *found])}
-
-
-def _file_of(device: Dictionary) -> Path:
-    """Return what the file of a device's conformance suites is called."""
-    return Path(f"{device.name}.yaml")
+        files = digest_of([*(each.file for each in suites), *named, *found])
+        own = {name: getattr(self, name) for name in ("fault", "tag", "step", "keep_going")}
+        given = {name: str(value) for name, value in {**vars(devices), **vars(self.made), **own}.items()}
+        return {"campaign": "checks", **given, "files": files}
 
 
 def is_chosen(texts: Sequence[str], name: str) -> bool:
@@ -220,9 +268,9 @@ class Printer(NamedTuple):
 
     def end(self, result: SuiteResult) -> None:
         """Print how many of a suite's steps have not been shown."""
-        counted = report.folded(result)
-        if counted and not (self.silent or self.verbose):
-            print(f"  {counted}", flush=True)
+        unseen = report.folded(result)
+        if unseen and not (self.silent or self.verbose):
+            print(f"  {unseen}", flush=True)
 
 
 def listed(suites: Iterable[Suite]) -> Iterator[str]:
@@ -250,7 +298,7 @@ def results_of(
             yield result
             if result.error:  # the bus is gone, for all suites that follow
                 return
-            if checks.is_generated and result.ended:
+            if checks.made.is_wanted and result.ended:
                 gone.add(suite.nodes)
 
 
@@ -267,7 +315,7 @@ def many_results(
     from eurobot_od.season.campaign import run as in_blocks
 
     done = in_blocks(checks.run_seed, seeds, workers, kept)
-    for seed, results in campaign.counted(done, len(seeds), "seeds", workers, hidden=not printer.silent):
+    for seed, results in counted(done, len(seeds), "seeds", workers, hidden=not printer.silent):
         for suite, result in zip(suites, results):
             printer.heading(suite, result.skipped or checks.how(seed))
             for step in result.steps:

@@ -1,31 +1,88 @@
-"""Print the completion script of a shell; `--help` says where to put it.
-
-The scripts are in the package; `tools/make_completion.py` makes them, with shtab.
-"""
+"""The command `completion`: the script that completes the command line in a shell, made by shtab of the parsers."""
 
 from __future__ import annotations
 
-import argparse
-from importlib.resources import files
+from argparse import ArgumentParser, _SubParsersAction
+from collections.abc import Callable, Iterable
+from functools import cache
+from typing import Annotated, Any
 
-SHELLS = {"bash": "eurobot-od.bash", "zsh": "_eurobot-od", "fish": "eurobot-od.fish"}
-"""The file of each shell, with the name under which the shell finds it."""
+from eurobot_od.cli import COMMANDS, RobotName, find, program, robot_of_help, with_robot
+from eurobot_od.cli.signature import Option, Parser, describe
+from eurobot_od.plugin import NO_ROBOT, Plugin
 
-PLACES = """where to put it:
-  bash  eurobot-od completion bash > ~/.local/share/bash-completion/completions/eurobot-od
-  zsh   eurobot-od completion zsh > FOLDER/_eurobot-od, a folder of $fpath
-  fish  eurobot-od completion fish > ~/.config/fish/completions/eurobot-od.fish
-"""
+PLACES = {
+    "bash": f"~/.local/share/bash-completion/completions/{program()}",
+    "zsh": f"_{program()} in a folder of $fpath",
+    "fish": f"~/.config/fish/completions/{program()}.fish",
+    "tcsh": "a file that ~/.tcshrc sources",
+}
+"""Where each shell finds its script."""
+
+BASH_BOTH = """\
+{function}() {{
+  compgen -W "{words}" -- "$1"
+  compgen -f -- "$1"
+}}"""
+"""Offers words and files: a check is of a suite by its name, or of a file."""
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Describe the command line."""
-    # PLACES is a table, which the usual formatter would fill up to a paragraph.
-    parser.formatter_class = argparse.RawDescriptionHelpFormatter
-    parser.epilog = PLACES
-    parser.add_argument("shell", choices=SHELLS, help="the shell")
+def completion(
+    shell: Annotated[
+        str,
+        Option(choices=PLACES.keys()),
+        "the shell; it finds its script at: " + ", ".join(f"{place} ({shell})" for shell, place in PLACES.items()),
+    ],
+    *,
+    robot_name: RobotName = None,
+) -> None:
+    """Print the script that completes the command line in a shell: commands, options, and the values that are known."""
+    import shtab  # no other command needs it
+
+    robot = robot_of_help(robot_name)
+    print(shtab.complete(whole_parser(robot, "none" if robot is NO_ROBOT else robot_name), shell=shell))
 
 
-def run(arguments: argparse.Namespace) -> None:
-    """Print the text."""
-    print((files("eurobot_od") / "completions" / SHELLS[arguments.shell]).read_text(encoding="utf-8"), end="")
+def whole_parser(robot: Plugin, robot_name: str | None) -> ArgumentParser:
+    """Return the whole command line as one parser, with what a shell offers for each option and argument."""
+    whole = ArgumentParser(program())
+    whole.add_argument("--version", action="store_true", help="print the version and exit")
+    commands = whole.add_subparsers(parser_class=Parser)
+    words = cache(lambda suggest: sorted(set(suggest(robot))))  # several commands have objects, which takes a while
+    for name, text in {**COMMANDS, **{name: own.text for name, own in robot.commands.items()}}.items():
+        parser = commands.add_parser(name, help=text, robot=robot_name)
+        describe(parser, with_robot)
+        describe(parser, find(name, robot_name))
+        _offer(parser, words)
+    return whole
+
+
+def _offer(parser: Parser, words_of: Callable[[Callable[[Plugin], Iterable[str]]], list[str]]) -> None:
+    """Tell shtab what may be given for each option and argument of a parser, and of its forms."""
+    import shtab
+
+    for action in parser._actions:  # there is no other way to them
+        if isinstance(action, _SubParsersAction):
+            for form in action.choices.values():
+                _offer(form, words_of)
+        elif option := parser.described.get(action.dest):
+            # No choices for argparse: another robot has other ones, and a folder, a file or a node-ID will do as well.
+            words = [*option.words] or (words_of(option.suggest) if option.suggest else [])
+            if words and option.is_file:
+                action.complete = _words_or_files(action.dest, words)  # type: ignore[attr-defined]
+            elif words:
+                action.choices = words
+            elif option.is_file:
+                action.complete = shtab.FILE  # type: ignore[attr-defined]
+
+
+def _words_or_files(name: str, words: Iterable[str]) -> dict[str, Any]:
+    """Return what shtab writes for words and files, of which it takes one."""
+    joined, function = " ".join(words), f"_{program()}_{name}_or_file".replace("-", "_")
+    return {
+        "bash": function,
+        "zsh": f"{{_files; compadd {joined}}}",
+        "fish": f"{joined} (__fish_complete_path (commandline -ct))",
+        "tcsh": f"({joined})",
+        "preamble": {"bash": BASH_BOTH.format(function=function, words=joined)},
+    }

@@ -1,131 +1,205 @@
-"""Decode logs of a CAN bus: messages with their fields and units, CANopen services, and whatever is wrong.
-
-Lines go to standard output, progress and the report to standard error.
-"""
+"""Commands on logs: `decode`, `compare` and `replay`."""
 
 from __future__ import annotations
 
-import argparse
+import json
 import sys
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from math import inf
+from typing import Annotated
 
-from eurobot_od.cli import ExitStatus, options
-from eurobot_od.cli.logs import add_log, opened
-
-if TYPE_CHECKING:
-    from eurobot_od.traffic.filters import Wanted
-    from eurobot_od.traffic.meaning import Decoder
-    from eurobot_od.traffic.output import Output
+from eurobot_od.cli import ExitStatus
+from eurobot_od.cli.devices import Devices
+from eurobot_od.cli.logs import STANDARD_INPUT, Log, Logs, Reading, entries, opened
+from eurobot_od.cli.options import BitRate, BusOptions, EmcyFiles, Json, Seconds, assigned, positive
+from eurobot_od.cli.signature import HelpGroup, Option
+from eurobot_od.errors import LocalError, UnknownName
+from eurobot_od.frame import Frame
+from eurobot_od.pdo.protocol import Protocol
+from eurobot_od.support.texts import amount
+from eurobot_od.traffic.decoding import Decoding
+from eurobot_od.traffic.filters import Wanted, Window, by_name, by_node, by_value
+from eurobot_od.traffic.meaning import Decoder
+from eurobot_od.traffic.output import Output, TextOutput
 
 BIT_RATE = 500_000
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Describe the command line."""
-    add_log(parser)
-    form = parser.add_mutually_exclusive_group()
-    form.add_argument("--json", action="store_true", help="one JSON object per line")
-    form.add_argument("--csv", action="store_true", help="comma-separated values")
-    add_filters(parser)
-    parser.add_argument("--since", type=float, default=0.0, metavar="S", help="from this time on, in s")
-    parser.add_argument("--until", type=float, default=float("inf"), metavar="S", help="up to this time, in s")
-    parser.add_argument("--relative", action="store_true", help="count the time from a log's first entry")
-    parser.add_argument(
-        "--statistics",
-        action="store_true",
-        help="print load, gaps, jitter, response times and their bounds instead of lines",
-    )
-    parser.add_argument(
-        "-b", "--bitrate", type=options.bit_rate, default=BIT_RATE, help="bit/s for --statistics (default: %(default)s)"
-    )
-    parser.add_argument("--strict", action="store_true", help="exit status 1 if anything is wrong in the logs")
-    options.add_network(parser)
-    options.add_emcy(parser)
+@dataclass(frozen=True, kw_only=True)
+class Filters:
+    """The entries that are wanted: names of messages and nodes, conditions on fields.
+
+    message: message or service by name (`Goto XY`, goto-xy, SDO), or a protocol: GTP, ELP, GIP, CANopen; repeatable
+    node: messages that this node sends or receives; repeatable
+    where: condition on a field: `x>1000`, `Goto XY.speed<=20`, `team_colour=red`, `time=unknown`; repeatable
+    """
+
+    GROUP = HelpGroup("filters", "an entry has to pass all that are given")
+
+    message: Annotated[Sequence[str], Option(metavar="NAME")] = ()
+    node: Annotated[Sequence[str], Option(metavar="NAME", suggest=lambda robot: robot.nodes)] = ()
+    where: Annotated[Sequence[str], Option(metavar="CONDITION")] = ()
+
+    def wanted(self, decoder: Decoder) -> Wanted | None:
+        """Return the filter, None for none; raises LocalError for a name or a value that cannot be."""
+        wanted: list[Wanted] = [by_value(text, decoder.protocol) for text in self.where]
+        if self.message:
+            wanted.append(by_name(self.message, decoder.protocol))
+        if self.node:
+            wanted.append(by_node(self.node, [each.name for each in decoder.dictionaries]))
+        return (lambda meaning: all(each(meaning) for each in wanted)) if wanted else None
 
 
-def add_filters(parser: argparse.ArgumentParser) -> None:
-    """Add the options that say which frames are wanted."""
-    group = parser.add_argument_group("filters", "an entry has to pass all that are given")
-    group.add_argument(
-        "--message",
-        action="append",
-        default=[],
-        metavar="NAME",
-        help="message or service by name (`Goto XY`, goto-xy, SDO), or a protocol: GTP, ELP, GIP, CANopen; repeatable",
-    )
-    group.add_argument(
-        "--node",
-        action="append",
-        default=[],
-        metavar="NAME",
-        help="messages that this node sends or receives; repeatable",
-    )
-    group.add_argument(
-        "--where",
-        action="append",
-        default=[],
-        metavar="CONDITION",
-        help="condition on a field: `x>1000`, `Goto XY.speed<=20`, `team_colour=red`, `time=unknown`; repeatable",
-    )
+def decode(
+    logs: Logs = (STANDARD_INPUT,),
+    *,
+    reading: Reading,
+    as_json: Annotated[Json, Option(either="form")] = False,
+    as_csv: Annotated[bool, Option("--csv", either="form")] = False,
+    filters: Filters,
+    since: Annotated[float, Option(metavar="S")] = 0.0,
+    until: Annotated[float, Option(metavar="S")] = inf,
+    relative: bool = False,
+    statistics: bool = False,
+    bitrate: BitRate = BIT_RATE,
+    strict: bool = False,
+    devices: Devices,
+    emcy: EmcyFiles = (),
+) -> ExitStatus:
+    """Decode logs of a CAN bus: messages with their fields and units, CANopen services, and whatever is wrong.
 
+    Lines go to standard output, progress and the report to standard error.
 
-def run(arguments: argparse.Namespace) -> ExitStatus:
-    """Decode all logs; report what is wrong in them."""
-    from eurobot_od.traffic.decoding import Decoding
-    from eurobot_od.traffic.filters import Window
+    as_json: one JSON object per line
+    as_csv: comma-separated values
+    since: from this time on, in s
+    until: up to this time, in s
+    relative: count the time from a log's first entry
+    statistics: print load, gaps, jitter, response times and their bounds instead of lines
+    bitrate: bit/s for --statistics (default: 500000)
+    strict: exit status 1 if anything is wrong in the logs
+    """
+    decoder = devices.decoder(emcy)
+    several = len(logs) > 1
+    if statistics:
+        from eurobot_od.traffic.load.seen import TrafficOutput  # the usual case starts without the other ones' modules
 
-    devices = options.Devices.of(arguments)
-    decoder = devices.decoder()
-    several = len(arguments.logs) > 1
-    if arguments.statistics:
-        from eurobot_od.traffic.load.seen import TrafficOutput
-
-        output: Output = TrafficOutput(arguments.bitrate, devices.promised(decoder), several)
+        output: Output = TrafficOutput(bitrate, devices.promised(decoder), several)
     else:
-        output = _output(decoder, arguments.json, arguments.csv, several)
-    window = Window(arguments.since, arguments.until, arguments.relative)
-    decoding = Decoding(decoder, output, Filters.of(arguments).wanted(decoder), window)
+        output = _output(decoder, as_json, as_csv, several)
+    decoding = Decoding(decoder, output, filters.wanted(decoder), Window(since, until, relative))
     sys.stdout.write(output.header)
-    for log in arguments.logs:
+    for log in logs:
         # Lines on the same terminal would tear the bar apart.
-        with opened(log, is_watched=arguments.statistics or not sys.stdout.isatty()) as file:
-            sys.stdout.writelines(decoding.lines(file, log, arguments.format, arguments.largest))
+        with opened(log, is_watched=statistics or not sys.stdout.isatty()) as file:
+            sys.stdout.writelines(decoding.lines(file, log, reading.format, reading.largest))
     sys.stdout.flush()  # the report comes after the lines, also where both go to one file
     sys.stderr.writelines(f"{line}\n" for line in decoding.damage.report())
-    return ExitStatus.FOUND if arguments.strict and decoding.damage.total else ExitStatus.FINE
+    return ExitStatus.FOUND if strict and decoding.damage.total else ExitStatus.FINE
 
 
 def _output(decoder: Decoder, as_json: bool, as_csv: bool, several: bool) -> Output:
-    from eurobot_od.traffic.output import TextOutput
-
     if not (as_json or as_csv):
-        return TextOutput(several)  # the usual case starts without the modules of the others
+        return TextOutput(several)
     from eurobot_od.traffic.output import CsvOutput, JsonOutput
 
     fields = (field for each in decoder.protocol.bindings for field in each.kinds)
     return JsonOutput() if as_json else CsvOutput(fields)
 
 
-class Filters(NamedTuple):
-    """The entries that are wanted: names of messages and nodes, conditions on fields."""
+def compare(
+    first: Log,
+    second: Log,
+    *,
+    reading: Reading,
+    time: Seconds = 0.001,
+    tolerance: Annotated[Sequence[tuple[str, str]], assigned("[MESSAGE.]FIELD=NUMBER")] = (),
+    as_json: Json = False,
+    filters: Filters,
+    devices: Devices,
+    emcy: EmcyFiles = (),
+) -> ExitStatus:
+    """Compare two logs that should be the same: which frames are missing, extra or late, or have other values.
 
-    messages: Sequence[str]
-    nodes: Sequence[str]
-    conditions: Sequence[str]
+    Exit status 1 if they differ: a regression test for a node's program.
 
-    @classmethod
-    def of(cls, arguments: argparse.Namespace) -> Filters:
-        """Take them from a command line."""
-        return cls(arguments.message, arguments.node, arguments.where)
+    first: the expected log
+    second: the log to compare with it
+    time: tolerance of times (1 ms)
+    tolerance: tolerance of a field, such as x=5 or 'Goto State Response.time=20'; repeatable
+    as_json: one JSON object per difference
+    """
+    from eurobot_od.traffic.compare import Tolerances
+    from eurobot_od.traffic.compare import compare as differences_of
 
-    def wanted(self, decoder: Decoder) -> Wanted | None:
-        """Return the filter, None for none; raises LocalError for a name or a value that cannot be."""
-        from eurobot_od.traffic.filters import by_name, by_node, by_value
+    decoder = devices.decoder(emcy)
+    fields, wanted = tolerances(tolerance, decoder.protocol), filters.wanted(decoder)
+    # Both are read whole, as the distance between their clocks is found from frames of both.
+    expected, found = (
+        [(at, raw) for _, (_, at, _, raw) in entries([log], reading) if wanted is None or wanted(decoder(raw))]
+        for log in (first, second)
+    )
+    differences = differences_of(expected, found, decoder, Tolerances(time, fields))
+    for each in differences:
+        line = f"{each.time:13.6f}  {each.kind.value:<8} {each.name:<29} {each.text}".rstrip()
+        print(json.dumps(each._asdict() | {"kind": each.kind.value}) if as_json else line)
+    if not as_json:
+        kinds = Counter(each.kind.value for each in differences)
+        counts = ", ".join(f"{count} {kind}" for kind, count in kinds.items()) or "no difference"
+        print(f"{len(expected)} and {len(found)} frames: {counts}")
+    return ExitStatus.FOUND if differences else ExitStatus.FINE
 
-        wanted: list[Wanted] = [by_value(text, decoder.protocol) for text in self.conditions]
-        if self.messages:
-            wanted.append(by_name(self.messages, decoder.protocol))
-        if self.nodes:
-            wanted.append(by_node(self.nodes, [each.name for each in decoder.dictionaries]))
-        return (lambda meaning: all(each(meaning) for each in wanted)) if wanted else None
+
+def tolerances(given: Iterable[tuple[str, str]], protocol: Protocol) -> dict[tuple[str, str], float]:
+    """Return the tolerances by message and field; raises UnknownName, LocalError."""
+    found: dict[tuple[str, str], float] = {}
+    for name, text in given:
+        message, _, field = name.rpartition(".")
+        bindings = [protocol.binding(message)] if message else protocol.bindings
+        having = [each.name for each in bindings if field in each.kinds]
+        if not having:
+            raise UnknownName("field", name, dict.fromkeys(field for each in bindings for field in each.kinds))
+        try:
+            number = float(text)
+        except ValueError:
+            number = -1.0
+        if not 0 <= number < float("inf"):  # `float` takes "nan" and "inf", with which nothing would ever differ
+            raise LocalError(f"--tolerance {name}={text}: not a number, 0 or more")
+        found |= dict.fromkeys(((each, field) for each in having), number)
+    return found
+
+
+def replay(
+    logs: Logs = (STANDARD_INPUT,),
+    *,
+    reading: Reading,
+    speed: Annotated[float, Option(metavar="N", read=positive)] = 1.0,
+    only: Annotated[Sequence[str], Option(metavar="NODE", either="sender")] = (),
+    without: Annotated[Sequence[str], Option("--except", metavar="NODE", either="sender")] = (),
+    devices: Devices,
+    bus: BusOptions,
+) -> None:
+    """Replay a log onto a bus with its recorded timing, so that one real node meets yesterday's others.
+
+    `--except drive` leaves out what the drive sent in the log: the drive on the bus sends it itself.
+
+    speed: how many times faster (default: 1)
+    only: only frames that this node sent; repeatable
+    without: no frames that this node sent; repeatable
+    """
+    from eurobot_od.client.master import Master  # a log is decoded without
+    from eurobot_od.client.producing import LATE
+    from eurobot_od.client.producing import replay as replay_frames
+    from eurobot_od.traffic.filters import by_sender
+
+    decoder = devices.decoder()
+    wanted = by_sender(decoder.dictionaries, decoder.protocol, only, without)
+    # What a log has besides frames is damage, which nobody can send.
+    timed = ((at, raw) for _, (_, at, _, raw) in entries(logs, reading) if isinstance(raw, Frame) and wanted(raw))
+    with Master(bus.open()) as master:
+        frames, late, worst = replay_frames(master, timed, speed)
+    print(
+        f"{amount(frames, 'frame')} sent, {late} of them later than {LATE * 1000:g} ms, {worst * 1000:.1f} ms at most"
+    )

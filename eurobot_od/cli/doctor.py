@@ -1,16 +1,14 @@
-"""Print what is installed, robots too, the CAN interfaces and their state, and the commands that fix what is wrong.
-
-Exit status 1 if something is wrong; an extra that is not installed is not an error.
-"""
+"""The command `doctor`: what is installed, robots too, the CAN interfaces, and what fixes what is wrong."""
 
 from __future__ import annotations
 
-import argparse
 import platform
 import sys
 from collections.abc import Iterable, Iterator, Mapping
 
 from eurobot_od import plugin
+from eurobot_od.bus.live.adapters import drivers, here, plugged_in, refused
+from eurobot_od.bus.live.links import INSTEAD, links, troubles, without_socketcan
 from eurobot_od.cli import ExitStatus, version
 from eurobot_od.errors import LocalError
 from eurobot_od.plugin import Installed
@@ -25,19 +23,15 @@ INDENT = len("interface  ")
 FOR_DEVELOPERS = ("test", "bench")
 """Extras that are needed only to develop the program."""
 
-NEEDED = ("canopen", "python-can", "PyYAML", "typing-extensions")
+NEEDED = ("canopen", "python-can", "PyYAML", "shtab")
 """What every installation has."""
 
 
-def add_arguments(_: argparse.ArgumentParser) -> None:
-    """Describe the command line."""
+def doctor() -> ExitStatus:
+    """Print what is installed, robots too, the CAN interfaces and their state, and what fixes what is wrong.
 
-
-def run(_: argparse.Namespace) -> ExitStatus:
-    """Print what there is; 1 if something is wrong."""
-    from eurobot_od.bus.live.adapters import drivers, here, plugged_in, refused
-    from eurobot_od.bus.live.links import INSTEAD, links, troubles, without_socketcan
-
+    Exit status 1 if something is wrong; an extra that is not installed is not an error.
+    """
     why = {each: broken(each) for each in plugin.installed().values()}
     unloaded = [(what, f"{sys.executable} -m pip uninstall {each.package}") for each, what in why.items() if what]
     wrong = [*unloaded, *(trouble for link in links() for trouble in troubles(link)), *denied(refused())]

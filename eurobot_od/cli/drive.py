@@ -5,17 +5,15 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
-from eurobot_od.cli import options as shared
-from eurobot_od.cli.remote import TARGET, Target
-from eurobot_od.cli.table import JSON, CommandRow, option
+from eurobot_od.cli.options import Json, Seconds, whole
+from eurobot_od.cli.signature import Option
+from eurobot_od.cli.target import Target
+from eurobot_od.client.drive402 import Drive402, DriveStatus
 from eurobot_od.errors import LocalError
-from eurobot_od.support import durations
+from eurobot_od.od.profiles.cia402 import MODE_WORDS
 from eurobot_od.support.texts import one_line
-
-if TYPE_CHECKING:
-    from eurobot_od.client.drive402 import Drive402, DriveStatus
 
 LOOK = 0.5
 """Seconds from one line of `jog` to the next."""
@@ -30,50 +28,6 @@ class MotionRequest(NamedTuple):
     method: int | None
     within: float
     span: float | None
-
-
-def drive(
-    target: Target,
-    action: str,
-    value: int | None,
-    velocity: int | None,
-    relative: bool,
-    method: int | None,
-    axis: int,
-    within: float,
-    span: float | None,
-    as_json: bool,
-) -> None:
-    """Enable, home and move a drive of CiA 402 over SDO, and print how it is then.
-
-    Raises DriveError, NodeRefused, NoAnswer, BusError.
-    """
-    from eurobot_od.client.drive402 import Drive402
-
-    _check(action, value, {"velocity": velocity, "relative": relative, "method": method, "span": span})
-    with target.opened() as node:
-        described = target.named_description(node)
-        found = Drive402(node, described.dictionary if described else None, axis)
-        ACTIONS[action](found, MotionRequest(value or 0, velocity, relative, method, within, span))
-        status = found.status
-    print(json.dumps(as_data(status)) if as_json else one_line(f"node {node.node_id}: {as_text(status)}"))
-
-
-MOVING = {"move": "a position", "jog": "a velocity"}
-"""The actions that need a value."""
-
-OPTIONS = {"velocity": "move", "relative": "move", "method": "home", "span": "jog"}
-"""The options that one action alone has."""
-
-
-def _check(action: str, value: int | None, given: Mapping[str, object]) -> None:
-    """Raise LocalError for a value that is missing or too much, and for an option of another action."""
-    if (value is None) is (action in MOVING):
-        raise LocalError(f"drive {action} needs {MOVING[action]}" if action in MOVING else f"{action} takes no value")
-    for name, owner in OPTIONS.items():
-        # A velocity or method of 0 has been given, too: not so what is None, or a switch that is off.
-        if given[name] is not None and given[name] is not False and action != owner:
-            raise LocalError(f"--{'for' if name == 'span' else name} is for `drive {owner}`")
 
 
 def _jog(drive: Drive402, asked: MotionRequest) -> None:
@@ -102,29 +56,61 @@ ACTIONS: Mapping[str, Callable[[Drive402, MotionRequest], object]] = {
 }
 """What a drive can be told to do."""
 
-COMMANDS = {
-    "drive": CommandRow(
-        drive,
-        TARGET,
-        option("action", choices=tuple(ACTIONS), help="what the drive is to do; Ctrl-C stops a motion"),
-        option("value", nargs="?", type=int, help="move: the position; jog: the velocity; in drive units"),
-        option("--velocity", type=int, metavar="V", help="move: profile velocity (default: as it is set)"),
-        option("--relative", action="store_true", help="move: by a distance instead of to a position"),
-        option("--method", type=int, metavar="N", help="home: homing method (default: as it is set)"),
-        option("--axis", type=shared.whole(1, 8, what="an axis"), default=1, metavar="N", help="axis (1)"),
-        option(
-            "--within", type=durations.seconds, default=60.0, metavar="TIME", help="longest wait for a motion (60 s)"
-        ),
-        option("--for", dest="span", type=durations.seconds, metavar="TIME", help="jog: halt after this time"),
-        JSON,
-    )
-}
+
+def drive(
+    target: Target,
+    action: Annotated[str, Option(choices=ACTIONS.keys())],
+    value: int | None = None,
+    *,
+    velocity: Annotated[int | None, Option(metavar="V")] = None,
+    relative: bool = False,
+    method: Annotated[int | None, Option(metavar="N")] = None,
+    axis: Annotated[int, Option(metavar="N", read=whole(1, 8, what="an axis"))] = 1,
+    within: Seconds = 60.0,
+    span: Annotated[Seconds | None, Option("--for")] = None,
+    as_json: Json = False,
+) -> None:
+    """Enable, home and move a drive of CiA 402 over SDO, and print how it is then.
+
+    Raises DriveError, NodeRefused, NoAnswer, BusError.
+
+    action: what the drive is to do; Ctrl-C stops a motion
+    value: move: the position; jog: the velocity; in drive units
+    velocity: move: profile velocity (default: as it is set)
+    relative: move: by a distance instead of to a position
+    method: home: homing method (default: as it is set)
+    axis: axis (1)
+    within: longest wait for a motion (60 s)
+    span: jog: halt after this time
+    """
+    _check(action, value, {"velocity": velocity, "relative": relative, "method": method, "span": span})
+    with target.opened() as node:
+        described = target.named_description(node)
+        found = Drive402(node, described.dictionary if described else None, axis)
+        ACTIONS[action](found, MotionRequest(value or 0, velocity, relative, method, within, span))
+        status = found.status
+    print(json.dumps(as_data(status)) if as_json else one_line(f"node {node.node_id}: {as_text(status)}"))
+
+
+MOVING = {"move": "a position", "jog": "a velocity"}
+"""The actions that need a value."""
+
+OPTIONS = {"velocity": "move", "relative": "move", "method": "home", "span": "jog"}
+"""The options that one action alone has."""
+
+
+def _check(action: str, value: int | None, given: Mapping[str, object]) -> None:
+    """Raise LocalError for a value that is missing or too much, and for an option of another action."""
+    if (value is None) is (action in MOVING):
+        raise LocalError(f"drive {action} needs {MOVING[action]}" if action in MOVING else f"{action} takes no value")
+    for name, owner in OPTIONS.items():
+        # A velocity or method of 0 has been given, too: not so what is None, or a switch that is off.
+        if given[name] is not None and given[name] is not False and action != owner:
+            raise LocalError(f"--{'for' if name == 'span' else name} is for `drive {owner}`")
 
 
 def as_data(status: DriveStatus) -> dict[str, Any]:
     """Return how a drive is as plain data."""
-    from eurobot_od.od.profiles.cia402 import MODE_WORDS
-
     state = status.state.words if status.state else None
     return {**status._asdict(), "state": state, "mode": MODE_WORDS.get(status.mode, f"mode {status.mode}")}
 

@@ -1,100 +1,130 @@
-"""Check EDS, DCF, XDD and XDC files or folders of them, one by one or as a network.
-
-Exit status 0 nothing found, 1 something found (errors; with --strict warnings too), 2 a file that cannot be read.
-"""
+"""Commands that judge device files, EDS, DCF, XDD and XDC: `lint` and `diff`."""
 
 from __future__ import annotations
 
 import gc
 import sys
-from argparse import ArgumentParser, Namespace
-from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, TypeAlias
 
 from eurobot_od.cli import ExitStatus, complain
+from eurobot_od.cli.options import BusOptions, Json, check_node_id
+from eurobot_od.cli.signature import Option
 from eurobot_od.errors import DictionaryError, LocalError, UnknownName
 from eurobot_od.lint.findings import Finding, Rule, Severity, chosen, count, summary, summed_up
 from eurobot_od.lint.model import load
-from eurobot_od.lint.rules import FILE_RULES, lint
+from eurobot_od.lint.rules import FILE_RULES
+from eurobot_od.lint.rules import lint as lint_file
 from eurobot_od.od.document import read_bytes
 from eurobot_od.od.formats import SUFFIXES, files_in, is_xml
+from eurobot_od.od.values import Address
 from eurobot_od.support.texts import one_line
 
 if TYPE_CHECKING:
     from eurobot_od.lint.network import LintedNetwork
+    from eurobot_od.plugin import Plugin
 
 
-def add_arguments(parser: ArgumentParser) -> None:
-    """Add the arguments of `eurobot-od lint`."""
-    parser.add_argument(
-        "files",
-        nargs="*",
-        metavar="FILE",
-        help="EDS, DCF, XDD, XDC or a folder; with --network also a network file",
-    )
-    parser.add_argument("--network", action="store_true", help="check the files as the nodes of one network")
-    form = parser.add_mutually_exclusive_group()
-    form.add_argument("--json", action="store_true", help="write one JSON object instead of lines")
-    form.add_argument(
-        "--format", choices=FORMATS, help="write annotations for GitHub Actions, or a SARIF log for code scanning"
-    )
+def _print_annotations(findings: Sequence[Finding]) -> None:
+    from eurobot_od.support.texts import Level, annotation
 
-    def prefixes(text: str) -> tuple[str, ...]:
-        return tuple(each.strip().upper() for each in text.split(",") if each.strip())
-
-    codes: dict[str, Any] = {"type": prefixes, "default": (), "metavar": "CODES"}
-    parser.add_argument("--select", **codes, help="only rules whose codes start like this, such as E6,W447")
-    parser.add_argument("--ignore", **codes, help="no rules whose codes start like this, such as I")
-    parser.add_argument(
-        "-v", "--verbose", action="store_true", help="print every finding: infos and repeated ones, too"
-    )
-    parser.add_argument("--strict", action="store_true", help="warnings count as errors")
-    parser.add_argument(
-        "--fix",
-        action="store_true",
-        help="rewrite the files in the normal form that every tool reads, and list the changes",
-    )
-    parser.add_argument("-o", "--output", metavar="FILE", help="with --fix: the file to write (default: the same file)")
-    parser.add_argument("--explain", metavar="CODE", help="print what a rule demands, and its source")
+    levels = {Severity.ERROR: Level.ERROR, Severity.WARNING: Level.WARNING, Severity.INFO: Level.NOTICE}
+    for each in findings:
+        print(annotation(levels[each.severity], each.file, each.line, each.column, each.code, [each.message]))
 
 
-def run(arguments: Namespace) -> ExitStatus:
-    """Check, print, and return the exit status."""
-    prefixes = (*arguments.select, *arguments.ignore)
+def _print_sarif(findings: Sequence[Finding]) -> None:
+    import json
+
+    from eurobot_od.lint.findings import sarif
+    from eurobot_od.lint.network import RULES
+
+    json.dump(sarif(findings, (*FILE_RULES, *RULES)), sys.stdout, indent=1)
+    print()
+
+
+FORMATS = {"github": _print_annotations, "sarif": _print_sarif}
+"""How findings are written for another program."""
+
+
+def _codes(text: str) -> tuple[str, ...]:
+    """Read the beginnings of rules' codes."""
+    return tuple(each.strip().upper() for each in text.split(",") if each.strip())
+
+
+def _rules(_: Plugin | None = None) -> Mapping[str, Rule]:
+    """Return all rules by their codes."""
+    from eurobot_od.lint.network import RULES  # costs what most files do not need
+
+    return {each.code: each for each in (*FILE_RULES, *RULES)}
+
+
+Codes: TypeAlias = Annotated[tuple[str, ...], Option(metavar="CODES", read=_codes)]
+
+
+def lint(
+    files: Annotated[Sequence[str], Option(metavar="FILE", is_file=True)] = (),
+    *,
+    network: bool = False,
+    as_json: Annotated[Json, Option(either="form")] = False,
+    format: Annotated[Callable[[Sequence[Finding]], None] | None, Option(choices=FORMATS, either="form")] = None,
+    select: Codes = (),
+    ignore: Codes = (),
+    verbose: Annotated[bool, Option("-v")] = False,
+    strict: bool = False,
+    fix: bool = False,
+    output: Annotated[str | None, Option("-o", metavar="FILE", is_file=True)] = None,
+    explain: Annotated[str | None, Option(metavar="CODE", suggest=_rules)] = None,
+) -> ExitStatus:
+    """Check EDS, DCF, XDD and XDC files or folders of them, one by one or as a network.
+
+    Exit status 0 nothing found, 1 something found (errors; with --strict warnings too), 2 a file that cannot be read.
+
+    files: EDS, DCF, XDD, XDC or a folder; with --network also a network file
+    network: check the files as the nodes of one network
+    as_json: write one JSON object instead of lines
+    format: write annotations for GitHub Actions, or a SARIF log for code scanning
+    select: only rules whose codes start like this, such as E6,W447
+    ignore: no rules whose codes start like this, such as I
+    verbose: print every finding: infos and repeated ones, too
+    strict: warnings count as errors
+    fix: rewrite the files in the normal form that every tool reads, and list the changes
+    output: with --fix: the file to write (default: the same file)
+    explain: print what a rule demands, and its source
+    """
+    prefixes = (*select, *ignore)
     rules = _rules() if prefixes else {}
     for prefix in prefixes:
         if not any(code.startswith(prefix) for code in rules):  # it would select nothing, or ignore nothing
             raise UnknownName("rule", prefix, rules)
-    if arguments.explain:
-        print(explanation(arguments.explain.upper()))
+    if explain:
+        print(explanation(explain.upper()))
         return ExitStatus.FINE
-    if not arguments.files:
+    if not files:
         raise LocalError("no files to check")
-    if arguments.fix:  # one by one: a whole folder is not rewritten by mistake
-        return _fix(arguments.files, arguments.output)
-    files = arguments.files if arguments.network else _in_folders(arguments.files)
+    if fix:  # one by one: a whole folder is not rewritten by mistake
+        return _fix(files, output)
     unreadable: list[DictionaryError] = []
-    findings, number, identifiers = _found(files, arguments.network, unreadable)
-    wanted = chosen(findings, arguments.select, arguments.ignore)
-    if arguments.json:
+    findings, number, identifiers = _found(files if network else _in_folders(files), network, unreadable)
+    wanted = chosen(findings, select, ignore)
+    if as_json:
         _print_json(wanted, identifiers)
-    elif number and arguments.format:
+    elif number and format:
         # GitHub shows ten annotations of a step, and refuses a SARIF log of more than 25 000 results.
-        FORMATS[arguments.format](wanted if arguments.verbose else summed_up(wanted))
+        format(wanted if verbose else summed_up(wanted))
     elif number:
-        _print_lines(wanted, number, identifiers, arguments.verbose, bool(arguments.verbose or arguments.select))
+        _print_lines(wanted, number, identifiers, verbose, bool(verbose or select))
     for each in unreadable:
         complain(str(each))
     if unreadable:
         return ExitStatus.WRONG_INPUT
     errors, warnings = count(wanted, Severity.ERROR), count(wanted, Severity.WARNING)
-    return ExitStatus.FOUND if errors or (arguments.strict and warnings) else ExitStatus.FINE
+    return ExitStatus.FOUND if errors or (strict and warnings) else ExitStatus.FINE
 
 
 def _in_folders(paths: Sequence[str]) -> list[str]:
     """Return the files, and of a folder all device files in it."""
-    from pathlib import Path
-
     each_of = (map(str, files_in(path)) if Path(path).is_dir() else [path] for path in paths)
     return [file for files in each_of for file in files]
 
@@ -118,7 +148,7 @@ def _found(
         findings: list[Finding] = []
         for file in counted:
             try:
-                findings += lint(read_bytes(file), file)
+                findings += lint_file(read_bytes(file), file)
             except DictionaryError as error:  # the other files are checked all the same
                 unreadable.append(error)
         return findings, len(files) - len(unreadable), ()
@@ -128,8 +158,6 @@ def _found(
 
 def _fix(files: Sequence[str], output: str | None) -> ExitStatus:
     """Write files in their normal form; what they leave out is not guessed."""
-    from pathlib import Path
-
     from eurobot_od.od.normal import in_normal_form
     from eurobot_od.support.files import write_whole
 
@@ -172,13 +200,6 @@ def explanation(code: str) -> str:
     return f"{rule.code} ({rule.severity.name.lower()}): {rule.demand}\nSource: {rule.clause}"
 
 
-def _rules() -> dict[str, Rule]:
-    """Return all rules by their codes."""
-    from eurobot_od.lint.network import RULES
-
-    return {each.code: each for each in (*FILE_RULES, *RULES)}
-
-
 def _print_lines(
     findings: Sequence[Finding], files: int, identifiers: Sequence[tuple[str, ...]], verbose: bool, infos: bool
 ) -> None:
@@ -190,7 +211,7 @@ def _print_lines(
 
 
 def _print_json(findings: Sequence[Finding], identifiers: Sequence[tuple[str, ...]]) -> None:
-    import json
+    import json  # lines are printed without
 
     data: dict[str, object] = {
         "findings": [{**each._asdict(), "severity": each.severity.name.lower()} for each in findings],
@@ -205,27 +226,61 @@ def _print_json(findings: Sequence[Finding], identifiers: Sequence[tuple[str, ..
     print()
 
 
-def _print_annotations(findings: Sequence[Finding]) -> None:
-    from eurobot_od.support.texts import Level, annotation
-
-    levels = {Severity.ERROR: Level.ERROR, Severity.WARNING: Level.WARNING, Severity.INFO: Level.NOTICE}
-    for each in findings:
-        print(annotation(levels[each.severity], each.file, each.line, each.column, each.code, [each.message]))
-
-
-def _print_sarif(findings: Sequence[Finding]) -> None:
-    import json
-
-    from eurobot_od.lint.findings import sarif
-    from eurobot_od.lint.network import RULES
-
-    json.dump(sarif(findings, (*FILE_RULES, *RULES)), sys.stdout, indent=1)
-    print()
-
-
-FORMATS = {"github": _print_annotations, "sarif": _print_sarif}
-"""How findings are written for another program."""
-
-
 def _split(joined: str) -> list[str]:
     return joined.split(", ") if joined else []
+
+
+def diff(
+    left: Annotated[str, Option(metavar="A", is_file=True)],
+    right: Annotated[str | None, Option(metavar="B", is_file=True)] = None,
+    *,
+    node: Annotated[int | None, Option(metavar="ID")] = None,
+    names: bool = False,
+    as_json: Json = False,
+    bus: BusOptions,
+) -> ExitStatus:
+    """Compare two EDS, DCF, XDD or XDC files, or one with a live node.
+
+    Exit status 0 no difference, 1 differences or a node that does not answer, 2 a file that cannot be read, 3 bus
+    trouble.
+
+    left: an EDS, DCF, XDD or XDC
+    right: the file to compare it with
+    node: node-ID: of the live node, or to fill in for $NODEID
+    names: compare the ParameterNames too
+    as_json: write a JSON list instead of lines
+    """
+    from eurobot_od.lint.diff import compare, compare_live, place, read_device, readable
+
+    if node is not None:
+        check_node_id(node)
+    device = read_device(left)
+    if right:
+        found = compare(device, read_device(right), node, names)
+    else:
+        node_id = node or device.node_id  # a DCF says for which node it is, an EDS does not
+        if node_id is None:
+            raise LocalError("nothing to compare with: name a second file, or a live node with --node")
+        found = compare_live(device, _live_bytes(bus, left, node_id, readable(device)), node_id)
+    if as_json:
+        import json
+
+        json.dump([{**each._asdict(), "where": place(each.where)} for each in found], sys.stdout, indent=1)
+        print()
+    else:
+        sys.stdout.writelines(f"{each}\n" for each in found)
+    return ExitStatus.FOUND if found else ExitStatus.FINE
+
+
+def _live_bytes(
+    bus: BusOptions, file: str, node_id: int, addresses: Iterable[Address]
+) -> Mapping[Address, bytes | int]:
+    """Read objects of a live node: their bytes, or the abort code; raises LocalError, BusError, NoAnswer."""
+    from eurobot_od.client.master import Master  # two files are compared without a bus
+    from eurobot_od.client.reading import read_bytes
+    from eurobot_od.od.dictionary import Dictionary
+    from eurobot_od.support.progress import passing
+
+    with Master(bus.open()) as master, passing(f"node {node_id}", addresses) as passed:
+        master.follow(Dictionary.load(file, node_id))
+        return read_bytes(master.node(node_id), passed)

@@ -1,90 +1,66 @@
-"""What the commands that read logs share: the options that name them, files, standard input."""
+"""Logs that commands read: how they are named, files and standard input."""
 
 from __future__ import annotations
 
-import argparse
 import io
 import os
 import stat
 import sys
-from collections.abc import Callable, Generator, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, BinaryIO, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, BinaryIO, TypeAlias
 
-from eurobot_od.cli import options
-from eurobot_od.cli.table import Parameter
+from eurobot_od.cli.options import whole
+from eurobot_od.cli.signature import Option
 from eurobot_od.errors import LocalError
+from eurobot_od.support import progress
+from eurobot_od.traffic.entries import LARGEST, LogEntry
+from eurobot_od.traffic.formats import FORMATS, read
 
 if TYPE_CHECKING:
-    from eurobot_od.traffic.entries import LogEntry
     from eurobot_od.traffic.meaning import DamageCounts, Decoder, Meaning
 
 STANDARD_INPUT = "-"
 CHUNK = 1 << 16
 """Bytes read from a pipe at once."""
 
-
-def add_log(parser: argparse.ArgumentParser) -> None:
-    """Add the logs to read and how they are read."""
-    parser.add_argument("logs", nargs="*", metavar="LOG", default=["-"], help="logs; - for standard input, the default")
-    add_reading(parser)
+Log: TypeAlias = Annotated[str, Option(metavar="LOG", is_file=True)]
+Logs: TypeAlias = Annotated[Sequence[Log], "logs; - for standard input, the default"]
+Format: TypeAlias = Annotated[str, Option(choices=FORMATS.keys())]
 
 
-def add_reading(parser: argparse.ArgumentParser) -> None:
-    """Add the format of the logs, and the bound of what is read."""
-    from eurobot_od.traffic.entries import LARGEST
-    from eurobot_od.traffic.formats import FORMATS
+@dataclass(frozen=True, kw_only=True)
+class Reading:
+    """How logs are read: their format, None to find out, and the most bytes of a line or record.
 
-    parser.add_argument(
-        "--format",
-        choices=FORMATS,
-        help="format of the logs (default: by their first bytes, or else by suffix)",
-    )
-    parser.add_argument(
-        "--largest",
-        type=options.whole(1024, what="a number of bytes, 1024 or more"),
-        default=LARGEST,
-        metavar="BYTES",
-        help="longest line or record of a log that is read (default: %(default)s)",
-    )
+    format: format of the logs (default: by their first bytes, or else by suffix)
+    largest: longest line or record of a log that is read (default: 1048576)
+    """
 
-
-class ReadOptions(NamedTuple):
-    """How logs are read: their format, None to find out, and the most bytes of a line or record."""
-
-    form: str | None
-    largest: int
-
-    @classmethod
-    def of(cls, arguments: argparse.Namespace) -> ReadOptions:
-        """Take it from a command line."""
-        return cls(arguments.format, arguments.largest)
-
-
-READING = Parameter("reading", add_reading, ReadOptions.of)
+    format: Format | None = None
+    largest: Annotated[int, Option(metavar="BYTES", read=whole(1024, what="a number of bytes, 1024 or more"))] = LARGEST
 
 
 def entries(
-    logs: Iterable[str], reading: ReadOptions, is_watched: bool = True
+    logs: Iterable[str], reading: Reading, is_watched: bool = True
 ) -> Generator[tuple[str, LogEntry], None, None]:
     """Give the entries of logs, one log after the other, with the log's name. Errors as `logs.formats.read`.
 
     With `is_watched` a terminal shows how far a long log has been read.
     """
-    from eurobot_od.traffic import formats
-
     for log in logs:
         with opened(log, is_watched) as file:
-            for entry in formats.read(file, reading.form, reading.largest):
+            for entry in read(file, reading.format, reading.largest):
                 yield log, entry
 
 
 def meanings(
-    logs: Iterable[str], reading: ReadOptions, decoder: Decoder, damage: DamageCounts, is_watched: bool = True
+    logs: Iterable[str], reading: Reading, decoder: Decoder, damage: DamageCounts, is_watched: bool = True
 ) -> Iterator[tuple[float, Meaning]]:
     """Give the times in s and meanings of the entries of logs; count in `damage` what is wrong. Errors as `entries`."""
-    from eurobot_od.traffic.decoding import Following
+    from eurobot_od.traffic.decoding import Following  # frames are sent and written without
 
     before, following = "", Following(decoder)
     for log, (line, time, channel, raw) in entries(logs, reading, is_watched):
@@ -110,8 +86,6 @@ def opened(log: str, is_watched: bool = True) -> Iterator[io.BufferedReader]:
             # A pipe may be a live bus: what has been decoded is shown before the next lines are waited for.
             yield io.BufferedReader(Watched(file, lambda _: sys.stdout.flush()), CHUNK)
         elif is_watched and sys.stderr.isatty():
-            from eurobot_od.support import progress  # a command that needs no bar starts faster without
-
             draw = stack.enter_context(progress.bar(log, after=progress.SHORT))
             yield io.BufferedReader(Watched(file, lambda done: draw(done, status.st_size)))
         else:

@@ -5,98 +5,94 @@ The loop here is the only one: it polls the source, draws, and waits for a key, 
 
 from __future__ import annotations
 
-import argparse
+import os
 import shutil
 import sys
-from collections.abc import Callable, Iterator
+import time
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, closing, contextmanager, suppress
 from importlib.util import find_spec
 from math import inf
-from typing import TYPE_CHECKING, NamedTuple, TypeAlias
+from typing import Annotated, NamedTuple, TypeAlias
 
-from eurobot_od.cli import complain, options
-from eurobot_od.cli.keyboard import keys
-from eurobot_od.cli.logs import ReadOptions, add_reading, entries
+from eurobot_od.bus.live import BITRATE
+from eurobot_od.cli import complain
+from eurobot_od.cli.devices import Devices
+from eurobot_od.cli.logs import Log, Reading, entries
+from eurobot_od.cli.options import BusOptions, EmcyFiles, NoReconnect, positive
+from eurobot_od.cli.signature import Option
 from eurobot_od.errors import LocalError
 from eurobot_od.support import extras
 from eurobot_od.support.terminal import redraws
+from eurobot_od.traffic.load.seen import NOTHING, table
+from eurobot_od.traffic.meaning import Meaning
+from eurobot_od.traffic.monitor.sources import BusSource, LogSource
+from eurobot_od.traffic.monitor.traffic import SORTS, Controls, Traffic, named, plain_table, selected
+from eurobot_od.traffic.output import TextOutput
 
-if TYPE_CHECKING:
-    from eurobot_od.traffic.meaning import Meaning
-    from eurobot_od.traffic.monitor.sources import BusSource, LogSource
-    from eurobot_od.traffic.monitor.traffic import Controls, Traffic
-
-    Source: TypeAlias = BusSource | LogSource
-    Took: TypeAlias = Callable[[float, Meaning], None]
-    Refresh: TypeAlias = Callable[[], None]
+Source: TypeAlias = BusSource | LogSource
+Took: TypeAlias = Callable[[float, Meaning], None]
+Refresh: TypeAlias = Callable[[], None]
 
 REFRESH = 0.2
 """Seconds between two refreshes of the screen."""
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Describe the command line."""
-    from eurobot_od.traffic.monitor.traffic import SORTS
-
-    parser.add_argument("logs", nargs="*", metavar="LOG", help="logs to play (default: watch a bus)")
-    add_reading(parser)
-    parser.add_argument(
-        "--speed",
-        type=lambda text: inf if text == "max" else options.positive(text, " nor max"),
-        default=1.0,
-        help="how many times faster to play a log, or max",
-    )
-    parser.add_argument(
-        "--filter",
-        default="",
-        metavar="TEXT",
-        help="show only messages with this in their name, or their protocol's or a node's",
-    )
-    parser.add_argument("--sort", choices=SORTS, default="identifier", help="order of the table")
-    parser.add_argument("--plain", action="store_true", help="print lines as decode does, and the table at the end")
-    parser.add_argument(
-        "--statistics", action="store_true", help="also print load, gaps, response times and bounds at the end"
-    )
-    parser.add_argument("--ask", action="store_true", help="read the devices' present PDO parameters by SDO")
-    options.add_network(parser)
-    options.add_emcy(parser)
-    options.add_bus(parser)
-    options.add_reconnect(parser)
+def _speed(text: str) -> float:
+    """Read how many times faster a log is played; raises LocalError."""
+    return inf if text == "max" else positive(text, " nor max")
 
 
-def run(arguments: argparse.Namespace) -> None:
-    """Watch until the logs or the user end it; print the table once more."""
-    from eurobot_od.bus import live as runtime
-    from eurobot_od.traffic.load.seen import NOTHING, table
-    from eurobot_od.traffic.monitor.sources import BusSource, LogSource
-    from eurobot_od.traffic.monitor.traffic import Controls, Traffic, plain_table, selected
+def monitor(
+    logs: Sequence[Log] = (),
+    *,
+    reading: Reading,
+    speed: Annotated[float, Option(read=_speed)] = 1.0,
+    filter: Annotated[str, Option(metavar="TEXT")] = "",
+    sort: Annotated[str, Option(choices=SORTS.keys())] = "identifier",
+    plain: bool = False,
+    statistics: bool = False,
+    ask: bool = False,
+    no_reconnect: NoReconnect = False,
+    devices: Devices,
+    emcy: EmcyFiles = (),
+    bus: BusOptions,
+) -> None:
+    """Watch a bus, or logs at any speed, as a live table of messages; without a terminal or rich, as plain lines.
 
-    if arguments.ask and arguments.logs:
+    It goes on until the logs or the user end it, and prints the table once more.
+
+    logs: logs to play (default: watch a bus)
+    speed: how many times faster to play a log, or max
+    filter: show only messages with this in their name, or their protocol's or a node's
+    sort: order of the table
+    plain: print lines as decode does, and the table at the end
+    statistics: also print load, gaps, response times and bounds at the end
+    ask: read the devices' present PDO parameters by SDO
+    """
+    if ask and logs:
         raise LocalError("--ask is for a bus: a log has no devices to ask")
-    devices, open_bus = options.Devices.of(arguments), options.opener(arguments)
-    decoder = devices.asking_decoder(open_bus) if arguments.ask else devices.decoder()
-    promised = devices.promised(decoder) if arguments.statistics else NOTHING
-    traffic = Traffic(decoder, arguments.bitrate or runtime.BITRATE, promised)
-    controls = Controls(arguments.sort, arguments.filter)
-    rich = redraws(sys.stdout) and not arguments.plain
+    decoder = devices.asking_decoder(bus, emcy) if ask else devices.decoder(emcy)
+    traffic = Traffic(decoder, bus.bitrate or BITRATE, devices.promised(decoder) if statistics else NOTHING)
+    controls = Controls(sort, filter)
+    rich = redraws(sys.stdout) and not plain
     if rich and find_spec("rich") is None:
         rich = False
         complain(f"plain lines: {extras.missing('rich', 'monitor')}")
     with ExitStack() as stack:
         source: Source
-        if arguments.logs:
-            read = entries(arguments.logs, ReadOptions.of(arguments), is_watched=False)
-            source = LogSource(read, arguments.speed)
+        if logs:
+            source = LogSource(entries(logs, reading, is_watched=False), speed)
         else:
-            source = BusSource(open_bus(), opener=options.reopener(arguments))
+            source = BusSource(bus.open(), opener=bus.reopener(no_reconnect))
         stack.enter_context(closing(source))
-        monitor = Monitor(traffic, controls, source)
-        took, refresh = stack.enter_context((on_screen if rich else _lines)(monitor))
+        session = Monitor(traffic, controls, source)
+        took, refresh = stack.enter_context((on_screen if rich else _lines)(session))
         with suppress(KeyboardInterrupt):  # the usual way to end it
-            monitor.run(took, refresh)
+            session.run(took, refresh)
     rows = selected(traffic.rows.values(), controls.sort, controls.part)
     print("\n".join(plain_table(rows, source.now)))
-    if arguments.statistics:
+    if statistics:
         print("\n".join(table(traffic.seen)))
     sys.stderr.writelines(f"{line}\n" for line in (*traffic.damage.report(), *source.notes))
 
@@ -135,9 +131,6 @@ class Monitor(NamedTuple):
 @contextmanager
 def _lines(monitor: Monitor) -> Iterator[tuple[Took, Refresh]]:
     """Print each frame as a line."""
-    from eurobot_od.traffic.monitor.traffic import named
-    from eurobot_od.traffic.output import TextOutput
-
     output = TextOutput()
     write = output.writer("")
 
@@ -162,7 +155,7 @@ def on_screen(monitor: Monitor) -> Iterator[tuple[Took, Refresh]]:
     """Show the table on the whole screen."""
     from rich.live import Live
 
-    from eurobot_od.traffic.monitor.screen import Size, screen
+    from eurobot_od.traffic.monitor.screen import Size, screen  # with rich
 
     with Live(screen=True, auto_refresh=False) as live:  # without its thread: the loop above refreshes
 
@@ -172,3 +165,69 @@ def on_screen(monitor: Monitor) -> Iterator[tuple[Took, Refresh]]:
             live.update(screen(monitor.traffic, monitor.controls, now, load, size, notes), refresh=True)
 
         yield lambda *_: None, refresh
+
+
+# Single keys from a terminal, without waiting for the end of a line
+
+UP, DOWN = "\x10", "\x0e"
+"""The keys up and down, as Control-P and Control-N, which no text contains."""
+
+PAGE = 10
+"""Lines of a page."""
+
+MOVING = {"\x1b[A": UP, "\x1b[B": DOWN, "\x1b[5~": PAGE * UP, "\x1b[6~": PAGE * DOWN}
+"""What terminals send for the keys up, down, page up and page down."""
+
+WaitForKey = Callable[[float], str]
+"""Waits for a time in s, or less if a key was pressed, and returns the keys pressed."""
+
+
+@contextmanager
+def keys() -> Iterator[WaitForKey]:
+    """Give the keys pressed while the context lasts."""
+    if not sys.stdin.isatty():
+        yield _no_keys
+    elif os.name == "nt":
+        yield _windows_keys
+    else:
+        with _posix_keys() as wait:
+            yield wait
+
+
+def _no_keys(pause: float) -> str:
+    time.sleep(pause)
+    return ""
+
+
+@contextmanager
+def _posix_keys() -> Iterator[WaitForKey]:
+    import select
+    import termios
+    import tty
+
+    descriptor = sys.stdin.fileno()
+    before = termios.tcgetattr(descriptor)
+
+    def wait(pause: float) -> str:
+        ready, _, _ = select.select([descriptor], [], [], pause)  # also the pause between two refreshes
+        # By `os`, as `sys.stdin` would keep what it has read ahead, where `select` does not see it.
+        pressed = os.read(descriptor, 64).decode(errors="ignore") if ready else ""
+        for sequence, meant in MOVING.items():
+            pressed = pressed.replace(sequence, meant)
+        return pressed
+
+    try:
+        tty.setcbreak(descriptor)  # not raw: Ctrl-C has to stay an interrupt
+        yield wait
+    finally:
+        termios.tcsetattr(descriptor, termios.TCSADRAIN, before)
+
+
+def _windows_keys(pause: float) -> str:
+    import msvcrt
+
+    time.sleep(pause)  # `select` works on sockets only there
+    pressed = ""
+    while msvcrt.kbhit():  # type: ignore[attr-defined,unused-ignore]
+        pressed += msvcrt.getwch()  # type: ignore[attr-defined,unused-ignore]
+    return pressed

@@ -1,162 +1,186 @@
-"""Run one device on a CAN bus until interrupted: any device from its EDS, or a node of a robot."""
+"""Commands on simulated nodes: `node` runs them on a CAN bus, `faults` lists what can be wrong with them."""
 
 from __future__ import annotations
 
-import argparse
+import json
 import signal
 import time
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from datetime import datetime
 from functools import partial
 from math import inf
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
-from eurobot_od.cli import ExitStatus
-from eurobot_od.cli import options as shared
+from eurobot_od.cli import ExitStatus, RobotName
+from eurobot_od.cli.devices import Devices, complain_of_repairs, robot_meant
+from eurobot_od.cli.options import BusOptions, Json, NoReconnect, Seconds, assigned
+from eurobot_od.cli.signature import NOTHING, Chosen, HelpGroup, Hint, Option, Parser
+from eurobot_od.device.node import Node
+from eurobot_od.device.profiles.devices import SimulatedDrive, simulated_kind
+from eurobot_od.device.station import OnError
+from eurobot_od.device.storage import FileStore
+from eurobot_od.device.waveforms import Waveform, read_waveforms
 from eurobot_od.errors import LocalError, RemoteError, UnknownName
-from eurobot_od.support import durations
+from eurobot_od.frame import Frame
+from eurobot_od.od.dictionary import Dictionary, moved_server
+from eurobot_od.od.objects import address_of, find_one, given
+from eurobot_od.pdo.message import describe
+from eurobot_od.plugin import NodeRun, Scene, Stage
 from eurobot_od.support.files import read_whole
 from eurobot_od.support.texts import one_line
 
 if TYPE_CHECKING:
-    import can
+    pass
 
+if TYPE_CHECKING:
     from eurobot_od.bus.live import Live
-    from eurobot_od.device.node import Node
-    from eurobot_od.frame import Frame
-    from eurobot_od.od.dictionary import Dictionary
-    from eurobot_od.od.values import Address
-    from eurobot_od.plugin import Scene
+    from eurobot_od.device.faults.fault import Fault
 
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Describe the command line."""
-    parser.add_argument("node", nargs="?", help="which of the devices (default: all of them, in one process)")
-    parser.add_argument("--node-id", type=int, metavar="N", help="node-ID 1..127 (default: the file's)")
-    parser.add_argument("--store", metavar="FILE", help="DCF in which the device stores its parameters")
-    parser.add_argument("--duration", type=durations.seconds, metavar="TIME", help="end after this time, such as 10 s")
-    parser.add_argument("-v", "--verbose", action="store_true", help="print every message that the node receives")
-    parser.add_argument("--fault", metavar="NAME", help="give the node a fault; `faults` lists them")
-    device = parser.add_argument_group("any device")
-    device.add_argument(
-        "--set",
-        action="append",
-        default=[],
-        metavar="OBJECT=VALUE",
-        help="value instead of the file's, such as 0x2000:1=5 or Motor.Speed=5; for a robot's node: a fact; repeatable",
-    )
-    device.add_argument(
-        "--profile",
-        choices=("402", "401", "none"),
-        help="behave as a drive (CiA 402) or an I/O module (CiA 401), or as neither (default: as 0x1000 says)",
-    )
-    device.add_argument(
-        "--travel", type=_travel, metavar="LOW..HIGH", help="turns of a drive's motor from its start to limit switches"
-    )
-    device.add_argument("--values", type=Path, metavar="FILE", help="YAML with the waveforms that the device measures")
-    robot = shared.robot_meant(parser)
-    if robot.stage is not None:
-        robot.stage().add_arguments(parser.add_argument_group(f"nodes of {robot.name}"))
-    shared.add_network(parser)
-    shared.add_bus(parser)
-    shared.add_reconnect(parser)
-    parser.add_argument(
-        "--on-error",
-        choices=("end", "restart"),
-        default="restart",
-        help="what happens to a node that fails, after it was stopped (default: restart)",
-    )
+FARTHEST = 1_000_000
+"""Turns that a drive may travel."""
 
 
 def _travel(text: str) -> tuple[float, float]:
-    """Read the places of two limit switches; raises ArgumentTypeError."""
+    """Read the places of two limit switches; raises LocalError."""
     low, _, high = text.partition("..")
     try:
         ends = float(low), float(high)
     except ValueError:
         ends = 0.0, 0.0
     if not -FARTHEST <= ends[0] < ends[1] <= FARTHEST:
-        raise argparse.ArgumentTypeError(f"{text!r}: LOW..HIGH in turns, such as --travel=-10..10, within {FARTHEST}")
+        raise LocalError(f"{text!r}: LOW..HIGH in turns, such as --travel=-10..10, within {FARTHEST}")
     return ends
 
 
-FARTHEST = 1_000_000
-"""Turns that a drive may travel."""
+@dataclass(frozen=True, kw_only=True)
+class DeviceOptions:
+    """How a device behaves, and what it is given; for a node of the robot's, facts are given.
+
+    given: value instead of the file's, such as 0x2000:1=5 or Motor.Speed=5; for a robot's node: a fact; repeatable
+    profile: behave as a drive (CiA 402) or an I/O module (CiA 401), or as neither (default: as 0x1000 says)
+    travel: turns of a drive's motor from its start to limit switches
+    values: YAML with the waveforms that the device measures
+    """
+
+    GROUP = HelpGroup("any device")
+
+    given: Annotated[Sequence[tuple[str, str]], Option("--set"), assigned("OBJECT=VALUE")] = ()
+    profile: Annotated[int | None, Option(choices={"402": 402, "401": 401, "none": 0})] = None
+    travel: Annotated[tuple[float, float] | None, Option(metavar="LOW..HIGH", read=_travel)] = None
+    values: Annotated[Path | None, Option(metavar="FILE")] = None
+
+    def kind(self, dictionary: Dictionary) -> type[Node]:
+        """Return the class of a device outside the robot; raises LocalError for what it does not have."""
+        kind = simulated_kind(dictionary, self.profile)
+        if self.travel and not issubclass(kind, SimulatedDrive):
+            raise LocalError("--travel is for drives (CiA 402)")
+        return kind
+
+    def values_of(self, dictionary: Dictionary) -> Mapping[str, Any]:
+        """Return the values that a device is made with; raises LocalError, FieldError, UnknownName."""
+        waves: Mapping[str, Waveform] = {}
+        if self.values:
+            waves = read_waveforms(read_whole(self.values).decode(errors="replace"), str(self.values))
+        found: dict[str, Any] = {
+            "given": dict(given(*each, dictionary.objects) for each in self.given),
+            "waveforms": {address_of(find_one(name, dictionary.objects)): wave for name, wave in waves.items()},
+        }
+        return {**found, "travel": self.travel} if self.travel else found
 
 
-def run(arguments: argparse.Namespace) -> ExitStatus | None:
-    """Run the node until its time is over, an interrupt, or the bus's failure; raises BusError, WorldError."""
-    from eurobot_od.bus.live import Live
-    from eurobot_od.device.station import OnError
-    from eurobot_od.od.dictionary import moved_server
+def _stage(parser: Parser) -> Hint:
+    robot = robot_meant(parser)
+    return Hint(robot.stage(), group=HelpGroup(f"nodes of {robot.name}")) if robot.stage else NOTHING
 
-    everybody = _all(arguments) if arguments.node is None else []
-    if everybody:
-        _run_all(shared.open_bus(arguments), everybody, arguments.duration)
+
+def node(
+    name: Annotated[str | None, Option(metavar="node", suggest=lambda robot: robot.nodes)] = None,
+    *,
+    node_id: Annotated[int | None, Option(metavar="N")] = None,
+    store: Annotated[str | None, Option(metavar="FILE", is_file=True)] = None,
+    duration: Seconds | None = None,
+    verbose: Annotated[bool, Option("-v")] = False,
+    fault: Annotated[str | None, Option(metavar="NAME", suggest=lambda robot: robot.fault_names())] = None,
+    device: DeviceOptions,
+    stage: Annotated[Stage | None, Chosen(_stage)] = None,
+    devices: Devices,
+    bus: BusOptions,
+    no_reconnect: NoReconnect = False,
+    on_error: OnError = OnError.RESTART,
+) -> ExitStatus | None:
+    """Run one device on a CAN bus until interrupted: any device from its EDS, or a node of a robot.
+
+    It ends when its time is over, by an interrupt, or by the bus's failure; raises BusError, WorldError.
+
+    name: which of the devices (default: all of them, in one process)
+    node_id: node-ID 1..127 (default: the file's)
+    store: DCF in which the device stores its parameters
+    duration: end after this time, such as 10 s
+    verbose: print every message that the node receives
+    fault: give the node a fault; `faults` lists them
+    on_error: what happens to a node that fails, after it was stopped (default: restart)
+    """
+    from eurobot_od.bus.live import Live  # faults are listed without
+
+    if name is None and len(devices.files()) > 1:
+        about_one = {
+            "--node-id": node_id,
+            "--store": store,
+            "--fault": fault,
+            "--set": device.given,
+            "--values": device.values,
+            "--verbose": verbose,
+        }
+        _run_all(_all(devices, [option for option, value in about_one.items() if value]), bus, duration)
         return None
-    node, scene = _make(arguments)
+    dictionary, robot = _dictionary(devices, name, node_id), devices.robot
+    role = robot.role_of(dictionary)
+    if role and (wrong := "values" if device.values else "set" if device.given and not stage else ""):
+        raise LocalError(f"--{wrong} is for devices that do not belong to the robot, not for the {role}")
+    if stage:
+        stage.check(role)
+    # The fault goes in front of the class that the node would have without it.
+    kind = robot.kind(role, device=device.kind(dictionary))
+    kind = robot.faulty(kind, fault) if fault else kind
+    of_role = stage.values(kind, dictionary, device.given) if stage and role else {}
+    values = of_role if role else device.values_of(dictionary)
+    made = kind(dictionary, store=FileStore(store, dictionary) if store else None, **values)
+    scene = stage.set_up(made, NodeRun(robot, devices.dialect, bus.open, duration)) if stage and role else None
     live = Live.node(
-        shared.open_bus(arguments),
-        node,
-        opener=shared.reopener(arguments),
-        on_error=OnError(arguments.on_error),
+        bus.open(),
+        made,
+        opener=bus.reopener(no_reconnect),
+        on_error=on_error,
         report=lambda report: print(report, flush=True),
     )
-    if arguments.verbose:
-        live.gatekeeper.add_frames(lambda: node.device.identifiers, partial(_show, node), "print")
+    if verbose:
+        live.gatekeeper.add_frames(lambda: made.device.identifiers, partial(_show, made), "print")
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # ends as Ctrl-C does: the node stopped, the bus closed
-    node.device.time_of_day.set(datetime.now(), live.clock())  # until a TIME message sets it
+    made.device.time_of_day.set(datetime.now(), live.clock())  # until a TIME message sets it
     with _bus_failure_first(live), live:
-        print(one_line(f"{node.name} (node-ID {node.device.node_id}) on {live.name}; Ctrl-C ends it"), flush=True)
-        if moved := moved_server(node.device.dictionary):
+        print(one_line(f"{made.name} (node-ID {made.device.node_id}) on {live.name}; Ctrl-C ends it"), flush=True)
+        if moved := moved_server(made.device.dictionary):
             print(moved, flush=True)
-        return _stay(live, scene, arguments.duration)
+        return _stay(live, scene, duration)
 
 
-FOR_ONE = ("node_id", "store", "fault", "set", "values", "verbose")
-"""Options that are about one device."""
-
-
-def _all(arguments: argparse.Namespace) -> list[Node]:
-    """Make all the devices of the files that are named, if they are several; raises LocalError, DictionaryError."""
-    devices = shared.Devices.of(arguments)
-    if len(devices.files()) < 2:
-        return []
-    loaded, robot = devices.load_and_complain(), devices.robot
-    given = [f"--{each.replace('_', '-')}" for each in FOR_ONE if getattr(arguments, each)]
-    names = ", ".join(each.name for each in loaded)
-    if given:
-        raise LocalError(f"{given[0]} is for one device: which node? Name one of {names}")
-    for each in loaded:
-        if robot.role_of(each):
-            raise LocalError(f"{each.name} is one of the robot's nodes, which run alone: name one of {names}")
-    return [robot.kind("")(each) for each in loaded]
-
-
-def _run_all(bus: can.BusABC, nodes: list[Node], duration: float | None) -> None:
-    """Run several devices on one bus until the time is over, or an interrupt; raises BusError."""
-    from eurobot_od.bus.live.group import LiveGroup
-    from eurobot_od.device.station import NodeGroup
-    from eurobot_od.od.dictionary import moved_server
-
-    for node in nodes:
-        node.alarm = partial(_alarm, node)
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
-    with LiveGroup(bus, NodeGroup(nodes)) as live:
-        for node in nodes:
-            node.device.time_of_day.set(datetime.now(), live.clock())
-        names = ", ".join(f"{node.name} ({node.device.node_id})" for node in nodes)
-        print(one_line(f"{len(nodes)} devices on {live.name}: {names}; Ctrl-C ends them"), flush=True)
-        for node in nodes:
-            if moved := moved_server(node.device.dictionary):
-                _alarm(node, moved)
-        live.run(inf if duration is None else live.clock() + duration)
-
-
-def _alarm(node: Node, what: str) -> None:
-    print(one_line(f"{node.name}: {what}"), flush=True)
+def _dictionary(devices: Devices, name: str | None, node_id: int | None) -> Dictionary:
+    """Load the device with a name, or the only one; raises UnknownName, LocalError, DictionaryError."""
+    files = devices.files()
+    if not files:
+        if name is None:
+            raise LocalError("which node? Name one of the robot's, or give a device's file with --eds")
+        return devices.robot.dialects.load(name, devices.dialect, node_id)
+    named = {each.name or Path(each.file).stem: each for each in files}
+    if name is not None and name not in named:
+        raise UnknownName("node", name, named)
+    file = files[0] if name is None else named[name]
+    dictionary = Dictionary.load(*(file if node_id is None else file._replace(node_id=node_id)))
+    complain_of_repairs([dictionary])
+    return dictionary
 
 
 def _stay(live: Live, scene: Scene | None, duration: float | None) -> ExitStatus | None:
@@ -181,80 +205,96 @@ def _bus_failure_first(live: Live) -> Iterator[None]:
         raise live.failure or error from None
 
 
-def _make(arguments: argparse.Namespace) -> tuple[Node, Scene | None]:
-    """Make the node from its file and what was stored; raises UnknownName, LocalError, DictionaryError."""
-    from eurobot_od.device.storage import FileStore
-
-    devices = shared.Devices.of(arguments)
-    dictionary, robot = _dictionary(devices, arguments.node, arguments.node_id), devices.robot
-    role, stage = robot.role_of(dictionary), robot.stage() if robot.stage else None
-    if role and (option := "values" if arguments.values else "set" if arguments.set and not stage else ""):
-        raise LocalError(f"--{option} is for devices that do not belong to the robot, not for the {role}")
-    if stage:
-        stage.check_arguments(arguments, role)
-    # The fault goes in front of the class that the node would have without it.
-    kind = robot.kind(role, device=_simulated(dictionary, arguments.profile, bool(arguments.travel)))
-    kind = robot.faulty(kind, arguments.fault) if arguments.fault else kind
-    if role:
-        values = stage.values(kind, dictionary, arguments) if stage else {}
-    else:
-        values = _values(dictionary, arguments.set, arguments.values)
-        if arguments.travel:
-            values = {**values, "travel": arguments.travel}
-    node = kind(dictionary, store=FileStore(arguments.store, dictionary) if arguments.store else None, **values)
-    return node, stage.set_up(node, arguments) if stage and role else None
-
-
-def _simulated(dictionary: Dictionary, profile: str | None, travels: bool) -> type[Node]:
-    """Return the class of a device outside the robot; raises LocalError for options that it does not have."""
-    from eurobot_od.device.profiles.devices import SimulatedDrive, simulated_kind
-
-    number = None if profile is None else 0 if profile == "none" else int(profile)
-    kind = simulated_kind(dictionary, number)
-    if travels and not issubclass(kind, SimulatedDrive):
-        raise LocalError("--travel is for drives (CiA 402)")
-    return kind
-
-
-def _dictionary(devices: shared.Devices, name: str | None, node_id: int | None) -> Dictionary:
-    """Load the device with a name, or the only one; raises UnknownName, LocalError, DictionaryError."""
-    from eurobot_od.od.dictionary import Dictionary
-
-    files = devices.files()
-    if not files:
-        if name is None:
-            raise LocalError("which node? Name one of the robot's, or give a device's file with --eds")
-        return devices.robot.dialects.load(name, devices.dialect, node_id)
-    named = {each.name or Path(each.file).stem: each for each in files}
-    if name is None and len(files) > 1:
-        raise LocalError(f"which node? Name one of {', '.join(named)}")
-    if name is not None and name not in named:
-        raise UnknownName("node", name, named)
-    file = files[0] if name is None else named[name]
-    dictionary = Dictionary.load(*(file if node_id is None else file._replace(node_id=node_id)))
-    shared.complain_of_repairs([dictionary])
-    return dictionary
-
-
-def _values(dictionary: Dictionary, assigned: Iterable[str], file: Path | None) -> Mapping[str, Mapping[Address, Any]]:
-    """Return the values of a device that the command line gives; raises LocalError, FieldError, UnknownName."""
-    from eurobot_od.device.waveforms import read_waveforms
-    from eurobot_od.od.objects import address_of, find_one, given
-
-    named = shared.assignments("--set", "OBJECT=VALUE", assigned)
-    waves = read_waveforms(read_whole(file).decode(errors="replace"), str(file)) if file else {}
-    return {
-        "given": dict(given(*each, dictionary.objects) for each in named),
-        "waveforms": {address_of(find_one(name, dictionary.objects)): wave for name, wave in waves.items()},
-    }
-
-
 def _show(node: Node, frame: Frame, now: float) -> None:
-    from eurobot_od.pdo.message import describe
-
     try:
         message = node.device.protocol.decode(*frame)
         what = f"{node.device.protocol.name(type(message))}  {describe(message)}".rstrip()
     except RemoteError as error:
         what = str(error)
     print(one_line(f"{now:12.3f}  {frame!s:<20}  {what}"), flush=True)
+
+
+# Several devices
+
+
+def _all(devices: Devices, about_one: Iterable[str]) -> list[Node]:
+    """Make all the devices of the files that are named; raises LocalError for an option about one, DictionaryError."""
+    loaded, robot = devices.load_and_complain(), devices.robot
+    names = ", ".join(each.name for each in loaded)
+    for option in about_one:
+        raise LocalError(f"{option} is for one device: which node? Name one of {names}")
+    for each in loaded:
+        if robot.role_of(each):
+            raise LocalError(f"{each.name} is one of the robot's nodes, which run alone: name one of {names}")
+    return [robot.kind("")(each) for each in loaded]
+
+
+def _run_all(nodes: Sequence[Node], bus: BusOptions, duration: float | None) -> None:
+    """Run several devices on one bus until the time is over, or an interrupt; raises BusError."""
+    from eurobot_od.bus.live.group import LiveGroup  # one node runs without
+    from eurobot_od.device.station import NodeGroup
+
+    for node in nodes:
+        node.alarm = partial(_alarm, node)
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    with LiveGroup(bus.open(), NodeGroup(nodes)) as live:
+        for node in nodes:
+            node.device.time_of_day.set(datetime.now(), live.clock())
+        names = ", ".join(f"{node.name} ({node.device.node_id})" for node in nodes)
+        print(one_line(f"{len(nodes)} devices on {live.name}: {names}; Ctrl-C ends them"), flush=True)
+        for node in nodes:
+            if moved := moved_server(node.device.dictionary):
+                _alarm(node, moved)
+        live.run(inf if duration is None else live.clock() + duration)
+
+
+def _alarm(node: Node, what: str) -> None:
+    print(one_line(f"{node.name}: {what}"), flush=True)
+
+
+# Faults
+
+OWNERS = {"Node": "any node", "SimulatedDrive": "any drive of CiA 402"}
+"""What the workbench's own kinds of nodes are called; a robot's have the names of their classes."""
+
+
+def faults(
+    node: Annotated[str | None, Option(suggest=lambda robot: robot.nodes)] = None,
+    *,
+    as_json: Json = False,
+    robot_name: RobotName = None,
+) -> None:
+    """List the faults that simulated nodes can be given, to see whether a check finds them.
+
+    node: only the faults of this node of the robot
+    as_json: print them as JSON, with the step that finds each
+    """
+    robot = Devices(robot_name=robot_name).robot
+    if node and node not in robot.nodes:
+        raise UnknownName("node", node, robot.nodes)
+    kind = robot.kind(node) if node else None
+    # those of the base class any node can have
+    chosen: dict[str, dict[str, Fault]] = {}
+    for owner, rows in robot.all_faults().items():
+        if kind is None or issubclass(kind, owner):
+            chosen.setdefault(OWNERS.get(owner.__name__, owner.__name__.lower()), {}).update(rows)
+    print(json.dumps(faults_as_data(chosen), indent=2) if as_json else faults_as_text(chosen))
+
+
+def faults_as_data(faults: Mapping[str, Mapping[str, Fault]]) -> list[dict[str, str]]:
+    """Return the faults, given by their nodes, as plain data."""
+    return [
+        {"name": name, "node": owner, "text": fault.text, **fault.caught_by._asdict()}
+        for owner, rows in faults.items()
+        for name, fault in rows.items()
+    ]
+
+
+def faults_as_text(faults: Mapping[str, Mapping[str, Fault]]) -> str:
+    """Return the faults as paragraphs, one for each node."""
+    width = max(len(name) for rows in faults.values() for name in rows)
+    paragraphs = (
+        "\n".join([f"{owner}:", *(f"  {name:{width}}  {fault.text}" for name, fault in rows.items())])
+        for owner, rows in faults.items()
+    )
+    return "\n\n".join(paragraphs)

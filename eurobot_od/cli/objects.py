@@ -1,20 +1,27 @@
-"""Commands on the objects of a CANopen node: `read`, `write`, `dump`, `export-dcf` and `emcy`."""
+"""Commands on the objects of a CANopen node: `read`, `write`, `dump`, `pdo` and `emcy`."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 
-from eurobot_od.cli import ExitStatus, complain
-from eurobot_od.cli import output as files
-from eurobot_od.cli.options import left_out
-from eurobot_od.cli.remote import TARGET, Target, print_readings
-from eurobot_od.cli.table import JSON, CommandRow, option, with_emcy
+from eurobot_od.cli import ExitStatus
+from eurobot_od.cli.devices import left_out, object_names
+from eurobot_od.cli.options import EmcyFiles, Json
+from eurobot_od.cli.signature import Option
+from eurobot_od.cli.target import Target
+from eurobot_od.client.emergencies import History, clear_history, read_history
+from eurobot_od.client.master import RemoteNode
+from eurobot_od.client.reading import ObjectReading, read_all, readable
+from eurobot_od.client.remote_pdos import pdo_parameters
 from eurobot_od.errors import LocalError, UnknownName
-from eurobot_od.od.objects import address_of, encode, find, find_one, is_described, label, parse, shown
-from eurobot_od.od.profiles.words import written
+from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.objects import address_of, data_type, encode, find, find_one, is_described, label, parse, shown
+from eurobot_od.od.pdos import Pdo
+from eurobot_od.od.profiles.words import words, written
+from eurobot_od.od.values import label as place
 from eurobot_od.support.files import write_whole
 from eurobot_od.support.progress import bar, passing
 from eurobot_od.support.texts import amount, columns, one_line
@@ -22,19 +29,18 @@ from eurobot_od.support.texts import amount, columns, one_line
 if TYPE_CHECKING:
     from canopen.objectdictionary import ODVariable
 
-    from eurobot_od.client.emergencies import History
-    from eurobot_od.client.master import RemoteNode
-    from eurobot_od.od.dictionary import Dictionary
-    from eurobot_od.od.pdos import Pdo
+
+Object: TypeAlias = Annotated[str, Option(metavar="INDEX[:SUB]", suggest=object_names)]
 
 
-def read(target: Target, objects: Sequence[str], as_json: bool, file: Path | None) -> ExitStatus:
+def read(target: Target, objects: Sequence[Object], *, as_json: Json = False, file: Path | None = None) -> ExitStatus:
     """Read objects of a CANopen node, by number or by the EDS's name, or one object into a file.
 
     Exit status 1 if the node refuses one.
-    """
-    from eurobot_od.client.reading import read_all
 
+    objects: such as 0x1017, 0x1018:1, Motion, 'Motion.Maximum speed'
+    file: write the bytes of one object to this file, by block transfer
+    """
     with target.opened() as node:
         found = target.description(node)
         known = found.dictionary.objects if found else None
@@ -58,10 +64,14 @@ def _read_file(node: RemoteNode, things: Sequence[ODVariable], file: Path) -> Ex
     return ExitStatus.FINE
 
 
-def write(target: Target, name: str, value: str | None, file: Path | None) -> None:
+def write(target: Target, name: Object, value: str | None = None, *, file: Path | None = None) -> None:
     """Write one object of a CANopen node, by number or by the EDS's name, or a whole file into it.
 
     A value that the EDS does not allow is refused here. Without an EDS the node is asked for the object's length first.
+
+    name: such as 0x1017, 0x1016:1, 'Motion.Maximum speed'
+    value: number, decimal or 0x..; text; or hexadecimal digits: as the type says
+    file: write the bytes of this file, by block transfer
     """
     if (value is None) is (file is None):
         raise LocalError("what to write: give a value or --file FILE, one of them")
@@ -82,13 +92,11 @@ def write(target: Target, name: str, value: str | None, file: Path | None) -> No
     print(one_line(f"node {node.node_id}: {label(thing)} = {text}"))
 
 
-def dump(target: Target, as_json: bool) -> None:
+def dump(target: Target, *, as_json: Json = False) -> None:
     """Print all readable objects of a CANopen node with their values.
 
     An object that the node refuses is listed with the reason.
     """
-    from eurobot_od.client.reading import read_all, readable
-
     with target.opened() as node:
         dictionary = target.needed_description(node).dictionary
         with passing(f"node {node.node_id}", readable(dictionary)) as things:
@@ -96,33 +104,24 @@ def dump(target: Target, as_json: bool) -> None:
     print_readings(readings, as_json)
 
 
-def export_dcf(target: Target, output: Path | None) -> ExitStatus:
-    """Write the DCF of a live CANopen node: its EDS with the values that its parameters have now.
-
-    What no line of a DCF can hold, and every DOMAIN, is written to files beside it, which `configure` reads back. Exit
-    status 1 if the node refuses objects of its EDS, which are left out.
-    """
-    from eurobot_od.bus.live import BITRATE
-    from eurobot_od.client.reading import dcf_of_node, parameters
-
-    with target.opened() as node:
-        dictionary = target.needed_description(node).dictionary
-        stem = output.stem if output else dictionary.name
-        with passing(f"node {node.node_id}", parameters(dictionary)) as things:
-            dcf, left_out = dcf_of_node(node, dictionary, (target.bit_rate or BITRATE) // 1000, stem, things)
-    files.write_dcf(output, dcf)
-    for thing, _, reason in left_out:
-        complain(f"left out {label(thing)}: {reason}")
-    return ExitStatus.FOUND if left_out else ExitStatus.FINE
-
-
-def pdo(target: Target, action: str | None, name: str | None, objects: Sequence[str], as_json: bool) -> None:
+def pdo(
+    target: Target,
+    action: Literal["map"] | None = None,
+    name: Annotated[str | None, Option(metavar="PDO")] = None,
+    objects: Annotated[Sequence[Object], Option(metavar="OBJECT")] = (),
+    *,
+    as_json: Json = False,
+) -> None:
     """List the PDOs that a CANopen node has now: identifier, on or off, type and mapping; or map objects into one.
 
     `map TPDO2 Motion.Speed ...` switches the PDO off, maps the objects in their order, switches it on if it was, and
     reads back (CiA 301, 7.5.2.36 and 7.5.2.38).
+
+    action: map other objects into a PDO (default: list all PDOs)
+    name: such as TPDO2
+    objects: what to map, in its order: names or INDEX:SUB
     """
-    from eurobot_od.client.pdo_mapping import map_objects
+    from eurobot_od.client.pdo_mapping import map_objects  # with canopen
 
     with target.opened() as node:
         dictionary = target.needed_description(node).dictionary
@@ -139,21 +138,19 @@ def pdo(target: Target, action: str | None, name: str | None, objects: Sequence[
             map_objects(node, dictionary, chosen, [find_one(each, dictionary.objects) for each in objects])
             found = [each for each in _present_pdos(node, dictionary) if each.index == chosen.index]
     if as_json:
-        print(json.dumps([pdo_as_data(each) for each in found], indent=2))
+        print(json.dumps([_pdo_as_data(each) for each in found], indent=2))
     else:
-        print(*columns(map(pdo_row, found)), sep="\n")
+        print(*columns(map(_pdo_row, found)), sep="\n")
 
 
 def _present_pdos(node: RemoteNode, dictionary: Dictionary) -> list[Pdo]:
     """Return a node's PDOs as they are set now; complains of those whose mapping does not hold."""
-    from eurobot_od.client.remote_pdos import pdo_parameters
-
     present = dictionary.configured(pdo_parameters(node, dictionary))
     with left_out() as refused:
         return list(present.read_pdos(present.default, refused))
 
 
-def pdo_row(each: Pdo) -> tuple[str, ...]:
+def _pdo_row(each: Pdo) -> tuple[str, ...]:
     """Return the line of one PDO."""
     mapped = ", ".join(f"{one.variable.qualname} {one.bits}" for one in each.mapping)
     state = "on" if each.valid else "off"
@@ -161,7 +158,7 @@ def pdo_row(each: Pdo) -> tuple[str, ...]:
     return each.title, f"0x{each.cob_id:03X}", state, timing, mapped or "(nothing mapped)"
 
 
-def pdo_as_data(each: Pdo) -> dict[str, Any]:
+def _pdo_as_data(each: Pdo) -> dict[str, Any]:
     """Return one PDO as plain data."""
     mapping = [
         {"index": one.address[0], "subindex": one.address[1], "name": one.variable.qualname, "bits": one.bits}
@@ -171,33 +168,33 @@ def pdo_as_data(each: Pdo) -> dict[str, Any]:
     return {"pdo": each.title, "cob_id": each.cob_id, "valid": each.valid, **settings, "mapping": mapping}
 
 
-def emcy(target: Target, clear: bool, as_json: bool) -> ExitStatus:
+def emcy(target: Target, *, clear: bool = False, as_json: Json = False, emcy: EmcyFiles = ()) -> ExitStatus:
     """Print the errors that a CANopen node remembers, newest first, or clear them (0x1001, 0x1003).
 
     Exit status 1 if the node is in an error state now.
-    """
-    from eurobot_od.client.emergencies import clear_history, read_history
 
+    clear: empty the error history
+    """
     with target.opened() as node:
         target.named_description(node)  # its file may say another SDO server
         if clear:
             clear_history(node)
         found = read_history(node)
-    words = target.devices.errors().of(node.node_id)
+    words = target.devices.errors(emcy).of(node.node_id)
     if as_json:
-        print(json.dumps(errors_as_data(found, words), indent=2))
+        print(json.dumps(_errors_as_data(found, words), indent=2))
     else:
-        print(*errors_as_text(found, node.node_id, words), sep="\n")
+        print(*_errors_as_text(found, node.node_id, words), sep="\n")
     return ExitStatus.FOUND if found.register else ExitStatus.FINE
 
 
-def errors_as_data(found: History, words: Callable[[int], str]) -> dict[str, Any]:
+def _errors_as_data(found: History, words: Callable[[int], str]) -> dict[str, Any]:
     """Return a history as plain data; `words` gives those for a code."""
     history = [each._asdict() | {"text": words(each.code)} for each in found.entries]
     return {"register": found.register, "history": history}
 
 
-def errors_as_text(found: History, node_id: int, words: Callable[[int], str]) -> list[str]:
+def _errors_as_text(found: History, node_id: int, words: Callable[[int], str]) -> list[str]:
     """Return a history as lines."""
     register = ", ".join(found.register_bits) or "no error"
     rows = [
@@ -207,34 +204,27 @@ def errors_as_text(found: History, node_id: int, words: Callable[[int], str]) ->
     return [head, *(columns(rows) if rows else ["no error remembered"])]
 
 
-COMMANDS = {
-    "read": CommandRow(
-        read,
-        TARGET,
-        option(
-            "objects", nargs="+", metavar="INDEX[:SUB]", help="such as 0x1017, 0x1018:1, Motion, 'Motion.Maximum speed'"
-        ),
-        JSON,
-        option("--file", type=Path, help="write the bytes of one object to this file, by block transfer"),
-    ),
-    "write": CommandRow(
-        write,
-        TARGET,
-        option("name", metavar="INDEX[:SUB]", help="such as 0x1017, 0x1016:1, 'Motion.Maximum speed'"),
-        option("value", nargs="?", help="number, decimal or 0x..; text; or hexadecimal digits: as the type says"),
-        option("--file", type=Path, help="write the bytes of this file, by block transfer"),
-    ),
-    "dump": CommandRow(dump, TARGET, JSON),
-    "pdo": CommandRow(
-        pdo,
-        TARGET,
-        option("action", nargs="?", choices=("map",), help="map other objects into a PDO (default: list all PDOs)"),
-        option("name", nargs="?", metavar="PDO", help="such as TPDO2"),
-        option("objects", nargs="*", metavar="OBJECT", help="what to map, in its order: names or INDEX:SUB"),
-        JSON,
-    ),
-    "export-dcf": CommandRow(export_dcf, TARGET, files.OUTPUT),
-    "emcy": CommandRow(
-        emcy, with_emcy(TARGET), option("--clear", action="store_true", help="empty the error history"), JSON
-    ),
-}
+# Printing
+
+
+def print_readings(readings: Iterable[ObjectReading], as_json: bool) -> None:
+    """Print objects and their values, or why there is none."""
+    if as_json:
+        print(json.dumps([as_data(each) for each in readings], indent=2))
+    else:
+        rows = (
+            (place(address_of(thing)), thing.qualname, f"({refusal})" if refusal else written(thing, value))
+            for thing, value, refusal in readings
+        )
+        print(*columns(rows), sep="\n")
+
+
+def as_data(reading: ObjectReading) -> dict[str, Any]:
+    """Return a reading as plain data; bytes are hexadecimal digits."""
+    thing, value, refusal = reading
+    type_name = data_type(thing).name if is_described(thing) else ""
+    data = {"index": thing.index, "subindex": thing.subindex, "name": thing.qualname, "type": type_name}
+    if refusal:
+        return {**data, "refused": refusal}
+    said = {"words": said} if (said := words(thing, value)) else {}
+    return {**data, "value": value.hex() if isinstance(value, bytes) else value, **said}

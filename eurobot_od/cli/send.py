@@ -1,28 +1,29 @@
-"""Send one message or frame on a CAN bus, and wait for an answer with --expect.
+"""The command `send`: one message or frame goes out on a CAN bus, and perhaps an answer is waited for.
 
 Rule of this file: the whole command line is checked against the EDS files before a bus is opened.
 """
 
 from __future__ import annotations
 
-import argparse
 import time
 from collections.abc import Sequence
 from queue import Empty, SimpleQueue
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
+from eurobot_od.bus.live import Driver, FrameReader
 from eurobot_od.cli import ExitStatus
-from eurobot_od.cli import options as shared
+from eurobot_od.cli.devices import Devices
+from eurobot_od.cli.options import BusOptions, Seconds
+from eurobot_od.cli.signature import Option
 from eurobot_od.errors import BusError, LocalError, RemoteError
-from eurobot_od.support import durations
+from eurobot_od.frame import Frame
+from eurobot_od.pdo.binding import parse
+from eurobot_od.pdo.message import Message, describe
+from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.support.texts import one_line
 
 if TYPE_CHECKING:
     import can
-
-    from eurobot_od.frame import Frame
-    from eurobot_od.pdo.message import Message
-    from eurobot_od.pdo.protocol import Protocol
 
 FRAME_MARK = "#"
 """Stands in a frame in candump's notation, and in no name of a message."""
@@ -31,54 +32,51 @@ PATIENCE = 1.0
 """Seconds that the driver has to take a frame."""
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Describe the command line."""
-    parser.add_argument("message", help="a message by its name, such as 'Goto XY', or a frame: 185#0102")
-    parser.add_argument("fields", nargs="*", metavar="FIELD=VALUE", help="such as x=1500 barriers=fire-1:forced")
-    parser.add_argument(
-        "--expect",
-        metavar="MESSAGE",
-        help="wait for this message and print it; 185#01: with data beginning like this",
-    )
-    parser.add_argument("--within", default="1 s", metavar="TIME", help="how long to wait for it (default: 1 s)")
-    shared.add_network(parser)
-    shared.add_bus(parser)
+def send(
+    message: str,
+    fields: Annotated[Sequence[str], Option(metavar="FIELD=VALUE")] = (),
+    *,
+    expect: Annotated[str | None, Option(metavar="MESSAGE")] = None,
+    within: Seconds = 1.0,
+    devices: Devices,
+    bus: BusOptions,
+) -> ExitStatus:
+    """Send one message or frame on a CAN bus, and wait for an answer with --expect.
 
+    Exit status 1 if the expected answer does not come in time.
 
-def run(arguments: argparse.Namespace) -> ExitStatus:
-    """Send the message or frame; 1 if the expected answer does not come in time."""
-    within = durations.seconds(arguments.within)  # all of the line is read before anything goes out
-    devices, expect = shared.Devices.of(arguments), arguments.expect
-    are_frames = all(FRAME_MARK in each for each in (arguments.message, expect or FRAME_MARK))
+    message: a message by its name, such as 'Goto XY', or a frame: 185#0102
+    fields: such as x=1500 barriers=fire-1:forced
+    expect: wait for this message and print it; 185#01: with data beginning like this
+    within: how long to wait for it (default: 1 s)
+    """
+    are_frames = all(FRAME_MARK in each for each in (message, expect or FRAME_MARK))
     # What decodes them needs no file, and a frame can be sent without.
     protocol = devices.decoder().protocol if are_frames else devices.protocol()
-    frame, words = question(protocol, arguments.message, arguments.fields)
-    expected = expectation(protocol, arguments.expect) if arguments.expect else None
+    frame, words = question(protocol, message, fields)
+    expected = expectation(protocol, expect) if expect else None
     # Printed once it is sent; before that the line would be false if the bus does not take the frame.
     sent = one_line(f"sent      {frame}  {words}".rstrip())
-    bus = shared.open_bus(arguments)
-    if expected is None:
-        with bus:
-            transmit(bus, frame)
+    driver = bus.open()
+    if expect is None or expected is None:
+        with driver:
+            transmit(driver, frame)
         print(sent)
         return ExitStatus.FINE
-    answer = exchange(bus, frame, expected, within)
+    answer = exchange(driver, frame, expected, within)
     print(sent)
     if answer is None:
-        print(f"expected  {arguments.expect}: nothing came within {within * 1000:g} ms")
+        print(f"expected  {expect}: nothing came within {within * 1000:g} ms")
         return ExitStatus.FOUND
     came, took = answer
     # A message expected by its name must be whole: a frame too short for it is an error.
-    words = meaning(protocol, came) if FRAME_MARK in arguments.expect else _words(protocol, protocol.decode(*came))
+    words = meaning(protocol, came) if FRAME_MARK in expect else _words(protocol, protocol.decode(*came))
     print(one_line("  ".join(filter(None, (f"received  {came}", words, f"after {took * 1000:.1f} ms")))))
     return ExitStatus.FINE
 
 
 def question(protocol: Protocol, text: str, fields: Sequence[str]) -> tuple[Frame, str]:
     """Return the frame to send, of a message or in candump's notation, and what it means; raises as `parse`."""
-    from eurobot_od.frame import Frame
-    from eurobot_od.pdo.binding import parse
-
     if FRAME_MARK not in text:
         message = parse(protocol.binding(text), fields)
         return protocol.encode(message), _words(protocol, message)
@@ -90,8 +88,6 @@ def question(protocol: Protocol, text: str, fields: Sequence[str]) -> tuple[Fram
 
 def expectation(protocol: Protocol, text: str) -> Frame:
     """Return the identifier, and the beginning of the data, of what is waited for; raises UnknownName, LocalError."""
-    from eurobot_od.frame import Frame
-
     return Frame.parse(text) if FRAME_MARK in text else Frame(protocol.binding(text).cob_id)
 
 
@@ -104,15 +100,11 @@ def meaning(protocol: Protocol, frame: Frame) -> str:
 
 
 def _words(protocol: Protocol, message: Message) -> str:
-    from eurobot_od.pdo.message import describe
-
     return f"{protocol.name(type(message))}  {describe(message)}".rstrip()
 
 
 def transmit(bus: can.BusABC, frame: Frame) -> None:
     """Give a frame to the driver; raises BusError."""
-    from eurobot_od.bus.live import Driver
-
     if not Driver(bus).send(frame, PATIENCE):
         raise BusError("the bus did not take the frame")
 
@@ -124,8 +116,6 @@ def exchange(bus: can.BusABC, question: Frame, expected: Frame, within: float) -
 
     Raises BusError.
     """
-    from eurobot_od.bus.live import FrameReader
-
     came: SimpleQueue[tuple[float, Frame] | BusError] = SimpleQueue()
 
     def seen(now: float, frame: Frame) -> None:

@@ -5,7 +5,6 @@ Rule of this file: a page is for this machine only, and changes nothing on the b
 
 from __future__ import annotations
 
-import argparse
 import asyncio
 import secrets
 import signal
@@ -14,77 +13,75 @@ import tempfile
 from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 from urllib.parse import urlsplit
 
-from eurobot_od.cli import complain, options
-from eurobot_od.cli.logs import ReadOptions, add_reading, meanings
+from eurobot_od.bus.live import BITRATE
+from eurobot_od.cli import complain
+from eurobot_od.cli.devices import Devices
+from eurobot_od.cli.logs import Log, Reading, meanings
+from eurobot_od.cli.options import BusOptions, EmcyFiles
+from eurobot_od.cli.signature import Option
 from eurobot_od.errors import EurobotError, LocalError
 from eurobot_od.support import extras
+from eurobot_od.support.connections import Address
+from eurobot_od.support.connections import parse as parse_address
+from eurobot_od.traffic.meaning import DamageCounts, Decoder
+from eurobot_od.web.access import AccessRules, is_local
+from eurobot_od.web.page import Columns, described, page, stop_message
+from eurobot_od.web.panel import Panel
 
-if TYPE_CHECKING:
-    from eurobot_od.support.connections import Address
-    from eurobot_od.traffic.meaning import Decoder
-    from eurobot_od.web.panel import Panel
+if TYPE_CHECKING:  # with aiohttp, which an extra brings
     from eurobot_od.web.requests import Requests
     from eurobot_od.web.session import Session
 
-PORT = 8014
-"""Where the page is, unless another port is asked for."""
+HERE = Address("127.0.0.1", 8014)
+"""Where the page is, unless another address is asked for."""
 
 MOST_LOGS = 2
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Describe the command line."""
-    parser.add_argument("logs", nargs="*", metavar="LOG", help="one log, or two side by side (default: the bus)")
-    add_reading(parser)
-    parser.add_argument("--control", action="store_true", help="let the page send, write objects and command nodes")
-    parser.add_argument(
-        "--listen",
-        type=options.address,
-        default=f"127.0.0.1:{PORT}",
-        metavar="HOST:PORT",
-        help="address of the page (default: 127.0.0.1:8014); from other machines it takes a token, printed once",
-    )
-    options.add_network(parser)
-    options.add_emcy(parser)
-    options.add_bus(parser)
+def serve(
+    logs: Sequence[Log] = (),
+    *,
+    reading: Reading,
+    control: bool = False,
+    listen: Annotated[Address, Option(metavar="HOST:PORT", read=parse_address)] = HERE,
+    devices: Devices,
+    emcy: EmcyFiles = (),
+    bus: BusOptions,
+) -> None:
+    """Show the bus in a browser, or logs: messages, plots, nodes, object dictionaries, events.
 
+    It goes on until Ctrl-C.
 
-def run(arguments: argparse.Namespace) -> None:
-    """Serve until Ctrl-C."""
+    logs: one log, or two side by side (default: the bus)
+    control: let the page send, write objects and command nodes
+    listen: address of the page (default: 127.0.0.1:8014); from other machines it takes a token, printed once
+    """
     with extras.needed("web"):  # asked here, so that no log is read before the package is found missing
         import aiohttp  # noqa: F401
-    from eurobot_od.bus.live import BITRATE
-
-    logs: list[str] = arguments.logs
     if len(logs) > MOST_LOGS:
         raise LocalError(f"a page shows one log, or two side by side, not {len(logs)}")
-    if logs and arguments.control:
+    if logs and control:
         raise LocalError("--control is for a bus: a log cannot be changed")
-    devices, bitrate = options.Devices.of(arguments), arguments.bitrate or BITRATE
-    decoder = devices.decoder()
+    decoder, bitrate = devices.decoder(emcy), bus.bitrate or BITRATE
     panels = [each.of(decoder.protocol) for each in devices.robot.panels() if each.fits(decoder.protocol)]
     with suppress(KeyboardInterrupt):  # the usual way to end it
         if logs:
-            from eurobot_od.web.page import page
-
-            sources = [_source(log, ReadOptions.of(arguments), decoder, bitrate, panels) for log in logs]
+            sources = [_source(log, reading, decoder, bitrate, panels) for log in logs]
             text = page(" and ".join(each["name"] for each in sources), sources, panels)
-            asyncio.run(_serve(text, arguments.listen))
+            asyncio.run(_serve(text, listen))
         else:
             from eurobot_od.web.session import Session
 
-            session = Session(options.opener(arguments), decoder, bitrate, panels)
-            name = bus_name(arguments.interface, arguments.channel)
-            asyncio.run(_show_bus(session, panels, name, arguments.control, arguments.listen))
+            session = Session(bus.open, decoder, bitrate, panels)
+            asyncio.run(_show_bus(session, panels, bus_name(bus.interface, bus.channel), control, listen))
 
 
 async def _serve(text: str, listen: Address, requests: Requests | None = None) -> None:
     """Serve a page until SIGTERM; Ctrl-C, which a shell may have a program in the background ignore, cancels it."""
-    from eurobot_od.web.access import AccessRules, is_local
-    from eurobot_od.web.server import served
+    from eurobot_od.web.server import served  # with aiohttp
 
     ended = asyncio.Event()
     # Whoever can reach this machine's loopback address could run the command as well; others need the token.
@@ -100,12 +97,9 @@ async def _serve(text: str, listen: Address, requests: Requests | None = None) -
 
 
 def _source(
-    log: str, reading: ReadOptions, decoder: Decoder, bitrate: int, panels: Sequence[type[Panel]]
+    log: str, reading: Reading, decoder: Decoder, bitrate: int, panels: Sequence[type[Panel]]
 ) -> dict[str, Any]:
     """Read a log as a source of the page, with what is kept beside it."""
-    from eurobot_od.traffic.meaning import DamageCounts
-    from eurobot_od.web.page import Columns
-
     # No bar: it would share the terminal with the address and with what is wrong in the log.
     columns, damage = Columns(Path(log).name, decoder, bitrate, panels), DamageCounts()
     for time, meaning in meanings([log], reading, decoder, damage, is_watched=False):
@@ -137,8 +131,7 @@ def bus_name(interface: str | None, channel: str | None) -> str:
 
 
 async def _show_bus(session: Session, panels: Sequence[type[Panel]], name: str, control: bool, listen: Address) -> None:
-    from eurobot_od.web.page import described, page, stop_message
-    from eurobot_od.web.requests import Requests
+    from eurobot_od.web.requests import Requests  # with aiohttp
 
     about = {"name": name, "bitrate": session.bitrate, **described(session.decoder)}
     text = page(name, [about], panels, live=True)

@@ -5,57 +5,52 @@ What is printed comes from the loaded EDS files and the message types, from noth
 
 from __future__ import annotations
 
-import argparse
 import json
 import textwrap
 from collections.abc import Iterable, Iterator, Mapping
 from math import isfinite
 from pathlib import Path
 from string import ascii_letters
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
-from eurobot_od.cli import options as shared
+from eurobot_od.cli.devices import Devices, object_names
+from eurobot_od.cli.options import Json
+from eurobot_od.cli.signature import Option
 from eurobot_od.errors import LocalError, UnknownName
 from eurobot_od.od import objects as od
+from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.values import label
+from eurobot_od.pdo.binding import Binding
 from eurobot_od.support.texts import columns, one_line
 
 if TYPE_CHECKING:
     from canopen.objectdictionary import ODVariable
 
-    from eurobot_od.od.dictionary import Dictionary
-    from eurobot_od.pdo.binding import Binding
 
+def show(
+    message: str | None = None,
+    *,
+    objects: Annotated[str | None, Option(metavar="NAME", bare="", suggest=object_names)] = None,
+    as_json: Json = False,
+    devices: Devices,
+) -> None:
+    """Show the messages as the EDS files map them, one message's bits as a picture, or the objects of the devices.
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Describe the command line."""
-    parser.add_argument("message", nargs="?", help="name of a message, such as 'Goto XY' (default: all)")
-    parser.add_argument(
-        "--objects",
-        nargs="?",
-        const="",
-        metavar="NAME",
-        help="list the devices' objects, or those of a name or index, such as Motor or 0x1018",
-    )
-    parser.add_argument("--json", action="store_true", help="print as JSON")
-    shared.add_network(parser)
-
-
-def run(arguments: argparse.Namespace) -> None:
-    """Print the table of all messages, or one message."""
-    devices = shared.Devices.of(arguments)
-    if arguments.message and Path(arguments.message).is_file():
-        raise LocalError(f"{arguments.message} is a file, not a message: name it by --eds")
-    if arguments.message and arguments.objects is not None:
+    message: name of a message, such as 'Goto XY' (default: all)
+    objects: list the devices' objects, or those of a name or index, such as Motor or 0x1018
+    """
+    if message and Path(message).is_file():
+        raise LocalError(f"{message} is a file, not a message: name it by --eds")
+    if message and objects is not None:
         raise LocalError("either a message or --objects, not both")
-    if arguments.objects is not None:
-        _show_objects(devices.load_and_complain(), arguments.objects, arguments.json)
+    if objects is not None:
+        _show_objects(devices.load_and_complain(), objects, as_json)
         return
     protocol = devices.protocol()
-    chosen = [protocol.binding(arguments.message)] if arguments.message else protocol.bindings
-    if arguments.json:
+    chosen = [protocol.binding(message)] if message else protocol.bindings
+    if as_json:
         print(json.dumps([as_data(each) for each in chosen], indent=2))
-    elif arguments.message:
+    elif message:
         print("\n".join(map(one_line, picture(chosen[0]))))
     else:
         print("\n".join(map(one_line, table(chosen))))

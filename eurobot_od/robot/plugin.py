@@ -104,7 +104,7 @@ ROBOT = Plugin(
     panels=lambda: (_imported("scene.panel", "FieldPanel"),),
     drawings=partial(_called, "model.poses", "drawings"),
     reports=partial(_imported, "season", "REPORTS"),
-    stage=partial(import_module, f"{__package__}.commands.node"),
+    stage=partial(_imported, "commands.node", "NodeOptions"),
     commands={
         name: Command(text, f"eurobot_od.robot.commands.{name.replace('-', '_')}") for name, text in COMMANDS.items()
     },

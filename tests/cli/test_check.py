@@ -17,6 +17,7 @@ from eurobot_od.robot.plugin import ROBOT
 from tests.check.suites import HEAD, document, reader
 from tests.cli.console import run
 from tests.device import io_module
+from tests.rows import rows
 
 GREEN = document("- send: Check Drive Request\n- expect: Check Drive Response", HEAD + "tags: [quick, first]\n")
 RED = document("- expect: Goto Confirm\n- send: Stop Drive", HEAD.replace("a suite", "red") + "tags: slow\n")
@@ -60,7 +61,7 @@ CALLS = {
 }
 
 
-@pytest.mark.parametrize(("words", "status", "last"), CALLS.values(), ids=CALLS.keys())
+@rows("words, status, last", CALLS.values())
 @pytest.mark.usefixtures("folder")
 def test_runs(words: str, status: int, last: str, capsys: pytest.CaptureFixture[str]) -> None:
     said = run(capsys, "check", *words.split())
@@ -102,7 +103,7 @@ REFUSALS = {
 }
 
 
-@pytest.mark.parametrize(("words", "status", "complaint"), REFUSALS.values(), ids=REFUSALS.keys())
+@rows("words, status, complaint", REFUSALS.values())
 @pytest.mark.usefixtures("folder")
 def test_refuses(words: str, status: int, complaint: str, capsys: pytest.CaptureFixture[str]) -> None:
     said = run(capsys, "check", *words.split())
@@ -331,7 +332,7 @@ def test_a_suite_whose_nodes_have_to_share_a_world_is_skipped_by_name_on_a_bus(
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("form", [[], ["--json"]])
+@rows("form", [[], ["--json"]])
 def test_seeds_at_once_come_to_the_same_as_one_after_the_other(
     form: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -355,8 +356,8 @@ def test_kept_results_are_not_checked_again(tmp_path: Path, capsys: pytest.Captu
     assert files.items() < {file: file.stat().st_mtime_ns for file in (tmp_path / "results").glob("*.parquet")}.items()
 
 
-@pytest.mark.parametrize(
-    ("words", "complaint"),
+@rows(
+    "words, complaint",
     [
         (["--repeat", "2"], "holds a campaign already: --resume goes on with it"),
         (["--repeat", "2", "--resume", "--keep-going"], "keep_going was 'False', and is 'True'"),

@@ -1,45 +1,42 @@
-"""What completes the command line in shells is there, and is what the commands take now."""
+"""What completes the command line in shells is made of the parsers when it is asked for."""
 
 from __future__ import annotations
 
 import re
 import shutil
 import subprocess
+import sys
+from collections.abc import Iterable
 from pathlib import Path
 
 import pytest
 
 from eurobot_od import cli
-from eurobot_od.cli.completion import SHELLS
+from eurobot_od.cli.completion import PLACES
 from eurobot_od.robot.plugin import ROBOT
 from tests.cli.console import run
 
 COMMANDS = [*cli.COMMANDS, *ROBOT.commands]
-MADE_ANEW = "python3 tools/make_completion.py makes it anew"
 LONG = re.compile(r"^ +(?:-\w(?: \S+)?, )?(--[a-z-]+)", re.MULTILINE)
 
 
-@pytest.mark.parametrize("shell", SHELLS)
-def test_each_shell_has_its_text(shell: str, capsys: pytest.CaptureFixture[str]) -> None:
-    said = run(capsys, "completion", shell)
-    assert (said.status, said.err) == (0, "")
-    assert all(command in said.out for command in COMMANDS), MADE_ANEW
+@pytest.fixture(scope="module")
+def scripts() -> dict[str, str]:
+    """The script of each shell, as a process of its own prints it."""
+    words = ["-m", "eurobot_od", "completion"]
+    return {shell: subprocess.check_output([sys.executable, *words, shell], text=True) for shell in PLACES}
 
 
-def test_another_shell_is_wrong_usage(capsys: pytest.CaptureFixture[str]) -> None:
-    said = run(capsys, "completion", "cmd")
-    assert (said.status, said.out) == (2, "")
+def test_each_shell_has_a_script_with_every_command(scripts: dict[str, str]) -> None:
+    missing = {shell: [each for each in COMMANDS if each not in text] for shell, text in scripts.items()}
+    assert not any(missing.values()), missing
 
 
-@pytest.mark.parametrize("command", COMMANDS)
-def test_it_is_what_the_command_takes_now(command: str, capsys: pytest.CaptureFixture[str]) -> None:
-    parser = cli.Parser(command)
-    cli.find(command).add_arguments(parser)
-    cli.add_robot(parser)
-    text = run(capsys, "completion", "bash").out
-    name = f"_shtab_eurobot_od_{command.replace('-', '_')}_option_strings"
-    (options,) = re.findall(rf"^{name}=\((.*)\)", text, re.MULTILINE)
-    assert set(re.findall(r"--[a-z-]+", options)) == set(LONG.findall(parser.format_help())), MADE_ANEW
+def test_it_has_the_options_of_every_command(scripts: dict[str, str], capsys: pytest.CaptureFixture[str]) -> None:
+    for command in COMMANDS:
+        name = f"_shtab_eurobot_od_{command.replace('-', '_')}_option_strings"
+        (options,) = re.findall(rf"^{name}=\((.*)\)", scripts["bash"], re.MULTILINE)
+        assert set(re.findall(r"--[a-z-]+", options)) == set(LONG.findall(run(capsys, command, "--help").out)), command
 
 
 COMPLETED = [
@@ -47,6 +44,7 @@ COMPLETED = [
     (["lint", "--str"], ["--strict"]),
     (["nmt", "2", "pre"], ["pre-operational"]),
     (["completion", "f"], ["fish"]),
+    (["export", "wi"], ["wireshark"]),
     (["match", "--fault", "mushroom-l"], ["mushroom-late"]),
     (["check", "--fault", "angle-36"], ["angle-360-taken"]),
     (["node", "nav"], ["navigation"]),
@@ -57,31 +55,32 @@ COMPLETED = [
     (["scan", "-i", "socketcan"], ["socketcan", "socketcand"]),
     (["query", "season", "--report", "lat"], ["latency"]),
     (["lint", "--explain", "W44"], ["W440", "W442", "W443", "W446", "W447", "W448"]),
+    (["check", "sdo-"], ["sdo-commands", "sdo-mine.yaml"]),
+    (["decode", "sdo-m"], ["sdo-mine.yaml"]),
 ]
 
 
-@pytest.mark.skipif(shutil.which("bash") is None, reason="there is no bash here")
-@pytest.mark.parametrize(("words", "completions"), COMPLETED)
-def test_bash_completes(words: list[str], completions: list[str], capsys: pytest.CaptureFixture[str]) -> None:
-    text = run(capsys, "completion", "bash").out
-    line = f"COMP_WORDS=(eurobot-od {' '.join(words)}); COMP_CWORD={len(words)}; _shtab_eurobot_od"
-    script = f"{text}\n{line}; printf '%s\\n' \"${{COMPREPLY[@]}}\""
-    done = subprocess.run(["bash", "-c", script], capture_output=True, text=True, check=True, timeout=60)
-    assert sorted(done.stdout.split()) == completions
+def test_bash_completes(tmp_path: Path, scripts: dict[str, str]) -> None:
+    lines = (
+        f"COMP_WORDS=(eurobot-od {' '.join(words)}); COMP_CWORD={len(words)}; _shtab_eurobot_od; echo ${{COMPREPLY[@]}}"
+        for words, _ in COMPLETED
+    )
+    said = printed(tmp_path, "bash", scripts["bash"], lines)
+    assert [(words, sorted(line.split())) for (words, _), line in zip(COMPLETED, said)] == COMPLETED
 
 
-@pytest.mark.skipif(shutil.which("bash") is None, reason="there is no bash here")
-def test_bash_completes_suites_and_files(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    Path("sdo-mine.yaml").touch()
-    test_bash_completes(["check", "sdo-"], ["sdo-commands", "sdo-mine.yaml"], capsys)
+def test_fish_completes(tmp_path: Path, scripts: dict[str, str]) -> None:
+    lines = (f"echo (complete -C 'eurobot-od {' '.join(words)}' | string join '|')" for words, _ in COMPLETED)
+    said = printed(tmp_path, "fish", scripts["fish"], lines)
+    found = [sorted(each.split("\t")[0] for each in line.split("|") if each) for line in said]
+    assert [(words, each) for (words, _), each in zip(COMPLETED, found)] == COMPLETED
 
 
-@pytest.mark.skipif(shutil.which("fish") is None, reason="there is no fish here")
-@pytest.mark.parametrize(("words", "completions"), COMPLETED)
-def test_fish_completes(words: list[str], completions: list[str], capsys: pytest.CaptureFixture[str]) -> None:
-    script = f"{run(capsys, 'completion', 'fish').out}\ncomplete -C 'eurobot-od {' '.join(words)}'"
-    done = subprocess.run(["fish", "--no-config", "-c", script], capture_output=True, text=True, check=True, timeout=60)
-    assert sorted(line.split("\t")[0] for line in done.stdout.splitlines()) == completions
+def printed(folder: Path, shell: str, script: str, lines: Iterable[str]) -> list[str]:
+    """The lines that a shell prints in a folder with one file, after it has read the script."""
+    if shutil.which(shell) is None:
+        pytest.skip(f"there is no {shell} here")
+    (folder / "sdo-mine.yaml").touch()
+    (folder / "all.sh").write_text("\n".join([script, *lines]))
+    done = subprocess.run([shell, "all.sh"], cwd=folder, capture_output=True, text=True, check=True, timeout=60)
+    return done.stdout.splitlines()

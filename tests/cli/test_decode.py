@@ -12,11 +12,15 @@ from pathlib import Path
 import pytest
 
 from eurobot_od import cli
+from eurobot_od.frame import Frame
 from eurobot_od.robot import dialects
 from eurobot_od.robot.model.messages import GotoXY, KalmanPositionResponse
 from eurobot_od.robot.model.values import Barriers, Passage, Source
 from eurobot_od.robot.protocol import EurobotProtocol
+from tests.cli.console import run
+from tests.client.wired import WiredBus
 from tests.eds_text import DEVICE_TYPE, pdo, variable
+from tests.rows import rows
 
 PROTOCOL = EurobotProtocol.load(dialects.DEFAULT)
 GOTO = PROTOCOL.encode(GotoXY(1200, 900, 90, 80, Barriers.of({2: Passage.FORCED})))
@@ -96,7 +100,7 @@ def test_text(good: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert capsys.readouterr() == (TEXT, "")
 
 
-@pytest.mark.parametrize("words", [[cli.WORKBENCH], [cli.PROGRAM, "--robot", "none"]])
+@rows("words", [[cli.WORKBENCH], [cli.PROGRAM, "--robot", "none"]])
 def test_a_bus_of_which_there_is_no_file(
     words: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -142,8 +146,8 @@ def test_csv(good: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert (beat["protocol"], beat["text"]) == ("CANopen", "drive, operational")
 
 
-@pytest.mark.parametrize("form", [[], ["--json"], ["--csv"]])
-@pytest.mark.parametrize("filters", [[], ["--message", "GIP"], ["--since", "99"]])
+@rows("form", [[], ["--json"], ["--csv"]])
+@rows("filters", [[], ["--message", "GIP"], ["--since", "99"]])
 def test_all_damage_is_reported_in_any_case(
     damaged: Path, capsys: pytest.CaptureFixture[str], form: list[str], filters: list[str]
 ) -> None:
@@ -165,14 +169,14 @@ def test_damage_costs_no_other_line(damaged: Path, capsys: pytest.CaptureFixture
     assert "".join(line for line in lines if "!" not in line and "remote frame" not in line) == TEXT
 
 
-@pytest.mark.parametrize("form", [[], ["--json"], ["--csv"]])
+@rows("form", [[], ["--json"], ["--csv"]])
 def test_strict(good: Path, damaged: Path, form: list[str]) -> None:
     assert cli.main(["decode", "--strict", *form, str(good)]) == 0
     assert cli.main(["decode", "--strict", *form, str(damaged)]) == 1
 
 
-@pytest.mark.parametrize(
-    ("options", "lines"),
+@rows(
+    "options, lines",
     [
         (["--message", "Goto XY"], [0]),
         (["--message", "goto-xy", "--message", "heartbeat"], [0, 3]),
@@ -206,7 +210,7 @@ WRONG = [
 ]
 
 
-@pytest.mark.parametrize(("arguments", "status", "text"), WRONG)
+@rows("arguments, status, text", WRONG)
 def test_one_line_says_what_is_wrong(
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
@@ -293,7 +297,7 @@ def test_statistics_call_the_master_by_the_name_that_the_network_file_gives_it(
         assert capsys.readouterr().out.splitlines()[1].split()[:3] == ["000", "NMT", master]
 
 
-@pytest.mark.parametrize(("options", "said"), [([], 1), (["--message", "SDO"], 1), (["--message", "NMT"], 0)])
+@rows("options, said", [([], 1), (["--message", "SDO"], 1), (["--message", "NMT"], 0)])
 def test_a_transfer_that_the_end_of_the_log_cuts_off_is_counted(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], options: list[str], said: int
 ) -> None:
@@ -342,3 +346,126 @@ def test_each_pdo_that_is_left_out_is_named_with_its_reason(capsys: pytest.Captu
         f"eurobot-od: PDO left out: {file}: 0x1A01, 0x1A02: maps 0x2F00 sub 0, which is missing",
         f"eurobot-od: PDO left out: {file}: 0x1804, 0x1805: sub 1 is missing or has no number as its value",
     ]
+
+
+# compare and replay
+
+
+LINES = ["(1.000000) can0 008#D27423592C01C3A5", "(1.250000) can0 00C#", "(2.000000) can0 014#F40100"]
+LATER = ["(1.000000) can0 008#D27423592C01C3A5", "(1.260000) can0 00C#", "(2.000000) can0 014#F50100"]
+
+
+@pytest.fixture
+def logs(tmp_path: Path) -> tuple[str, str]:
+    names = []
+    for name, lines in (("one", LINES), ("other", LATER)):
+        file = tmp_path / f"{name}.log"
+        file.write_text("".join(f"{line}\n" for line in lines))
+        names.append(str(file))
+    return names[0], names[1]
+
+
+def test_equal_logs_are_fine(logs: tuple[str, str], capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(capsys, "compare", logs[0], logs[0]) == (0, "3 and 3 frames: no difference\n", "")
+
+
+def test_differences_are_listed_and_counted(logs: tuple[str, str], capsys: pytest.CaptureFixture[str]) -> None:
+    said = run(capsys, "compare", *logs)
+    assert (said.status, said.err) == (1, "")
+    assert said.out.splitlines() == [
+        "     0.250000  late     Goto Confirm                  by 10.000 ms",
+        "     1.000000  changed  Goto State Response           time = 500 ms -> 501 ms",
+        "3 and 3 frames: 1 late, 1 changed",
+    ]
+
+
+def test_differences_as_json(logs: tuple[str, str], capsys: pytest.CaptureFixture[str]) -> None:
+    lines = run(capsys, "compare", *logs, "--json").out.splitlines()
+    assert json.loads(lines[0]) == {
+        "time": 0.25,
+        "kind": "late",
+        "name": "Goto Confirm",
+        "text": "by 10.000 ms",
+    }
+
+
+@rows(
+    "words, status",
+    [
+        (["--time", "10 ms", "--tolerance", "time=1"], 0),
+        (["--time", "10 ms", "--tolerance", "Goto State Response.time=1"], 0),
+        (["--time", "10 ms"], 1),
+        (["--tolerance", "time=1"], 1),
+        (["--message", "Goto XY"], 0),
+    ],
+)
+def test_tolerances_and_filters(
+    words: list[str], status: int, logs: tuple[str, str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(capsys, "compare", *logs, *words).status == status
+
+
+@rows(
+    "words, complaint",
+    [
+        (["--tolerance", "x"], "argument --tolerance: x: write [MESSAGE.]FIELD=NUMBER"),
+        (["--tolerance", "x=-1"], "--tolerance x=-1: not a number, 0 or more"),
+        (["--tolerance", "nothing=1"], "unknown field 'nothing'"),
+        (["--tolerance", "Goto.x=1"], "unknown message 'Goto'"),
+        (["--time", "5"], "'5' is not a duration"),
+    ],
+)
+def test_wrong_tolerances_are_one_line(
+    words: list[str], complaint: str, logs: tuple[str, str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    said = run(capsys, "compare", *logs, *words)
+    assert (said.status, said.out) == (2, "")
+    assert complaint in said.complaint
+
+
+@pytest.fixture
+def bus(monkeypatch: pytest.MonkeyPatch) -> WiredBus:
+    """A bus in simulated time."""
+    bus = WiredBus()
+    monkeypatch.setattr("eurobot_od.cli.options.BusOptions.open", lambda _: bus)
+    monkeypatch.setattr("eurobot_od.client.master.Master.__init__.__defaults__", (0.5, lambda: bus.now, 1 << 20))
+    return bus
+
+
+def test_replay_sends_the_frames_and_says_how_many(
+    logs: tuple[str, str], bus: WiredBus, capsys: pytest.CaptureFixture[str]
+) -> None:
+    said = run(capsys, "replay", logs[0], "--speed", "2")
+    assert said == (0, "3 frames sent, 0 of them later than 1 ms, 0.0 ms at most\n", "")
+    assert [str(frame) for frame in bus.sent] == [line.split()[2] for line in LINES]
+    assert bus.now == pytest.approx(0.5)
+
+
+@rows(
+    "words, sent",
+    [(["--only", "drive"], LINES[1:]), (["--except", "drive"], LINES[:1]), (["--only", "core"], LINES[:1])],
+)
+def test_replay_of_some_nodes(
+    words: list[str], sent: list[str], logs: tuple[str, str], bus: WiredBus, capsys: pytest.CaptureFixture[str]
+) -> None:
+    bus.sent.clear()
+    assert run(capsys, "replay", logs[0], *words).status == 0
+    assert bus.sent == [Frame.parse(line.split()[2]) for line in sent]
+
+
+@rows(
+    "words, complaint",
+    [
+        (["--speed", "0"], "0 is not a positive number"),
+        (["--speed", "inf"], "inf is not a positive number"),
+        (["--only", "motor"], "unknown node 'motor'"),
+        (["--only", "core", "--except", "drive"], "not allowed with argument --only"),
+    ],
+)
+@pytest.mark.usefixtures("bus")
+def test_replay_refuses_what_cannot_be(
+    words: list[str], complaint: str, logs: tuple[str, str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    said = run(capsys, "replay", logs[0], *words)
+    assert (said.status, said.out) == (2, "")
+    assert complaint in said.complaint

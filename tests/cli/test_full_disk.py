@@ -13,6 +13,7 @@ import pytest
 from eurobot_od.robot.model.messages import KalmanPositionResponse
 from eurobot_od.robot.model.values import Source
 from eurobot_od.robot.protocol import EurobotProtocol
+from tests.rows import rows
 
 resource = pytest.importorskip("resource", reason="limits of a process are POSIX's")
 
@@ -61,7 +62,7 @@ def complaint(done: subprocess.CompletedProcess[str]) -> str:
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("words", WRITING, ids=lambda words: " ".join(words.split()[:2]))
+@rows("words", WRITING)
 def test_a_full_disk_is_one_line_and_status_3(words: str, tmp_path: Path) -> None:
     file = tmp_path / ("out.svg" if "field" in words else "out.log" if "--log" in words else "out")
     file.write_text(FORMER)
@@ -73,7 +74,7 @@ def test_a_full_disk_is_one_line_and_status_3(words: str, tmp_path: Path) -> Non
 
 @pytest.mark.long
 @pytest.mark.skipif(not Path("/proc/self").exists(), reason="a folder in which not even root can write")
-@pytest.mark.parametrize("words", WRITING, ids=lambda words: words.split()[0])
+@rows("words", WRITING)
 def test_a_read_only_folder_is_one_line_and_status_3(words: str, tmp_path: Path) -> None:
     file = Path("/proc/self") / ("out.svg" if "field" in words else "out.log" if "--log" in words else "out")
     assert str(file) in complaint(run(words, file, tmp_path, 1 << 30))
@@ -84,7 +85,7 @@ OPENS_TO_WRITE = re.compile(
 )
 
 
-@pytest.mark.parametrize("folder", ["cli", "export", "web"])
+@rows("folder", ["cli", "export", "web"])
 def test_no_command_writes_a_file_but_whole(folder: str) -> None:
     files = (ROOT / "eurobot_od" / folder).rglob("*.py")
     lines = [f"{file.name}: {line}" for file in files for line in file.read_text().splitlines()]

@@ -10,11 +10,12 @@ import pytest
 from eurobot_od.robot.commands.match import too_slow
 from eurobot_od.robot.plugin import ROBOT
 from tests.cli.console import run
+from tests.rows import rows
 
 RATES = [("500000", 0, "all deadlines are met"), ("250000", 0, "all deadlines are met"), ("125000", 1, "can be missed")]
 
 
-@pytest.mark.parametrize(("rate", "status", "verdict"), RATES)
+@rows("rate, status, verdict", RATES)
 def test_the_robot(capsys: pytest.CaptureFixture[str], rate: str, status: int, verdict: str) -> None:
     said = run(capsys, "load", "-b", rate)
     assert (said.status, said.err) == (status, "")
@@ -70,7 +71,7 @@ WRONG = [
 ]
 
 
-@pytest.mark.parametrize("words", WRONG, ids=" ".join)
+@rows("words", WRONG)
 def test_wrong_usage(capsys: pytest.CaptureFixture[str], words: list[str]) -> None:
     said = run(capsys, "load", *words)
     assert said.status == 2

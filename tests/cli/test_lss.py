@@ -8,6 +8,7 @@ from eurobot_od.client.description import Identity
 from tests.cli.console import Said, run
 from tests.client.lss_slave import WAITING, LssSlave
 from tests.client.wired import WiredBus
+from tests.rows import rows
 
 ONE, OTHER = Identity(1, 2, 3, 4), Identity(1, 2, 3, 5)
 TEXT = "0x00000001:0x00000002:0x00000003:0x0000000"
@@ -16,12 +17,12 @@ TEXT = "0x00000001:0x00000002:0x00000003:0x0000000"
 def said(
     capsys: pytest.CaptureFixture[str], patch: pytest.MonkeyPatch, slaves: list[LssSlave], words: list[str]
 ) -> Said:
-    patch.setattr("eurobot_od.cli.options.open_bus", lambda _: WiredBus(*slaves))
+    patch.setattr("eurobot_od.cli.options.BusOptions.open", lambda _: WiredBus(*slaves))
     return run(capsys, "lss", *words, "--timeout", "1 ms")
 
 
-@pytest.mark.parametrize(
-    ("words", "status", "out", "err"),
+@rows(
+    "words, status, out, err",
     [
         (["find"], 0, f"{TEXT}4  no node-ID\n", ""),
         (["find", "--identity", "1:2:3:5"], 0, f"{TEXT}5  node-ID 7\n", ""),
@@ -68,7 +69,7 @@ def test_nobody_without_a_node_id(capsys: pytest.CaptureFixture[str], monkeypatc
     assert said(capsys, monkeypatch, [], ["set", "--store"]).status == 1
 
 
-@pytest.mark.parametrize("identity", ["1:2:3", "1:2:3:4:5", "a:2:3:4", "1:2:3:0x100000000", "-1:2:3:4"])
+@rows("identity", ["1:2:3", "1:2:3:4:5", "a:2:3:4", "1:2:3:0x100000000", "-1:2:3:4"])
 def test_an_identity_is_four_numbers(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, identity: str
 ) -> None:

@@ -2,23 +2,27 @@
 
 from __future__ import annotations
 
-import argparse
 import os
 import re
 import subprocess
 import sys
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import is_dataclass
+from inspect import Parameter, signature
 from pathlib import Path
-from types import ModuleType
+from typing import Any, cast, get_type_hints
 
 import pytest
 
 from eurobot_od import cli
+from eurobot_od.cli.signature import Command, Forms, Hint, Parser, told
 from eurobot_od.errors import BusError, DictionaryError, NoAnswer, StateError, UnknownName, WorldError
 from eurobot_od.robot.protocol import EurobotProtocol
 from tests.cli.console import run
+from tests.rows import rows
 
 
-@pytest.mark.parametrize("words", [[], ["--help"], ["-h"]])
+@rows("words", [[], ["--help"], ["-h"]])
 def test_the_overview_names_every_command(capsys: pytest.CaptureFixture[str], words: list[str]) -> None:
     said = run(capsys, *words)
     assert said.status == 0
@@ -27,8 +31,8 @@ def test_the_overview_names_every_command(capsys: pytest.CaptureFixture[str], wo
         assert text in said.out
 
 
-@pytest.mark.parametrize(
-    ("words", "complaint"),
+@rows(
+    "words, complaint",
     [
         (["nonsense"], "unknown command 'nonsense'; known: show, node, "),
         (["decod", "a.log"], "unknown command 'decod'; did you mean decode?"),
@@ -51,7 +55,7 @@ def test_the_version_names_python_too(capsys: pytest.CaptureFixture[str]) -> Non
     assert re.fullmatch(r"eurobot-od [0-9.]+(rc[0-9]+)?, Python 3\.[0-9.]+\S*\n", said.out)
 
 
-@pytest.mark.parametrize("command", cli.COMMANDS)
+@rows("command", cli.COMMANDS)
 def test_every_command_explains_itself(capsys: pytest.CaptureFixture[str], command: str) -> None:
     said = run(capsys, command, "--help")
     assert said.status == 0
@@ -78,7 +82,7 @@ NAMED = [
 ]
 
 
-@pytest.mark.parametrize(("words", "named"), NAMED)
+@rows("words, named", NAMED)
 def test_what_is_printed_names_the_program_that_was_started(
     words: list[str], named: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -97,8 +101,8 @@ def test_the_workbench_has_a_robot_s_commands_where_one_is_named(
     assert run(capsys, "show", "Goto XY", "--robot", "eurobot2014").out.startswith("Goto XY  COB-ID 0x008")
 
 
-@pytest.mark.parametrize(
-    ("error", "status", "complaint"),
+@rows(
+    "error, status, complaint",
     [
         (NoAnswer("CheckDriveRequest", "CheckDriveResponse", 2, 0.5), 1, "no CheckDriveResponse after"),
         (UnknownName("message", "Gotto"), 2, "unknown message 'Gotto'"),
@@ -117,15 +121,11 @@ def test_an_error_becomes_one_line_and_an_exit_status(
     status: int,
     complaint: str,
 ) -> None:
-    def fail(_: object) -> int:
+    def doctor() -> None:
         raise error
 
-    module = ModuleType("eurobot_od.cli.fail", "Fail.")
-    monkeypatch.setattr(module, "run", fail, raising=False)
-    monkeypatch.setattr(module, "add_arguments", lambda _: None, raising=False)
-    monkeypatch.setitem(sys.modules, module.__name__, module)
-    monkeypatch.setitem(cli.COMMANDS, "fail", "fail")
-    said = run(capsys, "fail")
+    monkeypatch.setattr("eurobot_od.cli.doctor.doctor", doctor)
+    said = run(capsys, "doctor")
     assert said.status == status
     assert said.err.startswith(f"eurobot-od: {complaint}" if complaint else "")
     assert said.err.count("\n") == bool(complaint)
@@ -134,9 +134,9 @@ def test_an_error_becomes_one_line_and_an_exit_status(
 def test_an_error_that_is_none_of_ours_is_a_bug_and_shows_its_traceback(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("eurobot_od.cli.show.run", lambda _: 1 // 0)
+    monkeypatch.setattr("eurobot_od.cli.doctor.doctor", lambda: 1 // 0)
     with pytest.raises(ZeroDivisionError):
-        run(capsys, "show")
+        run(capsys, "doctor")
 
 
 def python(code: str) -> str:
@@ -145,12 +145,13 @@ def python(code: str) -> str:
     return done.stdout.strip()
 
 
-def test_help_imports_nothing_heavy() -> None:
+def test_help_imports_nothing_heavy_unless_the_command_is_about_objects_of_devices() -> None:
     code = """
 import contextlib, io, sys
 from eurobot_od import cli
+light = [each for each in cli.COMMANDS if cli.MODULES.get(each, each) not in ("check", "node", "objects", "parameters")]
 with contextlib.redirect_stdout(io.StringIO()):
-    for words in [[], *([command, "--help"] for command in cli.COMMANDS)]:
+    for words in [[], *([command, "--help"] for command in light)]:
         with contextlib.suppress(SystemExit):
             cli.main(words)
 print(sorted({"can", "canopen", "numpy", "yaml"} & set(sys.modules)))
@@ -201,7 +202,7 @@ STREAMS = [
 
 @pytest.mark.long
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="a shell, and a device that is always full")
-@pytest.mark.parametrize(("words", "status", "said"), STREAMS)
+@rows("words, status, said", STREAMS)
 def test_a_closed_or_full_stream_is_one_line_and_no_traceback(words: str, status: int, said: str) -> None:
     done = subprocess.run(f"{sys.executable} -m eurobot_od {words}", shell=True, capture_output=True, text=True)
     assert (done.returncode, done.stdout, done.stderr) == (status, "", said)
@@ -223,7 +224,7 @@ HUGE = [
 ]
 
 
-@pytest.mark.parametrize(("words", "what"), HUGE, ids=["field", "node-ID", "duration"])
+@rows("words, what", HUGE)
 def test_numbers_of_thousands_of_digits_are_refused_in_one_line(
     words: list[str], what: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -231,14 +232,39 @@ def test_numbers_of_thousands_of_digits_are_refused_in_one_line(
     assert (said.status, what in said.err, said.err.count("\n")) == (2, True, 1)
 
 
+def functions_of(command: Command) -> Iterable[Callable[..., Any]]:
+    """The functions of a command, one for each of its forms."""
+    return command.functions.values() if isinstance(command, Forms) else [command]
+
+
+def options(function: Callable[..., Any]) -> Iterator[tuple[str, Any]]:
+    """Give the help and the default of each option of a function, those of its groups too."""
+    hints, texts = get_type_hints(function, include_extras=True), told(function)
+    for name, parameter in signature(function).parameters.items():
+        hint = Hint.of(hints[name], Parser("of"))
+        if is_dataclass(hint.kind):
+            yield from options(cast(type, hint.kind))
+        else:
+            yield texts.get(name, hint.text or ""), parameter.default
+
+
+FORMS = [form for name in (*cli.COMMANDS, "match", "world") for form in functions_of(cli.find(name))]
+UNITS = {"ms": 0.001, "s": 1.0, "": 1}
+DEFAULT = re.compile(r"\((?:default: )?(0x[0-9A-F]+|[\d.]+) ?(ms|s|)\)$")
+
+
+def test_every_option_has_a_help() -> None:
+    assert [function.__name__ for function in FORMS for text, _ in options(function) if not text] == [
+        "lss"
+    ]  # its action
+
+
 def test_defaults_are_those_that_the_help_says() -> None:
-    compared = 0
-    for name in cli.COMMANDS:
-        parser = argparse.ArgumentParser()
-        cli.find(name).add_arguments(parser)
-        for option in parser._actions:
-            said = re.search(r"\(([\d.]+) (ms|s)\)$", option.help or "")
-            if said and isinstance(option.default, float):
-                compared += 1
-                assert float(said[1]) / (1000 if said[2] == "ms" else 1) == option.default, (name, option.dest)
-    assert compared
+    given = [each for function in FORMS for each in options(function) if each[1] not in (None, Parameter.empty)]
+    said = [(found, default) for text, default in given if (found := DEFAULT.search(text))]
+    numbers = [
+        (int(found[1], 0) if found[1].startswith("0x") else float(found[1]) * UNITS[found[2]], default)
+        for found, default in said
+    ]
+    assert len(numbers) > 30
+    assert [each for each in numbers if each[0] != each[1]] == []

@@ -9,6 +9,7 @@ import pytest
 from eurobot_od import cli
 from tests.check.suites import HEAD
 from tests.cli.console import Said, run
+from tests.rows import rows
 
 EDS = Path(__file__).parents[2] / "eds" / "canopen" / "drive.eds"
 
@@ -68,29 +69,28 @@ MISTAKES = {
         1,
         "no answer from node 9 within 50 ms after read 0x1018:1 vendor",
     ),
-    "a time without its unit": (
-        "node|drive|--duration|10",
-        2,
-        "'10' is not a duration; write a number and one of us, ms, s, min, such as 500 ms",
-    ),
 }
 
 USAGES = {
     "a bit rate in words": ("scan|-b|500k", "argument -b/--bitrate: 500k is not in 1000..1000000 bit/s"),
     "a speed in words": ("monitor|--speed|fast", "argument --speed: fast is not a positive number nor max"),
+    "a time without its unit": (
+        "node|drive|--duration|10",
+        "argument --duration: '10' is not a duration; write a number and one of us, ms, s, min, such as 500 ms",
+    ),
     "a number in words": ("match|--seed|one", "argument --seed: one is not a whole number"),
     "an option without its value": ("check|--step", "argument --step: expected one argument"),
 }
 
 
-@pytest.mark.parametrize(("words", "status", "printed"), MISTAKES.values(), ids=MISTAKES.keys())
+@rows("words, status, printed", MISTAKES.values())
 def test_a_mistake_on_the_command_line(
     words: str, status: int, printed: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert run(capsys, *words.split("|")) == Said(status, "", f"eurobot-od: {printed}\n")
 
 
-@pytest.mark.parametrize(("words", "printed"), USAGES.values(), ids=USAGES.keys())
+@rows("words, printed", USAGES.values())
 def test_a_wrong_usage(words: str, printed: str, capsys: pytest.CaptureFixture[str]) -> None:
     command, *others = words.split("|")
     line = f"eurobot-od {command}: error: {printed}; see eurobot-od {command} --help\n"
@@ -114,7 +114,7 @@ WITH_A_BUS = [
 ]
 
 
-@pytest.mark.parametrize("words", WITH_A_BUS, ids=" ".join)
+@rows("words", WITH_A_BUS)
 def test_a_command_for_a_bus_asks_which_and_does_nothing(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     said = run(capsys, *words)
     assert said.status == 2
@@ -230,7 +230,7 @@ STEPS = {
 ALL = TEXTS | {f"step: {name}": (f"{HEAD}steps:\n{text}", [line]) for name, (text, line) in STEPS.items()}
 
 
-@pytest.mark.parametrize(("text", "printed"), ALL.values(), ids=ALL.keys())
+@rows("text, printed", ALL.values())
 def test_a_mistake_in_yaml(text: str, printed: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     Path("mine.yaml").write_text(text)
     lines = "".join(f"mine.yaml:{line}\n" for line in printed)

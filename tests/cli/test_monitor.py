@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from eurobot_od import cli
+from tests.rows import rows
 
 LOG = """\
 (10.000000) can0 00C#
@@ -60,7 +61,7 @@ def test_nobody_can_be_asked_in_a_log(log: Path, capsys: pytest.CaptureFixture[s
     assert capsys.readouterr().err == "eurobot-od: --ask is for a bus: a log has no devices to ask\n"
 
 
-@pytest.mark.parametrize("speed", ["0", "-1", "fast"])
+@rows("speed", ["0", "-1", "fast"])
 def test_no_speed(speed: str) -> None:
     with pytest.raises(SystemExit) as ended:
         cli.main(["monitor", "--speed", speed])

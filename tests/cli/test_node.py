@@ -22,11 +22,13 @@ from eurobot_od.robot.model import robot_file
 from eurobot_od.robot.model.messages import StopDrive
 from eurobot_od.robot.model.values import TeamColour
 from eurobot_od.robot.nodes import Drive, Navigation
+from eurobot_od.robot.plugin import ROBOT
 from tests.cli.console import run
 from tests.cli.processes import PATIENCE, killed_if_it_hangs, line, node, serve_bus
 from tests.client.peers import new_channel
 from tests.device import io_module
 from tests.eds_text import DEVICE_TYPE, record, variable
+from tests.rows import rows
 
 FACTS = robot_file.read()
 
@@ -137,7 +139,7 @@ def is_on_its_way(drive: Drive) -> bool:
 
 @pytest.mark.long
 @pytest.mark.posix
-@pytest.mark.parametrize(("told", "status"), [(signal.SIGTERM, 128 + signal.SIGTERM), (signal.SIGINT, -signal.SIGINT)])
+@rows("told, status", [(signal.SIGTERM, 128 + signal.SIGTERM), (signal.SIGINT, -signal.SIGINT)])
 def test_a_script_that_is_told_to_end_leaves_a_robot_that_stands(
     shared_bus: str, told: signal.Signals, status: int
 ) -> None:
@@ -183,10 +185,9 @@ def test_no_line_of_a_drivers_log_stands_before_the_error() -> None:
     assert len(error.splitlines()) == 1
 
 
-@pytest.mark.parametrize(
-    ("words", "status", "complaint"),
+@rows(
+    "words, status, complaint",
     [
-        (["drive", "--duration", "5"], 2, "'5' is not a duration; write a number and one of us, ms, s, min, such as"),
         (["drive", "--dialect", "nonsense"], 2, "unknown dialect 'nonsense'; known: canopen, firmware2014"),
         (["drive", "--team", "red"], 2, "--team is for the core, not for the drive"),
         (["core", "--beacons"], 2, "--beacons is for the navigation, not for the core"),
@@ -221,7 +222,7 @@ def test_what_a_master_has_stored_survives_a_restart(
         second.send_signal(signal.SIGTERM)
 
 
-@pytest.mark.parametrize("node_id", ["0", "128", "-1"])
+@rows("node_id", ["0", "128", "-1"])
 def test_a_node_id_out_of_range_is_refused(capsys: pytest.CaptureFixture[str], node_id: str) -> None:
     said = run(capsys, "node", "drive", "--node-id", node_id)
     assert (said.status, said.out) == (2, "")
@@ -231,11 +232,12 @@ def test_a_node_id_out_of_range_is_refused(capsys: pytest.CaptureFixture[str], n
 WRONG_USAGE = [
     ([], "eurobot-od: which node? Name one of the robot's, or give a device's file with --eds"),
     (["engine"], "eurobot-od: unknown node 'engine'; known: core, drive, navigation"),
-    (["drive", "--team", "blue"], "eurobot-od node: error: "),
+    (["drive", "--team", "blue"], "eurobot-od node: error: argument --team: unknown value 'blue'; known: yellow, red"),
+    (["drive", "--set", "Set point"], "eurobot-od node: error: argument --set: Set point: write OBJECT=VALUE"),
 ]
 
 
-@pytest.mark.parametrize(("words", "complaint"), WRONG_USAGE)
+@rows("words, complaint", WRONG_USAGE)
 def test_wrong_usage(capsys: pytest.CaptureFixture[str], words: list[str], complaint: str) -> None:
     said = run(capsys, "node", *words)
     assert said.status == 2
@@ -317,13 +319,12 @@ WITH_BOTH = [
 ]
 
 
-@pytest.mark.usefixtures("eds")
-@pytest.mark.parametrize(("words", "complaint"), WITH_BOTH)
+@rows("words, complaint", WITH_BOTH)
 def test_what_is_for_one_device_needs_its_name(
-    capsys: pytest.CaptureFixture[str], tmp_path: Path, words: list[str], complaint: str
+    capsys: pytest.CaptureFixture[str], eds: str, tmp_path: Path, words: list[str], complaint: str
 ) -> None:
     file = tmp_path / "network.yaml"
-    file.write_text("nodes: {io: {file: module.eds, node_id: 5}, gate: {file: module.eds, node_id: 6}}")
+    file.write_text(f"nodes: {{io: {{file: {eds}, node_id: 5}}, gate: {{file: {eds}, node_id: 6}}}}")
     assert run(capsys, "node", "--network", str(file), *words).complaint == complaint
 
 
@@ -356,15 +357,14 @@ def test_a_node_of_the_robot_that_is_named_is_one_wherever_its_file_is(capsys: p
     assert said.complaint == "eurobot-od: unknown fact '0x1017'; known: body, match, field, barriers, tasks, robots"
 
 
-ROBOT = ("--robot", "eurobot2014")
+OURS = ("--robot", "eurobot2014")
 WRONG_DEVICES = [
     (["--set", "Colour=1"], "unknown object 'Colour'"),
-    (["--set", "Set point"], "--set Set point: write OBJECT=VALUE"),
     (["--set", "Set point=40000"], "0x2100:0: Set point = 40000 is not allowed; allowed: -32768..32767"),
     (["--set", "Channel=1"], "'Channel' is not one object but a record of "),
-    (["--team", "red", *ROBOT], "--team is for the core, not for devices that do not belong to the robot"),
+    (["--team", "red", *OURS], "--team is for the core, not for devices that do not belong to the robot"),
     (
-        ["--fault", "goto-not-confirmed", *ROBOT],
+        ["--fault", "goto-not-confirmed", *OURS],
         "the fault goto-not-confirmed is one of the drive, not of other devices",
     ),
     (["--fault", "goto-not-confirmed"], "unknown fault 'goto-not-confirmed'"),
@@ -372,7 +372,7 @@ WRONG_DEVICES = [
 ]
 
 
-@pytest.mark.parametrize(("words", "complaint"), WRONG_DEVICES)
+@rows("words, complaint", WRONG_DEVICES)
 def test_a_device_that_cannot_run_says_why_in_one_line(
     capsys: pytest.CaptureFixture[str], eds: str, words: list[str], complaint: str
 ) -> None:
@@ -402,3 +402,55 @@ def test_the_pdos_of_a_device_are_listed_and_mapped(capsys: pytest.CaptureFixtur
         said = run(capsys, "pdo", "5", "map", "TPDO1", "--eds", motor, *bus)
         assert said.complaint.endswith("Write `map TPDO1 OBJECT...`; known: RPDO1, TPDO1")
         device.send_signal(signal.SIGTERM)
+
+
+# faults
+
+
+def test_all_faults_are_listed_by_node(capsys: pytest.CaptureFixture[str]) -> None:
+    said = run(capsys, "faults")
+    lines = said.out.splitlines()
+    assert said.status == 0
+    nodes = ["core:", "drive:", "navigation:", "any node:", "any drive of CiA 402:"]
+    assert [line for line in lines if line.endswith(":")] == nodes
+    assert [line.split()[0] for line in lines if line.startswith("  ")] == ROBOT.fault_names()
+
+
+def test_the_faults_of_one_node_are_its_own_and_those_of_any_node(capsys: pytest.CaptureFixture[str]) -> None:
+    out = run(capsys, "faults", "navigation").out
+    assert [line for line in out.splitlines() if line.endswith(":")] == ["navigation:", "any node:"]
+
+
+def test_faults_as_json_name_the_step_that_finds_them(capsys: pytest.CaptureFixture[str]) -> None:
+    rows = json.loads(run(capsys, "faults", "--json").out)
+    assert {
+        "name": "goto-not-confirmed",
+        "node": "drive",
+        "text": "sends no Goto Confirm",
+        "suite": "drive",
+        "step": "2.1 Goto ACK: a goto is confirmed",
+    } in rows
+    assert len(rows) == len(ROBOT.fault_names())
+
+
+@rows(
+    "words, complaint",
+    [
+        (["node", "drive", "--fault", "goto-not-confirmd"], "unknown fault 'goto-not-confirmd'; did you mean"),
+        (["node", "drive", "--fault", "goto-not-sent"], "the fault goto-not-sent is one of the core, not of the drive"),
+        (["check", "drive", "--simulate", "--fault", "nonsense"], "unknown fault 'nonsense'; 2"),
+        (["check", "drive", "--fault", "goto-not-confirmed"], "--fault needs --simulate"),
+    ],
+)
+def test_a_fault_that_is_not_there_is_refused(
+    capsys: pytest.CaptureFixture[str], words: list[str], complaint: str
+) -> None:
+    said = run(capsys, *words)
+    assert said.status == 2
+    assert said.err.startswith(f"eurobot-od: {complaint}")
+    assert said.err.count("\n") == 1
+
+
+@rows("fault, status", [([], 0), (["--fault", "goto-not-confirmed"], 1)])
+def test_a_check_finds_a_fault(capsys: pytest.CaptureFixture[str], fault: list[str], status: int) -> None:
+    assert run(capsys, "check", "drive", "--simulate", *fault).status == status

@@ -13,6 +13,7 @@ from eurobot_od.cli.serve import bus_name
 from eurobot_od.support import extras
 from tests.cli.console import run
 from tests.cli.processes import PATIENCE, command, in_background, line
+from tests.rows import rows
 
 
 @pytest.fixture
@@ -22,8 +23,8 @@ def log(tmp_path: Path) -> Path:
     return file
 
 
-@pytest.mark.parametrize(
-    ("words", "status", "complaint"),
+@rows(
+    "words, status, complaint",
     [
         (["a.log", "b.log", "c.log"], 2, "a page shows one log, or two side by side, not 3"),
         (["a.log", "--control"], 2, "--control is for a bus: a log cannot be changed"),
@@ -52,7 +53,7 @@ def test_without_its_extra(capsys: pytest.CaptureFixture[str], monkeypatch: pyte
 
 @pytest.mark.long
 @pytest.mark.posix
-@pytest.mark.parametrize("end", [signal.SIGINT, signal.SIGTERM])
+@rows("end", [signal.SIGINT, signal.SIGTERM])
 def test_a_log_is_served_until_it_is_told_to_end(log: Path, end: signal.Signals) -> None:
     with command("serve", str(log), "--listen", "127.0.0.1:0") as process:
         address = line(process, "http://127.0.0.1:").split()[0]
@@ -100,8 +101,8 @@ def test_other_machines_need_a_token_that_is_printed_once(log: Path) -> None:
     assert token not in out + err
 
 
-@pytest.mark.parametrize(
-    ("interface", "channel", "name"),
+@rows(
+    "interface, channel, name",
     [
         ("socketcan", "can0", "Bus can0 (socketcan)"),
         ("remote", "ws://192.168.1.7:54701/", "Bus at 192.168.1.7:54701"),

@@ -14,11 +14,12 @@ from eurobot_od.robot import dialects
 from eurobot_od.robot.protocol import EurobotProtocol
 from tests.cli.console import run
 from tests.eds_text import DEVICE_TYPE, pdo, variable
+from tests.rows import rows
 
 PROTOCOLS = {name: EurobotProtocol.load(name) for name in dialects.names()}
 
 
-@pytest.mark.parametrize("dialect", PROTOCOLS)
+@rows("dialect", PROTOCOLS)
 def test_the_table_has_every_message_in_the_order_of_its_identifier(
     capsys: pytest.CaptureFixture[str], dialect: str
 ) -> None:
@@ -55,8 +56,8 @@ def test_a_picture_shows_each_bit_where_it_is(capsys: pytest.CaptureFixture[str]
     ]
 
 
-@pytest.mark.parametrize("name", PROTOCOLS["canopen"].names())
-@pytest.mark.parametrize("protocol", PROTOCOLS.values(), ids=list(PROTOCOLS))
+@rows("name", PROTOCOLS["canopen"].names())
+@rows("protocol", PROTOCOLS.values())
 def test_every_message_has_a_picture_with_every_bit_of_its_fields_once(protocol: Protocol, name: str) -> None:
     lines, layout = list(picture(protocol.binding(name))), protocol.binding(name).layout
     cells = [cell.strip() for line in lines if line.startswith("byte ") for cell in line.split("|")[1:-1]]
@@ -66,8 +67,8 @@ def test_every_message_has_a_picture_with_every_bit_of_its_fields_once(protocol:
     assert all(line == line.rstrip() for line in lines)
 
 
-@pytest.mark.parametrize(
-    ("name", "first"),
+@rows(
+    "name, first",
     [
         ("goto xy", "Goto XY  COB-ID 0x008  8 bytes, 6 without barriers"),
         ("GotoXY", "Goto XY  COB-ID 0x008  8 bytes, 6 without barriers"),
@@ -82,7 +83,7 @@ def test_a_message_is_found_however_its_name_is_written(
     assert run(capsys, "show", name).out.splitlines()[0] == first
 
 
-@pytest.mark.parametrize(("words", "count"), [(["show"], len(PROTOCOLS["canopen"].bindings)), (["show", "Goto XY"], 1)])
+@rows("words, count", [(["show"], len(PROTOCOLS["canopen"].bindings)), (["show", "Goto XY"], 1)])
 def test_json_says_the_same(capsys: pytest.CaptureFixture[str], words: list[str], count: int) -> None:
     data = json.loads(run(capsys, *words, "--json").out)
     assert len(data) == count
@@ -99,8 +100,8 @@ def test_the_dialect_may_come_from_the_environment(
     assert "direction" not in run(capsys, "show", "--dialect", "canopen").out
 
 
-@pytest.mark.parametrize(
-    ("words", "complaint"),
+@rows(
+    "words, complaint",
     [
         (["show", "Goto XZ"], "unknown message 'Goto XZ'; did you mean Goto XY?"),
         (["show", "--dialect", "nonsense"], "unknown dialect 'nonsense'; known: canopen, firmware2014"),
@@ -127,7 +128,7 @@ SHOWN_OBJECTS = [
 ]
 
 
-@pytest.mark.parametrize(("words", "part"), SHOWN_OBJECTS)
+@rows("words, part", SHOWN_OBJECTS)
 def test_the_objects_of_a_device_are_listed(words: list[str], part: str, capsys: pytest.CaptureFixture[str]) -> None:
     said = run(capsys, "show", *words, "--eds", MOTOR)
     assert part in said.out

@@ -10,7 +10,7 @@ import pytest
 pytest.importorskip("polars", reason="the extra `season` is not installed")
 pytest.importorskip("duckdb", reason="the extra `season` is not installed")
 
-from eurobot_od.cli.query import reports
+from eurobot_od.cli.season import reports
 from eurobot_od.frame import Frame
 from eurobot_od.robot import dialects
 from eurobot_od.robot.model import messages

@@ -31,7 +31,7 @@ def test_a_mutation_takes_any_file(mutation: file_fuzz.Mutation, data: bytes) ->
 
 
 def fails(error: BaseException) -> object:
-    def run(_: object) -> None:
+    def run() -> None:
         raise error
 
     return run
@@ -47,8 +47,8 @@ ENDS = {
 
 @pytest.mark.parametrize(("error", "wrong"), ENDS.values(), ids=ENDS)
 def test_what_is_wrong_with_an_end(monkeypatch: pytest.MonkeyPatch, error: BaseException, wrong: list[str]) -> None:
-    monkeypatch.setattr("eurobot_od.cli.show.run", fails(error))
-    assert file_fuzz.judge(["show"]) == wrong
+    monkeypatch.setattr("eurobot_od.cli.doctor.doctor", fails(error))
+    assert file_fuzz.judge(["doctor"]) == wrong
 
 
 @pytest.mark.parametrize(

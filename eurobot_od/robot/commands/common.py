@@ -2,43 +2,34 @@
 
 from __future__ import annotations
 
-import argparse
 import sys
-from collections.abc import Iterable
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated, TypeAlias
 
 from eurobot_od.cli import ExitStatus
-from eurobot_od.cli import options as shared
+from eurobot_od.cli.options import assigned
+from eurobot_od.cli.signature import Option
 from eurobot_od.robot.model.values import TeamColour
 
 if TYPE_CHECKING:
     from eurobot_od.robot.match.summary import Summary
-    from eurobot_od.robot.model.options import MatchOptions
 
-COLOURS = [colour.name.lower() for colour in TeamColour]
-
-
-def add_sides(parser: argparse.ArgumentParser) -> None:
-    """Describe our colour, and who else is there."""
-    parser.add_argument("--team", choices=COLOURS, default="red", help="our colour (default: red)")
-    parser.add_argument("--enemies", type=int, choices=range(3), default=2, help="how many enemies (default: 2)")
-    parser.add_argument("--confederates", type=int, choices=range(2), default=1, help="confederates (default: 1)")
+WorldErrors: TypeAlias = Annotated[Sequence[tuple[str, str]], Option("--world"), assigned("NAME=VALUE")]
 
 
-def options_of(arguments: argparse.Namespace, settings: Iterable[tuple[str, str]]) -> MatchOptions:
-    """Return who plays, the seed and the errors of the instruments; raises UnknownName, LocalError."""
-    from eurobot_od.robot.model.options import Errors, MatchOptions
+@dataclass(frozen=True, kw_only=True)
+class Sides:
+    """Our colour, and who else is there.
 
-    return MatchOptions(
-        TeamColour[arguments.team.upper()],
-        arguments.enemies,
-        arguments.confederates,
-        seed=1 if arguments.seed is None else arguments.seed,
-        dialect=arguments.dialect,
-        errors=Errors().changed_by(shared.assignments("--world", "NAME=VALUE", arguments.world)),
-        settings=tuple(settings),
-        robot=arguments.robot,
-    )
+    team: our colour (default: red)
+    enemies: how many enemies (default: 2)
+    confederates: confederates (default: 1)
+    """
+
+    team: TeamColour = TeamColour.RED
+    enemies: Annotated[int, Option(choices=range(3))] = 2
+    confederates: Annotated[int, Option(choices=range(2))] = 1
 
 
 def status_of(summary: Summary) -> ExitStatus:

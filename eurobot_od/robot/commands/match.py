@@ -2,162 +2,207 @@
 
 from __future__ import annotations
 
-import argparse
 import json
 import re
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import nullcontext, redirect_stdout
-from dataclasses import replace
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
 
 from eurobot_od import plugin
-from eurobot_od.cli import ExitStatus, campaign, complain, fall_silent
-from eurobot_od.cli import options as shared
+from eurobot_od.bus import live
+from eurobot_od.cli import ExitStatus, RobotName, complain, fall_silent
+from eurobot_od.cli.campaign import Campaign, counted
+from eurobot_od.cli.devices import Dialect
+from eurobot_od.cli.options import BusOptions, Faults, Json, assigned, positive, write
+from eurobot_od.cli.signature import HelpGroup, Option
 from eurobot_od.errors import LocalError
-from eurobot_od.robot.commands.common import add_sides, options_of, status_of
-from eurobot_od.robot.model.options import UNITS, Errors
+from eurobot_od.frame import Frame
+from eurobot_od.plugin import Plugin
+from eurobot_od.robot.commands.common import Sides, WorldErrors, status_of
+from eurobot_od.robot.match import MatchEvent, stage
+from eurobot_od.robot.match.referee import StrategyFiles
+from eurobot_od.robot.model.options import UNITS, Errors, MatchOptions
+from eurobot_od.robot.world import World
+from eurobot_od.support.files import check_writable
 from eurobot_od.support.terminal import folded, in_colour
+from eurobot_od.traffic.recorder import END, GO_ON, recording
 
 if TYPE_CHECKING:
     import can
 
-    from eurobot_od.frame import Frame
-    from eurobot_od.plugin import Plugin
-    from eurobot_od.robot.match import MatchEvent, MatchOptions
-    from eurobot_od.robot.match.referee import StrategyFiles
-    from eurobot_od.robot.world import World
-
 SEEDS = re.compile(r"(?:([0-9]{1,9})-)?([0-9]{1,9})")
 """N or FIRST-LAST."""
+
+
+def _seeds(text: str) -> range:
+    """Read the seeds of many matches; raises LocalError."""
+    match = SEEDS.fullmatch(text)
+    seeds = range(int(match[1] or 1), int(match[2]) + 1) if match else range(0)
+    if not seeds:
+        raise LocalError(f"{text} is neither a number of seeds nor FIRST-LAST")
+    return seeds
+
+
+MatchTime: TypeAlias = Annotated[float, Option(metavar="SECONDS", read=partial(positive, of=" of seconds"))]
+File: TypeAlias = Annotated[Path, Option(metavar="FILE")]
+ERRORS = ", ".join(f"{name}={value:g} {UNITS.get(name, '')}".rstrip() for name, value in vars(Errors()).items())
+
+
+@dataclass(frozen=True, kw_only=True)
+class NodesAndWorld:
+    """What our nodes and the world are to be like.
+
+    fault: give a node a fault; `faults` lists them
+    values: value in place of the EDS file's, such as 'drive.Motion.Maximum speed=600', or of robot.yaml's, such as
+        body.radius=250
+    """
+
+    GROUP = HelpGroup("our nodes and the world, each option repeatable")
+
+    fault: Faults = ()
+    values: Annotated[Sequence[tuple[str, str]], Option("--set"), assigned("NAME=VALUE")] = ()
+    errors: Annotated[
+        WorldErrors,
+        f"error of the simulated world; these are there, without a unit as shares or rates of 0..1: {ERRORS}",
+    ] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class AskedMatch:
+    """A match, or many, as the command line asks for it.
+
+    seed: seed of all chance: same seed, same frames (default: 1)
+    seeds: play each seed, simulated, and compare
+    duration: match time (default: robot.yaml's)
+    speed: simulated or real time
+    emergency_at: hit the mushroom at this match time
+    strategy: Python file with a coroutine play(core); left out: the robot's
+    compare: play the same --seeds with each of these strategies
+    against: strategy of a second robot, instead of enemy 1
+    log: write all frames there, in the format of its suffix; with --seeds {seed} stands for each seed
+    log_failure: what to do when the log cannot be written (default: go-on); the exit status is 3 in any case
+    field: draw the match: .svg, .html or .png; with --compare the points: .svg
+    as_json: print as JSON: timeline and summary, or a line for each seed
+    """
+
+    sides: Sides
+    seed: int | None = None
+    seeds: Annotated[range | None, Option(metavar="N|FIRST-LAST", read=_seeds)] = None
+    duration: MatchTime | None = None
+    speed: Literal["fast", "real"] = "fast"
+    emergency_at: MatchTime | None = None
+    strategy: File | None = None
+    compare: Annotated[Sequence[File], Option(nargs="+")] = ()
+    against: File | None = None
+    log: File | None = None
+    log_failure: Annotated[str, Option(choices=(GO_ON, END))] = GO_ON
+    field: File | None = None
+    as_json: Json = False
+    campaign: Annotated[Campaign, HelpGroup("many at once, with --seeds")]
+    dialect: Dialect = None
+    robot_name: RobotName = None
+    nodes: NodesAndWorld
+    bus: Annotated[
+        BusOptions,
+        HelpGroup("bus", "default: python-can's configuration; without one, --speed real takes a bus in this process"),
+    ]
+
+    @property
+    def robot(self) -> Plugin:
+        """Whose robot plays; raises as `plugin.find`."""
+        return plugin.find(self.robot_name)
+
+    @property
+    def options(self) -> MatchOptions:
+        """The match of one seed; raises UnknownName, LocalError."""
+        return MatchOptions(
+            **vars(self.sides),
+            seed=1 if self.seed is None else self.seed,
+            duration=self.duration,
+            emergency_at=self.emergency_at,
+            dialect=self.dialect,
+            errors=Errors().changed_by(self.nodes.errors),
+            faults=tuple(self.nodes.fault),
+            settings=tuple(self.nodes.values),
+            robot=self.robot_name,
+        )
+
+    @property
+    def strategies(self) -> StrategyFiles:
+        """The files of the strategies; raises LocalError."""
+        if self.against is not None and self.speed == "real":
+            raise LocalError("--against is for simulated time, and does not go with --speed real")
+        ours, folder = self.strategy, self.robot.folder
+        if ours is None and folder and (folder / "strategy.py").is_file():
+            ours = folder / "strategy.py"  # a team's own robot brings one; None is the shipped one
+        return StrategyFiles(ours, self.against)
+
+    def refuse(self, names: Iterable[str], why: str) -> None:
+        """Refuse options that are given, an option of the bus among them; raises LocalError."""
+        usual = {"speed": "fast"}
+        for name in names:
+            value = getattr(self.bus if name in OF_A_BUS else self, name)
+            if value != usual.get(name):
+                raise LocalError(f"--{name} {value} {why}")
+
 
 OF_A_BUS = ("interface", "channel", "bitrate")
 """Options that mean nothing in simulated time."""
 
-OF_ONE_MATCH = {"speed": "fast"} | dict.fromkeys(("seed", "field", *OF_A_BUS))
-"""Options that mean nothing to the matches of many seeds, and what they are when they are left out."""
 
-
-REPEATABLE = {
-    "--fault": ("NAME", "give a node a fault; `faults` lists them"),
-    "--set": (
-        "NAME=VALUE",
-        "value in place of the EDS file's, such as 'drive.Motion.Maximum speed=600', or of robot.yaml's, such as "
-        "body.radius=250",
-    ),
-    "--world": ("NAME=VALUE", "error of the simulated world, see below"),
-}
-"""What our nodes and the world are to be like: the form of each option's value, and its help."""
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Describe the command line."""
-    file: dict[str, Any] = {"type": Path, "metavar": "FILE"}
-    time = partial(shared.positive, of=" of seconds")
-    add_sides(parser)
-    parser.add_argument("--seed", type=int, help="seed of all chance: same seed, same frames (default: 1)")
-    parser.add_argument("--seeds", type=_seeds, metavar="N|FIRST-LAST", help="play each seed, simulated, and compare")
-    parser.add_argument("--duration", type=time, metavar="SECONDS", help="match time (default: robot.yaml's)")
-    parser.add_argument("--speed", choices=("fast", "real"), default="fast", help="simulated or real time")
-    parser.add_argument("--emergency-at", type=time, metavar="SECONDS", help="hit the mushroom at this match time")
-    parser.add_argument("--strategy", **file, help="Python file with a coroutine play(core); left out: the robot's")
-    parser.add_argument("--compare", **file, nargs="+", help="play the same --seeds with each of these strategies")
-    parser.add_argument("--against", **file, help="strategy of a second robot, instead of enemy 1")
-    shared.add_log(parser)
-    parser.add_argument("--field", **file, help="draw the match: .svg, .html or .png; with --compare the points: .svg")
-    parser.add_argument(
-        "--json", action="store_true", help="print as JSON: timeline and summary, or a line for each seed"
-    )
-    campaign.add_campaign(parser, "--seeds")
-    shared.add_dialect(parser)
-    nodes = parser.add_argument_group("our nodes and the world, each option repeatable")
-    for name, (form, words) in REPEATABLE.items():
-        nodes.add_argument(name, action="append", default=[], metavar=form, help=words)
-    errors = (f"{name}={value:g} {UNITS.get(name, '')}".rstrip() for name, value in vars(Errors()).items())
-    parser.epilog = f"Errors of the world; without a unit they are shares or rates of 0..1: {', '.join(errors)}."
-    shared.add_bus(parser, "; without one, --speed real takes a bus in this process")
-
-
-def _seeds(text: str) -> range:
-    match = SEEDS.fullmatch(text)
-    seeds = range(int(match[1] or 1), int(match[2]) + 1) if match else range(0)
-    if not seeds:
-        raise argparse.ArgumentTypeError(f"{text} is neither a number of seeds nor FIRST-LAST")
-    return seeds
-
-
-def run(arguments: argparse.Namespace) -> ExitStatus:
-    """Play one match, or one for each of many seeds."""
-    options = replace(
-        options_of(arguments, shared.assignments("--set", "NODE.OBJECT=VALUE", arguments.set)),
-        duration=arguments.duration,
-        emergency_at=arguments.emergency_at,
-        faults=tuple(arguments.fault),
-    )
-    if arguments.compare is not None:
-        return _compare(arguments, options)
-    play = _run_one if arguments.seeds is None else _run_many
-    return play(arguments, options)
-
-
-def _strategies(arguments: argparse.Namespace) -> StrategyFiles:
-    from eurobot_od.robot.match.referee import StrategyFiles
-
-    if arguments.against is not None and arguments.speed == "real":
-        raise LocalError("--against is for simulated time, and does not go with --speed real")
-    ours, folder = arguments.strategy, plugin.find(arguments.robot).folder
-    if ours is None and folder and (folder / "strategy.py").is_file():
-        ours = folder / "strategy.py"  # a team's own robot brings one; None is the shipped one
-    return StrategyFiles(ours, arguments.against)
+def match(asked: AskedMatch) -> ExitStatus:
+    """Play a match of core, drive and navigation over a CAN bus, everything on it loaded from the EDS files."""
+    options = asked.options
+    if asked.compare:
+        return _compare(asked, options)
+    return _run_one(asked, options) if asked.seeds is None else _run_many(asked, asked.seeds, options)
 
 
 # One match
 
 
-def _run_one(arguments: argparse.Namespace, options: MatchOptions) -> ExitStatus:
+def _run_one(asked: AskedMatch, options: MatchOptions) -> ExitStatus:
     """Play, print the timeline as it happens and the summary at the end; status 1 if the strategy raised."""
-    from eurobot_od.bus import live
-    from eurobot_od.robot.match import stage
-    from eurobot_od.traffic.recorder import recording
-
-    _refuse_what_does_not_go_with_one_match(arguments)
+    _refuse_what_does_not_go_with_one_match(asked)
     # Loaded before the log is opened: a mistake in the strategy must not leave an empty log behind.
-    players = _strategies(arguments).load()
+    players = asked.strategies.load()
     events: list[MatchEvent] = []
     frames: list[tuple[float, Frame]] = []
     began: list[float] = []
-    with recording(arguments.log, arguments.log_failure, complain) as write:
+    with recording(asked.log, asked.log_failure, complain) as write_frame:
 
         def watch(time: float, frame: Frame) -> None:
-            write(time, frame)
+            write_frame(time, frame)
             if not began:
                 began.append(time)
-            if arguments.field is not None:
+            if asked.field is not None:
                 frames.append((time, frame))
 
-        show = events.append if arguments.json else partial(_show, in_colour(sys.stdout))
+        show = events.append if asked.as_json else partial(_show, in_colour(sys.stdout))
         # What a strategy prints is not to get into the JSON.
-        with redirect_stdout(sys.stderr) if arguments.json else nullcontext():
-            if arguments.speed == "fast":
-                summary, world = stage.play_simulated(options, show, watch, None, *players, complain)
+        with redirect_stdout(sys.stderr) if asked.as_json else nullcontext():
+            if asked.speed == "fast":
+                found, world = stage.play_simulated(options, show, watch, None, *players, complain)
             else:
-                bus, bit_rate = _bus(arguments), arguments.bitrate or live.BITRATE
-                summary, world = stage.play_live(options, show, watch, bus, players.ours, complain, bit_rate)
-        if arguments.field is not None:
+                bit_rate = asked.bus.bitrate or live.BITRATE
+                found, world = stage.play_live(options, show, watch, _bus(asked), players.ours, complain, bit_rate)
+        if asked.field is not None:
             from eurobot_od.robot.match.drawing import draw
 
-            draw(arguments.field, frames, options, world)
-        if arguments.json:
+            draw(asked.field, frames, options, world)
+        if asked.as_json:
             timeline = [each.as_data() for each in events]
-            print(json.dumps({"timeline": timeline, "summary": summary.as_data()}, indent=2))
+            print(json.dumps({"timeline": timeline, "summary": found.as_data()}, indent=2))
         else:
-            print(f"\n{summary}")
-    if arguments.log is not None and began:
+            print(f"\n{found}")
+    if asked.log is not None and began:
         # After the log, which is whole only now.
-        _keep_truth(arguments.log, world, began[0])
-    return status_of(summary)
+        _keep_truth(asked.log, world, began[0])
+    return status_of(found)
 
 
 def _keep_truth(log: Path, world: World, began: float) -> None:
@@ -171,15 +216,13 @@ def _keep_truth(log: Path, world: World, began: float) -> None:
         complain(f"{error.filename}: {error.strerror}: points and touches are not kept")
 
 
-def _bus(arguments: argparse.Namespace) -> Callable[[], can.BusABC]:
+def _bus(asked: AskedMatch) -> Callable[[], can.BusABC]:
     """Return what opens the bus of a live match; complain of a bit rate that is too slow for the robot's messages."""
-    from eurobot_od.bus.live import open_bus
-
-    slow = too_slow(plugin.find(arguments.robot), arguments.dialect, arguments.bitrate) if arguments.bitrate else ""
+    slow = too_slow(asked.robot, asked.dialect, asked.bus.bitrate) if asked.bus.bitrate else ""
     # Said and not refused: a team may have no faster bus, and most messages are in time on it.
     if slow:
         complain(slow)
-    return partial(open_bus, arguments.interface, arguments.channel, arguments.bitrate)
+    return partial(live.open_bus, asked.bus.interface, asked.bus.channel, asked.bus.bitrate)
 
 
 def too_slow(robot: Plugin, dialect: str | None, bit_rate: int) -> str:
@@ -187,23 +230,21 @@ def too_slow(robot: Plugin, dialect: str | None, bit_rate: int) -> str:
     from eurobot_od.cli.load import of_robot
     from eurobot_od.traffic.load.report import load_report, summary
 
-    report = load_report(of_robot(robot, dialect), bit_rate)
-    return "" if report.holds else f"this bus is too slow: {summary(report)}; see `load -b {bit_rate}`"
+    found = load_report(of_robot(robot, dialect), bit_rate)
+    return "" if found.holds else f"this bus is too slow: {summary(found)}; see `load -b {bit_rate}`"
 
 
-def _refuse_what_does_not_go_with_one_match(arguments: argparse.Namespace) -> None:
+def _refuse_what_does_not_go_with_one_match(asked: AskedMatch) -> None:
     """Raise LocalError, and OSError for a picture that could not be written: before the match, not after it."""
-    campaign.refuse(arguments, "--seeds")
+    asked.campaign.refuse("--seeds")
     # Refused rather than ignored: whoever names a bus expects the robot on it to move.
-    for name in OF_A_BUS if arguments.speed == "fast" else ():
-        if (value := getattr(arguments, name)) is not None:
-            raise LocalError(f"--{name} {value} goes with --speed real only: in simulated time there is no such bus")
-    if arguments.field is not None:
+    if asked.speed == "fast":
+        asked.refuse(OF_A_BUS, "goes with --speed real only: in simulated time there is no such bus")
+    if asked.field is not None:
         from eurobot_od.robot.scene.files import form
-        from eurobot_od.support.files import check_writable
 
-        form(arguments.field)
-        check_writable(arguments.field)
+        form(asked.field)
+        check_writable(asked.field)
 
 
 EVENT_COLOURS = {"arrived": 32, "stop": 33, "given up": 33, "emergency": 31, "match": 36, "end": 36}
@@ -226,65 +267,58 @@ def _show(coloured: bool, event: MatchEvent) -> None:
 # Many seeds
 
 
-def _run_many(arguments: argparse.Namespace, options: MatchOptions) -> ExitStatus:
+def _run_many(asked: AskedMatch, seeds: range, options: MatchOptions) -> ExitStatus:
     """Play all seeds and print what they came to; status 1 if something went wrong in a match."""
-    from eurobot_od.robot.match.played import PlayedMatch
+    from eurobot_od.robot.match.played import PlayedMatch  # one match starts without
     from eurobot_od.robot.match.seeds import SEED, play_many, settings
     from eurobot_od.robot.match.statistics import bar_marks, report
 
-    for name, left_out in OF_ONE_MATCH.items():
-        if (value := getattr(arguments, name)) != left_out:
-            raise LocalError(f"--{name} {value} is for one match, and does not go with --seeds")
-    log = None if arguments.log is None else str(arguments.log)
+    asked.refuse(("speed", "seed", "field", *OF_A_BUS), "is for one match, and does not go with --seeds")
+    log = None if asked.log is None else str(asked.log)
     # Without it each match would overwrite the log of the one before.
     if log is not None and SEED not in log:
         raise LocalError(f"--log {log}: write {SEED} where each match's seed is to stand")
-    strategies, played = _strategies(arguments), []
-    results = campaign.results(arguments, PlayedMatch, lambda: settings(options, strategies))
-    with campaign.workers(arguments, len(arguments.seeds)) as workers:
-        matches = play_many(options, arguments.seeds, workers, strategies, results, log)
-        hidden = arguments.json and sys.stdout.isatty()  # its lines tell how far it is
-        for match in campaign.counted(matches, len(arguments.seeds), "matches", workers, hidden):
+    strategies, played = asked.strategies, []
+    results = asked.campaign.kept(PlayedMatch, lambda: settings(options, strategies))
+    with asked.campaign.workers(len(seeds)) as workers:
+        matches = play_many(options, seeds, workers, strategies, results, log)
+        hidden = asked.as_json and sys.stdout.isatty()  # its lines tell how far it is
+        for match in counted(matches, len(seeds), "matches", workers, hidden):
             played.append(match)
-            if arguments.json:
+            if asked.as_json:
                 print(json.dumps(match.as_data()))
-    if not arguments.json:
+    if not asked.as_json:
         print(*report(played, bar_marks(sys.stdout.encoding)), sep="\n")
     return ExitStatus.FOUND if any(match.wrong for match in played) else ExitStatus.FINE
 
 
 # Many seeds, several strategies
 
-OF_NO_COMPARISON = {"speed": "fast"} | dict.fromkeys(("seed", "strategy", "log", "results", *OF_A_BUS))
-"""Options that mean nothing when strategies are compared, and what they are when they are left out."""
 
-
-def _compare(arguments: argparse.Namespace, options: MatchOptions) -> ExitStatus:
+def _compare(asked: AskedMatch, options: MatchOptions) -> ExitStatus:
     """Play all seeds with each strategy and print them side by side; status 1 if something went wrong in a match."""
-    from eurobot_od.cli.output import write
     from eurobot_od.robot.match.comparison import picture, report
     from eurobot_od.robot.match.referee import StrategyFiles
     from eurobot_od.robot.match.seeds import play_many
-    from eurobot_od.support.files import check_writable
 
-    for name, left_out in OF_NO_COMPARISON.items():
-        if (value := getattr(arguments, name)) != left_out:
-            raise LocalError(f"--{name} {value} does not go with --compare")
-    if arguments.seeds is None or len({file.stem for file in arguments.compare}) < max(len(arguments.compare), 2):
+    asked.refuse(("speed", "seed", "strategy", "log", *OF_A_BUS), "does not go with --compare")
+    if asked.campaign.results is not None:
+        raise LocalError(f"--results {asked.campaign.results} does not go with --compare")
+    if asked.seeds is None or len({file.stem for file in asked.compare}) < max(len(asked.compare), 2):
         raise LocalError("--compare needs two strategies or more, with different names, and --seeds")
-    if arguments.field is not None:
-        if arguments.field.suffix.lower() != ".svg":
-            raise LocalError(f"--field {arguments.field}: with --compare it is an .svg")
-        check_writable(arguments.field)
+    if asked.field is not None:
+        if asked.field.suffix.lower() != ".svg":
+            raise LocalError(f"--field {asked.field}: with --compare it is an .svg")
+        check_writable(asked.field)
     played = {}
-    for file in arguments.compare:
-        with campaign.workers(arguments, len(arguments.seeds)) as workers:
-            matches = play_many(options, arguments.seeds, workers, StrategyFiles(file, arguments.against))
-            played[file.stem] = list(campaign.counted(matches, len(arguments.seeds), "matches", workers))
-    if arguments.json:
+    for file in asked.compare:
+        with asked.campaign.workers(len(asked.seeds)) as workers:
+            matches = play_many(options, asked.seeds, workers, StrategyFiles(file, asked.against))
+            played[file.stem] = list(counted(matches, len(asked.seeds), "matches", workers))
+    if asked.as_json:
         print(json.dumps({name: [match.as_data() for match in matches] for name, matches in played.items()}))
     else:
         print(*report(played), sep="\n")
-    if arguments.field is not None:
-        write(arguments.field, picture(played) + "\n")
+    if asked.field is not None:
+        write(asked.field, picture(played) + "\n")
     return ExitStatus.FOUND if any(match.wrong for matches in played.values() for match in matches) else ExitStatus.FINE

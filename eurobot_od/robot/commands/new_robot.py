@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-import argparse
 import re
 from collections.abc import Iterator
 from importlib.util import find_spec
 from keyword import iskeyword
 from pathlib import Path
+from typing import Annotated
 
 from eurobot_od import plugin
-from eurobot_od.cli import PROGRAM
+from eurobot_od.cli import PROGRAM, RobotName
+from eurobot_od.cli.signature import Option
 from eurobot_od.errors import LocalError
 
 FILES = Path(__file__).parents[1] / "new_robot"
@@ -33,26 +34,29 @@ AT_ROOT = {
 """Files of a package that are not in the folder of its modules, and where they are."""
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Describe the command line."""
-    parser.add_argument("folder", type=Path, metavar="FOLDER", help="where it goes: a new folder, or an empty one")
-    parser.add_argument("--name", help="what the robot is called; left out: the folder's name")
-    parser.add_argument(
-        "--package", action="store_true", help="a package, which `pip install .` makes an installed robot"
-    )
+def new_robot(
+    folder: Annotated[Path, Option(metavar="FOLDER")],
+    *,
+    name: str | None = None,
+    package: bool = False,
+    robot_name: RobotName = None,
+) -> None:
+    """Write a robot of your own that works at once: its table, EDS files, a node, a strategy and checks, to be changed.
 
+    Raises LocalError, OSError.
 
-def run(arguments: argparse.Namespace) -> None:
-    """Write the files, and say what to do next; raises LocalError, OSError."""
-    folder: Path = arguments.folder
+    folder: where it goes: a new folder, or an empty one
+    name: what the robot is called; left out: the folder's name
+    package: a package, which `pip install .` makes an installed robot
+    """
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise LocalError(f"{folder}: it is there, and not empty")
-    name = arguments.name or folder.resolve().name
+    called = name or folder.resolve().name
     # It goes into YAML, Python and an EDS as it is: a quote would end a string there, and an EDS is ASCII.
-    if not (name.isprintable() and name.isascii()) or set(name) & set("\"'\\"):
-        raise LocalError(f"--name {name}: printable ASCII characters without quotes and backslashes")
-    package = _package(name) if arguments.package else ""
-    for file, text in _texts(name, package, plugin.find(arguments.robot).table):
+    if not (called.isprintable() and called.isascii()) or set(called) & set("\"'\\"):
+        raise LocalError(f"--name {called}: printable ASCII characters without quotes and backslashes")
+    module = _package(called) if package else ""
+    for file, text in _texts(called, module, plugin.find(robot_name).table):
         (folder / file).parent.mkdir(parents=True, exist_ok=True)
         (folder / file).write_text(text, encoding="utf-8")
         print(folder / file)

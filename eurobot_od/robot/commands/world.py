@@ -2,25 +2,30 @@
 
 from __future__ import annotations
 
-import argparse
 import asyncio
 import json
 import secrets
 import signal
 import time
+from collections.abc import Sequence
 from contextlib import suppress
-from typing import TYPE_CHECKING, Any
+from math import inf
+from typing import Annotated, Any
 
-from eurobot_od.cli import options as shared
-from eurobot_od.robot.commands.common import add_sides, options_of
-from eurobot_od.support import durations
+from eurobot_od.cli import RobotName
+from eurobot_od.cli.devices import Dialect
+from eurobot_od.cli.options import Json, Seconds, assigned
+from eurobot_od.cli.signature import Option
+from eurobot_od.robot.commands.common import Sides, WorldErrors
+from eurobot_od.robot.match import MatchEvent
+from eurobot_od.robot.model.options import Errors, MatchOptions, WorldAddress, facts_given
+from eurobot_od.robot.world import World
+from eurobot_od.robot.world.channel import Channel
+from eurobot_od.robot.world.server import Server
+from eurobot_od.robot.world.world import OURS
+from eurobot_od.web.access import is_local
 
-if TYPE_CHECKING:
-    from eurobot_od.robot.match import MatchEvent
-    from eurobot_od.robot.world import World
-    from eurobot_od.robot.world.channel import Channel, WorldAddress
-
-HERE = "127.0.0.1:2014"
+HERE = WorldAddress.parse("127.0.0.1:2014")
 """Where it listens by default: only this machine reaches it."""
 
 TOKEN_BYTES = 12
@@ -33,76 +38,58 @@ IN_WORDS = (
 """The summary, as a person reads it."""
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Describe the command line."""
-    parser.add_argument(
-        "--listen",
-        type=world_address,
-        default=HERE,
-        metavar="[TOKEN@]HOST:PORT",
-        help=f"where to (default: {HERE}); beyond this machine requests need the token, a new one unless it is given",
-    )
-    add_sides(parser)
-    parser.add_argument("--seed", type=int, default=1, help="seed of all chance, the instruments' too (default: 1)")
-    parser.add_argument(
-        "--world",
-        action="append",
-        default=[],
-        metavar="NAME=VALUE",
-        help="an error of the instruments, such as beacon_dropouts=0.1; repeatable",
-    )
-    parser.add_argument(
-        "--set",
-        action="append",
-        default=[],
-        metavar="FACT=VALUE",
-        help="fact in place of robot.yaml's, such as body.radius=250; repeatable",
-    )
-    parser.add_argument("--duration", type=durations.seconds, metavar="TIME", help="end after this time, such as 90 s")
-    parser.add_argument("--json", action="store_true", help="print as JSON, a line for each event and the summary")
-    shared.add_dialect(parser)
+def world(
+    *,
+    listen: Annotated[WorldAddress, Option(metavar="[TOKEN@]HOST:PORT", read=WorldAddress.parse)] = HERE,
+    sides: Sides,
+    seed: int = 1,
+    errors: WorldErrors = (),
+    facts: Annotated[Sequence[tuple[str, str]], Option("--set"), assigned("FACT=VALUE")] = (),
+    duration: Seconds | None = None,
+    as_json: Json = False,
+    dialect: Dialect = None,
+    robot_name: RobotName = None,
+) -> None:
+    """Run the world that the simulated nodes of other processes share: the truth that their wheels and beacons meet.
 
+    It goes on until the time is over or somebody ends it; raises LocalError, WorldError.
 
-def run(arguments: argparse.Namespace) -> None:
-    """Serve until the time is over or somebody ends it; raises LocalError, WorldError."""
-    from eurobot_od.robot.model.options import facts_given
-    from eurobot_od.robot.world import World
-    from eurobot_od.robot.world.channel import Channel
-    from eurobot_od.robot.world.server import Server
-    from eurobot_od.robot.world.world import OURS
-    from eurobot_od.web.access import is_local
-
-    options = options_of(arguments, facts_given(shared.assignments("--set", "FACT=VALUE", arguments.set)))
+    listen: where to (default: 127.0.0.1:2014); beyond this machine requests need the token, a new one unless it is
+        given
+    seed: seed of all chance, the instruments' too (default: 1)
+    errors: an error of the instruments, such as beacon_dropouts=0.1; repeatable
+    facts: fact in place of robot.yaml's, such as body.radius=250; repeatable
+    duration: end after this time, such as 90 s
+    as_json: print as JSON, a line for each event and the summary
+    """
+    options = MatchOptions(
+        **vars(sides),
+        seed=seed,
+        dialect=dialect,
+        errors=Errors().changed_by(errors),
+        settings=tuple(facts_given(facts)),
+        robot=robot_name,
+    )
     begin = time.monotonic()
     # Monotonic: a clock that is set while the match runs would move the robots.
-    world = World(options, lambda: time.monotonic() - begin)
-    where = arguments.listen
+    truth = World(options, lambda: time.monotonic() - begin)
+    where = listen
     # 127.0.0.1 is reached only by programs of this machine; any other address by the whole network.
     if not where.token and not is_local(where.address.host):
         where = where._replace(token=secrets.token_hex(TOKEN_BYTES))
-    channel = Channel(world, {OURS: options}, where.token)
+    channel = Channel(truth, {OURS: options}, where.token)
 
     def show(event: MatchEvent) -> None:
-        print(json.dumps(event.as_data()) if arguments.json else event, flush=True)
+        print(json.dumps(event.as_data()) if as_json else event, flush=True)
 
-    duration = float("inf") if arguments.duration is None else arguments.duration
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # ends as Ctrl-C does
     with suppress(KeyboardInterrupt):  # not an error: a server ends in no other way
-        asyncio.run(Server(world, channel, show).serve(where, duration))
-    summary = _summary(world, channel)
-    print(json.dumps({"summary": summary}) if arguments.json else IN_WORDS.format(**summary))
-
-
-def world_address(text: str) -> WorldAddress:
-    """Read [TOKEN@]HOST:PORT for argparse."""
-    from eurobot_od.robot.world.channel import WorldAddress
-
-    return shared.argument_of(WorldAddress.parse)(text)
+        asyncio.run(Server(truth, channel, show).serve(where, inf if duration is None else duration))
+    summary = _summary(truth, channel)
+    print(json.dumps({"summary": summary}) if as_json else IN_WORDS.format(**summary))
 
 
 def _summary(world: World, channel: Channel) -> dict[str, Any]:
-    from eurobot_od.robot.world.world import OURS
-
     touches = [touch for touch in world.touches if OURS in (touch.robot, touch.thing)]
     return {
         "seconds": round(world.clock(), 3),

@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
+from typing import NamedTuple
 
 from eurobot_od import plugin
 from eurobot_od.errors import LocalError, UnknownName
 from eurobot_od.robot.model.facts import Facts
 from eurobot_od.robot.model.values import TeamColour
+from eurobot_od.support.connections import Address, parse
 
 
 @dataclass(frozen=True)
@@ -83,6 +85,22 @@ UNITS = {
 
 NOISE_ONLY = Errors(beacon_latency=0.0, beacon_dropouts=0.0, beacon_outliers=0.0, beacon_swaps=0.0, sensor_false=0.0)
 """A world whose beacons always answer and are merely noisy, as on a test bench."""
+
+
+class WorldAddress(NamedTuple):
+    """Where a world listens, and the token that requests from other machines need; str() leaves the token out."""
+
+    address: Address
+    token: str = ""
+
+    def __str__(self) -> str:
+        return str(self.address)
+
+    @classmethod
+    def parse(cls, text: str) -> WorldAddress:
+        """Read [TOKEN@]HOST:PORT; raises LocalError."""
+        token, _, address = text.rpartition("@")
+        return cls(parse(address), token)
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,6 @@ from eurobot_od.robot.model.options import MatchOptions
 from eurobot_od.robot.model.values import Source
 from eurobot_od.robot.nodes.motion import Odometry
 from eurobot_od.robot.world.world import OURS, LocalVehicle, World
-from eurobot_od.support.connections import Address, parse
 
 VERSION = 1
 """The version of requests and answers; a client refuses any other."""
@@ -35,22 +34,6 @@ ERROR = "error"
 
 
 WHOM = {source.name.lower(): source for source in Source}
-
-
-class WorldAddress(NamedTuple):
-    """Where a world listens, and the token that requests from other machines need; str() leaves the token out."""
-
-    address: Address
-    token: str = ""
-
-    def __str__(self) -> str:
-        return str(self.address)
-
-    @classmethod
-    def parse(cls, text: str) -> WorldAddress:
-        """Read [TOKEN@]HOST:PORT; raises LocalError."""
-        token, _, address = text.rpartition("@")
-        return cls(parse(address), token)
 
 
 class RequestField(NamedTuple):

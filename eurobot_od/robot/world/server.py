@@ -12,7 +12,8 @@ from collections.abc import Callable
 from typing import cast
 
 from eurobot_od.errors import WorldError
-from eurobot_od.robot.world.channel import LINE_LIMIT, TOKEN, Channel, WorldAddress
+from eurobot_od.robot.model.options import WorldAddress
+from eurobot_od.robot.world.channel import LINE_LIMIT, TOKEN, Channel
 from eurobot_od.robot.world.timeline import EventKind, MatchEvent
 from eurobot_od.robot.world.world import OURS, World
 from eurobot_od.support.connections import Address

@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from tests.cli.console import run
+from tests.rows import rows
 
 PATIENCE = 120
 ENVIRONMENT = {name: value for name, value in os.environ.items() if not name.startswith("EUROBOT_OD_")}
@@ -115,7 +116,7 @@ NAMES = [
 ]
 
 
-@pytest.mark.parametrize(("name", "complaint"), NAMES)
+@rows("name, complaint", NAMES)
 def test_a_package_takes_no_name_that_python_cannot_import(
     name: str, complaint: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -164,7 +165,7 @@ FAULTS = [
 
 
 @pytest.mark.long
-@pytest.mark.parametrize(("fault", "printed"), FAULTS)
+@rows("fault, printed", FAULTS)
 def test_its_checks_find_the_faults_of_its_messages(fault: str, printed: str, made: Path) -> None:
     said = command(made, ["check", "lift.check", "--simulate", "--fault", fault, "--robot", "."])
     assert (said.returncode, said.stderr) == (1, "")

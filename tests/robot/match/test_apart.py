@@ -11,10 +11,9 @@ from eurobot_od.bus.live import Live
 from eurobot_od.robot import dialects
 from eurobot_od.robot.match.stage import Led
 from eurobot_od.robot.match.summary import FrameCounter
-from eurobot_od.robot.model.options import MatchOptions
+from eurobot_od.robot.model.options import MatchOptions, WorldAddress
 from eurobot_od.robot.nodes import Core, Drive, Navigation
 from eurobot_od.robot.protocol import EurobotProtocol
-from eurobot_od.robot.world.channel import WorldAddress
 from eurobot_od.robot.world.remote import RemoteVehicle
 from eurobot_od.robot.world.timeline import EventKind, MatchEvent
 from eurobot_od.support.connections import Address

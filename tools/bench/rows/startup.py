@@ -136,7 +136,6 @@ def bare(_: Scale) -> Iterator[Mapping[str, Contender]]:
             "pass": partial(run, [PYTHON, "-c", "pass"]),
             "--help": partial(run, [*OURS, "--help"]),
             "lint": partial(run, [*OURS, "lint", files["minimal"]]),
-            "completion": partial(run, [*OURS, "completion", "bash"]),
         }
 
 
@@ -213,7 +212,7 @@ SERIES = (
         bare,
         tuple(
             Claim(f"{name} beyond python -c pass", name, "pass", Way.DIFFERENCE, BEYOND_PYTHON)
-            for name in ("--help", "lint", "completion")
+            for name in ("--help", "lint")
         ),
     ),
     Series(

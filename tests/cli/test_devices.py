@@ -9,6 +9,7 @@ import pytest
 from eurobot_od.cli import ExitStatus
 from tests.cli.console import run
 from tests.eds_text import DEVICE_TYPE, pdo, variable
+from tests.rows import rows
 
 MOTOR = DEVICE_TYPE + variable("2000", "Speed", "INTEGER16") + pdo(0x1800, "0x20000010") + pdo(0x1804, "0x20000010")
 PANEL = DEVICE_TYPE + variable("2000", "Wanted", "INTEGER16") + pdo(0x1400, "0x20000010", cob_id="0x185")
@@ -53,7 +54,7 @@ COMMANDS = [
 ]
 
 
-@pytest.mark.parametrize(("words", "expected"), COMMANDS, ids=lambda value: str(value)[:30])
+@rows("words, expected", COMMANDS)
 def test_commands_know_the_devices_that_are_named(
     capsys: pytest.CaptureFixture[str], words: list[str], expected: str
 ) -> None:
@@ -62,7 +63,7 @@ def test_commands_know_the_devices_that_are_named(
     assert said.err.count("PDO left out: motor.eds: 0x1804: sub 1 is missing or has no number as its value\n") == 1
 
 
-@pytest.mark.parametrize("words", WAYS[1:], ids=" ".join)
+@rows("words", WAYS[1:])
 def test_a_network_file_names_them_as_well(capsys: pytest.CaptureFixture[str], words: list[str]) -> None:
     assert "motor" in run(capsys, "show", *words).out
 
@@ -98,7 +99,7 @@ WRONG = [
 ]
 
 
-@pytest.mark.parametrize(("words", "line"), WRONG, ids=lambda value: str(value)[:40])
+@rows("words, line", WRONG)
 def test_what_is_wrong_is_said_in_one_line(capsys: pytest.CaptureFixture[str], words: list[str], line: str) -> None:
     assert run(capsys, "show", *words) == (ExitStatus.WRONG_INPUT, "", f"eurobot-od: {line}\n")
 
@@ -116,7 +117,7 @@ PATCHED = [
 ]
 
 
-@pytest.mark.parametrize(("words", "speed"), PATCHED, ids=lambda value: " ".join(value))
+@rows("words, speed", PATCHED)
 def test_a_patch_lies_over_a_devices_file(
     capsys: pytest.CaptureFixture[str], folder: Path, words: list[str], speed: str
 ) -> None:
@@ -162,7 +163,7 @@ MODULES = [
 ]
 
 
-@pytest.mark.parametrize("words", MODULES, ids=lambda words: " ".join(words)[-30:])
+@rows("words", MODULES)
 def test_modules_are_plugged_in_by_the_command_line_or_the_network_file(
     capsys: pytest.CaptureFixture[str], folder: Path, words: list[str]
 ) -> None:

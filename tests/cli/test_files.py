@@ -1,16 +1,20 @@
-"""The command `export`: where its forms go, what they are called, and what a mistake costs."""
+"""`export` and `make-eds`: where files go, what they are called, and what a mistake costs."""
 
 from __future__ import annotations
 
 import os
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 
 from eurobot_od import cli
-from eurobot_od.cli.export import FORMS
+from eurobot_od.cli.files import export
 from eurobot_od.robot import dialects
 from tests.cli.console import run
+from tests.od.make.tables import TABLE
+from tests.rows import rows
 
 DRIVE = str(dialects.folder(dialects.DEFAULT) / "drive.eds")
 
@@ -25,7 +29,7 @@ CALLS = [
 ]
 
 
-@pytest.mark.parametrize(("words", "begin"), CALLS)
+@rows("words, begin", CALLS)
 def test_a_form_goes_to_standard_output_or_into_a_file(
     words: list[str], begin: str, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
@@ -47,7 +51,7 @@ NAMED = [
 ]
 
 
-@pytest.mark.parametrize(("words", "part"), NAMED)
+@rows("words, part", NAMED)
 def test_identifiers_begin_with_the_output_s_name(
     words: list[str], part: str, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
@@ -66,7 +70,7 @@ def silent(tmp_path: Path) -> Path:
     return folder
 
 
-@pytest.mark.parametrize("form", ["c", "dbc", "wireshark"])
+@rows("form", ["c", "dbc", "wireshark"])
 def test_a_network_without_messages_is_told(form: str, silent: Path, capsys: pytest.CaptureFixture[str]) -> None:
     said = run(capsys, "export", form, "--dialect", str(silent))
     assert (said.status, said.out) == (2, "")
@@ -77,7 +81,7 @@ MISTAKES = [
     (["c", "--dialect", "nowhere"], 2, "eurobot-od: unknown dialect 'nowhere'"),
     (["c", "-o", "nowhere/bus.h"], 3, "No such file or directory"),
     (["docs", "-o", "bus.pdf"], 2, "unknown document format '.pdf'"),
-    (["docs", "--format", "pdf"], 2, "invalid choice"),
+    (["docs", "--format", "pdf"], 2, "argument --format: unknown value 'pdf'; known: markdown, html"),
     (["xdd"], 2, "name a FILE, or a network by --network"),
     (["cdcf", DRIVE, "--network", "net.yaml"], 2, "name a FILE, or a network by --network"),
     (["cdcf", "--network", DRIVE], 2, "not a network: neither a folder nor one of"),
@@ -87,7 +91,7 @@ MISTAKES = [
 ]
 
 
-@pytest.mark.parametrize(("words", "status", "part"), MISTAKES)
+@rows("words, status, part", MISTAKES)
 def test_a_mistake_costs_one_line(words: list[str], status: int, part: str, capsys: pytest.CaptureFixture[str]) -> None:
     said = run(capsys, "export", *words)
     assert (said.status, said.out) == (status, "")
@@ -101,7 +105,7 @@ def test_a_device_is_written_into_and_not_replaced(capsys: pytest.CaptureFixture
     assert Path(os.devnull).stat().st_ino == before
 
 
-@pytest.mark.parametrize("form", FORMS)
+@rows("form", export.functions)
 def test_every_form_explains_itself(form: str, capsys: pytest.CaptureFixture[str]) -> None:
     said = run(capsys, "export", form, "--help")
     assert said.status == 0
@@ -123,8 +127,8 @@ def test_an_xdd_says_what_was_repaired_for_it(capsys: pytest.CaptureFixture[str]
     assert ["repaired to be read" in said.err, "left out: line 820: 0x1A01" in said.err] == [True, True]
 
 
-@pytest.mark.parametrize("form", ["xdd", "cdcf"])
-@pytest.mark.parametrize("words", [["net.yaml"], ["--network", "net.yaml"]])
+@rows("form", ["xdd", "cdcf"])
+@rows("words", [["net.yaml"], ["--network", "net.yaml"]])
 def test_of_a_network_each_node_has_a_file(
     form: str, words: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -132,3 +136,77 @@ def test_of_a_network_each_node_has_a_file(
     Path("net.yaml").write_text(f"nodes: {{left: {{file: {DRIVE}, node_id: 5}}, right: {{file: {DRIVE}, node_id: 6}}}}")
     assert cli.main(["export", form, *words, "-o", "made"]) == 0
     assert sorted(each.name for each in Path("made").iterdir()) == [f"left.{form}", f"right.{form}"]
+
+
+# make-eds
+
+
+ROOT = Path(__file__).resolve().parents[2]
+EDS = ROOT / "eds"
+
+
+@pytest.fixture
+def table(tmp_path: Path) -> Path:
+    file = tmp_path / "table.yaml"
+    file.write_text(TABLE)
+    return file
+
+
+def test_the_repositorys_files_are_what_its_table_says(capsys: pytest.CaptureFixture[str]) -> None:
+    said = run(capsys, "make-eds", str(EDS / "protocol.yaml"), "-o", str(EDS), "--check")
+    assert said == (0, f"{EDS}: as the table says: 7 files\n", "")
+
+
+def test_the_repositorys_tool_runs_the_command() -> None:
+    command = [sys.executable, str(ROOT / "tools" / "make_eds.py"), "--check"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout, done.stderr) == (0, f"{EDS}: as the table says: 7 files\n", "")
+
+
+def test_makes_the_files_of_a_teams_own_table(table: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    words = ("make-eds", str(table), "-o", str(tmp_path / "new" / "eds"))
+    assert run(capsys, *words) == (0, "", "")
+    assert run(capsys, *words, "--check").status == 0
+    files = [str(each) for each in (tmp_path / "new" / "eds" / "plain").iterdir()]
+    assert run(capsys, "lint", "--strict", *files).status == 0
+    assert run(capsys, "lint", "--network", str(tmp_path / "new" / "eds" / "network.yaml")).status == 0
+
+
+def test_check_tells_what_differs_and_writes_nothing(
+    table: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    said = run(capsys, "make-eds", str(table), "-o", str(tmp_path / "eds"), "--check")
+    assert (said.status, said.err) == (1, "")
+    assert said.out.splitlines()[0] == f"{tmp_path / 'eds' / 'network.yaml'}: is missing"
+    assert not (tmp_path / "eds").exists()
+
+
+def test_every_problem_of_a_table_is_a_line_and_nothing_is_written(
+    table: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    table.write_text(
+        TABLE.replace("object: Target", "object: Goal").replace("receivers: [drive]", "receivers: [wheel]")
+    )
+    said = run(capsys, "make-eds", str(table), "-o", str(tmp_path / "eds"))
+    assert (said.status, said.out) == (2, "")
+    assert [line.partition(": ")[2] for line in said.err.splitlines()] == [
+        "unknown node 'wheel'",
+        "unknown object 'Goal'",
+    ]
+    lines = [n for n, line in enumerate(table.read_text().split("\n"), start=1) if "wheel" in line or "Goal" in line]
+    assert [int(line.split(":")[1]) for line in said.err.splitlines()] == 2 * lines
+    assert not (tmp_path / "eds").exists()
+
+
+def test_a_table_that_is_not_there(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    said = run(capsys, "make-eds", str(tmp_path / "none.yaml"), "-o", str(tmp_path))
+    assert said == (2, "", f"eurobot-od: {tmp_path / 'none.yaml'}: No such file or directory\n")
+
+
+def test_a_folder_that_cannot_be_written(table: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    said = run(capsys, "make-eds", str(table), "-o", str(table / "eds"))
+    assert said == (3, "", f"eurobot-od: {table / 'eds'}: Not a directory\n")
+
+
+def test_a_command_without_folder_is_wrong_usage(table: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(capsys, "make-eds", str(table)).status == 2

@@ -1,4 +1,4 @@
-"""`program`: one line at the end, good or bad."""
+"""`program`, of the commands on parameters: one line at the end, good or bad; the others are in `test_objects`."""
 
 from __future__ import annotations
 
@@ -10,11 +10,12 @@ from eurobot_od.robot import dialects
 from tests.cli.console import Said, run
 from tests.client.flash import FlashDevice, Trouble
 from tests.client.wired import WiredBus
+from tests.rows import rows
 
 
 def program(capsys: pytest.CaptureFixture[str], patch: pytest.MonkeyPatch, device: FlashDevice, *words: str) -> Said:
     """Run the command on a bus with the device."""
-    patch.setattr("eurobot_od.cli.options.open_bus", lambda _: WiredBus(device))
+    patch.setattr("eurobot_od.cli.options.BusOptions.open", lambda _: WiredBus(device))
     return run(capsys, "program", *words)
 
 
@@ -25,8 +26,8 @@ def file(tmp_path: Path) -> Path:
     return found
 
 
-@pytest.mark.parametrize(
-    ("trouble", "words", "said"),
+@rows(
+    "trouble, words, said",
     [
         (Trouble(busy_for=0.0), [], (0, "node 9: program 1: 300 bytes written, verified by CRC-32, started\n", "")),
         (

@@ -1,76 +1,95 @@
-"""Turn EDS and DCF files into other forms: C, DBC, documents, Wireshark dissector, XDD, concise DCF; logs into MCAP."""
+"""Commands that write files of or for devices: `export` and `make-eds`."""
 
 from __future__ import annotations
 
-import argparse
 from io import BytesIO
 from pathlib import Path
+from typing import Annotated, Literal, TypeAlias
 
-from eurobot_od.cli import logs
-from eurobot_od.cli import output as files
-from eurobot_od.cli.options import Devices, complain_of_repairs, left_out
-from eurobot_od.cli.output import OUTPUT
-from eurobot_od.cli.remote import print_readings
-from eurobot_od.cli.table import DECODED, DEVICES, CommandRow, option
+from eurobot_od import plugin
+from eurobot_od.cli import ExitStatus
+from eurobot_od.cli.devices import Devices, complain_of_repairs, left_out
+from eurobot_od.cli.logs import Log, Reading, entries
+from eurobot_od.cli.options import EmcyFiles, Output, write, write_dcf
+from eurobot_od.cli.signature import Forms, Option
 from eurobot_od.errors import DictionaryError, LocalError, MappingError
-from eurobot_od.od import network
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.formats import SUFFIXES
+from eurobot_od.od.network import is_network, node_file, read_network
 from eurobot_od.od.network_file import NodeFile
 from eurobot_od.od.values import NODE_IDS
 from eurobot_od.support import extras
-from eurobot_od.support.files import check_writable, write_whole
+from eurobot_od.support.files import check_writable, read_whole, write_whole
 from eurobot_od.support.texts import amount
+
+# Other forms
 
 STEM = "pdo"
 """Begins the identifiers in what goes to standard output."""
 
-NAME = option("--name", help=f"prefix of all identifiers (default: the output's name, or {STEM})")
+Name: TypeAlias = Annotated[str | None, f"prefix of all identifiers (default: the output's name, or {STEM})"]
+Network: TypeAlias = Annotated[
+    str | None, Option(metavar="PATH", is_file=True), "network file or folder, whose nodes are all written to a folder"
+]
 
 
 def _stem(name: str | None, output: Path | None) -> str:
     return name or (output.stem if output else STEM)
 
 
-def c(output: Path | None, name: str | None, devices: Devices) -> None:
+def c(*, output: Output = None, name: Name = None, devices: Devices) -> None:
     """Write the messages as a C99 header: identifiers, lengths, structs, functions that pack and unpack."""
-    from eurobot_od.export.c import c_header
+    from eurobot_od.export.c import c_header  # each form starts without the others
 
-    files.write(output, c_header(devices.protocol(), _stem(name, output)))
+    write(output, c_header(devices.protocol(), _stem(name, output)))
 
 
-def dbc(output: Path | None, devices: Devices) -> None:
+def dbc(*, output: Output = None, devices: Devices) -> None:
     """Write the messages as a DBC file: identifiers, bits, units, limits, value tables, senders and receivers."""
     from eurobot_od.export.dbc import dbc_text
 
-    files.write(output, dbc_text(devices.protocol()))
+    write(output, dbc_text(devices.protocol()))
 
 
-def docs(output: Path | None, format: str | None, devices: Devices) -> None:  # as the option is called
-    """Write messages and object dictionaries as a document to read: Markdown or HTML."""
+def docs(*, output: Output = None, format: Literal["markdown", "html"] | None = None, devices: Devices) -> None:
+    """Write messages and object dictionaries as a document to read: Markdown or HTML.
+
+    format: default: by FILE's suffix, else markdown
+    """
     from eurobot_od.export.docs import docs_text
     from eurobot_od.export.forms import form_of
 
     form = format or (form_of(output) if output else "markdown")
-    files.write(output, docs_text(devices.protocol(), devices.load(), form))
+    write(output, docs_text(devices.protocol(), devices.load(), form))
 
 
-def wireshark(output: Path | None, name: str | None, devices: Devices) -> None:
+def wireshark(*, output: Output = None, name: Name = None, devices: Devices) -> None:
     """Write a dissector for Wireshark and tshark, in Lua: names, fields, units, values with names."""
     from eurobot_od.export.wireshark import lua_text
 
-    files.write(output, lua_text(devices.protocol(), _stem(name, output)))
+    write(output, lua_text(devices.protocol(), _stem(name, output)))
 
 
-def mcap(log: str, output: Path, reading: logs.ReadOptions, devices: Devices) -> None:
-    """Write a log as MCAP for Foxglove and PlotJuggler: a channel for each message, and poses if any."""
+def mcap(
+    log: Log,
+    *,
+    output: Annotated[Path, Option("-o", metavar="FILE")],
+    reading: Reading,
+    devices: Devices,
+    emcy: EmcyFiles = (),
+) -> None:
+    """Write a log as MCAP for Foxglove and PlotJuggler: a channel for each message, and poses if any.
+
+    log: log in any format; -: standard input
+    output: the MCAP file
+    """
     with extras.needed("mcap"):
-        from eurobot_od.export.mcap import write
-    decoder = devices.decoder()
+        from eurobot_od.export.mcap import write as write_mcap
+    decoder = devices.decoder(emcy)
     check_writable(output)  # before a long log is decoded for nothing
     file = BytesIO()  # what was there before stays if anything fails
-    entries = (entry for _, entry in logs.entries([log], reading))
-    messages, poses, damage = write(file, entries, decoder, devices.robot.drawings(decoder.protocol))
+    logged = (entry for _, entry in entries([log], reading))
+    messages, poses, damage = write_mcap(file, logged, decoder, devices.robot.drawings(decoder.protocol))
     write_whole(output, file.getvalue())
     print(f"{output}: {amount(messages, 'message')}, {amount(poses, 'pose')}, {damage} damaged")
 
@@ -80,42 +99,62 @@ def named(file: str | None, path: str | None) -> str:
     if (file is None) is (path is None):
         raise LocalError("name a FILE, or a network by --network")
     if path is not None:
-        network.read_network(path)  # which says what is wrong with it: any other file would be taken for a device's
+        read_network(path)  # which says what is wrong with it: any other file would be taken for a device's
     return file or path or ""
 
 
-def xdd(file: str | None, path: str | None, output: Path | None) -> None:
+def xdd(
+    file: Annotated[str | None, Option(metavar="FILE", is_file=True)] = None,
+    *,
+    network: Network = None,
+    output: Output = None,
+) -> None:
     """Write the device description in XML (CiA 311) of an EDS or DCF: every object with all the file says about it.
 
     Of a network the descriptions of all nodes are written, into a folder.
-    """
-    from eurobot_od.export import xdd
 
-    if not network.is_network(source := named(file, path)):
-        dictionary = xdd.load(source)
+    file: an EDS or DCF, or a network
+    output: default: standard output; of a network a folder
+    """
+    from eurobot_od.export.xdd import load, xdd_text
+
+    if not is_network(source := named(file, network)):
+        dictionary = load(source)
         complain_of_repairs([dictionary])
-        files.write(output, xdd.xdd_text(dictionary))
+        write(output, xdd_text(dictionary))
         return
     if output is None:
         raise LocalError("of a network -o names the folder that the files are written to")
     output.mkdir(exist_ok=True)
-    for each in network.read_network(source).nodes:
+    for each in read_network(source).nodes:
         # Any node-ID will do, as values keep `$NODEID`; the node's modules and patches belong to the device.
         dictionary = Dictionary.load(*each._replace(node_id=each.node_id or NODE_IDS[0]))
         complain_of_repairs([dictionary])
-        files.write(output / f"{each.name or Path(each.file).stem}.xdd", xdd.xdd_text(dictionary))
+        write(output / f"{each.name or Path(each.file).stem}.xdd", xdd_text(dictionary))
 
 
-def cdcf(file: str | None, path: str | None, output: Path | None, eds: str | None, node_id: int | None) -> None:
+def cdcf(
+    file: Annotated[str | None, Option(metavar="FILE", is_file=True)] = None,
+    *,
+    network: Network = None,
+    output: Output = None,
+    eds: Annotated[str | None, Option(metavar="[NODE-ID=]FILE", is_file=True)] = None,
+    node_id: Annotated[int | None, Option(metavar="N")] = None,
+) -> None:
     """Write the concise DCF of a DCF, or show what a concise DCF writes, or turn it into a DCF again.
 
     The suffix of the file says which way; of a network the DCF files of all nodes are written, into a folder. The
     writes are in the order of CiA 301's PDO procedure (7.5.2.36): a PDO is off while it is mapped.
+
+    file: [NODE-ID=]DCF, a network, or a concise DCF
+    output: default: print the writes; of a network a folder
+    eds: EDS of the device that a concise DCF is for
+    node_id: node-ID (default: the file's)
     """
     # By the suffix: four bytes of a count are not a mark by which a file could be recognised.
-    file = named(file, path)
-    if network.is_network(file):
-        nodes = network.read_network(file).nodes
+    source = named(file, network)
+    if is_network(source):
+        nodes = read_network(source).nodes
         if node_id is not None:
             raise LocalError("--node-id is for one file; a network says the node-IDs itself")
         if output is not None:
@@ -125,15 +164,16 @@ def cdcf(file: str | None, path: str | None, output: Path | None, eds: str | Non
             if output is None:
                 print(f"{name}:")
             write_concise(each, output / f"{name}.cdcf" if output else None)
-    elif Path(file).suffix.lower() in SUFFIXES:
-        node = network.node_file(file)
+    elif Path(source).suffix.lower() in SUFFIXES:
+        node = node_file(source)
         write_concise(node if node_id is None else node._replace(node_id=node_id), output)
     else:
-        read_concise(file, output, eds, node_id)
+        read_concise(source, output, eds, node_id)
 
 
 def write_concise(node: NodeFile, output: Path | None) -> None:
     """Write or print the concise DCF of a DCF, without PDOs that do not hold; raises DictionaryError, LocalError."""
+    from eurobot_od.cli.objects import print_readings
     from eurobot_od.client.configure import all_writes, check_file, check_whole
     from eurobot_od.client.description import from_file
     from eurobot_od.client.reading import decoded
@@ -163,6 +203,7 @@ def write_concise(node: NodeFile, output: Path | None) -> None:
 def read_concise(file: str, output: Path | None, eds: str | None, node_id: int | None) -> None:
     """Print a concise DCF, or write the DCF that says the same; raises DictionaryError, LocalError, UnknownName."""
     from eurobot_od.bus.live import BITRATE
+    from eurobot_od.cli.objects import print_readings
     from eurobot_od.client.description import from_file
     from eurobot_od.client.reading import dcf_of_writes, decoded
     from eurobot_od.od.concise import Truncated, unpack
@@ -171,68 +212,44 @@ def read_concise(file: str, output: Path | None, eds: str | None, node_id: int |
         writes = unpack(Path(file).read_bytes())
     except Truncated as error:
         raise DictionaryError(file, None, f"not a concise DCF: {error}") from error
-    named = network.node_file(eds) if eds else None
+    named = node_file(eds) if eds else None
     description = from_file(named.file, named.node_id if node_id is None else node_id) if named else None
     if output is None:
         print_readings(decoded(writes, description.dictionary if description else None), as_json=False)
     elif description is None:
         raise LocalError("a DCF is made from an EDS and a concise DCF: name the EDS by --eds")
     else:
-        files.write_dcf(output, dcf_of_writes(description.dictionary, writes, BITRATE // 1000, output.stem))
+        write_dcf(output, dcf_of_writes(description.dictionary, writes, BITRATE // 1000, output.stem))
         print(f"{output}: for node {description.dictionary.node_id}")
 
 
-NETWORK = option(
-    "--network", dest="path", metavar="PATH", help="network file or folder, whose nodes are all written to a folder"
+export = Forms(
+    "Turn EDS and DCF files into C, DBC, documents, a Wireshark dissector, XDD or concise DCF, and logs into MCAP.",
+    {"c": c, "dbc": dbc, "docs": docs, "wireshark": wireshark, "mcap": mcap, "xdd": xdd, "cdcf": cdcf},
 )
 
-FORMS = {
-    "c": CommandRow(c, OUTPUT, NAME, DEVICES),
-    "dbc": CommandRow(dbc, OUTPUT, DEVICES),
-    "docs": CommandRow(
-        docs,
-        OUTPUT,
-        option("--format", choices=("markdown", "html"), help="default: by FILE's suffix, else markdown"),
-        DEVICES,
-    ),
-    "wireshark": CommandRow(wireshark, OUTPUT, NAME, DEVICES),
-    "mcap": CommandRow(
-        mcap,
-        option("log", metavar="LOG", help="log in any format; -: standard input"),
-        option("-o", "--output", type=Path, required=True, metavar="FILE", help="the MCAP file"),
-        logs.READING,
-        DECODED,
-    ),
-    "xdd": CommandRow(
-        xdd,
-        option("file", nargs="?", metavar="FILE", help="an EDS or DCF, or a network"),
-        NETWORK,
-        option("-o", "--output", type=Path, metavar="FILE", help="default: standard output; of a network a folder"),
-    ),
-    "cdcf": CommandRow(
-        cdcf,
-        option(
-            "file",
-            nargs="?",
-            metavar="FILE",
-            help="[NODE-ID=]DCF, a network, or a concise DCF",
-        ),
-        NETWORK,
-        option("-o", "--output", type=Path, metavar="FILE", help="default: print the writes; of a network a folder"),
-        option("--eds", metavar="[NODE-ID=]FILE", help="EDS of the device that a concise DCF is for"),
-        option("--node-id", type=int, metavar="N", help="node-ID (default: the file's)"),
-    ),
-}
 
+def make_eds(
+    table: Annotated[Path, Option(metavar="TABLE")],
+    *,
+    output: Annotated[Path, Option("-o", metavar="FOLDER")],
+    check: bool = False,
+) -> ExitStatus:
+    """Make EDS files from a protocol table: a folder for each dialect, a file for each node, and the network file.
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Describe the command line of every form."""
-    forms = parser.add_subparsers(dest="form", metavar="FORM", required=True)
-    for name, row in FORMS.items():
-        text = (row.__doc__ or "").partition("\n")[0]
-        row.add_arguments(forms.add_parser(name, help=text, description=text))
+    table: YAML in the form of eds/protocol.yaml
+    output: folder to put the dialects' folders in
+    check: write nothing; list the files that differ, with exit status 1 if any do
+    """
+    from eurobot_od.od.make.table import read_table
+    from eurobot_od.od.make.text import differences, make_files, write_files  # with canopen
 
-
-def run(arguments: argparse.Namespace) -> None:
-    """Run the form that was asked for."""
-    FORMS[arguments.form].run(arguments)
+    # What is not UTF-8 becomes a sign that the table refuses, with its line and column.
+    source = read_whole(table).decode(errors="replace")
+    texts = make_files(read_table(source, table, plugin.table_of))
+    if not check:
+        write_files(texts, output)
+        return ExitStatus.FINE
+    found = differences(texts, output)
+    print("\n".join(found) or f"{output}: as the table says: {amount(len(texts), 'file')}")
+    return ExitStatus.FOUND if found else ExitStatus.FINE

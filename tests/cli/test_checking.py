@@ -8,6 +8,7 @@ import pytest
 
 from tests.cli.console import run
 from tests.client.servo import DOCS
+from tests.rows import rows
 
 IO, SERVO = f"5={DOCS / 'io.eds'}", f"5={DOCS / 'servo.eds'}"
 
@@ -18,7 +19,7 @@ def test_a_module_whose_outputs_are_switched_is_green(capsys: pytest.CaptureFixt
     assert "CiA 401, I/O module" in said.out
 
 
-@pytest.mark.parametrize("profile", ["401", "402"])
+@rows("profile", ["401", "402"])
 def test_without_an_option_a_suite_only_reads(profile: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     suite = tmp_path / "suite.yaml"
     run(capsys, "check", "--profile", profile, "--eds", {"401": IO, "402": SERVO}[profile], "-o", str(suite))
@@ -34,7 +35,7 @@ REFUSED = [
 ]
 
 
-@pytest.mark.parametrize(("words", "complaint"), REFUSED)
+@rows("words, complaint", REFUSED)
 def test_what_does_not_fit_is_one_line(
     words: tuple[str, ...], complaint: str, capsys: pytest.CaptureFixture[str]
 ) -> None:

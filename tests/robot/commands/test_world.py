@@ -7,7 +7,6 @@ import re
 import signal
 import subprocess
 import sys
-from argparse import Namespace
 from collections.abc import Iterator
 from contextlib import ExitStack
 from pathlib import Path
@@ -18,15 +17,16 @@ import pytest
 from eurobot_od.robot import dialects
 from eurobot_od.robot.commands.node import enter
 from eurobot_od.robot.model import robot_file
+from eurobot_od.robot.model.options import WorldAddress
 from eurobot_od.robot.model.places import Point
 from eurobot_od.robot.model.values import Source, TeamColour
 from eurobot_od.robot.nodes import Navigation
-from eurobot_od.robot.world.channel import WorldAddress
 from eurobot_od.robot.world.instruments import SimulatedBeacons
 from eurobot_od.robot.world.remote import RemoteVehicle
 from eurobot_od.support.connections import Address
 from tests.cli.console import run
 from tests.cli.processes import PATIENCE, command, killed_if_it_hangs, line, node, serve_bus
+from tests.rows import rows
 
 FACTS = robot_file.read()
 
@@ -96,7 +96,7 @@ def test_four_processes_play_a_match_to_its_end(served: Scene, tmp_path: Path) -
 
 def test_the_instruments_of_a_node_err_by_the_seed_of_the_world(served: Scene) -> None:
     node = Navigation(dialects.load("navigation"))
-    vehicle, options = enter(node, Namespace(world=served.address, duration=1.0))
+    vehicle, options = enter(node, served.address, 1.0)
     same = SimulatedBeacons(vehicle, FACTS.field, options.errors, node.deviations, str(options.seed))
     assert node.beacons is not None
     assert [node.beacons.locate(Source.INTERNAL, now) for now in (1.0, 2.0)] == [
@@ -152,7 +152,7 @@ def test_a_core_whose_bus_fails_in_a_match_says_so(served: Scene, tmp_path: Path
 
 
 @pytest.mark.posix
-@pytest.mark.parametrize("told", [signal.SIGINT, signal.SIGTERM])
+@rows("told", [signal.SIGINT, signal.SIGTERM])
 def test_a_world_that_is_told_to_end_says_what_it_came_to(told: signal.Signals) -> None:
     with command("world", "--listen", "127.0.0.1:0") as world:
         line(world, "Ctrl-C ends it")
@@ -171,8 +171,8 @@ def test_as_json_it_is_a_line_for_each_event_and_the_summary(capsys: pytest.Capt
     assert last["summary"] | {"seconds": 0} == {"seconds": 0, **nothing}
 
 
-@pytest.mark.parametrize(
-    ("listen", "printed"),
+@rows(
+    "listen, printed",
     [
         ("0.0.0.0:0", r"world on [0-9a-f]{24}@0\.0\.0\.0:[0-9]+;"),
         ("ours@0.0.0.0:0", r"world on ours@0\.0\.0\.0:[0-9]+;"),
@@ -191,13 +191,13 @@ def test_beyond_this_machine_its_address_has_a_token(
 WORLD = ["--world", "127.0.0.1:9"]
 
 
-@pytest.mark.parametrize(
-    ("words", "status", "complaint"),
+@rows(
+    "words, status, complaint",
     [
         (["world", "--listen", "2014"], 2, "2014 is not HOST:PORT, such as 127.0.0.1:2014"),
         (["world", "--listen", "127.0.0.1:65536"], 2, "127.0.0.1:65536 is not HOST:PORT"),
         (["world", "--listen", "192.0.2.1:0"], 3, "eurobot-od: cannot listen on 192.0.2.1:0: "),
-        (["world", "--world", "wheel_noise"], 2, "--world wheel_noise: write NAME=VALUE"),
+        (["world", "--world", "wheel_noise"], 2, "argument --world: wheel_noise: write NAME=VALUE"),
         (["world", "--world", "wheel_noize=1"], 2, "did you mean wheel_noise?"),
         (["world", "--world", "wheel_noise=-1"], 2, "wheel_noise=-1: not a number from 0 on"),
         (["node", "drive", *WORLD], 3, "eurobot-od: the world at 127.0.0.1:9 does not answer: "),

@@ -18,13 +18,14 @@ from tests.client.test_reconnecting import Unplugged
 from tests.client.test_watch import Beating, beats
 from tests.client.wired import WiredBus
 from tests.eds_text import DEVICE_TYPE
+from tests.rows import rows
 
 
 @pytest.fixture
 def bus(monkeypatch: pytest.MonkeyPatch) -> WiredBus:
     """A bus in simulated time, with node 5 on it for 3 s."""
     bus = WiredBus(Beating([(0.5, b"\0"), *beats(1, 2, 3)]))
-    monkeypatch.setattr("eurobot_od.cli.options.open_bus", lambda _: bus)
+    monkeypatch.setattr("eurobot_od.cli.options.BusOptions.open", lambda _: bus)
     monkeypatch.setattr("eurobot_od.client.master.time.monotonic", lambda: bus.now)
     monkeypatch.setattr("eurobot_od.client.master.Master.__init__.__defaults__", (0.5, lambda: bus.now, UNANNOUNCED))
     return bus
@@ -81,8 +82,8 @@ def test_time_is_sent_once(capsys: pytest.CaptureFixture[str], bus: WiredBus) ->
     assert [(frame.cob_id, len(frame.data)) for frame in bus.sent] == [(0x101, 6)]
 
 
-@pytest.mark.parametrize(
-    ("words", "complaint"),
+@rows(
+    "words, complaint",
     [
         (["watch", "128"], "node-ID 128 is not in 1..127"),
         (["watch", "--guard", "1 s"], "--guard polls the nodes that are named"),
@@ -102,4 +103,4 @@ def test_without_reconnecting_a_bus_that_is_lost_ends_it() -> None:
     bus = Unplugged()
     master = Master(bus, clock=lambda: bus.now)
     with pytest.raises(BusError):
-        produce(master, islice(syncs(), 10), 0.5, options.guard(None, master))
+        produce(master, islice(syncs(), 10), 0.5, options.BusOptions().guard(master, no_reconnect=True))

@@ -23,6 +23,7 @@ from eurobot_od.od.normal import in_normal_form
 from tests.cli.console import Terminal
 from tests.client.peers import DRIVE, new_channel, robot, stock_drive
 from tests.eds_text import DEVICE_TYPE, pdo, record, variable
+from tests.rows import rows
 
 HEARTBEAT = "0x1017:0  Producer heartbeat time"
 NAMED = "0x1017:0: Producer heartbeat time"
@@ -58,11 +59,7 @@ def drive(run: Run) -> Iterator[str]:
         yield channel
 
 
-@pytest.mark.parametrize(
-    "words",
-    [("dump", "2"), ("export-dcf", "2", "-o", "{folder}/drive.dcf"), ("diff", str(DRIVE), "--node", "2")],
-    ids=lambda words: words[0],
-)
+@rows("words", [("dump", "2"), ("export-dcf", "2", "-o", "{folder}/drive.dcf"), ("diff", str(DRIVE), "--node", "2")])
 def test_a_terminal_sees_how_far_it_is_with_the_objects(
     drive: str, words: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -143,8 +140,8 @@ def test_scan_of_an_empty_bus(run: Run) -> None:
 # read, write, dump
 
 
-@pytest.mark.parametrize(
-    ("words", "out"),
+@rows(
+    "words, out",
     [
         (["2", "0x1018:2"], "0x1018:2  Identity object.Product code  0x00000002\n"),
         (["drive", "Motion.Maximum speed"], "0x2101:1  Motion.Maximum speed  800\n"),  # names of node and object
@@ -169,7 +166,7 @@ DEVICES = [
 ]
 
 
-@pytest.mark.parametrize(("node", "options"), DEVICES)
+@rows("node, options", DEVICES)
 def test_any_device_is_read_by_the_names_of_its_file(
     run: Run, node: str, options: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -213,8 +210,8 @@ def test_a_node_without_an_eds_is_read_and_written_by_number(run: Run, tmp_path:
         assert (status, err[:60]) == (2, "eurobot-od: no EDS has the identity of node 2, and it keeps ")
 
 
-@pytest.mark.parametrize(
-    ("words", "status", "err"),
+@rows(
+    "words, status, err",
     [
         (["read", "9", "0x1017"], 1, "no answer from node 9 within 300 ms after read 0x1018:1 vendor"),
         (["read", "128", "0x1017"], 2, "node-ID 128 is not in 1..127"),
@@ -227,7 +224,7 @@ def test_a_node_without_an_eds_is_read_and_written_by_number(run: Run, tmp_path:
         (["read", "2", "0x1017", "--eds", "none.eds"], 2, "none.eds: No such file or directory"),
         (["configure", "2", "none.dcf"], 2, "none.dcf: No such file or directory"),
     ],
-)  # fmt: skip
+)
 def test_one_line_where_something_is_wrong(run: Run, drive: str, words: list[str], status: int, err: str) -> None:
     assert run(drive, *words) == (status, "", f"eurobot-od: {err}\n")
 
@@ -270,8 +267,8 @@ def test_files_go_in_and_out(run: Run, tmp_path: Path) -> None:
     assert back.read_bytes() == there.read_bytes()
 
 
-@pytest.mark.parametrize(
-    ("words", "said"),
+@rows(
+    "words, said",
     [
         (["write", "2", "0x1017"], "what to write: give a value or --file FILE, one of them"),
         (["write", "2", "0x1017", "5", "--file", "x"], "what to write: give a value or --file FILE, one of them"),
@@ -416,8 +413,8 @@ def test_stored_parameters_survive_a_reset_and_defaults_come_back(run: Run, driv
 # nmt, emcy
 
 
-@pytest.mark.parametrize(
-    ("command", "out"),
+@rows(
+    "command, out",
     [
         ("pre-operational", "node 2 is pre-operational\n"),
         ("stop", "node 2 is stopped\n"),
@@ -428,7 +425,7 @@ def test_nmt_tells_what_the_heartbeat_says(run: Run, drive: str, command: str, o
     assert run(drive, "nmt", "2", command) == (0, out, "")
 
 
-@pytest.mark.parametrize("command", ["reset", "reset-communication"])
+@rows("command", ["reset", "reset-communication"])
 def test_a_reset_is_a_boot_up(run: Run, drive: str, command: str) -> None:
     run(drive, "store", "2")
     assert run(drive, "nmt", "2", command) == (0, "node 2 has booted and is operational\n", "")
@@ -507,7 +504,7 @@ def configured(tmp_path: Path) -> Path:
 FOR_WHOM = [(["{}"], 0x207), (["{}", "--node-id", "9"], 0x209), (["5={}"], 0x205)]
 
 
-@pytest.mark.parametrize(("words", "identifier"), FOR_WHOM)
+@rows("words, identifier", FOR_WHOM)
 def test_a_concise_dcf_is_made_for_the_node_that_is_said(
     capsys: pytest.CaptureFixture[str], configured: Path, words: list[str], identifier: int
 ) -> None:

@@ -1,0 +1,271 @@
+"""The devices that a command line names, or else the robot's: their files, messages, and what was wrong with them."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Annotated, TypeAlias
+
+from eurobot_od import plugin
+from eurobot_od.cli import RobotName, complain, is_alone
+from eurobot_od.cli.options import BusOptions
+from eurobot_od.cli.signature import HelpGroup, Option, Parser, ahead
+from eurobot_od.device.emergency import ErrorWords
+from eurobot_od.errors import FileError, LocalError, MappingError, RemoteError
+from eurobot_od.od import network
+from eurobot_od.od.dialects import DIALECT_VARIABLE
+from eurobot_od.od.dictionary import Dictionary, SdoChannel, moved_server
+from eurobot_od.od.network_file import NetworkFile, NodeFile
+from eurobot_od.od.objects import all_objects
+from eurobot_od.od.pdos import OnRefused
+from eurobot_od.pdo.protocol import Protocol
+from eurobot_od.plugin import Plugin
+
+if TYPE_CHECKING:
+    from eurobot_od.traffic.load.analysis import MessageSet
+    from eurobot_od.traffic.meaning import Decoder
+
+Dialect: TypeAlias = Annotated[
+    str | None,
+    Option(metavar="NAME", suggest=lambda robot: robot.dialects.names()),
+    f"name of a robot's dialect, or a folder of EDS files (default: the variable {DIALECT_VARIABLE})",
+]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Devices:
+    """The devices that --eds, --network and --dialect name, or the network file of this folder, or else the robot's.
+
+    `alone`: only a robot that is named counts, as for devices that are.
+
+    eds: EDS, DCF, XDD or XDC of a device, with a node-ID if the file has none; repeatable
+    network: network file (YAML, or nodelist.cpj of CiA 306-3), or a folder of EDS files
+    module: modules that are plugged into a device, in their order: numbers or names, such as 1,1,3; repeatable
+    patch: patch over a device's file: objects in YAML, or a DCF's values; repeatable
+    """
+
+    GROUP = HelpGroup("devices", f"default: {network.DEFAULT} in this folder, else the robot's")
+
+    eds: Annotated[Sequence[str], Option(metavar="[NODE-ID=]FILE", is_file=True)] = ()
+    network: Annotated[str | None, Option(metavar="PATH", is_file=True)] = None
+    module: Annotated[Sequence[str], Option(metavar="[NODE=]MODULES")] = ()
+    patch: Annotated[Sequence[str], Option(metavar="[NODE=]FILE", is_file=True)] = ()
+    dialect: Dialect = None
+    robot_name: RobotName = None
+    alone: bool = field(init=False, default_factory=is_alone)  # the program's, also in processes of other names
+
+    @property
+    def robot(self) -> Plugin:
+        """The robot that is named, also by the network file, or else, without devices, the installed one.
+
+        Raises as `plugin.find`.
+        """
+        found = plugin.named(self.robot_name, self._file)
+        return found or (plugin.NO_ROBOT if self.alone or self.files() else plugin.the_installed())
+
+    @property
+    def _file(self) -> str:
+        """The network file: what is named on the command line replaces the folder's own; the two are never mixed."""
+        return self.network or ("" if self.eds else network.DEFAULT)
+
+    @property
+    def _described(self) -> NetworkFile:
+        """What the network file says, if there is one; raises FileError."""
+        if not self.network and (self.dialect or not os.path.isfile(self._file)):  # noqa: PTH113
+            return NetworkFile()
+        return network.read_network(self._file)
+
+    @property
+    def master(self) -> str:
+        """Who leads the network, if its file says it; raises FileError."""
+        return self._described.master
+
+    def files(self) -> list[NodeFile]:
+        """Return the files that are named, none for a dialect; raises LocalError, FileError."""
+        if self.dialect and (self.eds or self.network):
+            raise LocalError("--dialect is a network of its own: leave out --eds and --network, or leave it out")
+        named = [*map(network.node_file, self.eds), *self._described.nodes]
+        return with_patches(with_modules(named, self.module), self.patch)
+
+    def load(self) -> tuple[Dictionary, ...]:
+        """Load the files that are named, or else the dialect's; raises LocalError, FileError, UnknownName."""
+        files = self.files()
+        return network.load(files) if files else self.robot.dialects.load_all(self.dialect)
+
+    @property
+    def are_known(self) -> bool:
+        """Whether there are any: a bus, and a log, can be read without. Raises as `load`."""
+        return bool(self.files() or self.dialect or self.robot.dialects.root)
+
+    def load_and_complain(self) -> tuple[Dictionary, ...]:
+        """Load the devices, and say which of the files that are named had to be repaired to be read."""
+        loaded = self.load()
+        if self.files():  # the dialects' files need no repair, and to look for one takes as long as loading
+            complain_of_repairs(loaded)
+        return loaded
+
+    def protocol(self) -> Protocol:
+        """Return the messages of these devices; complains of PDOs that are left out. Raises as `load`."""
+        with left_out() as refused:
+            return Protocol.of_devices(self.load_and_complain(), self.robot.catalogue(), refused)
+
+    def decoder(self, emcy: Iterable[str] = ()) -> Decoder:
+        """Return the decoder of these devices' frames, of CiA 301's without any; complains of PDOs that are left out.
+
+        `emcy` are files with makers' words for error codes. Raises as `load`.
+        """
+        known = self.load_and_complain() if self.are_known else ()
+        return decoder_of(known, self.robot, error_words(emcy), self.master)
+
+    def errors(self, emcy: Iterable[str] = ()) -> ErrorWords:
+        """Return the words for these devices' emergency error codes, CiA 301's if there are none; raises as `load`."""
+        known = self.load() if self.are_known else ()
+        return ErrorWords.of_devices(known, self.robot.catalogue(), error_words(emcy))
+
+    def asking_decoder(self, bus: BusOptions, emcy: Iterable[str] = ()) -> Decoder:
+        """Return a decoder for the PDOs as the devices on the bus are set now; complains of those that do not answer.
+
+        Raises as `load`, BusError.
+        """
+        from eurobot_od.client.master import Master  # a log is decoded without a bus
+        from eurobot_od.client.remote_pdos import pdo_parameters
+
+        asked = []
+        with Master(bus.open()) as master:
+            for dictionary in self.load_and_complain():
+                master.follow(dictionary)
+                try:
+                    asked.append(dictionary.configured(pdo_parameters(master.node(dictionary.node_id), dictionary)))
+                except RemoteError as error:  # one node that is off must not keep the others from being decoded
+                    complain(f"{dictionary.name}: PDOs as in {dictionary.file}: {error}")
+                    asked.append(dictionary)
+        return decoder_of(asked, self.robot, error_words(emcy), self.master)
+
+    def promised(self, decoder: Decoder) -> MessageSet:
+        """Return what a decoder's devices send, and how often; nothing if a period is missing."""
+        from eurobot_od.traffic.load.network_set import network_set  # most commands need no analysis
+        from eurobot_od.traffic.load.seen import NOTHING
+
+        try:
+            file = self.network or network.DEFAULT if self.files() else str(self.robot.dialects.network_file())
+            rows = network.read_network(file) if os.path.exists(file) else NetworkFile()  # noqa: PTH110
+            names = {each.cob_id: each.name for each in decoder.protocol.bindings}
+            return network_set(decoder.dictionaries, names, rows, file)
+        except (FileError, LocalError):  # a bus can be watched without knowing how often a message is to come
+            return NOTHING
+
+
+def robot_meant(parser: Parser) -> Plugin:
+    """Return the robot that a command line will mean once it is read, for options that only the robot has.
+
+    Raises as `plugin.find`.
+    """
+    devices: Devices = ahead(parser, Devices)
+    return devices.robot
+
+
+def error_words(files: Iterable[str]) -> dict[int, dict[int, str]]:
+    """Return makers' words for emergency error codes by node-ID, 0 for all nodes; raises FileError."""
+    found: dict[int, dict[int, str]] = {}
+    for file, node_id in (network.node_file(text)[:2] for text in files):
+        from eurobot_od.od.yaml_files import read_error_words  # most commands start without YAML
+
+        found.setdefault(node_id or 0, {}).update(read_error_words(file))
+    return found
+
+
+def with_modules(files: list[NodeFile], texts: Iterable[str]) -> list[NodeFile]:
+    """Return files with the modules that `--module` plugs into their devices; raises LocalError."""
+    plugged: dict[int, list[str]] = {}
+    for text in texts:
+        node, _, listed = text.rpartition("=")
+        device = _the_device(files, node, f"--module {text}: say into which device")
+        plugged.setdefault(device, []).extend(each.strip() for each in listed.split(","))
+    return [each._replace(modules=plugged[n]) if n in plugged else each for n, each in enumerate(files)]
+
+
+def with_patches(files: list[NodeFile], texts: Iterable[str]) -> list[NodeFile]:
+    """Return files with those that `--patch` lays over them, after a network file's own; raises LocalError."""
+    over: dict[int, list[str]] = {}
+    for text in texts:
+        node, equals, file = text.partition("=")
+        if not equals or not _fitting(files, node):  # a path may have an equals sign, too
+            node, file = "", text
+        over.setdefault(_the_device(files, node, f"--patch {text}: say of which device"), []).append(file)
+    return [each._replace(patch=[*each.patch, *over.get(n, ())]) for n, each in enumerate(files)]
+
+
+def _the_device(files: Sequence[NodeFile], node: str, question: str) -> int:
+    """Return which of the files is the one device that is meant by node-ID, name or stem; raises LocalError."""
+    fitting = _fitting(files, node)
+    if len(fitting) != 1:
+        known = ", ".join(f"{each.node_id or each.name or Path(each.file).stem}=" for each in files)
+        raise LocalError(f"{question}: {known or 'none is named by --eds or --network'}")
+    return fitting[0]
+
+
+def _fitting(files: Sequence[NodeFile], node: str) -> list[int]:
+    return [n for n, each in enumerate(files) if node in ("", str(each.node_id), each.name, Path(each.file).stem)]
+
+
+def complain_of_repairs(dictionaries: Iterable[Dictionary]) -> None:
+    """Say in a line for each file what had to be repaired to read it, what is left out, and what looks like a copy."""
+    # By file: two nodes may share one, and it was repaired once.
+    for file, each in {each.file: each for each in dictionaries}.items():
+        # A guess first: what follows may be hidden behind "and 4 more".
+        changes = sorted(each.changes, key=lambda change: not change.guessed)
+        repaired = [f"line {change.line}: {change.what}" for change in changes]
+        for done, found, lister in (
+            ("repaired to be read", repaired, "lint --fix"),
+            ("left out", [str(refusal) for refusal in each.left_out], "lint"),
+        ):
+            more = f", and {len(found) - 1} more (`{lister}` lists them)" if len(found) > 1 else ""
+            if found:
+                complain(f"{file}: {done}: {found[0]}{more}")
+        if SdoChannel.of(each).usual_for not in (None, each.node_id):  # whoever is there is spoken to
+            complain(f"{file}: {moved_server(each)}")
+        if each.idle_modules:
+            complain(
+                f"{file}: none of its modules is connected; --module takes {', '.join(map(str, each.idle_modules))}"
+            )
+
+
+def decoder_of(
+    dictionaries: Iterable[Dictionary],
+    robot: Plugin,
+    errors: Mapping[int, Mapping[int, str]] = MappingProxyType({}),
+    master: str = "",
+) -> Decoder:
+    """Return the decoder of some devices' frames; complains of PDOs that are left out.
+
+    `errors` are words for emergency error codes, by node-ID; `master` is who leads the network, if a file says it.
+    """
+    from eurobot_od.traffic.meaning import Decoder  # files are shown and exported without
+
+    with left_out() as refused:
+        return Decoder(dictionaries, robot.catalogue(), refused, errors, master)
+
+
+@contextmanager
+def left_out() -> Iterator[OnRefused]:
+    """Collect PDOs that cannot be used, and say which, in one line for each reason in a file."""
+    errors: dict[tuple[str, str], list[MappingError]] = {}
+    yield lambda error: errors.setdefault((error.file, error.what), []).append(error)
+    # What is wrong with one PDO is often wrong with all of them.
+    for (file, what), found in errors.items():
+        indices = ", ".join(dict.fromkeys(f"0x{each.index:04X}" for each in found if each.index is not None))
+        complain(f"PDO left out: {file}: {f'{indices}: ' if indices else ''}{what}")
+
+
+def object_names(robot: Plugin) -> Iterable[str]:
+    """Give the indices of the robot's objects, and the names of those that a shell takes without quotes."""
+    known = robot.dialects.load_all() if robot.dialects.names() else ()
+    for each in (each for node in known for each in all_objects(node.objects)):
+        yield f"0x{each.index:04X}"
+        if re.fullmatch(r"[\w.-]+", each.qualname):
+            yield each.qualname

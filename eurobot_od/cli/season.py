@@ -1,0 +1,132 @@
+"""Commands about a season, the Parquet files of many logs: `archive` and `query`."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import nullcontext
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from eurobot_od.cli import RobotName, complain
+from eurobot_od.cli.campaign import Jobs
+from eurobot_od.cli.devices import Devices
+from eurobot_od.cli.logs import Format
+from eurobot_od.cli.options import BitRate, Json, write
+from eurobot_od.cli.signature import Option
+from eurobot_od.errors import LocalError, UnknownName
+from eurobot_od.plugin import Plugin
+from eurobot_od.season import campaign
+from eurobot_od.season.reports import REPORTS, SeasonReport
+from eurobot_od.support import extras, progress
+from eurobot_od.support.progress import Progress, bar, counted, unwatched
+from eurobot_od.support.texts import amount, columns, one_line
+
+if TYPE_CHECKING:
+    import polars as pl
+
+BIT_RATE = 500_000
+
+
+def archive(
+    logs: Annotated[Sequence[Path], Option(metavar="LOG")],
+    *,
+    output: Annotated[Path, Option("-o", metavar="SEASON")],
+    format: Format | None = None,
+    jobs: Jobs | None = None,
+    devices: Devices,
+) -> None:
+    """Put logs into a season: Parquet files of all frames, the messages with their fields, and what is damaged.
+
+    A log that was archived before is recognised by its content; an interrupted run goes on where it was.
+
+    logs: logs in any format, packed with gzip or not
+    output: folder of the season
+    format: format of the logs (default: by suffix)
+    jobs: logs at the same time (default: one per core)
+    """
+    with extras.needed("season"):
+        from eurobot_od.season.archive import archive
+        from eurobot_od.season.writing import DecodedNetwork
+    logs = list(dict.fromkeys(logs))  # one that two patterns of a shell name is archived once
+    decoder = devices.decoder()
+    names = {each.cob_id: each.name for each in decoder.protocol.bindings}
+    promised = devices.promised(decoder).messages  # one that several nodes send is there for each of them
+    answers = {names[each.identifier]: each.answers for each in promised if each.answers and each.identifier in names}
+    network = DecodedNetwork(decoder.dictionaries, decoder.protocol.catalogue, tuple(answers.items()))
+    drawn = bar(str(logs[0])) if len(logs) == 1 else nullcontext(unwatched)
+    with campaign.workers(None, jobs, len(logs)) as workers, drawn as draw:
+        done = archive(logs, output, network, format, workers, _adding(draw, logs[0]))
+        for each in list(done) if len(logs) == 1 else counted(done, len(logs), "logs", workers.number):
+            log, size = one_line(each.log), f"{amount(each.frames, 'frame')}, {each.damage} damaged"
+            print(f"{log}: known, {each.run}" if each.known else f"{log}: {each.run}, {size}", flush=True)
+
+
+def _adding(draw: Progress, log: Path) -> Callable[[int], None]:
+    """Return a function that takes the sizes of the parts as they are read, and draws how much of the log that is."""
+    # The unpacked size of a packed log is not known before its end.
+    size = log.stat().st_size if log.suffix != ".gz" and log.is_file() else None
+    read = 0
+
+    def add(part: int) -> None:
+        nonlocal read
+        read += part
+        draw(read, size)
+
+    return add
+
+
+def reports(robot: Plugin) -> Mapping[str, SeasonReport]:
+    """Return all reports by name, a robot's and those for any devices."""
+    return {**robot.reports(), **REPORTS}
+
+
+def query(
+    season: Annotated[Path, Option(metavar="SEASON")],
+    sql: Annotated[str | None, Option(metavar="SQL")] = None,
+    *,
+    report: Annotated[str | None, Option(metavar="NAME", suggest=reports)] = None,
+    as_json: Annotated[Json, Option(either="form")] = False,
+    as_csv: Annotated[bool, Option("--csv", either="form")] = False,
+    plot: Annotated[Path | None, Option(metavar="FILE")] = None,
+    bitrate: BitRate = BIT_RATE,
+    robot_name: RobotName = None,
+) -> None:
+    """Query a season: by SQL, with a view for each message, or by a ready report. Without a query: list its tables.
+
+    DuckDB's SQL; tables are `runs`, `frames`, `damage`, `messages`, and one for each message, such as `goto_xy`.
+
+    season: folder made by `archive`
+    sql: a query (default: list the tables)
+    report: a ready query; `--report list` lists them
+    as_json: one JSON object per row
+    as_csv: comma-separated values
+    plot: also draw the answer as SVG
+    bitrate: bit/s for the load (default: 500000)
+    """
+    if sql and report:
+        raise LocalError("a query is SQL or --report, not both")
+    with extras.needed("season"):
+        from eurobot_od.season import answers
+        from eurobot_od.season.season import Season
+    known = reports(Devices(robot_name=robot_name).robot)
+    if report == "list":
+        print(*columns((name, each.title) for name, each in known.items()), sep="\n")
+        return
+    if report is not None and report not in known:
+        raise UnknownName("report", report, known)
+    opened, ready = Season.open(season), known.get(report or "")
+    question = ready.sql if ready else sql
+    with bar(str(season), unit=progress.PERCENT, after=progress.SHORT) as draw:
+
+        def ask(sql: str) -> pl.DataFrame:
+            return opened.sql(sql, {"bitrate": bitrate}, lambda done: draw(done, 100))
+
+        rows = ask(question) if question else answers.tables(opened)
+        if plot is not None:
+            write(plot, answers.picture(ask, ready, rows, sql or "tables"))
+    for file in opened.damaged:
+        complain(f"left out: {file} is damaged; archive its log again")
+    # Last, when the bar is wiped out: both may be on one terminal.
+    written = answers.as_json if as_json else answers.as_csv if as_csv else answers.as_table
+    sys.stdout.write(written(rows))

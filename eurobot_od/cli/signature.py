@@ -1,0 +1,307 @@
+"""The command line of a typed function: its parameters are what the command takes.
+
+A parameter that may be given by position is an argument, a keyword-only one an option: `node_id` is `--node-id`. One
+without a default has to be given. `bool` is a switch, `Sequence` takes any number of values, a `Literal` or an `Enum`
+has the choices, and a dataclass is a group of options, made of what is given for its fields. What name and type do not
+say stands beside the type, in `Annotated`: an `Option`, or a `HelpGroup`. The help is the docstring: its first line for
+the command, and a line for each parameter.
+
+    def sync(*, count: Annotated[int | None, Option(metavar="N")] = None, bus: BusOptions) -> None:
+        '''Send SYNC messages until Ctrl-C or --count.
+
+        count: end after N messages
+        '''
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from argparse import SUPPRESS, ArgumentParser, ArgumentTypeError, HelpFormatter, Namespace, _ActionsContainer
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import is_dataclass
+from enum import Enum
+from functools import partial
+from inspect import Parameter, signature
+from pathlib import Path
+from types import NoneType, UnionType
+from typing import (
+    TYPE_CHECKING,
+    Annotated,
+    Any,
+    Literal,
+    NamedTuple,
+    NoReturn,
+    TypeAlias,
+    Union,
+    cast,
+    get_args,
+    get_origin,
+    get_type_hints,
+)
+
+from eurobot_od.errors import LocalError, UnknownName
+
+if TYPE_CHECKING:
+    from eurobot_od.plugin import Plugin
+
+Call: TypeAlias = Callable[[Namespace], Any]
+"""Calls a function with what a command line says."""
+
+
+# What stands beside a type
+
+
+class Option(NamedTuple):
+    """What is special about an option or an argument; several add up.
+
+    `flag` is a short form, `-o`, or a long one in place of the parameter's name, `--for`. `read` makes a value of a
+    word, or raises LocalError. `choices` are the words that are allowed; of a mapping the function gets what stands for
+    the word. `bare` is the value of an option that is given without one; `nargs` is argparse's. Of the options with the
+    same `either` one may be given. A shell offers what `suggest` gives for a robot, and files if `is_file`.
+    """
+
+    flag: str = ""
+    metavar: str | None = None
+    read: Callable[[str], Any] | None = None
+    choices: Iterable[Any] = ()
+    bare: str | None = None
+    nargs: str | None = None
+    either: str = ""
+    suggest: Callable[[Plugin], Iterable[str]] | None = None
+    is_file: bool = False
+
+    def __or__(self, other: Option) -> Option:
+        """Return both: what the other one says counts."""
+        return self._replace(**{name: it for name, it in other._asdict().items() if it != self._field_defaults[name]})
+
+    def __hash__(self) -> int:
+        return id(self)  # `typing` wants one of what stands in Annotated; choices may have none
+
+    @property
+    def words(self) -> Mapping[str, Any]:
+        """What the function gets for each of the words that are allowed; nothing if any word is."""
+        return self.choices if isinstance(self.choices, Mapping) else {str(each): each for each in self.choices}
+
+
+class HelpGroup(NamedTuple):
+    """The heading of a group in the help: a dataclass has it as `GROUP`, or a parameter beside its type."""
+
+    title: str
+    description: str | None = None
+
+
+class Chosen(NamedTuple):
+    """Gives the hint to go by, where the robot or the command line decides; NOTHING for no such parameter."""
+
+    hint: Callable[[Parser], Hint]
+
+
+class Hint(NamedTuple):
+    """An annotation taken apart: the type of a value, whether there may be several, and what stands beside it.
+
+    A text is help that several parameters share; that of the docstring counts.
+    """
+
+    kind: Any
+    several: bool = False
+    option: Option = Option()
+    text: str | None = None
+    group: HelpGroup | None = None
+
+    @classmethod
+    def of(cls, annotation: Any, parser: Parser) -> Hint:
+        """Take apart an annotation; what stands further out counts."""
+        origin, inside = get_origin(annotation), get_args(annotation)
+        if origin in (Union, UnionType):
+            (only,) = (each for each in inside if each is not NoneType)
+            return cls.of(only, parser)
+        if origin is Sequence:
+            return cls.of(inside[0], parser)._replace(several=True)
+        if origin is Literal:
+            return cls(type(inside[0]), option=Option(choices=inside))
+        if isinstance(annotation, type) and issubclass(annotation, Enum):
+            return cls(annotation, option=Option(choices={each.name.lower(): each for each in annotation}))
+        if origin is not Annotated:
+            return cls(annotation, option=Option(is_file=annotation is Path), group=getattr(annotation, "GROUP", None))
+        hint = cls.of(inside[0], parser)
+        for each in inside[1:]:
+            if isinstance(each, Option):
+                hint = hint._replace(option=hint.option | each)
+            elif isinstance(each, HelpGroup):
+                hint = hint._replace(group=each)
+            elif isinstance(each, Chosen):
+                hint = each.hint(parser)
+            else:
+                hint = hint._replace(text=each)
+        return hint
+
+
+NOTHING = Hint(NoneType)
+
+# From a function to its parser
+
+
+class Forms(NamedTuple):
+    """A command of several forms: what it does, and the function of each form by its word."""
+
+    text: str
+    functions: Mapping[str, Callable[..., Any]]
+
+
+Command: TypeAlias = Callable[..., Any] | Forms
+
+
+class Parser(ArgumentParser):
+    """Reports what is wrong with a command line in one line; its help is as wide as the terminal.
+
+    `words` are the command line without `--robot`, which says `robot`: it decides which options there are. `described`
+    has what is special about each option and argument, by its name.
+    """
+
+    def __init__(
+        self,
+        prog: str,
+        kind: type[HelpFormatter] = HelpFormatter,
+        words: Sequence[str] = (),
+        robot: str | None = None,
+        **settings: Any,
+    ) -> None:
+        self.words, self.robot, self.described = words, robot, dict[str, Option]()
+        try:  # or else argparse asks `shutil`, which imports three compression libraries
+            width = int(os.environ.get("COLUMNS", 0)) or os.get_terminal_size().columns
+        except (ValueError, OSError):  # no number; no terminal
+            width = 80
+        super().__init__(prog, formatter_class=partial(kind, width=width - 2), **settings)
+
+    @property
+    def known(self) -> Namespace:
+        """What is known before the command line is read."""
+        return Namespace(**{"--robot": self.robot})
+
+    def read(self) -> Namespace:
+        """Read the command line; exits if it is wrong."""
+        # Only so may an option stand between positional arguments of which one can be left out.
+        parse = self.parse_args if self._subparsers else self.parse_intermixed_args
+        return parse(self.words, self.known)
+
+    def error(self, message: str) -> NoReturn:
+        """Exit; raises SystemExit."""
+        self.exit(2, f"{self.prog}: error: {message}; see {self.prog} --help\n")
+
+
+def summary(command: Command) -> str:
+    """Return what a command does; of a function the first line of its docstring."""
+    return command.text if isinstance(command, Forms) else (command.__doc__ or "").partition("\n")[0]
+
+
+TOLD = re.compile(r"^( *)(\w+): (.+(?:\n\1 +\S.*)*)", re.MULTILINE)
+"""What a docstring says of a parameter: on the line of its name, and on lines below that are indented deeper."""
+
+
+def told(function: Callable[..., Any]) -> dict[str, str]:
+    """Return what the docstring of a function or a dataclass says of its parameters, those of its bases too."""
+    docstrings = "\n".join(each.__doc__ or "" for each in reversed(getattr(function, "__mro__", (function,))))
+    return {name: " ".join(text.split()) for _, name, text in TOLD.findall(docstrings)}
+
+
+def describe(parser: Parser, command: Command) -> Call:
+    """Describe a command on its parser; return what calls it."""
+    if not isinstance(command, Forms):
+        return _describe(parser, parser, command)
+    forms, calls = parser.add_subparsers(dest="form", metavar="FORM", required=True), dict[str, Call]()
+    for name, each in command.functions.items():
+        calls[name] = describe(forms.add_parser(name, help=summary(each), description=summary(each)), each)
+    return lambda given: calls[given.form](given)
+
+
+def ahead(parser: Parser, function: Callable[..., Any]) -> Any:
+    """Call a function with what is in a command line for it, before all options of that are described."""
+    early = Parser(parser.prog, robot=parser.robot, add_help=False)
+    call = describe(early, function)
+    return call(early.parse_known_args(parser.words, parser.known)[0])
+
+
+def _describe(parser: Parser, container: _ActionsContainer, function: Callable[..., Any]) -> Call:
+    """Describe the parameters of a function, or the fields of a dataclass; return what calls it."""
+    values, apart = dict[str, Call](), dict[str, _ActionsContainer]()
+    hints, texts = get_type_hints(function, include_extras=True), told(function)
+    for name, parameter in signature(function).parameters.items():
+        hint = Hint.of(hints[name], parser)
+        hint, either = hint._replace(text=texts.get(name, hint.text)), hint.option.either
+        if is_dataclass(hint.kind):
+            inner = parser.add_argument_group(*hint.group) if hint.group else container
+            values[name] = _describe(parser, inner, cast(type, hint.kind))
+        elif hint.kind is not NoneType:
+            if either and either not in apart:
+                apart[either] = container.add_mutually_exclusive_group()
+            values[name] = _add(parser, apart.get(either, container), parameter, hint)
+    return lambda given: function(**{name: found for name, of in values.items() if (found := of(given)) is not None})
+
+
+def _add(parser: Parser, container: _ActionsContainer, parameter: Parameter, hint: Hint) -> Call:
+    """Add an option or an argument, unless another parameter has added it; return what reads its value."""
+    flag, is_option = hint.option.flag, parameter.kind is Parameter.KEYWORD_ONLY
+    long = flag if flag.startswith("--") else f"--{parameter.name.replace('_', '-')}"
+    name = long if is_option else parameter.name
+    if name not in parser.described:
+        parser.described[name] = hint.option
+        names = dict.fromkeys((flag or long, long)) if is_option else (name,)
+        container.add_argument(*names, **_settings(name, hint, is_needed=parameter.default is Parameter.empty))
+
+    def value(given: Namespace) -> Any:
+        found = getattr(given, name, None)
+        return tuple(found) or None if hint.several and found is not None else found
+
+    return value
+
+
+NARGS = {(False, False): "?", (False, True): None, (True, False): "*", (True, True): "+"}
+"""How many words an argument takes, by whether there may be several, and has to be one."""
+
+
+def _settings(name: str, hint: Hint, is_needed: bool) -> dict[str, Any]:
+    """Return what argparse has to know of an option, whose name begins with a hyphen, or of an argument."""
+    option, is_option = hint.option, name.startswith("-")
+    settings: dict[str, Any] = {"help": hint.text and hint.text.replace("%", "%%")}
+    if is_option:
+        settings |= {"dest": name, "default": SUPPRESS, "required": is_needed}
+        if hint.kind is bool:
+            return {**settings, "action": "store_true"}
+        if option.nargs or option.bare is not None:
+            settings |= {"nargs": option.nargs or "?", "const": option.bare}
+        elif hint.several:
+            settings["action"] = "append"
+    else:
+        settings |= {"nargs": NARGS[hint.several, is_needed], "default": None}  # or else "*" would be required
+    metavar = f"{{{','.join(option.words)}}}" if option.words else name[2:].upper() if is_option else None
+    return {**settings, "metavar": option.metavar or metavar, "type": partial(_read, hint)}
+
+
+def _read(hint: Hint, word: str) -> Any:
+    """Make the value of a word; raises ArgumentTypeError, which argparse reports with the option's name."""
+    words = hint.option.words
+    try:
+        if words and word not in words:
+            raise UnknownName("value", word, words)
+        return words[word] if words else (hint.option.read or READERS.get(hint.kind, hint.kind))(word)
+    except LocalError as error:
+        raise ArgumentTypeError(str(error)) from None
+
+
+def _whole(word: str) -> int:
+    try:
+        return int(word)
+    except ValueError:
+        raise LocalError(f"{word} is not a whole number") from None
+
+
+def _number(word: str) -> float:
+    try:
+        return float(word)
+    except ValueError:
+        raise LocalError(f"{word} is not a number") from None
+
+
+READERS: Mapping[Any, Callable[[str], Any]] = {int: _whole, float: _number}
+"""What reads a value of a type that does not read it itself, in words for a person."""
