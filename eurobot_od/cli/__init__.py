@@ -111,7 +111,7 @@ class ExitStatus(IntEnum):
     WRONG_INPUT = 2
     """Wrong usage of the command line, or a faulty file."""
     TROUBLE = 3
-    """With the bus, the file system, what a node drives, or the world of a simulated robot."""
+    """Trouble with the bus, the file system, what a node drives, or the world of a simulated robot."""
     INTERRUPTED = 130
 
 

@@ -34,16 +34,16 @@ class Lss(IntEnum):
     ACTIVATE_BIT_TIMING = 0x15
     STORE = 0x17
     SELECT = 0x40
-    """Of the vendor-ID; the next three are product code, revision and serial number."""
+    """Selects by the vendor-ID; the next three by product code, revision and serial number."""
     SELECTED = 0x44
     IDENTIFY = 0x46
-    """Of the vendor-ID; the next five are product code, lowest and highest revision, lowest and highest serial."""
+    """Identifies by the vendor-ID; the next five by product code, lowest and highest revision and serial number."""
     IDENTIFY_UNCONFIGURED = 0x4C
     IDENTIFY_SLAVE = 0x4F
     UNCONFIGURED_SLAVE = 0x50
     FASTSCAN = 0x51
     INQUIRE = 0x5A
-    """Of the vendor-ID; the next three are product code, revision and serial number."""
+    """Asks for the vendor-ID; the next three for product code, revision and serial number."""
     INQUIRE_NODE_ID = 0x5E
 
 

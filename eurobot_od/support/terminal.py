@@ -13,7 +13,7 @@ WITH_COLOURS = {"WT_SESSION", "TERM", "ANSICON", "ConEmuANSI"}
 
 
 def redraws(stream: TextIO) -> bool:
-    """Whether a line can be written over: a terminal, and none that says it is dumb."""
+    """Whether a line can be written over: on a terminal, unless it says that it is dumb."""
     return stream.isatty() and os.environ.get("TERM") != "dumb"
 
 

@@ -19,7 +19,7 @@ from eurobot_od.support.svg import PaperPoint
 
 ROW, LEGEND_ROW = 45, 58
 WIDTH = 3000
-"""Of the time line."""
+"""Width of the time line."""
 
 HEIGHT = 2640
 """From the legend's first line to the foot of the page."""

@@ -165,7 +165,7 @@ class Interference(NamedTuple):
 
 
 Waits: TypeAlias = tuple[int, int, int]
-"""Of a message that another has to wait for: bits, period, and how long before it an instance may have fallen due."""
+"""A message that another waits for: its bits, its period, and how long before an instance may have fallen due."""
 
 
 class Times(NamedTuple):
