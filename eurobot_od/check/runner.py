@@ -182,8 +182,8 @@ class Runner:
             status, reason = Status.BUS_FAILED, StepReason(str(error))
         # Decoded only here: the frames of a step that passed are shown nowhere.
         frames = (
-            Line(time - self._start, own, frame, self._doer.words(frame))
-            for time, frame, own in self._trace.frames[-FRAMES_SHOWN:]
+            Line(time - self._start, own, frame, words)
+            for (time, frame, own), words in self._doer.last_frames(FRAMES_SHOWN)
         )
         return status, reason._replace(frames=tuple(frames), cause=self._reported())
 

@@ -10,7 +10,7 @@ The only clock and the only bus are the bench's.
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from functools import singledispatchmethod
 from typing import Any
@@ -39,7 +39,11 @@ from eurobot_od.sdo.client import (
 from eurobot_od.sdo.wire import LENGTH, code_and_reason
 from eurobot_od.support import durations
 from eurobot_od.support.texts import amount
-from eurobot_od.traffic.meaning import Decoder
+from eurobot_od.traffic.decoding import Following
+from eurobot_od.traffic.meaning import Decoder, Meaning
+
+MOST_BEFORE = 512
+"""Frames that are looked at to understand the last ones; a block of SDO has at most 127."""
 
 
 class Failed(Exception):
@@ -85,10 +89,16 @@ class Doer:
 
     def words(self, frame: Frame) -> str:
         """Say what a frame means; empty if that is not known."""
-        if frame.is_remote:
-            return "remote frame"
-        meaning = self._decoder(frame)
-        return f"{meaning.name}  {meaning.text}".rstrip() if meaning.name else ""
+        return _words(self._decoder(frame))
+
+    def last_frames(self, number: int) -> Iterator[tuple[SeenFrame, str]]:
+        """Yield the last frames of the trace with what they mean, read as those of a log are: by the ones before."""
+        following = Following(self._decoder)
+        frames = self._trace.frames[-MOST_BEFORE:]
+        for place, seen in enumerate(frames, number - len(frames)):
+            meaning = following(seen.time, "", seen.frame)
+            if place >= 0:
+                yield seen, _words(meaning)
 
     # Asking
 
@@ -377,3 +387,9 @@ class Doer:
             if last is None:
                 raise Failed(StepReason(f"no {binding.name} has come yet"))
             self._variables[name] = getattr(self._decoder.protocol.decode(*last), field)
+
+
+def _words(meaning: Meaning) -> str:
+    if isinstance(meaning.raw, Frame) and meaning.raw.is_remote:
+        return "remote frame"
+    return f"{meaning.name}  {meaning.text}".rstrip() if meaning.name else ""

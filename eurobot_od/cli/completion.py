@@ -5,19 +5,11 @@ from __future__ import annotations
 from argparse import ArgumentParser, _SubParsersAction
 from collections.abc import Callable, Iterable
 from functools import cache
-from typing import Annotated, Any
+from typing import Any, Literal
 
 from eurobot_od.cli import COMMANDS, RobotName, find, program, robot_of_help, with_robot
-from eurobot_od.cli.signature import Option, Parser, describe
+from eurobot_od.cli.signature import Parser, describe
 from eurobot_od.plugin import NO_ROBOT, Plugin
-
-PLACES = {
-    "bash": f"~/.local/share/bash-completion/completions/{program()}",
-    "zsh": f"_{program()} in a folder of $fpath",
-    "fish": f"~/.config/fish/completions/{program()}.fish",
-    "tcsh": "a file that ~/.tcshrc sources",
-}
-"""Where each shell finds its script."""
 
 BASH_BOTH = """\
 {function}() {{
@@ -27,16 +19,11 @@ BASH_BOTH = """\
 """Offers words and files: a check is of a suite by its name, or of a file."""
 
 
-def completion(
-    shell: Annotated[
-        str,
-        Option(choices=PLACES.keys()),
-        "the shell; it finds its script at: " + ", ".join(f"{place} ({shell})" for shell, place in PLACES.items()),
-    ],
-    *,
-    robot_name: RobotName = None,
-) -> None:
-    """Print the script that completes the command line in a shell: commands, options, and the values that are known."""
+def completion(shell: Literal["bash", "zsh", "fish", "tcsh"], *, robot_name: RobotName = None) -> None:
+    """Print the script that completes the command line in a shell: commands, options, and the values that are known.
+
+    shell: the shell; the first lines of its script say where it belongs
+    """
     import shtab  # no other command needs it
 
     robot = robot_of_help(robot_name)

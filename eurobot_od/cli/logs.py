@@ -16,8 +16,9 @@ from eurobot_od.cli.options import whole
 from eurobot_od.cli.signature import Option
 from eurobot_od.errors import LocalError
 from eurobot_od.support import progress
+from eurobot_od.traffic import formats
 from eurobot_od.traffic.entries import LARGEST, LogEntry
-from eurobot_od.traffic.formats import FORMATS, read
+from eurobot_od.traffic.formats import FORMATS
 
 if TYPE_CHECKING:
     from eurobot_od.traffic.meaning import DamageCounts, Decoder, Meaning
@@ -46,13 +47,13 @@ class Reading:
 def entries(
     logs: Iterable[str], reading: Reading, is_watched: bool = True
 ) -> Generator[tuple[str, LogEntry], None, None]:
-    """Give the entries of logs, one log after the other, with the log's name. Errors as `logs.formats.read`.
+    """Give the entries of logs, one log after the other, with the log's name. Errors as `formats.entries`.
 
     With `is_watched` a terminal shows how far a long log has been read.
     """
     for log in logs:
         with opened(log, is_watched) as file:
-            for entry in read(file, reading.format, reading.largest):
+            for entry in formats.entries(file, reading.format, reading.largest):
                 yield log, entry
 
 

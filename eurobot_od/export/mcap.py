@@ -12,9 +12,9 @@ from typing import IO, Any, NamedTuple
 
 from mcap.writer import Writer
 
-from eurobot_od.frame import identifier_text
+from eurobot_od.frame import Frame, identifier_text
 from eurobot_od.pdo.kinds import ColumnForm
-from eurobot_od.pdo.message import Message, plain
+from eurobot_od.pdo.message import Message, kinds, plain
 from eurobot_od.traffic.decoding import Following
 from eurobot_od.traffic.entries import LogEntry
 from eurobot_od.traffic.meaning import Decoder, Meaning, with_defects
@@ -66,7 +66,7 @@ def write(file: IO[bytes], entries: Iterable[LogEntry], decoder: Decoder, drawin
     """Write the entries of a log; services become text, and damaged entries go to the channel `damage`."""
     writer = Writer(file)
     writer.start(library="eurobot-od")
-    channels = _Channels(writer, decoder, drawings)
+    channels = _Channels(writer, drawings)
     written, latest = Written(), 0.0
     following = Following(decoder)
     for line, time, channel, raw in entries:
@@ -79,7 +79,7 @@ def write(file: IO[bytes], entries: Iterable[LogEntry], decoder: Decoder, drawin
             text = f"the time {time:g} s is not in 0..{END_OF_TIME:g}"
             time, made = latest, [(DAMAGE, {"text": text, "_": place})]
         for name, content in made:
-            channels.add(name, content, time)
+            channels.add(name, content, time, meaning)
         names = [name for name, _ in made]
         written = Written(
             written.messages + (meaning.name in names and meaning.message is not None),
@@ -97,10 +97,9 @@ DRAWN = "/drawing"
 class _Channels:
     """The channels of a file; each is made when something is written to it."""
 
-    def __init__(self, writer: Writer, decoder: Decoder, drawings: Drawings) -> None:
+    def __init__(self, writer: Writer, drawings: Drawings) -> None:
         self._writer, self._drawings = writer, drawings
-        self._bindings = {each.name: each for each in decoder.protocol.bindings}
-        self._ids: dict[str, int] = {}
+        self._ids: dict[tuple[str, type[Message] | None], int] = {}
 
     def of(self, meaning: Meaning, place: dict[str, Any], time: float) -> list[tuple[str, dict[str, Any]]]:
         """Return what an entry becomes, with the channel for each part."""
@@ -118,31 +117,30 @@ class _Channels:
             made.append((DAMAGE, {"text": with_defects(meaning), "_": place}))
         return made
 
-    def add(self, name: str, content: Mapping[str, Any], time: float) -> None:
-        """Write a message to a channel."""
-        if name not in self._ids:
-            title, schema = self._schema(name)
+    def add(self, name: str, content: Mapping[str, Any], time: float, meaning: Meaning) -> None:
+        """Write a part of an entry to a channel."""
+        # A message that is mapped anew in the middle of a log has other fields from then on, and a channel of its own.
+        type_ = type(meaning.message) if name == meaning.name and meaning.message is not None else None
+        key = name, type_
+        if key not in self._ids:
+            title, schema = self._schema(name, type_)
             schema_id = self._writer.register_schema(title, SCHEMA, json.dumps(schema).encode())
-            binding = self._bindings.get(name)
-            known = (
-                {"cob_id": f"0x{identifier_text(binding.cob_id)}", "senders": ", ".join(binding.senders)}
-                if binding
-                else {}
-            )
-            self._ids[name] = self._writer.register_channel(f"/{name}", JSON, schema_id, known)
+            known = {}
+            if type_ is not None and isinstance(meaning.raw, Frame):
+                known = {"cob_id": f"0x{identifier_text(meaning.raw.cob_id)}", "senders": meaning.sender}
+            self._ids[key] = self._writer.register_channel(f"/{name}", JSON, schema_id, known)
         # It was published when it was logged: a bus has no other time than its log's.
         now = round(time * NANOSECONDS)
-        self._writer.add_message(self._ids[name], now, json.dumps(content, ensure_ascii=False).encode(), now)
+        self._writer.add_message(self._ids[key], now, json.dumps(content, ensure_ascii=False).encode(), now)
 
-    def _schema(self, name: str) -> tuple[str, dict[str, Any]]:
+    def _schema(self, name: str, type_: type[Message] | None) -> tuple[str, dict[str, Any]]:
         drawing = self._drawings.get(name.removesuffix(DRAWN)) if name.endswith(DRAWN) else None
         if drawing is not None:  # viewers know what to draw by the name of the schema
             return drawing.schema, {"type": "object", "title": drawing.schema, "properties": dict(drawing.properties)}
-        binding = self._bindings.get(name)
         properties: dict[str, Any] = {"text": {"type": "string"}}
-        if binding is not None:
+        if type_ is not None:
             properties = {}
-            for field, kind in binding.kinds.items():
+            for field, kind in kinds(type_).items():
                 # A code, or a value out of range, may take the place of a number or a word.
                 types = dict.fromkeys([TYPES[kind.column_form], "number", "string", "null"])
                 properties[field] = {"type": [*types], **({"description": f"in {kind.unit}"} if kind.unit else {})}

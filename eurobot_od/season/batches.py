@@ -66,7 +66,20 @@ def batches(file: BinaryIO, form: str | None = None) -> Iterator[Batch]:
     else:
         entries = formats.read(file, form)
         parts = map(_batch, iter(lambda: list(islice(entries, ENTRIES)), []))
-    return _ahead(_joined(parts))
+    return _ahead(_joined(_read_at_all(parts, file)))
+
+
+def _read_at_all(parts: Iterator[Batch], file: BinaryIO) -> Iterator[Batch]:
+    """Yield batches; raises LocalError at the end of a log that has entries, and none that can be read."""
+    unread = (Damage.UNREADABLE.value, Damage.CUT_OFF.value)
+    has_some = is_read = False
+    for part in parts:
+        has_some |= bool(len(part.foreign))
+        is_read |= bool(len(part.frames)) or not part.foreign["kind"].is_in(unread).all()
+        yield part
+    if has_some and not is_read:
+        file.seek(0)
+        formats.refuse(file.name, formats.likely(file.read(formats.BEGINNING)))
 
 
 def _joined(parts: Iterator[Batch]) -> Iterator[Batch]:

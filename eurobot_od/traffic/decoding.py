@@ -1,27 +1,38 @@
 """Turns logs into lines of output, entry by entry, whatever the format of the log and of the output.
 
 A frame has the meaning that the decoder keeps, and what only the frames before it tell: which transfer an SDO frame
-belongs to, and that an answer to a guarding master is not a heartbeat. There is one `Following` for each log or bus.
+belongs to, that an answer to a guarding master is not a heartbeat, and how the devices on its channel are set by then.
+There is one `Following` for each log or bus.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from functools import lru_cache
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, TypeAlias
 
-from eurobot_od.device.nmt import TOGGLE
+from eurobot_od.device.nmt import TOGGLE, NmtCommand, NmtState
 from eurobot_od.frame import Frame
+from eurobot_od.od.values import ERROR_CONTROL_BASE, FIRST, MANUFACTURER
+from eurobot_od.pdo.in_force import InForce
 from eurobot_od.traffic import formats, words
 from eurobot_od.traffic.entries import LARGEST, REMEMBERED, Damage, Raw
 from eurobot_od.traffic.filters import Wanted, Window
 from eurobot_od.traffic.meaning import CANOPEN, DamageCounts, Decoder, Defect, Meaning, SdoTransfer
 from eurobot_od.traffic.output import Output
-from eurobot_od.traffic.services import GUARDING, HEARTBEAT, SDO
+from eurobot_od.traffic.services import GUARDING, HEARTBEAT, NMT, SDO
 from eurobot_od.traffic.transfers import Transfers
 
-FOLLOWED = (SDO, HEARTBEAT, GUARDING)
+FOLLOWED = (SDO, HEARTBEAT, GUARDING, NMT)
 """The services whose frames are understood by the ones before."""
+
+
+RESETS = (NmtCommand.RESET_NODE, NmtCommand.RESET_COMMUNICATION)
+
+SHOWN = range(FIRST, MANUFACTURER[0])
+"""The objects of which some say what other frames mean."""
+
+Changed: TypeAlias = Callable[[str, Decoder], None]
 
 
 def is_followed(meaning: Meaning) -> bool:
@@ -30,10 +41,16 @@ def is_followed(meaning: Meaning) -> bool:
 
 
 class Follower:
-    """Takes the frames of FOLLOWED in their order."""
+    """Takes the frames of FOLLOWED in their order.
 
-    def __init__(self, decoder: Decoder) -> None:
-        self._decoder = decoder
+    `changed` is called with a channel, and with the decoder of its frames from now on, when one of them has shown that
+    its sender is set otherwise than before.
+    """
+
+    def __init__(self, decoder: Decoder, changed: Changed) -> None:
+        self._first, self._changed = decoder, changed
+        self._decoders: dict[str, Decoder] = {}
+        self._shown: dict[str, InForce] = {}
         self._transfers = Transfers()
         self._asked: set[tuple[str, int]] = set()
         self._last: dict[tuple[str, int], Meaning] = {}
@@ -42,15 +59,20 @@ class Follower:
         """Return what a frame of a log's channel means after those before it; the time is in s."""
         frame = meaning.raw
         assert isinstance(frame, Frame)
+        if meaning.name == NMT:
+            if not frame.is_remote and frame.data[0] in RESETS and channel in self._shown:
+                self._news(channel, self._shown[channel].start(frame.data[1]))
+            return meaning
         if meaning.name != SDO:
-            return self._guarded(channel, frame, meaning)
-        end = self._decoder.services[frame.cob_id].end
+            return self._guarded(channel, frame, self._booted(channel, frame, meaning))
+        end = self._decoders.get(channel, self._first).services[frame.cob_id].end
         if end is None or frame.is_remote:
             return meaning
         self._last[channel, end.channel] = meaning
         said = self._transfers.take(time, channel, end, frame.data)
         if not any(said):
             return meaning
+        self._learn(channel, said.ended)
         text = f"{meaning.nodes[0]}, {said.text}" if said.text else meaning.text
         defects = (Defect(Damage.INCOMPLETE, f"{meaning.raw}: {said.lost}"),) if said.lost else ()
         return meaning._replace(text=f"{text}{said.more}", defects=defects, transfer=said.ended)
@@ -59,6 +81,29 @@ class Follower:
         """Yield the transfers that the end of the log cuts off, each with the meaning of its last frame."""
         for key, transfer in self._transfers.unfinished():
             yield self._last[key], transfer
+
+    def _learn(self, channel: str, ended: SdoTransfer | None) -> None:
+        """Take in what a transfer shows of a device; of a write only what the device has confirmed."""
+        if ended and ended.address and ended.content is not None and ended.address[0] in SHOWN:
+            if channel not in self._shown:
+                self._shown[channel] = InForce(self._first.dictionaries)
+            self._news(channel, self._shown[channel].show(ended.server, ended.address, ended.content))
+
+    def _news(self, channel: str, is_news: bool) -> None:
+        if is_news:
+            self._decoders[channel] = self._first.as_shown(self._shown[channel])
+            self._changed(channel, self._decoders[channel])
+
+    def _booted(self, channel: str, frame: Frame, meaning: Meaning) -> Meaning:
+        """Say what transfers a boot-up cuts off."""
+        if frame.is_remote or frame.data[0] != NmtState.INITIALISING:
+            return meaning
+        if channel in self._shown:
+            self._news(channel, self._shown[channel].start(frame.cob_id - ERROR_CONTROL_BASE))
+        for said in self._transfers.boot(channel, frame.cob_id - ERROR_CONTROL_BASE):
+            lost = (Defect(Damage.INCOMPLETE, f"{frame}: {said.lost}"),) if said.lost else ()
+            meaning = meaning._replace(defects=(*meaning.defects, *lost), transfer=said.ended)
+        return meaning
 
     def _guarded(self, channel: str, frame: Frame, meaning: Meaning) -> Meaning:
         """Name what a node answers to a remote frame: only by its toggle bit would it be told from a heartbeat."""
@@ -78,15 +123,22 @@ class Following:
     def __init__(self, decoder: Decoder) -> None:
         # Most frames on a bus are requests and confirms without data: their meaning is kept.
         self._decode = lru_cache(REMEMBERED)(decoder)
-        self._follow = Follower(decoder)
+        self._decode_now: dict[str, Callable[[Raw], Meaning]] = {}
+        self._follow = Follower(decoder, self._change)
+
+    def _change(self, channel: str, decoder: Decoder) -> None:
+        self._decode_now[channel] = lru_cache(REMEMBERED)(decoder)
 
     def __call__(self, time: float, channel: str, raw: Raw) -> Meaning:
         """Return what an entry means; the time is in s, the channel that of a log."""
-        meaning = self._decode(raw)
+        meaning = self._decode_now.get(channel, self._decode)(raw)
         return self._follow(time, channel, meaning) if is_followed(meaning) else meaning
 
 
 EVERYTHING = Window()
+
+Known: TypeAlias = tuple[Any, tuple[Defect, ...], Meaning | None]
+"""What is known of a frame without those before it: its row, its defects, its meaning if that may change."""
 
 
 class Decoding:
@@ -96,28 +148,34 @@ class Decoding:
         self, decoder: Decoder, output: Output, wanted: Wanted | None = None, window: Window = EVERYTHING
     ) -> None:
         self.damage = DamageCounts()
-        self._output, self._window = output, window
+        self._output, self._wanted, self._window = output, wanted, window
+        self._decoder, self._known = decoder, self._remembering(decoder)
 
-        def row(meaning: Meaning) -> Any:
-            return output.row(meaning) if wanted is None or wanted(meaning) else None
+    def _row(self, meaning: Meaning) -> Any:
+        return self._output.row(meaning) if self._wanted is None or self._wanted(meaning) else None
+
+    def _remembering(self, decoder: Decoder) -> Callable[[Raw], Known]:
+        row = self._row
 
         # Most frames on a bus are requests and confirms without data: what is made from them is kept.
         @lru_cache(REMEMBERED)
-        def known(raw: Raw) -> tuple[Any, tuple[Defect, ...], Meaning | None]:
+        def known(raw: Raw) -> Known:
             meaning = decoder(raw)
             return row(meaning), meaning.defects, meaning if is_followed(meaning) else None
 
-        self._decoder, self._row, self._known = decoder, row, known
+        return known
 
     def lines(self, file: BinaryIO, log: str, form: str | None = None, largest: int = LARGEST) -> Iterator[str]:
-        """Yield the lines of output for an open log named `log`; errors as `formats.read`.
+        """Yield the lines of output for an open log named `log`; errors as `formats.entries`.
 
         What is wrong in the log is counted, whether it is wanted or not.
         """
         known, shown_time, write = self._known, self._window.clock(), self._output.writer(log)
-        follow = Follower(self._decoder)
-        for number, time, channel, raw in formats.read(file, form, largest):
-            row, defects, followed = known(raw)
+        now: dict[str, Callable[[Raw], Known]] = {}
+        follow = Follower(self._decoder, lambda channel, decoder: now.update({channel: self._remembering(decoder)}))
+        known_now = now.get
+        for number, time, channel, raw in formats.entries(file, form, largest):
+            row, defects, followed = known_now(channel, known)(raw)
             if followed and (said := follow(time, channel, followed)) is not followed:
                 row, defects = self._row(said), said.defects
             if defects:

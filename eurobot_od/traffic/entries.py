@@ -48,6 +48,14 @@ class Foreign(NamedTuple):
     damage: Damage
     text: str
 
+    @property
+    def is_read(self) -> bool:
+        """Whether it is something that a bus can carry, and not text that nobody understands."""
+        return self.damage not in (Damage.UNREADABLE, Damage.CUT_OFF)
+
+
+LONGEST_FOREIGN = 140
+"""Characters of a frame of CAN FD, with its 64 bytes."""
 
 Raw: TypeAlias = Frame | Foreign
 
@@ -103,7 +111,7 @@ def frame(identifier: int, data: bytes, extended: object = False, remote_length:
 
 def foreign(damage: Damage, identifier: int, data: bytes) -> Foreign:
     """Return what is not a classic frame, but has an identifier and data."""
-    return Foreign(damage, shortened(f"{identifier:03X}#{data.hex().upper()}"))
+    return Foreign(damage, shortened(f"{identifier:03X}#{data.hex().upper()}", LONGEST_FOREIGN))
 
 
 def shortened(text: str | bytes, length: int = 60) -> str:

@@ -15,9 +15,11 @@ from eurobot_od.errors import FrameLengthError
 from eurobot_od.frame import Frame, RemoteFrame
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.pdos import OnRefused, fatal
+from eurobot_od.od.values import Address
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.catalogue import NOTHING, Catalogue
 from eurobot_od.pdo.codec import compiled
+from eurobot_od.pdo.in_force import InForce
 from eurobot_od.pdo.kinds import OutOfRange
 from eurobot_od.pdo.message import Message, flagged_fields
 from eurobot_od.pdo.protocol import Protocol
@@ -47,7 +49,8 @@ class SdoTransfer(NamedTuple):
     """An SDO transfer that has ended: the object, what happened to it, how, and how much it was in how many seconds.
 
     `aborted` is the abort code, None if it was not; `lost` counts the segments that the log does not have. Without the
-    end in the log it is not `whole`.
+    end in the log it is not `whole`. It is of the node `server`; `address` is None if its beginning is missing, and
+    `content` if not all of it came, or too much to keep.
     """
 
     object: str
@@ -58,6 +61,9 @@ class SdoTransfer(NamedTuple):
     aborted: int | None = None
     lost: int = 0
     is_whole: bool = True
+    server: int = 0
+    address: Address | None = None
+    content: bytes | None = None
 
 
 class Meaning(NamedTuple):
@@ -77,20 +83,23 @@ class Meaning(NamedTuple):
     transfer: SdoTransfer | None = None
     sender: str = ""
 
+    @property
+    def is_read(self) -> bool:
+        """Whether it says what the frame says: what is wrong may also be what the log lacks before it."""
+        return self.message is not None or all(each.damage is Damage.INCOMPLETE for each in self.defects)
+
 
 def with_defects(meaning: Meaning) -> str:
     """Write a damaged frame as far as it could be read, and after `!` what is wrong with it."""
     wrong = "; ".join(f"{damage.value}: {text}" for damage, text in meaning.defects)
-    # A frame before which others are missing says all the same what it says.
-    is_read = meaning.message is not None or all(each.damage is Damage.INCOMPLETE for each in meaning.defects)
-    return f"{meaning.text}  ! {wrong}" if is_read else f"! {wrong}"
+    return f"{meaning.text}  ! {wrong}" if meaning.is_read else f"! {wrong}"
 
 
 class Decoder:
     """Decodes frames by the EDS files of the nodes on the bus and the catalogue of their messages.
 
     `errors` are words for emergency error codes of single nodes, by node-ID; 0 stands for all nodes. `master` is the
-    name of who leads the network.
+    name of who leads the network. What is `learned` of devices without files names their PDOs, and nothing else.
     """
 
     def __init__(
@@ -100,12 +109,19 @@ class Decoder:
         refused: OnRefused = fatal,
         errors: Mapping[int, Mapping[int, str]] = MappingProxyType({}),
         master: str = MASTER,
+        learned: Iterable[Dictionary] = (),
     ) -> None:
         self.dictionaries = tuple(dictionaries)
-        self.protocol = Protocol.of_devices(self.dictionaries, catalogue, refused, listening=True)
+        self._learned = tuple(learned)
+        self.protocol = Protocol.of_devices((*self.dictionaries, *self._learned), catalogue, refused, listening=True)
         self._own_errors, self._master = errors, master or MASTER
         self._bindings = {each.cob_id: each for each in self.protocol.bindings}
         self._readers: dict[int | Damage, Callable[[Any], Meaning]] = {}
+
+    def as_shown(self, shown: InForce) -> Decoder:
+        """Return the decoder for what the devices have in force now; a PDO that does not hold is left out."""
+        known = shown.described, self.protocol.catalogue, lambda _: None, self._own_errors, self._master
+        return Decoder(*known, shown.learned)
 
     @cached_property
     def services(self) -> Mapping[int, CanopenService]:
@@ -135,6 +151,10 @@ class Decoder:
         read = self._readers.get(raw[0])  # by COB-ID; a Damage is never found
         if read:
             return read(raw)
+        if isinstance(raw, Foreign) and raw.damage is Damage.FD:  # other traffic on the same wire is not damage
+            _, mark, data = raw.text.rpartition("#")
+            name = f"CAN FD, {amount(len(data) // 2, 'byte')}" if mark and not data.endswith("...") else "CAN FD"
+            return Meaning(raw, name, "", (), None, raw.text)
         if isinstance(raw, Foreign):
             return Meaning(raw, "", "", (), None, raw.text, (Defect(raw.damage, raw.text),))
         # The reader of an identifier is made at its first frame: a log has few of a network's messages.

@@ -44,11 +44,15 @@ SENT = 1
 
 
 class SdoEnd(NamedTuple):
-    """Which end of an SDO channel sends under an identifier; the `channel` is called by that of its requests."""
+    """Which end of an SDO channel sends under an identifier; the `channel` is called by that of its requests.
+
+    `server` is the node-ID of the one with the objects.
+    """
 
     channel: int
     is_answer: bool
     dictionary: Dictionary | None
+    server: int
 
 
 class CanopenService(NamedTuple):
@@ -73,8 +77,14 @@ class CanopenService(NamedTuple):
 class KnownNode(NamedTuple):
     """What is known of the node that a frame is from or for: its name, and its dictionary if there is one."""
 
+    node_id: int
     name: str
     dictionary: Dictionary | None = None
+
+    @classmethod
+    def unnamed(cls, node_id: int) -> KnownNode:
+        """Return a node of which only the node-ID is known."""
+        return cls(node_id, f"node {node_id}")
 
 
 Services = dict[int, CanopenService]
@@ -85,11 +95,11 @@ def services(dictionaries: Iterable[Dictionary], errors: ErrorWords = NO_WORDS, 
 
     `errors` are the words for the devices' emergency error codes, `master` is the name of who leads the network.
     """
-    known = {each.node_id: KnownNode(each.name, each) for each in dictionaries}
+    known = {each.node_id: KnownNode(each.node_id, each.name, each) for each in dictionaries}
     found = _broadcast({node_id: node.name for node_id, node in known.items()}, master)
     emcy = {}
     for node_id in values.NODE_IDS:
-        node = known.get(node_id, KnownNode(f"node {node_id}"))
+        node = known.get(node_id, KnownNode.unnamed(node_id))
         emcy[node_id] = CanopenService(EMCY_NAME, node.name, (8,), partial(words.emcy, errors.of(node_id)), node.name)
         found[values.EMCY_BASE + node_id] = emcy[node_id]
         found |= _sdo(node, values.SDO_REQUEST_BASE + node_id, values.SDO_RESPONSE_BASE + node_id, master)
@@ -102,8 +112,8 @@ def services(dictionaries: Iterable[Dictionary], errors: ErrorWords = NO_WORDS, 
     for device in devices:  # after all have said where SYNC and TIME are: a producer names itself
         found |= _produced(device, found)
         for server, client, request, answer in sdo_channels(device):
-            asks = known.get(client, KnownNode(f"node {client}")).name if client else master
-            found |= _sdo(known.get(server, KnownNode(f"node {server}")), request, answer, asks)
+            asks = known.get(client, KnownNode.unnamed(client)).name if client else master
+            found |= _sdo(known.get(server, KnownNode.unnamed(server)), request, answer, asks)
     return found
 
 
@@ -139,7 +149,7 @@ def _sdo(node: KnownNode, request: int, answer: int, client: str) -> Services:
             (8,),
             partial(frame_words, commands, node.dictionary),
             sender,
-            SdoEnd(request, commands is ANSWERS, node.dictionary),
+            SdoEnd(request, commands is ANSWERS, node.dictionary, node.node_id),
         )
         for cob_id, commands, sender in ((request, REQUESTS, client), (answer, ANSWERS, node.name))
     }

@@ -1,9 +1,11 @@
 """SDO transfers put together from their frames: segments, blocks, aborts, what a log lacks of them (CiA 301, 7.2.4).
 
-Theory of operation: a channel, on one bus, has one transfer at a time. Its frames move a `Running` on; the one that
-ends it says object, value, size, time and CRC. In the middle of a block only the frames before it tell a segment from a
-command. A log that begins there, or lacks the beginning, is understood from the second segment on: only segments of a
-block come one after the other from one end, numbered.
+Theory of operation: a channel, on one bus, has one transfer at a time. Its frames move a `Running` on; the frame that
+ends it says object, value, size, time and CRC. In the middle of a block only the frames before it tell a segment
+from a command. A log that begins there, or lacks the beginning, is understood from the second segment on: only
+segments of a block come one after the other from one end, numbered. A block without an end, as when its master was
+killed, ends with the first frame that cannot be in it: another kind of answer, a number that the block cannot have, a
+gap in the numbers after a silence, or the node's boot-up.
 
 There is no clock in here: frames go in with their times. A transfer takes at most KEPT bytes of memory, however long it
 is, and frames that a log lacks do not spoil another transfer.
@@ -17,7 +19,7 @@ from dataclasses import dataclass, field
 from enum import Enum
 from typing import NamedTuple, TypeAlias
 
-from eurobot_od.od.values import Address
+from eurobot_od.od.values import DATA_TYPES, Address
 from eurobot_od.sdo.wire import (
     ABORT,
     ANSWER_SUB_COMMAND,
@@ -52,6 +54,12 @@ KEPT = 4096
 LONGEST_VALUE = 100
 """Most characters of a value in a line."""
 
+LONGEST_BLOCK = 127
+"""Segments of a block, unless its receiver asks for fewer (CiA 301, 7.2.4.3.9)."""
+
+SILENCE = 1.0
+"""After so many s a segment that is not the next one is no segment."""
+
 
 class How(Enum):
     """How a transfer goes; the value is the word for it."""
@@ -82,7 +90,8 @@ class Running:
     """A transfer that goes on: what came of it, up to the last frame.
 
     `end` is that of its requests; `taken` are the segments of the present block, `tail` the last segment that was
-    acknowledged, whose unused bytes only the end of the transfer tells. Without an `address` its beginning is missing.
+    acknowledged, whose unused bytes only the end of the transfer tells; a block has at most `longest`, the last one was
+    `heard`. Without an `address` its beginning is missing.
     """
 
     end: SdoEnd
@@ -99,6 +108,8 @@ class Running:
     toggle: int = 0
     has_crc: bool = False
     in_block: bool = False
+    longest: int = LONGEST_BLOCK
+    heard: float = 0.0
     expected: int = 1
     taken: dict[int, bytes] = field(default_factory=dict)
     tail: bytes = b""
@@ -132,14 +143,37 @@ class Running:
 
     def ended(self, time: float, aborted: int | None = None, is_whole: bool = True) -> SdoTransfer:
         """Return what the transfer was, for the count of all."""
-        seconds = time - self.began
-        return SdoTransfer(
-            self.object, self.is_upload, self.how.value, self.size, seconds, aborted, self.lost, is_whole
-        )
+        seconds, kept = time - self.began, is_whole and aborted is None and not self.lost and self.size <= KEPT
+        way = self.object, self.is_upload, self.how.value, self.size, seconds, aborted, self.lost, is_whole
+        return SdoTransfer(*way, self.end.server, self.address, bytes(self.content) if kept else None)
 
-    def take_segment(self, data: bytes) -> Said:
+    @property
+    def broken(self) -> str:
+        """Say that it did not end, and how much of it came."""
+        came = (
+            amount(self.size, "byte") if self.announced is None else f"{self.size} of {amount(self.announced, 'byte')}"
+        )
+        variable = self.end.dictionary.variable(self.address) if self.end.dictionary and self.address else None
+        type_ = DATA_TYPES.get(variable.data_type or 0) if variable else None
+        misfit = self.announced is not None and type_ is not None and type_.size not in (0, self.announced)
+        has = f"; the object has {type_.size}" if type_ and misfit else ""
+        return f"the {'read' if self.is_upload else 'write'} of {self.object} before did not end; {came} came{has}"
+
+    def is_left(self, end: SdoEnd, time: float, data: bytes) -> bool:
+        """Whether a frame in a block cannot be of that block: who sent it has left the transfer."""
+        if end.is_answer is not self.is_upload:
+            return data[0] >> 5 != ServerCommand.BLOCK_DOWNLOAD  # the same number as the client's BLOCK_UPLOAD
+        number = data[0] & ~BLOCK_LAST
+        return not 0 < number <= self.longest or (number > self.expected and time - self.heard > SILENCE)
+
+    def forget(self, data: bytes) -> None:
+        """Take back a segment that has turned out to be a request."""
+        if self.taken.get(number := data[0] & ~BLOCK_LAST) == data[1:]:
+            del self.taken[number]
+
+    def take_segment(self, time: float, data: bytes) -> Said:
         """Take in a segment of a block."""
-        number, part = data[0] & ~BLOCK_LAST, data[1:]
+        number, part, self.heard = data[0] & ~BLOCK_LAST, data[1:], time
         if number < self.expected:  # a next block; the acknowledgement between is not in the log
             self.take_over()
         self.taken[number] = part
@@ -168,11 +202,12 @@ class Running:
             # Rounded up: the last segment may have fewer bytes than the others.
             self.lost = -(-(self.announced - self.size) // SEGMENT_SIZE)
 
-    def ends_with(self, data: bytes) -> bool:
+    def ends_with(self, end: SdoEnd, data: bytes) -> bool:
         """Whether this is not a segment but the end, which comes after a last segment; a block never begins like it."""
         command = ServerCommand.BLOCK_UPLOAD if self.is_upload else ClientCommand.BLOCK_DOWNLOAD
         is_possible = self.is_last or not self.taken
-        return is_possible and data[0] >> 5 == command and bool(data[0] & Block.END)
+        ends = data[0] >> 5 == command and bool(data[0] & Block.END)
+        return is_possible and ends and end.is_answer is self.is_upload
 
     def compare(self, crc: int) -> str:
         """Say whether the CRC at the end of the blocks is that of the content."""
@@ -206,8 +241,16 @@ class Transfers:
             running = self._begun_before(key, end, time, before[1], data) or running
         if data[0] == ABORT:
             return self._aborted(key, end, time, data)
-        if running and running.in_block and end.is_answer is running.is_upload and not running.ends_with(data):
-            return running.take_segment(data)
+        left = NOTHING
+        if running and running.in_block and not running.ends_with(end, data):
+            if running.is_left(end, time, data):
+                left = self._left(key, time, before if end.is_answer else None)
+            elif end.is_answer is running.is_upload:
+                return running.take_segment(time, data)
+        said = self._step(key, end, time, data)
+        return said._replace(lost=left.lost or said.lost, ended=left.ended or said.ended)
+
+    def _step(self, key: tuple[str, int], end: SdoEnd, time: float, data: bytes) -> Said:
         steps, masks = (OF_ANSWERS, ANSWER_SUB_COMMAND) if end.is_answer else (OF_REQUESTS, REQUEST_SUB_COMMAND)
         specifier = data[0] >> 5
         step = steps.get((specifier, data[0] & masks.get(specifier, 0)))
@@ -234,16 +277,37 @@ class Transfers:
 
     def _begin(self, key: tuple[str, int], running: Running) -> Said:
         """Begin a transfer; one that has not ended was given up, or its end is not in the log."""
-        before, self._running[key] = self._running.get(key), running
-        if before is None:
+        said = self._give_up(key, running.began)
+        self._running[key] = running
+        return said
+
+    def _give_up(self, key: tuple[str, int], time: float) -> Said:
+        """End what runs on a channel, if anything does, without its end."""
+        running = self._running.pop(key, None)
+        if running is None:
             return NOTHING
-        before.take_rest()
-        ended = before.ended(running.began, is_whole=False)
-        if before.how is How.EXPEDITED:  # a question without an answer: nobody has to be there
-            return Said(ended=ended)
-        what = "read" if before.is_upload else "write"
-        lost = f"the {what} of {before.object} before did not end; {amount(before.size, 'byte')} came"
-        return Said(lost=lost, ended=ended)
+        running.take_rest()
+        # An expedited one is a question without an answer: nobody has to be there.
+        lost = "" if running.how is How.EXPEDITED else running.broken
+        return Said(lost=lost, ended=running.ended(time, is_whole=False))
+
+    def _left(self, key: tuple[str, int], time: float, before: tuple[bool, bytes] | None) -> Said:
+        """End a transfer that has been left; a request `before` the frame that shows it was none of its segments."""
+        running = self._running[key]
+        asked = before[1] if before and not before[0] and not running.is_upload else b""
+        if asked:
+            running.forget(asked)
+        said = self._give_up(key, time)
+        if asked:
+            self._step(key, running.end, time, asked)
+        return said
+
+    def boot(self, channel: str, server: int) -> Iterator[Said]:
+        """End the transfers with a server that has booted up: it knows nothing of them."""
+        for key in [key for key, each in self._running.items() if key[0] == channel and each.end.server == server]:
+            said = self._give_up(key, self._running[key].heard)
+            self._before.pop(key, None)
+            yield said
 
     def _finish(self, key: tuple[str, int], time: float) -> Said:
         """End a transfer with the frame that has come."""
@@ -285,8 +349,10 @@ class Transfers:
         is_upload = initiate.command >> 5 == ClientCommand.BLOCK_UPLOAD
         # A client that reads does not know the size: the server says it in its answer (CiA 301, 7.2.4.3.12).
         size = initiate.number if initiate.command & BLOCK_SIZE_GIVEN and not is_upload else None
-        has_crc = bool(initiate.command & BLOCK_CRC)
-        return self._begin(key, Running(end, initiate.address, is_upload, time, How.BLOCKS, size, has_crc=has_crc))
+        running = Running(end, initiate.address, is_upload, time, How.BLOCKS, size, heard=time)
+        running.has_crc = bool(initiate.command & BLOCK_CRC)
+        running.longest = data[4] if is_upload and data[4] else LONGEST_BLOCK
+        return self._begin(key, running)
 
     def _start(self, key: tuple[str, int], _end: SdoEnd, _time: float, _data: bytes) -> Said:
         if running := self._running.get(key):
@@ -341,7 +407,7 @@ class Transfers:
         if running.is_upload:
             running.announced = initiate.number if initiate.command & BLOCK_SIZE_GIVEN else None
         else:
-            running.in_block = True
+            running.in_block, running.longest = True, data[4] or LONGEST_BLOCK
         return NOTHING
 
     # Blocks
@@ -360,6 +426,8 @@ class Transfers:
             running.tail = bytes(SEGMENT_SIZE) if part is None else part
         running.lost += missing
         running.is_last = running.is_last and sent <= highest
+        running.in_block = running.in_block and not running.is_last
+        running.longest = data[2] or LONGEST_BLOCK
         running.taken.clear()
         running.expected = 1
         again = f", {amount(sent - highest, 'segment')} to be sent again" if sent > highest else ""
@@ -379,7 +447,13 @@ class Transfers:
 
     def _blocks_end_taken(self, key: tuple[str, int], _end: SdoEnd, time: float, _data: bytes) -> Said:
         running = self._running.get(key)
-        return self._finish(key, time) if running and running.how is How.BLOCKS and running.verdict else NOTHING
+        if running is None or running.how is not How.BLOCKS:
+            return NOTHING
+        if running.verdict:
+            return self._finish(key, time)
+        running.take_rest()
+        said = self._finish(key, time)
+        return said._replace(lost=said.lost or "the end of its blocks is not in the log")
 
 
 # What each frame does

@@ -224,6 +224,15 @@ def test_shows_the_last_frames_with_their_meaning() -> None:
     ]
 
 
+def test_reads_the_last_frames_by_the_ones_before_them() -> None:
+    """The first byte of a segment is that of an abort; only the frames before tell them apart."""
+    found = reason(
+        "- send: {raw: 602#C617100002000000}\n- wait: 10 ms\n- send: {raw: 602#8102000000000000}\n"
+        "- expect: Goto Confirm\n  within: 10 ms"
+    )
+    assert "SDO  drive, block segment 1, the last" in [line.meaning for line in found.frames]
+
+
 SECTIONS = """\
 spec: 1
 name: sections

@@ -12,10 +12,10 @@ from pathlib import Path
 import pytest
 
 from eurobot_od import cli
-from eurobot_od.cli.completion import PLACES
 from eurobot_od.robot.plugin import ROBOT
 from tests.cli.console import run
 
+SHELLS = ("bash", "zsh", "fish", "tcsh")
 COMMANDS = [*cli.COMMANDS, *ROBOT.commands]
 LONG = re.compile(r"^ +(?:-\w(?: \S+)?, )?(--[a-z-]+)", re.MULTILINE)
 
@@ -24,7 +24,7 @@ LONG = re.compile(r"^ +(?:-\w(?: \S+)?, )?(--[a-z-]+)", re.MULTILINE)
 def scripts() -> dict[str, str]:
     """The script of each shell, as a process of its own prints it."""
     words = ["-m", "eurobot_od", "completion"]
-    return {shell: subprocess.check_output([sys.executable, *words, shell], text=True) for shell in PLACES}
+    return {shell: subprocess.check_output([sys.executable, *words, shell], text=True) for shell in SHELLS}
 
 
 def test_each_shell_has_a_script_with_every_command(scripts: dict[str, str]) -> None:
@@ -37,6 +37,14 @@ def test_it_has_the_options_of_every_command(scripts: dict[str, str], capsys: py
         name = f"_shtab_eurobot_od_{command.replace('-', '_')}_option_strings"
         (options,) = re.findall(rf"^{name}=\((.*)\)", scripts["bash"], re.MULTILINE)
         assert set(re.findall(r"--[a-z-]+", options)) == set(LONG.findall(run(capsys, command, "--help").out)), command
+
+
+def test_the_workbench_completes_itself_and_knows_no_robot() -> None:
+    code = "import sys; from eurobot_od.__main__ import workbench; sys.exit(workbench())"
+    script = subprocess.check_output([sys.executable, "-c", code, "completion", "bash"], text=True)
+    assert script.endswith(" _shtab_canopen_workbench canopen-workbench\n")
+    assert "_shtab_canopen_workbench_decode_option_strings" in script
+    assert not re.search("eurobot|navigation|_match_", script)
 
 
 COMPLETED = [

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -73,7 +74,6 @@ REPORT = {
     "unreadable": ("1", "2: garbage in the log"),
     "cut off": ("1", "15: (12.0) can0 0"),
     "error frame": ("1", "6: 20000080#0000000000000000"),
-    "FD frame": ("1", "7: 008##1AABB"),
     "extended frame": ("1", "4: 18FF0001#AABB"),
     "unknown identifier": ("2", "8: 123#01: in no file; its identifier is reserved for safety (SRDO)"),
     "wrong length": ("2", "3: Goto XY (0x008): 3 bytes of data, expected 6 or 8"),
@@ -166,7 +166,15 @@ def test_damage_costs_no_other_line(damaged: Path, capsys: pytest.CaptureFixture
     cli.main(["decode", str(damaged)])
     lines = capsys.readouterr().out.splitlines(keepends=True)
     assert len(lines) == len(DAMAGED)
-    assert "".join(line for line in lines if "!" not in line and "remote frame" not in line) == TEXT
+    assert "".join(line for line in lines if not re.search("!|remote frame|CAN FD", line)) == TEXT
+
+
+def test_a_log_of_which_nothing_can_be_read_is_wrong_input(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    log = tmp_path / "letter.log"
+    log.write_text("Dear Sir,\nplease find enclosed\n")
+    for words in (["decode"], ["compare", str(log)], ["archive", "-o", str(tmp_path / "season")]):
+        assert cli.main([*words, str(log)]) == 2, words
+        assert "nothing in it can be read as a frame" in capsys.readouterr().err
 
 
 @rows("form", [[], ["--json"], ["--csv"]])
@@ -201,7 +209,7 @@ def test_relative_time(good: Path, capsys: pytest.CaptureFixture[str]) -> None:
 
 WRONG = [
     (["no-such-file.log"], 3, "No such file"),
-    (["log.xyz"], 2, "unknown log format 'xyz'; known: log, candump, asc, csv"),
+    (["log.xyz"], 2, "unknown log format 'xyz'; known: log, candump, console, busmaster"),
     (["log.log", "--message", "Goto"], 2, "unknown message 'Goto'; known: Emergency Shutdown"),
     (["log.log", "--node", "Antrieb"], 2, "unknown node 'Antrieb'; known: core, drive, navigation"),
     (["log.log", "--where", "speed>fast"], 2, "Goto XY: speed = 'fast' is not allowed; allowed: 0..100 %"),

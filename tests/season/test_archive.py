@@ -20,6 +20,7 @@ from eurobot_od.robot.model.messages import CATALOGUE
 from eurobot_od.season import writing
 from eurobot_od.season.archive import BEGUN, Archived, Archiver, _begun, archive
 from eurobot_od.season.campaign import local
+from eurobot_od.season.season import Season
 from eurobot_od.season.tables import is_whole, table_names
 from eurobot_od.season.writing import DecodedNetwork
 from eurobot_od.traffic import formats
@@ -280,3 +281,39 @@ def test_frames_that_are_written_in_parts_are_there_once(
     monkeypatch.setattr(writing, "MANY", 1)
     Archiver(tmp_path / "season", NETWORK)(log)
     assert table(tmp_path / "season", "goto_xy")["line"].to_list() == [1]
+
+
+REMAP = """601#2300180181010080 581#6000180100000000 601#2F001A0000000000 581#60001A0000000000
+601#23001A0120006C60 581#60001A0100000000 601#23001A0210004160 581#60001A0200000000
+601#2F001A0002000000 581#60001A0000000000 601#2300180181010000 581#6000180100000000"""
+BY_FILE, REMAPPED, RESET = "181#3702E8030000", "181#E80300003702", "701#00"
+
+
+def servo_log(file: Path, lines: str, channel: str = "can0", other: str = "") -> Path:
+    """Write a log; `other` are lines that come last, on another channel."""
+    pairs = [(each, channel) for each in lines.split()] + [(each, "can9") for each in other.split()]
+    file.write_text("".join(f"({number / 1000:.6f}) {name} {line}\n" for number, (line, name) in enumerate(pairs, 1)))
+    return file
+
+
+def test_messages_are_by_what_their_devices_have_in_force(tmp_path: Path) -> None:
+    """Each frame as `decode` has it, on each channel; a mapping without frames leaves no table behind."""
+    network, season = DecodedNetwork((Dictionary.load("docs/servo.eds", 1),), CATALOGUE), tmp_path / "season"
+    Archiver(season, network)(servo_log(tmp_path / "boot.log", f"{REMAP} {REMAPPED}"))
+    rows = table(season, "servo_tpdo1").select("velocity_actual_value", "statusword").rows()
+    assert rows == [(1000, 0x237)]
+    assert table(season, "damage").is_empty()
+
+    later = tmp_path / "later"
+    log = servo_log(tmp_path / "later.log", f"{BY_FILE} {REMAP} {REMAPPED} {RESET} {BY_FILE}", other=BY_FILE)
+    Archiver(later, network)(log)
+    assert table(later, "servo_tpdo1")["line"].to_list() == [1, 16, 17]
+    assert table(later, "servo_tpdo1_remapped").select("line", "velocity_actual_value").rows() == [(14, 1000)]
+
+
+def test_runs_with_and_without_a_remap_are_one_season(tmp_path: Path) -> None:
+    network, folder = DecodedNetwork((Dictionary.load("docs/servo.eds", 1),), CATALOGUE), tmp_path / "season"
+    for name, lines in (("a", BY_FILE), ("b", f"{REMAP} {REMAPPED}"), ("c", BY_FILE)):
+        Archiver(folder, network)(servo_log(tmp_path / f"{name}.log", f"{lines} 70{name}#05"))
+    assert Season.open(folder).sql("SELECT count(*) FROM servo_tpdo1").item() == 3
+    assert Season.open(folder).frames("servo_tpdo1").collect().height == 3

@@ -11,6 +11,7 @@ import pytest
 
 pytest.importorskip("polars", reason="the extra `season` is not installed")
 
+from eurobot_od.errors import LocalError
 from eurobot_od.frame import Frame, RemoteFrame
 from eurobot_od.season import batches as module
 from eurobot_od.season.batches import batches
@@ -124,11 +125,19 @@ def test_the_format_may_be_said(suffix: str, form: str, tmp_path: Path) -> None:
         assert [cob_id for each in batches(opened, form) for cob_id in each.frames["cob_id"]] == [8, 9, 10]
 
 
-@pytest.mark.parametrize("content", [b"", b"\n", b"x", b"(1.0) can0 001#"])
+@pytest.mark.parametrize("content", [b"", b"\n", b"(1.0) can0 001#"])
 def test_short_logs(content: bytes, tmp_path: Path) -> None:
     file = tmp_path / "short.log"
     file.write_bytes(content)
     assert entries(file) == read(file)
+
+
+@pytest.mark.parametrize("name", ["letter.log", "letter.asc"])
+def test_a_log_of_which_nothing_can_be_read_is_an_error(name: str, tmp_path: Path) -> None:
+    file = tmp_path / name
+    file.write_bytes(b"Dear Sir,\nplease\n")
+    with file.open("rb") as opened, pytest.raises(LocalError, match="nothing in it can be read"):
+        list(batches(opened))
 
 
 def test_a_packed_log_that_is_cut_off_says_so_and_gives_what_is_whole(tmp_path: Path) -> None:

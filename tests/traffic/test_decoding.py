@@ -100,7 +100,6 @@ def test_regular_lines_in_any_of_their_forms(decoder: Decoder, log: str, reason:
         (FIRST.replace("#1B", "#GG"), UNREADABLE, ""),
         ("x" * 50_000 + "\n", UNREADABLE, "xxx..."),
         # frames of another kind, of no message, of another length
-        (SECOND.replace("010#", "010##1"), "FD frame", "010##1"),
         (SECOND.replace("010#", "20000080#"), "error frame", "20000080#"),
         (SECOND.replace("010#", "00000010#"), "extended frame", "00000010#"),
         (SECOND.replace("010#", "7FE#"), "unknown identifier", "7FE#"),

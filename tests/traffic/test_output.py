@@ -21,7 +21,7 @@ ENTRIES: list[tuple[Raw, dict[str, Any]]] = [
     (Frame(0x014, b"\xfe\xff\xff"), {"message": "Goto State Response", "fields": {"time": "blocked"}}),
     (Frame(0x702, b"\0"), {"message": "Heartbeat", "protocol": "CANopen", "text": "drive, boot-up"}),
     (Frame(0x7FE), {"id": "0x7FE", "text": "7FE#", "damage": [{"kind": "unknown identifier", "text": "7FE#"}]}),
-    (Foreign(Damage.FD, "008##1AA"), {"text": "008##1AA", "damage": [{"kind": "FD frame", "text": "008##1AA"}]}),
+    (Foreign(Damage.FD, "008##1AA"), {"message": "CAN FD, 1 byte", "text": "008##1AA"}),
 ]
 
 

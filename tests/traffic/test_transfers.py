@@ -219,7 +219,7 @@ def test_a_read_in_blocks_that_does_not_end_counts_the_segments_of_its_last_bloc
     frames = recorded(lambda: block_upload(OBJECT, WAIT), content_of(60))
     again = decoded(decoder, [*frames[:6], frames[0]])[-1]
     assert [defect.text.partition(": ")[2] for defect in again.defects] == [
-        "the read of 0x3000:01 before did not end; 21 bytes came"
+        "the read of 0x3000:01 before did not end; 21 of 60 bytes came"
     ]
 
 
@@ -273,3 +273,64 @@ def test_a_question_without_an_answer_is_no_damage(decoder: Decoder) -> None:
 def test_errors_of_the_line_are_errors() -> None:
     with pytest.raises(TransferError):
         recorded(lambda: upload((0x3001, 1), WAIT))
+
+
+# What a master leaves behind that is killed in a block: motor's object is written, and three segments have come
+
+
+KILLED = "C6001F01E8030000 A4001F017F000000 0101020304050607 0201020304050607 0301020304050607"
+READ_IT, VALUE = "4018100100000000", "4318100192010000"
+CUT = "the write of 0x1F00:01 before did not end; 21 of 1000 bytes came"
+
+
+def frames_of(text: str, boot: Frame | None = None) -> list[Frame]:
+    """Return requests and answers, each to the end that its place in the conversation asks for."""
+    answers = ("A4", "A2", "A1", "43", "60")
+    data = [Frame(ANSWERS if each.startswith(answers) else REQUESTS, bytes.fromhex(each)) for each in text.split()]
+    return [*data[:5], *([boot] if boot else []), *data[5:]]
+
+
+@pytest.mark.parametrize(
+    ("frames", "wait", "words"),
+    [
+        (frames_of(f"{KILLED} {READ_IT} {VALUE}", Frame(0x702, b"\0")), 0.0, "boot-up"),
+        (frames_of(f"{KILLED} {READ_IT} {VALUE}"), 4.0, "read 0x1018:01"),  # a gap in the numbers, and a silence
+        (frames_of(f"{KILLED} {READ_IT} {VALUE}"), 0.0, "value of 0x1018:01"),  # no answer of a block
+        (frames_of(f"{KILLED} 2B17100000000000 6017100000000000 {READ_IT} {VALUE}"), 0.0, "written 0x1017:00"),
+        (frames_of(f"{KILLED} 0001020304050607 {READ_IT} {VALUE}"), 0.0, "segment"),  # a number that no block has
+    ],
+)
+def test_a_block_that_its_master_left_poisons_nothing_after_it(
+    decoder: Decoder, frames: list[Frame], wait: float, words: str
+) -> None:
+    following = Following(decoder)
+    meanings = [following(number / 1000 + wait * (number > 4), "can0", each) for number, each in enumerate(frames)]
+    (said,) = [each for each in meanings if each.defects]
+    assert words in said.text
+    assert [defect.text.partition(": ")[2] for defect in said.defects] == [CUT]
+    assert said.transfer is not None
+    assert (said.transfer.is_whole, said.transfer.size) == (False, 21)
+    assert "value of 0x1018:01" in meanings[-1].text
+    assert said is meanings[-1] or meanings[-1].transfer is not None
+
+
+SHORT = "C6001F010A000000 A4001F017F000000 0101020304050607 8201020300000000"
+
+
+@pytest.mark.parametrize(
+    ("rest", "wrong"),
+    [
+        (f"A2027F0000000000 {READ_IT} {VALUE}", "the write of 0x1F00:01 before did not end; 10 of 10 bytes came"),
+        (f"A2027F0000000000 A100000000000000 {READ_IT} {VALUE}", "the end of its blocks is not in the log"),
+    ],
+)
+def test_a_block_without_its_end_or_the_answer_to_it(decoder: Decoder, rest: str, wrong: str) -> None:
+    meanings = decoded(decoder, frames_of(f"{SHORT} {rest}"))
+    assert [defect.text.partition(": ")[2] for each in meanings for defect in each.defects] == [wrong]
+    assert "value of 0x1018:01" in meanings[-1].text
+
+
+def test_a_size_that_the_object_cannot_have_is_said(decoder: Decoder) -> None:
+    frames = frames_of(KILLED.replace("001F01", "181001"), Frame(0x702, b"\0"))
+    (said,) = [each for each in decoded(decoder, frames) if each.defects]
+    assert said.defects[0].text.endswith("did not end; 21 of 1000 bytes came; the object has 4")

@@ -56,7 +56,7 @@ def test_a_frame_that_cannot_be_read_is_text_among_values(frames: tuple[Frame, F
 
 
 def test_what_is_no_frame_has_a_row_by_what_it_is() -> None:
-    found = row(data_of((0.0, Foreign(Damage.FD, "702##1AA"))), "FD frame")
+    found = row(data_of((0.0, Foreign(Damage.FD, "702##1AA"))), "CAN FD, 1 byte")
     assert (found["id"], found["times"], found["bits"]) == (None, [0.0], 0)
 
 

@@ -15,6 +15,7 @@ from functools import partial
 from inspect import iscoroutinefunction, signature
 from math import ceil, inf
 from pathlib import Path
+from threading import get_ident
 from typing import Any, NamedTuple, TypeAlias, cast
 
 from eurobot_od.bus.live.event_loop import Terminated, exited
@@ -208,8 +209,15 @@ class Referee:
         self.timeline.tell(EventKind.MATCH, f"begins, {self._duration:g} s long", duration=self._duration)
         self.core.start_match(self._duration)
         loop, playing = asyncio.get_running_loop(), asyncio.ensure_future(_played(strategy, self.core))
-        # On a live bus the core runs on the bus's thread, and only its loop's own thread may cancel a task.
-        self.core.at_match_end = partial(loop.call_soon_threadsafe, playing.cancel)
+        here = get_ident()
+
+        def end() -> None:
+            if get_ident() == here:  # at once: the goto has just ended, and a strategy must not go on with its report
+                playing.cancel()
+            else:  # a live bus's thread, and only its loop's own thread may cancel a task
+                loop.call_soon_threadsafe(playing.cancel)
+
+        self.core.at_match_end = end
         try:
             while not (self._over or self.core.match_over):
                 left = min(mushroom, self._end) - self.clock()

@@ -10,9 +10,10 @@ from collections.abc import Callable
 from contextlib import suppress
 from importlib import import_module
 from pathlib import PurePath
-from typing import Any, BinaryIO, cast
+from typing import Any, BinaryIO, NoReturn, cast
 
 from eurobot_od.errors import LocalError, UnknownName
+from eurobot_od.frame import Frame
 from eurobot_od.traffic.entries import LARGEST, Damage, Entries, Foreign, Read
 from eurobot_od.traffic.formats.lines import read_lines
 
@@ -23,6 +24,9 @@ STANDARD_INPUT = CANDUMP = "log"
 FORMATS = {
     CANDUMP: ("lines", "CandumpFormat"),
     "candump": ("lines", "CandumpFormat"),
+    "console": ("lines", "ConsoleFormat"),
+    "busmaster": ("lines", "BusmasterFormat"),
+    "gvret": ("lines", "GvretFormat"),
     "asc": ("lines", "AscFormat"),
     "csv": ("python_can", "read_csv"),
     "trc": ("lines", "TrcFormat"),
@@ -40,14 +44,28 @@ BY_NAME = ("db", "mf4")
 CONTENT = re.compile(
     rb"(?P<blf>LOGG)|(?P<db>SQLite format 3\0)|(?P<mf4>MDF {5})|(?P<pcapng>\n\r\r\n)"
     rb"|(?P<pcap>\xd4\xc3\xb2\xa1|\xa1\xb2\xc3\xd4|\x4d\x3c\xb2\xa1|\xa1\xb2\x3c\x4d)"
-    rb"|(?P<log>\(\d+\.\d+\) )|(?P<asc>date |base +(?:hex|dec))|(?P<trc>;\$)|(?P<csv>timestamp,)"
+    rb"|(?:\xef\xbb\xbf)?(?:[ \t]*(?:#[^\n]*)?\r?\n)*(?:(?P<log>\(\d+\.\d+\) \S+ +[0-9A-Fa-f]+#)"
+    rb"|(?P<console>\s*(?:\([-:. \d]+\)\s+)?\S+\s+(?:[RT]X [-B] [-E]\s+)?[0-9A-F]{3,8}\s+[\[{][0-9A-F]{1,2}[\]}])"
+    rb"|(?P<asc>date |base +(?:hex|dec))|(?P<trc>;\$)|(?P<csv>timestamp,)"
+    rb"|(?P<busmaster>\*{3}BUSMASTER)|(?P<gvret>Time Stamp,))"
 )
-"""First bytes that identify a format."""
+"""First bytes that identify a format; blank lines and comments may stand before those of text."""
+
+LIKELY = (
+    (rb"\xff\xfe|\xfe\xff", "it is text in UTF-16: `iconv -f UTF-16 -t UTF-8` converts it"),
+    (rb"PK\x03\x04", "it is a zip archive: unpack it first"),
+    (rb"BZh|\xfd7zXZ|\x28\xb5\x2f\xfd", "it is packed: `bunzip2`, `unxz` or `unzstd` unpacks it (gzip is read)"),
+    (rb"\s*<\?xml", "it is XML: export the frames as ASC or BLF from the program that made it"),
+    (rb".*(?i:ascii trace|ixxat|canalyser)", "it looks like IXXAT's: export it as ASC, or convert it with SavvyCAN"),
+)
+"""How logs begin that are of formats not read here."""
+
+OTHERS = f"--format names its format ({', '.join(FORMATS)}); SavvyCAN and python-can's `can_logconvert` convert others"
 
 PACKED = b"\x1f\x8b"
 """First bytes of a gzip file (RFC 1952)."""
 
-BEGINNING = 64
+BEGINNING = 1024
 """Number of first bytes that are looked at."""
 
 
@@ -61,6 +79,32 @@ def read(file: BinaryIO, form: str | None = None, largest: int = LARGEST) -> Ent
     if beginning.startswith(PACKED):
         return _read_packed(file, form, name, largest)
     return _reader(form or _said_by(beginning, name), name)(file, largest)
+
+
+def entries(file: BinaryIO, form: str | None = None, largest: int = LARGEST) -> Entries:
+    """Yield the entries of a log as `read` does; raises LocalError, at its end, if it has some and none can be read."""
+    words, found = likely(_beginning(file)), read(file, form, largest)
+    has_some = False
+    for entry in found:
+        yield entry
+        if isinstance(entry[3], Frame) or entry[3].is_read:
+            break
+        has_some = True
+    else:
+        if has_some:
+            refuse(getattr(file, "name", None), words)
+    yield from found
+
+
+def refuse(name: object, words: str) -> NoReturn:
+    """Raise the LocalError for a log of which nothing can be read."""
+    shown = name if isinstance(name, str) and name != "<stdin>" else "standard input"
+    raise LocalError(f"{shown}: nothing in it can be read as a frame; {words}")
+
+
+def likely(beginning: bytes) -> str:
+    """Say what a log that cannot be read is likely to be, and what helps."""
+    return next((words for start, words in LIKELY if re.match(start, beginning)), OTHERS)
 
 
 def form_of(file: BinaryIO, form: str | None = None) -> tuple[str, bool]:
@@ -93,7 +137,7 @@ def _said_by(beginning: bytes, name: object) -> str:
     found = CONTENT.match(beginning)
     if found is not None and found.lastgroup is not None:
         return found.lastgroup
-    if not isinstance(name, str):
+    if not isinstance(name, str) or name == "<stdin>":
         return STANDARD_INPUT
     suffixes = PurePath(name.lower()).suffixes
     # For `match.asc.gz` it is `asc`; `match.gz` says nothing about its content.

@@ -46,9 +46,23 @@ CLASSIC = Struct("<BxBBL8s")
 FILE_SIGNATURE, SIGNATURE = b"LOGG", b"LOBJ"
 CONTAINER_TYPE = 10
 CLASSIC_TYPES = (1, 86)  # CAN_MESSAGE, CAN_MESSAGE2
-# CAN_ERROR, CAN_ERROR_EXT, CAN_FD_MESSAGE, CAN_FD_MESSAGE_64
-FOREIGN_TYPES = {2: Damage.ERROR_FRAME, 73: Damage.ERROR_FRAME, 100: Damage.FD, 101: Damage.FD}
-FRAME_TYPES = {*CLASSIC_TYPES, *FOREIGN_TYPES}
+FOREIGN_TYPES = {2: Damage.ERROR_FRAME, 73: Damage.ERROR_FRAME}  # CAN_ERROR, CAN_ERROR_EXT
+
+
+class FdLayout(NamedTuple):
+    """An object of hardware for CAN FD: fields, places of DLC, identifier, flags, length; flags of FD and remote."""
+
+    fields: Struct
+    places: tuple[int, int, int, int]
+    is_fd: int
+    remote: int | None
+
+
+FD_HARDWARE = {
+    100: FdLayout(Struct("<HBBLLBBB5x"), (2, 3, 6, 7), 0x1, None),  # CAN_FD_MESSAGE; remote is a flag of its own field
+    101: FdLayout(Struct("<BBBBLLLLLLLHBBL"), (1, 4, 6, 2), 0x1000, 0x10),  # CAN_FD_MESSAGE_64
+}
+FRAME_TYPES = {*CLASSIC_TYPES, *FOREIGN_TYPES, *FD_HARDWARE}
 CHANNEL = [str(number - 1) for number in range(256)]
 """Channels as python-can counts them, from 0, by their number in the file."""
 
@@ -103,6 +117,8 @@ def _containers(file: BinaryIO, largest: int) -> Iterator[bytes]:
         body = file.read(_sane(size, largest) - OBJECT.size)
         if kind == CONTAINER_TYPE:
             yield from _unpacked(body)
+        elif kind in FRAME_TYPES:  # a file need not have containers
+            yield head + body
         if len(body) < size - OBJECT.size:
             raise EOFError
         file.read(size % 4)  # the padding is as long as this, and not what would fill up a multiple of 4
@@ -154,11 +170,24 @@ def _objects(contents: Iterator[bytes], largest: int) -> Iterator[BlfObject]:
 def _entry(start: float, found: BlfObject) -> tuple[float, str, Raw]:
     kind, since, body = found
     time, channel = start + since, CHANNEL[body[0]]
+    if kind in FD_HARDWARE:
+        return time, channel, _of_fd_hardware(FD_HARDWARE[kind], body)
     if kind in FOREIGN_TYPES:
         return time, channel, Foreign(FOREIGN_TYPES[kind], shortened(body[2:].hex().upper()))
     _, flags, length, identifier, data = CLASSIC.unpack_from(body)
     remote = length if flags & REMOTE_FLAG else None
     return time, channel, frame(identifier & ~EXTENDED_FLAG, data[:length], identifier & EXTENDED_FLAG, remote)
+
+
+def _of_fd_hardware(layout: FdLayout, body: bytes) -> Raw:
+    """Read what hardware for CAN FD has recorded: its flags tell whether the frame is a classic one."""
+    fields = layout.fields.unpack_from(body)
+    dlc, identifier, flags, length = (fields[place] for place in layout.places)
+    data = body[layout.fields.size :][:length]
+    if flags & layout.is_fd:
+        return foreign(Damage.FD, identifier & ~EXTENDED_FLAG, data)
+    is_remote = (fields[1] & REMOTE_FLAG) if layout.remote is None else flags & layout.remote
+    return frame(identifier & ~EXTENDED_FLAG, data, identifier & EXTENDED_FLAG, dlc if is_remote else None)
 
 
 # pcap and pcapng, as Wireshark, tshark and tcpdump write them (the IETF's drafts, and the link type SocketCAN, 227, of

@@ -1,4 +1,4 @@
-"""Logs that consist of lines: candump's, Vector's ASC, PEAK's TRC.
+"""Logs that consist of lines: candump's, Vector's ASC, PEAK's TRC, BUSMASTER's, and SavvyCAN's GVRET.
 
 A format turns a line into an entry or says why it cannot. A line that cannot be read is an entry like any other, and
 does not spoil its neighbours.
@@ -8,13 +8,15 @@ from __future__ import annotations
 
 import re
 from binascii import a2b_hex
+from codecs import BOM_UTF8
 from contextlib import suppress
 from datetime import UTC, datetime, timedelta
 from functools import cache, partial
+from itertools import chain
 from typing import BinaryIO
 
 from eurobot_od.frame import MOST_BYTES, Frame
-from eurobot_od.traffic.entries import BAD, LATEST, Damage, Entries, Foreign, Raw, frame, seconds, shortened
+from eurobot_od.traffic.entries import BAD, LATEST, Damage, Entries, Foreign, Raw, foreign, frame, seconds, shortened
 
 
 class LineFormat:
@@ -25,7 +27,7 @@ class LineFormat:
 
     def comment(self, line: bytes) -> bool:
         """Return whether a line that is not an entry belongs to the format all the same; read a header from it."""
-        return not line.strip()
+        return line.strip()[:1] in (b"", b"#")
 
     def entry(self, line: bytes) -> tuple[float, str, Raw]:
         """Return time in s, channel, and what stands there."""
@@ -38,7 +40,8 @@ def read_lines(file: BinaryIO, form: LineFormat, largest: int) -> Entries:
     Of a line longer than `largest` bytes the start is kept and the rest skipped.
     """
     entry, time, read = form.entry, 0.0, partial(file.readline, largest)
-    for number, line in enumerate(iter(read, b""), 1):
+    first = read().removeprefix(BOM_UTF8)
+    for number, line in enumerate(chain([first] if first else (), iter(read, b"")), 1):
         try:
             time, channel, raw = entry(line)
         except BAD:
@@ -123,6 +126,53 @@ def _cob_id(text: bytes) -> int:
     return int(found[1], 16)
 
 
+# candump on a terminal, ` (1396.123456)  can0  008   [8]  D2 74 23 59 2C 01 C3 A5`, with any of its options for times
+
+
+CONSOLE = re.compile(
+    rb"\s*(?:\((?P<time>[-:. \d]+)\)\s+)?(?P<channel>\S+)\s+(?:[RT]X [-B] [-E]\s+)?"
+    rb"(?P<identifier>[0-9A-F]{8}|[0-9A-F]{3})\s+(?:\[(?P<length>\d{1,2})\]|\{(?P<dlc>[0-9A-F])\})"
+    rb"(?:\s+(?P<remote>remote request)|(?P<data>(?:\s+[0-9A-F]{2}\b)*))",
+    re.IGNORECASE,
+)
+"""A line; two digits of the length are those of a frame of CAN FD."""
+
+ERROR_FLAG, FD_DIGITS = 1 << 29, 2
+
+
+class ConsoleFormat(LineFormat):
+    """Reads what candump shows on a terminal; without times all entries are at 0."""
+
+    def comment(self, line: bytes) -> bool:
+        return super().comment(line) or line[:1] == b"\t"  # candump -e explains an error frame in a line of its own
+
+    def entry(self, line: bytes) -> tuple[float, str, Raw]:
+        found = CONSOLE.match(line)
+        if found is None:
+            raise ValueError(line)
+        time = _console_time(found["time"].decode()) if found["time"] else 0.0
+        identifier, extended = int(found["identifier"], 16), len(found["identifier"]) == CANDUMP_EXTENDED
+        length = int(found["length"] or found["dlc"], 10 if found["length"] else 16)
+        data = bytes.fromhex((found["data"] or b"").decode())[: length if found["length"] else MOST_BYTES]
+        if not found["remote"] and len(data) != min(length, 64 if found["length"] else MOST_BYTES):
+            raise ValueError(line)
+        raw: Raw
+        if extended and identifier & ERROR_FLAG:
+            raw = foreign(Damage.ERROR_FRAME, identifier, data)
+        elif found["length"] and len(found["length"]) == FD_DIGITS:
+            raw = foreign(Damage.FD, identifier, data)
+        else:
+            raw = frame(identifier, data, extended, length if found["remote"] else None)
+        return time, found["channel"].decode(), raw
+
+
+def _console_time(text: str) -> float:
+    """Return a time in s, or that of a date in local time; the first of -td and -tz is 0."""
+    if "-" in text:
+        return datetime.fromisoformat(text).timestamp()
+    return seconds(float(text))
+
+
 # ASC, `   2.501010 1  222  Rx   d 8 0C 00 00 00 00 00 00 00`; what is not a frame (statistics, chip state) is a comment
 
 
@@ -136,34 +186,68 @@ ASC_DIRECTIONS = (b"Rx", b"Tx", b"TxRq")
 ASC_ERROR_FRAME, ASC_FD, ASC_DATA, ASC_REMOTE, ASC_EXTENDED = b"errorframe", b"CANFD", b"d", (b"r", b"R"), (b"x", b"X")
 
 
+ASC_BITS, ASC_FD_FLAG, ASC_REMOTE_FLAG = (b"0", b"1"), 0x1000, 0x10
+"""Of hardware for CAN FD: how a bit is written, and flags of a frame."""
+
+
 class AscFormat(LineFormat):
     """Reads one ASC log; numbers are hexadecimal unless its header says `base dec`."""
 
     def __init__(self) -> None:
         self._base = NUMBER[b"hex"]
+        self._is_relative, self._before = False, 0.0
 
     def comment(self, line: bytes) -> bool:
         text = line.strip()
         if base := BASE.match(text):
-            self._base = NUMBER[base[1].lower()]
-        return bool(ASC_HEADER.match(text) or ASC_EVENT.match(text))
+            self._base, self._is_relative = NUMBER[base[1].lower()], text.lower().endswith(b"relative")
+        is_event = ASC_EVENT.match(text)
+        if is_event:
+            self._time(text.split(None, 1)[0])
+        return bool(ASC_HEADER.match(text) or is_event)
+
+    def _time(self, stamp: bytes) -> float:
+        """Return a time in s since the log's start; a relative one counts from the entry before."""
+        time = seconds(stamp)
+        if self._is_relative:
+            self._before = time = self._before + time
+        return time
 
     def entry(self, line: bytes) -> tuple[float, str, Raw]:
         stamp, channel, *words = line.split()
-        is_fd = channel.upper() == ASC_FD
-        foreign = Damage.ERROR_FRAME if ASC_ERROR_FRAME in line.lower() else Damage.FD if is_fd else None
-        if foreign:
-            channel = words[0] if is_fd else channel  # the word stands before the channel
-            return seconds(stamp), _asc_channel(channel), Foreign(foreign, shortened(line.split(None, 2)[2]))
+        if ASC_ERROR_FRAME in line.lower():
+            text = shortened(line.split(None, 2)[2])
+            if channel.upper() == ASC_FD:
+                channel = words[0]  # the word stands before the channel
+            return self._time(stamp), _asc_channel(channel), Foreign(Damage.ERROR_FRAME, text)
+        if channel.upper() == ASC_FD:
+            made: Raw = self._of_fd_hardware(*words[1:])
+            return self._time(stamp), _asc_channel(words[0]), made
         identifier, direction, kind, *rest = words
         extended, number = identifier[-1:] in ASC_EXTENDED, int(identifier.rstrip(b"xX"), self._base)
         if direction not in ASC_DIRECTIONS or kind not in (*ASC_REMOTE, ASC_DATA):
             raise ValueError(line)
         if kind in ASC_REMOTE:  # CANalyzer leaves the length out
-            made = frame(number, b"", extended, int(rest[0], self._base) if rest else 0)
+            # After it may stand how long the frame was, by its name.
+            made = frame(number, b"", extended, int(rest[0], self._base) if rest and len(rest[0]) < 3 else 0)
         else:
             made = frame(number, self._data(*rest), extended)
-        return seconds(stamp), _asc_channel(channel), made
+        return self._time(stamp), _asc_channel(channel), made
+
+    def _of_fd_hardware(self, direction: bytes, identifier: bytes, *rest: bytes) -> Raw:
+        """Read a line of hardware for CAN FD, which records classic frames as well; flags tell which it is.
+
+        After a message's name, if there is one: bit rate switch, error state, DLC, length, data, duration, bits, flags.
+        """
+        if direction not in ASC_DIRECTIONS:
+            raise ValueError(direction)
+        extended, number = identifier[-1:] in ASC_EXTENDED, int(identifier.rstrip(b"xX"), self._base)
+        _, _, dlc, length, *words = rest if rest[0] in ASC_BITS else rest[1:]
+        data = bytes([int(octet, 16) for octet in words[: int(length)]])
+        flags = int(words[int(length) + 2], 16)
+        if flags & ASC_FD_FLAG:
+            return foreign(Damage.FD, number, data)
+        return frame(number, data, extended, int(dlc, 16) if flags & ASC_REMOTE_FLAG else None)
 
     def _data(self, length: bytes, *octets: bytes) -> bytes:
         count = min(int(length, self._base), MOST_BYTES)  # a DLC of 9 to 15 means 8 bytes, too (ISO 11898-1)
@@ -250,3 +334,79 @@ class TrcFormat(LineFormat):
             raise ValueError(rest)
         extended = len(identifier) >= TRC_EXTENDED
         return time, channel, frame(int(identifier, 16), octets, extended, length if is_remote else None)
+
+
+# BUSMASTER, `00:12:16:6390 Rx 1 0x701 s 1 05`; times are in 100 us, and the header says from when they count
+
+
+BUSMASTER_START = re.compile(r"\*{3}START DATE AND TIME ([\d:]+) ([\d:]+)\*{3}")
+BUSMASTER_KINDS = {b"s": (False, False), b"x": (True, False), b"sr": (False, True), b"xr": (True, True)}
+"""Whether a frame has a 29-bit identifier, and whether it is remote."""
+
+
+class BusmasterFormat(LineFormat):
+    """Reads one log of BUSMASTER; its times of day are those of the day on which it began, in UTC."""
+
+    def __init__(self) -> None:
+        self._base, self._mode, self._before = NUMBER[b"hex"], b"SYSTEM", 0.0
+        self._began = self._midnight = 0.0
+
+    def comment(self, line: bytes) -> bool:
+        text = line.strip()
+        if found := BUSMASTER_START.match(text.decode("latin-1")):
+            day, month, year = map(int, found[1].split(":"))
+            hour, minute, second, millisecond = map(int, found[2].split(":"))
+            begun = datetime(year, month, day, hour, minute, second, millisecond * 1000, UTC)
+            self._began = begun.timestamp()
+            self._midnight = begun.replace(hour=0, minute=0, second=0, microsecond=0).timestamp()
+        elif text in (b"***DEC***", b"***HEX***"):
+            self._base = NUMBER[text.strip(b"*").lower()]
+        elif text.endswith(b" MODE***"):
+            self._mode = text.strip(b"*").split()[0]
+        return not text or text.startswith(b"***")
+
+    def entry(self, line: bytes) -> tuple[float, str, Raw]:
+        stamp, direction, channel, identifier, kind, length, *octets = line.split()
+        extended, is_remote = BUSMASTER_KINDS[kind]
+        hours, minutes, seconds_, parts = map(int, stamp.split(b":"))
+        time = hours * 3600 + minutes * 60 + seconds_ + parts / 10_000
+        number = int(identifier.removeprefix(b"0x"), self._base)
+        data = bytes([int(octet, self._base) for octet in octets])
+        if direction not in ASC_DIRECTIONS or (not is_remote and len(data) != int(length)):
+            raise ValueError(line)
+        raw = frame(number, data, extended, int(length) if is_remote else None)
+        if self._mode == b"RELATIVE":
+            self._before = time = self._before + time
+        since = self._midnight if self._mode == b"SYSTEM" else self._began
+        return since + time, channel.decode(), raw
+
+
+# GVRET, `166064000,0000021A,false,Rx,0,8,FE,36,12,FE,69,05,07,AD,`, as SavvyCAN writes it; times are in us
+
+
+GVRET_HEADER = b"Time Stamp,"
+GVRET_TRUE = (b"true", b"1")
+
+
+class GvretFormat(LineFormat):
+    """Reads one log of SavvyCAN; an old one has no column for the direction."""
+
+    def __init__(self) -> None:
+        self._has_direction = True
+
+    def comment(self, line: bytes) -> bool:
+        if line.startswith(GVRET_HEADER):
+            self._has_direction = b",Dir," in line
+            return True
+        return super().comment(line)
+
+    def entry(self, line: bytes) -> tuple[float, str, Raw]:
+        stamp, identifier, extended, *rest = line.strip().rstrip(b",").split(b",")
+        channel, length, *octets = rest[1:] if self._has_direction else rest
+        data, number = bytes([int(octet, 16) for octet in octets]), int(identifier, 16)
+        time = seconds(int(stamp) / 1e6)
+        if len(data) > MOST_BYTES:
+            return time, channel.decode(), foreign(Damage.FD, number, data)
+        if len(data) != int(length):
+            raise ValueError(line)
+        return time, channel.decode(), frame(number, data, extended.lower() in GVRET_TRUE)

@@ -114,7 +114,7 @@ class Traffic:
         if meaning.defects:
             row.wrong += 1
             self.damage.add(*(place or ("frame", self.frames)), meaning.defects)
-        if meaning.name in (HEARTBEAT, GUARDING, EMCY_NAME) and not meaning.defects:
+        if meaning.name in (HEARTBEAT, GUARDING, EMCY_NAME) and meaning.is_read:
             self._note_health(time, meaning)
         return meaning
 

@@ -284,7 +284,7 @@ def test_a_packed_log_that_cannot_be_unpacked_ends_with_an_entry_that_says_so(
 
 
 def test_unknown_suffix() -> None:
-    with pytest.raises(UnknownName, match=r"unknown log format 'xyz'; known: log, candump, asc"):
+    with pytest.raises(UnknownName, match=r"unknown log format 'xyz'; known: log, candump, console"):
         formats.read(io.BytesIO(), "xyz")
 
 

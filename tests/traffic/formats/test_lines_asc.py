@@ -30,8 +30,8 @@ def test_frames_of_all_directions_are_read(direction: str) -> None:
         (" 2.5 1 1C0 Tx R", "0", RemoteFrame(0x1C0)),
         (" 2.5 1 18FF0001x Rx r", "0", RemoteFrame(EXTENDED | 0x18FF0001)),
         (" 2.5 2 ErrorFrame", "1", Foreign(Damage.ERROR_FRAME, "ErrorFrame")),
-        (" 2.5 CANFD 2 Rx 1C0 1 0 8 8 00", "1", Foreign(Damage.FD, "2 Rx 1C0 1 0 8 8 00")),
-        (" 2.5 canfd 2 Rx 1C0 1 0 8 8 00", "1", Foreign(Damage.FD, "2 Rx 1C0 1 0 8 8 00")),
+        (" 2.5 CANFD 2 Rx 1C0 1 0 1 1 0A 0 0 303000", "1", Foreign(Damage.FD, "1C0#0A")),
+        (" 2.5 canfd 2 Rx 1C0 1 0 1 1 0A 0 0 303000", "1", Foreign(Damage.FD, "1C0#0A")),
     ],
 )
 def test_what_is_no_classic_base_data_frame_says_so(line: str, channel: str, foreign: Foreign) -> None:

@@ -1,0 +1,163 @@
+"""The mapping in force: what a bus has shown of its devices' parameters, over what their files say.
+
+A write that a device has confirmed, and its answer to a read, count more than its file, until the device starts anew:
+then it has what it was told to store, or else its file's values again (CiA 301, 7.5.2.13). Of a device without a file,
+what was shown makes one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from eurobot_od.errors import DictionaryError
+from eurobot_od.od import standard, values
+from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.values import Address, MappingEntry
+
+RECORDS = (*values.COMMUNICATION_RECORDS.values(), *values.MAPPING_RECORDS.values())
+
+SERVICES = (standard.SYNC, standard.TIME, standard.EMCY, standard.SDO_REQUESTS, standard.SDO_ANSWERS)
+"""Objects that say where a service is, besides those of the PDOs."""
+
+SETTINGS = (standard.SYNC_PERIOD, standard.HEARTBEAT_TIME)
+"""Objects that say how often something comes."""
+
+ALL_NODES = 0
+
+
+def is_followed(address: Address) -> bool:
+    """Whether an object is one of those that say what other frames mean."""
+    return any(address[0] in each for each in RECORDS) or address in (*SERVICES, *SETTINGS)
+
+
+class InForce:
+    """What the devices of one bus have in force; at first what their files say."""
+
+    def __init__(self, dictionaries: Iterable[Dictionary]) -> None:
+        self._files = {each.node_id: each for each in dictionaries}
+        self._shown: dict[int, dict[Address, int]] = {}
+        self._stored: dict[int, dict[Address, int]] = {}
+        self._present: dict[int, Dictionary] = {}
+
+    @property
+    def described(self) -> list[Dictionary]:
+        """The devices that have files, each as it is now."""
+        return [self._present.get(node_id, each) for node_id, each in self._files.items()]
+
+    @property
+    def learned(self) -> list[Dictionary]:
+        """What is known of the devices that have no files and have shown a mapping."""
+        return [each for node_id, each in self._present.items() if node_id not in self._files]
+
+    def show(self, node_id: int, address: Address, octets: bytes) -> bool:
+        """Take in what a device has at an address; return whether other frames mean something else now."""
+        shown = self._shown.setdefault(node_id, {})
+        if address[0] == standard.STORE:
+            if octets == standard.SIGNATURES[standard.STORE]:
+                self._stored[node_id] = dict(shown)
+        elif address[0] == standard.RESTORE:
+            if octets == standard.SIGNATURES[standard.RESTORE]:
+                self._stored.pop(node_id, None)  # in force from the next start on
+        elif is_followed(address) and shown.get(address) != (number := int.from_bytes(octets, "little")):
+            shown[address] = number
+            present = self._present.get(node_id, self._files.get(node_id))
+            return not (present and present.default(address) == number) and self._changed(node_id)
+        return False
+
+    def start(self, node_id: int) -> bool:
+        """Take in that a device starts anew, or all; return whether other frames mean something else now."""
+        changed = False
+        for each in list(self._shown) if node_id == ALL_NODES else [node_id]:
+            before, self._shown[each] = self._shown.get(each, {}), dict(self._stored.get(each, {}))
+            changed |= before != self._shown[each] and self._changed(each)
+        return changed
+
+    def _changed(self, node_id: int) -> bool:
+        """Make a device anew; return whether what it sends or receives has changed."""
+        file, shown = self._files.get(node_id), self._shown[node_id]
+        before = self._present.get(node_id, file)
+        if file is not None:
+            now: Dictionary | None = file.configured(shown)
+        else:
+            now = _made(node_id, shown)
+        if now is None:
+            self._present.pop(node_id, None)
+        else:
+            self._present[node_id] = now
+        return bool(_said(before) != _said(now))
+
+
+def _said(device: Dictionary | None) -> Any:
+    """Return what a device's parameters say of its frames."""
+    if device is None:
+        return ()
+    pdos = device.read_pdos(device.default, lambda _: None, listening=True)
+    return [each for each in pdos if each.valid], [device.default(each) for each in SERVICES]
+
+
+# A device without a file
+
+
+def _made(node_id: int, shown: Mapping[Address, int]) -> Dictionary | None:
+    """Return a dictionary of the PDOs that are shown with their whole mapping; None if there is none."""
+    text = "".join(_sections(shown))
+    if not text:
+        return None
+    name = f"node {node_id}"
+    try:
+        return Dictionary.read(text.encode(), Path(name), node_id, name)
+    except DictionaryError:  # nothing in it can be used: a mapping of objects that no device can have
+        return None
+
+
+def _sections(shown: Mapping[Address, int]) -> Iterator[str]:
+    objects: dict[Address, int] = {}
+    for direction, records in values.COMMUNICATION_RECORDS.items():
+        for index in records:
+            mapping = index + values.MAPPING_OFFSET
+            subs = range(1, shown.get((mapping, 0), 0) + 1)
+            if (mapping, 0) not in shown or any((mapping, sub) not in shown for sub in subs):
+                continue
+            for record, last in ((index, values.EVENT_TIMER), (mapping, len(subs))):
+                kept = {sub: shown[record, sub] for sub in range(1, last + 1) if (record, sub) in shown}
+                name = f"{direction.name} {index - records[0] + 1} {'parameter' if record == index else 'mapping'}"
+                yield _record(record, name, kept | ({0: len(subs)} if record == mapping else {0: last}))
+            for entry in (MappingEntry.of(shown[mapping, sub]) for sub in subs):
+                objects[entry.address] = max(entry.bits, objects.get(entry.address, 0))
+    for index in dict.fromkeys(index for index, _ in objects):
+        if index not in values.DUMMIES:
+            yield _mapped(index, {sub: bits for (each, sub), bits in objects.items() if each == index})
+
+
+def _record(index: int, name: str, subs: Mapping[int, int]) -> str:
+    members = "".join(
+        _variable(f"{index:X}sub{sub:X}", f"{sub}", 5 if sub == 0 else 7, f"DefaultValue={value}\n")
+        for sub, value in subs.items()
+    )
+    return f"[{index:X}]\nParameterName={name}\nObjectType=9\nSubNumber={len(subs)}\n{members}"
+
+
+def _mapped(index: int, bits: Mapping[int, int]) -> str:
+    """Write an object that a PDO maps, by the standard's or a profile's name, or else by its index."""
+    name, type_ = standard.PROFILE_OBJECTS.get(index, ("", None))
+
+    def code(sub: int) -> int:
+        fits = type_ is not None and type_.bits == bits[sub]
+        return type_.code if fits and type_ else next(each.code for each in UNSIGNED if each.bits >= bits[sub])
+
+    if list(bits) == [0]:
+        return _variable(f"{index:X}", name or f"0x{index:04X}:00", code(0))
+    members = (_variable(f"{index:X}sub{sub:X}", f"{name or f'0x{index:04X}'}:{sub:02X}", code(sub)) for sub in bits)
+    return f"[{index:X}]\nParameterName=0x{index:04X}\nObjectType=9\nSubNumber={len(bits)}\n{''.join(members)}"
+
+
+UNSIGNED = sorted(
+    (each for each in values.DATA_TYPES.values() if each.is_integer and not each.is_signed and each.bits),
+    key=lambda each: each.bits,
+)
+
+
+def _variable(section: str, name: str, type_: int, more: str = "") -> str:
+    return f"[{section}]\nParameterName={name}\nObjectType=7\nDataType={type_}\nAccessType=rw\nPDOMapping=1\n{more}"

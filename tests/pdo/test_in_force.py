@@ -1,0 +1,129 @@
+"""What a bus shows of its devices' parameters counts more than their files; nothing else does."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from eurobot_od.frame import Frame
+from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.pdo.in_force import InForce
+from eurobot_od.traffic.decoding import Following
+from eurobot_od.traffic.meaning import Decoder, Meaning
+
+SERVO = Dictionary.load(Path("docs/servo.eds"), 1)
+VELOCITY = "velocity_actual_value=1000"
+
+OFF, NONE = "601#2300180181010080 581#6000180100000000", "601#2F001A0000000000 581#60001A0000000000"
+MAPPED = (
+    "601#23001A0120006C60 581#60001A0100000000 601#23001A0210004160 581#60001A0200000000 "
+    "601#2F001A0002000000 581#60001A0000000000"
+)
+ON = "601#2300180181010000 581#6000180100000000"
+REMAP = f"{OFF} {NONE} {MAPPED} {ON}"
+SAVE = "601#2310100173617665 581#6010100100000000"
+LOAD = "601#231110016C6F6164 581#6011100100000000"
+FRAME = "181#E80300003702"
+
+
+def decoded(lines: str, *devices: Dictionary, channels: str = "") -> list[Meaning]:
+    """Decode frames a millisecond apart; the last as many as `channels` says are on these."""
+    following, frames = Following(Decoder(devices)), lines.split()
+    names = ["a"] * (len(frames) - len(channels)) + list(channels)
+    pairs = (each.split("#") for each in frames)
+    return [
+        following(number / 1000, name, Frame(int(cob_id, 16), bytes.fromhex(data)))
+        for number, (name, (cob_id, data)) in enumerate(zip(names, pairs))
+    ]
+
+
+SHOWN = {
+    "a remap by writes": f"{REMAP} {FRAME}",
+    "the answers to reads": (
+        "601#40001A0000000000 581#4F001A0002000000 601#40001A0100000000 581#43001A0120006C60 "
+        f"601#40001A0200000000 581#43001A0210004160 {FRAME}"
+    ),
+    "written segment by segment": (
+        f"{OFF} {NONE} 601#21001A0104000000 581#60001A0100000000 601#0720006C60000000 581#2000000000000000 "
+        f"601#23001A0210004160 581#60001A0200000000 601#2F001A0002000000 581#60001A0000000000 {ON} {FRAME}"
+    ),
+    "written in a block": (
+        f"{OFF} {NONE} 601#C2001A0104000000 581#A0001A017F000000 601#8120006C60000000 581#A2017F0000000000 "
+        f"601#CD00000000000000 581#A100000000000000 "
+        f"601#23001A0210004160 581#60001A0200000000 601#2F001A0002000000 581#60001A0000000000 {ON} {FRAME}"
+    ),
+    "stored, then a boot-up": f"{REMAP} {SAVE} 701#00 {FRAME}",
+    "a reset of another node": f"{REMAP} 000#8102 {FRAME}",
+    "restored, but not started anew": f"{REMAP} {SAVE} {LOAD} {FRAME}",
+}
+
+NOT_SHOWN = {
+    "nothing": FRAME,
+    "a boot-up after it": f"{REMAP} 701#00 {FRAME}",
+    "a reset of the node": f"{REMAP} 000#8101 {FRAME}",
+    "a reset of all nodes' communication": f"{REMAP} 000#8200 {FRAME}",
+    "writes that the device refuses": (
+        "601#2F001A0001000000 581#80001A0011000906 601#23001A0120006C60 581#80001A0122000008 " + FRAME
+    ),
+    "writes that nobody confirms": "601#2F001A0001000000 601#23001A0120006C60 " + FRAME,
+    "restored and started anew": f"{REMAP} {SAVE} {LOAD} 701#00 {FRAME}",
+}
+
+
+@pytest.mark.parametrize("lines", SHOWN.values(), ids=SHOWN)
+def test_what_was_shown_is_in_force(lines: str) -> None:
+    last = decoded(lines, SERVO)[-1]
+    assert last.text == f"{VELOCITY}, statusword=567 (Operation enabled)"
+    assert last.defects == ()
+
+
+@pytest.mark.parametrize("lines", NOT_SHOWN.values(), ids=NOT_SHOWN)
+def test_what_was_not_shown_or_is_over_is_as_the_file_says(lines: str) -> None:
+    assert decoded(lines, SERVO)[-1].text == decoded(FRAME, SERVO)[-1].text != ""
+    assert VELOCITY not in decoded(lines, SERVO)[-1].text
+
+
+def test_a_pdo_on_another_identifier_leaves_its_old_one() -> None:
+    moved = "601#2300180190010000 581#6000180100000000"
+    *_, new, old = decoded(f"{moved} 190#E80300003702 {FRAME}", SERVO)
+    assert (new.name, old.message) == ("servo.TPDO1", None)
+    assert old.defects
+
+
+def test_another_channel_has_another_device() -> None:
+    here, there = decoded(f"{REMAP} {FRAME} {FRAME}", SERVO, channels="ab")[-2:]
+    assert VELOCITY in here.text
+    assert VELOCITY not in there.text
+
+
+def test_emcy_and_sync_move_with_their_objects() -> None:
+    moved = "601#2314100091000000 581#6014100000000000"
+    lines = f"{moved} 601#2305100092000000 581#6005100000000000 091#0010010000000000 092#"
+    emcy, sync = decoded(lines, SERVO)[-2:]
+    assert (emcy.name, sync.name) == ("EMCY", "SYNC")
+
+
+def test_without_a_file_fields_have_the_profiles_names_or_their_index() -> None:
+    assert decoded(f"{REMAP} {FRAME}")[-1].text == f"{VELOCITY}, statusword=567"
+    own = REMAP.replace("0120006C60", "0120012021")  # 0x2120:01
+    last = decoded(f"{own} {FRAME}")[-1]
+    assert (last.name, last.text) == ("node 1.TPDO1", "field_0x2120_01=1000, statusword=567")
+    assert decoded(f"{own} {FRAME} 701#00 {FRAME}")[-1].name == "PDO 0x181, 6 bytes"
+
+
+def test_other_pdos_of_a_bus_without_files_stay_what_they_are() -> None:
+    last = decoded(f"{REMAP} {FRAME} 182#01")[-1]
+    assert (last.name, last.defects) == ("PDO 0x182, 1 byte", ())
+
+
+def test_news_are_only_what_changes_other_frames() -> None:
+    shown = InForce([SERVO])
+    cob_id = SERVO.number((0x1800, 1)) or 0
+    assert not shown.show(1, (0x1800, 1), cob_id.to_bytes(4, "little"))
+    assert not shown.show(1, (0x1018, 1), bytes(4))
+    assert not shown.show(1, (0x1017, 0), b"\x10\0")
+    assert shown.described[0].number((0x1017, 0)) == 16
+    assert shown.show(1, (0x1800, 1), (cob_id | 1 << 31).to_bytes(4, "little"))
+    assert shown.start(1)
+    assert not shown.start(0)
