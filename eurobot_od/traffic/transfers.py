@@ -58,7 +58,7 @@ LONGEST_BLOCK = 127
 """Segments of a block, unless its receiver asks for fewer (CiA 301, 7.2.4.3.9)."""
 
 SILENCE = 1.0
-"""After so many s a segment that is not the next one is no segment."""
+"""Seconds after which a segment with an unexpected number is not a segment."""
 
 
 class How(Enum):
