@@ -1,7 +1,7 @@
 """The one error tree: every error says what is wrong and where, in one line; only a YAML file's problems are several.
 
-Rule of this file: an error tells whose fault it is. Local errors are a caller's mistake, dictionary errors a
-file's, remote errors a peer's; an exception outside this tree is a bug of ours.
+An error tells whose fault it is. Local errors are a caller's mistake, dictionary errors a file's, remote errors a
+peer's; an exception outside this tree is a bug of ours.
 """
 
 from __future__ import annotations

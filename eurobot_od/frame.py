@@ -1,8 +1,8 @@
 """A CAN frame, the one value that crosses the boundary between nodes and buses.
 
-Rule of this file: classic CAN frames only. Nodes and masters know no 29-bit identifiers, and remote frames only to be
-sent; whatever else a bus carries is counted where it arrives and goes no further. Who only listens has frames of all
-these kinds.
+It is a frame of classic CAN. Nodes and masters do not use 29-bit identifiers, and only send remote frames; whatever
+else a bus carries is counted where it arrives, and goes no further. What only listens, such as the decoder, gets all of
+these.
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 
 The workbench takes any device's EDS. A robot adds what no EDS says: which folders of EDS files are its own, which
 classes its messages and nodes have, what can be wrong with them, and commands of its own. All of that comes in here, as
-one `Plugin`; nothing else of the workbench knows of a robot. Ours is found as anybody's is:
+one `Plugin`; nothing else of the workbench knows about a robot. Ours is found like anybody's:
 
 1. What the user names, by `--robot` or the variable EUROBOT_OD_ROBOT: an installed robot, a folder with a `robot.py`,
    or a module; in both the plugin is called `ROBOT`. `none` is the workbench alone.
@@ -12,7 +12,8 @@ one `Plugin`; nothing else of the workbench knows of a robot. Ours is found as a
    package before ours. For devices whose files are named, and for the program `canopen-workbench`, there is none.
 
 A robot that the user has named and that cannot be loaded is an error. Any other is a `RobotWarning`, and what does not
-need it goes on. What costs time to import is a function that imports it: a description of a robot is there at once.
+need it goes on. What takes time to import is behind a function that imports it, so that a robot's description is there
+at once.
 """
 
 from __future__ import annotations
@@ -102,7 +103,7 @@ class Stage(Protocol):
     """The options that `node` has for a robot's nodes, a dataclass as in `cli.signature`, and what they make of one."""
 
     def check(self, role: str) -> None:
-        """Raise LocalError for options that do not fit a node, `` for a device that is none of the robot's."""
+        """Raise LocalError for options that do not fit a node, `` for a device that does not belong to the robot."""
 
     def values(self, kind: type[Node], dictionary: Dictionary, facts: Sequence[tuple[str, str]]) -> Mapping[str, Any]:
         """Return what else a node is made with, by the names that its class has for it; `facts` are those of --set."""
@@ -163,8 +164,10 @@ class Plugin(NamedTuple):
         }
         if not kind.__module__.startswith(OURS):  # ours may be given fewer messages than they know
             heard = [message for message, direction in known.items() if direction is PdoDirection.RPDO]
-            wrong = [f"handles {each.__name__}, and has no RPDO of it" for each in kind.HANDLERS if each not in heard]
-            wrong += [f"binds {each!r}, which is no object" for each in kind.OBJECTS if not dictionary.data_index(each)]
+            wrong = [f"handles {each.__name__} without an RPDO for it" for each in kind.HANDLERS if each not in heard]
+            wrong += [
+                f"binds {each!r}, which is not an object" for each in kind.OBJECTS if not dictionary.data_index(each)
+            ]
             if wrong:
                 raise LocalError(f"{python_file.place_of(kind)}: {kind.__name__} {wrong[0]} in {dictionary.file}")
         return dictionary.name if known else ""
@@ -266,9 +269,9 @@ class Plugin(NamedTuple):
         seed: int = 1,
         profile: int = 0,
     ) -> SuiteResult:
-        """Run a suite against simulated nodes, those that can have some faults having them; raises UnknownName.
+        """Run a suite against simulated nodes, giving the faults to those that can have them; raises UnknownName.
 
-        With a `profile` devices that are none of the robot's behave as it says.
+        With a `profile`, devices that do not belong to the robot behave as it says.
         """
         from functools import partial
 

@@ -1,7 +1,7 @@
 """What pytest gets from this package: check suites as tests, and fixtures for nodes, simulated or on a bus.
 
-Rule of this file: pytest loads it in every run of an environment that has this package, so nothing of the package is
-imported before something of it is asked for.
+Rule of this file: pytest loads it in every run of an environment that has this package, so nothing else of the package
+is imported before it is needed.
 
 Without `--eurobot-interface` suites run in simulated time, and fixtures have a bus inside the process. With it the
 devices on that bus are tested. A suite file is collected if its name ends in `.check.yaml`, or if it fits a pattern of

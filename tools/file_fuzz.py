@@ -3,7 +3,7 @@
 
 The files are the shipped ones (EDS, the protocol table, the network, the suites), logs of a few frames in every format,
 stored parameters, all with bytes or lines changed, doubled, cut off. Each input goes to every command that reads such a
-file, in this process. An exception, an exit status that is none of ours, a line that does not say where something is
+file, in this process. An exception, an exit status that is not one of ours, a line that does not say where something is
 wrong, no line at all, more than LIMIT seconds or GROWTH of memory is a failure. An input follows from its number alone,
 but for the dates in a log: `--first NUMBER` and a count of 1 repeat it.
 """
@@ -71,7 +71,7 @@ def suites() -> list[bytes]:
 
 @cache
 def logs(suffix: str) -> list[bytes]:
-    """Return a short log in a format of python-can's, of messages, SDO, EMCY, NMT and what is none of them."""
+    """Return a short log in a format of python-can's, of messages, SDO, EMCY, NMT and other frames."""
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder, f"log{suffix}")
         with can.Logger(file) as logger:

@@ -80,7 +80,7 @@ class Sent(NamedTuple):
 class Party:
     """The nodes of a dialect at their gatekeepers, on a bus that takes no time; `sent` is what they have sent, when.
 
-    `wrong` are the reports of failures and the frames that are none.
+    `wrong` are the reports of failures, and the frames that are not valid.
     """
 
     def __init__(self, dialect: str) -> None:
@@ -147,7 +147,7 @@ class Party:
             sender.gatekeeper.mailboxes.complete(frame)
             self.sent.append(Sent(self.now, frame))
             if not 0 <= frame.cob_id <= HIGHEST_IDENTIFIER or len(frame.data) > MOST_BYTES:
-                self.wrong.append(f"{self.now:.4f} s: sent {frame!r}, which is no frame")
+                self.wrong.append(f"{self.now:.4f} s: sent {frame!r}, which is not a frame")
             for station in self._stations:
                 if station is not sender:
                     station.gatekeeper.receive(frame, self.now)

@@ -5,7 +5,7 @@
     python3 tools/interop.py --local    installs nothing; names what is absent
     python3 tools/interop.py --write    writes docs/interop.md too
 
-Rule of this file: it installs, asks every row once, and prints; questions and judgements are in `interop_rows`.
+It installs, asks every row once, and prints; questions and judgements are in `interop_rows`.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Makes what docs/profiles.md shows of the simulated drive: each mode's way over time, and its state machine.
 
-Rule of this file: nothing is drawn or written that the device has not done; it is commanded by SDO, as a master does.
+Nothing is drawn or written that the device has not done; it is commanded by SDO, as a master does.
 """
 
 from __future__ import annotations

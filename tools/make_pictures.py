@@ -1,6 +1,6 @@
 """Makes the pictures of the documentation from a simulated match: the field and the monitor.
 
-Rule of this file: the same match every time, through the public functions of the package and nothing else.
+It is the same match every time, played through the public functions of the package.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Makes the pictures of docs/page.md: a simulated match as a page, and a live robot, in a headless Chromium.
 
-Rule of this file: the page as it is, driven as its tests drive it.
+They show the page as it is, driven as its tests drive it.
 """
 
 from __future__ import annotations

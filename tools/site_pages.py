@@ -1,6 +1,6 @@
 """What MkDocs asks while it builds the site: pages that are elsewhere in the repository, or made from the EDS files.
 
-Rule of this file: a link in a Markdown file leads to the file in the repository; here it becomes a link to its page.
+A link in a Markdown file leads to the file in the repository; here it becomes a link to its page.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Two axes and an I/O module under SYNC of 1 ms on a simulated bus: frames a second, bus load, CPU, how they follow.
 
-Rule of this file: the frames are those of a real bus of 1 Mbit/s; nothing is set but what a master could write.
+The frames are those of a real bus of 1 Mbit/s; nothing is set but what a master could write.
 """
 
 from __future__ import annotations

@@ -4,7 +4,7 @@
 comes from the end of the step before. A question is a `send` (several in a row count as one), an `nmt`, an `sdo` or a
 `poll`.
 
-Rule of this file: no clock and no bus but the bench's.
+The only clock and the only bus are the bench's.
 """
 
 from __future__ import annotations

@@ -109,9 +109,9 @@ class ExitStatus(IntEnum):
     FOUND = 1
     """Findings, differences, failed checks; a node refused or did not answer."""
     WRONG_INPUT = 2
-    """Of the command line, or of a file."""
+    """Wrong usage of the command line, or a faulty file."""
     TROUBLE = 3
-    """With the bus, the file system, what a node drives, or the world of a simulated robot."""
+    """Trouble with the bus, the file system, what a node drives, or the world of a simulated robot."""
     INTERRUPTED = 130
 
 

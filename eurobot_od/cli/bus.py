@@ -293,7 +293,7 @@ def time(
     cob_id: identifier (0x100)
     """
     zone = UTC if utc else None
-    # TIME_OF_DAY counts days from 1984 and knows no time zone (CiA 301, 7.1.6.6).
+    # TIME_OF_DAY counts days from 1984, without a time zone (CiA 301, 7.1.6.6).
     frames = times(lambda: datetime.now(zone).replace(tzinfo=None), cob_id)
     with Master(bus.open()) as master:
         produce(master, islice(frames, count), period, bus.guard(master, no_reconnect))

@@ -151,7 +151,7 @@ def cdcf(
     eds: EDS of the device that a concise DCF is for
     node_id: node-ID (default: the file's)
     """
-    # By the suffix: four bytes of a count are no mark by which bytes could be recognised.
+    # By the suffix: four bytes of a count are not a mark by which a file could be recognised.
     source = named(file, network)
     if is_network(source):
         nodes = read_network(source).nodes

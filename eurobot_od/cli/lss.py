@@ -22,7 +22,7 @@ from eurobot_od.support.progress import SHORT, Unit, bar
 REQUESTS = Unit("requests", "requests/s")
 
 NUMBERS = 4
-"""Of an identity: vendor-ID, product code, revision and serial number."""
+"""Numbers of an identity: vendor-ID, product code, revision and serial number."""
 
 
 def _identity(text: str) -> Identity:

@@ -73,7 +73,7 @@ class DeviceOptions:
     values: Annotated[Path | None, Option(metavar="FILE")] = None
 
     def kind(self, dictionary: Dictionary) -> type[Node]:
-        """Return the class of a device that is none of the robot's; raises LocalError for what it does not have."""
+        """Return the class of a device outside the robot; raises LocalError for what it does not have."""
         kind = simulated_kind(dictionary, self.profile)
         if self.travel and not issubclass(kind, SimulatedDrive):
             raise LocalError("--travel is for drives (CiA 402)")
@@ -139,7 +139,7 @@ def node(
     dictionary, robot = _dictionary(devices, name, node_id), devices.robot
     role = robot.role_of(dictionary)
     if role and (wrong := "values" if device.values else "set" if device.given and not stage else ""):
-        raise LocalError(f"--{wrong} is for devices that are none of the robot's, not for the {role}")
+        raise LocalError(f"--{wrong} is for devices that do not belong to the robot, not for the {role}")
     if stage:
         stage.check(role)
     # The fault goes in front of the class that the node would have without it.

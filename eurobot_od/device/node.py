@@ -287,7 +287,7 @@ class Node:
     def doubt(self, message: Message) -> int | None:
         """Return the error code for a message that must not be acted on, None for any other.
 
-        A stop is acted on whatever it contains: this is no time to be particular.
+        A stop is acted on whatever it contains: this is not the time to be particular.
         """
         flagged = message and is_flagged(message) and type(message) not in self.CATALOGUE.always
         return ErrorCode.VALUE_OUT_OF_RANGE if flagged else None

@@ -94,7 +94,7 @@ class Mailboxes:
             self._withdraw(lambda each: each.stay is Stay.PERIODIC and each.cob_id == frame.cob_id)
         # Frames that already wait count too: they will take the free mailboxes, unless this one is more urgent.
         full = len(self._loaded) + len(self._waiting) >= self.count
-        # With a mailbox free, the frame belongs to the controller from now on, which knows no time limit (document
+        # With a mailbox free, the frame belongs to the controller from now on, which has no time limit (document
         # section 6).
         deadline = now + self.wait if full and stay is Stay.SHORT else inf
         # Sorted when submitted: frames come one at a time, and each transmit-complete asks for the most urgent one.

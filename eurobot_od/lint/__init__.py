@@ -1,4 +1,4 @@
 """The EDS checker: a tolerant reader, rules for files and for networks, and the comparison of two dictionaries.
 
-Rule of this package: nothing raises, whatever the bytes, and canopen is not imported, which takes longer than a check.
+Rule of this package: nothing raises, whatever the bytes; and nothing imports canopen, which takes longer than a check.
 """

@@ -27,7 +27,7 @@ DCF_KEYS = ("parametervalue", "denotation", "uploadfile", "downloadfile", "param
 def without_commissioning(device: LintedDevice) -> Violations:
     """A DCF has [DeviceComissioning]."""
     if device.is_dcf and device.commissioning is None:
-        yield TOP, "a DCF without [DeviceComissioning]: nobody knows the node-ID"
+        yield TOP, "a DCF without [DeviceComissioning]: its node-ID is unknown"
 
 
 @RULES.rule("W702", "CiA 306, DCF")
@@ -77,7 +77,7 @@ def without_last_eds(device: LintedDevice) -> Violations:
     """A DCF says which EDS it was made from."""
     section = device.section("fileinfo")
     if device.is_dcf and section and not section.text("lasteds"):
-        yield section.at("lasteds"), "LastEDS is missing: nobody knows from which EDS this DCF was made"
+        yield section.at("lasteds"), "LastEDS is missing, which says from which EDS this DCF was made"
 
 
 @RULES.rule("W710", "CiA 306, DCF")
@@ -194,7 +194,7 @@ def extension_count(device: LintedDevice) -> Violations:
         last = section.text("objextend")
         number = parse_number(last)
         if last and (number is None or not 0 <= number.value <= MOST_SUBS):
-            yield section.at("objextend"), f"ObjExtend of [{section.name}] is no sub-index from 0 to {MOST_SUBS}"
+            yield section.at("objextend"), f"ObjExtend of [{section.name}] is not a sub-index from 0 to {MOST_SUBS}"
 
 
 def _extensions(device: LintedDevice) -> list[Section]:

@@ -1,7 +1,7 @@
-"""Compares two object dictionaries by what they mean: objects, types, limits, values, mappings as bits, identifiers.
+"""Compares two object dictionaries by meaning: objects, types, limits, values, identifiers, and mappings bit by bit.
 
-Rule of this file: notation never counts (number base, order, case, comments, compact or written out). A file's value is
-its ParameterValue or else its DefaultValue; names count only on request.
+Notation does not count: number base, order, case, comments, compact or written out. A file's value is its
+ParameterValue, or else its DefaultValue. Names count only on request.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Rules about the file itself (CiA 306): how it is written, [FileInfo], [DeviceInfo], dummies, comments, object lists.
 
-Here and in the other files of rules, a rule is a function that gets the device and yields problems; its docstring says
-what it demands. Rules that differ only in data are rows of a table after their part, and a function named `..._of`
-makes their checks.
+Here and in the other files of rules, a rule is a function that takes the device and yields problems; its docstring is
+what it demands. Rules that differ only in their data are rows of a table, and a function named `..._of` makes their
+checks.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ def oddity_of(kind: Odd, sentence: str) -> Check:
 
 
 ODDITIES = (
-    ("E101", "A file is text.", Odd.BINARY, "a NUL byte: this is no text file"),
+    ("E101", "A file is text.", Odd.BINARY, "a NUL byte: this is not a text file"),
     ("E102", "A file is ASCII text, not UTF-16.", Odd.WIDE,
      "this is UTF-16, which most tools cannot read; save it as ASCII"),
     ("W103", "A file has only ASCII characters.", Odd.NOT_ASCII,
@@ -140,7 +140,7 @@ def unknown_numbers(device: LintedDevice) -> Violations:
             number = key.removeprefix(prefix)
             is_number = key.startswith(prefix) and number.isdecimal() and not number.startswith("0")
             if key and key != count and not is_number:
-                yield entry, f"{entry.key} is no number of an entry of [{device.document.sections[name].name}]"
+                yield entry, f"{entry.key} is not the number of an entry of [{device.document.sections[name].name}]"
 
 
 def _entries(device: LintedDevice, name: str) -> Mapping[str, Entry]:
@@ -459,7 +459,7 @@ def no_supported_objects(device: LintedDevice) -> Violations:
     """A list of objects says how many it has."""
     for section, _ in _lists(device):
         if parse_number(section.text("supportedobjects")) is None:
-            yield section.at("supportedobjects"), f"[{section.name}] has no SupportedObjects, or no number as it"
+            yield section.at("supportedobjects"), f"[{section.name}] has no number as its SupportedObjects"
 
 
 @RULES.rule("E302", "CiA 306, object lists")
@@ -479,7 +479,7 @@ def no_indices(device: LintedDevice) -> Violations:
         for entry in entries.values():
             number = parse_number(entry.value)
             if number is None or not 0 <= number.value <= 0xFFFF or number.relative:
-                yield entry, f"{entry.value[:20] or 'nothing'} is no index from 0x1000 to 0xFFFF"
+                yield entry, f"{entry.value[:20] or 'nothing'} is not an index from 0x1000 to 0xFFFF"
 
 
 @RULES.rule("E305", "CiA 306, object lists")

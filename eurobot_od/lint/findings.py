@@ -1,6 +1,6 @@
 """Findings of a check: how they are selected and written, as text and as SARIF.
 
-Rule of this file: the first letter of a code is its severity, which is stated nowhere else.
+The first letter of a code is its severity.
 """
 
 from __future__ import annotations

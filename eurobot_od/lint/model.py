@@ -1,7 +1,7 @@
 """What rules need to know about a file: its values, its PDOs, whether it is a DCF; its objects are in `od.description`.
 
-Rule of this file: nothing here raises or guesses. What is missing or malformed is None or an empty text, and a rule
-that needs it stays silent, as another rule reports it.
+Nothing here raises or guesses. What is missing or malformed is None or an empty text; a rule that needs it then stays
+silent, because another rule reports it.
 """
 
 from __future__ import annotations

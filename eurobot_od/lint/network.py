@@ -140,7 +140,7 @@ class LintedNetwork:
 
     @property
     def has_foreign_master(self) -> bool:
-        """Whether the network's master is none of its nodes, such as a PC: it has no file that says what it sends."""
+        """Whether the network's master is not one of its nodes but, say, a PC: no file says what it sends."""
         return bool(self.master) and self.master not in {each.name for each in self.nodes}
 
     @cached_property

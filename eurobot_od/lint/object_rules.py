@@ -47,7 +47,7 @@ def unknown_kind(device: LintedDevice) -> Violations:
     for section, entry in device.entries["objecttype"]:
         number = parse_number(entry.value)
         if entry.value and (number is None or number.value not in codes):
-            yield entry, f"ObjectType {entry.value[:20]} of [{section.name}] is none of 0, 2, 5, 6, 7, 8, 9"
+            yield entry, f"ObjectType {entry.value[:20]} of [{section.name}] is not one of 0, 2, 5, 6, 7, 8, 9"
 
 
 def _simple(device: LintedDevice) -> Iterator[DescribedVariable]:
@@ -71,7 +71,7 @@ def unknown_type(device: LintedDevice) -> Violations:
         number = parse_number(entry.value)
         known = number and (number.value in values.DATA_TYPES or any(number.value in each for each in COMPLEX_TYPES))
         if entry.value and not known:
-            yield entry, f"DataType {entry.value[:20]} of [{section.name}] is none that CiA 301 has"
+            yield entry, f"DataType {entry.value[:20]} of [{section.name}] is not a type of CiA 301"
 
 
 @RULES.rule("W453", "CiA 301, DEFTYPE and DEFSTRUCT")
@@ -97,7 +97,7 @@ def unknown_access(device: LintedDevice) -> Violations:
     """AccessType is ro, wo, rw, rwr, rww or const."""
     for section, entry in device.entries["accesstype"]:
         if entry.value and entry.value.lower() not in values.ACCESS_TYPES:
-            text = f"AccessType {entry.value[:20]} of [{section.name}] is none of {', '.join(values.ACCESS_TYPES)}"
+            text = f"AccessType {entry.value[:20]} of [{section.name}] is not one of {', '.join(values.ACCESS_TYPES)}"
             yield entry, text
 
 
@@ -182,7 +182,7 @@ def type_of_sub_0(device: LintedDevice) -> Violations:
     for each, _ in _composed(device):
         zero = each.subs.get(0)
         if zero and zero.type not in (UNSIGNED8, None):
-            yield zero.section.at("datatype"), f"[{zero.section.name}] is no UNSIGNED8"
+            yield zero.section.at("datatype"), f"[{zero.section.name}] is not an UNSIGNED8"
 
 
 @RULES.rule("E415", "CiA 301, sub-index 0")
@@ -231,7 +231,7 @@ def compact_kind(device: LintedDevice) -> Violations:
     """CompactSubObj describes arrays."""
     for each, section in _compact(device):
         if each.compact and each.code not in (ObjectCode.ARRAY, *SIMPLE, None):
-            yield section.at("objecttype"), f"[{section.name}] has CompactSubObj, but is no array"
+            yield section.at("objecttype"), f"[{section.name}] has CompactSubObj, but is not an array"
 
 
 @RULES.rule("E421", "CiA 306, CompactSubObj")
@@ -240,7 +240,7 @@ def compact_count(device: LintedDevice) -> Violations:
     for _, section in _compact(device):
         number = parse_number(section.text("compactsubobj"))
         if number is None or not 0 <= number.value <= 254:
-            yield section.at("compactsubobj"), f"CompactSubObj of [{section.name}] is no number from 0 to 254"
+            yield section.at("compactsubobj"), f"CompactSubObj of [{section.name}] is not a number from 0 to 254"
 
 
 @RULES.rule("E422", "CiA 306, CompactSubObj")
@@ -270,7 +270,7 @@ def entry_list_keys(device: LintedDevice) -> Violations:
         for key, entry in section.entries.items() if name.list else ():
             # The length first: `int` raises for thousands of digits.
             if key != "nrofentries" and not (key.isdecimal() and len(key) < 4 and 1 <= int(key) <= highest):
-                yield entry, f"{entry.key[:20]} is no sub-index from 1 to {highest}"
+                yield entry, f"{entry.key[:20]} is not a sub-index from 1 to {highest}"
 
 
 # Values
@@ -287,7 +287,7 @@ def no_number(device: LintedDevice) -> Violations:
     for entry in malformed:
         # E431 and E433 say more exactly what is wrong with these two
         if not is_wrong_octal(entry.value) and values.NODE_ID not in entry.value.upper():
-            yield entry, f"{entry.key} {entry.value[:40]} is no number"
+            yield entry, f"{entry.key} {entry.value[:40]} is not a number"
 
 
 def is_wrong_octal(text: str) -> bool:
@@ -411,12 +411,12 @@ def malformed_real(device: LintedDevice) -> Violations:
     """A REAL is a decimal number or a bit pattern."""
     for each in device.others:
         if each.type in values.REALS and not is_real(each.entry.value) and not each.has_node_id:
-            yield each.entry, f"{each.entry.value[:40]} is no {each.type.name}"
+            yield each.entry, f"{each.entry.value[:40]} is not a {each.type.name}"
 
 
 @RULES.rule("W442", "public: dcf-tools reads bit patterns, canopen decimal numbers")
 def ambiguous_real(device: LintedDevice) -> Violations:
-    """A REAL has no value but 0."""
+    """A REAL has no value other than 0."""
     for each in device.others:
         # 0 is the same number as its bits are.
         if each.type in values.REALS and is_real(each.entry.value) and each.number != Number(0):
@@ -430,7 +430,7 @@ def odd_octets(device: LintedDevice) -> Violations:
     for each in (value for value in device.others if value.key in VALUES):
         text = each.entry.value.replace(" ", "")
         if each.type is values.OCTET_STRING and (len(text) % 2 or text.strip("0123456789abcdefABCDEF")):
-            yield each.entry, f"{each.entry.value[:40]} is no OCTET_STRING, bytes as two hexadecimal digits each"
+            yield each.entry, f"{each.entry.value[:40]} is not an OCTET_STRING: two hexadecimal digits for each byte"
 
 
 @RULES.rule("W452", "CiA 306, UploadFile and DownloadFile; public: canopen, objectdictionary/eds.py, drops it")
@@ -640,11 +640,11 @@ ALL_SUBS = range(255)
 LAST_MILLISECOND = 86_399_999
 
 RULES += (
-    Rule("E504", "COB-ID SYNC has no bits but 30, 29 and the identifier.", "CiA 301, object 0x1005",
+    Rule("E504", "COB-ID SYNC has no bits other than 30, 29 and the identifier.", "CiA 301, object 0x1005",
          value_of(0x1005, ALL_SUBS, is_cob_id, "bits 11 to 28 are 0 for a base frame")),
-    Rule("E505", "COB-ID TIME has no bits but 31, 30, 29 and the identifier.", "CiA 301, object 0x1012",
+    Rule("E505", "COB-ID TIME has no bits other than 31, 30, 29 and the identifier.", "CiA 301, object 0x1012",
          value_of(0x1012, ALL_SUBS, is_cob_id, "bits 11 to 28 are 0 for a base frame")),
-    Rule("E506", "COB-ID EMCY has no bits but 31, 29 and the identifier.", "CiA 301, object 0x1014",
+    Rule("E506", "COB-ID EMCY has no bits other than 31, 29 and the identifier.", "CiA 301, object 0x1014",
          value_of(0x1014, ALL_SUBS, lambda v: is_cob_id(v) and not v & 1 << 30,
                   "bits 11 to 28 are 0 for a base frame, bit 30 always")),
     Rule("W507", "COB-ID EMCY is $NODEID+0x80 by default, if it is valid.", "CiA 301, object 0x1014",

@@ -324,7 +324,7 @@ def _missing(device: LintedDevice, each: MappingEntry) -> str:
     subs = [variable.sub for variable in whole.variables()]
     if whole.code in SIMPLE:
         return "but that has no sub-indices: it is mapped as sub 0"
-    return f"but that is no sub-index of it; the highest is {max(subs, default=0)}"
+    return f"but it has no such sub-index; the highest is {max(subs, default=0)}"
 
 
 def _is_dummy(each: MappingEntry) -> bool:
@@ -466,7 +466,7 @@ def relative_entry(device: LintedDevice) -> Violations:
         for sub, variable in pdo.mapping.subs.items() if pdo.mapping else ():
             value = variable.value
             if 0 < sub <= count and value and (value.relative or not 0 <= value.value <= values.UNSIGNED32.high):
-                yield variable.place, f"entry {sub} of {pdo.title} is no index, sub-index and length"
+                yield variable.place, f"entry {sub} of {pdo.title} is not an index, a sub-index and a length"
 
 
 RULES += (

@@ -1,6 +1,7 @@
 """The table of all rules, and the check of one file.
 
-A new rule is a function or a row in the file of its part, and a row with its own defect in the tests.
+A new rule is a function, or a row of a table, in the file of its part, and a row in the tests with a defect that it
+finds.
 """
 
 from __future__ import annotations

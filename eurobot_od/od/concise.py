@@ -42,7 +42,7 @@ def unpack(data: bytes) -> list[Write]:
         index, subindex, length = HEAD.unpack(_part(data, place, HEAD.size))
         entries.append(Write((index, subindex), _part(data, place + HEAD.size, length)))
         place += HEAD.size + length
-    if place != len(data):  # a wrong length somewhere before: nothing of it can be trusted
+    if place != len(data):  # a length before this was wrong: nothing can be trusted
         raise Truncated(f"{len(data) - place} bytes after the last of {count} entries")
     return entries
 

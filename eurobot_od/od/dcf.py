@@ -1,7 +1,7 @@
 """A device's DCF: its EDS with the values it is configured for, and which device it is (CiA 306-1, 4.6 and 5).
 
 Rule of this file: what is written is read back to the byte. Bytes that no line of the file can hold, and every DOMAIN,
-stand in a file beside the DCF, which DownloadFile names (and UploadFile, as they came from there).
+go into a file beside the DCF, which DownloadFile names (and UploadFile, because they came from there).
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from eurobot_od.od.values import (
 )
 
 NOT_SAID = {"NetNumber": 0, "NetworkName": "", "CANopenManager": 0, "LSS_SerialNumber": ""}
-"""The other keys of the commissioning, with the values they have where nobody knows better."""
+"""The other keys of the commissioning, with their values where nothing better is known."""
 
 COB_ID_DIGITS = 8
 """Hexadecimal digits of a value whose default is `$NODEID+...`: COB-IDs are UNSIGNED32."""
@@ -80,9 +80,9 @@ def with_contents(
 
 
 def content(dcf: Dictionary, address: Address) -> bytes | None:
-    """Return the bytes that a DCF gives an object of no fixed length; None if it gives it none.
+    """Return the bytes that a DCF gives an object without a fixed length; None if it does not give any.
 
-    Raises DictionaryError for a file beside it that cannot be read, and for a value that is none of the object's.
+    Raises DictionaryError for a file beside it that cannot be read, and for a value that does not fit the object.
     """
     variable = dcf.members[address[0]][address[1]]
     type_ = data_type(variable)
@@ -93,7 +93,7 @@ def content(dcf: Dictionary, address: Address) -> bytes | None:
             return read_bytes(dcf.file.parent / file)
         except DictionaryError as error:
             raise DictionaryError(dcf.file, address[0], f"{where}: DownloadFile {error}") from error
-    if variable.value is None and value_text(variable):  # canopen drops a value that is none of the type
+    if variable.value is None and value_text(variable):  # canopen drops a value that does not fit the type
         raise DictionaryError(dcf.file, address[0], f"{where}: {value_text(variable)!r} is not {type_.name}")
     value = variable.value or None
     if not isinstance(value, str):

@@ -1,7 +1,7 @@
-"""The object dictionary a document describes: objects, their sub-indices, and the entries that say something of them.
+"""The object dictionary that a document describes: objects, their sub-indices, and the entries about them.
 
-Rule of this file: asking never raises and never guesses. What is missing or malformed is None or an empty text, so that
-lint can look at any file; `normal` decides what a file must have to be used.
+Rule of this file: nothing raises or guesses. What is missing or malformed is None or an empty text, so that lint can
+look at any file; `normal` decides what a file must have to be used.
 """
 
 from __future__ import annotations
@@ -81,7 +81,7 @@ class DescribedVariable:
 
     @cached_property
     def value_entry(self) -> Entry | None:
-        """Return the entry with its value; an empty ParameterValue is none."""
+        """Return the entry with its value; an empty ParameterValue does not count."""
         entries = self.section.entries
         parameter = entries.get("parametervalue")
         return parameter if parameter and parameter.value else entries.get("defaultvalue") or parameter
@@ -254,7 +254,7 @@ class DescribedPdo(PdoRecords):
         return cob_id is not None and not cob_id.value & values.NOT_VALID
 
     def identifier(self, node_id: int) -> int | None:
-        """Return the base identifier it uses in a node; None if it has none, is not valid or has an extended one."""
+        """Return the base identifier that it uses in a node; None if it has none, an extended one, or is not valid."""
         cob_id = self.value(values.COB_ID)
         if cob_id is None or cob_id.at(node_id) & (values.NOT_VALID | values.EXTENDED):
             return None
@@ -307,7 +307,7 @@ class DescribedDevice:
 
     @cached_property
     def objects(self) -> dict[int, DescribedObject]:
-        """All objects by index; one that has no section of its own, but sub-indices, too."""
+        """All objects by index, even one that has sub-indices but no section of its own."""
         heads: dict[int, Section] = {}
         subs: dict[int, dict[int, DescribedVariable]] = {}
         lists: dict[int, dict[str, Section]] = {}

@@ -1,11 +1,11 @@
 """A device's object dictionary: canopen's, read from the normal form of an EDS or DCF.
 
 canopen's own reader refuses or misreads much that is common practice; of the normal form (`normal`) it reads all but a
-few attributes, which are set here. Beside canopen's `objects` stands the `device` that the text of the normal form
-describes, for those who write files.
+few attributes, which are set here. Beside canopen's `objects` there is the `device` that the normal form describes, for
+whatever writes files.
 
-Rule of this file: what would be read wrongly by guessing is left out, and `left_out` says so; a file of which nothing
-can be used is refused.
+Rule of this file: nothing is guessed. What cannot be read with certainty is left out, and `left_out` says so; a file of
+which nothing can be used is refused.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ if TYPE_CHECKING:
     from canopen.objectdictionary import ObjectDictionary, ODVariable
 
 IDENTITY_KEYS = ("vendornumber", "productnumber", "revisionnumber", "")
-"""Keys of [DeviceInfo] for the sub-indices of 0x1018 from 1 on; the serial number has none."""
+"""Keys of [DeviceInfo] for the sub-indices of 0x1018 from 1 on; there is no key for the serial number."""
 
 
 class Dictionary:

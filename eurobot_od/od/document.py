@@ -1,6 +1,6 @@
 """Reads the text of an EDS or DCF into sections and entries that know their line and column, whatever the bytes.
 
-Rule of this file: reading never raises, and passes nothing over in silence. What does not belong in an EDS becomes an
+Rule of this file: reading never raises, and never skips anything silently. What does not belong in an EDS becomes an
 `Oddity`; lint turns each into a finding, and `normal` refuses a file with those that may hide objects.
 """
 
@@ -48,10 +48,10 @@ class Odd(Enum):
 
 
 HIDING = (Odd.BINARY, Odd.HEADER, Odd.XML)
-"""Oddities after which nobody knows what the file was to say: it is not an EDS at all, or entries have no section."""
+"""Oddities that leave unclear what the file was to say: it is not an EDS at all, or entries have no section."""
 
 STRAY = (Odd.NOT_AN_ENTRY, Odd.NO_SECTION, Odd.NO_KEY)
-"""Lines that say nothing of an object; but where one is the end of the file, the file is cut off."""
+"""Lines that say nothing about an object; if one is the last line, though, the file was cut off."""
 
 END_MARKS = "\0\x1a"
 """What old editors and programs put at the end of a text: Ctrl-Z, and NUL up to a full block."""
@@ -128,7 +128,7 @@ class Document(NamedTuple):
 
     @property
     def hiding(self) -> Oddity | None:
-        """The first oddity after which nobody knows what the file was to say; None without one."""
+        """The first oddity that leaves unclear what the file was to say; None without one."""
         end = len(self.lines)  # the last line has no line end: it is empty, or the file stops in the middle of it
         odd = (each for each in self.oddities if each.kind in HIDING or (each.kind in STRAY and each.line == end))
         return next(odd, None)

@@ -1,7 +1,7 @@
 """Emergency error codes that device profiles give a meaning, beyond the classes of CiA 301 (Table 26).
 
-Rule of this file: data, by the number of the profile in 0x1000. A code that ends in zeros is the class of those with
-other digits in their place: a drive's 0x7312 is something about its speed.
+A table for each profile, by its number in 0x1000. A code that ends in zeros is a class: a drive's 0x7312 belongs to
+0x7310, speed.
 """
 
 from __future__ import annotations
@@ -108,6 +108,6 @@ MASKS = (0xFFFF, 0xFFF0, 0xFF00)
 
 
 def profile_words(profile: int, code: int) -> str | None:
-    """Return what a device profile means by an emergency error code; None if it says nothing of it."""
+    """Return what an emergency error code means in a device profile; None if the profile does not say."""
     codes = OF_PROFILES.get(profile, {})
     return next((codes[code & mask] for mask in MASKS if code & mask in codes), None)

@@ -35,7 +35,7 @@ def read(data: bytes) -> Document:
     """Read the bytes of a file; nothing raises, what is odd is in the document."""
     if not is_xml(data):
         return document.read(data)
-    from eurobot_od.od import xdd  # most files are none
+    from eurobot_od.od import xdd  # most files are not XML
 
     return xdd.read(data)
 
@@ -191,7 +191,7 @@ PLAIN_RELATIVE = re.compile(r"\$NODEID\+(?:0[xX][0-9A-Fa-f]+|0|[1-9][0-9]*)")
 
 @lru_cache(maxsize=REMEMBERED_NUMBERS)
 def plain_value(text: str, type_: DataType) -> str | None:
-    """Write a value of a data type as every tool reads it; None for what is none of the type."""
+    """Write a value of a data type as every tool reads it; None if it does not fit the type."""
     if type_ in TEXTS:
         return text
     if type_ in BYTES:

@@ -1,6 +1,6 @@
 """The sections and keys of CiA 306, as it spells them.
 
-Rule of this file: data. Readers look sections and keys up in lower case; other tools want them as they stand here.
+Readers look sections and keys up in lower case; other tools need them as they are written here.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ TYPED = (*LIMITS, *VALUES)
 """Keys whose text goes by the data type, in lower case."""
 
 OF_VARIABLE = ("datatype", "accesstype", "pdomapping", *TYPED)
-"""Keys of what has a value, in lower case; an object with sub-indices has none of them."""
+"""Keys of an object with a value, in lower case; an object with sub-indices does not have them."""
 
 SECTION_KEYS: Mapping[str, tuple[str, ...]] = {
     "FileInfo": (*FILE_INFO, *ORIGIN, "EDSVersion", "LastEDS"),

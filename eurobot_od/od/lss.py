@@ -1,6 +1,6 @@
 """What the frames of the layer setting services say: commands, identity, bit rates, refusals (CiA 305).
 
-Rule of this file: data, and the only copy in the package; `client.lss` asks with it, and who decodes a log reads by it.
+`client.lss` sends them, and the decoder of logs explains them.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ LENGTH = 8
 """Bytes of every LSS request and answer."""
 
 UNCONFIGURED = 255
-"""The node-ID of a device that has none."""
+"""The node-ID of a device that has not been given one."""
 
 BIT_RATES = {1000: 0, 800: 1, 500: 2, 250: 3, 125: 4, 50: 6, 20: 7, 10: 8}
 """Index in the standard table of bit timings, by kbit/s (CiA 305, Table 1)."""
@@ -34,16 +34,16 @@ class Lss(IntEnum):
     ACTIVATE_BIT_TIMING = 0x15
     STORE = 0x17
     SELECT = 0x40
-    """Of the vendor-ID; the next three are product code, revision and serial number."""
+    """Selects by the vendor-ID; the next three by product code, revision and serial number."""
     SELECTED = 0x44
     IDENTIFY = 0x46
-    """Of the vendor-ID; the next five are product code, lowest and highest revision, lowest and highest serial."""
+    """Identifies by the vendor-ID; the next five by product code, lowest and highest revision and serial number."""
     IDENTIFY_UNCONFIGURED = 0x4C
     IDENTIFY_SLAVE = 0x4F
     UNCONFIGURED_SLAVE = 0x50
     FASTSCAN = 0x51
     INQUIRE = 0x5A
-    """Of the vendor-ID; the next three are product code, revision and serial number."""
+    """Asks for the vendor-ID; the next three for product code, revision and serial number."""
     INQUIRE_NODE_ID = 0x5E
 
 

@@ -6,7 +6,7 @@ each module 1 adds sub-indices, described by `[M1SubExt6000]`. `Count=2` there m
 `Count=0;4` means 4 bits, of which as many modules as fit share a sub-index. A DCF says in `[ConnectedModules]` what is
 plugged in, by position.
 
-Rule of this file: the file itself is never changed; an object that the file has already is left as it is.
+The file itself is not changed, and an object that the file has already is left as it is.
 """
 
 from __future__ import annotations

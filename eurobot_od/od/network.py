@@ -1,7 +1,7 @@
 """Which devices there are: files with node-IDs, a folder of files, a network file; and their dictionaries.
 
-Rule of this file: every device gets a node-ID and a name of its own here, or the load ends with one line that says
-which file is in the way.
+Every device gets a node-ID and a name of its own here; otherwise loading ends with one line that says which file is in
+the way.
 """
 
 from __future__ import annotations

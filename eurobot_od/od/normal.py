@@ -1,10 +1,10 @@
 """Any EDS or DCF as the plain EDS that canopen, and every other tool, reads right: its normal form.
 
 A normal form has no byte order mark, every section and key once and in the spelling of CiA 306, numbers in decimal or
-0x hexadecimal with `$NODEID+` in front, negative numbers with their sign, compact arrays and PDOs written out, the
-type of every variable, and the sections and counts that CiA 306 asks for. What has no place in it, such as an entry
-that is there twice or a default that is nothing of its type, stands there as a comment, so that nothing is lost. The
-normal form of a normal form is itself.
+0x hexadecimal with `$NODEID+` in front, negative numbers with their sign, compact arrays and PDOs written out, the type
+of every variable, and the sections and counts that CiA 306 asks for. What has no place in it, such as an entry that is
+there twice or a default that does not fit its type, becomes a comment, so that nothing is lost. The normal form of a
+normal form is itself.
 
 canopen drops some of what even a normal form says, such as the limits of a REAL; `Normal.dropped` has it, for
 `dictionary` to set.
@@ -219,16 +219,16 @@ ENTRIES = {"lowlimit": "min", "highlimit": "max"}
 CANOPENS_SIGNED = (8, 16, 32, 64)
 """Bits of the signed integers of which canopen reads the limits."""
 
-NOT_CANOPENS = {
+IGNORED_BY_CANOPEN = {
     "objflags": "obj_flags",
     "uploadfile": "upload_file",
     "downloadfile": "download_file",
     "denotation": "denotation",
 }
-"""Keys of which canopen reads nothing, and the attributes that have their values."""
+"""Keys that canopen ignores, and the attributes that get their values."""
 
 RAW = {"defaultvalue": "default_raw", "parametervalue": "value_raw"}
-"""Where canopen keeps the text of a value, also of one that is nothing of its type."""
+"""Where canopen keeps the text of a value, even of one that does not fit its type."""
 
 NUMBERS = ("objecttype", "datatype", "subnumber", "pdomapping", "objflags")
 COMPACT_KEYS = ("compactsubobj", *keys.OF_VARIABLE)
@@ -455,7 +455,7 @@ class _Writer:
         if "parametername" not in entries:
             self._out.append("ParameterName=")
         if each.code is not code and each.code is ObjectCode.DEFSTRUCT:
-            # canopen knows no DEFSTRUCT; it is a record to whoever reads and writes its members.
+            # canopen does not know DEFSTRUCT; to whatever reads and writes its members it is a record.
             self._dropped.append(Dropped(each.index, None, "object_code", ObjectCode.DEFSTRUCT))
         type_text = f"ObjectType=0x{code.value:X}"
         if parse_number(section.text("objecttype")) != Number(code.value):
@@ -532,10 +532,10 @@ class _Writer:
             self._line(entry, f"{spelled or CANOPENS_KEYS.get(key, entry.key)}={text}")
         else:
             self._line(entry, f";{entry.key}={text}")
-        if key in NOT_CANOPENS and text:
+        if key in IGNORED_BY_CANOPEN and text:
             flags = parse_number(text) if key == "objflags" else None
             value = text if key != "objflags" else flags.value if flags else 0
-            self._dropped.append(Dropped(index, sub, NOT_CANOPENS[key], value))
+            self._dropped.append(Dropped(index, sub, IGNORED_BY_CANOPEN[key], value))
 
     def _limit(self, index: int, sub: int | None, attribute: str, text: str, type_: DataType) -> None:
         """Keep a limit that canopen does not read."""
@@ -566,7 +566,7 @@ class _Writer:
 
 
 CANOPENS_KEYS = {each.lower(): each for each in ("Factor", "Unit", "Description", "StorageLocation")}
-"""Keys that canopen reads, though CiA 306 has none of them."""
+"""Keys that canopen reads, though CiA 306 does not have them."""
 
 DUMMY_KEYS = tuple(f"dummy{code:04x}" for code in values.DUMMIES)
 

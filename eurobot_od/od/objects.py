@@ -1,7 +1,7 @@
 """Objects of a dictionary as a person names and writes them: found, labelled, read from text, encoded, limited.
 
-They are canopen's variables. One that no file describes has no name and no type: it is a number and its bytes. With a
-file a value outside of the object's limits is refused before it is sent.
+They are canopen's variables. One that no file describes is just a number and its bytes, without a name and a type. With
+a file, a value outside the object's limits is refused before it is sent.
 """
 
 from __future__ import annotations
@@ -64,12 +64,12 @@ def address_of(variable: ODVariable) -> Address:
 
 
 def data_type(variable: ODVariable) -> DataType:
-    """Return the data type of a variable; DOMAIN, which is bytes, for one of which nobody knows it."""
+    """Return the data type of a variable; DOMAIN, which is bytes, if it is not known."""
     return DATA_TYPES.get(variable.data_type or 0, DOMAIN)
 
 
 def is_described(variable: ODVariable) -> bool:
-    """Whether a file describes it."""
+    """Tell whether a file describes a variable."""
     return variable.data_type is not None
 
 
@@ -85,7 +85,7 @@ def default_of(variable: ODVariable) -> Value:
 
 
 def value_text(variable: ODVariable) -> str:
-    """Return its ParameterValue as the file writes it, also where that is none of its type; empty without one."""
+    """Return its ParameterValue as the file writes it, even if it does not fit the type; empty without one."""
     text: str = getattr(variable, "value_raw", "")
     return text
 

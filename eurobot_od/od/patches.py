@@ -1,16 +1,17 @@
-"""Patches of a device's file: a few lines of YAML, or a DCF, that say something of objects in place of the file.
+"""Patches of a device's file: a few lines of YAML, or a DCF, that say something about objects in place of the file.
 
     0x6065: {DefaultValue: 2000, HighLimit: 5000}       # an object by index, index:sub-index or name
     Motion.Speed: {AccessType: rw, ParameterValue: 10}
-    0x2100: {LowLimit: }                                # nothing takes away what the file says
+    0x2100: {LowLimit: }                                # an empty value removes what the file says
     0x2200: {ParameterName: Fan, DataType: UNSIGNED16, AccessType: rw}      # a new object
     0x2201: {ParameterName: Lamps, ObjectType: RECORD}                      # a new one with sub-indices
     0x2201:1: {ParameterName: Left, DataType: BOOLEAN, AccessType: rw}
 
-Of a DCF count the values of its objects, its commissioning and its connected modules; what it describes is left to the
+From a DCF come the values of its objects, its commissioning and its connected modules; what it describes is left to the
 file.
 
-Rule of this file: a patch that does not fit is refused with its line. Nobody would see that half of it has no effect.
+Rule of this file: a patch that does not fit is refused, with its line. Otherwise nobody would see that half of it has
+no effect.
 """
 
 from __future__ import annotations
@@ -346,7 +347,7 @@ def _highest(subs: Iterable[int]) -> int:
 
 
 def _value(text: str, type_: DataType) -> str | None:
-    """Return a value or limit as every tool reads it; None if it is none of the type."""
+    """Return a value or limit as every tool reads it; None if it does not fit the type."""
     plain = plain_value(text, type_)
     number = parse_number(text) if type_.is_integer else None
     if number is None or number.relative:

@@ -36,8 +36,8 @@ SLICES = " slices"
 class Mapped(NamedTuple):
     """One entry of a mapping: canopen's variable, and how many of its bits the PDO carries.
 
-    `type` and `limits` are the variable's; a slice has those of the value that it is a part of. What is no integer has
-    the limits of its bits. `is_padding` tells that these bits carry nothing.
+    `type` and `limits` are the variable's; a slice has those of the value that it is a part of. What is not an integer
+    has the limits of its bits. `is_padding` tells that these bits carry nothing.
     """
 
     variable: ODVariable
@@ -161,8 +161,8 @@ class PdoReader:
     def pdos(self, refused: OnRefused = fatal, listening: bool = False) -> tuple[Pdo, ...]:
         """Return RPDOs, then TPDOs.
 
-        `refused` gets the MappingError, with file and index, of each that does not hold; by default it is raised. Those
-        that multiplex, or have 29-bit identifiers, are only for who is `listening`, and hold for nobody else.
+        `refused` gets the MappingError, with file and index, of each that cannot be used; by default it is raised.
+        Multiplexed PDOs, and those with 29-bit identifiers, can be used only when `listening`.
         """
         pdos = []
         for direction, records in values.COMMUNICATION_RECORDS.items():

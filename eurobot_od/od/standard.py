@@ -1,7 +1,7 @@
 """The objects of the communication profile: where they are, what they are for, their types and access (CiA 301, 302).
 
-Rule of this file: data, and the only copy in the package. Who serves, asks or checks such an object imports it; who
-checks a file compares it with the table, and who reads one that leaves a type out takes it from there.
+Whatever serves, reads or checks such an object imports it from here. A file is checked against the table, and a type
+that a file leaves out is taken from it.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ ERROR_FIELD = 0x1003
 """The errors that the device remembers, newest first; sub-index 0 is their number, and 0 written there clears them."""
 
 SYNC: Address = (0x1005, 0)
-"""COB-ID of SYNC; a device without this object knows none."""
+"""COB-ID of SYNC; a device without this object does not know SYNC."""
 
 SYNC_PRODUCER = 1 << 30
 """Bit of 0x1005: the device itself sends SYNC."""
@@ -54,7 +54,7 @@ COMMANDS = (ERROR_FIELD, STORE, RESTORE)
 """Objects of which a write is a command, and no value that is kept."""
 
 TIME: Address = (0x1012, 0)
-"""COB-ID of TIME; a device without this object knows none."""
+"""COB-ID of TIME; a device without this object does not know TIME."""
 
 EMCY: Address = (0x1014, 0)
 """COB-ID of the device's own emergency messages."""
@@ -189,7 +189,7 @@ PROFILE_OBJECTS: Mapping[int, tuple[str, DataType]] = {
 def device_profile(number: Callable[[Address], int | None]) -> int:
     """Return the number of a device's profile, such as 402 of a drive; 0 for none (CiA 301, 7.5.2.1).
 
-    `number` gives the number that an object of the device has, None if it has none.
+    `number` returns the number in an object of the device, None if there is none.
     """
     return (number(DEVICE_TYPE) or 0) & 0xFFFF
 

@@ -41,7 +41,7 @@ MOST_DAYS = 0xFFFF
 
 
 def text(data: bytes, is_moment: bool) -> str | bytes:
-    """Write a time for a person, a moment or a time span; bytes that are none stay bytes."""
+    """Write a time for a person, a moment or a time span; bytes that are neither stay bytes."""
     days, milliseconds = int.from_bytes(data[4:], "little"), int.from_bytes(data[:4], "little")
     if milliseconds >= DAY:  # the field's 28 bits hold three days
         return data
@@ -64,7 +64,7 @@ def data(text: str, is_moment: bool) -> bytes:
         moment = datetime.fromisoformat(text.strip())
     except ValueError:
         raise ValueError(f"{text!r} is not a time such as 2014-05-28 12:00:00.000") from None
-    # CANopen's time knows no zone: what is written counts as it stands, whatever offset follows it.
+    # CANopen's time has no zone: what is written counts as it stands, whatever offset follows it.
     time = TimeOfDay.of(moment.replace(tzinfo=None))
     if time.days not in range(MOST_DAYS + 1):
         raise ValueError(f"{text!r} is not within 179 years from {EPOCH:%Y} on")

@@ -1,6 +1,6 @@
 """What CiA 301 and 306 fix for every object dictionary: numbers, data types, access, COB-IDs, PDO numbering.
 
-Rule of this file: the only copy in the package. Whoever needs one of these bits, ranges or indices imports it.
+Whatever needs one of these bits, ranges or indices imports it from here.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ DIGITS = {8: "01234567", 10: "0123456789", 16: "0123456789ABCDEFabcdef"}
 """The digits of each base."""
 
 LONGEST_NUMBER = 100
-"""More digits than any type has. What is longer is not a number, so that nobody has to convert a megabyte of digits."""
+"""More digits than any type has. What is longer is not a number, which saves converting a megabyte of digits."""
 
 
 def typed_number(text: str) -> int:
@@ -393,7 +393,7 @@ BASE_IDENTIFIER = HIGHEST_IDENTIFIER
 
 
 def base_identifier(entry: Value) -> int | None:
-    """Return the 11-bit identifier of a COB-ID entry; None if the service is off, or has none but NMT's 0."""
+    """Return the 11-bit identifier of a COB-ID entry; None if the service is off, or has only NMT's 0."""
     usable = isinstance(entry, int) and not entry & (NOT_VALID | EXTENDED)
     return (cast(int, entry) & BASE_IDENTIFIER or None) if usable else None
 
@@ -425,11 +425,11 @@ class IdentifierRange(NamedTuple):
     is_per_node: bool = False
 
     def whose(self, identifier: int) -> str:
-        """Say whose an identifier of the range is: SYNC, or EMCY of node 64."""
+        """Say what an identifier of the range belongs to: SYNC, or EMCY of node 64."""
         return f"{self.owner} of node {self.node_id(identifier)}" if self.is_per_node else self.owner
 
     def node_id(self, identifier: int) -> int | None:
-        """Return the node whose an identifier of the range is, None if the range is nobody's own."""
+        """Return the node that an identifier of the range belongs to; None if the range is not split by nodes."""
         return identifier - self.low + 1 if self.is_per_node else None
 
 

@@ -1,9 +1,9 @@
 """Reads a device description in XML (CiA 311: XDD, and XDC with a device's values) as the sections of an EDS or DCF.
 
-Every section and entry stands at the line of the element that says it. The XML is read by expat alone, without a
-document type: whatever a file declares there, entities above all, makes it no device description.
+Every section and entry has the line of the element that says it. The XML is read by expat alone. A file with a document
+type, and so with any entity, is not read as a device description.
 
-Rule of this file: as in `document`, reading never raises; what is not XML becomes an `Oddity`.
+As in `document`, reading never raises; what is not XML becomes an `Oddity`.
 """
 
 from __future__ import annotations

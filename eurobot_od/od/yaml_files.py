@@ -2,8 +2,8 @@
 
 A network file has nodes with their files and node-IDs, and what is declared of them.
 
-Rule of this file: names and numbers are read as they are written, and numbers as in an EDS (decimal, 0x or octal):
-a node may be called `off`, and what YAML 1.1 makes of it does not count.
+Names are read as they are written, whatever YAML 1.1 makes of them: a node may be called `off`. Numbers are read as in
+an EDS (decimal, 0x or octal).
 
     nodes:
       core: {file: core.eds, node_id: 1}      # files are relative to this file; node_id where the file does not say it

@@ -1,7 +1,7 @@
 """One message as a dictionary maps it: the layout of its PDO bound to the fields of its type.
 
 A binding works with raw integers (`pack`, `unpack`) and with meanings (`encode`, `decode`). The functions for meanings
-are generated when they are needed first: a program that sends two messages does not wait for all 23.
+are generated when they are first needed, so that a program that sends two messages does not wait for all 23.
 """
 
 from __future__ import annotations

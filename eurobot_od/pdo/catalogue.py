@@ -1,7 +1,7 @@
 """The catalogue: which message type stands for a PDO, by the PDO's name.
 
-A message class enters itself with the decorator `Catalogue.message`. A PDO that nobody has entered needs no class: it
-gets a named tuple made from its mapping.
+The decorator `Catalogue.message` enters a message class. A PDO without a class gets a named tuple made from its
+mapping.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ class Catalogue:
         return made
 
     def find(self, name: str) -> CatalogueEntry | None:
-        """Return the entry for a PDO's name, None if nobody has entered one."""
+        """Return the entry for a PDO's name; None if there is none."""
         return self._entries.get(plain_name(name))
 
     @property
@@ -78,7 +78,7 @@ LONGEST_NAME = 60
 """Most characters of a file's name that a line for a person has room for."""
 
 NOTHING = Catalogue()
-"""The catalogue for devices of which nothing is known but their EDS; nobody enters anything here."""
+"""The empty catalogue, for devices of which only the EDS is known."""
 
 
 def plain_name(name: str) -> str:

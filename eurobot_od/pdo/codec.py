@@ -1,8 +1,8 @@
 """A message's two functions, data to message and message to frame, generated from its layout.
 
 A frame is read as one integer, the word; a field is then a shift and a mask. Interpreting the layout for each frame
-would take several times as long as the shifts, so that the few lines for a message are written out as source once and
-compiled. Goto XY becomes, shortened to two fields:
+would take several times as long as the shifts. So the few lines for a message are written as source once, and compiled.
+Goto XY becomes, shortened to two fields:
 
     def read(data):
         if len(data) != 8: return irregular(data)
@@ -15,7 +15,7 @@ compiled. Goto XY becomes, shortened to two fields:
         except unencodable: return careful(message)
         return new(Frame, (8, word.to_bytes(8, 'little')))
 
-Only numbers are put into the source, and names that are made here: nothing that a file says.
+The source contains only numbers, and names that are made here: nothing from a file.
 """
 
 from __future__ import annotations
@@ -32,18 +32,18 @@ TABLE_BITS = 6
 """The meanings of fields up to this wide that are not numbers, such as enums, are kept in a table."""
 
 REMEMBERED = 1024
-"""Meanings of a wider field that are kept: a bus carries few different ones, and each takes a call or two to make."""
+"""How many meanings of a wider field are kept: a bus carries few different ones, and making one takes a call or two."""
 
 UNENCODABLE = (FieldError, ValueError, TypeError, LookupError)
-"""What a column's `write` raises for a value that is not to be sent as it is, and unpacking for a wrong tuple."""
+"""What a column's `write` raises for a value that cannot be sent as it is, and unpacking for a wrong tuple."""
 
 
 class Column(NamedTuple):
     """How one field of a message is read and written.
 
     `read` turns the raw value into its meaning; None for a field that is not mapped and always has its `default`.
-    `write` is the way back; it raises one of UNENCODABLE. `numbers` are raw values that mean themselves, about which
-    `read` is not asked; `sendable` are meanings that are their own raw value, about which `write` is not asked.
+    `write` is the way back; it raises one of UNENCODABLE. `numbers` are raw values that mean themselves, so that `read`
+    is not called for them; `sendable` are meanings that are their own raw value, so that `write` is not called.
     """
 
     field: str

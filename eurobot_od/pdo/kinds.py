@@ -1,8 +1,8 @@
 """Kinds of fields: the two-way conversion between a field's raw value and its meaning.
 
-Each rule stands here once: what a raw value means, what raw value a meaning has, how a person writes it, what is
-allowed. Whatever is special about one message's fields is a kind of its own, and asks for it here: nobody else tests
-which kind a field has. Widths and limits are the EDS's and come in as arguments.
+A kind says what a raw value means, which raw value a meaning has, how a person writes it, and what is allowed. Whatever
+is special about a field is a method of its kind: no other code asks which kind a field has. Widths and limits come from
+the EDS, as arguments.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ class OutOfRange(int):
 
 
 class ColumnForm(Enum):
-    """What a field's values are in a column of a table; what has no such value is null there, and flagged beside it."""
+    """The form of a field's values in a column of a table; anything else is null there, with a flag beside it."""
 
     NUMBER = "number"
     BITS = "bits"

@@ -13,7 +13,7 @@ from eurobot_od.od.values import MAX_BITS, SLICE
 
 
 class LayoutError(ValueError):
-    """Mapping entries that make no layout: a gap, an overlap, a wrong length, or over 64 bits."""
+    """Mapping entries that do not make a layout: a gap, an overlap, a wrong length, or more than 64 bits."""
 
 
 class Slot(NamedTuple):

@@ -3,7 +3,8 @@
     class EnemyPosition(NamedTuple):
         x: Annotated[int, Kind("mm")]
 
-A message type says what its fields mean. Identifier, bits and limits are the EDS's and are bound to it by a protocol.
+A message type says what its fields mean. Identifier, bits and limits come from the EDS; a protocol binds them to the
+type.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """The messages of loaded dictionaries: frames in, typed messages out, and back.
 
-Identifiers and bits come from the dictionaries, meanings from the kinds of the catalogue's message types; here they
-are put together, and whatever does not fit together stops the load with file and index.
+Identifiers and bits come from the dictionaries, meanings from the kinds of the catalogue's message types. They are put
+together here; if they do not fit, loading ends with an error that names file and index.
 """
 
 from __future__ import annotations

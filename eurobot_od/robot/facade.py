@@ -1,7 +1,6 @@
 """The core node on a live bus, for scripts and the REPL: every call waits for its result.
 
-Rule of this file: each method is the core's method of the same name, waited for, and nothing more, so that whoever
-knows one knows the other.
+Each method is the core's method of the same name, waited for, and nothing more: if you know one, you know the other.
 """
 
 from __future__ import annotations

@@ -100,7 +100,7 @@ ROBOT = Plugin(
     },
     faults=partial(_imported, "faults", "FAULTS"),
     suites=HERE / "check" / "suites",
-    partners=partial(_called, "check.partners", "partners"),
+    partners=partial(_called, "check.drill", "partners"),
     panels=lambda: (_imported("scene.panel", "FieldPanel"),),
     drawings=partial(_called, "model.poses", "drawings"),
     reports=partial(_imported, "season", "REPORTS"),

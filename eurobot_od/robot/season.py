@@ -1,6 +1,6 @@
 """Questions to a season of the robot's logs: gotos, arrivals, stops.
 
-Rule of this file: a log has what the nodes said, not where the robot was. So an arrival's error is the distance from
+A log has what the nodes said, not where the robot was. So an arrival's error is the distance from
 the place that was asked for to the one that the drive believed in, and to the one that the beacons gave.
 """
 

@@ -1,4 +1,4 @@
-"""Answers of a season as text: aligned lines, CSV, JSON lines, pictures; and the answer to no query, its tables."""
+"""Answers of a season as text: aligned lines, CSV, JSON lines, pictures; and, without a query, a list of its tables."""
 
 from __future__ import annotations
 

@@ -93,7 +93,7 @@ def _begun(folder: Path) -> Iterator[None]:
     descriptor = os.open(folder, os.O_RDONLY)
     try:
         with suppress(OSError):
-            flock(descriptor, LOCK_EX | LOCK_NB)  # had only if nobody else is at work: what is here is left over
+            flock(descriptor, LOCK_EX | LOCK_NB)  # granted only if nobody else is at work: what is here is left over
             for left in folder.iterdir():
                 shutil.rmtree(left, ignore_errors=True)
         with suppress(OSError):

@@ -1,6 +1,6 @@
 """A log of any format as batches of columns: frames with line, time, channel, identifier and data; and all else.
 
-Rule of this file: a batch has what `logs.formats.read` gives of the same log, entry by entry. candump's format, which
+Rule of this file: a batch has what `traffic.formats` reads from the same log, entry by entry. candump's format, which
 long logs are in, is taken apart by columns; a line in any other form than candump's and python-can's own goes through
 the format's reader, and so do all lines of the other formats. Memory holds a few batches, however long the log is. As
 lines taken apart need far more than what they say, they are taken from small chunks, and batches made of many of these.

@@ -1,10 +1,10 @@
-"""Much work in blocks, on any `concurrent.futures.Executor`: this process, others on this machine, or dask's workers.
+"""Long jobs in blocks, on any `concurrent.futures.Executor`: this process, others on this machine, or dask's workers.
 
-An item is what one call does, such as the match of a seed. Items go out in blocks, results come back in the items'
-order, and may be kept in Parquet files, a file for each block, from which a campaign is taken up again (`results`).
-There is no scheduler here.
+An item is what one call does, such as the match of a seed. Items go out in blocks, and results come back in the items'
+order. They may be kept in Parquet files, one for each block, from which a campaign is resumed (`results`). There is no
+scheduler here.
 
-Rule of this file: an item's result depends on the item alone. So a block whose worker was lost is done again, and the
+Rule of this file: an item's result depends only on the item. So a block whose worker was lost is repeated, and the
 results are the same on any executor. Nothing is done twice: results that are already there are read.
 """
 
@@ -132,7 +132,7 @@ def dask(address: str) -> Iterator[Workers]:
         try:
             yield Workers(len(threads), executor, BLOCK)
         finally:
-            # Blocks that are still running are given up: nobody is left to take their results.
+            # Blocks that are still running are given up: nothing will take their results any more.
             executor.shutdown(wait=False)
 
 
@@ -141,7 +141,7 @@ def workers(text: str | None, jobs: int | None, most: int) -> AbstractContextMan
     if text is None:
         return local(min(jobs or cores(), most))
     if not text.startswith(DASK):
-        raise LocalError(f"{text!r} is no executor: {DASK}HOST:PORT, or --jobs for processes of this machine")
+        raise LocalError(f"{text!r} is not an executor: {DASK}HOST:PORT, or --jobs for processes of this machine")
     return dask(text.removeprefix(DASK))
 
 

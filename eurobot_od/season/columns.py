@@ -4,8 +4,8 @@ Rule of this file: a column says what `Protocol.decode` says about each frame. A
 field's unit (unknown, a code such as `blocked`, out of range) is null in the field's column; the column `FIELD_flag`
 beside it, null for a plain value, says what it is: `unknown`, the code's word, or `out of range: ` and the raw value.
 
-A field is a few shifts and masks of the word, as its PDO is mapped. Polars has no shift: a division or multiplication
-by a power of two is one.
+A field is a few shifts and masks of the word, as its PDO is mapped. Polars has no shift: dividing or multiplying by a
+power of two does the same.
 """
 
 from __future__ import annotations
@@ -218,7 +218,7 @@ def _raw(binding: Binding, field: str) -> pl.Expr:
 
 def _bits(run: Run) -> pl.Expr:
     """Return a run's bits at their place in the value."""
-    # Polars has no shift for a column: dividing and multiplying by a power of two is one.
+    # Polars cannot shift a column: dividing and multiplying by a power of two does the same.
     down = pl.col(WORD) // (1 << run.offset) if run.offset else pl.col(WORD)
     bits = down & run.mask
     return bits * (1 << run.shift) if run.shift else bits
@@ -282,7 +282,7 @@ def of_others(
             continue
         damage, why = others.defect(number)
         if damage is not None:
-            # A remote frame of a message's identifier asks for the message, and is nobody's defect.
+            # A remote frame of a message's identifier asks for the message, and is not a defect.
             asks = pl.col("remote") if number in messages else pl.lit(value=False)
             yield _defects(some.filter(~asks), damage, pl.concat_str(_frame(number), pl.lit(why)))
 

@@ -1,7 +1,7 @@
 """The results of a campaign on the disk: a folder with a Parquet file for each block, written as blocks are done.
 
-Rule of this file: a file is there whole or not at all; a folder holds the results of one campaign, with settings that
-are written down in it, and of no other.
+Rule of this file: a file is written completely or not at all; a folder holds the results of one campaign, with the
+settings that are written in it.
 """
 
 from __future__ import annotations

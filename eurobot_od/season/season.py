@@ -63,11 +63,11 @@ class Season:
                 found[table.name] = []
                 for file in sorted(table.glob(f"*{tables.SUFFIX}")):
                     (found[table.name] if tables.is_whole(file) else self.damaged).append(file)
-        # Files of a run that is being moved here, or was broken off there, have no row in `runs` yet.
+        # Files of a run that is being moved here, or was interrupted while it was, have no row in `runs` yet.
         runs = {file.stem for file in found.get(tables.RUNS, ())}
         self.files = {name: files for name, files in found.items() if any(file.stem in runs for file in files)}
         if not self.files.get(tables.RUNS):
-            raise LocalError(f"{folder} is no season: no log is archived in it; `eurobot-od archive` makes one")
+            raise LocalError(f"{folder} is not a season: no log is archived in it; `eurobot-od archive` makes one")
 
     @classmethod
     def open(cls, folder: str | Path) -> Season:
@@ -75,7 +75,7 @@ class Season:
         return cls(Path(folder))
 
     def frames(self, table: str) -> pl.LazyFrame:
-        """Return a table, nothing of it read yet; raises UnknownName.
+        """Return a table, of which nothing is read yet; raises UnknownName.
 
         A column that only some logs have, as their EDS files map it, is null for the others.
         """

@@ -1,6 +1,6 @@
 """The tables of a season and where they lie: a folder of Parquet files for each, a file for each log in it.
 
-Names and columns only; nothing is read or computed. All tables start with `run`, `line`, `t` and
+These are names and columns only; nothing is read or computed here. All tables start with `run`, `line`, `t` and
 `channel`: which log, which line of it, when in seconds by the log's own clock, on which channel.
 """
 

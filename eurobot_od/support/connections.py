@@ -34,7 +34,7 @@ STEADY = 10.0
 
 
 class Backoff:
-    """Growing pauses between tries: what may come back at once is tried at once, what stays dead costs little."""
+    """Growing pauses between attempts: the first come at once, and what stays dead costs little."""
 
     def __init__(self) -> None:
         self._pause, self._failed_at = 0.0, -inf

@@ -1,7 +1,7 @@
-"""Packages that only some commands need: an extra that is missing is one line, with what installs it.
+"""Packages that only some commands need. A missing one is reported in one line, which says what installs it.
 
-Rule of this file: which packages an extra brings stands in `pyproject.toml` alone; the installed package's metadata say
-it. The line names those, not `eurobot-od[EXTRA]`, as it has to be true for a checkout, too.
+Only `pyproject.toml` says which packages an extra brings; the installed package's metadata have it. The line names the
+packages, not `eurobot-od[EXTRA]`, because it has to work in a checkout, too.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
-"""Files that are read whole, up to a bound, and written whole or not at all.
+"""Files that are read whole, up to a limit, and written completely or not at all.
 
 A crash at any moment leaves the old file or the new one. Any number of programs may write one file at once; the last
-one has it. Each writes a file with a name of its own, which takes the old one's place in one step. The lock on the
-folder, which the operating system ends with its program, says that what else lies beside the file was left there by a
-crash.
+one wins. Each writes a file with a name of its own, which takes the old one's place in one step. The operating system
+releases the lock on the folder when its program ends; whoever gets it knows that other new files beside the file were
+left there by a crash.
 """
 
 from __future__ import annotations
@@ -24,10 +24,10 @@ MOST = 16 << 20
 """Bytes of the largest EDS, DCF or YAML file that is read; those of real devices have some hundred thousand."""
 
 LONGEST_WAIT, WAIT = 0.5, 0.01
-"""Seconds that another program may have the folder, or the file, and between two looks whether it still has."""
+"""How long another program may hold the folder or the file, and the pause before looking again, in seconds."""
 
 ABANDONED = 60.0
-"""Seconds after which a new file that has taken nobody's place was left by a crash."""
+"""Seconds after which a new file that has not taken an old one's place counts as left by a crash."""
 
 NAME_BYTES = 4
 """Random bytes, in hexadecimal digits, that make the name of a new file unique."""
@@ -81,7 +81,7 @@ def _put(file: Path, content: bytes) -> None:
 
 
 def _replace(file: Path, beside: Path) -> None:
-    """Put a new file in the old one's place; on Windows only once nobody reads the old one, which is waited for."""
+    """Put a new file in the old one's place; on Windows it waits until nobody reads the old one."""
     end = time.monotonic() + LONGEST_WAIT
     while True:
         try:

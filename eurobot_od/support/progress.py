@@ -1,4 +1,4 @@
-"""Shows how far something has come that takes its time: a transfer by its bytes, many things by their number."""
+"""Shows the progress of something slow: of a transfer by its bytes, of many things by their number."""
 
 from __future__ import annotations
 
@@ -136,7 +136,7 @@ def counted(
         for count, thing in enumerate(things, 1):
             now = clock()
             if count == 1:
-                first = said = now  # the first round also starts the processes, so its time says nothing of the others
+                first = said = now  # the first round also starts the processes, so its time says nothing of the rest
             elif not redraws(out):
                 left = (now - first) / (count - 1) * (number - count)
                 if count == 1 + at_once and left >= LONG:

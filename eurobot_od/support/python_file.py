@@ -1,6 +1,6 @@
 """A Python file of somebody's, run as a module: a strategy, or a robot.
 
-Rule of this file: whatever is wrong with the file is one line that names the place in it.
+Whatever is wrong with the file is one line that names the place in it.
 """
 
 from __future__ import annotations

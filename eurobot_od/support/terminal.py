@@ -13,7 +13,7 @@ WITH_COLOURS = {"WT_SESSION", "TERM", "ANSICON", "ConEmuANSI"}
 
 
 def redraws(stream: TextIO) -> bool:
-    """Whether a line can be written over: a terminal, and none that says it is dumb."""
+    """Whether a line can be written over: on a terminal, unless it says that it is dumb."""
     return stream.isatty() and os.environ.get("TERM") != "dumb"
 
 
@@ -24,7 +24,7 @@ def in_colour(stream: TextIO) -> bool:
 
 
 def columns(stream: TextIO) -> int:
-    """Return how many characters a line of a terminal has; as good as endless for what is none."""
+    """Return how many characters a line of a terminal has; practically endless for anything else."""
     try:
         return os.get_terminal_size(stream.fileno()).columns or ENDLESS
     except (OSError, ValueError):  # a text in memory has no file

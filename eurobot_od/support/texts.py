@@ -1,7 +1,7 @@
 """Texts where they leave the program: whatever files and peers say, it stays in its place, and it shows.
 
-Rule of this file: a way out calls `one_line`, once, for each text that is not its own: a name of an EDS, a channel of a
-log, a step of a suite, a node's string. XML, HTML and JSON add their own escapes.
+Rule of this file: whatever writes output calls `one_line` once for each text that is not its own: a name in an EDS, a
+channel of a log, a step of a suite, a node's string. XML, HTML and JSON add their own escapes.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""What the YAML parser complains of, in words for the file's author: what is probably meant, and how it is written.
+"""What the YAML parser complains about, in words for the file's author: what is probably meant, and how it is written.
 
-Rule of this file: the parser's own words (`expected <block end>`) never come out; a complaint that no row knows is
-said without its brackets.
+The parser's own words (`expected <block end>`) are never shown; a complaint without a row is shown without its
+brackets.
 """
 
 from __future__ import annotations

@@ -7,7 +7,7 @@ There is one path for every log and every form of output (`decoding`), an entry 
     Meaning         ->  row, the part of a line that the frame alone decides   `output`
     entry and row   ->  line
 
-Rule of this package: what a frame means depends on nothing but the frame. So a log may start anywhere, the meaning and
-the row of a frame may be kept for when it comes again, and memory does not grow with the log. Nothing is dropped: what
-cannot be read, or is not a frame of the protocol, is an entry with its Damage, and is counted (`meaning.DamageCounts`).
+Rule of this package: what a frame means depends only on the frame. So a log may start anywhere, the meaning and the row
+of a frame may be kept until it comes again, and memory does not grow with the log. Nothing is dropped: what cannot be
+read, or is not a frame of the protocol, becomes an entry with its Damage and is counted (`meaning.DamageCounts`).
 """

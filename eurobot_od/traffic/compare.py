@@ -6,8 +6,7 @@ and values, within the tolerances, are a pair. Where two do not, there are three
 other's next one, or the second has. The explanation after which most of the next frames agree is taken; in doubt, that
 they are a pair. So one frame that is missing among a hundred equal ones is one difference, not a hundred late frames.
 
-Rule of this file: times count from the logs' common beginning, so that two recordings can be compared; it is found from
-the frames that are in both.
+Times count from the logs' common beginning, which is found from the frames that are in both.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Turns logs into lines of output, entry by entry, whatever the format of the log and of the output.
 
-Frames have the meanings that the decoder keeps, and what only the frames before tell: of SDO what transfer a frame is
-in, of an answer to a guarding master that it is not a heartbeat, and of any frame how the devices on its channel are
-set by then. There is one `Following` for each log or bus.
+A frame has the meaning that the decoder keeps, and what only the frames before it tell: which transfer an SDO frame
+belongs to, that an answer to a guarding master is not a heartbeat, and how the devices on its channel are set by then.
+There is one `Following` for each log or bus.
 """
 
 from __future__ import annotations

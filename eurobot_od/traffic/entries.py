@@ -14,7 +14,7 @@ from typing import BinaryIO, NamedTuple, TypeAlias, TypeVar
 from eurobot_od.frame import EXTENDED, HIGHEST_EXTENDED, HIGHEST_IDENTIFIER, MOST_BYTES, Frame, RemoteFrame
 
 MASTER = "master"
-"""Who leads a network, if it is none of its devices and nobody says another name."""
+"""What the master of a network is called if it is not one of its devices and has no other name."""
 
 REMEMBERED = 256
 """Distinct frames, or values of a field, whose meaning is cached."""

@@ -1,7 +1,7 @@
 """The forms of output: text for a person, JSON lines and CSV for other programs.
 
-A line has two parts. The `row` depends on the frame alone and is made once for each distinct frame; what stands before
-it, place and time, is new in every line.
+A line has two parts. The `row` depends only on the frame, and is made once for each distinct frame; place and time
+before it are new in every line.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
 """Records frames in a log file; the suffix says the format, which is one of python-can's.
 
-Rule of this file: a second after a frame was written it is on the disk, whatever happens then; otherwise that is
-reported at once. Formats of lines go to the disk as they are. The others (BLF, SQLite, MF4) cannot be read before they
-are closed: their frames go to a journal beside the log, `match.blf.log` in candump's format, from which the log is made
-at the end. If that end does not come, or the disk has no room for both, the journal stays.
+Rule of this file: a second after a frame was written it is on the disk, whatever happens next; if not, that is reported
+at once. Line formats go to the disk as they are. The others (BLF, SQLite, MF4) cannot be read before they are closed:
+their frames go to a journal beside the log, `match.blf.log` in candump's format, from which the log is made at the end.
+If that end does not come, or the disk has no room for both, the journal stays.
 """
 
 from __future__ import annotations

@@ -1,9 +1,8 @@
 """The CANopen services besides the messages, by identifier (CiA 301, 7.3.3; CiA 302-2, 304, 305).
 
-What they say is in `words`, what their frames say together in `transfers`.
+What a single frame says is in `words`, what several say together in `transfers`.
 
-Rule of this file: one frame at a time. What a frame means is said without the frames before it, so that a log may
-start anywhere.
+What a frame means is said without the frames before it, so that a log may start anywhere.
 """
 
 from __future__ import annotations

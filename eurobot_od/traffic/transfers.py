@@ -1,14 +1,14 @@
 """SDO transfers put together from their frames: segments, blocks, aborts, what a log lacks of them (CiA 301, 7.2.4).
 
 Theory of operation: a channel, on one bus, has one transfer at a time. Its frames move a `Running` on; the frame that
-ends it says object, value, size, time and CRC. In the middle of a block nothing but the frames before tells a segment
+ends it says object, value, size, time and CRC. In the middle of a block only the frames before it tell a segment
 from a command. A log that begins there, or lacks the beginning, is understood from the second segment on: only
-segments of a block come one after the other from one end, numbered. A block whose end nobody sent, as its master was
+segments of a block come one after the other from one end, numbered. A block without an end, as when its master was
 killed, ends with the first frame that cannot be in it: another kind of answer, a number that the block cannot have, a
 gap in the numbers after a silence, or the node's boot-up.
 
-Rule of this file: no clock; frames and their times go in. A transfer takes no more memory than KEPT, however long it
-is, and a log that lacks frames costs no other transfer.
+There is no clock in here: frames go in with their times. A transfer takes at most KEPT bytes of memory, however long it
+is, and frames that a log lacks do not spoil another transfer.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ LONGEST_BLOCK = 127
 """Segments of a block, unless its receiver asks for fewer (CiA 301, 7.2.4.3.9)."""
 
 SILENCE = 1.0
-"""After so many s a segment that is not the next one is no segment."""
+"""Seconds after which a segment with an unexpected number is not a segment."""
 
 
 class How(Enum):
@@ -203,7 +203,7 @@ class Running:
             self.lost = -(-(self.announced - self.size) // SEGMENT_SIZE)
 
     def ends_with(self, end: SdoEnd, data: bytes) -> bool:
-        """Whether this is no segment but the end: that comes after a last segment, and a block never begins like it."""
+        """Whether this is not a segment but the end, which comes after a last segment; a block never begins like it."""
         command = ServerCommand.BLOCK_UPLOAD if self.is_upload else ClientCommand.BLOCK_DOWNLOAD
         is_possible = self.is_last or not self.taken
         ends = data[0] >> 5 == command and bool(data[0] & Block.END)
@@ -347,7 +347,7 @@ class Transfers:
     def _block(self, key: tuple[str, int], end: SdoEnd, time: float, data: bytes) -> Said:
         initiate = Initiate.of(data)
         is_upload = initiate.command >> 5 == ClientCommand.BLOCK_UPLOAD
-        # A client that reads knows no size: the server says it in its answer (CiA 301, 7.2.4.3.12).
+        # A client that reads does not know the size: the server says it in its answer (CiA 301, 7.2.4.3.12).
         size = initiate.number if initiate.command & BLOCK_SIZE_GIVEN and not is_upload else None
         running = Running(end, initiate.address, is_upload, time, How.BLOCKS, size, heard=time)
         running.has_crc = bool(initiate.command & BLOCK_CRC)

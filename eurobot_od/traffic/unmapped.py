@@ -1,6 +1,6 @@
-"""PDOs besides the messages: what is multiplexed, switched off in its file, or only fits the predefined identifiers.
+"""PDOs that are not messages: multiplexed, switched off in their files, or known only by the predefined identifiers.
 
-Rule of this file: what no file says is a guess, and is called one.
+Rule of this file: what no file says is a guess, and is marked as one.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from eurobot_od.traffic.entries import Damage
 from eurobot_od.traffic.words import object_words, plain, value_words
 
 DEFAULT_PDOS = tuple(each for each in values.PREDEFINED if each.is_per_node)
-"""Whose an identifier is if nobody has moved it (CiA 301, 7.3.3)."""
+"""What an identifier belongs to unless it was moved (CiA 301, 7.3.3)."""
 
 
 class OtherPdo(NamedTuple):
@@ -112,6 +112,6 @@ def _mpdo_words(devices: Mapping[int, Dictionary], data: bytes) -> str:
     whose = f"to {receiver}" if data[0] & DESTINATION else f"of {node}"
     variable = device.variable(address) if device else None
     type_ = values.DATA_TYPES.get(variable.data_type or 0) if variable else None
-    # A shorter object has the first of the four bytes; of a type without a size nobody knows how many.
+    # A shorter object has the first of the four bytes; how many, is unknown for a type without a size.
     size = type_.size if type_ and 0 < type_.size < 4 else 4
     return f"{object_words(device, address)} {whose} = {value_words(device, address, octets[:size])}"

@@ -1,7 +1,6 @@
 """What the frame of a service says by itself: SDO (CiA 301, 7.2.4.3), NMT, SYNC, TIME, EMCY, error control, LSS.
 
-Rule of this file: one frame at a time, of a length that the service has, in; words out. What only the frames before it
-tell is in `transfers`.
+A frame of a valid length goes in, words come out. What only the frames before it tell is in `transfers`.
 """
 
 from __future__ import annotations
@@ -186,7 +185,7 @@ def sync(data: bytes) -> str:
 
 
 def time(data: bytes) -> str:
-    """Say date and time; milliseconds beyond a day are no time (CiA 301, 7.2.6.3)."""
+    """Say date and time; milliseconds beyond a day are not a time (CiA 301, 7.2.6.3)."""
     # The four highest bits of the milliseconds are reserved (CiA 301, 7.1.6.6).
     said = time_text(data[:3] + bytes([data[3] & 0x0F]) + data[4:], is_moment=True)
     return said if isinstance(said, str) else f"no time: {data.hex(' ')}"

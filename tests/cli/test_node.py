@@ -362,7 +362,7 @@ WRONG_DEVICES = [
     (["--set", "Colour=1"], "unknown object 'Colour'"),
     (["--set", "Set point=40000"], "0x2100:0: Set point = 40000 is not allowed; allowed: -32768..32767"),
     (["--set", "Channel=1"], "'Channel' is not one object but a record of "),
-    (["--team", "red", *OURS], "--team is for the core, not for devices that are none of the robot's"),
+    (["--team", "red", *OURS], "--team is for the core, not for devices that do not belong to the robot"),
     (
         ["--fault", "goto-not-confirmed", *OURS],
         "the fault goto-not-confirmed is one of the drive, not of other devices",

@@ -1,6 +1,6 @@
 """Single defects to be seeded into a clean EDS, and the code that has to flag each of them.
 
-Rule of this file: data, and the few lines that apply it. A defect changes one section (`section` is its name, empty
+A defect changes one section (`section` is its name, empty
 for the whole file): `old` becomes `new`; WHOLE as `old` takes the section away, with its sub-indices. The finding is
 expected in the line of the first key that was changed, or in the section's header if that key is gone, or at `at`:
 `section/key`, `section`, a whole line from the change on, or `line n`.

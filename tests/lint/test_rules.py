@@ -70,7 +70,7 @@ WORDS = [
     ("1600sub1", "DefaultValue=0x2001", "DefaultValue=0x2F01",
      "RPDO 1 maps 0x2F01 sub 1, but there is no object 0x2F01"),
     ("1600sub1", "DefaultValue=0x200101", "DefaultValue=0x200109",
-     "RPDO 1 maps 0x2001 sub 9, but that is no sub-index of it; the highest is "),
+     "RPDO 1 maps 0x2001 sub 9, but it has no such sub-index; the highest is "),
     ("1600sub1", "DefaultValue=0x200101", "DefaultValue=0x200701",
      "RPDO 1 maps 0x2007 sub 1, but that has no sub-indices: it is mapped as sub 0"),
 ]  # fmt: skip

@@ -54,9 +54,11 @@ def test_any_bytes_are_read_without_an_error(form: str, content: bytes) -> None:
 
 
 @given(st.lists(LINES))
-def test_every_line_of_a_candump_log_is_an_entry_unless_it_is_empty(lines: list[bytes]) -> None:
+def test_every_line_of_a_candump_log_is_an_entry_unless_it_is_empty_or_a_comment(lines: list[bytes]) -> None:
     entries = formats.read(io.BytesIO(b"\n".join(lines)), "log")
-    assert [line for line, *_ in entries] == [n for n, line in enumerate(lines, 1) if line.strip()]
+    assert [line for line, *_ in entries] == [
+        n for n, line in enumerate(lines, 1) if line.strip() and not line.strip().startswith(b"#")
+    ]
 
 
 @given(log=LOGS)
@@ -64,7 +66,7 @@ def test_every_entry_is_a_line_of_text_and_damage_is_counted(log: str) -> None:
     log = f"(0.5) can0 700#00\n{log}"  # without a frame that can be read a log is refused
     decoding = Decoding(decoder(dialects.DEFAULT), TextOutput())
     lines = list(decoding.lines(io.BytesIO(log.encode()), "x", "log"))
-    assert len(lines) == sum(1 for line in log.split("\n") if line.strip())
+    assert len(lines) == sum(1 for line in log.split("\n") if line.strip() and line.strip()[0] != "#")
     assert decoding.damage.total >= sum("! " in line for line in lines)
 
 

@@ -148,7 +148,7 @@ def test_a_dask_worker_that_is_killed_loses_its_block_only(cluster: Cluster, tmp
 @pytest.mark.parametrize(
     ("text", "jobs", "complaint"),
     [
-        ("127.0.0.1:1", None, "is no executor: dask://HOST:PORT, or --jobs"),
+        ("127.0.0.1:1", None, "is not an executor: dask://HOST:PORT, or --jobs"),
         ("dask://nonsense", None, "no dask scheduler answers"),
     ],
 )

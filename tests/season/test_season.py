@@ -98,7 +98,7 @@ def test_a_table_of_no_message_is_an_error(season: Season) -> None:
 
 def test_a_folder_without_logs_is_no_season(tmp_path: Path) -> None:
     for folder in (tmp_path, tmp_path / "none"):
-        with pytest.raises(LocalError, match="is no season"):
+        with pytest.raises(LocalError, match="is not a season"):
             Season.open(folder)
 
 

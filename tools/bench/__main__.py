@@ -1,6 +1,6 @@
 """Measures our speed beside that of other people's programs: `python3 tools/bench`, or `python3 tools/run.py bench`.
 
-Rule of this file: it sets up the environment and starts the command.
+It sets up the environment and starts the command.
 """
 
 from __future__ import annotations

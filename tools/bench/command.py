@@ -1,6 +1,6 @@
 """The bench's command line: chooses rows, measures, prints the table as it goes, writes the figures.
 
-Rule of this file: parse, measure, print. Exit status 0; 1 if a result was wrong, or with `--strict` if a row missed
+It parses, measures and prints. Exit status 0; 1 if a result was wrong, or with `--strict` if a row missed
 what is wanted; 2 for wrong usage; 3 if the figures cannot be written.
 """
 

@@ -1,6 +1,6 @@
 """Writes the EDS of a device with as many objects as wanted, for the checker to check.
 
-Rule of this file: a clean file: the checker finds nothing in it.
+The file is clean: the checker finds nothing in it.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Interleaved rounds: every contender once, then every contender again, until all rounds are done.
 
-Rule of this file: it knows neither what is measured nor how it is shown. Noise only ever adds, so the minima are
+It does not know what is measured, nor how it is shown. Noise only ever adds, so the minima are
 compared; the comparison of each single round gives the spread.
 """
 

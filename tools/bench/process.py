@@ -1,6 +1,6 @@
 """Whole processes as contenders: wall time, CPU time and memory, from the start of the program to its end.
 
-Rule of this file: a process that fails, or does not end in its time, is Wrong, with the last line it had to say.
+A process that fails, or does not end in its time, is Wrong, with the last line it had to say.
 """
 
 from __future__ import annotations

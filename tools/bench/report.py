@@ -1,6 +1,6 @@
 """Writes every round's figures as JSON, with the machine and the versions they were measured on.
 
-Rule of this file: what is written is all that the table was made from; units are in the names.
+What is written is all that the table was made from; units are in the names.
 """
 
 from __future__ import annotations

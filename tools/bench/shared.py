@@ -1,6 +1,6 @@
 """What several rows use: the default dialect's protocol, and in-process buses of their own.
 
-Rule of this file: nothing is measured here.
+Nothing is measured here.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Writes comparisons as lines of a table.
 
-Rule of this file: texts only; a line is written as soon as its series is measured, so the columns are fixed.
+A line is written as soon as its series is measured, so the columns are fixed.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Frames as the robot's bus carries them, with random values: the mix of a simulated match, drawn from a seed.
 
-Rule of this file: identifiers, bits and ranges come from the loaded dialect. Every value is within its range, and drawn
+Identifiers, bits and ranges come from the loaded dialect. Every value is within its range, and drawn
 anew for each frame, so that no program can remember what it has decoded before.
 """
 

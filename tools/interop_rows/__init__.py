@@ -1,4 +1,4 @@
 """What other people's programs are asked about our files and nodes, and how their answers are judged.
 
-Rule of this package: a question is one function; `tools/interop.py` and `tests/interop` ask the same ones.
+A question is one function; `tools/interop.py` and `tests/interop` ask the same ones.
 """

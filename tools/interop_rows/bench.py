@@ -1,6 +1,6 @@
 """Our nodes on an in-process bus of their own, for other programs to talk to.
 
-Rule of this file: the shipped nodes, in real time; nothing here knows who asks.
+They are the shipped nodes, in real time; nothing here depends on who asks.
 """
 
 from __future__ import annotations

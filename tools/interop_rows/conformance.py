@@ -1,6 +1,6 @@
 """The conformance suite of a file, against stock canopen's node with the same file on an in-process bus.
 
-Rule of this file: what is red there is a table with the reason beside each; anything else red, or green, differs.
+What is red there is a table with the reason beside each; anything else red, or green, differs.
 """
 
 from __future__ import annotations

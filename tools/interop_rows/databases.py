@@ -1,6 +1,6 @@
 """What other programs read in the DBC files that we export.
 
-Rule of this file: both dialects, every message, random frames; raw values, so that no rounding hides a bit.
+Asked are both dialects and every message, by random frames; raw values are compared, so that no rounding hides a bit.
 """
 
 from __future__ import annotations

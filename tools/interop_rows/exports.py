@@ -1,6 +1,7 @@
 """What a C compiler and tshark make of our C header and our dissector, frame by frame.
 
-Rule of this file: both dialects, every message with data, random frames; raw values, so that no rounding hides a bit.
+Asked are both dialects and every message with data, by random frames; raw values are compared, so that no rounding
+hides a bit.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """npm's `canopen`, a CANopen stack in another language: what it reads in our EDS files, and it as master of our drive.
 
-Rule of this file: `judge.js` asks the package; frames go between its process and an in-process bus as lines of JSON.
+`judge.js` asks the package; frames go between its process and an in-process bus as lines of JSON.
 """
 
 from __future__ import annotations

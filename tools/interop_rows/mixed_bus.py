@@ -1,6 +1,6 @@
 """What tshark names the frames of a bus with devices of several makers, and what we name them.
 
-Rule of this file: tshark knows the predefined connection set; what it names has to have our name for the same service.
+tshark knows the predefined connection set; what it names has to have our name for the same service.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ OURS: Mapping[str, tuple[str, ...]] = {
 
 PDO = re.compile(r"PDO(?P<number>\d) \((?P<way>tx|rx)\)")
 UNNAMED = re.compile(r"Unknown|ID: |Ext\. ID: ")
-"""What tshark says about a frame that it knows no service for."""
+"""What tshark says about a frame whose service it does not know."""
 
 
 def named_by_tshark(folder: Path) -> Answer:

@@ -1,6 +1,6 @@
 """Stock canopen as the master of our nodes, and as a node of our master.
 
-Rule of this file: canopen is used as its documentation says, only with more patience.
+canopen is used as its documentation says, only with more patience.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """What other programs read in recordings of our nodes, and we in theirs.
 
-Rule of this file: what is recorded is a session of our drive on an in-process bus; a master's frames are a table.
+What is recorded is a session of our drive on an in-process bus; a master's frames are a table.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """A row of the interop matrix: a tool, what it is asked, and how its answer is judged.
 
-Rule of this file: values only. A question returns an Answer or raises Differs; any other error is its own fault.
+A question returns an Answer or raises Differs; any other error is its own fault.
 """
 
 from __future__ import annotations

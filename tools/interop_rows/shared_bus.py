@@ -1,6 +1,6 @@
 """Our nodes and other programs on a bus that processes share: python-can-remote, and SocketCAN with can-utils.
 
-Rule of this file: the other side is a process of its own, started as its documentation says.
+The other side is a process of its own, started as its documentation says.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """What other programs read in our EDS and DCF files, and write of them.
 
-Rule of this file: every EDS of every dialect goes to every program, without an edit unless the answer says so.
+Every EDS of every dialect goes to every program, without an edit unless the answer says so.
 """
 
 from __future__ import annotations

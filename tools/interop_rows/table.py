@@ -1,6 +1,6 @@
 """The interop matrix: which program is asked what.
 
-Rule of this file: the table alone; a question is added as one row here and one function beside.
+To add a question, add a row here and a function in a module beside this one.
 """
 
 from __future__ import annotations

@@ -1,6 +1,7 @@
 """The programs that judge us: where each comes from, whether it is here, which version it is.
 
-Rule of this file: standard library only; nothing is installed but by `install`, and that only below `.venv` or by apt.
+Rule of this file: only the standard library is used; only `install` installs anything, and only below `.venv` or by
+apt.
 """
 
 from __future__ import annotations

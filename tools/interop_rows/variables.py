@@ -1,6 +1,7 @@
 """The PDO variables of stock canopen, `node.tpdo[4]["Goto XY.Speed"].raw`, against our bits.
 
-Rule of this file: the EDS files as they are, every PDO of every node; raw values, so that no meaning hides a bit.
+Every PDO of every node is asked, from the EDS files as they are; raw values are compared, so that no meaning hides a
+bit.
 """
 
 from __future__ import annotations

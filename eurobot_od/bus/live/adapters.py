@@ -1,7 +1,7 @@
 """CAN adapters on USB: which ones are plugged in, what drives each, and what is still to be installed.
 
-Rule of this file: an adapter is known by its vendor and product on USB; one that is not in the table is not mentioned.
-Linux shows them as files. Elsewhere pyserial finds those that are serial ports, if it is installed.
+An adapter is known by its vendor and product on USB; one that is not in the table is not mentioned. Linux shows them as
+files. Elsewhere pyserial finds those that are serial ports, if it is installed.
 """
 
 from __future__ import annotations

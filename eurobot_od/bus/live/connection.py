@@ -108,7 +108,7 @@ class Connection:
         now, before = self.driver.overflow, self.overflow
         self.overflow += max(now - self._of_this_bus, 0)
         self._of_this_bus = now
-        return self.overflow.bit_length() > before.bit_length()  # at 1, 2, 4, ...: a flood makes no flood of reports
+        return self.overflow.bit_length() > before.bit_length()  # at 1, 2, 4, ...: many lost frames, few reports
 
     def close(self) -> None:
         """End reading, and any attempt to open the bus again."""

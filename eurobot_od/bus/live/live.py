@@ -2,7 +2,7 @@
 
 The package's docstring explains the threads, the locks and who wakes whom.
 
-Rule of this file: to submit a frame never waits for the bus.
+Rule of this file: submitting a frame never waits for the bus.
 """
 
 from __future__ import annotations

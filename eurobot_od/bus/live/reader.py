@@ -23,10 +23,10 @@ POLL = 0.1
 
 
 MALFORMED = (ValueError, TypeError, LookupError, AssertionError, StructError)
-"""What drivers raise about a frame of which they can make no sense; about a bus they raise other errors."""
+"""What drivers raise about a frame that makes no sense to them; about a bus they raise other errors."""
 
 ENDURED = 100
-"""This many in a row are no garbled frames any more: the bus has failed."""
+"""This many in a row are no longer garbled frames: the bus has failed."""
 
 
 OLD = 1.0
@@ -37,8 +37,8 @@ class Backlog:
     """Finds old frames by the driver's time stamps; `ended` gets their number after each standstill.
 
     Frames that came while the process stood still (SIGSTOP, a suspended computer) are too old to be acted on. Only
-    after a standstill can a frame be old, until one is fresh or none is waiting: so setting the clock makes no node
-    deaf.
+    after a standstill can a frame be old, until one is fresh or none is waiting: so setting the clock does not make a
+    node deaf.
 
     `longest` is the longest time in seconds that a running reader takes from one call to the next.
     """
@@ -121,7 +121,7 @@ class Reader:
                     raise
                 self._foreign(None)
                 continue
-            nonsense = 0  # garbled frames are no failure unless nothing else comes
+            nonsense = 0  # garbled frames are not a failure unless nothing else comes
             if connection.failure is not None:
                 connection.works()
             now = clock() if clock else 0.0

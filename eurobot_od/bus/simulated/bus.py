@@ -51,7 +51,7 @@ class Babble:
 
 @dataclass(eq=False)
 class Controller:
-    """A CAN controller that takes its frames from `source`; before `silent_until`, s, it takes no part in the bus."""
+    """A CAN controller that takes its frames from `source`; until `silent_until`, in s, it stays off the bus."""
 
     source: FrameSource
     silent_until: float = 0.0

@@ -1,7 +1,7 @@
 """Stations on a simulated CAN bus: who hears what and when, what goes wrong on demand, and the order of all events.
 
-Rule of this file: one event after the other, each at its time. What the bus makes of the frames is in `bus`: the lowest
-COB-ID in all mailboxes wins it, and frames that are equal to the bit go out as one.
+Events happen one after the other, each at its time. What the bus makes of the frames is in `bus`: the lowest COB-ID in
+all mailboxes wins, and frames that are equal to the bit go out as one.
 
 A frame's way: its node leaves it to the mailboxes; it wins the arbitration; after its bits it has ended. At that moment
 the mailboxes of its senders are free and the observers are called, whatever becomes of it next; the bus is free after

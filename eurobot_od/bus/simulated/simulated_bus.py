@@ -1,6 +1,6 @@
 """A python-can bus in simulated time: whoever waits for a frame lets the devices live until it comes.
 
-Rule of this file: no thread and no real clock. Time passes in `recv` alone; `simulation.now` is it, in seconds.
+There is no thread and no real clock in here. Time passes only in `recv`; `simulation.now` is the time in seconds.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """PDOs: which there are, and how a master changes them (CiA 301, 7.5.2.35 to 7.5.2.38); when they go: `transmission`.
 
-Rule of this file: of a PDO that is changed, the file's mapping is put back entry by entry, and its COB-ID last.
+Rule of this file: a PDO that was changed gets the file's mapping back, entry by entry, and its COB-ID last.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """SDO transfers frame by frame: expedited, by segments, in blocks, toggle bits, aborts, time-outs (CiA 301, 7.2.4.3).
 
-Rule of this file: what is downloaded is what the object has after a reset, and what it had before is put back.
+Rule of this file: an object is given the value that it has after a reset, and gets back what it had before.
 """
 
 from __future__ import annotations

@@ -162,7 +162,7 @@ EVENT_DRIVEN = 254
 LEAST_ENTRIES = 8
 """Entries of a mapping record, unless a mapping needs more: the same in every PDO, so that any may be remapped."""
 ACCESS = {(True, False): "ro", (False, True): "rww", (True, True): "rw"}
-"""Access to data by (sent, received) of its node: nobody else sets what it sends; only `rw` may be mapped both ways."""
+"""Access to data by (sent, received) of its node: it alone sets what it sends; only `rw` may be mapped both ways."""
 
 
 def entry(
@@ -268,7 +268,7 @@ def own_objects(table: Table, dialect: DialectRow, node: NodeRow) -> tuple[Dicti
 
 
 def watched(table: Table, node: NodeRow) -> list[ODVariable]:
-    """Return an entry for each other node, at least one: its node-ID and the time to wait for it, or 0 for nobody."""
+    """Return an entry for each node to watch, at least one: its node-ID and the time to wait for it, or 0 for none."""
     nodes = (table.nodes[each] for each in node.watches)
     times = [each.node_id << 16 | own(each.heartbeat_timeout, table.heartbeat_timeout) for each in nodes]
     times += [0] * (max(1, len(table.nodes) - 1) - len(times))

@@ -62,7 +62,7 @@ class TableField:
 
 
 def always_zero(bits: PlacedNumber) -> TableField:
-    """Make a field that has no value but 0."""
+    """Make a field that is always 0."""
     zero = PlacedNumber(0, bits.place)
     return TableField(bits, (zero, zero), zero)
 
@@ -94,8 +94,8 @@ class MessageRow:
 class NodeRow:
     """A node: its identity, the nodes whose heartbeats it watches and whose SDO servers it asks, its own settings.
 
-    `readings` are objects that it measures and nobody writes. `heartbeat` and `heartbeat_timeout` are this node's own
-    times, in place of the table's.
+    `readings` are objects that it measures and that cannot be written. `heartbeat` and `heartbeat_timeout` are this
+    node's own times, in place of the table's.
     """
 
     node_id: Annotated[PlacedNumber, Within(NODE_IDS[0], NODE_IDS[-1])]

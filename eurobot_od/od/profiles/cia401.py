@@ -1,7 +1,4 @@
-"""CiA 401 as tables: where the inputs and outputs of an I/O module are, and what its settings mean (CiA 401-1).
-
-Rule of this file: data, and the only copy in the package.
-"""
+"""CiA 401 as tables: where the inputs and outputs of an I/O module are, and what its settings mean (CiA 401-1)."""
 
 from __future__ import annotations
 

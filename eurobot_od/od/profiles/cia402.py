@@ -1,7 +1,7 @@
 """CiA 402 as tables: states, commands, transitions, modes of operation, bits of the words, option codes (CiA 402-2).
 
-Rule of this file: data, and the only copy in the package. Indices are those of the first axis of a device; each further
-axis has its objects `AXIS_STEP` higher (CiA 402-2, clause 6.2).
+Indices are those of the first axis of a device; each further axis has its objects `AXIS_STEP` higher (CiA 402-2, clause
+6.2).
 """
 
 from __future__ import annotations

@@ -1,7 +1,6 @@
 """What the value of an object says by the device's profile: `Operation enabled, target reached` for 1591.
 
-Rule of this file: the one place that is asked wherever a value is printed. A value of which no profile says anything
-has no words, and is printed as it was without this file.
+Whatever prints a value asks here. A value that no profile explains has no words.
 """
 
 from __future__ import annotations

@@ -1,21 +1,27 @@
-"""The drill: what a core does when it is checked alone, with a tester in the place of the drive and the navigation.
+"""What the robot's nodes need when they are checked in simulation: their world, and for the core something to do.
 
-It is a fixed programme, and goes on whatever the others answer, as far as the protocol lets it: each step of a check
-gets something to look at.
+The drill is what a core does when it is checked alone, with a tester in the place of the drive and the navigation. It
+is a fixed programme, and goes on whatever the others answer, as far as the protocol lets it: each step of a check gets
+something to look at.
 """
 
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
+from dataclasses import replace
+from functools import partial
 
 from eurobot_od.device.flow import Call
 from eurobot_od.errors import NoAnswer, StateError
+from eurobot_od.plugin import Program
 from eurobot_od.robot.model.messages import GotoXY
+from eurobot_od.robot.model.options import NOISE_ONLY, MatchOptions
 from eurobot_od.robot.model.values import Barriers, Obstacle, Passage, TeamColour
-from eurobot_od.robot.nodes import Core
+from eurobot_od.robot.nodes import Core, Drive, Navigation, Node
 from eurobot_od.robot.nodes.goto import NotStanding, Standstill
+from eurobot_od.robot.world.instruments import assemble
 
 BEFORE = 10.0
 """Seconds from the start configuration to the first goto: time to look at the position polling."""
@@ -87,3 +93,19 @@ async def _attempt(core: Core, goto: GotoXY) -> None:
     """Send a goto and wait for its end, also for one that is nobody's fault or not allowed."""
     with suppress(NoAnswer, StateError):
         await core.goto(*goto)
+
+
+# The surroundings of nodes that are checked
+
+
+ON_A_BENCH = MatchOptions(errors=NOISE_ONLY, falling=False, solid=False)
+"""Where nodes are checked: suites send the robot from place to place as if nothing stood there."""
+
+
+def partners(nodes: Sequence[Node], seed: int, clock: Callable[[], float]) -> Mapping[str, Program]:
+    """Put nodes that are checked into their world, and return what the core does there."""
+    # A core that is checked drives nothing, and would only be stopped by the robots that come along.
+    moving = [node for node in nodes if isinstance(node, Drive | Navigation)]
+    if moving:
+        assemble(moving, replace(ON_A_BENCH, seed=seed), clock)
+    return {node.name: partial(drill, node) for node in nodes if isinstance(node, Core)}

@@ -24,7 +24,7 @@ from eurobot_od.frame import Frame
 from eurobot_od.plugin import Plugin
 from eurobot_od.robot.commands.common import Sides, WorldErrors, status_of
 from eurobot_od.robot.match import MatchEvent, stage
-from eurobot_od.robot.match.strategies import StrategyFiles
+from eurobot_od.robot.match.referee import StrategyFiles
 from eurobot_od.robot.model.options import UNITS, Errors, MatchOptions
 from eurobot_od.robot.world import World
 from eurobot_od.support.files import check_writable
@@ -298,6 +298,7 @@ def _run_many(asked: AskedMatch, seeds: range, options: MatchOptions) -> ExitSta
 def _compare(asked: AskedMatch, options: MatchOptions) -> ExitStatus:
     """Play all seeds with each strategy and print them side by side; status 1 if something went wrong in a match."""
     from eurobot_od.robot.match.comparison import picture, report
+    from eurobot_od.robot.match.referee import StrategyFiles
     from eurobot_od.robot.match.seeds import play_many
 
     asked.refuse(("speed", "seed", "strategy", "log", *OF_A_BUS), "does not go with --compare")

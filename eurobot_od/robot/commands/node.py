@@ -60,7 +60,7 @@ class NodeOptions:
 
     def check(self, role: str) -> None:
         """Raise LocalError for options that do not fit a node, or each other."""
-        spoken = f"the {role}" if role else "devices that are none of the robot's"
+        spoken = f"the {role}" if role else "devices that do not belong to the robot"
         for option, only in ONLY.items():
             if self._has(option) and role != only:
                 raise LocalError(f"--{option} is for the {only}, not for {spoken}")
@@ -117,9 +117,9 @@ class NodeScene:
 
 
 def _strategy(name: str) -> Strategy:
-    from eurobot_od.robot.match import strategies, strategy  # a node outside of a match starts without
+    from eurobot_od.robot.match import referee, strategy  # a node outside of a match starts without
 
-    return strategy.play if name == SHIPPED else strategies.load(Path(name))
+    return strategy.play if name == SHIPPED else referee.load_strategy(Path(name))
 
 
 def enter(node: Node, world: WorldAddress, duration: float | None) -> tuple[RemoteVehicle, MatchOptions]:

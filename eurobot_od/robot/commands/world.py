@@ -29,7 +29,7 @@ HERE = WorldAddress.parse("127.0.0.1:2014")
 """Where it listens by default: only this machine reaches it."""
 
 TOKEN_BYTES = 12
-"""Of chance in a token: too many to be guessed over a network."""
+"""Random bytes in a token: too many to be guessed over a network."""
 
 IN_WORDS = (
     "\n{seconds:.1f} s: {points} points; {touches} touches of our robot, in {at_fault} of them it drove into the "

@@ -197,7 +197,7 @@ FAULTS = {
         "asks for the drive's state and does not ask again after the first answer",
         hooks.arriving(GotoStateResponse, hooks.meaning(lambda _: GotoStateResponse(0))),
     ),
-    "unknown-time-as-arrival": Caught("core", "Table 1 State Response: an unknown time is no arrival").fault(
+    "unknown-time-as-arrival": Caught("core", "Table 1 State Response: an unknown time is not an arrival").fault(
         "takes an unknown remaining time for the arrival",
         hooks.arriving(GotoStateResponse, hooks.meaning(lambda state: GotoStateResponse(state.time or 0))),
     ),
@@ -245,7 +245,7 @@ FAULTS = {
         "goes on asking when the drive knows of no goto", hooks.preset("Goto handshake.Lost after", 200)
     ),
     "one-confirm-believed": Caught(
-        "core", "2.3 Start Configuration Confirm: anybody's confirm is no proof, the drive is checked again"
+        "core", "2.3 Start Configuration Confirm: anybody's confirm does not prove it, the drive is checked again"
     ).fault(
         "takes one confirm of the start configuration for both nodes'",
         hooks.numbered(

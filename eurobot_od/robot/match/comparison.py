@@ -33,7 +33,7 @@ MEASURES = (
     Measure("points", lambda match: match.points),
     Measure("touches", lambda match: len(match.touches)),
     Measure("our fault", lambda match: sum(touch.is_wrong for touch in match.touches)),
-    Measure("way, m", lambda match: match.way),
+    Measure("driven, m", lambda match: match.driven),
 )
 POINTS = MEASURES[0]
 

@@ -16,8 +16,8 @@ from pathlib import Path
 from typing import Any, NamedTuple, TextIO
 
 from eurobot_od.errors import ProgramFailed, RemoteError
+from eurobot_od.robot.match.referee import Players
 from eurobot_od.robot.match.stage import EdsFiles, play_simulated
-from eurobot_od.robot.match.strategies import Players
 from eurobot_od.robot.match.summary import RobotTouch, Summary, touches_of
 from eurobot_od.robot.model.options import MatchOptions
 from eurobot_od.robot.model.values import Outcome, Passage
@@ -64,7 +64,7 @@ class PlayedMatch:
 
     `failure` says why it could not be played to its end; then there is no `summary`, and the rest covers the time until
     then. `moved` is how far the robot moved after it had come to rest, mm; `stops` is how often it was stopped for
-    something ahead; `way` is how far it drove, m.
+    something ahead; `driven` is how far it drove, m.
     """
 
     seed: int
@@ -76,7 +76,7 @@ class PlayedMatch:
     summary: Summary | None = None
     failure: str | None = None
     warnings: list[str] = field(default_factory=list)
-    way: float = 0.0
+    driven: float = 0.0
 
     @property
     def points(self) -> int:
@@ -136,13 +136,13 @@ def play(options: MatchOptions, files: EdsFiles, players: Players = SHIPPED, log
     `traffic.recorder.recording`.
     """
     events: list[MatchEvent] = []
-    summary, failure, way = None, None, 0.0
+    summary, failure, driven = None, None, 0.0
     printed = Prefixed(sys.stderr, f"seed {options.seed}: ")
     tell = partial(print, file=printed)
     with recording(log, tell=tell) as write, redirect_stdout(printed):
         try:
             summary, world = play_simulated(options, events.append, write, files, *players, tell)
-            way = sum(after.distance(before.point) for (_, before), (_, after) in pairwise(world.path)) / 1000
+            driven = sum(after.distance(before.point) for (_, before), (_, after) in pairwise(world.path)) / 1000
         except (RemoteError, ProgramFailed) as error:
             failure = str(error)
     return PlayedMatch(
@@ -155,7 +155,7 @@ def play(options: MatchOptions, files: EdsFiles, players: Players = SHIPPED, log
         summary,
         failure,
         [event.text for event in events if event.kind is EventKind.WARNING],
-        way,
+        driven,
     )
 
 

@@ -1,6 +1,8 @@
 """A match around a strategy: the referee starts up the nodes, lets the strategy play, and brings it to its end.
 
-The referee has neither bus nor clock, so that the same coroutine runs in simulated and in real time.
+The referee has neither bus nor clock, so that the same coroutine runs in simulated and in real time. A team's strategy
+is a Python file with a coroutine function `play(core)`; whatever is wrong with it before a match begins is one line
+with the place in its file.
 """
 
 from __future__ import annotations
@@ -10,15 +12,17 @@ import traceback
 from collections.abc import Callable, Coroutine
 from concurrent.futures import CancelledError, Future
 from functools import partial
+from inspect import iscoroutinefunction, signature
 from math import ceil, inf
 from pathlib import Path
 from threading import get_ident
-from typing import Any, TypeAlias
+from typing import Any, NamedTuple, TypeAlias, cast
 
 from eurobot_od.bus.live.event_loop import Terminated, exited
 from eurobot_od.bus.live.watchdog import Hang, caller
 from eurobot_od.device.flow import Call
 from eurobot_od.errors import LocalError, ProgramFailed, RemoteError, StateError
+from eurobot_od.robot.match import strategy as shipped
 from eurobot_od.robot.model.messages import DIAMETERS, GotoXY, KalmanPositionResponse
 from eurobot_od.robot.model.options import MatchOptions
 from eurobot_od.robot.model.places import Point, Pose
@@ -26,10 +30,8 @@ from eurobot_od.robot.model.values import Outcome
 from eurobot_od.robot.nodes.core import Core
 from eurobot_od.robot.nodes.goto import GotoReport
 from eurobot_od.robot.world.timeline import EventKind, Timeline
+from eurobot_od.support import python_file
 from eurobot_od.support.texts import amount
-
-# The observer, who tells the timeline what a strategy does and what happens to it; a strategy need not tell it itself
-
 
 AHEAD = " ahead"
 """How the core ends the reason of a stop for something that its distance sensor saw."""
@@ -268,3 +270,48 @@ class Referee:
         moved = now.distance(rest.point)
         text = f"the robot stands at ({now.x:.0f}, {now.y:.0f}); since it stopped it moved {moved:.0f} mm"
         self.timeline.tell(EventKind.END, text, x=round(now.x, 1), y=round(now.y, 1), moved=round(moved, 3))
+
+
+# Strategies from a team's files
+
+
+class Players(NamedTuple):
+    """Who plays: our strategy, and that of the second robot, None if there is none."""
+
+    ours: Strategy = shipped.play
+    against: Strategy | None = None
+
+
+class StrategyFiles(NamedTuple):
+    """The files of strategies: ours, None for the shipped one; the second robot's, None if there is no such robot."""
+
+    ours: Path | None = None
+    against: Path | None = None
+
+    def load(self) -> Players:
+        """Load them; raises LocalError."""
+        return Players(
+            load_strategy(self.ours) if self.ours else shipped.play,
+            load_strategy(self.against) if self.against else None,
+        )
+
+
+def load_strategy(file: Path) -> Strategy:
+    """Return the `play` of a Python file, which may import modules beside it.
+
+    What the file prints while it is loaded goes to standard error. Raises LocalError with the line of the file if it
+    cannot be read, is not Python, raises, or has no coroutine function `play` that takes the core.
+    """
+    play = getattr(python_file.load(file), "play", None)
+    if play is None:
+        raise LocalError(f"{file}: no `play` in it; write `async def play(core)`")
+    code = getattr(play, "__code__", None)
+    where = f"{code.co_filename}:{code.co_firstlineno}" if code else str(file)
+    if not iscoroutinefunction(play):
+        raise LocalError(f"{where}: `play` is not a coroutine function; write `async def play(core)`")
+    try:
+        # Tried here: in the match, the TypeError would name a line of ours.
+        signature(play).bind(None)
+    except TypeError as error:
+        raise LocalError(f"{where}: `play` is called with the core and nothing else: {error}") from None
+    return cast(Strategy, play)

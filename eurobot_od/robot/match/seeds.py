@@ -13,8 +13,8 @@ from pathlib import Path
 
 from eurobot_od import plugin
 from eurobot_od.robot.match.played import PlayedMatch, play
+from eurobot_od.robot.match.referee import Players, StrategyFiles
 from eurobot_od.robot.match.stage import EdsFiles, Performance
-from eurobot_od.robot.match.strategies import Players, StrategyFiles
 from eurobot_od.robot.model.options import MatchOptions
 from eurobot_od.robot.model.robot_file import file_for
 from eurobot_od.robot.world import World

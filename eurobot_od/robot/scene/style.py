@@ -1,8 +1,8 @@
 """Colours, sizes and marks of the field; each mark is drawn around its middle, and moved by whoever puts it somewhere.
 
-Rule of this file: one unit is one millimetre of the field. Everything can be distinguished in print without colour: by
-shape, dashes or a label. A colour is a variable of CSS, of which the page has light and dark values, and a file the
-light ones; the robots' are told apart by all eyes (tests/web/test_colours.py reckons it).
+One unit is one millimetre of the field. Everything can be told apart without colour, by shape, dashes or a label. A
+colour is a variable of CSS, of which the page has light and dark values, and a file the light ones; the robots' are
+told apart by all eyes (tests/web/test_colours.py computes it).
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """What stands next to the field: legend, tables of gotos and stops, and the time line below.
 
-Rule of this file: what does not fit is said to be left out, never drawn over the edge.
+What does not fit is left out, and the sheet says so; nothing is drawn over the edge.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from eurobot_od.support.svg import PaperPoint
 
 ROW, LEGEND_ROW = 45, 58
 WIDTH = 3000
-"""Of the time line."""
+"""Width of the time line."""
 
 HEIGHT = 2640
 """From the legend's first line to the foot of the page."""
@@ -28,7 +28,7 @@ HEADS = 6
 """Rows taken up by headings, gaps, and the lines that say what is left out."""
 
 TIME_TICK, MOST_TICKS = 10, 60
-"""Seconds between two marks, and the most of them: one far time in a log is no reason to draw for ever."""
+"""Seconds between two marks, and the most of them: one far-off time in a log must not make it draw for ever."""
 
 
 def column(recording: Recording, facts: Facts) -> str:

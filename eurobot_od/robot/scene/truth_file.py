@@ -46,7 +46,7 @@ def write_truth(log: Path, truth: Truth, start: float) -> None:
 def read_truth(log: Path, start: float = 0.0) -> Truth:
     """Return what is known of a log whose first frame came at `start`, NOTHING if nothing lies beside it.
 
-    Raises LocalError for a file that is no such one, or another log's.
+    Raises LocalError for a file that is not one, or that is another log's.
     """
     file = truth_file(log)
     if not file.is_file():

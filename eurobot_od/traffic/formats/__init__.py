@@ -1,6 +1,6 @@
 """The log formats, recognised by a log's first bytes or else by its suffix; gzip is unpacked on the way.
 
-Rule of this file: a log is opened once, read forwards, and never held in memory.
+A log is opened once, read forwards, and never held in memory.
 """
 
 from __future__ import annotations
@@ -140,7 +140,7 @@ def _said_by(beginning: bytes, name: object) -> str:
     if not isinstance(name, str) or name == "<stdin>":
         return STANDARD_INPUT
     suffixes = PurePath(name.lower()).suffixes
-    # Of `match.asc.gz` it is `asc`; `match.gz` says nothing of its content.
+    # For `match.asc.gz` it is `asc`; `match.gz` says nothing about its content.
     return "".join(suffixes[:-1][-1:] if suffixes[-1:] == [".gz"] else suffixes[-1:]).lstrip(".")
 
 

@@ -1,7 +1,7 @@
 """Logs that consist of lines: candump's, Vector's ASC, PEAK's TRC, BUSMASTER's, and SavvyCAN's GVRET.
 
-A format turns a line into an entry or says why it cannot. A line that cannot be read is an entry like any other and
-costs no other line.
+A format turns a line into an entry or says why it cannot. A line that cannot be read is an entry like any other, and
+does not spoil its neighbours.
 """
 
 from __future__ import annotations

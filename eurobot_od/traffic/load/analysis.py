@@ -34,8 +34,8 @@ An answer is released by the message that it answers, at the latest when that ha
 time (Tindell and Clark's holistic analysis, 1994): its jitter is the sum of both, and its response time is counted from
 the moment the request fell due.
 
-Rule of this file: bit times and whole numbers only, every sum grows with every jitter, and so the loop over all of them
-starts from the messages' own jitter and ends at the least solution. What finds none is "no bound": a bus that is full,
+There are only bit times and whole numbers, and every sum grows with every jitter; so the loop over all of them starts
+from the messages' own jitter and ends at the least solution. If there is none, there is "no bound": a bus that is full,
 a time over `HORIZON`, more than `INSTANCES` in a busy period, and a jitter that still grows after `ROUNDS`.
 """
 
@@ -165,7 +165,7 @@ class Interference(NamedTuple):
 
 
 Waits: TypeAlias = tuple[int, int, int]
-"""Of a message that another has to wait for: bits, period, and how long before it an instance may have fallen due."""
+"""A message that another waits for: its bits, its period, and how long before an instance may have fallen due."""
 
 
 class Times(NamedTuple):

@@ -1,6 +1,6 @@
 """What was seen on a bus, compared with what is promised: load, gaps, jitter, and response times with their bounds.
 
-No clock; frames with their times go in. Memory grows with the identifiers, not with the frames.
+There is no clock in here: frames go in with their times. Memory grows with the identifiers, not with the frames.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ class SeenMessage:
     answered: float | None = None
 
     def take(self, time: float, bits: int, asked: float | None) -> None:
-        """Count a frame; `asked` is when the request for it had ended, None if it has none."""
+        """Count a frame; `asked` is when the request for it had ended, None without a request."""
         if self.last is not None:
             gap = time - self.last
             self.shortest = gap if self.shortest is None else min(self.shortest, gap)

@@ -1,6 +1,6 @@
 """The live table for a terminal; colours show the group of a message, red whatever is wrong.
 
-Rule of this file: the only one that imports rich, which is an extra.
+This is the only file that imports rich, which is an extra.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """What is on a bus, message by message: how often, how regularly, with which values, and what is wrong.
 
-Rule of this file: no clock, no bus and no screen; frames with their times go in. A frame costs the same however many
-came before, and memory does not grow with them.
+There is no clock, bus or screen in here: frames go in with their times. A frame costs the same however many came
+before, and memory does not grow with them.
 """
 
 from __future__ import annotations

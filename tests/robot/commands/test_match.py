@@ -416,7 +416,7 @@ def test_strategies_are_compared_side_by_side(
     said = run(capsys, "match", "--compare", str(quick), str(slow), *words)
     assert said.status == 0
     assert [line.split()[0] for line in said.out.splitlines()[2:5]] == ["2", "3", "mean"]
-    assert "mine against quick: way, m -0." in said.out
+    assert "mine against quick: driven, m -0." in said.out
     assert "mine, seed 3: 0" in picture.read_text()
 
 
@@ -502,7 +502,7 @@ def test_many_seeds_are_logged_kept_and_taken_up_again(tmp_path: Path, capsys: p
     [
         (["--results", "x"], "--results goes with --seeds only"),
         (["--seeds", "2", "--resume"], "--resume needs --results: the folder of the run to continue"),
-        (["--seeds", "2", "--executor", "x"], "'x' is no executor: dask://HOST:PORT, or --jobs"),
+        (["--seeds", "2", "--executor", "x"], "'x' is not an executor: dask://HOST:PORT, or --jobs"),
         (["--seeds", "2", "--executor", "dask://x:1", "--jobs", "2"], "does not go with --executor"),
     ],
 )

@@ -186,14 +186,14 @@ MISTAKES = [
         "LiftStop: stop",
         "LiftConfirm: stop",
         ["match"],
-        "lift.py:11: Lift handles LiftConfirm, and has no RPDO of it in mine/eds/canopen/lift.eds",
+        "lift.py:11: Lift handles LiftConfirm without an RPDO for it in mine/eds/canopen/lift.eds",
     ),
     (
         "lift.py",
         '"Lift state":',
         '"Lift stat":',
         ["match"],
-        "lift.py:11: Lift binds 'Lift stat', which is no object in mine/eds/canopen/lift.eds",
+        "lift.py:11: Lift binds 'Lift stat', which is not an object in mine/eds/canopen/lift.eds",
     ),
     ("lift.py", "class Lift(Node):", "class Lift(Nod):", ["match"], "mine/lift.py:11: NameError"),
     (

@@ -15,7 +15,7 @@ from eurobot_od.robot.world.world import OURS
 def matches(*points: int) -> list[PlayedMatch]:
     """Return matches of the seeds from 1 on, with so many points."""
     summaries = [Summary(90.0, 500_000, {}, {}, 0.0, points={OURS: each}) for each in points]
-    return [PlayedMatch(seed, summary=summary, way=10.0) for seed, summary in enumerate(summaries, 1)]
+    return [PlayedMatch(seed, summary=summary, driven=10.0) for seed, summary in enumerate(summaries, 1)]
 
 
 PLAYED = {"slow": matches(5, 10, 15, 20), "quick": matches(8, 13, 18, 24), "same": matches(6, 9, 16, 19)}
@@ -30,7 +30,7 @@ def test_a_mean_and_its_interval(values: list[float], expected: tuple[float, flo
 
 def test_a_line_for_each_seed_and_the_differences_at_the_same_seeds() -> None:
     lines = [*report(PLAYED)]
-    assert lines[0].split() == ["points", "touches", "our", "fault", "way,", "m"]
+    assert lines[0].split() == ["points", "touches", "our", "fault", "driven,", "m"]
     assert lines[2].split()[:4] == ["1", "5", "8", "6"]
     assert "quick against slow: points +3.25 ± 0.49; more at 4 seeds, fewer at 0" in lines
     assert "same against slow: points +0.00 ± 1.13, which may be chance; more at 2 seeds, fewer at 2" in lines

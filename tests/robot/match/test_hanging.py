@@ -15,8 +15,8 @@ import pytest
 
 from eurobot_od.bus.live import open_bus, watchdog
 from eurobot_od.robot.match import stage
+from eurobot_od.robot.match.referee import StrategyFiles, load_strategy
 from eurobot_od.robot.match.seeds import play_many
-from eurobot_od.robot.match.strategies import StrategyFiles, load
 from eurobot_od.robot.match.summary import Summary
 from eurobot_od.robot.model.messages import StopDrive
 from eurobot_od.robot.model.options import MatchOptions
@@ -80,7 +80,7 @@ def play(file: Path) -> tuple[Summary, list[MatchEvent], list[int], list[str]]:
     sent: list[int] = []
     told: list[str] = []
     summary, _ = stage.play_simulated(
-        ALONE, events.append, lambda _, frame: sent.append(frame.cob_id), None, load(file), tell=told.append
+        ALONE, events.append, lambda _, frame: sent.append(frame.cob_id), None, load_strategy(file), tell=told.append
     )
     return summary, events, sent, told
 
@@ -115,7 +115,7 @@ def test_in_real_time(tmp_path: Path) -> None:
     begin = time.process_time()
     options = replace(ALONE, settings=(("core.Position polling.Start delay", "0"),))
     summary, _ = stage.play_live(
-        options, events.append, lambda *_: None, opener, load(write(tmp_path, HANGING["waits for the end"][0]))
+        options, events.append, lambda *_: None, opener, load_strategy(write(tmp_path, HANGING["waits for the end"][0]))
     )
     assert time.process_time() - begin < SOON + BUSY
     assert summary.failure is not None

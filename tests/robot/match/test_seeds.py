@@ -11,9 +11,9 @@ import pytest
 from eurobot_od.errors import LocalError, UnknownName
 from eurobot_od.robot.match import MatchOptions
 from eurobot_od.robot.match.played import play
+from eurobot_od.robot.match.referee import StrategyFiles
 from eurobot_od.robot.match.seeds import play_many
 from eurobot_od.robot.match.stage import EdsFiles
-from eurobot_od.robot.match.strategies import StrategyFiles
 from eurobot_od.season.campaign import HERE
 
 SHORT = MatchOptions(duration=3.0)
@@ -105,7 +105,7 @@ def test_each_process_loads_the_strategies(tmp_path: Path, workers: str) -> None
     program = f"""
 from pathlib import Path
 from eurobot_od.season.campaign import HERE
-from eurobot_od.robot.match.strategies import StrategyFiles
+from eurobot_od.robot.match.referee import StrategyFiles
 for match in play_many(MatchOptions(duration=3.0), range(1, 4), {workers}, StrategyFiles(Path({str(file)!r}))):
     print(match.wrong)
 """

@@ -8,7 +8,7 @@ import pytest
 
 from eurobot_od.errors import LocalError
 from eurobot_od.robot.match import strategy
-from eurobot_od.robot.match.strategies import Players, StrategyFiles, load
+from eurobot_od.robot.match.referee import Players, StrategyFiles, load_strategy
 from tests.rows import rows
 
 GOOD = "async def play(core):\n    pass\n"
@@ -35,7 +35,7 @@ def test_both_robots_may_have_files(mine: Path) -> None:
 
 
 def test_the_shipped_strategy_is_a_file_like_any_other() -> None:
-    assert load(Path(strategy.__file__)).__name__ == "play"
+    assert load_strategy(Path(strategy.__file__)).__name__ == "play"
 
 
 def test_a_strategy_may_be_in_several_files_and_have_dataclasses(mine: Path) -> None:
@@ -44,12 +44,12 @@ def test_a_strategy_may_be_in_several_files_and_have_dataclasses(mine: Path) -> 
         "from __future__ import annotations\nfrom dataclasses import dataclass\nfrom helper_of_mine import SPEED\n"
         "@dataclass\nclass Plan:\n    speed: int = SPEED\n" + GOOD
     )
-    assert load(mine).__globals__["Plan"]().speed == 70
+    assert load_strategy(mine).__globals__["Plan"]().speed == 70
 
 
 def test_what_a_file_prints_does_not_get_into_the_output(mine: Path, capsys: pytest.CaptureFixture[str]) -> None:
     mine.write_text("print('loaded')\n" + GOOD)
-    load(mine)
+    load_strategy(mine)
     assert capsys.readouterr() == ("", "loaded\n")
 
 
@@ -77,14 +77,14 @@ WRONG = [
 def test_what_is_wrong_is_one_line_with_its_place(mine: Path, text: str, complaint: str) -> None:
     mine.write_text(text)
     with pytest.raises(LocalError) as error:
-        load(mine)
+        load_strategy(mine)
     assert str(error.value) == complaint.format(file=mine)
 
 
 def test_what_is_no_text_is_one_line(mine: Path) -> None:
     mine.write_bytes(b"\x00\xff")
     with pytest.raises(LocalError) as error:
-        load(mine)
+        load_strategy(mine)
     assert str(error.value).startswith(f"{mine}:1: ")
     assert "\n" not in str(error.value)
 
@@ -92,4 +92,4 @@ def test_what_is_no_text_is_one_line(mine: Path) -> None:
 @pytest.mark.parametrize(("name", "complaint"), [("", "Is a directory"), ("none.py", "No such file or directory")])
 def test_a_file_that_cannot_be_read(tmp_path: Path, name: str, complaint: str) -> None:
     with pytest.raises(LocalError, match=complaint):
-        load(tmp_path / name)
+        load_strategy(tmp_path / name)

@@ -1,7 +1,7 @@
 """Runs a command; prints its wall and CPU time, peak memory and exit status as JSON: `launch.py INPUT OUTPUT WORD...`
 
-Rule of this file: standard library only, and little of it. A process begins with its parent's peak memory, so a great
-program cannot measure a small one; this one is small.
+Rule of this file: it uses little of the standard library, and nothing else. A process begins with its parent's peak
+memory, so a large program cannot measure a small one.
 """
 
 from __future__ import annotations

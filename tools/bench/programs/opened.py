@@ -1,6 +1,6 @@
 """Runs `eurobot-od` and writes the names of the EDS and DCF files that it opened: `opened.py REPORT WORD...`
 
-Rule of this file: nothing but that; Python tells of every file that is opened (PEP 578).
+Python reports every file that is opened (PEP 578).
 """
 
 from __future__ import annotations

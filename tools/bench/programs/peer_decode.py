@@ -1,6 +1,6 @@
 """Decodes a log of any format with python-can and cantools, and prints it as `cantools decode -s` does candump logs.
 
-Rule of this file: what a user of the two libraries would write: `peer_decode.py LOG DBC`.
+It is what a user of the two libraries would write: `peer_decode.py LOG DBC`.
 """
 
 from __future__ import annotations

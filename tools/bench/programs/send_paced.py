@@ -1,6 +1,6 @@
 """Fills a SocketCAN bus: `send_paced.py CHANNEL BITRATE SECONDS LENGTH` prints frames and bits sent as JSON.
 
-Rule of this file: a kernel may wake it every 10 ms only, so each time all is sent that is due by then. Frames are the
+A kernel may wake it every 10 ms only, so each time all is sent that is due by then. Frames are the
 robot's messages of LENGTH bytes or more with random data, each counted with its stuff bits.
 """
 

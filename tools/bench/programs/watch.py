@@ -1,6 +1,6 @@
 """One program that watches a full bus, on the terminal it was started on: `watch.py READER SECONDS DESCRIPTOR`.
 
-Rule of this file: the real programs, with frames from a thread beside them; the CPU time of that thread is taken off.
+They are the real programs, with frames from a thread beside them; the CPU time of that thread is subtracted.
 What it took is written to the descriptor as JSON.
 """
 

@@ -1,6 +1,6 @@
 """The simulated bus alone: controllers that always have one more frame, without nodes.
 
-Rule of this file: as many frames as a second is to bring; how many have really ended is checked.
+As many frames are sent as have to end in a second; how many really have is checked.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """One message decoded and encoded: `protocol.decode` and `protocol.encode` beside cantools, canopen and bitstruct.
 
-Rule of this file: public functions only, the same message for all. Each contender has to give the right result before
-it is measured.
+Only public functions are measured, with the same message for all. Each contender has to give the right result before it
+is measured.
 """
 
 from __future__ import annotations

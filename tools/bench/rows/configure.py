@@ -1,6 +1,6 @@
 """Configuring a live node, beside stock canopen that writes the same objects one by one.
 
-Rule of this file: both have the same node on the same in-process bus, from the same former values. Reading for the
+Both have the same node on the same in-process bus, from the same former values. Reading for the
 difference, reading back, storing, reset and verifying are all in our time.
 """
 

@@ -1,6 +1,6 @@
 """From a request to its answer between two live nodes, compared with an echo between two bare python-can Notifiers.
 
-Rule of this file: both sides in one process on one in-process bus; a round's figures are of its echoes.
+Both sides are in one process on one in-process bus; a round's figures are those of its echoes.
 """
 
 from __future__ import annotations

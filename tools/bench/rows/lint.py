@@ -1,6 +1,6 @@
 """The EDS checker: wall time beside dcf-tools' dcfchk, and what an object costs in small and great devices.
 
-Rule of this file: whole programs, start-up included.
+Whole programs are measured, start-up included.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Whole logs decoded by whole processes: `eurobot-od decode` beside `cantools decode`, time and memory.
 
-Rule of this file: random traffic, see `traffic`; both write to a file. After every run the output must have a line for
+The traffic is random (see `traffic`); both write to a file. After every run the output must have a line for
 each frame, and a sample of the lines must have the values that the peer's line has.
 """
 

@@ -1,6 +1,6 @@
 """A simulated match of 90 s, and many of them on all cores.
 
-Rule of this file: whole processes.
+Whole processes are measured.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Watching a full bus: CPU share of our monitor beside python-can's viewer and a bare Notifier.
 
-Rule of this file: each is a process on a terminal of its own, see `programs/watch.py`; what it writes is swallowed.
+Each is a process on a terminal of its own, see `programs/watch.py`; what it writes is swallowed.
 """
 
 from __future__ import annotations

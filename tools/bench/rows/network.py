@@ -1,6 +1,6 @@
 """Many nodes at once: twenty configured side by side, and a TPDO read at 100 Hz, beside stock canopen.
 
-Rule of this file: the nodes are simulated servo drives that answer 2 ms after they were asked, as drives on a bus do;
+The nodes are simulated servo drives that answer 2 ms after they were asked, as drives on a bus do;
 one thread runs them all, whoever asks.
 """
 

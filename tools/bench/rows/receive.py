@@ -1,6 +1,6 @@
 """Frames on a live bus to listeners, compared with python-can's bare Notifier with an empty listener.
 
-Rule of this file: both wait at an empty queue, get all frames at once, and are measured until the last one is taken.
+Both wait at an empty queue, get all frames at once, and are measured until the last one is taken.
 So neither the sender nor the start of the reader is in the time. On a bus a frame is read right after it was made: so
 that it is in the processor's cache here, too, the same thousand come again and again. What it costs to read as many
 different ones, which nobody does who keeps up with the bus, is reported next to it.

@@ -1,6 +1,6 @@
 """SDO transfers with a live device, and by a master, beside stock canopen's LocalNode and its client.
 
-Rule of this file: one object of one EDS, one in-process bus; devices are asked by the same client, clients ask the same
+There is one object, in one EDS, on one in-process bus; devices are asked by the same client, and clients ask the same
 device. Stock canopen's LocalNode has no blocks.
 """
 

@@ -1,6 +1,6 @@
 """Logs into a season beside other programs' ways: text by cantools, Parquet by hand; and memory over the length.
 
-Rule of this file: random traffic, see `traffic`. After every run of ours all frames must be in the season, and the
+The traffic is random (see `traffic`). After every run of ours all frames must be in the season, and the
 values of a message must be those that `Protocol` decodes (the tests of `season` prove it for all of them).
 """
 

@@ -1,7 +1,7 @@
 """A full SocketCAN bus: frames lost and CPU share of our live operation, compared with python-can's bare Notifier.
 
-Rule of this file: real sockets and a sender in a process of its own, see `programs/send_paced.py`; in turns, some
-seconds each. `vcan0` carries 100 % of 1 Mbit/s, although it has no bit rate: the sender counts the bits.
+The sockets are real, and the sender is a process of its own (`programs/send_paced.py`). Each is measured for some
+seconds, in turns. `vcan0` carries 100 % of 1 Mbit/s, although it has no bit rate: the sender counts the bits.
 """
 
 from __future__ import annotations

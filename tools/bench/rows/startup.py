@@ -1,6 +1,6 @@
 """Start-up of every command that runs without a bus partner, as whole processes, beside canopen loading the same files.
 
-Rule of this file: the table says which EDS files a command needs; the peer is canopen's `import_od` of just those. That
+The table says which EDS files a command needs; the peer is canopen's `import_od` of just those. That
 a command opens no other is counted too.
 """
 
