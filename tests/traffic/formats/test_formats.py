@@ -436,3 +436,32 @@ def test_a_blf_container_is_unpacked_piece_by_piece() -> None:
     tracemalloc.stop()
     assert last == Foreign(Damage.UNREADABLE, "no object where one should start")
     assert most < 4 << 20
+
+
+# BLF without containers, and of hardware for CAN FD
+
+
+def bare_blf(*objects: tuple[int, bytes]) -> bytes:
+    """Return a BLF file whose objects, of a type and a body, stand in it without a container; times count in ns."""
+    head = struct.pack("<4sL32x8H", b"LOGG", 144, *[0] * 8).ljust(144, b"\0")
+    made = [struct.pack("<4sHHLLL4xQ", b"LOBJ", 32, 1, 32 + len(body), kind, 2, 10**9) + body for kind, body in objects]
+    return head + b"".join(each + bytes(len(each) % 4) for each in made)
+
+
+BARE = {
+    "classic": (1, struct.pack("<HBBL8s", 1, 0, 1, 0x705, b"\5"), Frame(0x705, b"\5")),
+    "FD object, classic": (100, struct.pack("<HBBLLBBB5x64s", 1, 0, 1, 0x705, 0, 0, 0, 1, b"\5"), Frame(0x705, b"\5")),
+    "FD object, remote": (100, struct.pack("<HBBLLBBB5x", 1, 0x80, 1, 0x705, 0, 0, 0, 0), RemoteFrame(0x705, b"\0")),
+    "FD object, FD": (100, struct.pack("<HBBLLBBB5x64s", 1, 0, 8, 0x123, 0, 0, 1, 8, bytes(8)), Damage.FD),
+    "FD 64 object, classic": (101, struct.pack("<4B7LHBBL2s", 1, 2, 2, 0, 1 << 31 | 8, *[0] * 10, b"\1\2"),
+                              Frame(EXTENDED | 8, b"\1\2")),
+    "FD 64 object, remote": (101, struct.pack("<4B7LHBBL", 1, 2, 0, 0, 8, 0, 0x10, *[0] * 8), RemoteFrame(8, bytes(2))),
+    "FD 64 object, FD": (101, struct.pack("<4B7LHBBL12s", 1, 9, 12, 0, 8, 0, 0x1000, *[0] * 8, b""), Damage.FD),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("kind", "body", "raw"), BARE.values(), ids=BARE)
+def test_blf_without_containers_and_what_hardware_for_can_fd_records(kind: int, body: bytes, raw: Raw | Damage) -> None:
+    found = list(formats.read(io.BytesIO(bare_blf((kind, body), (kind, body))), "blf"))
+    assert [(time, channel) for _, time, channel, _ in found] == [(1.0, "0")] * 2
+    assert [each.damage if isinstance(each, Foreign) else each for *_, each in found] == [raw] * 2
