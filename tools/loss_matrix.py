@@ -91,6 +91,9 @@ PAUSES = {f"pause {seconds:g} s, navigation dead": seconds for seconds in (0.2, 
 go on. With a pause of 1 s the drive gives up its goto, and the core only hears of no goto. A longer one than 3 s ends
 in Emergency Shutdown, after which a start configuration has to come, whatever the drive still knows."""
 
+FREEZES = {"frozen 5 s": FROZEN, **PAUSES}
+"""How long a node hangs that is itself again afterwards."""
+
 NAVIGATION_DIES = 1.0
 PAUSE_FROM, PAUSE_UNTIL = 4.0, 12.0
 """When the navigation dies, and between which times the pauses begin, in seconds of the match."""
@@ -219,8 +222,8 @@ class Trial:
         if self.cell.what == BUS:
             self.off_until = now + PAUSES.get(how, OFF)
             self.network.cut(self.off_until)
-        elif how in PAUSES or how == "frozen 5 s":
-            end = now + PAUSES.get(how, FROZEN)
+        elif how in FREEZES:
+            end = now + FREEZES[how]
             self.network.freeze(self.stations[self.cell.what], end)
             self._miss_core_until(end)
         else:
@@ -240,7 +243,7 @@ class Trial:
         self.without_core = True
         if time < float("inf"):
             asyncio.get_running_loop().call_later(time - self.network.now, self._core_is_back)
-        if self.cell.how in ("killed", "rebooted") and self.playing is not None:
+        if self.cell.how not in FREEZES and self.playing is not None:
             self.playing.cancel()  # the strategy is part of the program that has died
 
     def _core_is_back(self) -> None:

@@ -1,6 +1,6 @@
 """A python-can bus in simulated time: whoever waits for a frame lets the devices live until it comes.
 
-There is no thread and no real clock in here. Time passes only in `recv`; `simulation.now` is the time in seconds.
+This bus has neither threads nor a real clock. Time passes only in `recv`; `simulation.now` is the time in seconds.
 """
 
 from __future__ import annotations

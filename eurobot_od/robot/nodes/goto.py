@@ -19,8 +19,6 @@ from eurobot_od.robot.model.places import Place, is_near
 from eurobot_od.robot.model.values import FAULT_OUTCOME, GotoFault, Outcome
 from eurobot_od.robot.nodes.node import CoreSettings
 
-NO_GOTO = "the drive knows of no goto"
-
 
 class GotoReport(NamedTuple):
     """The result of a goto, and `why` if the outcome does not say it.
@@ -61,7 +59,7 @@ def until_ended(core: CoreSettings, goto: messages.GotoXY) -> Script[End]:
                 return End(Outcome.ARRIVED)
             odd.append(f"the drive has arrived at ({place.x}, {place.y}) {place.angle} deg")
         elif state.time is None:
-            odd.append(NO_GOTO)
+            odd.append("the drive knows of no goto")
         else:
             # In a row: a single odd answer between good ones has come out of turn.
             odd.clear()
