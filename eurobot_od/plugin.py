@@ -31,22 +31,22 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeAlias, TypeVar
 
 from eurobot_od.errors import LocalError, RobotWarning, UnknownName
 from eurobot_od.od import DEFAULT
-from eurobot_od.od.dialects import Dialects
+from eurobot_od.od.network import Dialects
 
 if TYPE_CHECKING:
     from eurobot_od.bus.live import Live, Opener
-    from eurobot_od.check.results import SuiteResult
+    from eurobot_od.check.on_bus import NodeUnderTest
+    from eurobot_od.check.report import SuiteResult
     from eurobot_od.check.runner import RunOptions
-    from eurobot_od.check.simulated import NodeUnderTest
     from eurobot_od.check.suite import Suite
     from eurobot_od.check.vocabulary import Networks
-    from eurobot_od.device.faults.fault import Fault
+    from eurobot_od.device.faults.hooks import Fault
     from eurobot_od.device.node import Node
     from eurobot_od.export.mcap import Drawings
     from eurobot_od.od.dictionary import Dictionary
     from eurobot_od.pdo.catalogue import Catalogue
     from eurobot_od.pdo.protocol import Protocol as Messages
-    from eurobot_od.season.reports import SeasonReport
+    from eurobot_od.season.answers import SeasonReport
     from eurobot_od.web.panel import Panel
 
     NodeT = TypeVar("NodeT", bound=Node)
@@ -152,7 +152,7 @@ class Plugin(NamedTuple):
         Raises LocalError for a class of a team's own that goes by a message which the file does not have.
         """
         from eurobot_od.od.values import PdoDirection
-        from eurobot_od.support import python_file
+        from eurobot_od.support import extras
 
         if dictionary.name not in self.nodes:
             return ""
@@ -169,7 +169,7 @@ class Plugin(NamedTuple):
                 f"binds {each!r}, which is not an object" for each in kind.OBJECTS if not dictionary.data_index(each)
             ]
             if wrong:
-                raise LocalError(f"{python_file.place_of(kind)}: {kind.__name__} {wrong[0]} in {dictionary.file}")
+                raise LocalError(f"{extras.place_of(kind)}: {kind.__name__} {wrong[0]} in {dictionary.file}")
         return dictionary.name if known else ""
 
     def kind(self, role: str, faults: Iterable[str] = (), device: type[Node] | None = None) -> type[Node]:
@@ -251,7 +251,7 @@ class Plugin(NamedTuple):
 
         Those that have no role behave as a device `profile` says.
         """
-        from eurobot_od.check.simulated import NodeUnderTest
+        from eurobot_od.check.on_bus import NodeUnderTest
         from eurobot_od.device.profiles.devices import simulated_kind
 
         roles = {name: self.role_of(each) for name, each in dictionaries.items()}
@@ -275,7 +275,7 @@ class Plugin(NamedTuple):
         """
         from functools import partial
 
-        from eurobot_od.check.simulated import run_simulated
+        from eurobot_od.check.on_bus import run_simulated
 
         make_nodes = partial(self.under_test, faults=faults, profile=profile)
         return run_simulated(suite, options, make_nodes, seed)
@@ -342,10 +342,10 @@ def _typed(name: str) -> Plugin:
     if name in installed():
         return installed()[name].load()
     if Path(name).is_dir():
-        from eurobot_od.support import python_file
+        from eurobot_od.support import extras
 
         file = Path(name) / FILE
-        return _checked(getattr(python_file.load(file), ATTRIBUTE, None), f"{file}: no `{ATTRIBUTE}` in it")
+        return _checked(getattr(extras.load(file), ATTRIBUTE, None), f"{file}: no `{ATTRIBUTE}` in it")
     from importlib.util import find_spec
 
     package = name.partition(".")[0]
@@ -451,12 +451,10 @@ def blaming(what: str, module: str, otherwise: str) -> Iterator[None]:
     except KeyboardInterrupt:
         raise
     except BaseException as error:  # SystemExit, and what `pytest.skip` raises, must not end what needs no robot
-        from eurobot_od.support import python_file
+        from eurobot_od.support import extras
 
         inside = f"{module.rpartition('.')[0] or module}."
-        said = python_file.complaint(
-            error, otherwise, lambda frame: f"{frame.f_globals['__name__']}.".startswith(inside)
-        )
+        said = extras.complaint(error, otherwise, lambda frame: f"{frame.f_globals['__name__']}.".startswith(inside))
         raise LocalError(f"{what}: {said}") from None
 
 

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     import can
 
     from eurobot_od.check.reader import SuiteReader
-    from eurobot_od.check.results import StepResult, SuitePart, SuiteResult
+    from eurobot_od.check.report import StepResult, SuitePart, SuiteResult
     from eurobot_od.check.suite import Step, Suite
     from eurobot_od.client.network import Network
     from eurobot_od.client.remote_device import RemoteDevice
@@ -81,7 +81,7 @@ class SuiteTests(pytest.Collector):
         self.extra_keyword_matches.update(suite.tags)
 
     def collect(self) -> Iterator[pytest.Item]:
-        from eurobot_od.check.results import SuitePart
+        from eurobot_od.check.report import SuitePart
 
         suite = self.suite
         parts = (
@@ -110,7 +110,7 @@ class StepTest(pytest.Item):
 
     def runtest(self) -> None:
         """Tell how the step ended, which is how the worst of its parts did."""
-        from eurobot_od.check.results import Status
+        from eurobot_od.check.report import Status
 
         # By place: a step with `repeat`, or a group, has several results, and a name may stand twice.
         places = set(_places(self._step))
@@ -186,7 +186,7 @@ def _read(config: pytest.Config, file: Path) -> list[Suite]:
 
 def _run(config: pytest.Config, suite: Suite, faults: Iterable[str] = (), seed: int = 1) -> SuiteResult:
     """Run a suite, its teardown also after Ctrl-C; raises BusError, UnknownName."""
-    from eurobot_od.check.live import run_live
+    from eurobot_od.check.on_bus import run_live
     from eurobot_od.check.runner import Interrupt, RunOptions
 
     live = config.getoption("eurobot_interface")

@@ -181,7 +181,7 @@ NOUNS: dict[str, dict[str, str]] = {
         "client.remote_pdos.MappedPdo": "the stream of values that a master has of one",
         "client.remote_pdos.RemotePdo": "... blocking",
         "client.remote_pdos.AsyncRemotePdo": "... in an event loop",
-        "traffic.unmapped.OtherPdo": "what is known of an identifier without one that is valid",
+        "traffic.meaning.OtherPdo": "what is known of an identifier without one that is valid",
     },
     "MappingEntry": {"od.values.MappingEntry": "index, sub-index and bits"},
     "Mapped": {"od.pdos.Mapped": "an entry with its variable"},
@@ -200,8 +200,8 @@ NOUNS: dict[str, dict[str, str]] = {
     },
     "Variable": {"od.description.DescribedVariable": "a variable as a file's text; all others are canopen's"},
     "Dictionary": {"od.dictionary.Dictionary": "a loaded file"},
-    "Setting": {"device.settings.Setting": "an attribute of a node's class"},
-    "Abort": {"sdo.aborts.Abort": "why a transfer ends"},
+    "Setting": {"device.bound.Setting": "an attribute of a node's class"},
+    "Abort": {"sdo.wire.Abort": "why a transfer ends"},
     "Tier": {"check.conformance.subject.Tier": "what a clause may do to a device"},
 }
 

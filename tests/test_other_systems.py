@@ -19,7 +19,7 @@ from pathlib import Path
 import pytest
 
 from eurobot_od import cli
-from eurobot_od.support import files, terminal
+from eurobot_od.support import files, progress
 from tests.cli.console import Terminal
 from tests.like_windows import MODULES, NAMES, Lacking
 from tests.rows import rows
@@ -106,7 +106,7 @@ def test_the_package_is_shown_what_linux_has_and_windows_has_not() -> None:
 @pytest.fixture
 def windows(monkeypatch: pytest.MonkeyPatch) -> None:
     """Have the modules of this file's tests see a system that is called "nt"."""
-    for module in (cli, files, terminal):
+    for module in (cli, files, progress):
         monkeypatch.setattr(module, "os", Lacking(os, NAMES["os"], {"name": "nt"}))
 
 
@@ -169,11 +169,11 @@ COLOURED = [
 def test_colours_are_for_terminals_that_know_them(
     variables: dict[str, str], coloured: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    for name in (*terminal.WITH_COLOURS, "NO_COLOR"):
+    for name in (*progress.WITH_COLOURS, "NO_COLOR"):
         monkeypatch.delenv(name, raising=False)
     for name, value in variables.items():
         monkeypatch.setenv(name, value)
-    assert terminal.in_colour(Terminal()) is coloured
+    assert progress.in_colour(Terminal()) is coloured
 
 
 @pytest.mark.usefixtures("windows")

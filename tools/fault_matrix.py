@@ -19,20 +19,19 @@ if str(ROOT) not in sys.path:
     sys.path.insert(0, str(ROOT))  # the kit is the tests'
 
 from eurobot_od.check.conformance.subject import Tier
+from eurobot_od.check.on_bus import run_simulated
 from eurobot_od.check.reader import SuiteReader
-from eurobot_od.check.results import Status
+from eurobot_od.check.report import Status
 from eurobot_od.check.runner import RunOptions
-from eurobot_od.check.simulated import run_simulated
 from eurobot_od.check.suite import Suite
-from eurobot_od.cli.campaign import Campaign, counted
+from eurobot_od.cli.options import Campaign, counted
 from eurobot_od.cli.signature import HelpGroup, Option, Parser, describe, summary
 from eurobot_od.device.simulated import SimulatedDevice
 from eurobot_od.robot import dialects
 from eurobot_od.robot.nodes import ROLES
 from eurobot_od.robot.plugin import ROBOT
-from eurobot_od.season.campaign import Workers
+from eurobot_od.season.campaign import Results, Workers
 from eurobot_od.season.campaign import run as in_blocks
-from eurobot_od.season.results import Results
 from tests.kit.devices import MODULE, first_red, suites
 from tests.kit.faults import CONFORMANCE
 

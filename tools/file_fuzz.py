@@ -32,7 +32,7 @@ import can
 
 from eurobot_od import cli
 from eurobot_od.device.device import Device
-from eurobot_od.device.storage import FileStore
+from eurobot_od.device.objects import FileStore
 from eurobot_od.robot import dialects
 
 FINE, WRONG = 0, 1

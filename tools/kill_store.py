@@ -16,7 +16,7 @@ import time
 from pathlib import Path
 
 from eurobot_od.device.device import Device
-from eurobot_od.device.storage import FileStore
+from eurobot_od.device.objects import FileStore
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.standard import SIGNATURES, STORE
 from eurobot_od.od.values import Address

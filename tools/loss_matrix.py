@@ -28,7 +28,7 @@ from typing import Annotated, NamedTuple
 
 from eurobot_od.bus.simulated import loop
 from eurobot_od.bus.simulated.network import ON_TIME, Simulation, processing_time
-from eurobot_od.cli.campaign import Campaign, counted
+from eurobot_od.cli.options import Campaign, counted
 from eurobot_od.cli.signature import HelpGroup, Option, Parser, describe, summary
 from eurobot_od.device.station import Station
 from eurobot_od.errors import EurobotError
@@ -41,7 +41,7 @@ from eurobot_od.robot.nodes import ROLES, Core, Drive, Node
 from eurobot_od.robot.nodes.motion import AT_REST, Chassis, Odometry, WheelCommand
 from eurobot_od.robot.world import World
 from eurobot_od.robot.world.instruments import equip
-from eurobot_od.robot.world.timeline import EventKind, MatchEvent, Timeline
+from eurobot_od.robot.world.world import EventKind, MatchEvent, Timeline
 from eurobot_od.season.campaign import run as in_blocks
 
 FINE, WRONG = 0, 1

@@ -19,8 +19,7 @@ from eurobot_od.robot.match.stage import play_simulated
 from eurobot_od.robot.model.options import MatchOptions
 from eurobot_od.robot.scene.sheet import sheet
 from eurobot_od.traffic.meaning import Decoder
-from eurobot_od.traffic.monitor.screen import Size, screen
-from eurobot_od.traffic.monitor.traffic import Controls, Traffic
+from eurobot_od.traffic.monitor import Controls, Size, Traffic, screen
 
 DOCS = Path(__file__).parents[1] / "docs"
 OPTIONS = MatchOptions(seed=1)

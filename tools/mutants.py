@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Puts small changes into modules, one at a time, and reports for each module how many of them its tests noticed.
 
-    python3 tools/mutants.py eurobot_od/bus/live/connection.py eurobot_od/sdo/wire.py --at-most 100
+    python3 tools/mutants.py eurobot_od/bus/live/buses.py eurobot_od/sdo/wire.py --at-most 100
 
 cosmic-ray makes the changes, in a copy of the repository; the tests are those that mirror the module. The worst module
 comes last, with each change that went unnoticed as a diff: a test to be written, or a line that may go. A module of a

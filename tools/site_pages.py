@@ -14,7 +14,7 @@ from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
 from mkdocs.structure.pages import Page
 
-from eurobot_od.export.docs import docs_text
+from eurobot_od.export.forms import docs_text
 from eurobot_od.robot import dialects
 from eurobot_od.robot.protocol import EurobotProtocol
 

@@ -18,7 +18,7 @@ from functools import partial
 from pathlib import Path
 
 from eurobot_od.bus.live import Live, open_bus
-from eurobot_od.device.storage import FileStore
+from eurobot_od.device.objects import FileStore
 from eurobot_od.errors import EurobotError
 from eurobot_od.frame import Frame
 from eurobot_od.od.values import Address, Value

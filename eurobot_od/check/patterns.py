@@ -14,7 +14,7 @@ from eurobot_od.check.values import Expected, Operand, Variables
 from eurobot_od.device.nmt import STATE_NAMES, NmtState
 from eurobot_od.frame import Frame
 from eurobot_od.pdo.binding import Binding
-from eurobot_od.pdo.message import flagged_fields
+from eurobot_od.pdo.catalogue import flagged_fields
 from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.support.texts import amount
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from eurobot_od.check.bench import Bench
-from eurobot_od.check.results import Line, Status, StepReason, StepResult, SuitePart, SuiteResult
+from eurobot_od.check.report import Line, Status, StepReason, StepResult, SuitePart, SuiteResult
 from eurobot_od.check.steps import Doer, Failed, Skipped
 from eurobot_od.check.suite import Group, Step, Suite
 from eurobot_od.device.nmt import NmtState, error_control

@@ -18,9 +18,9 @@ from typing import Any
 from eurobot_od.check import suite
 from eurobot_od.check.bench import Bench, SeenFrame
 from eurobot_od.check.patterns import Mismatch, Pattern, Sent, is_final
-from eurobot_od.check.results import StepReason
+from eurobot_od.check.report import StepReason
 from eurobot_od.check.values import ValueProblem
-from eurobot_od.device.emergency import HISTORY, REGISTER_BITS, error_words
+from eurobot_od.device.broadcasts import HISTORY, REGISTER_BITS, error_words
 from eurobot_od.errors import BusError, NoAnswer
 from eurobot_od.frame import Frame
 from eurobot_od.od import objects
@@ -37,7 +37,7 @@ from eurobot_od.sdo.client import (
     upload,
 )
 from eurobot_od.sdo.wire import LENGTH, code_and_reason
-from eurobot_od.support import durations
+from eurobot_od.support import texts
 from eurobot_od.support.texts import amount
 from eurobot_od.traffic.decoding import Following
 from eurobot_od.traffic.meaning import Decoder, Meaning
@@ -178,7 +178,7 @@ class Doer:
         while left:
             found = await self._next(left, start, deadline)
             if found is None:
-                what = f"no {' or '.join(map(str, left))} within {durations.text(self._longest(action.within))}"
+                what = f"no {' or '.join(map(str, left))} within {texts.text(self._longest(action.within))}"
                 if other is not None:
                     raise self._with_last(what, left[0], other)
                 raise Failed(StepReason(what, "; ".join(each.text(self._variables) for each in left), "nothing"))
@@ -252,13 +252,13 @@ class Doer:
             deadline = (self._trace.now if last is None else last.time) + latest
             found = await self._next([action.message], start, deadline)
             if found is None:
-                what = f"no {action.message} within {durations.text(latest)}, after {number} of them"
+                what = f"no {action.message} within {texts.text(latest)}, after {number} of them"
                 raise self._with_last(what, action.message, None)
             seen = found[1]
             # Each distance by itself, not the mean: a mean hides a frame that is late after one that was early.
             if last is not None and abs(seen.time - last.time - action.every) > action.tolerance:
-                wanted = f"{durations.text(action.every)} +- {durations.text(action.tolerance)}"
-                off = [Mismatch(f"period {number}", wanted, durations.text(seen.time - last.time))]
+                wanted = f"{texts.text(action.every)} +- {texts.text(action.tolerance)}"
+                off = [Mismatch(f"period {number}", wanted, texts.text(seen.time - last.time))]
             if off or self._mismatches(action.message, seen):
                 raise self._with_last(f"{action.message} is not as expected", action.message, seen, off)
             self._use(found[0])

@@ -17,7 +17,7 @@ from eurobot_od.od import objects
 from eurobot_od.od.dictionary import Dictionary, SdoChannel
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.sdo.wire import code_and_reason
-from eurobot_od.support import durations
+from eurobot_od.support import texts
 from eurobot_od.support.texts import amount
 from eurobot_od.support.yaml_places import Place
 from eurobot_od.traffic.meaning import Decoder
@@ -228,7 +228,7 @@ class Wait(NamedTuple):
     seconds: float
 
     def __str__(self) -> str:
-        return f"wait {durations.text(self.seconds)}"
+        return f"wait {texts.text(self.seconds)}"
 
 
 class Skip(NamedTuple):

@@ -18,7 +18,7 @@ from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.pdos import OnRefused, fatal
 from eurobot_od.pdo.catalogue import NOTHING, Catalogue
 from eurobot_od.pdo.protocol import Protocol
-from eurobot_od.support import durations
+from eurobot_od.support import texts
 from eurobot_od.support.yaml_shapes import DURATION as ANY_DURATION
 from eurobot_od.support.yaml_shapes import converted, longer_than_0, matching
 from eurobot_od.traffic.meaning import Decoder
@@ -29,7 +29,7 @@ LONGEST_TIME = 86_400.0
 
 def _at_most_a_day(seconds: float) -> float:
     if seconds > LONGEST_TIME:
-        raise LocalError(f"{seconds:g} s is too long: at most {durations.text(LONGEST_TIME)}, a day")
+        raise LocalError(f"{seconds:g} s is too long: at most {texts.text(LONGEST_TIME)}, a day")
     return seconds
 
 

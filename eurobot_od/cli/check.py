@@ -5,22 +5,35 @@ from __future__ import annotations
 import datetime
 import json
 import sys
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import KW_ONLY, dataclass
+from functools import partial
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple
 
 from eurobot_od.check import report
-from eurobot_od.check.results import CheckedSeed, SuiteResult
-from eurobot_od.check.runner import Interrupt
+from eurobot_od.check.reader import SuiteReader
+from eurobot_od.check.report import CheckedSeed, StepResult, SuiteResult
+from eurobot_od.check.runner import Interrupt, RunOptions
+from eurobot_od.check.suite import Suite
 from eurobot_od.cli import ExitStatus, version
-from eurobot_od.cli.campaign import Campaign
-from eurobot_od.cli.checking import Checks, Printer, listed, many_results, results_of
-from eurobot_od.cli.devices import left_out
-from eurobot_od.cli.options import Json, Output, whole, write
+from eurobot_od.cli.devices import Devices, complain_of_repairs, left_out
+from eurobot_od.cli.options import BusOptions, Campaign, Faults, Json, Output, counted, whole, write
 from eurobot_od.cli.signature import HelpGroup, Option
 from eurobot_od.errors import LocalError
-from eurobot_od.support.files import check_writable
+from eurobot_od.od import network
+from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.pdos import OnRefused
+from eurobot_od.od.values import MOST_SUBS
+from eurobot_od.support.files import check_writable, digest_of
+from eurobot_od.support.progress import in_colour
+from eurobot_od.support.texts import one_line
+
+if TYPE_CHECKING:
+    from eurobot_od.check.conformance.page import DeviceRun
+    from eurobot_od.check.conformance.subject import Tier
+    from eurobot_od.season.campaign import Results, Workers
+
 
 AT_ONCE = "--simulate --repeat"
 """The options with which many things are done at once."""
@@ -149,3 +162,296 @@ def _refuse_what_does_not_go_together(checks: Checks, of_made: Mapping[str, obje
     for option, value in of_made.items():
         if value and not (made.conformance or (made.profile and option == "output")):
             raise LocalError(f"--{option} needs --conformance")
+
+
+FIRST_OWN = 4
+"""The first sub-index of 0x1011 that is the maker's (CiA 301, 7.5.2.14)."""
+
+
+def _motion(text: str) -> tuple[int, int]:
+    """Read how far and how fast a motor may be moved; raises LocalError."""
+    distance, _, velocity = (int(each) if each.isdecimal() and len(each) < 10 else 0 for each in text.partition("@"))
+    if not (distance and velocity):
+        raise LocalError(f"{text!r}: a distance and a velocity above 0, such as 2000@100")
+    return distance, velocity
+
+
+@dataclass(frozen=True, kw_only=True)
+class Made:
+    """The suites that are made from the EDS files, and how far they may go.
+
+    conformance: make the suites from the EDS files, by CiA 301
+    profile: make the suites from the EDS files, by a device profile
+    motion: profile 402: also move the motor, at most this far and this fast, in the drive's units
+    outputs: profile 401: also switch the outputs
+    reversible: conformance: also reset, write PDOs and own values; profile: also the state machine, settings
+    destructive: conformance: also write other values, and store
+    restore: conformance, destructive: also restore what the maker has behind this sub-index of 0x1011
+    """
+
+    conformance: bool = False
+    profile: Literal[401, 402] | None = None
+    motion: Annotated[tuple[int, int] | None, Option(metavar="DISTANCE@VELOCITY", read=_motion)] = None
+    outputs: bool = False
+    reversible: Annotated[bool, Option(either="tier")] = False
+    destructive: Annotated[bool, Option(either="tier")] = False
+    restore: Annotated[
+        Sequence[int], Option(metavar="SUB", read=whole(FIRST_OWN, MOST_SUBS, what="a sub-index of the maker's"))
+    ] = ()
+
+    def check(self) -> None:
+        """Raise LocalError for options that do not go together."""
+        for option, profile in (("motion", 402), ("outputs", 401)):
+            if getattr(self, option) and self.profile != profile:
+                raise LocalError(f"--{option} needs --profile {profile}")
+        if self.restore and not self.destructive:
+            raise LocalError("--restore needs --destructive")
+        if self.reversible and not self.is_wanted:
+            raise LocalError("--reversible needs --conformance")
+        if self.destructive and not self.conformance:
+            raise LocalError("--destructive needs --conformance")
+
+    @property
+    def is_wanted(self) -> bool:
+        """Whether there are such suites."""
+        return self.conformance or self.profile is not None
+
+    @property
+    def tier(self) -> Tier:
+        """How far conformance suites may go."""
+        from eurobot_od.check.conformance.subject import Tier
+
+        return Tier.DESTRUCTIVE if self.destructive else Tier.REVERSIBLE if self.reversible else Tier.READING
+
+    def texts(self, dictionaries: Iterable[Dictionary]) -> dict[Path, str]:
+        """Make the suites of each device, by what reports call their file; raises LocalError."""
+        from eurobot_od.check.conformance import drive, module  # files of suites run without
+        from eurobot_od.check.conformance import suite as chapters
+
+        if self.conformance:
+            make = partial(chapters.text, tier=self.tier, restore=self.restore)
+        elif self.profile == 401:
+            make = partial(module.text, reversible=self.reversible, outputs=self.outputs)
+        else:
+            motion = drive.MotionBounds(*self.motion) if self.motion else None
+            make = partial(drive.text, reversible=self.reversible, motion=motion)
+        return {file_of(each): make(each) for each in dictionaries}
+
+    def device_runs(
+        self, dictionaries: Iterable[Dictionary], results: Sequence[SuiteResult], made: str
+    ) -> list[DeviceRun]:
+        """Return what there is to say about each device; `made` says by what and when."""
+        from eurobot_od.check.conformance.page import DeviceRun
+
+        of_device = {each: [result for result in results if result.file == file_of(each)] for each in dictionaries}
+        return [DeviceRun(each, self.tier, own, made) for each, own in of_device.items()]
+
+
+def file_of(device: Dictionary) -> Path:
+    """Return what the file of a device's suites is called."""
+    return Path(f"{device.name}.yaml")
+
+
+@dataclass(frozen=True)
+class Checks:
+    """Which suites are run, and how; it can be sent to other processes.
+
+    files: suite files, or names of the robot's suites (--list)
+    simulate: check simulated nodes, in simulated time
+    fault: give simulated nodes a fault
+    shared_world: the nodes on the bus share the world that a suite needs
+    tag: run the suites with this tag
+    step: run the steps whose names contain this, and those before them
+    keep_going: go on with the next step after a failed one
+    """
+
+    files: Annotated[
+        Sequence[str], Option(metavar="FILE", is_file=True, suggest=lambda robot: robot.shipped_suites())
+    ] = ()
+    _: KW_ONLY
+    simulate: bool = False
+    fault: Faults = ()
+    shared_world: bool = False
+    tag: Annotated[Sequence[str], Option(metavar="TAG")] = ()
+    step: Annotated[Sequence[str], Option(metavar="TEXT")] = ()
+    made: Made
+    keep_going: bool = False
+    devices: Devices
+    bus: BusOptions
+
+    def reader(self, refused: OnRefused = lambda _: None) -> SuiteReader:
+        """Return the reader of suites for the devices; `refused` gets each PDO that is left out."""
+        known = self.devices.robot.networks()._replace(refused=refused)
+        files = self.devices.files()
+        if not files:
+            return SuiteReader(known, self.devices.dialect)
+        # Suites that name a dialect are for that; all others are for the devices of the command line.
+        named = Path(self.devices.network or files[0].file)
+
+        def load(path: Path) -> tuple[Dictionary, ...]:
+            if path != named:
+                return known.load(path)
+            loaded = network.load(files)
+            complain_of_repairs(loaded)
+            return loaded
+
+        networks = known._replace(find=lambda dialect: known.find(dialect) if dialect else named, load=load)
+        return SuiteReader(networks, self.devices.dialect)
+
+    def suites(self, reader: SuiteReader) -> list[Suite]:
+        """Read the suites that are asked for; raises YamlError, LocalError."""
+        if self.made.is_wanted:
+            read = reader.read_texts(self.made.texts(self.devices.load()))
+        else:
+            robot = self.devices.robot
+            files = [robot.suite(name) for name in self.files] or [*robot.shipped_suites().values()]
+            if not files:
+                raise LocalError("which suites? Name their files, or make them from the device's: --conformance")
+            read = reader.read_files(files)
+        return chosen(read, self.tag, self.step)
+
+    def how(self, seed: int) -> str:
+        """Say how suites are run, for reports."""
+        return f"simulated, seed {seed}" if self.simulate else "on the bus"
+
+    def skips(self, suite: Suite) -> str:
+        """Say why a suite is skipped, `` if it is not."""
+        if suite.world and not self.simulate and not self.shared_world:
+            return "skipped: its nodes have to share a world (--shared-world: they do)"
+        folder = self.devices.robot.dialects.folder
+        # By folder: a dialect may be given by its name or by its path.
+        fits = None in (suite.dialect, self.devices.dialect) or folder(suite.dialect) == folder(self.devices.dialect)
+        return "" if fits else f"skipped: it is for the dialect {suite.dialect}"
+
+    def run(
+        self, suite: Suite, seed: int, interrupt: Interrupt, show: Callable[[StepResult], None] = lambda _: None
+    ) -> SuiteResult:
+        """Run a suite, unless it is skipped; `show` gets each step's result as it comes."""
+        if skipped := self.skips(suite):
+            return SuiteResult(suite.file, suite.name, self.how(seed), skipped=skipped)
+        # A conformance suite is to find all that is wrong with a device; its steps do not build on each other.
+        keeps_going, is_chosen_here = self.keep_going or self.made.is_wanted, partial(is_chosen, self.step)
+        options = RunOptions(keeps_going, is_chosen_here, self.made.is_wanted, interrupt, show)
+        if self.simulate:
+            return self.devices.robot.simulate(suite, options, self.fault, seed, self.made.profile or 0)
+        from eurobot_od.check.on_bus import run_live
+
+        return run_live(suite, options, self.bus.open)
+
+    def run_seed(self, seed: int) -> CheckedSeed:
+        """Run all suites for one seed, in any process."""
+        # Read anew in each process: suites hold functions, which cannot be sent to another one.
+        # PDOs that are left out were reported when the suites were first read, before there were processes.
+        suites = self.suites(self.reader())
+        return CheckedSeed(seed, tuple(self.run(suite, seed, Interrupt()) for suite in suites))
+
+    def settings(self, suites: Sequence[Suite]) -> dict[str, str]:
+        """Return all that the results of a seed depend on: the options, and the content of the files."""
+        devices, dialect = self.devices, self.devices.dialect
+        named = [Path(file) for each in devices.files() for file in (each.file, *each.patch)]
+        dialects = devices.robot.dialects
+        folders = {dialects.folder(each.dialect or dialect) for each in suites if each.dialect or not named}
+        found = [file for folder in sorted(folders) for file in sorted(folder.glob("*.eds"))]
+        # Beside the options the files' content: an edited suite must not be continued with results of the old one.
+        files = digest_of([*(each.file for each in suites), *named, *found])
+        own = {name: getattr(self, name) for name in ("fault", "tag", "step", "keep_going")}
+        given = {name: str(value) for name, value in {**vars(devices), **vars(self.made), **own}.items()}
+        return {"campaign": "checks", **given, "files": files}
+
+
+def is_chosen(texts: Sequence[str], name: str) -> bool:
+    """Tell whether a step's name contains one of some texts; without texts all are chosen."""
+    return not texts or any(text.lower() in name.lower() for text in texts)
+
+
+def chosen(suites: Sequence[Suite], tags: Sequence[str], steps: Sequence[str]) -> list[Suite]:
+    """Return the suites with one of the tags and with one of the steps, all if there are none; raises LocalError."""
+    tagged = [suite for suite in suites if not tags or set(tags) & set(suite.tags)]
+    if not tagged:
+        known = sorted({tag for suite in suites for tag in suite.tags})
+        raise LocalError(f"no suite is tagged {' or '.join(tags)}; tags: {', '.join(known) or 'none'}")
+    found = [suite for suite in tagged if any(is_chosen(steps, step.name) for step in suite.steps)]
+    if steps and not found:
+        raise LocalError(f"no step is named like {' or '.join(steps)}")
+    return found if steps else tagged
+
+
+class Printer(NamedTuple):
+    """Prints suites as they run; `silent` if standard output is one document, `verbose` for every step and reason."""
+
+    silent: bool
+    verbose: bool
+
+    def heading(self, suite: Suite, how: str) -> None:
+        """Print the line above a suite."""
+        if not self.silent:
+            print(report.heading(suite, how), flush=True)
+
+    def step(self, step: StepResult) -> None:
+        """Print a step's line, unless it is only counted; if `verbose` also why it failed or was skipped."""
+        if self.silent or (step.status in report.UNEVENTFUL and not self.verbose):
+            return
+        # Flushed below: the next step may take minutes, and a pipe would keep this line back until then.
+        print(report.step_line(step, in_colour(sys.stdout)))
+        if step.reason is not None and self.verbose:
+            print("\n".join(report.reason_lines(step.reason)))
+        sys.stdout.flush()
+
+    def end(self, result: SuiteResult) -> None:
+        """Print how many of a suite's steps have not been shown."""
+        unseen = report.folded(result)
+        if unseen and not (self.silent or self.verbose):
+            print(f"  {unseen}", flush=True)
+
+
+def listed(suites: Iterable[Suite]) -> Iterator[str]:
+    """Yield a line for each suite."""
+    for suite in suites:
+        where = f"{', '.join(suite.nodes)}; {suite.dialect or 'any dialect'}"
+        tags = f"  [{', '.join(suite.tags)}]" if suite.tags else ""
+        yield one_line(f"{suite.file.stem:<24} {len(suite.steps):>4} steps  {suite.name} ({where}){tags}")
+
+
+def results_of(
+    checks: Checks, suites: Sequence[Suite], seeds: Iterable[int], interrupt: Interrupt, printer: Printer
+) -> Iterator[SuiteResult]:
+    """Run the suites for all seeds, until an interrupt or until the bus fails."""
+    gone: set[tuple[str, ...]] = set()  # a device that does not come back from a reset is reported once
+    for seed in seeds:
+        for suite in suites:
+            if interrupt.requested:
+                return
+            if suite.nodes in gone:
+                continue
+            printer.heading(suite, checks.skips(suite) or checks.how(seed))
+            result = checks.run(suite, seed, interrupt, printer.step)
+            printer.end(result)
+            yield result
+            if result.error:  # the bus is gone, for all suites that follow
+                return
+            if checks.made.is_wanted and result.ended:
+                gone.add(suite.nodes)
+
+
+def many_results(
+    checks: Checks,
+    suites: Sequence[Suite],
+    seeds: Sequence[int],
+    interrupt: Interrupt,
+    printer: Printer,
+    workers: Workers,
+    kept: Results[CheckedSeed] | None,
+) -> Iterator[SuiteResult]:
+    """Run the suites for all seeds by several workers, and print what `results_of` prints, seed by seed."""
+    from eurobot_od.season.campaign import run as in_blocks
+
+    done = in_blocks(checks.run_seed, seeds, workers, kept)
+    for seed, results in counted(done, len(seeds), "seeds", workers, hidden=not printer.silent):
+        for suite, result in zip(suites, results):
+            printer.heading(suite, result.skipped or checks.how(seed))
+            for step in result.steps:
+                printer.step(step)
+            printer.end(result)
+            yield result
+        if interrupt.requested:
+            return

@@ -13,14 +13,16 @@ from typing import TYPE_CHECKING, Annotated, TypeAlias
 
 from eurobot_od import plugin
 from eurobot_od.cli import RobotName, complain, is_alone
-from eurobot_od.cli.options import BusOptions
+from eurobot_od.cli.options import BusOptions, Seconds, check_node_id, whole
 from eurobot_od.cli.signature import HelpGroup, Option, Parser, ahead
-from eurobot_od.device.emergency import ErrorWords
-from eurobot_od.errors import FileError, LocalError, MappingError, RemoteError
+from eurobot_od.client import description
+from eurobot_od.client.description import Description, from_file
+from eurobot_od.client.master import Master, RemoteNode
+from eurobot_od.device.broadcasts import ErrorWords
+from eurobot_od.errors import FileError, LocalError, MappingError, RemoteError, UnknownName
 from eurobot_od.od import network
-from eurobot_od.od.dialects import DIALECT_VARIABLE
 from eurobot_od.od.dictionary import Dictionary, SdoChannel, moved_server
-from eurobot_od.od.network_file import NetworkFile, NodeFile
+from eurobot_od.od.network import DIALECT_VARIABLE, NetworkFile, NodeFile
 from eurobot_od.od.objects import all_objects
 from eurobot_od.od.pdos import OnRefused
 from eurobot_od.pdo.protocol import Protocol
@@ -29,6 +31,7 @@ from eurobot_od.plugin import Plugin
 if TYPE_CHECKING:
     from eurobot_od.traffic.load.analysis import MessageSet
     from eurobot_od.traffic.meaning import Decoder
+
 
 Dialect: TypeAlias = Annotated[
     str | None,
@@ -173,7 +176,7 @@ def error_words(files: Iterable[str]) -> dict[int, dict[int, str]]:
     """Return makers' words for emergency error codes by node-ID, 0 for all nodes; raises FileError."""
     found: dict[int, dict[int, str]] = {}
     for file, node_id in (network.node_file(text)[:2] for text in files):
-        from eurobot_od.od.yaml_files import read_error_words  # most commands start without YAML
+        from eurobot_od.od.network import read_error_words  # most commands start without YAML
 
         found.setdefault(node_id or 0, {}).update(read_error_words(file))
     return found
@@ -269,3 +272,89 @@ def object_names(robot: Plugin) -> Iterable[str]:
         yield f"0x{each.index:04X}"
         if re.fullmatch(r"[\w.-]+", each.qualname):
             yield each.qualname
+
+
+@dataclass(frozen=True, kw_only=True)
+class Access:
+    """How to talk to nodes; `timeout` is in s, `largest` in bytes.
+
+    timeout: longest wait for an answer (500 ms)
+    largest: most to read of an object whose size the node does not announce (1048576)
+    """
+
+    devices: Devices
+    timeout: Seconds = 0.5
+    largest: Annotated[int, Option(metavar="BYTES", read=whole(1, what="a number of bytes"))] = 1 << 20
+    bus: BusOptions
+
+    def master(self) -> Master:
+        """Open the bus; the context closes it. Raises LocalError, BusError."""
+        return Master(self.bus.open(), self.timeout, unannounced=self.largest)
+
+
+@dataclass(frozen=True)
+class Target(Access):
+    """The node that a command is about.
+
+    node: node-ID 1..127, or a device's name
+    """
+
+    node: Annotated[str, Option(metavar="NODE", suggest=lambda robot: robot.nodes)]
+
+    @property
+    def node_id(self) -> int:
+        """The node-ID; raises LocalError, UnknownName."""
+        text = self.node
+        if not text.isdecimal():
+            named = {each.name: each.node_id for each in self.devices.load()}
+            if text not in named:
+                raise UnknownName("node", text, named)
+            return named[text]
+        return check_node_id(int((text.lstrip("0") or "0")[:4]))  # `int` raises for thousands of digits
+
+    @contextmanager
+    def opened(self) -> Iterator[RemoteNode]:
+        """Open the bus to talk to the node."""
+        number = self.node_id  # first, so that a wrong name opens no bus
+        with self.master() as master:
+            yield master.node(number)
+
+    def description(self, node: RemoteNode) -> Description | None:
+        """Return the EDS of the node: the file, ours that has its identity, or its own; None if there is none.
+
+        A file named without a node-ID is for the node that is spoken to. Its own comes last because it has to be
+        transferred, tens of thousands of bytes.
+        """
+        named = self.named_description(node)
+        if named is not None:
+            return named
+        dialects = self.devices.robot.dialects
+        names = [self.devices.dialect] if self.devices.dialect else dialects.names()
+        known = (each for name in names for each in dialects.load_all(name))
+        return description.fitting(node, known) or description.uploaded(node)
+
+    def named_description(self, node: RemoteNode) -> Description | None:
+        """Return the EDS that the user has named for the node; None if there is none.
+
+        From then on the node is spoken to where its file says that its SDO server is.
+        """
+        files = self.devices.files()
+        named = files[: len(self.devices.eds)]
+        mine = next((each for each in named if each.node_id in (None, node.node_id)), None)
+        if mine is None:  # only then the network, whose files have to be loaded to know whose they are
+            mine = next((each for each in files if Dictionary.load(*each).node_id == node.node_id), None)
+        if mine is None:
+            return None
+        described = from_file(mine.file, node.node_id, mine.modules, mine.patch)
+        complain_of_repairs([described.dictionary])
+        node.master.follow(described.dictionary)
+        return described
+
+    def needed_description(self, node: RemoteNode) -> Description:
+        """Return the EDS of the node; raises LocalError if there is none."""
+        found = self.description(node)
+        if found is None:
+            raise LocalError(
+                f"no EDS has the identity of node {node.node_id}, and it keeps none itself: name one by --eds"
+            )
+        return found

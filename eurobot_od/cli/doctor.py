@@ -14,7 +14,7 @@ from eurobot_od.errors import LocalError
 from eurobot_od.plugin import Installed
 from eurobot_od.support import extras
 from eurobot_od.support.extras import Package
-from eurobot_od.support.terminal import folded
+from eurobot_od.support.progress import folded
 from eurobot_od.support.texts import one_line
 
 INDENT = len("interface  ")

@@ -7,9 +7,9 @@ import time
 from collections.abc import Callable, Mapping
 from typing import Annotated, Any, NamedTuple
 
+from eurobot_od.cli.devices import Target
 from eurobot_od.cli.options import Json, Seconds, whole
 from eurobot_od.cli.signature import Option
-from eurobot_od.cli.target import Target
 from eurobot_od.client.drive402 import Drive402, DriveStatus
 from eurobot_od.errors import LocalError
 from eurobot_od.od.profiles.cia402 import MODE_WORDS

@@ -8,15 +8,14 @@ from typing import Annotated, Literal, TypeAlias
 
 from eurobot_od import plugin
 from eurobot_od.cli import ExitStatus
+from eurobot_od.cli.decode import Log, Reading, entries
 from eurobot_od.cli.devices import Devices, complain_of_repairs, left_out
-from eurobot_od.cli.logs import Log, Reading, entries
 from eurobot_od.cli.options import EmcyFiles, Output, write, write_dcf
 from eurobot_od.cli.signature import Forms, Option
 from eurobot_od.errors import DictionaryError, LocalError, MappingError
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.formats import SUFFIXES
-from eurobot_od.od.network import is_network, node_file, read_network
-from eurobot_od.od.network_file import NodeFile
+from eurobot_od.od.network import NodeFile, is_network, node_file, read_network
 from eurobot_od.od.values import NODE_IDS
 from eurobot_od.support import extras
 from eurobot_od.support.files import check_writable, read_whole, write_whole
@@ -56,8 +55,7 @@ def docs(*, output: Output = None, format: Literal["markdown", "html"] | None = 
 
     format: default: by FILE's suffix, else markdown
     """
-    from eurobot_od.export.docs import docs_text
-    from eurobot_od.export.forms import form_of
+    from eurobot_od.export.forms import docs_text, form_of
 
     form = format or (form_of(output) if output else "markdown")
     write(output, docs_text(devices.protocol(), devices.load(), form))
@@ -177,7 +175,7 @@ def write_concise(node: NodeFile, output: Path | None) -> None:
     from eurobot_od.client.configure import all_writes, check_file, check_whole
     from eurobot_od.client.description import from_file
     from eurobot_od.client.reading import decoded
-    from eurobot_od.od.concise import pack
+    from eurobot_od.od.dcf import pack
     from eurobot_od.od.values import pdo_of
 
     description, refused = from_file(node.file, node.node_id, node.modules, node.patch), list[MappingError]()
@@ -206,7 +204,7 @@ def read_concise(file: str, output: Path | None, eds: str | None, node_id: int |
     from eurobot_od.cli.objects import print_readings
     from eurobot_od.client.description import from_file
     from eurobot_od.client.reading import dcf_of_writes, decoded
-    from eurobot_od.od.concise import Truncated, unpack
+    from eurobot_od.od.dcf import Truncated, unpack
 
     try:
         writes = unpack(Path(file).read_bytes())

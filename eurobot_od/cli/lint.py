@@ -178,8 +178,7 @@ def _fix(files: Sequence[str], output: str | None) -> ExitStatus:
 def read_network(files: Sequence[str]) -> LintedNetwork:
     """Read a network: a network file, a folder, or the nodes' EDS and DCF files; raises FileError."""
     from eurobot_od.lint.network import LintedNetwork, NetworkMember, nodes_of
-    from eurobot_od.od.network import read_network
-    from eurobot_od.od.network_file import NetworkFile, NodeFile
+    from eurobot_od.od.network import NetworkFile, NodeFile, read_network
 
     is_network = len(files) == 1 and not files[0].lower().endswith(SUFFIXES)
     described = read_network(files[0]) if is_network else NetworkFile([NodeFile(each) for each in files])

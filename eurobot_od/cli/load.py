@@ -13,12 +13,11 @@ from eurobot_od.cli.options import BitRate, Json, whole, write
 from eurobot_od.cli.signature import Option
 from eurobot_od.errors import LocalError
 from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.network import NetworkFile, read_network
 from eurobot_od.od.network import load as load_files
-from eurobot_od.od.network import read_network
-from eurobot_od.od.network_file import NetworkFile
 from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.plugin import Plugin
-from eurobot_od.support import durations
+from eurobot_od.support import texts
 from eurobot_od.traffic.load.analysis import ErrorRate, MessageSet
 from eurobot_od.traffic.load.network_set import network_set
 from eurobot_od.traffic.load.report import as_data, chart, load_report, table, too_slow
@@ -31,7 +30,7 @@ def _errors(text: str) -> ErrorRate:
     """Read N/TIME; raises LocalError."""
     number, slash, time = text.partition("/")
     try:
-        rate = ErrorRate(int(number), durations.microseconds(time))
+        rate = ErrorRate(int(number), texts.microseconds(time))
     except (ValueError, LocalError):
         rate = ErrorRate(-1)  # one message for whichever half is wrong
     if not slash or rate.number < 0 or rate.interval < 1:

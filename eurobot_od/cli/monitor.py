@@ -17,18 +17,17 @@ from typing import Annotated, NamedTuple, TypeAlias
 
 from eurobot_od.bus.live import BITRATE
 from eurobot_od.cli import complain
+from eurobot_od.cli.decode import Log, Reading, entries
 from eurobot_od.cli.devices import Devices
-from eurobot_od.cli.logs import Log, Reading, entries
 from eurobot_od.cli.options import BusOptions, EmcyFiles, NoReconnect, positive
 from eurobot_od.cli.signature import Option
 from eurobot_od.errors import LocalError
 from eurobot_od.support import extras
-from eurobot_od.support.terminal import redraws
+from eurobot_od.support.progress import redraws
+from eurobot_od.traffic.decoding import TextOutput
 from eurobot_od.traffic.load.seen import NOTHING, table
 from eurobot_od.traffic.meaning import Meaning
-from eurobot_od.traffic.monitor.sources import BusSource, LogSource
-from eurobot_od.traffic.monitor.traffic import SORTS, Controls, Traffic, named, plain_table, selected
-from eurobot_od.traffic.output import TextOutput
+from eurobot_od.traffic.monitor import SORTS, BusSource, Controls, LogSource, Traffic, named, plain_table, selected
 
 Source: TypeAlias = BusSource | LogSource
 Took: TypeAlias = Callable[[float, Meaning], None]
@@ -155,7 +154,7 @@ def on_screen(monitor: Monitor) -> Iterator[tuple[Took, Refresh]]:
     """Show the table on the whole screen."""
     from rich.live import Live
 
-    from eurobot_od.traffic.monitor.screen import Size, screen  # with rich
+    from eurobot_od.traffic.monitor import Size, screen  # with rich
 
     with Live(screen=True, auto_refresh=False) as live:  # without its thread: the loop above refreshes
 

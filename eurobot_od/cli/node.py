@@ -19,15 +19,15 @@ from eurobot_od.cli.devices import Devices, complain_of_repairs, robot_meant
 from eurobot_od.cli.options import BusOptions, Json, NoReconnect, Seconds, assigned
 from eurobot_od.cli.signature import NOTHING, Chosen, HelpGroup, Hint, Option, Parser
 from eurobot_od.device.node import Node
+from eurobot_od.device.objects import FileStore
 from eurobot_od.device.profiles.devices import SimulatedDrive, simulated_kind
+from eurobot_od.device.simulated import Waveform, read_waveforms
 from eurobot_od.device.station import OnError
-from eurobot_od.device.storage import FileStore
-from eurobot_od.device.waveforms import Waveform, read_waveforms
 from eurobot_od.errors import LocalError, RemoteError, UnknownName
 from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary, moved_server
 from eurobot_od.od.objects import address_of, find_one, given
-from eurobot_od.pdo.message import describe
+from eurobot_od.pdo.catalogue import describe
 from eurobot_od.plugin import NodeRun, Scene, Stage
 from eurobot_od.support.files import read_whole
 from eurobot_od.support.texts import one_line
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
 if TYPE_CHECKING:
     from eurobot_od.bus.live import Live
-    from eurobot_od.device.faults.fault import Fault
+    from eurobot_od.device.faults.hooks import Fault
 
 FARTHEST = 1_000_000
 """Turns that a drive may travel."""

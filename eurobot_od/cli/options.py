@@ -3,25 +3,29 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from math import inf
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Any, TypeAlias, TypeVar
 
 from eurobot_od.cli import complain
 from eurobot_od.cli.signature import HelpGroup, Option
 from eurobot_od.errors import LocalError
 from eurobot_od.od.values import NODE_IDS
-from eurobot_od.support import durations
+from eurobot_od.season import MOST_JOBS
+from eurobot_od.support import extras, progress, texts
 
 if TYPE_CHECKING:
     import can
 
-    from eurobot_od.bus.live.connection import Opener
+    from eurobot_od.bus.live.buses import Opener
     from eurobot_od.client.master import Guard, Master
     from eurobot_od.od.dcf import Dcf
     from eurobot_od.plugin import Plugin
+    from eurobot_od.season.campaign import Results, Workers
+
 
 # Readers of values
 
@@ -71,7 +75,7 @@ def check_node_id(number: int) -> int:
 
 # Options
 
-Seconds: TypeAlias = Annotated[float, Option(metavar="TIME", read=durations.seconds)]
+Seconds: TypeAlias = Annotated[float, Option(metavar="TIME", read=texts.seconds)]
 BitRate: TypeAlias = Annotated[int, Option("-b", read=whole(1000, 1_000_000, "in 1000..1000000 bit/s"))]
 Json: TypeAlias = Annotated[bool, Option("--json"), "print as JSON"]
 Output: TypeAlias = Annotated[Path | None, Option("-o", metavar="FILE"), "default: standard output"]
@@ -154,3 +158,63 @@ def write_dcf(output: Path | None, dcf: Dcf) -> None:
     else:
         sys.stdout.flush()  # what was printed as text must not come after these bytes
         sys.stdout.buffer.write(dcf.content)
+
+
+Thing = TypeVar("Thing")
+
+Jobs: TypeAlias = Annotated[int, Option(metavar="N", read=whole(1, MOST_JOBS, f"a number from 1 to {MOST_JOBS}"))]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Campaign:
+    """Many things at once: what does them, and where the results are kept.
+
+    jobs: processes (default: one per core)
+    executor: use the workers of a Dask scheduler instead
+    results: keep all results in this folder, as Parquet
+    resume: continue the run whose results are in that folder
+    """
+
+    jobs: Jobs | None = None
+    executor: Annotated[str | None, Option(metavar="dask://HOST:PORT")] = None
+    results: Annotated[Path | None, Option(metavar="FOLDER")] = None
+    resume: bool = False
+
+    def refuse(self, option: str) -> None:
+        """Refuse the options without the one that they go with; raises LocalError."""
+        for name in self.given:
+            raise LocalError(f"--{name} goes with {option} only")
+
+    @property
+    def given(self) -> list[str]:
+        """The names of the options that are given."""
+        return [name for name, value in vars(self).items() if value]
+
+    @contextmanager
+    def workers(self, things: int) -> Iterator[Workers]:
+        """Give the workers for a number of things; raises LocalError."""
+        from eurobot_od.season import campaign  # one thing is done without `multiprocessing`
+
+        if self.executor and self.jobs:
+            raise LocalError("--jobs is for processes of this machine, and does not go with --executor")
+        with ExitStack() as stack:
+            # A missing package is one only while the workers are made; later it would be a fault in the work.
+            with extras.needed("cluster"):
+                found = stack.enter_context(campaign.workers(self.executor, self.jobs, things))
+            yield found
+
+    def kept(self, record: type[Thing], settings: Callable[[], Mapping[str, Any]]) -> Results[Thing] | None:
+        """Return where the results are kept, None for nowhere; raises LocalError."""
+        if self.results is None:
+            if self.resume:
+                raise LocalError("--resume needs --results: the folder of the run to continue")
+            return None
+        with extras.needed("cluster"):
+            from eurobot_od.season.campaign import Results
+        return Results(self.results, record, settings(), self.resume)
+
+
+def counted(things: Iterable[Thing], number: int, what: str, workers: Workers, hidden: bool = False) -> Iterable[Thing]:
+    """Pass on things and show how far it is, unless that is `hidden`."""
+    # More workers than things say nothing of how long it takes.
+    return things if hidden else progress.counted(things, number, what, min(workers.number, number))

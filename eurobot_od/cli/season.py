@@ -9,15 +9,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from eurobot_od.cli import RobotName, complain
-from eurobot_od.cli.campaign import Jobs
+from eurobot_od.cli.decode import Format
 from eurobot_od.cli.devices import Devices
-from eurobot_od.cli.logs import Format
-from eurobot_od.cli.options import BitRate, Json, write
+from eurobot_od.cli.options import BitRate, Jobs, Json, write
 from eurobot_od.cli.signature import Option
 from eurobot_od.errors import LocalError, UnknownName
 from eurobot_od.plugin import Plugin
 from eurobot_od.season import campaign
-from eurobot_od.season.reports import REPORTS, SeasonReport
+from eurobot_od.season.answers import REPORTS, SeasonReport
 from eurobot_od.support import extras, progress
 from eurobot_od.support.progress import Progress, bar, counted, unwatched
 from eurobot_od.support.texts import amount, columns, one_line
@@ -46,8 +45,7 @@ def archive(
     jobs: logs at the same time (default: one per core)
     """
     with extras.needed("season"):
-        from eurobot_od.season.archive import archive
-        from eurobot_od.season.writing import DecodedNetwork
+        from eurobot_od.season.archive import DecodedNetwork, archive
     logs = list(dict.fromkeys(logs))  # one that two patterns of a shell name is archived once
     decoder = devices.decoder()
     names = {each.cob_id: each.name for each in decoder.protocol.bindings}

@@ -18,8 +18,8 @@ from urllib.parse import urlsplit
 
 from eurobot_od.bus.live import BITRATE
 from eurobot_od.cli import complain
+from eurobot_od.cli.decode import Log, Reading, meanings
 from eurobot_od.cli.devices import Devices
-from eurobot_od.cli.logs import Log, Reading, meanings
 from eurobot_od.cli.options import BusOptions, EmcyFiles
 from eurobot_od.cli.signature import Option
 from eurobot_od.errors import EurobotError, LocalError
@@ -27,9 +27,9 @@ from eurobot_od.support import extras
 from eurobot_od.support.connections import Address
 from eurobot_od.support.connections import parse as parse_address
 from eurobot_od.traffic.meaning import DamageCounts, Decoder
-from eurobot_od.web.access import AccessRules, is_local
 from eurobot_od.web.page import Columns, described, page, stop_message
 from eurobot_od.web.panel import Panel
+from eurobot_od.web.server import AccessRules, is_local
 
 if TYPE_CHECKING:  # with aiohttp, which an extra brings
     from eurobot_od.web.requests import Requests

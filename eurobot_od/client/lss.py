@@ -16,7 +16,7 @@ from typing import NamedTuple, TypeAlias, TypeVar
 from eurobot_od.client.description import Identity
 from eurobot_od.client.master import STORE_WAIT, Master, Procedure
 from eurobot_od.errors import LocalError, NoAnswer, RemoteError
-from eurobot_od.od.lss import (
+from eurobot_od.od.standard import (
     ANSWERS,
     ANY_BIT,
     BIT_RATES,

@@ -24,8 +24,7 @@ from typing import Any, Protocol
 
 import can
 
-from eurobot_od.bus.live.buses import Driver, failure
-from eurobot_od.bus.live.connection import Opener
+from eurobot_od.bus.live.buses import Driver, Opener, failure
 from eurobot_od.bus.live.reader import FrameReader
 from eurobot_od.client.master import ANSWER_WAIT, Master
 from eurobot_od.errors import BusError, LocalError

@@ -23,10 +23,10 @@ from eurobot_od.client import configure, program
 from eurobot_od.client.configure import ChangePlan, Configured, read_object
 from eurobot_od.client.description import Identity, from_file, read_identity
 from eurobot_od.client.drive402 import AsyncDrive402, Drive402
-from eurobot_od.client.emergencies import AsyncEmergencyStream, EmergencyStream, HeardEmergencies
 from eurobot_od.client.master import Master, RemoteNode, finished
 from eurobot_od.client.program import Loaded
 from eurobot_od.client.remote_pdos import AsyncRemotePdo, AsyncRemotePdos, MappedPdos, RemotePdo, RemotePdos
+from eurobot_od.client.streams import AsyncEmergencyStream, EmergencyStream, HeardEmergencies
 from eurobot_od.device.nmt import TARGET, NmtCommand, NmtState
 from eurobot_od.errors import HeartbeatLost, LocalError, UnknownName
 from eurobot_od.od.dictionary import Dictionary

@@ -6,15 +6,26 @@ several frames of one PDO wait for a SYNC the newest counts, and nothing is kept
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections import deque
+from collections.abc import Callable, Hashable, Iterable, Mapping
 from datetime import datetime, timedelta
+from enum import IntEnum
+from functools import partial
 from math import inf
+from types import MappingProxyType
 from typing import NamedTuple
 
+from eurobot_od.device.nmt import ALL_NODES
 from eurobot_od.device.timers import caught_up
-from eurobot_od.od.time_of_day import DAY, EPOCH, TimeOfDay
+from eurobot_od.frame import Frame
+from eurobot_od.od import values
+from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.profiles.words import profile_words
+from eurobot_od.od.standard import device_profile
+from eurobot_od.od.values import DAY, EPOCH, Address, TimeOfDay, Value
 from eurobot_od.pdo.binding import Binding
-from eurobot_od.pdo.message import Message
+from eurobot_od.pdo.catalogue import Catalogue, Message
+from eurobot_od.sdo.wire import Abort, Reason
 
 # SYNC: producer, synchronous TPDOs, RPDOs that wait (7.2.2.3, 7.5.2.5, 7.5.2.22)
 
@@ -169,3 +180,201 @@ class Clock:
             return []
         self.next = caught_up(self.next, now) + TIME_PERIOD
         return [self.told(now)]
+
+
+HISTORY = 8
+"""Most errors that 0x1003 remembers, newest first."""
+
+WAITING = 16
+"""Most reports that wait for the inhibit time; 0x1003 still has the errors of those that are dropped."""
+
+PASSING = 1.0
+"""Seconds for which a momentary error, such as an overrun, counts as present after it last happened."""
+
+GENERIC, COMMUNICATION, MANUFACTURER = 1 << 0, 1 << 4, 1 << 7
+"""Bits of the error register (CiA 301, Table 48)."""
+
+REGISTER_BITS = (
+    "generic error", "current", "voltage", "temperature",
+    "communication", "device profile", "reserved bit 6", "manufacturer specific",
+)  # fmt: skip
+"""Names of the bits of the error register, bit 0 first (CiA 301, 7.5.2.2)."""
+
+
+class ErrorCode(IntEnum):
+    """Emergency error codes that any of our devices reports (CiA 301, Table 26).
+
+    CiA 301 has none for a PDO with a value out of range, so that code is one of the device's own.
+    """
+
+    NO_ERROR = 0x0000
+    HARDWARE = 0x5000
+    INTERNAL_SOFTWARE = 0x6100
+    DATA_SET = 0x6300
+    BUS_LOST = 0x8100
+    OVERRUN = 0x8110
+    ERROR_PASSIVE = 0x8120
+    HEARTBEAT_LOST = 0x8130
+    RECOVERED_FROM_BUS_OFF = 0x8140
+    PDO_TOO_SHORT = 0x8210
+    PDO_TOO_LONG = 0x8220
+    PDO_MISSING = 0x8250
+    VALUE_OUT_OF_RANGE = 0xFF00
+
+
+NAMED = frozenset(ErrorCode) - {ErrorCode.VALUE_OUT_OF_RANGE}
+"""The codes that mean the same in any device; what 0xFF00 means in another maker's device, only its maker knows."""
+
+CLASSES = {
+    0x00: "no error", 0x10: "generic error", 0x20: "current", 0x21: "current, device input side",
+    0x22: "current inside the device", 0x23: "current, device output side", 0x30: "voltage", 0x31: "mains voltage",
+    0x32: "voltage inside the device", 0x33: "output voltage", 0x40: "temperature", 0x41: "ambient temperature",
+    0x42: "device temperature", 0x50: "device hardware", 0x60: "device software", 0x61: "internal software",
+    0x62: "user software", 0x63: "data set", 0x70: "additional modules", 0x80: "monitoring", 0x81: "communication",
+    0x82: "protocol error", 0x90: "external error", 0xF0: "additional functions", 0xFF: "device specific",
+}  # fmt: skip
+"""Classes of emergency error codes by their upper byte (CiA 301, Table 26)."""
+
+
+def error_words(code: int, own: Mapping[int, str], profile: int = 0) -> str:
+    """Return an emergency error code in words.
+
+    They are the device's `own` words, CiA 301's, those of its `profile` (0: none), or else the class that CiA 301 gives
+    the code.
+    """
+    if code in own:
+        return own[code]
+    if code in NAMED:
+        return ErrorCode(code).name.lower().replace("_", " ")
+    if found := profile_words(profile, code):
+        return found
+    return CLASSES.get(code >> 8, CLASSES.get(code >> 8 & 0xF0, "reserved"))
+
+
+class ErrorWords(NamedTuple):
+    """The words for the error codes of a network's devices: a robot's, those of single nodes, and those of profiles.
+
+    A node's words come before all others. Those of the `robot` count only for its `own` devices, by node-ID: codes from
+    0xFF00 on mean something else in every maker's devices.
+    """
+
+    robot: Mapping[int, str]
+    nodes: Mapping[int, Mapping[int, str]]
+    profiles: Mapping[int, int]
+    own: frozenset[int] = frozenset()
+
+    @classmethod
+    def of_devices(
+        cls,
+        dictionaries: Iterable[Dictionary],
+        catalogue: Catalogue,
+        nodes: Mapping[int, Mapping[int, str]] = MappingProxyType({}),
+    ) -> ErrorWords:
+        """Return the words for the devices of these files; those with PDOs of the catalogue are the robot's own."""
+        devices = tuple(dictionaries)
+        own = frozenset(each.node_id for each in devices if any(map(catalogue.find, pdo_names(each))))
+        return cls(catalogue.errors, nodes, {each.node_id: device_profile(each.number) for each in devices}, own)
+
+    def of(self, node_id: int) -> Callable[[int], str]:
+        """Return a function that puts the error codes of a node into words."""
+        robot = self.robot if node_id in self.own else {}
+        own = {**robot, **self.nodes.get(ALL_NODES, {}), **self.nodes.get(node_id, {})}
+        return partial(error_words, own=own, profile=self.profiles.get(node_id, 0))
+
+
+def pdo_names(dictionary: Dictionary) -> list[str]:
+    """Return the names of a device's PDOs; a catalogue knows them by these."""
+    return [dictionary.objects[index].name for index in values.COMMUNICATIONS.intersection(dictionary.members)]
+
+
+REGISTER_BIT = {0x5000: 0, 0x6000: 0, 0x8000: COMMUNICATION, 0xF000: MANUFACTURER}
+"""Bit of the error register by the highest digit of the code; every error sets the generic bit as well."""
+
+
+class Emergencies:
+    """The errors of one device; `due` returns the EMCY frames to send.
+
+    `cob_id` gives the identifier in 0x1014 (None: no EMCY is sent), `inhibit` the seconds in 0x1015. `quiet` tells that
+    there is nothing to report, now or later. `errors` are the present errors, by what they concern.
+    """
+
+    def __init__(self, cob_id: Callable[[], int | None], inhibit: Callable[[], float]) -> None:
+        self._cob_id, self._inhibit = cob_id, inhibit
+        self.errors: dict[Hashable, int] = {}
+        self._passing: dict[int, float] = {}
+        self._waiting: deque[bytes] = deque(maxlen=WAITING)
+        self._free = float("-inf")
+        self.quiet = True
+        self.history: list[int] = []
+
+    @property
+    def register(self) -> int:
+        """Value of the error register 0x1001."""
+        register = 0
+        for code in self.errors.values():
+            register |= GENERIC | REGISTER_BIT.get(code & 0xF000, 0)
+        return register
+
+    # What happens
+
+    def raised(self, code: int, what: Hashable, info: bytes = b"") -> None:
+        """Note an error of `what`, with up to 5 bytes of manufacturer `info`; a known error is not reported again."""
+        if self.errors.get(what) != code:
+            self.errors[what] = code
+            self.history = [code, *self.history][:HISTORY]
+            self._report(code, info)
+
+    def cleared(self, what: Hashable) -> None:
+        """Note that the error of `what` is gone, if there was one."""
+        if self.errors.pop(what, None) is not None:  # first: the report has the register without it
+            self._report(ErrorCode.NO_ERROR, b"")
+
+    def happened(self, code: int, now: float) -> None:
+        """Note a momentary error; it is gone when it has not happened again for a while."""
+        self._passing[code] = now + PASSING
+        self._free = max(self._free, now)  # a report that is due now is not late
+        self.quiet = False
+        self.raised(code, code)
+
+    def _report(self, code: int, info: bytes) -> None:
+        self.quiet = False
+        # With the present register, not that of the time when the frame leaves: it belongs to this error.
+        self._waiting.append(code.to_bytes(2, "little") + bytes([self.register]) + info[:5].ljust(5, b"\0"))
+
+    # The error field
+
+    def read_field(self, subindex: int) -> int:
+        """Return what 0x1003 has at a sub-index: the number of errors, or an error; raises Abort if there is none."""
+        if subindex > len(self.history):
+            raise Abort(Reason.NO_SUCH_ERROR)
+        return self.history[subindex - 1] if subindex else len(self.history)
+
+    def clear_field(self, _: Address, value: Value) -> None:
+        """Empty 0x1003; only 0 may be written (CiA 301, 7.5.2.4)."""
+        if value != 0:
+            raise Abort(Reason.ERRORS_NOT_CLEARED)
+        # Only the history: what is wrong stays wrong, and the error register goes on saying so.
+        self.history.clear()
+
+    # What is sent
+
+    @property
+    def next(self) -> float:
+        """Time of the next report in seconds, infinite if none is planned."""
+        if self.quiet:
+            return inf
+        return min([*self._passing.values(), self._free if self._waiting else inf])
+
+    def due(self, now: float) -> list[Frame]:
+        """Return the reports that the inhibit time lets go by now."""
+        for code in [code for code, end in self._passing.items() if end <= now]:
+            del self._passing[code]
+            self.cleared(code)
+        frames: list[Frame] = []
+        while self._waiting and self._free <= now:
+            # Taken out even without an identifier: old reports must not go out when a master makes 0x1014 valid again.
+            data, cob_id = self._waiting.popleft(), self._cob_id()
+            frames += [] if cob_id is None else [Frame(cob_id, data)]
+            self._free = now + inhibit if (inhibit := self._inhibit()) else self._free
+        self.quiet = not self._waiting and not self._passing
+        return frames

@@ -11,8 +11,16 @@ from math import inf
 from typing import NamedTuple
 
 from eurobot_od.device.bound import NO_APPLICATION, Application, BoundObjects
-from eurobot_od.device.broadcasts import TIME_CONSUMER, TIME_PRODUCER, Arrival, Clock, Synchronous, SyncProducer
-from eurobot_od.device.emergency import Emergencies, ErrorCode
+from eurobot_od.device.broadcasts import (
+    TIME_CONSUMER,
+    TIME_PRODUCER,
+    Arrival,
+    Clock,
+    Emergencies,
+    ErrorCode,
+    Synchronous,
+    SyncProducer,
+)
 from eurobot_od.device.nmt import (
     SERVICES,
     TARGET,
@@ -25,9 +33,17 @@ from eurobot_od.device.nmt import (
     error_control,
     heartbeat_entry,
 )
-from eurobot_od.device.objects import COMMUNICATION_PROFILE, REFUSAL, Objects, OnRead, OnWrite, predefined
+from eurobot_od.device.objects import (
+    COMMUNICATION_PROFILE,
+    REFUSAL,
+    Objects,
+    OnRead,
+    OnWrite,
+    Store,
+    predefined,
+    refused,
+)
 from eurobot_od.device.pdo import Changes, Pacing, Pdos, ProcessData
-from eurobot_od.device.storage import Store, refused
 from eurobot_od.device.timers import Deadlines, Plan, caught_up
 from eurobot_od.errors import DamagedFile, DictionaryError, FrameLengthError, Refused, StateError
 from eurobot_od.frame import Frame
@@ -43,11 +59,10 @@ from eurobot_od.od.values import (
     Value,
 )
 from eurobot_od.pdo.binding import Binding
-from eurobot_od.pdo.catalogue import NOTHING, Catalogue
-from eurobot_od.pdo.message import Message
+from eurobot_od.pdo.catalogue import NOTHING, Catalogue, Message
 from eurobot_od.pdo.protocol import Protocol
-from eurobot_od.sdo.aborts import Abort, Reason
 from eurobot_od.sdo.server import SdoServer
+from eurobot_od.sdo.wire import Abort, Reason
 
 ON_COMMUNICATION_ERROR: Mapping[int, NmtCommand | None] = {
     0: NmtCommand.ENTER_PRE_OPERATIONAL,

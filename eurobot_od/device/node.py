@@ -13,19 +13,16 @@ from functools import partial
 from math import inf
 from typing import Any, ClassVar
 
-from eurobot_od.device.bound import Application, BoundObject
+from eurobot_od.device.bound import Application, BoundObject, names_of
+from eurobot_od.device.broadcasts import ErrorCode
 from eurobot_od.device.device import Device, Reaction
-from eurobot_od.device.emergency import ErrorCode
-from eurobot_od.device.flow import Call
-from eurobot_od.device.settings import names_of
-from eurobot_od.device.storage import Store
-from eurobot_od.device.timers import LATE, Timer, TimerAction, Timers
+from eurobot_od.device.objects import Store
+from eurobot_od.device.timers import LATE, Call, Timer, TimerAction, Timers
 from eurobot_od.errors import Cause, Refused, StateError
 from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.values import Value
-from eurobot_od.pdo.catalogue import NOTHING, Catalogue
-from eurobot_od.pdo.message import Message, is_flagged
+from eurobot_od.pdo.catalogue import NOTHING, Catalogue, Message, is_flagged
 
 
 class Node:

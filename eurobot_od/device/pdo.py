@@ -37,7 +37,7 @@ from eurobot_od.od.values import (
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.catalogue import Catalogue
 from eurobot_od.pdo.protocol import Protocol
-from eurobot_od.sdo.aborts import Abort, Reason
+from eurobot_od.sdo.wire import Abort, Reason
 
 REFUSED = (*values.RESTRICTED, values.CIA_EXTENSIONS)
 """Identifiers that no PDO may have. The low restricted ones are allowed, because the robot has messages there."""

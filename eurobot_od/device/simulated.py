@@ -9,20 +9,35 @@ timer and a remote frame ask for it when they come.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
+from math import inf, isfinite, nan, pi, sin
 from pathlib import Path
-from typing import Any, ClassVar, Self, TypeAlias
+from random import Random
+from typing import Annotated, Any, ClassVar, Self, TypeAlias
+
+import yaml
 
 from eurobot_od.device.bound import Application
 from eurobot_od.device.node import Node
-from eurobot_od.device.storage import Store
-from eurobot_od.device.waveforms import Waveform, fitted
-from eurobot_od.errors import DictionaryError
+from eurobot_od.device.objects import Store
+from eurobot_od.errors import DictionaryError, LocalError
 from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.objects import data_type
-from eurobot_od.od.values import Address, Value
+from eurobot_od.od.values import Address, DataType, Value, parse_number
+from eurobot_od.support.yaml_places import Problems, compose, refuse, refuse_aliases, telling
+from eurobot_od.support.yaml_shapes import (
+    DURATION,
+    SCALAR,
+    Shape,
+    converted,
+    filled,
+    longer_than_0,
+    mapping,
+    pairs_of,
+    shape_of,
+)
 
 ObjectName: TypeAlias = "str | Address"
 """An object by its ParameterNames, such as `Motor.Speed`, or by index and sub-index."""
@@ -132,3 +147,102 @@ class SimulatedDevice(Node):
     def _sample(self, now: float) -> None:
         """Look at what changes by itself, which each `tick` does."""
         self.at(now + self.SAMPLING, self._sample)
+
+
+Waveform: TypeAlias = Callable[[float], float]
+"""Gives the value at a time in seconds."""
+
+Period: TypeAlias = Annotated[float, DURATION, longer_than_0]
+"""In seconds; in the file a duration with its unit."""
+
+
+def constant(value: float) -> Waveform:
+    """A waveform that does not change."""
+    return lambda _: value
+
+
+def ramp(low: float, high: float, period: Period) -> Waveform:
+    """Rises from `low` to `high` in each period, in seconds, and drops back to `low` at once."""
+    return lambda time: low + (high - low) * (time / period % 1)
+
+
+def sine(low: float, high: float, period: Period) -> Waveform:
+    """Swings between `low` and `high`, starting upwards from the middle."""
+    return lambda time: (low + high) / 2 + (high - low) / 2 * sin(2 * pi * time / period)
+
+
+def square(low: float, high: float, period: Period) -> Waveform:
+    """`low` for the first half of each period, `high` for the second."""
+    return lambda time: low if time / period % 1 < 0.5 else high
+
+
+def steps(values: Annotated[Sequence[float], filled], every: Period) -> Waveform:
+    """One value after the other, each for `every` seconds, then from the beginning."""
+    return lambda time: values[int(time / every) % len(values)]
+
+
+def walk(start: float, step: float, every: Period, seed: int = 1, low: float = -inf, high: float = inf) -> Waveform:
+    """A random walk within limits: up to `step` up or down `every` so many seconds, the same for the same seed."""
+    chance, steps_done, place = Random(seed), 0, start
+
+    def at(time: float) -> float:
+        nonlocal chance, steps_done, place
+        if time < steps_done * every:  # the time has started over
+            chance, steps_done, place = Random(seed), 0, start
+        # Every step, however seldom anybody looks: the same seed must give the same walk at any sampling rate.
+        for _ in range(int(time / every) - steps_done):
+            place = min(max(place + chance.uniform(-step, step), low), high)
+            steps_done += 1
+        return place
+
+    return at
+
+
+def fitted(value: float, type_: DataType) -> Value:
+    """Return what an object of a type holds of a value: an integer is rounded, and kept within the type's range."""
+    if not type_.is_integer:
+        return value
+    # A user's function may return infinity or NaN, for which round() raises.
+    return min(max(round(value), type_.low), type_.high) if isfinite(value) else type_.low
+
+
+# The file
+
+
+def _number(text: str) -> float:
+    whole = parse_number(text)
+    try:
+        number = whole.value if whole and not whole.relative else float(text)
+    except ValueError:
+        number = nan
+    if not isfinite(number):  # float() accepts `nan` and `inf` as well
+        raise LocalError(f"expected a number, found {str(text)!r}")
+    return number
+
+
+NUMBER: Shape[float] = converted(SCALAR, _number)
+WAVEFORMS: Mapping[str, Shape[Waveform]] = {
+    each.__name__: shape_of(each, {float: NUMBER, int: NUMBER}) for each in (ramp, sine, square, steps, walk)
+}
+"""The reader of each waveform, by its name in the file."""
+
+
+def _waveform(node: yaml.Node, problems: Problems) -> Waveform:
+    if isinstance(node, yaml.ScalarNode):
+        return constant(NUMBER.read(node, problems))
+    pairs = pairs_of(node, problems)
+    if len(pairs) != 1 or not pairs.keys() <= WAVEFORMS.keys():
+        refuse(node, problems, f"expected a number or one of {', '.join(WAVEFORMS)}, found {', '.join(pairs)}")
+    ((name, shape),) = pairs.items()
+    return WAVEFORMS[name].read(shape, problems)
+
+
+def read_waveforms(text: str, file: str) -> Mapping[str, Waveform]:
+    """Read the waveforms of a YAML text by the names of their objects; `file` is its name in errors.
+
+    Raises YamlError.
+    """
+    with telling(file) as problems:
+        root = compose(text, problems)
+        refuse_aliases(root, problems)
+        return {str(name): each for name, each in mapping(Shape(_waveform, {}), SCALAR).read(root, problems).items()}

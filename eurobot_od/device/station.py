@@ -16,7 +16,7 @@ from enum import Enum
 from math import inf
 from typing import Any
 
-from eurobot_od.device.emergency import ErrorCode
+from eurobot_od.device.broadcasts import ErrorCode
 from eurobot_od.device.node import Node
 from eurobot_od.errors import DictionaryError, NodeFailed
 from eurobot_od.frame import Frame

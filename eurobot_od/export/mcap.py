@@ -13,8 +13,8 @@ from typing import IO, Any, NamedTuple
 from mcap.writer import Writer
 
 from eurobot_od.frame import Frame, identifier_text
+from eurobot_od.pdo.catalogue import Message, kinds, plain
 from eurobot_od.pdo.kinds import ColumnForm
-from eurobot_od.pdo.message import Message, kinds, plain
 from eurobot_od.traffic.decoding import Following
 from eurobot_od.traffic.entries import LogEntry
 from eurobot_od.traffic.meaning import Decoder, Meaning, with_defects

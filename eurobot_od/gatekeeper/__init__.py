@@ -17,13 +17,13 @@ long as it says.
 
 from eurobot_od.gatekeeper.gatekeeper import Gatekeeper as Gatekeeper
 from eurobot_od.gatekeeper.gatekeeper import Statistics as Statistics
+from eurobot_od.gatekeeper.listeners import Event as Event
 from eurobot_od.gatekeeper.listeners import FunctionListener as FunctionListener
 from eurobot_od.gatekeeper.listeners import ListenerStatistics as ListenerStatistics
 from eurobot_od.gatekeeper.listeners import MessageQueue as MessageQueue
 from eurobot_od.gatekeeper.listeners import Received as Received
+from eurobot_od.gatekeeper.listeners import Report as Report
+from eurobot_od.gatekeeper.listeners import Reporter as Reporter
 from eurobot_od.gatekeeper.mailboxes import Mailboxes as Mailboxes
 from eurobot_od.gatekeeper.mailboxes import Stay as Stay
 from eurobot_od.gatekeeper.mailboxes import TransmitStatistics as TransmitStatistics
-from eurobot_od.gatekeeper.reports import Event as Event
-from eurobot_od.gatekeeper.reports import Report as Report
-from eurobot_od.gatekeeper.reports import Reporter as Reporter

@@ -14,10 +14,17 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 from eurobot_od.errors import FrameLengthError, ListenerError, StateError
 from eurobot_od.frame import HIGHEST_IDENTIFIER, Data, Frame
-from eurobot_od.gatekeeper.listeners import Function, FunctionListener, ListenerStatistics, MessageQueue
+from eurobot_od.gatekeeper.listeners import (
+    Event,
+    Function,
+    FunctionListener,
+    ListenerStatistics,
+    MessageQueue,
+    Report,
+    Reporter,
+)
 from eurobot_od.gatekeeper.mailboxes import MAILBOX_WAIT, MAILBOXES, Mailboxes, Stay, TransmitStatistics
-from eurobot_od.gatekeeper.reports import Event, Report, Reporter
-from eurobot_od.pdo.message import Message, MessageT
+from eurobot_od.pdo.catalogue import Message, MessageT
 from eurobot_od.pdo.protocol import Protocol
 
 if TYPE_CHECKING:

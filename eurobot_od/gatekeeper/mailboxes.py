@@ -20,7 +20,7 @@ from math import inf
 from typing import NamedTuple
 
 from eurobot_od.frame import Frame
-from eurobot_od.gatekeeper.reports import Event, Report, Reporter
+from eurobot_od.gatekeeper.listeners import Event, Report, Reporter
 
 MAILBOXES = 3
 """Transmit mailboxes of the 2014 robot's controller (document section 6)."""

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from eurobot_od.lint.file_rules import bit_rates, form_of, up_to
 from eurobot_od.lint.findings import Rule, Rules, Violations
 from eurobot_od.lint.model import TOP, LintedDevice
-from eurobot_od.od import concise
+from eurobot_od.od import dcf
 from eurobot_od.od.document import Section
 from eurobot_od.od.keys import BIT_RATES
 from eurobot_od.od.modules import CONNECTED, COUNT, SUPPORTED
@@ -112,7 +112,7 @@ def file_of_number(device: LintedDevice) -> Violations:
 def is_concise(text: str) -> bool:
     """Whether a text is a concise DCF in hexadecimal digits."""
     try:
-        concise.unpack(bytes.fromhex(text))
+        dcf.unpack(bytes.fromhex(text))
     except ValueError:  # not hexadecimal, or concise.Truncated
         return False
     return True

@@ -6,8 +6,9 @@ go into a file beside the DCF, which DownloadFile names (and UploadFile, because
 
 from __future__ import annotations
 
+import struct
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import NamedTuple, TypeAlias
 
 from eurobot_od.errors import DictionaryError, FieldError, UnknownName
@@ -222,3 +223,45 @@ def _written(variable: DescribedVariable, value: DcfValue) -> str:
         where = label((variable.index, variable.sub))
         raise FieldError(where, variable.name, value, "what a line of a DCF can hold")
     return text
+
+
+COUNT = struct.Struct("<I")
+HEAD = struct.Struct("<HBI")
+"""Number of entries; index, sub-index and length of one."""
+
+
+class Truncated(ValueError):
+    """Bytes that end before what they announce, or go on after it; the text says where."""
+
+
+class Write(NamedTuple):
+    """One write: an object's address, and the bytes it is to have."""
+
+    address: Address
+    data: bytes
+
+
+def pack(entries: Iterable[tuple[Address, bytes]]) -> bytes:
+    """Return the concise DCF of writes in their order."""
+    packed = [HEAD.pack(*address, len(data)) + data for address, data in entries]
+    return COUNT.pack(len(packed)) + b"".join(packed)
+
+
+def unpack(data: bytes) -> list[Write]:
+    """Return the writes of a concise DCF; raises Truncated."""
+    (count,) = COUNT.unpack(_part(data, 0, COUNT.size))
+    place, entries = COUNT.size, list[Write]()
+    for _ in range(count):
+        index, subindex, length = HEAD.unpack(_part(data, place, HEAD.size))
+        entries.append(Write((index, subindex), _part(data, place + HEAD.size, length)))
+        place += HEAD.size + length
+    if place != len(data):  # a length before this was wrong: nothing can be trusted
+        raise Truncated(f"{len(data) - place} bytes after the last of {count} entries")
+    return entries
+
+
+def _part(data: bytes, place: int, length: int) -> bytes:
+    part = data[place : place + length]
+    if len(part) < length:
+        raise Truncated(f"ends at byte {len(data)}, {length} bytes expected at byte {place}")
+    return part

@@ -6,18 +6,34 @@ the way.
 
 from __future__ import annotations
 
+import os
+import re
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from itertools import pairwise
-from pathlib import Path
+from pathlib import Path, PurePath, PureWindowsPath
+from types import MappingProxyType
+from typing import Annotated, NamedTuple
 
-from eurobot_od.errors import DictionaryError, FileError
+from eurobot_od.errors import DictionaryError, FileError, LocalError, UnknownName
 from eurobot_od.od import DEFAULT as DEFAULT
 from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.document import parse
 from eurobot_od.od.formats import files_in
-from eurobot_od.od.network_file import NetworkFile, NodeFile, read_nodelist
-from eurobot_od.od.values import NODE_IDS, parse_number
+from eurobot_od.od.values import NODE_IDS, Number, parse_number
 from eurobot_od.support.files import read_whole
+from eurobot_od.support.yaml_shapes import (
+    PLAIN,
+    SCALAR,
+    TEXT,
+    ByName,
+    OneOrMore,
+    Within,
+    converted,
+    mapping,
+    read_yaml,
+    shape_of,
+)
 
 
 def node_file(text: str) -> NodeFile:
@@ -47,20 +63,6 @@ def is_network(path: str | Path) -> bool:
     return Path(path).is_dir() or Path(path).suffix.lower() in READERS
 
 
-def _read_yaml(text: str, file: str) -> NetworkFile:
-    from eurobot_od.od.yaml_files import read_network_file  # most commands start without YAML
-
-    return read_network_file(text, file)
-
-
-READERS: Mapping[str, Callable[[str, str], NetworkFile]] = {
-    ".yaml": _read_yaml,
-    ".yml": _read_yaml,
-    ".cpj": read_nodelist,
-}
-"""Readers of a network file's text by its suffix."""
-
-
 def load(nodes: Iterable[NodeFile]) -> tuple[Dictionary, ...]:
     """Load the devices' files, ordered by node-ID; two of one name get their node-IDs after it.
 
@@ -74,3 +76,187 @@ def load(nodes: Iterable[NodeFile]) -> tuple[Dictionary, ...]:
     counts = Counter(each.name for each in loaded)
     # All of one name get it: a name must not depend on which file comes first.
     return tuple(each.named(f"{each.name}_{each.node_id}") if counts[each.name] > 1 else each for each in loaded)
+
+
+class NodeFile(NamedTuple):
+    """A node: its EDS or DCF, its node-ID if that is said, its name if it is not the file's, its modules if said.
+
+    `patch` are the files that are laid over its own.
+    """
+
+    file: str
+    node_id: Annotated[int, Within(NODE_IDS[0], NODE_IDS[-1])] | None = None
+    name: str = ""
+    modules: Sequence[str] | None = None
+    patch: Annotated[Sequence[str], OneOrMore()] = ()
+
+
+class TrafficEntry(NamedTuple):
+    """How often a message is sent, as a network file says it, and what depends on that; empty for what is not said.
+
+    `every`, `jitter` and `deadline` are a duration, or the name of a setting in ms.
+    """
+
+    every: str = ""
+    answers: str = ""
+    jitter: str = ""
+    deadline: str = ""
+    reason: str = ""
+
+
+class NetworkFile(NamedTuple):
+    """What a network file says: its nodes, shared messages, messages by urgency, bit rate, what is sent how often.
+
+    `robot` is the name of an installed robot (see `plugin`); such a file need not name nodes. `master` is the
+    node that leads the network, or any other name for a master without a file, such as a PC.
+    """
+
+    nodes: Annotated[Sequence[NodeFile], ByName()] = ()
+    shared: Sequence[str] = ()
+    order: Sequence[str] = ()
+    bit_rate: Annotated[int, Within(1, 1000, "kbit/s")] | None = None
+    traffic: Mapping[str, TrafficEntry] = MappingProxyType({})
+    robot: str = ""
+    master: str = ""
+
+
+NODE_KEY = re.compile(r"node(\d{1,3})(?:present|name|dcfname)")
+
+
+def read_nodelist(text: str, file: str) -> NetworkFile:
+    """Read the text of a nodelist, its own path `file`; of several networks the first. Raises DictionaryError."""
+    topology = parse(text).sections.get("topology")
+    if topology is None:
+        raise DictionaryError(file, None, "not a nodelist: it has no [Topology]")
+    # A node may be named by any of its keys alone; one that does not say that it is present counts as present.
+    numbers = dict.fromkeys(int(match[1]) for key in topology.entries if (match := NODE_KEY.fullmatch(key)))
+    nodes = []
+    for number in numbers:
+        if parse_number(topology.text(f"node{number}present")) == Number(0):
+            continue
+        dcf = topology.text(f"node{number}dcfname")
+        if not dcf:
+            raise DictionaryError(file, None, f"line {topology.line}: node {number} has no Node{number}DCFName")
+        path = PurePath(file).parent / PureWindowsPath(dcf)  # both kinds of slashes are in use
+        nodes.append(NodeFile(str(path), number, topology.text(f"node{number}name")))
+    return NetworkFile(nodes)
+
+
+def _as_in_an_eds(text: str) -> int:
+    number = parse_number(text)
+    if number is None or number.relative:
+        raise LocalError(f"{str(text)!r} is not a number")
+    return number.value
+
+
+NUMBER = converted(SCALAR, _as_in_an_eds, {"type": "integer"})
+NETWORK = shape_of(NetworkFile, {**PLAIN, str: SCALAR, int: NUMBER})
+
+
+def read_network_file(text: str, file: str) -> NetworkFile:
+    """Read the text of a network file, its own path `file`; raises YamlError, or FileError if it names no nodes."""
+    network: NetworkFile = read_yaml(text, NETWORK, file)
+    if not network.nodes and not network.robot:
+        raise FileError(file, "it names no nodes")
+    folder = PurePath(file).parent
+    return network._replace(
+        nodes=[
+            each._replace(file=str(folder / each.file), patch=tuple(str(folder / patch) for patch in each.patch))
+            for each in network.nodes
+        ]
+    )
+
+
+# A maker's words for emergency error codes: `0x7310: speed`, `0x73xx: sensor`, `0xFF01..0xFF0F: axis`
+
+KEY = re.compile(r"0x(?P<first>[0-9A-F]{1,4}|[0-9A-F]{2,3}X{1,2})(\.\.0x(?P<last>[0-9A-F]{1,4}))?", re.IGNORECASE)
+"""A code, a class of codes with an x for any digit, or the first and the last of a range."""
+
+
+def read_error_words(file: str | Path) -> dict[int, str]:
+    """Return the words by code; of several entries for a code the narrowest counts. Raises FileError."""
+    ranges = read_yaml(read_whole(file).decode("utf-8", "replace"), mapping(TEXT, converted(SCALAR, _codes)), file)
+    # The narrowest comes last, and so replaces what wider entries say about its codes.
+    widest_first = sorted(ranges.items(), key=lambda each: len(each[0]), reverse=True)
+    return {code: str(text) for codes, text in widest_first for code in codes}
+
+
+def _codes(key: str) -> range:
+    """Return the codes that a key stands for; raises LocalError for a key that stands for none."""
+    codes, found = range(0), KEY.fullmatch(key.strip())
+    if found is not None and not ("X" in found["first"].upper() and (len(found["first"]) < 4 or found["last"])):
+        low, high = (int(found["first"].upper().replace("X", digit), 16) for digit in "0F")
+        codes = range(low, (int(found["last"], 16) if found["last"] else high) + 1)
+    if not codes:
+        raise LocalError(f"{str(key)!r} is not an error code: write 0x7310, 0x73xx or 0x7380..0x738F")
+    return codes
+
+
+DIALECT_VARIABLE = "EUROBOT_OD_DIALECT"
+"""Environment variable that names the dialect where a command line does not."""
+
+
+class Dialects(NamedTuple):
+    """The dialects in the folder `root`; `default` is the one that counts where none is named, `` for the first.
+
+    Without a `root` there are none, and a dialect is the path of any folder of EDS files.
+    """
+
+    root: Path | None = None
+    default: str = ""
+
+    def network_file(self) -> Path | None:
+        """Return the network file: what the nodes share, and how often what is sent; None if there is none."""
+        file = None if self.root is None else self.root / "network.yaml"
+        return file if file is not None and file.is_file() else None
+
+    def names(self) -> list[str]:
+        """Return the names of all dialects."""
+        folders = self.root.iterdir() if self.root is not None and self.root.is_dir() else ()
+        return sorted(each.name for each in folders if any(each.glob("*.eds")))
+
+    def folder(self, dialect: str | Path | None = None) -> Path:
+        """Return the folder of a dialect given by name or by path; None is the environment's or the default one.
+
+        Raises UnknownName; LocalError if none is named and there is none.
+        """
+        if not (dialect or self.root):
+            raise LocalError("which devices? Name them by --eds or --network, or a robot by --robot")
+        names = self.names()
+        wanted = dialect or os.environ.get(DIALECT_VARIABLE) or self.default or next(iter(names), None)
+        if wanted is None:
+            raise LocalError(f"which devices? no EDS files in {self.root}/*")
+        # A dialect's name comes before a folder of the same name in the working directory.
+        path = self.root / wanted if self.root is not None and str(wanted) in names else Path(wanted)
+        if not any(path.glob("*.eds")):
+            raise UnknownName("dialect", str(wanted), names)
+        return path
+
+    def load(self, node: str, dialect: str | Path | None = None, node_id: int | None = None) -> Dictionary:
+        """Load the EDS file of one node of a dialect.
+
+        Raises UnknownName for a node or dialect that is not there, DictionaryError for a file that cannot be used.
+        """
+        from eurobot_od.od.dictionary import Dictionary
+
+        file = self.folder(dialect) / f"{node}.eds"
+        if not file.is_file():
+            raise UnknownName("node", node, sorted(each.stem for each in file.parent.glob("*.eds")))
+        return Dictionary.load(file, node_id)
+
+    def load_all(self, dialect: str | Path | None = None) -> tuple[Dictionary, ...]:
+        """Load the EDS files of all nodes of a dialect, ordered by node-ID.
+
+        Raises DictionaryError if two of them have one node-ID.
+        """
+        from eurobot_od.od import network
+
+        return network.load(network.read_network(self.folder(dialect)).nodes)
+
+
+READERS: Mapping[str, Callable[[str, str], NetworkFile]] = {
+    ".yaml": read_network_file,
+    ".yml": read_network_file,
+    ".cpj": read_nodelist,
+}
+"""Readers of a network file's text by its suffix."""

@@ -17,11 +17,9 @@ from eurobot_od.frame import Data, Frame
 from eurobot_od.od.pdos import Mapped, Pdo
 from eurobot_od.od.values import Address, Limits
 from eurobot_od.pdo import codec
-from eurobot_od.pdo.catalogue import CatalogueEntry, field_name, first_free, made_type
-from eurobot_od.pdo.codec import Column, Unknown
+from eurobot_od.pdo.catalogue import CatalogueEntry, Message, field_name, first_free, kinds, made_type
+from eurobot_od.pdo.codec import Column, Layout, LayoutError, Slot, Unknown, slot
 from eurobot_od.pdo.kinds import Kind, OutOfRange, kind_of
-from eurobot_od.pdo.layout import Layout, LayoutError, Slot, slot
-from eurobot_od.pdo.message import Message, kinds
 
 
 class Placed(NamedTuple):

@@ -19,8 +19,7 @@ from eurobot_od.od.network import READERS, load, read_network
 from eurobot_od.od.pdos import OnRefused, Pdo, fatal
 from eurobot_od.od.values import PdoDirection
 from eurobot_od.pdo.binding import Binding
-from eurobot_od.pdo.catalogue import NOTHING, Catalogue, CatalogueEntry, plain_name, readable_name
-from eurobot_od.pdo.message import Message
+from eurobot_od.pdo.catalogue import NOTHING, Catalogue, CatalogueEntry, Message, plain_name, readable_name
 
 NAMES_NOTHING = re.compile(r"PDO|parameter|^\W*$", re.IGNORECASE)
 """Names of communication records that any PDO could have."""

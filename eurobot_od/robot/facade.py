@@ -16,10 +16,10 @@ from typing import Any, Concatenate, ParamSpec, cast
 from eurobot_od import plugin
 from eurobot_od.bus import live as runtime
 from eurobot_od.bus.live.event_loop import EndedBySigterm, apart, run
-from eurobot_od.device.flow import Call, Result
-from eurobot_od.pdo.message import Message, MessageT
+from eurobot_od.device.timers import Call, Result
+from eurobot_od.pdo.catalogue import Message, MessageT
 from eurobot_od.robot.nodes.core import Core
-from eurobot_od.robot.nodes.equipment import Actuators, DistanceSensor
+from eurobot_od.robot.nodes.node import Actuators, DistanceSensor
 
 Arguments = ParamSpec("Arguments")
 

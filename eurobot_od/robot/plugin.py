@@ -13,7 +13,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from eurobot_od.od.dialects import Dialects
+from eurobot_od.od.network import Dialects
 from eurobot_od.plugin import Command, Faults, Plugin
 from eurobot_od.robot import dialects
 
@@ -58,7 +58,7 @@ def own_robot(
 
     @cache
     def faults() -> Faults:
-        from eurobot_od.device.faults.fault import generated
+        from eurobot_od.device.faults.hooks import generated
         from eurobot_od.pdo.protocol import Protocol
 
         ours = set(ROBOT.catalogue().types)

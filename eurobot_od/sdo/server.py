@@ -17,8 +17,7 @@ from typing import NamedTuple, Protocol, TypeAlias
 
 from eurobot_od.od.values import Address
 from eurobot_od.sdo import wire
-from eurobot_od.sdo.aborts import Abort, Reason
-from eurobot_od.sdo.wire import Block, ClientCommand, Initiate, ServerCommand
+from eurobot_od.sdo.wire import Abort, Block, ClientCommand, Initiate, Reason, ServerCommand
 
 TIMEOUT = 1.0
 """Seconds without a request after which the server gives up a transfer."""

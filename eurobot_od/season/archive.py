@@ -12,21 +12,307 @@ import hashlib
 import os
 import secrets
 import shutil
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
 
+import polars as pl
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from eurobot_od.frame import Frame
+from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.pdo.binding import Binding
+from eurobot_od.pdo.catalogue import Catalogue
 from eurobot_od.season import campaign, tables
-from eurobot_od.season.batches import batches
+from eurobot_od.season.batches import FOREIGN, Batch, batches
 from eurobot_od.season.campaign import BLOCK, HERE, Workers
-from eurobot_od.season.writing import DecodedNetwork, NetworkDecoding, RunTables
+from eurobot_od.season.columns import FROM_DATA, LENGTH, WORD, MessageChecks, message_columns, of_others, readable
 from eurobot_od.traffic import formats
+from eurobot_od.traffic.decoding import Follower, is_followed
+from eurobot_od.traffic.entries import Damage
+from eurobot_od.traffic.meaning import Decoder, Unmapped
+from eurobot_od.traffic.services import HEARTBEAT, NMT, SDO
+
+VERSION = b"3"
+"""To be raised when the same log would give other tables, so that it is archived again."""
+
+
+class DecodedNetwork(NamedTuple):
+    """The devices of the logs: their files as read, their messages, and by name which message `answers` which."""
+
+    dictionaries: tuple[Dictionary, ...]
+    catalogue: Catalogue
+    answers: tuple[tuple[str, str], ...] = ()
+
+    @property
+    def hash(self) -> str:
+        """A hash of these EDS files with their node-IDs."""
+        digest = hashlib.blake2b(VERSION, digest_size=16)
+        # With what is not in the file: the node-ID, on which identifiers depend, and the name, which the tables have.
+        for each in self.dictionaries:
+            digest.update(f"{each.node_id} {each.name}\n".encode() + each.content)
+        return digest.hexdigest()
+
+
+class NetworkDecoding:
+    """How the frames of a network become the rows of tables."""
+
+    def __init__(self, network: DecodedNetwork, shown: Decoder | None = None, eds: str = "") -> None:
+        # A PDO that does not hold is left out: the one who loaded the devices has reported it.
+        self.decoder = shown or Decoder(network.dictionaries, network.catalogue, lambda _: None)
+        self._devices, protocol = network, self.decoder.protocol
+        names, answers = tables.table_names(protocol.names()), dict(network.answers)
+        self.eds = eds or network.hash
+        self.network = " ".join(f"{each.node_id}={each.name}" for each in network.dictionaries)
+        self.messages = {
+            each.cob_id: MessageDecoding(each, names[each.name], answers.get(each.name, ""))
+            for each in protocol.bindings
+        }
+        # An identifier of the predefined set that a message has is the message's.
+        found = self.decoder.services
+        self.services = {cob_id: each for cob_id, each in found.items() if cob_id not in self.messages}
+        self.others = Unmapped.of(self.decoder.dictionaries)
+
+    def as_shown(self, decoder: Decoder) -> NetworkDecoding:
+        """Return the same network as a bus has shown it to be."""
+        made = NetworkDecoding(self._devices, decoder, self.eds)
+        columns = repr([(each.table, each.schema.names) for each in made.messages.values()])
+        # All runs of one hash have the same columns.
+        made.eds = hashlib.blake2b(f"{self.eds} {columns}".encode(), digest_size=16).hexdigest()
+        return made
+
+    @cached_property
+    def followed(self) -> pl.Expr:
+        """Whether a frame may show what is in force: of SDO, a command of NMT, or a boot-up."""
+        named: dict[str, list[int]] = {}
+        for cob_id, each in self.services.items():
+            named.setdefault(each.name, []).append(cob_id)
+        is_boot_up = pl.col("cob_id").is_in(named.get(HEARTBEAT, [])) & (pl.col("data") == bytes(1))
+        return pl.col("cob_id").is_in([*named.get(SDO, ()), *named.get(NMT, ())]) | is_boot_up
+
+    def defects_of_others(self, frames: pl.DataFrame) -> Iterator[pl.DataFrame]:
+        """Yield what is wrong with frames that belong to no message."""
+        return of_others(frames, self.services, self.messages, self.others)
+
+
+EMPTY = pl.DataFrame(schema={WORD: pl.UInt64, LENGTH: pl.UInt32})
+
+
+class MessageDecoding:
+    """How the frames of one message become the rows of its `table`, and what may be wrong with them."""
+
+    def __init__(self, binding: Binding, table: str, answers: str) -> None:
+        place = [each.name for each in tables.PLACE]
+        columns = message_columns(binding, place)
+        # Polars itself knows of which type an expression is: it is asked with no rows.
+        made = EMPTY.select(each.expression.alias(each.name) for each in columns).to_arrow().schema
+        said = {
+            "message": binding.name,
+            "cob_id": f"0x{binding.cob_id:03X}",
+            "senders": ", ".join(binding.senders),
+            "receivers": ", ".join(binding.receivers),
+            "answers": answers,
+        }
+        schema = pa.schema([*tables.PLACE, *made], said)
+        self.table, self.schema = table, tables.with_metadata(schema, {each.name: each.metadata for each in columns})
+        self._checks = MessageChecks(binding)
+        self._readable = readable(binding)
+        self._columns = [*place, *(each.expression.alias(each.name) for each in columns)]
+
+    def __call__(self, frames: pl.DataFrame) -> tuple[pl.DataFrame, list[pl.DataFrame]]:
+        """Return the rows of the frames that are long enough, and what is wrong with them all."""
+        wrong = list(self._checks.defects(frames))
+        return (frames.filter(self._readable) if wrong else frames).select(self._columns), wrong
+
+
+# Files
+
+ENCODINGS = {"line": "DELTA_BINARY_PACKED", "t": "BYTE_STREAM_SPLIT"}
+"""How numbers are written that grow from row to row: a third of the bytes, and less to compress."""
+
+UNREPEATED = (*ENCODINGS, "data")
+"""Columns whose values seldom repeat: a dictionary of them would not pay."""
+
+REMAPPED = "_remapped"
+"""Ends the name of the table of a message that has been mapped anew when it had rows already."""
+
+MANY = 1 << 16
+"""Frames of a message that are decoded and written at once, if there are as many."""
+
+
+class _Table:
+    """One table of a run, written batch after batch; written even without a row, so that a query finds it."""
+
+    def __init__(self, file: Path, schema: pa.Schema) -> None:
+        self.schema = schema
+        self._writer = pq.ParquetWriter(
+            file,
+            schema,
+            compression="zstd",
+            compression_level=1,
+            use_dictionary=[name for name in schema.names if name not in UNREPEATED],
+            column_encoding=ENCODINGS,
+            write_statistics=list(ENCODINGS),  # in order, so that a reader can leave out most for a time or a line
+        )
+        self.close = self._writer.close
+
+    def write(self, rows: pl.DataFrame) -> None:
+        """Write rows with the columns of the schema."""
+        if len(rows):
+            columns = rows.select(self.schema.names).to_arrow().columns
+            self._writer.write_table(pa.Table.from_arrays(columns, schema=self.schema))
+
+
+class _MessageTable:
+    """The table of a message; its frames are kept until there are MANY, as to decode and write a few costs as much."""
+
+    def __init__(self, decoding: MessageDecoding, table: Callable[[MessageDecoding], _Table]) -> None:
+        self._decoding, self._table = decoding, table
+        self._kept: list[pl.DataFrame] = []
+
+    def take(self, frames: pl.DataFrame) -> list[pl.DataFrame]:
+        """Take frames; return what is wrong with those that are written now."""
+        # A batch has some of each message: written as they come, a table would be of many small row groups, which a
+        # reader opens one by one.
+        self._kept.append(frames)
+        return self.flush() if sum(map(len, self._kept)) >= MANY else []
+
+    def flush(self) -> list[pl.DataFrame]:
+        """Decode and write the frames that are kept; return what is wrong with them."""
+        if not self._kept:
+            return []
+        rows, wrong = self._decoding(pl.concat(self._kept))
+        self._kept.clear()
+        self._table(self._decoding).write(rows)
+        return wrong
+
+
+class _InForce(NamedTuple):
+    """How the frames of a channel are decoded, and by COB-ID where its messages go."""
+
+    decoding: NetworkDecoding
+    tables: Mapping[int, _MessageTable]
+
+
+class RunTables:
+    """All tables of a run, each a file in a folder; they are whole at the end of the `with` block."""
+
+    def __init__(self, folder: Path, run: str, decoding: NetworkDecoding) -> None:
+        self._folder, self._run, self._decoding = folder, run, decoding
+        folder.mkdir(parents=True)
+        self._stack = ExitStack()
+        self._frames, self._damage = (
+            self._table(name, tables.with_metadata(tables.SCHEMAS[name], {})) for name in (tables.FRAMES, tables.DAMAGE)
+        )
+        self._files: dict[str, _Table] = {}
+        self._messages: list[_MessageTable] = []
+        self._first = self._in_force(decoding)
+        self._now: dict[str, _InForce] = {}
+        self._shown: dict[str, Decoder] = {}
+        self._follow = Follower(decoding.decoder, self._shown.__setitem__)
+        self._counts = {"frames": 0, "damage": 0}
+        self._ends: dict[str, float | None] = {"start": None, "end": None}
+
+    def _table(self, name: str, schema: pa.Schema) -> _Table:
+        table = _Table(self._folder / f"{name}{tables.SUFFIX}", schema)
+        self._stack.callback(table.close)
+        return table
+
+    def _in_force(self, decoding: NetworkDecoding) -> _InForce:
+        found = {cob_id: _MessageTable(each, self._file) for cob_id, each in decoding.messages.items()}
+        self._messages += found.values()
+        return _InForce(decoding, found)
+
+    def _file(self, decoding: MessageDecoding) -> _Table:
+        """Return the file for a message's rows; the first mapping that has some takes the message's name."""
+        name = decoding.table
+        while name in self._files and not self._files[name].schema.equals(decoding.schema):
+            name += REMAPPED
+        if name not in self._files:
+            self._files[name] = self._table(name, decoding.schema)
+        return self._files[name]
+
+    def __enter__(self) -> RunTables:
+        return self
+
+    def __exit__(self, error: type[BaseException] | None, *_: object) -> None:
+        with self._stack:  # closes the files whatever happens: after an error they are thrown away
+            if error is None:
+                self._write_damage(wrong for each in self._messages for wrong in each.flush())
+                for message in self._decoding.messages.values():
+                    if message.table not in self._files:  # also a table without rows is there for a query
+                        self._file(message)
+
+    def row(self) -> dict[str, Any]:
+        """Return the run's row: network, amounts, start and end."""
+        last = next(reversed(self._now.values()), self._first).decoding
+        return {"network": last.network, "eds": last.eds, **self._counts, **self._ends}
+
+    def take(self, batch: Batch) -> None:
+        """Decode and write a batch."""
+        frames = batch.frames.with_columns(self._constant, *FROM_DATA)
+        self._frames.write(frames)
+        # Frames of CAN FD are other traffic on the wire, and not damage.
+        foreign = batch.foreign.filter(pl.col("kind") != Damage.FD.value)
+        self._write_damage((foreign, *self._by_what_is_in_force(frames)))
+        self._counts["frames"] += len(batch.frames)
+        times = [each["t"] for each in (batch.frames, batch.foreign) if len(each)]
+        if times:
+            begin = self._ends["start"]
+            self._ends["start"] = min(each[0] for each in times) if begin is None else begin
+            self._ends["end"] = max(each[-1] for each in times)
+
+    @cached_property
+    def _constant(self) -> pl.Expr:
+        return pl.lit(self._run).cast(pl.Categorical).alias("run")
+
+    def _by_what_is_in_force(self, frames: pl.DataFrame) -> Iterator[pl.DataFrame]:
+        """Write the messages as their devices are set, which other frames may change; yield what is wrong with all."""
+        channel_is, line = pl.col("channel").cast(pl.String), pl.col("line")
+        done: dict[str, int] = {}
+        followed = frames.filter(self._decoding.followed & ~pl.col("remote"))
+        for number, time, channel, cob_id, data in followed.select(
+            "line", "t", "channel", "cob_id", "data"
+        ).iter_rows():
+            force = self._now.get(channel, self._first)
+            meaning = force.decoding.decoder(Frame(cob_id, data))
+            if is_followed(meaning):
+                self._follow(time, channel, meaning)
+            if decoder := self._shown.pop(channel, None):
+                part = (channel_is == channel) & line.is_between(done.get(channel, -1), number, closed="right")
+                yield from self._of_messages(frames.filter(part), force)
+                self._now[channel], done[channel] = self._in_force(self._decoding.as_shown(decoder)), number
+        for channel, force in self._now.items():
+            yield from self._of_messages(frames.filter((channel_is == channel) & (line > done.get(channel, -1))), force)
+        rest = frames.filter(~channel_is.is_in(list(self._now))) if self._now else frames
+        yield from self._of_messages(rest, self._first)
+
+    def _of_messages(self, frames: pl.DataFrame, force: _InForce) -> Iterator[pl.DataFrame]:
+        """Write the messages; yield what is wrong with them and with all other frames."""
+        others = []
+        remote = frames["remote"]
+        if remote.any():  # of an identifier that a message or a service has, a remote frame says that it is asked for
+            others.append(frames.filter(remote))
+            frames = frames.filter(~remote)
+        for (cob_id,), some in frames.partition_by("cob_id", as_dict=True).items():
+            if int(cob_id) in force.tables:
+                yield from force.tables[int(cob_id)].take(some)
+            else:
+                others.append(some)
+        if others:
+            yield from force.decoding.defects_of_others(pl.concat(others))
+
+    def _write_damage(self, wrong: Iterable[pl.DataFrame]) -> None:
+        parts = [each.select(FOREIGN.names()).cast(FOREIGN) for each in wrong if len(each)]
+        if parts:
+            damage = pl.concat(parts).sort("line")  # they came message by message
+            self._damage.write(damage.with_columns(self._constant, pl.col("kind").cast(pl.Categorical)))
+            self._counts["damage"] += len(damage)
+
 
 HASHED = 1 << 20
 BEGUN = ".begun"

@@ -22,11 +22,11 @@ from eurobot_od.errors import shown_identifier
 from eurobot_od.frame import identifier_text
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.catalogue import first_free
+from eurobot_od.pdo.codec import Run
 from eurobot_od.pdo.kinds import ColumnForm
-from eurobot_od.pdo.layout import Run
 from eurobot_od.traffic.entries import Damage
+from eurobot_od.traffic.meaning import Unmapped
 from eurobot_od.traffic.services import CanopenService
-from eurobot_od.traffic.unmapped import Unmapped
 
 WORD, LENGTH = "word", "length"
 """Columns that expressions are made of: the data as a little-endian integer, filled up with zeros, and its bytes."""

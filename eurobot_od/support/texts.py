@@ -6,9 +6,13 @@ channel of a log, a step of a suite, a node's string. XML, HTML and JSON add the
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Iterator, Sequence
 from enum import Enum
+from math import inf
 from typing import Any
+
+from eurobot_od.errors import LocalError
 
 
 def one_line(text: str) -> str:
@@ -73,3 +77,41 @@ def annotation(level: Level, file: str, line: int, column: int, title: str, line
     said = ",".join(f"{name}={one_line(text).translate(PROPERTY)}" for name, text in properties.items())
     message = "\n".join(map(one_line, lines)).translate(DATA)
     return f"::{level.value} {said}::{message}"
+
+
+UNITS = {"us": 1e-6, "ms": 1e-3, "s": 1.0, "min": 60.0}
+"""Seconds for each unit."""
+
+_DURATION = re.compile(r"\s*(\d+(?:\.\d+)?)\s*([a-z]+)\s*")
+
+
+class DurationError(LocalError):
+    """A text that does not say a duration."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__(f"{text!r} is not a duration; write a number and one of {', '.join(UNITS)}, such as 500 ms")
+
+
+def seconds(text: str) -> float:
+    """Return the seconds of `500 ms`, `2s` or `1.5 min`; raises DurationError."""
+    match = _DURATION.fullmatch(text)
+    number = float(match[1]) if match else inf  # `float` gives infinity for 400 digits, too
+    if match is None or match[2] not in UNITS or number == inf:
+        raise DurationError(text)
+    return number * UNITS[match[2]]
+
+
+def is_duration(text: str) -> bool:
+    """Tell whether a text is a duration."""
+    match = _DURATION.fullmatch(text)
+    return match is not None and match[2] in UNITS
+
+
+def microseconds(text: str) -> int:
+    """Return a duration as whole microseconds, rounded; raises DurationError."""
+    return round(seconds(text) * 1_000_000)
+
+
+def text(seconds: float) -> str:
+    """Write a duration as people do: `500 ms`, `1.5 s`."""
+    return f"{seconds:g} s" if seconds >= 1 else f"{seconds * 1000:g} ms"

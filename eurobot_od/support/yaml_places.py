@@ -6,6 +6,7 @@ them all.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -16,7 +17,6 @@ from yaml.composer import Composer
 
 from eurobot_od.errors import LocalError, YamlError
 from eurobot_od.support.texts import one_line
-from eurobot_od.support.yaml_mistakes import in_words
 
 T = TypeVar("T")
 STRING = "tag:yaml.org,2002:str"
@@ -249,3 +249,39 @@ def refuse_aliases(root: yaml.Node, problems: Problems) -> None:
         seen.add(id(node))
         if isinstance(node, yaml.CollectionNode):
             waiting += (part for each in node.value for part in (each if isinstance(each, tuple) else (each,)))
+
+
+MISTAKES = (
+    (r"block scalar\|.*", "a text with > or | at its start needs quotes: '> 0'"),
+    (r".*character '[>|]' that cannot start.*", "a text with > or | at its start needs quotes: '> 0'"),
+    (r".*character '\\t' that cannot start.*", "a tab; YAML is indented by spaces"),
+    (r".*character (?P<sign>'.') that cannot start.*", "a text with {sign} at its start needs quotes"),
+    (r".*undefined alias (?P<name>'.*')", "* begins a reference, and there is none to {name}; a text needs quotes"),
+    (r"(anchor|alias)\|.*", "a text with & or * at its start needs quotes"),
+    (r"directive\|.*|.*'<document start>'.*", "this does not belong to what is before it: one document is one mapping"),
+    (r".*mapping values are not allowed.*", "a ': ' in a text needs quotes; or this line is indented wrongly"),
+    (r".*sequence entries are not allowed.*", "a list begins on a line of its own"),
+    (r".*quoted scalar\|found unexpected end.*", "a quote that begins a text is never closed"),
+    (r".*unknown escape character '(?P<sign>.+)'", r"\{sign} means nothing in double quotes; take single ones"),
+    (r".*could not find expected ':'", "a line without ': '; a key has a colon and a space behind it"),
+    (r"flow sequence\|.*", "a list in [ ] lacks a comma, or its ]"),
+    (r"flow mapping\|.*", "a mapping in {{ }} lacks a comma, or its }}"),
+    (r"block mapping\|.*'<scalar>'", "something behind a text in quotes; put all of it in quotes"),
+    (r"block (mapping|collection)\|.*<block end>.*", "this line is not indented like those it belongs to"),
+    (r".*node content.*", "a value is missing"),
+    (r".*found another document", "a second document, where one is all there can be"),
+)
+"""A complaint as `context|problem`, context without `while ...ing a`, and what it means."""
+
+CONTEXT = re.compile(r"while (parsing|scanning) an? ")
+
+
+def in_words(error: yaml.MarkedYAMLError) -> str:
+    """Say what is wrong, for a person."""
+    # The parser's words are in two parts, of which either may be what tells one mistake from another.
+    complaint = f"{CONTEXT.sub('', error.context or '', count=1)}|{error.problem}"
+    for pattern, words in MISTAKES:
+        match = re.fullmatch(pattern, complaint, re.DOTALL)
+        if match:
+            return words.format(**match.groupdict())
+    return "not YAML: " + re.sub(r"[<>]", "", str(error.problem))

@@ -20,13 +20,24 @@ from functools import partial
 from inspect import signature
 from pathlib import Path
 from types import NoneType, UnionType
-from typing import Annotated, Any, Generic, Literal, TypeAlias, TypeVar, Union, get_args, get_origin, get_type_hints
+from typing import (
+    Annotated,
+    Any,
+    Generic,
+    Literal,
+    NamedTuple,
+    TypeAlias,
+    TypeVar,
+    Union,
+    get_args,
+    get_origin,
+    get_type_hints,
+)
 
 import yaml
 
 from eurobot_od.errors import LocalError, UnknownName
-from eurobot_od.support import durations
-from eurobot_od.support.declared import ByName, Listed, OneOrMore, Within
+from eurobot_od.support import texts
 from eurobot_od.support.yaml_places import (
     STRING,
     NodeReader,
@@ -43,6 +54,34 @@ from eurobot_od.support.yaml_places import (
     shown,
     telling,
 )
+
+
+class Within(NamedTuple):
+    """A number from `low` to `high`, both included, in a `unit`; errors write the two in a `form`."""
+
+    low: float
+    high: float
+    unit: str = ""
+    form: str = "{}"
+
+    def __str__(self) -> str:
+        return f"{self.form.format(self.low)}..{self.form.format(self.high)} {self.unit}".rstrip()
+
+
+class Listed:
+    """A named tuple that is written as a list, `[900, 1400]`; each of its fields has one of the `ranges`."""
+
+    def __init__(self, *ranges: Within) -> None:
+        self.ranges = ranges
+
+
+class ByName:
+    """Values that are written as a mapping: each key is the `name` of its value, which does not say it itself."""
+
+
+class OneOrMore:
+    """A list that is written without brackets if it has one item."""
+
 
 T = TypeVar("T")
 S = TypeVar("S")
@@ -181,7 +220,7 @@ def longer_than_0(seconds: float) -> float:
     return seconds
 
 
-DURATION = converted(SCALAR, durations.seconds, {"type": "string", "pattern": "^[0-9.]+ *(us|ms|s|min)$"})
+DURATION = converted(SCALAR, texts.seconds, {"type": "string", "pattern": "^[0-9.]+ *(us|ms|s|min)$"})
 """A duration with its unit, in s."""
 
 

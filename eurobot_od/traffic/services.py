@@ -11,8 +11,8 @@ from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 from typing import NamedTuple
 
-from eurobot_od.device.emergency import ErrorWords
-from eurobot_od.od import lss, values
+from eurobot_od.device.broadcasts import ErrorWords
+from eurobot_od.od import standard, values
 from eurobot_od.od.dictionary import Dictionary, sdo_channels
 from eurobot_od.od.standard import (
     EMCY,
@@ -136,8 +136,8 @@ def _broadcast(names: Mapping[int, str], master: str) -> Services:
         },
         values.SYNC_COB_ID: CanopenService(SYNC_NAME, "", (0, 1), words.sync, master),
         values.TIME_COB_ID: CanopenService(TIME_NAME, "", (6,), words.time, master),
-        lss.REQUESTS: CanopenService(LSS, "", (lss.LENGTH,), words.lss_request, master),
-        lss.ANSWERS: CanopenService(LSS, "", (lss.LENGTH,), words.lss_answer),
+        standard.REQUESTS: CanopenService(LSS, "", (standard.LENGTH,), words.lss_request, master),
+        standard.ANSWERS: CanopenService(LSS, "", (standard.LENGTH,), words.lss_answer),
     }
 
 

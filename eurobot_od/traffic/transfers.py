@@ -41,8 +41,8 @@ from eurobot_od.sdo.wire import (
     part_in,
     unused_in,
 )
-from eurobot_od.support.durations import text as duration
 from eurobot_od.support.texts import amount
+from eurobot_od.support.texts import text as duration
 from eurobot_od.traffic.entries import shortened
 from eurobot_od.traffic.meaning import SdoTransfer
 from eurobot_od.traffic.services import SdoEnd

@@ -10,21 +10,21 @@ from typing import TypeAlias
 
 from eurobot_od.device.nmt import ALL_NODES, COMMAND_NAMES, STATE_NAMES, TOGGLE
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.od.lss import (
+from eurobot_od.od.objects import data_type
+from eurobot_od.od.profiles.words import with_words, words
+from eurobot_od.od.standard import (
     ANY_BIT,
     AUTOMATIC,
     BIT_RATES,
-    IDENTITY,
     IDENTITY_RANGE,
+    LSS_IDENTITY,
     UNCONFIGURED,
     Lss,
     LssState,
     refusal_words,
 )
-from eurobot_od.od.objects import data_type
-from eurobot_od.od.profiles.words import with_words, words
-from eurobot_od.od.time_of_day import text as time_text
 from eurobot_od.od.values import Address
+from eurobot_od.od.values import text as time_text
 from eurobot_od.sdo.wire import (
     ANSWER_SUB_COMMAND,
     BLOCK_SIZE_GIVEN,
@@ -257,7 +257,7 @@ def _fastscan(data: bytes) -> str:
     bit, part, then = data[5], data[6], data[7]
     if bit == ANY_BIT:
         return "fastscan: is a device without a node-ID there?"
-    name, following = (IDENTITY[each] if each < len(IDENTITY) else f"part {each}" for each in (part, then))
+    name, following = (LSS_IDENTITY[each] if each < len(LSS_IDENTITY) else f"part {each}" for each in (part, then))
     return f"fastscan: {name} {_number(data)} down to bit {bit}, then {following}"
 
 
@@ -278,7 +278,7 @@ LSS_REQUESTS: Mapping[int, Callable[[bytes], str]] = {
     Lss.STORE: lambda _: "store",
     **{
         Lss.SELECT + n: lambda data, name=name: f"select {name} {_number(data)}"  # type: ignore[misc]
-        for n, name in enumerate(IDENTITY)
+        for n, name in enumerate(LSS_IDENTITY)
     },
     **{
         Lss.IDENTIFY + n: lambda data, name=name: f"identify {name} {_number(data)}"  # type: ignore[misc]
@@ -288,7 +288,7 @@ LSS_REQUESTS: Mapping[int, Callable[[bytes], str]] = {
     Lss.FASTSCAN: _fastscan,
     **{
         Lss.INQUIRE + n: lambda _, name=name: f"inquire {name}"  # type: ignore[misc]
-        for n, name in enumerate(IDENTITY)
+        for n, name in enumerate(LSS_IDENTITY)
     },
     Lss.INQUIRE_NODE_ID: lambda _: "inquire node-ID",
 }
@@ -300,7 +300,7 @@ LSS_ANSWERS: Mapping[int, Callable[[bytes], str]] = {
     Lss.UNCONFIGURED_SLAVE: lambda _: "a device without a node-ID is there",
     **{
         Lss.INQUIRE + n: lambda data, name=name: f"{name} {_number(data)}"  # type: ignore[misc]
-        for n, name in enumerate(IDENTITY)
+        for n, name in enumerate(LSS_IDENTITY)
     },
     Lss.INQUIRE_NODE_ID: lambda data: _node_id(data[1]),
 }

@@ -22,10 +22,10 @@ from eurobot_od.bus.bits import frame_bits
 from eurobot_od.frame import Frame
 from eurobot_od.od.standard import IDENTITY
 from eurobot_od.pdo.binding import Binding
-from eurobot_od.pdo.message import kinds
+from eurobot_od.pdo.catalogue import kinds
 from eurobot_od.traffic.entries import Damage
 from eurobot_od.traffic.meaning import Decoder, Meaning
-from eurobot_od.traffic.monitor.traffic import MonitorRow
+from eurobot_od.traffic.monitor import MonitorRow
 from eurobot_od.web.drives import axes_of, drive_data, machine_data
 from eurobot_od.web.panel import PageEvent, Panel, service_events
 

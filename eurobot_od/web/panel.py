@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, ClassVar, NamedTuple
 
-from eurobot_od.pdo.message import Message
+from eurobot_od.pdo.catalogue import Message
 from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.traffic.meaning import Meaning
 

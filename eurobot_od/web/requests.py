@@ -18,8 +18,8 @@ from typing import Any, NamedTuple
 from canopen.objectdictionary import ObjectDictionary, ODVariable
 
 from eurobot_od.client.configure import read_object
-from eurobot_od.client.emergencies import read_history
 from eurobot_od.client.master import Master, RemoteNode
+from eurobot_od.client.streams import read_history
 from eurobot_od.device.nmt import ALL_NODES, COMMAND_NAMES, NmtCommand
 from eurobot_od.errors import EurobotError, LocalError, RemoteError, UnknownName
 from eurobot_od.frame import Frame
@@ -28,7 +28,7 @@ from eurobot_od.od.profiles.words import with_words, words
 from eurobot_od.od.standard import REVISION
 from eurobot_od.od.values import DOMAIN, NMT_COB_ID, NODE_IDS, Value, label
 from eurobot_od.pdo.binding import parse
-from eurobot_od.pdo.message import Message
+from eurobot_od.pdo.catalogue import Message
 from eurobot_od.web.drives import LOOK, AxisAddress, Drives, quick_stops
 from eurobot_od.web.session import MOST_POLLED, POLL_PERIOD, POLLED_FOR, PolledObject, Session
 

@@ -24,8 +24,7 @@ from eurobot_od.od.dictionary import SdoChannel
 from eurobot_od.od.values import NODE_IDS, SDO_RESPONSE_BASE
 from eurobot_od.traffic.entries import Damage, Raw
 from eurobot_od.traffic.meaning import Decoder
-from eurobot_od.traffic.monitor.sources import BusSource
-from eurobot_od.traffic.monitor.traffic import Traffic
+from eurobot_od.traffic.monitor import BusSource, Traffic
 from eurobot_od.traffic.recorder import recording
 from eurobot_od.web.page import defects, event_data, values
 from eurobot_od.web.panel import PageEvent, Panel, service_events

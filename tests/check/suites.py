@@ -6,10 +6,10 @@ import textwrap
 from functools import cache
 from pathlib import Path
 
+from eurobot_od.check.on_bus import run_simulated
 from eurobot_od.check.reader import SuiteReader
-from eurobot_od.check.results import StepResult, SuiteResult
+from eurobot_od.check.report import StepResult, SuiteResult
 from eurobot_od.check.runner import RunOptions
-from eurobot_od.check.simulated import run_simulated
 from eurobot_od.check.suite import Suite
 from eurobot_od.robot.plugin import ROBOT
 from eurobot_od.support.yaml_places import Problems

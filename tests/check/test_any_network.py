@@ -9,16 +9,15 @@ from pathlib import Path
 import pytest
 
 from eurobot_od.bus import live as runtime
-from eurobot_od.check.live import run_live
+from eurobot_od.check.on_bus import run_live, run_simulated
 from eurobot_od.check.reader import SuiteReader
-from eurobot_od.check.results import Status, SuiteResult
+from eurobot_od.check.report import Status, SuiteResult
 from eurobot_od.check.runner import RunOptions
-from eurobot_od.check.simulated import run_simulated
 from eurobot_od.check.suite import Suite
 from eurobot_od.check.vocabulary import Networks
 from eurobot_od.device.simulated import SimulatedDevice
 from eurobot_od.od import network
-from eurobot_od.od.network_file import NodeFile
+from eurobot_od.od.network import NodeFile
 from eurobot_od.robot.plugin import ROBOT
 
 SAMPLES = Path(__file__).parents[1] / "lint" / "samples"

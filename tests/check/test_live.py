@@ -10,10 +10,9 @@ import can
 import pytest
 
 from eurobot_od.bus import live as runtime
-from eurobot_od.check.live import run_live
-from eurobot_od.check.results import Status, StepResult, SuiteResult
+from eurobot_od.check.on_bus import run_live, run_simulated
+from eurobot_od.check.report import Status, StepResult, SuiteResult
 from eurobot_od.check.runner import Interrupt, RunOptions
-from eurobot_od.check.simulated import run_simulated
 from eurobot_od.robot import dialects
 from eurobot_od.robot.nodes import Drive
 from eurobot_od.robot.plugin import ROBOT

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from eurobot_od.check.results import Status, StepReason, SuitePart
+from eurobot_od.check.on_bus import run_simulated
+from eurobot_od.check.report import Status, StepReason, SuitePart
 from eurobot_od.check.runner import RunOptions
-from eurobot_od.check.simulated import run_simulated
 from eurobot_od.robot.plugin import ROBOT
 from tests.check.suites import HEAD, document, results, run, suite, verdicts
 from tests.rows import rows

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
+from eurobot_od.check.on_bus import NodeUnderTest, run_simulated
 from eurobot_od.check.reader import SuiteReader
-from eurobot_od.check.results import Status, StepResult
+from eurobot_od.check.report import Status, StepResult
 from eurobot_od.check.runner import RunOptions
-from eurobot_od.check.simulated import NodeUnderTest, run_simulated
 from eurobot_od.check.suite import NodeServices, Suite
 from eurobot_od.check.vocabulary import Networks
 from eurobot_od.device.simulated import SimulatedDevice

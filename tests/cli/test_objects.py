@@ -12,7 +12,7 @@ import pytest
 
 from eurobot_od.bus.live import Live
 from eurobot_od.cli import main
-from eurobot_od.device.emergency import ErrorCode
+from eurobot_od.device.broadcasts import ErrorCode
 from eurobot_od.device.node import Node
 from eurobot_od.device.simulated import SimulatedDevice
 from eurobot_od.od import dcf

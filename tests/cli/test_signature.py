@@ -13,7 +13,7 @@ import pytest
 
 from eurobot_od.cli.options import assigned, positive, whole
 from eurobot_od.cli.signature import NOTHING, Chosen, Forms, HelpGroup, Hint, Option, Parser, describe, summary
-from eurobot_od.support import durations
+from eurobot_od.support import texts
 from tests.rows import rows
 
 
@@ -22,7 +22,7 @@ class Colour(Enum):
     DARK_BLUE = 2
 
 
-Seconds = Annotated[float, Option(metavar="TIME", read=durations.seconds)]
+Seconds = Annotated[float, Option(metavar="TIME", read=texts.seconds)]
 
 
 @dataclass(frozen=True, kw_only=True)

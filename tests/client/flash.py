@@ -11,8 +11,8 @@ from eurobot_od.device.objects import Objects
 from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.values import Address, Value
-from eurobot_od.sdo.aborts import Abort, Reason
 from eurobot_od.sdo.server import SdoServer
+from eurobot_od.sdo.wire import Abort, Reason
 
 NODE_ID = 9
 NAMES = {0x1F50: "Program data", 0x1F51: "Program control", 0x1F56: "Program identification", 0x1F57: "Flash status"}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from eurobot_od.client.emergencies import History, RememberedError, clear_history, read_history
+from eurobot_od.client.streams import History, RememberedError, clear_history, read_history
 from eurobot_od.errors import NodeRefused
 from tests.client.peers import master_on, robot, stock_drive
 

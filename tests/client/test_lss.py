@@ -13,7 +13,7 @@ from eurobot_od.client.description import Identity
 from eurobot_od.client.lss import LssSteps, perform
 from eurobot_od.errors import LocalError, NoAnswer, RemoteError
 from eurobot_od.frame import Frame
-from eurobot_od.od.lss import LssState
+from eurobot_od.od.standard import LssState
 from tests.client.lss_slave import CONFIGURATION, WAITING, LssSlave
 from tests.client.wired import Answerer, wired
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from eurobot_od.client.pdo_mapping import in_order, procedure_objects
-from eurobot_od.od.concise import Write
+from eurobot_od.client.configure import in_order, procedure_objects
+from eurobot_od.od.dcf import Write
 from eurobot_od.od.values import Address, pdo_of
 from tests.rows import rows
 

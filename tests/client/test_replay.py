@@ -7,7 +7,7 @@ from math import inf
 
 import pytest
 
-from eurobot_od.client.producing import Replayed, replay
+from eurobot_od.client.master import Replayed, replay
 from eurobot_od.frame import Frame
 from eurobot_od.robot import dialects
 from eurobot_od.robot.match import MatchOptions

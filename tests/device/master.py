@@ -16,7 +16,7 @@ from eurobot_od.device.bound import NO_APPLICATION, Application
 from eurobot_od.device.device import Device, Reaction
 from eurobot_od.device.nmt import NmtCommand
 from eurobot_od.device.node import Node
-from eurobot_od.device.storage import Store
+from eurobot_od.device.objects import Store
 from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.values import NMT_COB_ID, Address, Value

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from eurobot_od.od.values import Address
-from eurobot_od.sdo.aborts import Abort, Reason
+from eurobot_od.sdo.wire import Abort, Reason
 
 NUMBER: Address = (0x2000, 1)
 TEXT: Address = (0x1008, 0)

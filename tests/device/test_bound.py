@@ -3,20 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
 
 import pytest
 from canopen import SdoAbortedError
 
-from eurobot_od.device.bound import Application
+from eurobot_od.device.bound import Application, period, scaled, seconds, setting, together
 from eurobot_od.device.nmt import NmtCommand
-from eurobot_od.errors import Cause, Refused
+from eurobot_od.device.node import Node
+from eurobot_od.errors import Cause, DictionaryError, Refused
 from eurobot_od.frame import Frame
+from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.values import NOT_VALID
-from eurobot_od.pdo.message import Message
+from eurobot_od.pdo.catalogue import Message
 from eurobot_od.robot.model.messages import EmergencyStop, GotoXY, KalmanPositionResponse, StartConfigurationSet
 from eurobot_od.robot.model.values import Obstacle, Source, TeamColour
 from eurobot_od.sdo.wire import AbortCode
 from tests.device.master import Wire, wired
+from tests.eds_text import record
 from tests.rows import rows
 
 KALMAN, KALMAN_TPDO, GOTO, RESERVED = 0x2011, 0x1802, 0x2000, 6
@@ -202,3 +207,47 @@ def test_a_command_means_the_same_under_another_mapping() -> None:
     commanded.wire.write(0x2001, 1, Obstacle.ENEMY, size=1)
     commanded.write(0x2020, (TeamColour.RED, 1), (2, 1), (1, 1), (45, 2), (33, 1))
     assert commanded.acts == [EmergencyStop(Obstacle.ENEMY), StartConfigurationSet(TeamColour.RED, 2, 1, 45, 33)]
+
+
+EDS = record(0x2100, "Lift", (1, "UNSIGNED16", "100"), (2, "UNSIGNED16", "250"), (3, "UNSIGNED16", "0"))
+
+
+class Motion(NamedTuple):
+    speed: int
+    pause: float
+
+
+class Lift(Node):
+    speed = setting("Lift.Entry 1")
+    metres = scaled("Lift.Entry 1", 0.001)
+    pause = seconds("Lift.Entry 2")
+    step = period("Lift.Entry 3")
+    motion = together(Motion, speed=setting("Lift.Entry 1"), pause=seconds("Lift.Entry 2"))
+
+
+def dictionary(eds: str = EDS) -> Dictionary:
+    return Dictionary.read(eds.encode(), Path("lift.eds"), 1)
+
+
+def test_a_setting_is_what_the_object_has_in_its_unit() -> None:
+    lift = Lift(dictionary())
+    assert (lift.speed, lift.metres, lift.pause, lift.step) == (100, 0.1, 0.25, 0.001)
+    assert lift.motion == Motion(100, 0.25)
+
+
+def test_what_is_written_holds_from_the_next_use_on() -> None:
+    lift = Lift(dictionary())
+    assert (lift.speed, lift.motion) == (100, Motion(100, 0.25))
+    lift.device.objects.write((0x2100, 1), (7).to_bytes(2, "little"))
+    assert (lift.speed, lift.motion) == (7, Motion(7, 0.25))
+
+
+def test_names_are_looked_up_when_the_node_is_made_and_not_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    lift = Lift(dictionary())
+    monkeypatch.setattr(Dictionary, "address", None)
+    assert lift.motion == Motion(100, 0.25)
+
+
+def test_a_file_without_a_setting_is_refused_when_the_node_is_made() -> None:
+    with pytest.raises(DictionaryError, match=r"lift\.eds: no object is named 'Lift\.Entry 1'"):
+        Lift(dictionary(EDS.replace("Entry 1", "Entry 9")))

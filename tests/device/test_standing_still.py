@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from eurobot_od.device.emergency import ErrorCode
+from eurobot_od.device.broadcasts import ErrorCode
 from eurobot_od.device.node import Node
 from eurobot_od.device.timers import LATE
 from eurobot_od.frame import Frame

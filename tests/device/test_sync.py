@@ -10,11 +10,10 @@ from eurobot_od.device.device import Device, Reaction
 from eurobot_od.device.nmt import NmtCommand
 from eurobot_od.frame import Frame
 from eurobot_od.od.standard import SYNC_PRODUCER
-from eurobot_od.pdo.message import Message
+from eurobot_od.pdo.catalogue import Message
 from eurobot_od.robot.model.messages import CATALOGUE, EmergencyStop, GotoStateResponse, GotoXY
 from eurobot_od.robot.model.values import Obstacle
-from eurobot_od.sdo.aborts import Abort
-from eurobot_od.sdo.wire import AbortCode
+from eurobot_od.sdo.wire import Abort, AbortCode
 from tests.device.io_module import module
 from tests.device.master import SYNC_COB_ID, NodeWire, Wire, dictionary_with_sync, wired
 from tests.rows import rows

@@ -9,7 +9,7 @@ import pytest
 from eurobot_od.device.broadcasts import Clock
 from eurobot_od.device.nmt import NmtCommand
 from eurobot_od.frame import Frame
-from eurobot_od.od.time_of_day import EPOCH
+from eurobot_od.od.values import EPOCH
 from tests.device.io_module import module
 
 NOON = datetime(2026, 11, 22, 12, 0, 0, 250_000)

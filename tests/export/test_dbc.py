@@ -23,7 +23,7 @@ from eurobot_od.errors import MappingError
 from eurobot_od.export.dbc import dbc_text, text_of
 from eurobot_od.export.description import DescribedField, DescribedMessage, Numeral
 from eurobot_od.pdo.binding import Binding
-from eurobot_od.pdo.layout import Layout, Slot
+from eurobot_od.pdo.codec import Layout, Slot
 from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.robot import dialects
 from eurobot_od.robot.protocol import EurobotProtocol

@@ -8,10 +8,10 @@ from pathlib import Path
 
 from eurobot_od.check.conformance import suite
 from eurobot_od.check.conformance.subject import Tier
+from eurobot_od.check.on_bus import MakeNodes, NodeUnderTest, run_simulated
 from eurobot_od.check.reader import SuiteReader
-from eurobot_od.check.results import Status, StepResult, SuiteResult
+from eurobot_od.check.report import Status, StepResult, SuiteResult
 from eurobot_od.check.runner import RunOptions
-from eurobot_od.check.simulated import MakeNodes, NodeUnderTest, run_simulated
 from eurobot_od.check.suite import Suite
 from eurobot_od.check.vocabulary import Networks
 from eurobot_od.device.node import Node

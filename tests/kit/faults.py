@@ -11,10 +11,9 @@ from typing import TypeAlias
 
 from canopen.objectdictionary import ODVariable
 
-from eurobot_od.device.emergency import ErrorCode
+from eurobot_od.device.broadcasts import ErrorCode
 from eurobot_od.device.faults import device, hooks
-from eurobot_od.device.faults.fault import Caught, Fault
-from eurobot_od.device.faults.hooks import FrameChange, Mixin
+from eurobot_od.device.faults.hooks import Caught, Fault, FrameChange, Mixin
 from eurobot_od.device.nmt import ALL_NODES, NmtCommand, NmtState, error_control
 from eurobot_od.device.node import Node
 from eurobot_od.device.profiles.devices import SimulatedModule

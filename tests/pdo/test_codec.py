@@ -9,8 +9,7 @@ import pytest
 
 from eurobot_od.frame import Frame
 from eurobot_od.pdo.catalogue import field_name
-from eurobot_od.pdo.codec import Column, Unknown, reader, unpacker, writer
-from eurobot_od.pdo.layout import Layout, LayoutError, Slot, slot
+from eurobot_od.pdo.codec import Column, Layout, LayoutError, Slot, Unknown, reader, slot, unpacker, writer
 from tests.rows import rows
 
 

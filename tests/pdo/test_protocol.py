@@ -17,8 +17,8 @@ from eurobot_od.errors import FieldError, FrameLengthError, MappingError, Remote
 from eurobot_od.frame import Frame
 from eurobot_od.od.make.table import read_table
 from eurobot_od.od.make.text import make_files, write_files
+from eurobot_od.pdo.catalogue import Message, flagged_fields
 from eurobot_od.pdo.kinds import OutOfRange
-from eurobot_od.pdo.message import Message, flagged_fields
 from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.robot import dialects
 from eurobot_od.robot.model.messages import (

@@ -9,8 +9,7 @@ from hypothesis import strategies as st
 
 from eurobot_od.frame import Frame
 from eurobot_od.od.values import MAX_BITS
-from eurobot_od.pdo.codec import Column, reader, unpacker, writer
-from eurobot_od.pdo.layout import Layout, Slot
+from eurobot_od.pdo.codec import Column, Layout, Slot, reader, unpacker, writer
 
 COB_ID = 0x123
 

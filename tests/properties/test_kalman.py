@@ -10,8 +10,7 @@ from hypothesis import strategies as st
 
 from eurobot_od.robot.model import robot_file
 from eurobot_od.robot.model.places import Pose
-from eurobot_od.robot.nodes.estimate import Estimate
-from eurobot_od.robot.nodes.kalman import Belief, Covariance, Travel, Tuning
+from eurobot_od.robot.nodes.estimate import Belief, Covariance, Estimate, Travel, Tuning
 from eurobot_od.robot.nodes.motion import Odometry
 from eurobot_od.robot.nodes.navigation import Fix
 

@@ -13,14 +13,13 @@ from hypothesis import strategies as st
 
 from eurobot_od.errors import FrameLengthError, UnknownIdentifier
 from eurobot_od.frame import Frame
-from eurobot_od.pdo.message import flagged_fields
+from eurobot_od.pdo.catalogue import flagged_fields
 from eurobot_od.robot import dialects
 from eurobot_od.robot.protocol import decoder as robot_decoder
 from eurobot_od.traffic import formats
-from eurobot_od.traffic.decoding import Decoding
+from eurobot_od.traffic.decoding import CsvOutput, Decoding, JsonOutput, Output, TextOutput
 from eurobot_od.traffic.entries import Damage, Foreign, Raw, shortened
 from eurobot_od.traffic.meaning import Decoder
-from eurobot_od.traffic.output import CsvOutput, JsonOutput, Output, TextOutput
 from tests.rows import rows
 
 FRAMES = st.builds(Frame, st.integers(0, 0x7FF), st.binary(max_size=8))

@@ -23,15 +23,14 @@ pytest.importorskip("polars", reason="the extra `season` is not installed")
 import pyarrow.parquet as pq
 
 from eurobot_od.bus.live import Driver
-from eurobot_od.bus.live.connection import Connection
+from eurobot_od.bus.live.buses import Connection
 from eurobot_od.client.program import load
-from eurobot_od.device.storage import FileStore
+from eurobot_od.device.objects import FileStore
 from eurobot_od.errors import BusError, DictionaryError, ProgramError
 from eurobot_od.od.values import Address, Value
 from eurobot_od.robot import dialects
 from eurobot_od.robot.model.messages import CATALOGUE
-from eurobot_od.season.archive import BEGUN, Archived, archive
-from eurobot_od.season.writing import DecodedNetwork
+from eurobot_od.season.archive import BEGUN, Archived, DecodedNetwork, archive
 from eurobot_od.support import connections
 from tests.client.flash import NODE_ID, FlashDevice, Trouble
 from tests.client.wired import wired

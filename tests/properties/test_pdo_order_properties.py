@@ -5,9 +5,8 @@ from __future__ import annotations
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from eurobot_od.client.configure import ChangedObject, ChangePlan
-from eurobot_od.client.pdo_mapping import in_order, procedure_objects
-from eurobot_od.od.concise import Write
+from eurobot_od.client.configure import ChangedObject, ChangePlan, in_order, procedure_objects
+from eurobot_od.od.dcf import Write
 from eurobot_od.od.objects import undescribed
 from eurobot_od.od.values import MAPPING_OFFSET, NOT_VALID, Address, pdo_of
 from eurobot_od.robot import dialects

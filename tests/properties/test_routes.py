@@ -11,11 +11,18 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from eurobot_od.robot.model import robot_file
-from eurobot_od.robot.model.facts import Barrier
 from eurobot_od.robot.model.places import Point, Pose, normalise, turn
+from eurobot_od.robot.model.robot_file import Barrier
 from eurobot_od.robot.model.values import Barriers, Passage
-from eurobot_od.robot.nodes.motion import AT_REST, IdealChassis, Motion, MotionLimits, WheelCommand
-from eurobot_od.robot.nodes.route import Clearances, find_route
+from eurobot_od.robot.nodes.motion import (
+    AT_REST,
+    Clearances,
+    IdealChassis,
+    Motion,
+    MotionLimits,
+    WheelCommand,
+    find_route,
+)
 
 FACTS = robot_file.read()
 

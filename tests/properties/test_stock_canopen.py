@@ -20,8 +20,7 @@ from eurobot_od.errors import DictionaryError
 from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.values import DATA_TYPES, MAX_BITS, REALS, PdoDirection
-from eurobot_od.pdo.codec import reader, writer
-from eurobot_od.pdo.layout import Layout, Slot
+from eurobot_od.pdo.codec import Layout, Slot, reader, writer
 from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.robot import dialects
 from tests.eds_text import CODES, DEVICE_TYPE, pdo, variable

@@ -15,7 +15,7 @@ import pytest
 from eurobot_od.bus.live import FrameReader, Live
 from eurobot_od.errors import NoAnswer, StateError
 from eurobot_od.frame import Frame
-from eurobot_od.pdo.message import Message
+from eurobot_od.pdo.catalogue import Message
 from eurobot_od.robot import dialects
 from eurobot_od.robot.facade import Robot
 from eurobot_od.robot.model.messages import (
@@ -26,8 +26,8 @@ from eurobot_od.robot.model.messages import (
 )
 from eurobot_od.robot.model.values import Obstacle, Outcome, TeamColour
 from eurobot_od.robot.nodes import Core, Drive, Navigation
-from eurobot_od.robot.nodes.equipment import Detection
-from eurobot_od.robot.nodes.goto import GotoReport, NotStanding
+from eurobot_od.robot.nodes.flows import GotoReport, NotStanding
+from eurobot_od.robot.nodes.node import Detection
 from tests.bus.live.loose import LONG, until
 from tests.client.peers import new_channel, open_bus
 from tests.robot.nodes.harness import PROTOCOL, as_if_started, put

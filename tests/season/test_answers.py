@@ -12,8 +12,7 @@ pytest.importorskip("polars", reason="the extra `season` is not installed")
 import polars as pl
 
 from eurobot_od.errors import LocalError
-from eurobot_od.season.answers import chart_of, draw
-from eurobot_od.season.reports import ChartKind
+from eurobot_od.season.answers import ChartKind, chart_of, draw
 
 
 @pytest.mark.parametrize(

@@ -17,12 +17,10 @@ from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.robot import dialects
 from eurobot_od.robot.model.messages import CATALOGUE
-from eurobot_od.season import writing
-from eurobot_od.season.archive import BEGUN, Archived, Archiver, _begun, archive
+from eurobot_od.season.archive import BEGUN, Archived, Archiver, DecodedNetwork, _begun, archive
 from eurobot_od.season.campaign import local
 from eurobot_od.season.season import Season
 from eurobot_od.season.tables import is_whole, table_names
-from eurobot_od.season.writing import DecodedNetwork
 from eurobot_od.traffic import formats
 from eurobot_od.traffic.meaning import Decoder
 from tests.eds_text import DEVICE_TYPE, pdo, variable
@@ -278,7 +276,7 @@ def test_what_the_second_is_making_is_left_alone_when_the_first_is_done_and_a_th
 def test_frames_that_are_written_in_parts_are_there_once(
     log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(writing, "MANY", 1)
+    monkeypatch.setattr("eurobot_od.season.archive.MANY", 1)
     Archiver(tmp_path / "season", NETWORK)(log)
     assert table(tmp_path / "season", "goto_xy")["line"].to_list() == [1]
 

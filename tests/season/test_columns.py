@@ -21,7 +21,7 @@ from eurobot_od.robot import dialects
 from eurobot_od.robot.match import MatchOptions
 from eurobot_od.robot.match.stage import play_simulated
 from eurobot_od.robot.model.messages import CATALOGUE
-from eurobot_od.season.writing import DecodedNetwork
+from eurobot_od.season.archive import DecodedNetwork
 from eurobot_od.traffic.entries import Damage
 from eurobot_od.traffic.meaning import Decoder
 from tests.eds_text import DEVICE_TYPE, pdo, variable

@@ -19,9 +19,8 @@ from eurobot_od.robot.model.values import GotoFault, Obstacle, RobotError, Sourc
 from eurobot_od.robot.plugin import ROBOT
 from eurobot_od.robot.protocol import EurobotProtocol
 from eurobot_od.season.answers import draw
-from eurobot_od.season.archive import Archiver
+from eurobot_od.season.archive import Archiver, DecodedNetwork
 from eurobot_od.season.season import Season
-from eurobot_od.season.writing import DecodedNetwork
 from tests.season.seasons import Timed, write_log
 
 PROTOCOL = EurobotProtocol.load()

@@ -20,9 +20,8 @@ from eurobot_od.robot.model import messages
 from eurobot_od.robot.model.messages import CATALOGUE
 from eurobot_od.robot.protocol import EurobotProtocol
 from eurobot_od.season import season as season_module
-from eurobot_od.season.archive import Archiver
+from eurobot_od.season.archive import Archiver, DecodedNetwork
 from eurobot_od.season.season import Season, SqlError
-from eurobot_od.season.writing import DecodedNetwork
 from tests.rows import rows
 from tests.season.seasons import write_log
 

@@ -13,8 +13,9 @@ import pytest
 
 from eurobot_od.cli import main
 from eurobot_od.robot.dialects import eds_folder
+from eurobot_od.support import progress
 from eurobot_od.support import progress as module
-from eurobot_od.support.progress import LONG, PERCENT, REDRAWN, bar, counted, line, unwatched
+from eurobot_od.support.progress import ENDLESS, LONG, PERCENT, REDRAWN, bar, columns, counted, folded, line, unwatched
 from tests.cli.console import Terminal
 
 
@@ -163,3 +164,24 @@ def test_a_bar_on_a_narrow_terminal_stays_in_its_line() -> None:
     os.close(ours)
     assert "about" in written
     assert max(len(each) for each in written.split("\r")) == 59
+
+
+LINE = "    2.756 s  stop       emergency stop: object ahead of the robot"
+FOLDED = [
+    # (columns, lines)
+    (80, [LINE]),
+    (len(LINE), [LINE]),
+    (50, ["    2.756 s  stop       emergency stop: object", "                        ahead of the robot"]),
+    (40, [LINE]),  # so narrow that no lines would be better
+]
+
+
+@pytest.mark.parametrize(("width", "lines"), FOLDED)
+def test_a_line_is_folded_between_words(width: int, lines: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(progress, "columns", lambda _: width)
+    assert folded(LINE, io.StringIO(), 24) == "\n".join(lines)
+
+
+def test_a_file_has_lines_of_any_length() -> None:
+    assert columns(io.StringIO()) == ENDLESS
+    assert folded(LINE * 10, io.StringIO(), 24) == LINE * 10

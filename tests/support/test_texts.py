@@ -11,17 +11,29 @@ import pytest
 
 from eurobot_od import cli
 from eurobot_od.check import report
-from eurobot_od.check.results import Status, StepReason, StepResult, SuitePart, SuiteResult
-from eurobot_od.device.storage import FileStore
+from eurobot_od.check.report import Status, StepReason, StepResult, SuitePart, SuiteResult
+from eurobot_od.device.objects import FileStore
 from eurobot_od.gatekeeper import Report
-from eurobot_od.gatekeeper.reports import Event
+from eurobot_od.gatekeeper.listeners import Event
 from eurobot_od.lint.diff import EdsDifference
 from eurobot_od.lint.findings import Finding
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.document import parse
 from eurobot_od.robot import dialects
 from eurobot_od.support import svg
-from eurobot_od.support.texts import Level, amount, annotation, cell, columns, one_line
+from eurobot_od.support.texts import (
+    DurationError,
+    Level,
+    amount,
+    annotation,
+    cell,
+    columns,
+    is_duration,
+    microseconds,
+    one_line,
+    seconds,
+    text,
+)
 from eurobot_od.support.yaml_places import Place
 from tests.rows import rows
 
@@ -178,3 +190,49 @@ ANNOTATIONS = [
 @pytest.mark.parametrize(("file", "title", "lines", "printed"), ANNOTATIONS)
 def test_an_annotation_is_one_line(file: str, title: str, lines: list[str], printed: str) -> None:
     assert annotation(Level.ERROR, file, 3, 7, title, lines) == printed
+
+
+VALID = [
+    ("500ms", 0.5),
+    ("500 ms", 0.5),
+    ("  2s ", 2.0),
+    ("1.5 min", 90.0),
+    ("250 us", 0.00025),
+    ("0 s", 0.0),
+]
+
+INVALID = [
+    "500",  # no unit: seconds or milliseconds?
+    "ms",  # no number
+    "",
+    "5 h",  # no unit of ours
+    "5 S",  # siemens
+    "-1 s",  # the past
+    "1e3 ms",
+    ".5 s",
+    "1, 5 s",
+    "5 ms 3",
+]
+
+
+@pytest.mark.parametrize(("written", "expected"), VALID)
+def test_reads(written: str, expected: float) -> None:
+    assert seconds(written) == pytest.approx(expected)
+    assert microseconds(written) == round(expected * 1_000_000)
+    assert is_duration(written)
+
+
+@rows("written", INVALID)
+def test_refuses(written: str) -> None:
+    with pytest.raises(DurationError) as error:
+        seconds(written)
+    expected = f"{written!r} is not a duration; write a number and one of us, ms, s, min, such as 500 ms"
+    assert str(error.value) == expected
+    assert not is_duration(written)
+
+
+@pytest.mark.parametrize(
+    ("duration", "shown"), [(0.0, "0 ms"), (0.00025, "0.25 ms"), (0.1, "100 ms"), (1.0, "1 s"), (90.5, "90.5 s")]
+)
+def test_writes(duration: float, shown: str) -> None:
+    assert text(duration) == shown

@@ -9,7 +9,6 @@ from typing import Annotated, Any, Literal, NamedTuple
 import pytest
 
 from eurobot_od.errors import LocalError, YamlError
-from eurobot_od.support.declared import ByName, Listed, OneOrMore, Within
 from eurobot_od.support.yaml_places import Place, PlacedNumber, PlacedText
 from eurobot_od.support.yaml_shapes import (
     ASCII,
@@ -18,7 +17,11 @@ from eurobot_od.support.yaml_shapes import (
     PLAIN,
     SCALAR,
     TEXT,
+    ByName,
+    Listed,
+    OneOrMore,
     Shape,
+    Within,
     filled,
     listing,
     longer_than_0,

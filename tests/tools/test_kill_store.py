@@ -9,7 +9,7 @@ import kill_store
 import pytest
 
 from eurobot_od.device.device import Device
-from eurobot_od.device.storage import FileStore
+from eurobot_od.device.objects import FileStore
 from eurobot_od.robot import dialects
 
 

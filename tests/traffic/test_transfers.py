@@ -11,7 +11,7 @@ from eurobot_od.robot import dialects
 from eurobot_od.robot.protocol import decoder as robot_decoder
 from eurobot_od.sdo.client import Transfer, TransferError, block_download, block_upload, download, upload
 from eurobot_od.sdo.server import SdoServer
-from eurobot_od.support.durations import text as duration
+from eurobot_od.support.texts import text as duration
 from eurobot_od.traffic.decoding import Following
 from eurobot_od.traffic.entries import Damage
 from eurobot_od.traffic.meaning import Decoder, Meaning

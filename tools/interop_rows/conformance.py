@@ -12,9 +12,9 @@ from pathlib import Path
 
 from eurobot_od.check.conformance import suite
 from eurobot_od.check.conformance.subject import BOOT_TIME, Tier
-from eurobot_od.check.live import run_live
+from eurobot_od.check.on_bus import run_live
 from eurobot_od.check.reader import SuiteReader
-from eurobot_od.check.results import Status, SuiteResult
+from eurobot_od.check.report import Status, SuiteResult
 from eurobot_od.check.runner import RunOptions
 from eurobot_od.check.vocabulary import Networks
 from eurobot_od.od.dictionary import Dictionary

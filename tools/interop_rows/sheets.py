@@ -13,8 +13,8 @@ from pathlib import Path
 from eurobot_od.lint.diff import compare, read_device
 from eurobot_od.lint.findings import Severity
 from eurobot_od.lint.rules import lint
-from eurobot_od.od import concise as cdcf
 from eurobot_od.od import dcf
+from eurobot_od.od import dcf as cdcf
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.document import read_bytes
 from eurobot_od.robot import dialects

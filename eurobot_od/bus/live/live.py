@@ -16,16 +16,14 @@ from contextlib import suppress
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from eurobot_od.bus.live.buses import Driver, failure, shut_down
-from eurobot_od.bus.live.connection import Connection, Gaps, Opener
-from eurobot_od.bus.live.functions import FunctionThread
-from eurobot_od.bus.live.reader import POLL, Reader
+from eurobot_od.bus.live.buses import Connection, Driver, Gaps, Opener, failure, shut_down
+from eurobot_od.bus.live.reader import POLL, FunctionThread, Reader
 from eurobot_od.bus.live.sender import Sender
-from eurobot_od.device.emergency import ErrorCode
+from eurobot_od.device.broadcasts import ErrorCode
 from eurobot_od.errors import BusError, NodeFailed, StateError
 from eurobot_od.frame import Data
 from eurobot_od.gatekeeper import Event, Gatekeeper, Report
-from eurobot_od.pdo.message import Message
+from eurobot_od.pdo.catalogue import Message
 
 if TYPE_CHECKING:
     import can

@@ -16,7 +16,7 @@ from typing import Any, Protocol, TypeVarTuple
 
 from eurobot_od.bus.live.event_loop import run_in
 from eurobot_od.bus.simulated.network import Simulation
-from eurobot_od.device.flow import Result
+from eurobot_od.device.timers import Result
 from eurobot_od.errors import EurobotError
 
 Arguments = TypeVarTuple("Arguments")

@@ -12,7 +12,7 @@ from enum import Enum
 from typing import NamedTuple
 
 from eurobot_od.check.conformance.clauses import StepName
-from eurobot_od.check.results import Status, SuiteResult
+from eurobot_od.check.report import Status, SuiteResult
 
 ASKS: Mapping[str, str] = {
     "1.0": "the EDS is sound",

@@ -16,7 +16,7 @@ from eurobot_od.check import report
 from eurobot_od.check.conformance import ctt
 from eurobot_od.check.conformance.clauses import StepName
 from eurobot_od.check.conformance.subject import Tier
-from eurobot_od.check.results import Status, StepReason, StepResult, SuiteResult
+from eurobot_od.check.report import Status, StepReason, StepResult, SuiteResult
 from eurobot_od.errors import UnknownName
 from eurobot_od.export.forms import FORMS, SUFFIXES, DocBlock, DocHeading, DocTable, Paragraph, Preformatted
 from eurobot_od.lint.findings import Severity

@@ -32,8 +32,7 @@ from eurobot_od.od.values import (
     PdoDirection,
     label,
 )
-from eurobot_od.sdo.aborts import Abort
-from eurobot_od.sdo.wire import AbortCode
+from eurobot_od.sdo.wire import Abort, AbortCode
 
 CHAPTER: Chapter[Subject] = Chapter("pdo", "PDOs")
 

@@ -2,17 +2,61 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import json
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import Any
 
 from eurobot_od.check.conformance import emcy, error_control, nmt, objects, pdo, sdo, step, storage, sync
 from eurobot_od.check.conformance.clauses import ANSWERS, Chapter
 from eurobot_od.check.conformance.step import Data
 from eurobot_od.check.conformance.subject import Subject, Tier, awake
-from eurobot_od.check.conformance.writing import documents
 from eurobot_od.errors import LocalError
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.standard import RESTORE
 from eurobot_od.od.values import label
+
+BARE = re.compile(r"0x[0-9A-F]+|[0-9]+ ?(?:ms|s)|(?!yes|no|on|off|true|false|null)[a-z]+(?:[- ][a-z]+)*")
+"""Texts that need no quotes: hexadecimal numbers, durations, the words of the format."""
+
+QUOTED = ("name", "skip", "data")
+"""Keys whose values are texts, whatever they look like."""
+
+
+def documents(suites: Iterable[Data]) -> str:
+    """Write suites as documents of one file."""
+    lines: list[str] = []
+    for suite in suites:
+        lines.append("---")
+        for key, value in suite.items():
+            if key in ("setup", "steps", "teardown"):
+                lines.append(f"{key}:")
+                lines += [line for step in value for line in _step_lines(step, "  ")]
+            else:
+                lines.append(f"{key}: {_inline(value, key)}")
+    return "".join(f"{line}\n" for line in lines)
+
+
+def _step_lines(data: Data, indent: str) -> Iterator[str]:
+    """Write a step on one line, a group with a line for each of its steps."""
+    if "steps" not in data:
+        yield f"{indent}- {_inline(data)}"
+        return
+    yield f"{indent}- name: {_inline(data['name'], 'name')}"
+    yield f"{indent}  steps:"
+    for each in data["steps"]:
+        yield from _step_lines(each, indent + "    ")
+
+
+def _inline(value: Any, key: str = "") -> str:
+    if isinstance(value, Mapping):
+        return "{" + ", ".join(f"{name}: {_inline(each, name)}" for name, each in value.items()) + "}"
+    if isinstance(value, (list, tuple)):
+        return "[" + ", ".join(_inline(each, key) for each in value) + "]"
+    text = str(value)
+    bare = isinstance(value, int) or (key not in QUOTED and BARE.fullmatch(text))
+    return text if bare else json.dumps(text, ensure_ascii=False)
+
 
 CHAPTERS = tuple(each.CHAPTER for each in (nmt, objects, sdo, storage, pdo, emcy, error_control, sync))
 """The suites, in the order in which they are run: what the later ones rely on comes first."""

@@ -19,8 +19,7 @@ from eurobot_od.od.objects import address_of, data_type
 from eurobot_od.od.pdos import Pdo
 from eurobot_od.od.standard import SYNC, SYNC_COUNTER, SYNC_PERIOD, SYNC_PRODUCER
 from eurobot_od.od.values import COB_ID, EVENT_TIMER, NO_RTR, NOT_VALID, SYNC_START, TRANSMISSION_TYPE, PdoDirection
-from eurobot_od.sdo.aborts import Abort
-from eurobot_od.sdo.wire import AbortCode
+from eurobot_od.sdo.wire import Abort, AbortCode
 
 CHAPTER: Chapter[Subject] = Chapter("transmission", "when TPDOs are sent")
 """A part of the chapter `pdo`."""

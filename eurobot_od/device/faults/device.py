@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from eurobot_od.device.emergency import ErrorCode
+from eurobot_od.device.broadcasts import ErrorCode
 from eurobot_od.device.faults import hooks
-from eurobot_od.device.faults.fault import Caught
+from eurobot_od.device.faults.hooks import Caught
 from eurobot_od.device.nmt import TOGGLE, NmtCommand, NmtState
 from eurobot_od.device.node import Node
 from eurobot_od.frame import Frame

@@ -7,8 +7,7 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-from eurobot_od.device.faults.fault import Caught
-from eurobot_od.device.faults.hooks import Mixin
+from eurobot_od.device.faults.hooks import Caught, Mixin
 from eurobot_od.device.profiles.axis import DriveAxis
 from eurobot_od.device.profiles.devices import SimulatedDrive
 from eurobot_od.device.profiles.modes import Homing

@@ -16,11 +16,20 @@ import yaml
 from eurobot_od.od.keys import BIT_RATES
 from eurobot_od.od.pdos import RESERVED, carries_nothing
 from eurobot_od.od.values import BASE_IDENTIFIER, MAX_BITS, NODE_ID, NODE_IDS
-from eurobot_od.support import durations, yaml_places
-from eurobot_od.support.declared import Within
+from eurobot_od.support import texts, yaml_places
 from eurobot_od.support.files import read_whole
 from eurobot_od.support.yaml_places import Place, PlacedNumber, PlacedText, Problem, Problems, refuse, telling
-from eurobot_od.support.yaml_shapes import ASCII, NUMBER_OR_ASCII, PLAIN, SCALAR, Plain, filled, matching, shape_of
+from eurobot_od.support.yaml_shapes import (
+    ASCII,
+    NUMBER_OR_ASCII,
+    PLAIN,
+    SCALAR,
+    Plain,
+    Within,
+    filled,
+    matching,
+    shape_of,
+)
 
 SERVICES = ("EMCY", "SDO")
 """CANopen services that may have a row in the traffic, for all nodes."""
@@ -330,7 +339,7 @@ def traffic_that_does_not_hold(table: Table) -> Iterator[Problem]:
         if (row.every is None) == (row.answers is None):
             yield Problem(name.place, f"'{name}' needs either every or answers")
         for time in (row.every, row.jitter, row.deadline):
-            if time is not None and not durations.is_duration(time):
+            if time is not None and not texts.is_duration(time):
                 yield from unknown("setting", [time], settings)
 
 

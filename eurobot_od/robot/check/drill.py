@@ -13,14 +13,14 @@ from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 
-from eurobot_od.device.flow import Call
+from eurobot_od.device.timers import Call
 from eurobot_od.errors import NoAnswer, StateError
 from eurobot_od.plugin import Program
 from eurobot_od.robot.model.messages import GotoXY
 from eurobot_od.robot.model.options import NOISE_ONLY, MatchOptions
 from eurobot_od.robot.model.values import Barriers, Obstacle, Passage, TeamColour
 from eurobot_od.robot.nodes import Core, Drive, Navigation, Node
-from eurobot_od.robot.nodes.goto import NotStanding, Standstill
+from eurobot_od.robot.nodes.flows import NotStanding, Standstill
 from eurobot_od.robot.world.instruments import assemble
 
 BEFORE = 10.0

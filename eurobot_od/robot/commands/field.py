@@ -10,14 +10,13 @@ from typing import Annotated
 
 from eurobot_od import plugin
 from eurobot_od.cli import RobotName, complain
+from eurobot_od.cli.decode import STANDARD_INPUT, Logs, Reading, entries
 from eurobot_od.cli.devices import Dialect, decoder_of
-from eurobot_od.cli.logs import STANDARD_INPUT, Logs, Reading, entries
 from eurobot_od.cli.signature import Option
 from eurobot_od.errors import EurobotError, RemoteError
 from eurobot_od.robot.model.options import MatchOptions
 from eurobot_od.robot.scene.files import SeenMatch, form, save
-from eurobot_od.robot.scene.recording import NOTHING, Truth
-from eurobot_od.robot.scene.truth_file import read_truth
+from eurobot_od.robot.scene.recording import NOTHING, Truth, read_truth
 from eurobot_od.traffic.entries import REMEMBERED
 from eurobot_od.traffic.meaning import DamageCounts, Meaning
 

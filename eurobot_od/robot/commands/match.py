@@ -15,9 +15,8 @@ from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
 from eurobot_od import plugin
 from eurobot_od.bus import live
 from eurobot_od.cli import ExitStatus, RobotName, complain, fall_silent
-from eurobot_od.cli.campaign import Campaign, counted
 from eurobot_od.cli.devices import Dialect
-from eurobot_od.cli.options import BusOptions, Faults, Json, assigned, positive, write
+from eurobot_od.cli.options import BusOptions, Campaign, Faults, Json, assigned, counted, positive, write
 from eurobot_od.cli.signature import HelpGroup, Option
 from eurobot_od.errors import LocalError
 from eurobot_od.frame import Frame
@@ -28,7 +27,7 @@ from eurobot_od.robot.match.referee import StrategyFiles
 from eurobot_od.robot.model.options import UNITS, Errors, MatchOptions
 from eurobot_od.robot.world import World
 from eurobot_od.support.files import check_writable
-from eurobot_od.support.terminal import folded, in_colour
+from eurobot_od.support.progress import folded, in_colour
 from eurobot_od.traffic.recorder import END, GO_ON, recording
 
 if TYPE_CHECKING:
@@ -208,7 +207,7 @@ def _run_one(asked: AskedMatch, options: MatchOptions) -> ExitStatus:
 def _keep_truth(log: Path, world: World, began: float) -> None:
     """Write what only the world knows beside the log; without it the match is a match all the same."""
     from eurobot_od.robot.match.drawing import truth_of
-    from eurobot_od.robot.scene.truth_file import write_truth
+    from eurobot_od.robot.scene.recording import write_truth
 
     try:
         write_truth(log, truth_of(world), began)
@@ -270,8 +269,7 @@ def _show(coloured: bool, event: MatchEvent) -> None:
 def _run_many(asked: AskedMatch, seeds: range, options: MatchOptions) -> ExitStatus:
     """Play all seeds and print what they came to; status 1 if something went wrong in a match."""
     from eurobot_od.robot.match.played import PlayedMatch  # one match starts without
-    from eurobot_od.robot.match.seeds import SEED, play_many, settings
-    from eurobot_od.robot.match.statistics import bar_marks, report
+    from eurobot_od.robot.match.seeds import SEED, bar_marks, play_many, report, settings
 
     asked.refuse(("speed", "seed", "field", *OF_A_BUS), "is for one match, and does not go with --seeds")
     log = None if asked.log is None else str(asked.log)

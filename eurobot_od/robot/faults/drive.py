@@ -8,7 +8,7 @@ from functools import partial
 from typing import Any, ClassVar
 
 from eurobot_od.device.faults import hooks
-from eurobot_od.device.faults.fault import (
+from eurobot_od.device.faults.hooks import (
     MOVED,
     NOT_ANSWERED,
     NOT_SENT,
@@ -21,8 +21,8 @@ from eurobot_od.device.faults.fault import (
 from eurobot_od.device.node import Node
 from eurobot_od.errors import Refused
 from eurobot_od.frame import Frame
-from eurobot_od.pdo.message import Message
-from eurobot_od.robot.faults.message_faults import DRIVES_ON, message_faults, replaced_by
+from eurobot_od.pdo.catalogue import Message
+from eurobot_od.robot.faults.core import DRIVES_ON, message_faults, replaced_by
 from eurobot_od.robot.model.messages import (
     CheckDriveRequest,
     CheckDriveResponse,

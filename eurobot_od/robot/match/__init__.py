@@ -4,9 +4,9 @@ Rule of this package: it uses the nodes as a team's program does, by the core's 
 timeline of events and a summary, which others print.
 """
 
-from eurobot_od.robot.match.rehearsal import rehearse as rehearse
-from eurobot_od.robot.match.rehearsal import rehearse_async as rehearse_async
+from eurobot_od.robot.match.stage import rehearse as rehearse
+from eurobot_od.robot.match.stage import rehearse_async as rehearse_async
 from eurobot_od.robot.match.summary import Summary as Summary
 from eurobot_od.robot.model.options import MatchOptions as MatchOptions
-from eurobot_od.robot.world.timeline import EventKind as EventKind
-from eurobot_od.robot.world.timeline import MatchEvent as MatchEvent
+from eurobot_od.robot.world.world import EventKind as EventKind
+from eurobot_od.robot.world.world import MatchEvent as MatchEvent

@@ -21,9 +21,8 @@ from eurobot_od.robot.match.stage import EdsFiles, play_simulated
 from eurobot_od.robot.match.summary import RobotTouch, Summary, touches_of
 from eurobot_od.robot.model.options import MatchOptions
 from eurobot_od.robot.model.values import Outcome, Passage
-from eurobot_od.robot.world.contact import Touch
-from eurobot_od.robot.world.timeline import EventKind, MatchEvent
-from eurobot_od.robot.world.world import OURS
+from eurobot_od.robot.world.bodies import Touch
+from eurobot_od.robot.world.world import OURS, EventKind, MatchEvent
 from eurobot_od.traffic.recorder import recording
 
 ARRIVED = Outcome.ARRIVED.value

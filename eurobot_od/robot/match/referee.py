@@ -18,9 +18,8 @@ from pathlib import Path
 from threading import get_ident
 from typing import Any, NamedTuple, TypeAlias, cast
 
-from eurobot_od.bus.live.event_loop import Terminated, exited
-from eurobot_od.bus.live.watchdog import Hang, caller
-from eurobot_od.device.flow import Call
+from eurobot_od.bus.live.event_loop import Hang, Terminated, caller, exited
+from eurobot_od.device.timers import Call
 from eurobot_od.errors import LocalError, ProgramFailed, RemoteError, StateError
 from eurobot_od.robot.match import strategy as shipped
 from eurobot_od.robot.model.messages import DIAMETERS, GotoXY, KalmanPositionResponse
@@ -28,9 +27,9 @@ from eurobot_od.robot.model.options import MatchOptions
 from eurobot_od.robot.model.places import Point, Pose
 from eurobot_od.robot.model.values import Outcome
 from eurobot_od.robot.nodes.core import Core
-from eurobot_od.robot.nodes.goto import GotoReport
-from eurobot_od.robot.world.timeline import EventKind, Timeline
-from eurobot_od.support import python_file
+from eurobot_od.robot.nodes.flows import GotoReport
+from eurobot_od.robot.world.world import EventKind, Timeline
+from eurobot_od.support import extras
 from eurobot_od.support.texts import amount
 
 AHEAD = " ahead"
@@ -302,7 +301,7 @@ def load_strategy(file: Path) -> Strategy:
     What the file prints while it is loaded goes to standard error. Raises LocalError with the line of the file if it
     cannot be read, is not Python, raises, or has no coroutine function `play` that takes the core.
     """
-    play = getattr(python_file.load(file), "play", None)
+    play = getattr(extras.load(file), "play", None)
     if play is None:
         raise LocalError(f"{file}: no `play` in it; write `async def play(core)`")
     code = getattr(play, "__code__", None)

@@ -6,21 +6,27 @@ strategies once.
 
 from __future__ import annotations
 
-from collections.abc import Generator
+from collections import Counter
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import lru_cache
+from itertools import chain
+from math import ceil, sqrt
+from operator import attrgetter, itemgetter
 from pathlib import Path
+from statistics import fmean, quantiles
+from typing import NamedTuple
 
 from eurobot_od import plugin
-from eurobot_od.robot.match.played import PlayedMatch, play
+from eurobot_od.robot.match.played import ARRIVED, UNMEANT, PlayedMatch, play
 from eurobot_od.robot.match.referee import Players, StrategyFiles
 from eurobot_od.robot.match.stage import EdsFiles, Performance
+from eurobot_od.robot.match.summary import RobotTouch, Summary, Touched
 from eurobot_od.robot.model.options import MatchOptions
 from eurobot_od.robot.model.robot_file import file_for
 from eurobot_od.robot.world import World
 from eurobot_od.season import campaign
-from eurobot_od.season.campaign import HERE, Workers
-from eurobot_od.season.results import Results
+from eurobot_od.season.campaign import HERE, Results, Workers
 from eurobot_od.support.files import digest_of
 
 SHIPPED = StrategyFiles()
@@ -86,3 +92,207 @@ def _digest(options: MatchOptions, strategies: StrategyFiles) -> str:
     """Return a digest of the EDS files, the robot's file and the strategies."""
     folder = plugin.find(options.robot).dialects.folder(options.dialect)
     return digest_of([*sorted(folder.glob("*.eds")), file_for(folder), *strategies])
+
+
+# A histogram of whole numbers, as lines of text
+
+
+BLOCKS = " ▏▎▍▌▋▊▉█"
+"""Nothing, the parts of a character, and a whole one."""
+
+ASCII = " #"
+
+WIDTH = 40
+"""Characters of the longest bar."""
+
+MOST_ROWS = 15
+"""Most rows of a histogram; each row covers as many values as that takes."""
+
+STEPS = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000)
+
+
+def bar_marks(encoding: str | None) -> str:
+    """Return the characters for bars that an encoding has."""
+    try:
+        BLOCKS.encode(encoding or "ascii")
+    except (UnicodeEncodeError, LookupError):
+        return ASCII
+    return BLOCKS
+
+
+def histogram(values: Sequence[int], characters: str = BLOCKS) -> Iterator[str]:
+    """Yield how often values from 0 up occur, with a row for each step from the least to the greatest."""
+    step = next((each for each in STEPS if max(values) // each - min(values) // each < MOST_ROWS), STEPS[-1])
+    counts = Counter(value // step for value in values)
+    most, width = max(counts.values()), len(str(max(counts) * step + step - 1))
+    parts = len(characters) - 1
+    # Empty rows are drawn as well: a gap in the middle is worth seeing.
+    for number in range(min(counts), max(counts) + 1):
+        first, last = number * step, number * step + step - 1
+        name = f"{first:>{width}}" if step == 1 else f"{first:>{width}} to {last:>{width}}"
+        length = round(counts[number] / most * WIDTH * parts) or (counts[number] > 0)  # a single match is visible, too
+        bar = characters[-1] * (length // parts) + characters[length % parts].strip()
+        yield f"{name}  {bar} {counts[number]}"
+
+
+# The figures
+
+
+MOST_LISTED = 20
+"""Most seeds to look at that are listed; all of them are in the JSON."""
+
+LOWEST = 3
+"""Number of seeds with the fewest points that are worth a look as well."""
+
+
+class EndingCount(NamedTuple):
+    """A way for gotos to end: in how many matches, and for how many gotos."""
+
+    name: str
+    matches: int
+    gotos: int
+
+
+class TouchCount(NamedTuple):
+    """What was touched: in how many matches, how often, how often we drove into it, and how often it drove into us."""
+
+    name: str
+    matches: int
+    touches: int
+    at_fault: int
+    driven_into: int
+
+
+class Figure(NamedTuple):
+    """A figure whose spread a team wants to know: one for each match, or for each of its arrivals."""
+
+    name: str
+    decimals: int
+    of: Callable[[PlayedMatch], Iterable[float | None]]
+
+    def line(self, spread: Spread | None) -> str:
+        """Return a line of the table; None is for a figure that no match has."""
+        if spread is None:
+            return f"{self.name:<22} {'none':>8}"
+        quartiles = (spread.lower, spread.median, spread.upper)
+        least, *middle, most = (f"{each:8.{self.decimals}f}" for each in (spread.least, *quartiles, spread.most))
+        mean = f"{spread.mean:8.{max(self.decimals, 1)}f}"
+        return f"{self.name:<22} {mean} {least} {spread.least_seed:>6} {' '.join(middle)} {most} {spread.most_seed:>6}"
+
+
+def _once(figure: Callable[[PlayedMatch, Summary], float]) -> Callable[[PlayedMatch], Iterable[float]]:
+    """Make a figure that a match has once, if it was played to its end."""
+    return lambda match: [figure(match, match.summary)] if match.summary else []
+
+
+FIGURES = (
+    Figure("points", 0, _once(lambda match, _: match.points)),
+    Figure("tasks done", 0, _once(lambda match, _: sum(task.gain > 0 for task in match.tasks))),
+    Figure("stops", 0, _once(lambda match, _: match.stops)),
+    Figure("touches", 0, _once(lambda match, _: len(match.touches))),
+    Figure("places reached", 0, _once(lambda match, _: len(match.arrivals))),
+    Figure("distance to place, mm", 1, lambda match: [goto.distance for goto in match.arrivals]),
+    Figure("position error, mm", 1, lambda match: [goto.error for goto in match.arrivals]),
+    Figure("time to place, s", 2, lambda match: [goto.seconds for goto in match.arrivals]),
+    Figure("messages seen", 0, _once(lambda _, summary: summary.messages_sent)),
+    Figure("bus load, %", 2, _once(lambda _, summary: summary.load * 100)),
+    Figure("end, s", 1, _once(lambda _, summary: summary.seconds)),
+)
+
+
+class Spread(NamedTuple):
+    """Mean, least, quartiles and greatest of a figure, and the first seeds with the extremes."""
+
+    mean: float
+    least: float
+    least_seed: int
+    lower: float
+    median: float
+    upper: float
+    most: float
+    most_seed: int
+
+
+def endings(matches: Sequence[PlayedMatch]) -> list[EndingCount]:
+    """Count how gotos ended: those that arrived, those whose end nobody wanted, then every other way to end."""
+    ends = [[goto.end for goto in match.gotos] for match in matches]
+    gotos, in_matches = Counter(chain(*ends)), Counter(chain(*map(set, ends)))
+    names = [ARRIVED, *UNMEANT, *sorted(gotos.keys() - {ARRIVED, *UNMEANT})]
+    return [EndingCount(name, in_matches[name], gotos[name]) for name in names]
+
+
+FORCED = "forced barrier"
+
+
+def touch_counts(matches: Iterable[PlayedMatch]) -> list[TouchCount]:
+    """Count what was touched, and by whose fault; a barrier flagged as forced counts only as that."""
+    found: dict[str, list[tuple[int, RobotTouch]]] = {name: [] for name in (FORCED, *(kind.value for kind in Touched))}
+    for match in matches:
+        for touch in match.touches:
+            found[FORCED if touch.forced else touch.kind.value].append((match.seed, touch))
+    return [
+        TouchCount(
+            name,
+            len({seed for seed, _ in touches}),
+            len(touches),
+            sum(each.at_fault for _, each in touches),
+            sum(each.driven_into for _, each in touches),
+        )
+        for name, touches in found.items()
+    ]
+
+
+def spread(figure: Figure, matches: Iterable[PlayedMatch]) -> Spread | None:
+    """Return the spread of a figure, None if no match has it."""
+    pairs = [(value, match.seed) for match in matches for value in figure.of(match) if value is not None]
+    if not pairs:
+        return None
+    values = [value for value, _ in pairs]
+    # Inclusive: the seeds are everything that was played, and the extremes are among them.
+    lower, median, upper = quantiles(values, n=4, method="inclusive") if len(values) > 1 else values * 3
+    least, most = min(pairs, key=itemgetter(0)), max(pairs, key=itemgetter(0))
+    return Spread(fmean(values), *least, lower, median, upper, *most)
+
+
+# In words
+
+
+def report(matches: Sequence[PlayedMatch], marks: str = BLOCKS) -> Iterator[str]:
+    """Yield lines that sum up the matches, at least one; `marks` are the characters of the histogram."""
+    yield f"{'gotos':<30} {'matches':>8} {'gotos':>8}"
+    for ending in endings(matches):
+        yield f"{ending.name:<30} {ending.matches:>8} {ending.gotos:>8}"
+    yield ""
+    yield f"{'touched':<21} {'matches':>8} {'touches':>8} {'our fault':>10} {'driven into':>12}"
+    for row in touch_counts(matches):
+        yield f"{row.name:<21} {row.matches:>8} {row.touches:>8} {row.at_fault:>10} {row.driven_into:>12}"
+    yield ""
+    headings = f"{'mean':>8} {'least':>8} {'seed':>6} {'25 %':>8} {'median':>8} {'75 %':>8} {'most':>8} {'seed':>6}"
+    yield f"{'':<22} {headings}"
+    for figure in FIGURES:
+        yield figure.line(spread(figure, matches))
+    if errors := sorted(goto.error for match in matches for goto in match.arrivals if goto.error is not None):
+        # A value that some match really had, not one interpolated between two.
+        rms, most = sqrt(fmean(error**2 for error in errors)), errors[ceil(0.95 * len(errors)) - 1]
+        where = f"position error at {len(errors)} arrivals"
+        yield f"{where}: mean {fmean(errors):.1f} mm, RMS {rms:.1f} mm, 95 % up to {most:.1f} mm"
+    if points := [match.points for match in matches if match.summary]:
+        yield from ("", "matches by points", *histogram(points, marks))
+    yield ""
+    yield from _to_look_at(matches)
+
+
+def _to_look_at(matches: Sequence[PlayedMatch]) -> Iterator[str]:
+    """Name the seeds in which something went wrong, and those with the fewest points."""
+    bad = [match for match in matches if match.wrong]
+    for match in bad[:MOST_LISTED]:
+        first, *others = match.wrong
+        yield f"seed {match.seed}: {first}" + f", and {len(others)} more" * bool(others)
+    if len(bad) > MOST_LISTED:
+        yield f"and {len(bad) - MOST_LISTED} more seeds"
+    if len(matches) > LOWEST and any(match.summary for match in matches):
+        # Worth a look even if nothing went wrong: this is where a strategy can gain most.
+        low = sorted((match for match in matches if match.summary), key=attrgetter("points"))[:LOWEST]
+        yield "fewest points: " + ", ".join(f"seed {match.seed} with {match.points}" for match in low)
+    played = f"{len(matches)} match{'es' * (len(matches) != 1)}, seeds {matches[0].seed} to {matches[-1].seed}"
+    yield f"{played}: something went wrong in {len(bad)}" if bad else f"{played}: nothing went wrong"

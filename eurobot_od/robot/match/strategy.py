@@ -15,11 +15,11 @@ from itertools import pairwise
 
 from eurobot_od.errors import RemoteError, StateError
 from eurobot_od.robot.model import messages
-from eurobot_od.robot.model.facts import Facts, Task, Worth
 from eurobot_od.robot.model.places import Point, Pose
+from eurobot_od.robot.model.robot_file import Facts, Task, Worth
 from eurobot_od.robot.model.values import Barriers, Outcome, Passage, Source
 from eurobot_od.robot.nodes.core import Core
-from eurobot_od.robot.nodes.route import Clearances, Disc, find_route
+from eurobot_od.robot.nodes.motion import Clearances, Disc, find_route
 
 SPEED = 80  # percent: at more, the stopping distance is longer than the sensor's
 PACE = 400.0  # mm/s on average, including braking and turning

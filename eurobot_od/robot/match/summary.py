@@ -13,7 +13,7 @@ from eurobot_od.device.nmt import NmtState
 from eurobot_od.errors import UnknownIdentifier
 from eurobot_od.frame import Frame
 from eurobot_od.pdo.protocol import Protocol
-from eurobot_od.robot.world.contact import Touch
+from eurobot_od.robot.world.bodies import Touch
 from eurobot_od.traffic.services import services
 
 

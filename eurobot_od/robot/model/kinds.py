@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 
 from eurobot_od.od.values import Limits, typed_number
 from eurobot_od.pdo.kinds import ColumnForm, KeyedForm, Kind, whole_number, words_of
-from eurobot_od.robot.model.facts import Facts
+from eurobot_od.robot.model.robot_file import Facts
 from eurobot_od.robot.model.values import Barriers, GotoFault, Passage
 
 

@@ -9,11 +9,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Annotated, NamedTuple, TypeAlias
 
-from eurobot_od.device.emergency import ErrorCode
+from eurobot_od.device.broadcasts import ErrorCode
 from eurobot_od.errors import FieldError
-from eurobot_od.pdo.catalogue import Catalogue
+from eurobot_od.pdo.catalogue import Catalogue, Message
 from eurobot_od.pdo.kinds import Choice, Kind, OutOfRange, words_of
-from eurobot_od.pdo.message import Message
 from eurobot_od.robot.model.kinds import Angle, BarrierFlags, Coordinate, Heading, Remaining
 from eurobot_od.robot.model.values import (
     Barriers,

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 from eurobot_od import plugin
 from eurobot_od.errors import LocalError, UnknownName
-from eurobot_od.robot.model.facts import Facts
+from eurobot_od.robot.model.robot_file import Facts
 from eurobot_od.robot.model.values import TeamColour
 from eurobot_od.support.connections import Address, parse
 

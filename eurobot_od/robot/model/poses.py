@@ -11,8 +11,8 @@ from math import cos, radians, sin
 from typing import Any
 
 from eurobot_od.export.mcap import Drawing
+from eurobot_od.pdo.catalogue import Message
 from eurobot_od.pdo.kinds import OutOfRange
-from eurobot_od.pdo.message import Message
 from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.robot.model.messages import SOURCES, GotoXY
 

@@ -42,27 +42,27 @@ from functools import partial
 from math import inf
 from typing import Any, ClassVar, get_args
 
-from eurobot_od.device.bound import BoundObject
-from eurobot_od.device.flow import START, Ask, Call, Flow, Pause, Script, shielded
-from eurobot_od.device.settings import Setting, seconds
-from eurobot_od.device.storage import Store
-from eurobot_od.device.timers import Timer
+from eurobot_od.device.bound import BoundObject, Setting, seconds
+from eurobot_od.device.objects import Store
+from eurobot_od.device.timers import START, Ask, Call, Flow, Pause, Script, Timer, shielded
 from eurobot_od.errors import NoAnswer, StateError
 from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.pdo.catalogue import Message, MessageT
 from eurobot_od.pdo.kinds import OutOfRange
-from eurobot_od.pdo.message import Message, MessageT
 from eurobot_od.robot.model import messages
-from eurobot_od.robot.model.facts import Facts
 from eurobot_od.robot.model.places import Place
+from eurobot_od.robot.model.robot_file import Facts
 from eurobot_od.robot.model.values import Barriers, Direction, Obstacle, Outcome, RobotError, Route, Source, TeamColour
-from eurobot_od.robot.nodes import startup
-from eurobot_od.robot.nodes.equipment import Actuators, Approach, Detection, DistanceSensor
-from eurobot_od.robot.nodes.goto import (
+from eurobot_od.robot.nodes import flows
+from eurobot_od.robot.nodes.estimate import DriveAnswer, Seen, Sighting, Track, Twins
+from eurobot_od.robot.nodes.flows import (
     LOST_PLACE,
+    DialectMismatch,
     End,
     GotoReport,
     NotStanding,
     PlaceLost,
+    SdoClientParameter,
     Standstill,
     drive_position,
     find_place,
@@ -70,9 +70,17 @@ from eurobot_od.robot.nodes.goto import (
     until_ended,
     until_standing,
 )
-from eurobot_od.robot.nodes.node import LEAVING, CallingNode, CoreSettings, Handlers, Objects
-from eurobot_od.robot.nodes.sightings import DriveAnswer, Seen, Sighting, Track, Twins
-from eurobot_od.robot.nodes.startup import DialectMismatch, SdoClientParameter
+from eurobot_od.robot.nodes.node import (
+    LEAVING,
+    Actuators,
+    Approach,
+    CallingNode,
+    CoreSettings,
+    Detection,
+    DistanceSensor,
+    Handlers,
+    Objects,
+)
 
 POLLED_POSITIONS: tuple[tuple[Message, Setting[float], Source], ...] = (
     (messages.NaviPositionRequest(), seconds("Position polling.Navi offset"), Source.INTERNAL),
@@ -149,7 +157,7 @@ class Core(CallingNode, CoreSettings):
         self._missing: Flow[None] | None = None
         self._looking: Timer | None = None
         self._stopped: messages.StopMessage | None = None
-        self.readiness = startup.Readiness()
+        self.readiness = flows.Readiness()
         self._lost = ""
         self._twins = Twins()
         self._place: Place | None = None
@@ -193,7 +201,7 @@ class Core(CallingNode, CoreSettings):
         NoAnswer names the node check that nobody answered: the start is then blocked (document 5.1). DialectMismatch
         names a node that is loaded from the EDS of another dialect.
         """
-        return self.begin(startup.check_nodes(self, self.readiness.checked)).call
+        return self.begin(flows.check_nodes(self, self.readiness.checked)).call
 
     def configure_start(
         self,
@@ -455,7 +463,7 @@ class Core(CallingNode, CoreSettings):
         asked: float = yield START
         before, self._lost = self._lost, ""  # a node that is lost from here on may not have heard of it
         try:
-            confirmed = yield from startup.configure(self, configuration, self.readiness, self.without)
+            confirmed = yield from flows.configure(self, configuration, self.readiness, self.without)
         except BaseException:
             self._lost = self._lost or before
             raise
@@ -518,14 +526,14 @@ class Core(CallingNode, CoreSettings):
     def _recover(self, configuration: messages.StartConfigurationSet) -> Script[None]:
         """Check the nodes again after one was lost, and make sure that the drive knows where it is."""
         self._astray = True
-        yield from startup.check_nodes(self, self.readiness.checked, self.without)
+        yield from flows.check_nodes(self, self.readiness.checked, self.without)
         here = yield from drive_position(self)
         # Once configured, a drive believes in its start place until the navigation says otherwise: one that still knows
         # its place is left alone.
         if here.x is None or not self.readiness.configured:
             yield from self._configure(configuration)
         elif "navigation" not in self.without:
-            yield from startup.tell_navigation(self, configuration)
+            yield from flows.tell_navigation(self, configuration)
         self._lost = ""
         yield from self._find_place(configuration, self._place)
 
@@ -552,7 +560,7 @@ class Core(CallingNode, CoreSettings):
     def _miss_navigation(self) -> Script[None]:
         """Ask a navigation that has been silent for long during a match whether it is there."""
         yield START
-        node, request, answer = startup.NODE_CHECKS[1]
+        node, request, answer = flows.NODE_CHECKS[1]
         try:
             yield Ask(request, answer, self.check_wait, QUESTIONS)
             self._heard = self.now
@@ -562,7 +570,7 @@ class Core(CallingNode, CoreSettings):
 
     def _take_navigation_back(self, configuration: messages.StartConfigurationSet) -> Script[None]:
         try:
-            yield from startup.take_back(self, configuration, self.readiness.checked)
+            yield from flows.take_back(self, configuration, self.readiness.checked)
         except DialectMismatch as error:
             self.alarm(str(error))
             # A navigation with another dialect is of no use: the next goto begins with the checks, which say so.

@@ -11,25 +11,32 @@ import math
 from collections.abc import Callable, Mapping
 from typing import Any, ClassVar
 
-from eurobot_od.device.bound import BoundObject
-from eurobot_od.device.settings import period, scaled, seconds, setting, together
-from eurobot_od.device.storage import Store
+from eurobot_od.device.bound import BoundObject, period, scaled, seconds, setting, together
+from eurobot_od.device.objects import Store
 from eurobot_od.device.timers import Timer
 from eurobot_od.errors import Cause, DictionaryError, Refused
 from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.pdo.catalogue import Message
 from eurobot_od.pdo.kinds import OutOfRange
-from eurobot_od.pdo.message import Message
 from eurobot_od.robot.model import messages
-from eurobot_od.robot.model.facts import Facts
 from eurobot_od.robot.model.kinds import Remaining
 from eurobot_od.robot.model.places import Point, Pose
+from eurobot_od.robot.model.robot_file import Facts
 from eurobot_od.robot.model.values import Barriers, Direction, GotoFault, Obstacle, Passage, RobotError, Route, Source
-from eurobot_od.robot.nodes.estimate import Estimate
-from eurobot_od.robot.nodes.kalman import Tuning
-from eurobot_od.robot.nodes.motion import AT_REST, Braking, Chassis, IdealChassis, Motion, MotionLimits, WheelCommand
+from eurobot_od.robot.nodes.estimate import Estimate, Tuning
+from eurobot_od.robot.nodes.motion import (
+    AT_REST,
+    Braking,
+    Chassis,
+    Clearances,
+    IdealChassis,
+    Motion,
+    MotionLimits,
+    WheelCommand,
+    find_route,
+)
 from eurobot_od.robot.nodes.navigation import Fix
 from eurobot_od.robot.nodes.node import FollowingNode, Handlers, Objects
-from eurobot_od.robot.nodes.route import Clearances, find_route
 
 LATE = 0.1
 """How late a control step may be, in seconds, and still be made up for: as long as a busy computer may take."""

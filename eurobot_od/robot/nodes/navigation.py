@@ -8,12 +8,11 @@ from __future__ import annotations
 import math
 from typing import ClassVar, NamedTuple, Protocol
 
-from eurobot_od.device.bound import BoundObject
-from eurobot_od.device.settings import setting
-from eurobot_od.device.storage import Store
+from eurobot_od.device.bound import BoundObject, setting
+from eurobot_od.device.objects import Store
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.robot.model import messages
-from eurobot_od.robot.model.facts import Facts
+from eurobot_od.robot.model.robot_file import Facts
 from eurobot_od.robot.model.values import Source
 from eurobot_od.robot.nodes.node import FollowingNode, Handlers, Objects
 

@@ -2,26 +2,76 @@
 
 from __future__ import annotations
 
-from collections import defaultdict
+from collections import defaultdict, deque
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future
-from typing import Any, ClassVar, TypeAlias
+from typing import Any, ClassVar, NamedTuple, Protocol, TypeAlias
 
-from eurobot_od.device.bound import Application, BoundObject
-from eurobot_od.device.flow import START, Ask, Call, Flow, Result, Script
+from eurobot_od.device.bound import Application, BoundObject, period, seconds, setting
 from eurobot_od.device.node import Node
-from eurobot_od.device.objects import out_of_limits
-from eurobot_od.device.settings import period, seconds, setting
-from eurobot_od.device.storage import Store
+from eurobot_od.device.objects import Store, out_of_limits
+from eurobot_od.device.timers import START, Ask, Call, Flow, Result, Script
 from eurobot_od.errors import Cause, DictionaryError, Refused, StateError
 from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.objects import data_type
 from eurobot_od.od.values import Address, Limits, Value
-from eurobot_od.pdo.message import Message, MessageT
+from eurobot_od.pdo.catalogue import Message, MessageT
 from eurobot_od.robot.model import messages, robot_file
-from eurobot_od.robot.model.facts import Facts
-from eurobot_od.robot.model.values import RobotError
+from eurobot_od.robot.model.robot_file import Facts
+from eurobot_od.robot.model.values import Obstacle, RobotError
+
+
+class Detection(NamedTuple):
+    """Something ahead: what it is, its distance in mm from edge to edge, and its bearing in degrees, left positive."""
+
+    obstacle: Obstacle
+    distance: float
+    bearing: float
+
+
+class DistanceSensor(Protocol):
+    """A sensor that looks ahead of the robot, real or simulated."""
+
+    def look(self, now: float) -> Detection | None:
+        """Measure what is ahead; None if there is nothing."""
+
+
+class Actuators(Protocol):
+    """Arms, grippers, launchers for the robot's tasks, real or simulated."""
+
+    def begin(self, task: str) -> float:
+        """Begin a task where the robot stands; return how many seconds it takes. Raises UnknownName."""
+
+    def finish(self, task: str) -> int:
+        """Finish a task that was begun; return the result in points, or in pieces of fruit."""
+
+
+class Approach:
+    """Tells whether the robot drives into something, which is near and comes nearer, or just stands in front of it.
+
+    A robot that turns on the spot in front of something, or backs away from it, need not stop.
+    """
+
+    def __init__(self) -> None:
+        self._distances: deque[float | None] = deque(maxlen=READINGS)
+
+    def meets(self, detection: Detection | None, stop_distance: float) -> bool:
+        """Take in a reading; tell whether the robot drives into something nearer than `stop_distance` mm."""
+        self._distances.append(None if detection is None else detection.distance)
+        if detection is None or detection.distance > stop_distance:
+            return False
+        # The oldest reading that saw something: over a longer time the change stands out from the noise.
+        first = next(each for each in self._distances if each is not None)
+        return first - detection.distance >= CLOSING
+
+
+READINGS = 3
+"""Number of readings that are compared: one that misses something does not hide it."""
+
+CLOSING = 12.0
+"""The robot drives into what comes nearer by this much, mm, in these readings; less may be the sensor's noise."""
+
 
 Handlers: TypeAlias = Mapping[type[Message], Callable[[Any, Any], "Message | None"]]
 """The handler of each message: a function of the node and the message that returns the answer, or None."""

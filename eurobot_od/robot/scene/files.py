@@ -8,7 +8,7 @@ from types import ModuleType
 from typing import NamedTuple
 
 from eurobot_od.errors import UnknownName
-from eurobot_od.robot.model.facts import Facts
+from eurobot_od.robot.model.robot_file import Facts
 from eurobot_od.robot.scene.recording import NOTHING, Recording, Truth, record
 from eurobot_od.robot.scene.sheet import PAGE, sheet
 from eurobot_od.support import extras

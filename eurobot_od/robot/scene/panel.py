@@ -11,10 +11,9 @@ from pathlib import Path
 from threading import Event as Signal
 from typing import Any, ClassVar
 
-from eurobot_od.pdo.message import Message, describe
+from eurobot_od.pdo.catalogue import Message, describe
 from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.robot.model import robot_file
-from eurobot_od.robot.model.facts import Facts
 from eurobot_od.robot.model.messages import (
     EmergencyShutdown,
     GotoXY,
@@ -23,15 +22,14 @@ from eurobot_od.robot.model.messages import (
     StartConfigurationSet,
 )
 from eurobot_od.robot.model.places import Point
+from eurobot_od.robot.model.robot_file import Facts
 from eurobot_od.robot.model.values import Outcome, Route
-from eurobot_od.robot.nodes.route import Clearances, find_route
-from eurobot_od.robot.nodes.sightings import SPREAD, TOP_SPEED
-from eurobot_od.robot.nodes.startup import NODE_CHECKS
+from eurobot_od.robot.nodes.estimate import SPREAD, TOP_SPEED
+from eurobot_od.robot.nodes.flows import NODE_CHECKS
+from eurobot_od.robot.nodes.motion import Clearances, find_route
 from eurobot_od.robot.scene import style
-from eurobot_od.robot.scene.ground import ground
-from eurobot_od.robot.scene.recording import OURS, RecordedGoto, RecordedStop, Recorder, Truth, at
-from eurobot_od.robot.scene.scene import LAYERS, Explained, Item, Look, MatchScene, legend, looks, way_mark
-from eurobot_od.robot.scene.truth_file import read_truth
+from eurobot_od.robot.scene.recording import OURS, RecordedGoto, RecordedStop, Recorder, Truth, at, read_truth
+from eurobot_od.robot.scene.scene import LAYERS, Explained, Item, Look, MatchScene, ground, legend, looks, way_mark
 from eurobot_od.support import svg
 from eurobot_od.web.panel import Beside, Control, PageEvent, Panel
 

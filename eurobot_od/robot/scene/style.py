@@ -13,7 +13,7 @@ from collections.abc import Iterable, Mapping
 from typing import NamedTuple
 
 from eurobot_od.robot.model import messages
-from eurobot_od.robot.model.facts import BarrierKind, BarrierShape
+from eurobot_od.robot.model.robot_file import BarrierKind, BarrierShape
 from eurobot_od.robot.model.values import Outcome, Passage, TeamColour
 from eurobot_od.support import svg
 from eurobot_od.support.svg import PaperPoint

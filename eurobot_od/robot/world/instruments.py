@@ -11,14 +11,14 @@ import random
 from collections.abc import Callable, Iterable, Sequence
 from typing import Protocol
 
-from eurobot_od.robot.model.facts import Field
 from eurobot_od.robot.model.options import Errors, MatchOptions
 from eurobot_od.robot.model.places import Pose
+from eurobot_od.robot.model.robot_file import Field
 from eurobot_od.robot.model.values import Obstacle, Source
 from eurobot_od.robot.nodes import Core, Drive, Navigation, Node
-from eurobot_od.robot.nodes.equipment import Actuators, Detection
 from eurobot_od.robot.nodes.motion import Odometry, WheelCommand
 from eurobot_od.robot.nodes.navigation import Fix
+from eurobot_od.robot.nodes.node import Actuators, Detection
 from eurobot_od.robot.world import World
 
 

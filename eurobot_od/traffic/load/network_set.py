@@ -13,10 +13,10 @@ from collections.abc import Iterable, Iterator, Mapping
 from eurobot_od.errors import DictionaryError, FileError, LocalError
 from eurobot_od.od import standard, values
 from eurobot_od.od.dictionary import Dictionary, SdoChannel
-from eurobot_od.od.network_file import NetworkFile, TrafficEntry
+from eurobot_od.od.network import NetworkFile, TrafficEntry
 from eurobot_od.od.pdos import Pdo
 from eurobot_od.od.values import PdoDirection
-from eurobot_od.support import durations
+from eurobot_od.support import texts
 from eurobot_od.traffic.load.analysis import MessageSet, PeriodicMessage
 
 SERVER_NODE_ID = 3
@@ -158,8 +158,8 @@ class _Rows:
 
     def _time(self, text: str, node: str) -> int:
         """Return the us of a duration, or of a setting in ms: the node's own before another's."""
-        if durations.is_duration(text):
-            return durations.microseconds(text)
+        if texts.is_duration(text):
+            return texts.microseconds(text)
         for device in sorted(self._devices, key=lambda each: each.name != node):
             try:
                 number = device.number(device.address(text))

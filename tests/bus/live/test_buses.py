@@ -4,14 +4,19 @@ from __future__ import annotations
 
 import errno
 import logging
+from collections.abc import Callable
+from contextlib import closing
 
 import can
 import pytest
 from can.interfaces.virtual import VirtualBus
 
 from eurobot_od.bus.live import Driver, open_bus
+from eurobot_od.bus.live.buses import Connection, Gaps
 from eurobot_od.errors import BusError
 from eurobot_od.frame import Frame
+from eurobot_od.support import connections
+from eurobot_od.support.connections import STEADY
 
 FRAME = Frame(0x123, b"\1\2")
 
@@ -99,3 +104,116 @@ def test_what_drivers_log_is_kept_off_the_terminal_when_a_bus_is_opened(
     open_bus("virtual", "quiet").shutdown()
     logging.getLogger("can").warning("the driver says so")
     assert capfd.readouterr() == ("", "")
+
+
+FAILED = BusError("it failed")
+
+
+class Scene:
+    """A connection whose clock stands; `refusals` are how often its bus does not open."""
+
+    def __init__(self, opens: bool = True, refusals: int = 0, bus: type[can.BusABC] = VirtualBus) -> None:
+        self.now, self.refusals, self._bus = 0.0, refusals, bus
+        self.on_open: Callable[[], object] = lambda: None
+        self.told: list[object] = []
+        opener = self._open if opens else None
+        self.connection = Connection(
+            Driver(bus("connection")),
+            opener,
+            lambda: self.now,
+            lambda why, again: self.told.append((why, again)),
+            lambda: self.told.append("opened"),
+            self.told.append,
+        )
+
+    def close(self) -> None:
+        self.connection.driver.bus.shutdown()
+
+    def _open(self) -> can.BusABC:
+        if self.refusals:
+            self.refusals -= 1
+            raise BusError("not yet")
+        self.on_open()
+        return self._bus("connection")
+
+
+@pytest.fixture(autouse=True)
+def _at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(connections, "FIRST_PAUSE", 0.001)
+    monkeypatch.setattr(connections, "LONGEST_PAUSE", 0.002)
+
+
+def test_only_the_first_who_notices_is_heard() -> None:
+    with closing(Scene()) as scene:
+        for _ in range(3):
+            scene.connection.fail(FAILED)
+        assert scene.told == [(FAILED, True)]
+        assert not scene.connection.up
+
+
+def test_a_gap_ends_when_the_bus_was_read_and_not_when_it_was_opened() -> None:
+    with closing(Scene(refusals=3)) as scene:
+        scene.now = 1.0
+        scene.connection.fail(FAILED)
+        assert scene.connection.reopen()
+        scene.connection.fail(FAILED)  # opened, and still down
+        assert scene.connection.reopen()
+        assert scene.connection.failure is FAILED
+        scene.now = 4.5
+        scene.connection.works()
+        scene.connection.works()
+        assert scene.told == [(FAILED, True), "opened", "opened", 3.5]
+        assert scene.connection.gaps == Gaps(1, 3.5)
+        scene.now += STEADY
+        scene.connection.fail(FAILED)
+        assert scene.told[-1] == (FAILED, True)
+
+
+def test_without_an_opener_it_is_not_opened_again_and_sending_may_go_on() -> None:
+    with closing(Scene(opens=False)) as scene:
+        scene.connection.fail(FAILED)
+        assert scene.told == [(FAILED, False)]
+        assert scene.connection.up
+        assert not scene.connection.reopen()
+
+
+def test_what_is_closed_neither_fails_nor_opens() -> None:
+    with closing(Scene()) as scene:
+        scene.connection.close()
+        scene.connection.fail(FAILED)
+        assert not scene.connection.reopen()
+        assert scene.told == []
+
+
+def test_a_bus_that_is_closed_while_it_opens_is_not_read() -> None:
+    with closing(Scene()) as scene:
+        scene.connection.fail(FAILED)
+        scene.on_open = scene.connection.close
+        assert not scene.connection.reopen()
+        assert not scene.connection.up
+
+
+class CountingBus(VirtualBus):
+    """A bus whose driver has lost 5 frames."""
+
+    lost = 5
+
+
+def test_the_frames_that_each_bus_has_lost_are_added_up(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Driver, "overflow", property(lambda driver: getattr(driver.bus, "lost", 0)))
+    with closing(Scene(bus=CountingBus)) as scene:
+        scene.connection.count_overflow()
+        scene.connection.fail(FAILED)
+        assert scene.connection.reopen()
+        scene.connection.count_overflow()  # the new one counts from 0, and has lost 5 again
+        assert scene.connection.overflow == 10
+
+
+def test_a_bus_that_fails_while_it_is_said_to_work_is_still_lost() -> None:
+    with closing(Scene()) as scene:
+        scene.connection.fail(FAILED)
+        assert scene.connection.reopen()
+        scene.connection.fail(FAILED)  # a sender was quicker than the reader
+        scene.connection.works()
+        assert scene.connection.failure is FAILED
+        assert scene.connection.gaps == Gaps()

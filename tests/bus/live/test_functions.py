@@ -9,7 +9,7 @@ from queue import SimpleQueue
 
 import pytest
 
-from eurobot_od.bus.live.functions import STUCK_AFTER, FunctionThread
+from eurobot_od.bus.live.reader import STUCK_AFTER, FunctionThread
 from eurobot_od.gatekeeper import Event, FunctionListener, Report
 
 LONG = 10.0
@@ -136,7 +136,7 @@ def test_at_the_end_what_was_submitted_is_called(scene: Scene) -> None:
 def test_the_end_does_not_wait_for_a_function_that_hangs_and_counts_what_is_lost(
     scene: Scene, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("eurobot_od.bus.live.functions.PATIENCE", 0.01)
+    monkeypatch.setattr("eurobot_od.bus.live.reader.PATIENCE", 0.01)
     scene.hang()
     scene.thread.submit(scene.hears, "too late", 0.0)
     scene.thread.stop()

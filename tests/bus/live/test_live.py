@@ -23,7 +23,7 @@ from eurobot_od.gatekeeper import Event as What
 from eurobot_od.gatekeeper import Gatekeeper
 from eurobot_od.gatekeeper.mailboxes import MAILBOX_WAIT
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.pdo.message import Message
+from eurobot_od.pdo.catalogue import Message
 from eurobot_od.robot import dialects
 from eurobot_od.robot.model.messages import (
     CheckDriveRequest,
@@ -630,7 +630,7 @@ def test_a_function_that_hangs_is_reported_and_stops_neither_node_nor_queue(chan
 
 
 def test_a_function_that_hangs_does_not_keep_the_end(channel: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("eurobot_od.bus.live.functions.PATIENCE", 0.01)
+    monkeypatch.setattr("eurobot_od.bus.live.reader.PATIENCE", 0.01)
     entered, release = Event(), Event()
 
     def stuck(*_: object) -> None:

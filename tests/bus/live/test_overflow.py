@@ -11,11 +11,11 @@ import pytest
 from can.interfaces.virtual import VirtualBus
 
 from eurobot_od.bus.live import Live
-from eurobot_od.device.emergency import ErrorCode
+from eurobot_od.device.broadcasts import ErrorCode
 from eurobot_od.gatekeeper import Event
 from eurobot_od.robot import dialects
 from eurobot_od.robot.nodes import Drive
-from eurobot_od.traffic.monitor.sources import BusSource
+from eurobot_od.traffic.monitor import BusSource
 from tests.bus.live.loose import Reports, wait_for
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the counters are Linux's")

@@ -16,8 +16,8 @@ import can
 import pytest
 
 from eurobot_od.bus.live import open_bus
-from eurobot_od.check.live import run_live
-from eurobot_od.check.results import Status, StepResult, SuitePart
+from eurobot_od.check.on_bus import run_live
+from eurobot_od.check.report import Status, StepResult, SuitePart
 from eurobot_od.check.runner import RunOptions
 from eurobot_od.robot.model.messages import CheckDriveRequest, GotoConfirm, GotoXY, StartConfigurationSet
 from eurobot_od.robot.model.values import TeamColour

@@ -8,7 +8,7 @@ import can
 import pytest
 
 from eurobot_od.bus.live import Driver
-from eurobot_od.bus.live.connection import Connection
+from eurobot_od.bus.live.buses import Connection
 from eurobot_od.bus.live.reader import Reader
 
 AHEAD = 1_000_000.0

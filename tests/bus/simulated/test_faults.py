@@ -8,7 +8,7 @@ import pytest
 
 from eurobot_od.bus.bits import INTERMISSION, frame_bits
 from eurobot_od.bus.simulated.network import Simulation
-from eurobot_od.device.emergency import ErrorCode
+from eurobot_od.device.broadcasts import ErrorCode
 from eurobot_od.frame import Frame
 from eurobot_od.robot.nodes import ROLES
 from tests.robot.nodes.harness import DICTIONARIES, Peer

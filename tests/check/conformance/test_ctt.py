@@ -8,7 +8,7 @@ from pathlib import Path
 from eurobot_od.check.conformance import ctt, suite
 from eurobot_od.check.conformance.clauses import StepName
 from eurobot_od.check.conformance.ctt import Verdict
-from eurobot_od.check.results import Status, StepReason, StepResult, SuitePart, SuiteResult
+from eurobot_od.check.report import Status, StepReason, StepResult, SuitePart, SuiteResult
 from eurobot_od.support.yaml_places import Place
 from tests.rows import rows
 

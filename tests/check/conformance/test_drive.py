@@ -8,7 +8,7 @@ import pytest
 
 from eurobot_od.check.conformance import drive
 from eurobot_od.check.conformance.drive import MotionBounds
-from eurobot_od.check.results import Status
+from eurobot_od.check.report import Status
 from eurobot_od.check.suite import Suite
 from eurobot_od.device.faults.drive import FAULTS
 from eurobot_od.device.profiles.devices import SimulatedDrive

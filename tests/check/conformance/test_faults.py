@@ -6,7 +6,7 @@ import pytest
 
 from eurobot_od.check.conformance import suite
 from eurobot_od.check.conformance.subject import Tier
-from eurobot_od.device.faults.fault import Fault
+from eurobot_od.device.faults.hooks import Fault
 from eurobot_od.device.simulated import SimulatedDevice
 from tests.kit.devices import MODULE, first_red, suites
 from tests.kit.faults import CONFORMANCE

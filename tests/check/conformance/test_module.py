@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from eurobot_od.check.conformance import module
-from eurobot_od.check.results import Status
+from eurobot_od.check.report import Status
 from eurobot_od.check.suite import Suite
 from eurobot_od.device.profiles.devices import SimulatedModule
 from eurobot_od.od.dictionary import Dictionary

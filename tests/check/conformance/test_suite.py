@@ -8,13 +8,15 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import pytest
+import yaml
 
 from eurobot_od.check.conformance import suite
 from eurobot_od.check.conformance.sdo import NO_NUMBER
+from eurobot_od.check.conformance.step import Data
 from eurobot_od.check.conformance.subject import Tier
-from eurobot_od.check.results import Status, SuitePart
+from eurobot_od.check.on_bus import NodeUnderTest, run_simulated
+from eurobot_od.check.report import Status, SuitePart
 from eurobot_od.check.runner import RunOptions
-from eurobot_od.check.simulated import NodeUnderTest, run_simulated
 from eurobot_od.check.suite import Nmt, SdoRead, SdoWrite, Step, Suite
 from eurobot_od.device.nmt import NmtCommand
 from eurobot_od.device.simulated import SimulatedDevice
@@ -33,6 +35,7 @@ from tests.kit.devices import (
     NODE_ID,
     SAMPLES,
     asked_for_everything,
+    read,
     red,
     steps,
     suites,
@@ -348,3 +351,57 @@ def test_a_device_that_does_not_answer_is_red_at_once_and_all_else_is_skipped() 
     statuses = Counter(each.status for each in steps(suites(MODULE), Mute) if each.section is not SuitePart.TEARDOWN)
     assert statuses[Status.FAILED] == len(suite.CHAPTERS)
     assert statuses[Status.PASSED] == len(suite.CHAPTERS)  # the NMT command before
+
+
+STEPS: list[tuple[Data, str]] = [
+    # a step, and its line
+    (
+        {"name": "read", "sdo": {"read": "0x1017:0", "expect": 500}},
+        '- {name: "read", sdo: {read: "0x1017:0", expect: 500}}',
+    ),
+    ({"name": "on", "nmt": "reset communication"}, '- {name: "on", nmt: reset communication}'),
+    (
+        {"name": "x", "sdo": {"write": "0x1000:0", "data": "00", "abort": ["0x06010002"]}},
+        '- {name: "x", sdo: {write: "0x1000:0", data: "00", abort: [0x06010002]}}',
+    ),
+    ({"name": "wait", "wait": "50 ms"}, '- {name: "wait", wait: 50 ms}'),
+]
+
+
+def test_a_step_is_one_line() -> None:
+    lines = "".join(f"  {line}\n" for _, line in STEPS)
+    assert suite.documents([{"steps": [step for step, _ in STEPS]}]) == f"---\nsteps:\n{lines}"
+
+
+NAMES = [
+    "Motor speed",
+    'with "quotes" and \\backslashes\\',
+    "[brackets], {braces}: and # more",
+    "no",
+    "012",
+    "Größe µm",
+    "tab\tand \x07 bell \x9f",
+    "x" * 1000,
+    "- dash",
+    "{present}",
+    "%s",
+]
+
+
+RENAMED = ["Measured value", "Output", "Output mode", "Input", "Channel 1", "Channel 2", "Channel 3", "Factor", "Key",
+           "Enabled", "Set value", "Unit"]  # fmt: skip
+"""Names in the sample, one for each of those above, and more."""
+
+
+def test_any_name_of_a_file_is_read_back(tmp_path: Path) -> None:
+    text = MODULE.read_text()
+    for before, name in zip(RENAMED, NAMES, strict=False):
+        assert text.count(f"ParameterName={before}\n") == 1
+        text = text.replace(f"ParameterName={before}\n", f"ParameterName={name}\n")
+    assert len(NAMES) <= len(RENAMED)
+    file = tmp_path / "odd name [1].eds"
+    file.write_text(text, encoding="latin-1", errors="replace")
+    dictionary = Dictionary.load(file, NODE_ID)
+    suites = suite.text(dictionary)
+    assert len(list(yaml.safe_load_all(suites))) == len(suite.CHAPTERS)
+    assert len(read(dictionary, suites)) == len(suite.CHAPTERS)

@@ -8,8 +8,7 @@ import pytest
 
 from eurobot_od.od.make.table import read_table
 from eurobot_od.od.make.text import differences, make_files, write_files
-from eurobot_od.od.network_file import NetworkFile, NodeFile, TrafficEntry
-from eurobot_od.od.yaml_files import read_network_file
+from eurobot_od.od.network import NetworkFile, NodeFile, TrafficEntry, read_network_file
 from tests.od.make.tables import TABLE
 
 EDS = Path(__file__).resolve().parents[3] / "eds"

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import pytest
+
 from eurobot_od.frame import Frame
 from eurobot_od.od import objects as od
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.od.profiles.words import words, written
+from eurobot_od.od.profiles.words import OF_PROFILES, profile_words, words, written
 from eurobot_od.traffic.meaning import Decoder
 from tests.client.servo import DOCS, SERVO, servo
 from tests.rows import rows
@@ -119,3 +121,34 @@ def test_a_program_reads_the_words() -> None:
     with servo() as network:
         assert network[5]["Statusword"].text == "0x0240 (Switch on disabled)"
         assert network[5]["Controlword"].value == 0  # a value stays a number
+
+
+CODES = [
+    # of a drive: the code itself, a code in its class, the class of that class
+    (402, 0x7310, "speed"),
+    (402, 0x7312, "speed"),
+    (402, 0x7333, "sensor"),
+    (402, 0x8611, "following error"),
+    (402, 0x2332, "earth leakage at the output, phase V"),
+    (402, 0x630F, "data record no. 15"),
+    (402, 0x4310, "drive temperature too high"),
+    # of an I/O module the same code is something else
+    (401, 0x2330, "load dump at the outputs"),
+    (401, 0x7310, None),
+    # nobody's
+    (402, 0xFF00, None),
+    (406, 0x7310, None),
+    (0, 0x7310, None),
+]
+
+
+@rows("profile, code, words", CODES)
+def test_words(profile: int, code: int, words: str | None) -> None:
+    assert profile_words(profile, code) == words
+
+
+@pytest.mark.parametrize("profile", OF_PROFILES)
+def test_codes_are_codes_and_words_are_words(profile: int) -> None:
+    for code, meaning in OF_PROFILES[profile].items():
+        assert 0x1000 <= code <= 0xFFFF
+        assert meaning == meaning.strip() != ""

@@ -13,7 +13,7 @@ from textwrap import dedent
 
 import pytest
 
-from eurobot_od.bus.live import open_bus, watchdog
+from eurobot_od.bus.live import event_loop, open_bus
 from eurobot_od.robot.match import stage
 from eurobot_od.robot.match.referee import StrategyFiles, load_strategy
 from eurobot_od.robot.match.seeds import play_many
@@ -21,7 +21,7 @@ from eurobot_od.robot.match.summary import Summary
 from eurobot_od.robot.model.messages import StopDrive
 from eurobot_od.robot.model.options import MatchOptions
 from eurobot_od.robot.protocol import EurobotProtocol
-from eurobot_od.robot.world.timeline import EventKind, MatchEvent
+from eurobot_od.robot.world.world import EventKind, MatchEvent
 from tests.client.peers import new_channel
 
 ALONE = MatchOptions(enemies=0, confederates=0, duration=30.0)
@@ -68,7 +68,7 @@ def write(folder: Path, body: str) -> Path:
 @pytest.fixture
 def _impatient(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """Have a strategy that hangs ended soon, and not in what hypothesis does at each garbage collection."""
-    monkeypatch.setattr(watchdog, "PATIENCE", 0.3)
+    monkeypatch.setattr(event_loop, "PATIENCE", 0.3)
     gc.disable()
     yield
     gc.enable()

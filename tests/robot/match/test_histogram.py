@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from eurobot_od.robot.match.statistics import ASCII, BLOCKS, MOST_ROWS, WIDTH, bar_marks, histogram
+from eurobot_od.robot.match.seeds import ASCII, BLOCKS, MOST_ROWS, WIDTH, bar_marks, histogram
 
 
 def test_each_number_has_its_row_and_the_most_frequent_the_longest_bar() -> None:

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from eurobot_od.device.flow import Call
+from eurobot_od.device.timers import Call
 from eurobot_od.errors import StateError
 from eurobot_od.robot import dialects
 from eurobot_od.robot.match.referee import Observer
@@ -14,8 +14,8 @@ from eurobot_od.robot.model.messages import GotoXY
 from eurobot_od.robot.model.places import Pose
 from eurobot_od.robot.model.values import Outcome
 from eurobot_od.robot.nodes import Core
-from eurobot_od.robot.nodes.goto import GotoReport
-from eurobot_od.robot.world.timeline import EventKind, MatchEvent, Timeline
+from eurobot_od.robot.nodes.flows import GotoReport
+from eurobot_od.robot.world.world import EventKind, MatchEvent, Timeline
 
 GOTO = GotoXY(1500, 1000, 90, 80)
 DICTIONARY = dialects.load("core")

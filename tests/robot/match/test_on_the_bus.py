@@ -24,7 +24,7 @@ from eurobot_od.robot.match import EventKind, MatchEvent, MatchOptions, stage
 from eurobot_od.robot.match.referee import Observer, Referee
 from eurobot_od.robot.nodes import Core, Node
 from eurobot_od.robot.world import World
-from eurobot_od.robot.world.timeline import Timeline
+from eurobot_od.robot.world.world import Timeline
 from tests.client.peers import master_on, new_channel, open_bus
 
 NOW = datetime(2014, 5, 28, 12, 0)

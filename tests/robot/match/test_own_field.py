@@ -8,11 +8,10 @@ import pytest
 
 from eurobot_od import Core, Drive, rehearse
 from eurobot_od.cli import main
-from eurobot_od.device.storage import MemoryStore
+from eurobot_od.device.objects import MemoryStore
 from eurobot_od.errors import DictionaryError
 from eurobot_od.robot import dialects
-from eurobot_od.robot.match.rehearsal import DEFAULTS
-from eurobot_od.robot.match.stage import play_simulated
+from eurobot_od.robot.match.stage import DEFAULTS, play_simulated
 from eurobot_od.robot.model import robot_file
 from eurobot_od.robot.model.options import MatchOptions
 from eurobot_od.robot.model.robot_file import NAME

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from eurobot_od.robot.match.strategy import Strategy
-from eurobot_od.robot.model.facts import Worth
 from eurobot_od.robot.model.messages import Enemy1PositionResponse, KalmanPositionResponse
 from eurobot_od.robot.model.places import Point, Pose
+from eurobot_od.robot.model.robot_file import Worth
 from eurobot_od.robot.model.values import Source
 from tests.robot.nodes.harness import Bench
 

@@ -6,8 +6,7 @@ import pytest
 
 from eurobot_od.robot.match.summary import RobotTouch, Touched, counts, kind_of, touches_of
 from eurobot_od.robot.model import robot_file
-from eurobot_od.robot.world.bodies import BORDER, standing
-from eurobot_od.robot.world.contact import Touch
+from eurobot_od.robot.world.bodies import BORDER, Touch, standing
 from eurobot_od.robot.world.world import NAMES, OURS
 from tests.rows import rows
 

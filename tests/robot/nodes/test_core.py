@@ -16,7 +16,7 @@ from eurobot_od.errors import FieldError, NoAnswer, StateError
 from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.values import ERROR_CONTROL_BASE, NMT_COB_ID
-from eurobot_od.pdo.message import Message
+from eurobot_od.pdo.catalogue import Message
 from eurobot_od.robot import dialects
 from eurobot_od.robot.model.messages import (
     CheckDriveRequest,
@@ -43,8 +43,7 @@ from eurobot_od.robot.model.messages import (
 from eurobot_od.robot.model.values import Direction, GotoFault, Obstacle, Outcome, Source, TeamColour
 from eurobot_od.robot.nodes import ROLES
 from eurobot_od.robot.nodes.core import Core
-from eurobot_od.robot.nodes.goto import GotoReport
-from eurobot_od.robot.nodes.startup import DialectMismatch
+from eurobot_od.robot.nodes.flows import DialectMismatch, GotoReport
 from tests.robot.nodes.harness import DICTIONARIES, PROTOCOL, RED, Bench, as_if_started
 from tests.rows import rows
 

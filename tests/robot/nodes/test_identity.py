@@ -11,7 +11,7 @@ from eurobot_od.bus.simulated.network import Simulation
 from eurobot_od.frame import Frame
 from eurobot_od.robot import dialects
 from eurobot_od.robot.nodes import Core, Drive, Navigation, Node
-from eurobot_od.robot.nodes.startup import DialectMismatch, revision_in
+from eurobot_od.robot.nodes.flows import DialectMismatch, revision_in
 
 BOOTED = 0.1
 ONE, OTHER = dialects.names()[:2]

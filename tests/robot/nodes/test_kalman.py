@@ -10,7 +10,7 @@ from typing import TypeAlias
 import pytest
 
 from eurobot_od.robot.model.places import Pose, turn
-from eurobot_od.robot.nodes.kalman import Belief, Travel, Tuning, Variances, chance_up_to
+from eurobot_od.robot.nodes.estimate import Belief, Travel, Tuning, Variances, chance_up_to
 from eurobot_od.robot.nodes.motion import Odometry
 from eurobot_od.robot.nodes.navigation import Fix
 from tests.robot.nodes.harness import TUNING

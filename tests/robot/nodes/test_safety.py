@@ -22,7 +22,7 @@ from eurobot_od.device.nmt import NmtCommand
 from eurobot_od.errors import NoAnswer, StateError
 from eurobot_od.frame import Frame
 from eurobot_od.od.values import NMT_COB_ID
-from eurobot_od.pdo.message import Message
+from eurobot_od.pdo.catalogue import Message
 from eurobot_od.robot.model.messages import (
     CheckDriveRequest,
     CheckNaviResponse,
@@ -46,7 +46,7 @@ from eurobot_od.robot.model.places import Pose
 from eurobot_od.robot.model.values import Barriers, GotoFault, Obstacle, Outcome, Passage, RobotError, Source
 from eurobot_od.robot.nodes import ROLES, Core, Drive, Navigation
 from eurobot_od.robot.nodes.estimate import Estimate
-from eurobot_od.robot.nodes.goto import GotoReport, NotStanding, Standstill
+from eurobot_od.robot.nodes.flows import GotoReport, NotStanding, Standstill
 from eurobot_od.robot.nodes.motion import Odometry, WheelCommand
 from eurobot_od.robot.nodes.navigation import Fix
 from eurobot_od.robot.nodes.node import Handlers

@@ -13,7 +13,7 @@ from eurobot_od.robot.model.places import Pose
 from eurobot_od.robot.model.values import Source, TeamColour
 from eurobot_od.robot.nodes.motion import Odometry
 from eurobot_od.robot.world import World
-from eurobot_od.robot.world.channel import LINE_LIMIT, REQUESTS, VERSION, WHOM, Channel
+from eurobot_od.robot.world.server import LINE_LIMIT, REQUESTS, VERSION, WHOM, Channel
 from eurobot_od.robot.world.world import OURS, RIVAL, LocalVehicle
 from tests.rows import rows
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from eurobot_od.robot.model.values import Obstacle
-from eurobot_od.robot.world.contact import FAST, REMOVED_AFTER
+from eurobot_od.robot.world.bodies import FAST, REMOVED_AFTER
 from tests.robot.world.places import Place
 
 

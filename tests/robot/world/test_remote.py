@@ -20,10 +20,9 @@ from eurobot_od.robot.model.places import Pose
 from eurobot_od.robot.model.values import Source, TeamColour
 from eurobot_od.robot.nodes.motion import Odometry, WheelCommand
 from eurobot_od.robot.world import World, remote
-from eurobot_od.robot.world.channel import VERSION, Channel
 from eurobot_od.robot.world.instruments import Sensor, SimulatedBeacons, SimulatedWheels, Vehicle
 from eurobot_od.robot.world.remote import RemoteVehicle
-from eurobot_od.robot.world.server import Server
+from eurobot_od.robot.world.server import VERSION, Channel, Server
 from eurobot_od.robot.world.world import OURS, RIVAL
 from eurobot_od.support.connections import Address
 from tests.rows import rows

@@ -10,7 +10,7 @@ import pytest
 
 from eurobot_od.robot.model.options import Errors
 from eurobot_od.robot.model.values import Obstacle
-from eurobot_od.robot.nodes.equipment import Detection
+from eurobot_od.robot.nodes.node import Detection
 from eurobot_od.robot.world.instruments import Sensor
 from eurobot_od.robot.world.world import RIVAL
 from tests.robot.world.places import Place

@@ -6,7 +6,7 @@ import pytest
 
 from eurobot_od.robot.model.places import Point, Pose
 from eurobot_od.robot.model.values import Obstacle
-from eurobot_od.robot.nodes.equipment import Detection
+from eurobot_od.robot.nodes.node import Detection
 from eurobot_od.robot.world.bodies import Body, RobotBody, Weight, nearest_ahead
 from tests.rows import rows
 

@@ -13,10 +13,10 @@ from eurobot_od.robot.model.places import Point, Pose
 from eurobot_od.robot.model.values import Source, TeamColour
 from eurobot_od.robot.nodes.motion import Odometry
 from eurobot_od.robot.world import world as world_module
-from eurobot_od.robot.world.bodies import BORDER, gap
-from eurobot_od.robot.world.contact import SHOVE, Touch
-from eurobot_od.robot.world.world import OURS, RIVAL
+from eurobot_od.robot.world.bodies import BORDER, SHOVE, Touch, gap
+from eurobot_od.robot.world.world import OURS, RIVAL, EventKind, MatchEvent, Timeline
 from tests.robot.world.places import Place
+from tests.rows import rows
 
 FACTS = robot_file.read()
 
@@ -349,3 +349,27 @@ def test_on_a_bench_nothing_is_in_the_way_but_the_border() -> None:
     assert place.drive(400, 1.0) == pytest.approx(400), "wheels that hang free do not stall"
     assert place.here.x == 0
     assert place.touched() == []
+
+
+def test_events_are_shown_as_they_come() -> None:
+    shown: list[MatchEvent] = []
+    clock = iter([0.5, 1.25])
+    timeline = Timeline(lambda: next(clock), shown.append)
+    timeline.tell(EventKind.GOTO, "tree", speed=80)
+    timeline.tell(EventKind.ARRIVED, "after 1 s")
+    assert shown == [
+        MatchEvent(0.5, EventKind.GOTO, "tree", {"speed": 80}),
+        MatchEvent(1.25, EventKind.ARRIVED, "after 1 s"),
+    ]
+
+
+@rows("kind", EventKind)
+def test_lines_stand_below_each_other(kind: EventKind) -> None:
+    line = str(MatchEvent(12.3456, kind, "text"))
+    assert line.startswith("   12.346 s  " + kind.value)
+    assert line.index("text") == 24
+
+
+def test_as_data_what_an_event_tells_stands_next_to_when_and_what_it_was() -> None:
+    event = MatchEvent(0.12345678, EventKind.GIVEN_UP, "text", {"seconds": 2})
+    assert event.as_data() == {"time": 0.123457, "kind": "given up", "text": "text", "seconds": 2}

@@ -9,9 +9,8 @@ import pytest
 from eurobot_od.cli.load import of_robot
 from eurobot_od.errors import FileError, LocalError
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.od.network_file import NetworkFile
+from eurobot_od.od.network import NetworkFile, read_network_file
 from eurobot_od.od.values import BASE_IDENTIFIER
-from eurobot_od.od.yaml_files import read_network_file
 from eurobot_od.robot import dialects
 from eurobot_od.robot.plugin import ROBOT
 from eurobot_od.robot.protocol import EurobotProtocol

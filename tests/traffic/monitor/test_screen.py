@@ -12,8 +12,7 @@ from eurobot_od.frame import Frame
 from eurobot_od.robot import dialects
 from eurobot_od.robot.model.messages import GotoXY, KalmanPositionRequest
 from eurobot_od.robot.protocol import decoder
-from eurobot_od.traffic.monitor.screen import COLOURS, SERVICE_COLOUR, Size, screen
-from eurobot_od.traffic.monitor.traffic import SORTS, Controls, Traffic
+from eurobot_od.traffic.monitor import COLOURS, SERVICE_COLOUR, SORTS, Controls, Size, Traffic, screen
 from tests.rows import rows
 
 WIDE = Size(120, 24)

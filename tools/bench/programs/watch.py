@@ -73,8 +73,7 @@ class Sender(threading.Thread):
 def monitor(sender: Sender) -> int:
     """Run our monitor on the terminal and return how many frames it counted."""
     from eurobot_od.cli import monitor as command
-    from eurobot_od.traffic.monitor.sources import BusSource
-    from eurobot_od.traffic.monitor.traffic import Controls, Traffic
+    from eurobot_od.traffic.monitor import BusSource, Controls, Traffic
 
     source = BusSource(can.Bus(interface="virtual", channel=CHANNEL))
     watched = command.Monitor(Traffic(decoder(), 1_000_000), Controls("identifier", ""), source)

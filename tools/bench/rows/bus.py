@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from functools import partial
 
 from bench.measure import Claim, Contender, Figures, Quantity, Scale, Series, Way, Wrong
-from eurobot_od.bus.simulated.bus import Bus, Controller
+from eurobot_od.bus.simulated.network import Bus, Controller
 from eurobot_od.frame import Frame
 
 BITRATE = 1_000_000

@@ -25,7 +25,7 @@ from eurobot_od.client.description import Description, from_file
 from eurobot_od.client.master import Master
 from eurobot_od.client.reading import parameters
 from eurobot_od.od import dcf
-from eurobot_od.od.concise import Write
+from eurobot_od.od.dcf import Write
 from eurobot_od.od.objects import address_of, default_of, limits
 from eurobot_od.od.values import Address, Value, pdo_of
 from eurobot_od.robot import dialects

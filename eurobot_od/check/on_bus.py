@@ -1,0 +1,256 @@
+"""Suites on a simulated bus: nodes in simulated time, and the tester in place of the nodes that are not there.
+
+Rule of this file: the same suite and the same seed give the same frames to the bit.
+
+The tester is one more node on the bus. What it sends has to win the arbitration like any other frame, so `send` ends
+when the bus has carried the frame, and that is the time from which an answer is measured. The bus runs between two
+steps of the event loop (see `simulation.loop`): what it carries is put into the trace by the loop, in its order.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections.abc import Callable, Coroutine, Mapping, Sequence
+from contextlib import suppress
+from typing import Any, NamedTuple, TypeAlias
+
+import can
+
+from eurobot_od.bus import live as runtime
+from eurobot_od.bus.simulated import loop
+from eurobot_od.bus.simulated.network import Simulation, processing_time
+from eurobot_od.check.bench import SeenFrame, Trace
+from eurobot_od.check.report import SuiteResult
+from eurobot_od.check.runner import Runner, RunOptions
+from eurobot_od.check.suite import Suite
+from eurobot_od.device.nmt import NmtState, error_control
+from eurobot_od.device.node import Node
+from eurobot_od.errors import BusError, RemoteError
+from eurobot_od.frame import Frame
+from eurobot_od.od.dictionary import Dictionary
+
+POWER_UP = 0.1
+"""Seconds after which all nodes are up; then the suite begins, and the programs of the nodes."""
+
+BOOT_STEP = 0.02
+"""Seconds from one node's boot-up to the next one's."""
+
+SEND_WAIT = 0.5
+"""Seconds that a frame may wait for the bus."""
+
+
+class NotSent(RemoteError):
+    """A frame that the tester could not send, because others did not let go of the bus."""
+
+    def __init__(self, frame: Frame) -> None:
+        super().__init__(f"the bus was never free for {frame}")
+
+
+class NodeUnderTest(NamedTuple):
+    """A simulated node, and what it does by itself after each boot, from beginning to end; None: it only answers."""
+
+    node: Node
+    program: Callable[[], Coroutine[Any, Any, None]] | None = None
+
+
+MakeNodes: TypeAlias = Callable[[Mapping[str, Dictionary], int, Callable[[], float]], Sequence[NodeUnderTest]]
+"""Makes the nodes under test from their dictionaries by name, with all chance from a seed, and with a clock."""
+
+
+class Tester(Node):
+    """The tester's place on the bus: it sends what it is told to, and does nothing by itself."""
+
+    def start(self, now: float) -> list[Frame]:
+        self.now = now
+        return []
+
+    def receive(self, frame: Frame, now: float) -> list[Frame]:
+        return []
+
+
+class SimulatedBench:
+    """The bench of a network on which the tester is a node."""
+
+    def __init__(self, network: Simulation, tester: Tester) -> None:
+        self._network, self._tester = network, tester
+        self.trace = Trace()
+        self._sending: list[tuple[Frame, asyncio.Future[float]]] = []
+
+    async def begin(self) -> None:
+        """Put every frame of the others into the trace from now on, and let the nodes boot."""
+        running = asyncio.get_running_loop()
+
+        def seen(now: float, frame: Frame) -> None:
+            # A node's frame that equals the tester's own is taken for that; on a wire the two could merge.
+            # The bus runs while the loop would sleep, so what concerns a task waits for the loop's next turn.
+            own = next((each for each in self._sending if each[0] == frame), None)
+            if own is not None:
+                running.call_soon_threadsafe(own[1].set_result, now)
+                self._sending.remove(own)
+            else:
+                running.call_soon_threadsafe(self.trace.add, SeenFrame(now, frame))
+
+        self._network.observers.append(seen)
+        await asyncio.sleep(POWER_UP)
+
+    async def recover(self) -> bool:
+        """Return at once: a simulated bus never comes back, as none is ever lost."""
+        return False
+
+    async def send(self, frame: Frame) -> float:
+        """Send a frame and return when it is through; raises NotSent."""
+        if frame.is_remote:
+            self._network.request(frame)
+            return asyncio.get_running_loop().time()
+        sent: asyncio.Future[float] = asyncio.get_running_loop().create_future()
+        sending = frame, sent
+        self._sending.append(sending)
+        self._tester.put(frame)
+        # `wait_for` would cancel the future, and its result may be on its way already.
+        await asyncio.wait([sent], timeout=SEND_WAIT)
+        if not sent.done():
+            self._sending.remove(sending)
+            raise NotSent(frame)
+        return sent.result()
+
+
+class Program:
+    """Runs the program of a node: it begins with each boot of the node, and what is left of the last run is ended."""
+
+    def __init__(self, node: Node, program: Callable[[], Coroutine[Any, Any, None]], network: Simulation) -> None:
+        self._program, self._network = program, network
+        self._boot_up = error_control(node.device.node_id, NmtState.INITIALISING)
+        self._task: asyncio.Task[None] | None = None
+
+    def start(self) -> None:
+        """Start, and start again with every boot-up message of the node."""
+        running = asyncio.get_running_loop()
+        self._restart()
+
+        def seen(_: float, frame: Frame) -> None:
+            if frame == self._boot_up:
+                running.call_soon_threadsafe(self._restart)
+
+        self._network.observers.append(seen)
+
+    def _restart(self) -> None:
+        self.stop()
+        self._task = asyncio.ensure_future(self._play())
+
+    def stop(self) -> None:
+        """End the program."""
+        if self._task is not None:
+            self._task.cancel()
+
+    async def _play(self) -> None:
+        await asyncio.sleep(POWER_UP)  # after each boot: the other nodes may be booting as well
+        await self._program()
+
+
+def run_simulated(suite: Suite, options: RunOptions, make_nodes: MakeNodes, seed: int = 1) -> SuiteResult:
+    """Run a suite against simulated nodes, with all chance from `seed`."""
+    network = Simulation()
+    tested = make_nodes({name: suite.dictionaries[name] for name in suite.nodes}, seed, lambda: network.now)
+    for number, (node, _) in enumerate(tested):
+        network.attach(node, number * BOOT_STEP, processing_time(seed, node.name))
+    # A node needs a dictionary; the tester uses nothing of it, so any will do.
+    tester = Tester(next(iter(suite.dictionaries.values())))
+    network.attach(tester)
+    programs = [Program(node, program, network) for node, program in tested if program is not None]
+
+    async def main() -> SuiteResult:
+        for program in programs:
+            program.start()
+        try:
+            bench = SimulatedBench(network, tester)
+            return await Runner(suite, bench, options).run(f"simulated, seed {seed}")
+        finally:
+            for program in programs:
+                program.stop()
+            await asyncio.sleep(0)  # a cancelled task ends only when the loop has its turn
+
+    return loop.run(network, main())
+
+
+"""Seconds for which a frame is tried again if the driver does not take it."""
+
+RETRY = 0.001  # at 1 Mbit/s a bus carries some eight frames in this time
+"""Seconds from one try to the next."""
+
+RECOVERY = 12.0
+"""Seconds that a bus has to come back for the teardown: the last of the tries to open it again is after 11.3 s."""
+
+
+class LiveBench:
+    """The bench of a python-can bus, opened by `open_bus`; use it as a context manager. Opening raises BusError.
+
+    `seen` and `failed` may be called from any thread.
+    """
+
+    def __init__(self, open_bus: Callable[[], can.BusABC]) -> None:
+        loop = self._loop = asyncio.get_running_loop()
+        self._works = asyncio.Event()
+        self._works.set()
+        self._watch = runtime.FrameReader(
+            open_bus(),
+            self.seen,
+            time.monotonic,  # the clock of asyncio's loop too, so frames and deadlines have one time
+            self.failed,
+            opener=open_bus,
+            back=lambda _gap: loop.call_soon_threadsafe(self._works.set),
+        )
+        self.trace = Trace()
+
+    def __enter__(self) -> LiveBench:
+        self._watch.__enter__()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._watch.__exit__()
+
+    @property
+    def name(self) -> str:
+        """What the driver calls the bus."""
+        return self._watch.name
+
+    async def begin(self) -> None:
+        """Return at once: nobody knows when the nodes on a real bus are up."""
+
+    def seen(self, now: float, frame: Frame) -> None:
+        """Take in a frame."""
+        self._loop.call_soon_threadsafe(self.trace.add, SeenFrame(now, frame))
+
+    def failed(self, failure: BusError) -> None:
+        """Take in that the bus has failed."""
+        self._loop.call_soon_threadsafe(self._works.clear)
+        self._loop.call_soon_threadsafe(self.trace.fail, failure)
+
+    async def recover(self) -> bool:
+        """Wait until the bus works again, for the teardown; False if it does not in `RECOVERY` s."""
+        with suppress(TimeoutError):
+            await asyncio.wait_for(self._works.wait(), RECOVERY)
+        # Also if it did not come back: the teardown is skipped then, and nothing waits on the trace any more.
+        self.trace.recover()
+        return self._works.is_set()
+
+    async def send(self, frame: Frame) -> float:
+        """Hand a frame to the driver; raises BusError if it does not take it."""
+        begun = now = self._loop.time()
+        while not self._watch.send(frame):
+            if now > begun + SEND_WAIT:
+                raise BusError(f"the bus {self.name} did not take {frame}")
+            await asyncio.sleep(RETRY)
+            # Taken before the try that succeeds: an answer can never seem to have come before its question.
+            now = self._loop.time()
+        return now
+
+
+def run_live(suite: Suite, options: RunOptions, open_bus: Callable[[], can.BusABC]) -> SuiteResult:
+    """Run a suite against the nodes on a bus; raises BusError if it cannot be opened."""
+
+    async def main() -> SuiteResult:
+        with LiveBench(open_bus) as bench:
+            return await Runner(suite, bench, options).run(f"on {bench.name}")
+
+    return asyncio.run(main())

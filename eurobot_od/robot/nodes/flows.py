@@ -1,0 +1,382 @@
+"""The startup of the robot (document 2.3, 5.1): node checks, the start configuration, and dialects.
+
+Confirms of the start configuration have one identifier and may merge on the wire, so one of them may be anybody's. That
+is why a configuration ends with a second check of both nodes.
+
+A node's revision number, read by SDO, tells which EDS it is loaded from (CiA 301, 7.2.4.3.3 and 7.5.2.21). A node that
+does not answer, such as those of the 2014 robot, is not a CANopen node: it cannot be asked, and is trusted. One that
+answers with another revision speaks another dialect, and is not driven.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection
+from contextlib import suppress
+from math import inf
+from typing import NamedTuple
+
+from eurobot_od.device.device import Device
+from eurobot_od.device.timers import START, Ask, Pause, Script
+from eurobot_od.errors import DictionaryError, NoAnswer, RemoteError, StateError
+from eurobot_od.frame import Frame
+from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.standard import REVISION
+from eurobot_od.pdo.catalogue import Message
+from eurobot_od.robot import dialects
+from eurobot_od.robot.model import messages
+from eurobot_od.robot.model.places import Place, is_near
+from eurobot_od.robot.model.values import FAULT_OUTCOME, GotoFault, Outcome
+from eurobot_od.robot.nodes.node import CoreSettings
+from eurobot_od.sdo.client import TransferError, download, upload
+
+# The dialect of another node
+
+
+CHANNEL_NAME = "SDO client parameter {}"
+"""ParameterName of the record that says how to reach a node by SDO."""
+
+
+class DialectMismatch(RemoteError):
+    """A node is loaded from the EDS of another dialect than the core; `theirs` and `ours` are revision numbers.
+
+    The dialects get their names where the error is turned into text, not where it is raised: finding a name reads EDS
+    files, and the core runs on the thread that receives frames.
+    """
+
+    def __init__(self, node: str, node_id: int, theirs: int, ours: int) -> None:
+        super().__init__(node, node_id, theirs, ours)
+        self.node, self.node_id, self.theirs, self.ours = node, node_id, theirs, ours
+
+    def __str__(self) -> str:
+        theirs, ours = _eds(self.node, self.theirs), _eds("core", self.ours)
+        what = f"{self.node} (node {self.node_id}) speaks another dialect"
+        return f"{what}: it is loaded from {theirs}, the core from {ours}"
+
+
+def _eds(node: str, revision: int) -> str:
+    """Describe the EDS with a revision number, by the dialect that has it."""
+    dictionaries = ((name, dictionary) for name in dialects.names() for dictionary in dialects.load_all(name))
+    known = [
+        name for name, dictionary in dictionaries if (dictionary.name, dictionary.default(REVISION)) == (node, revision)
+    ]
+    return f"an EDS of revision 0x{revision:08X}" + (f" ({known[0]})" if known else "")
+
+
+class SdoClientParameter(NamedTuple):
+    """How a device reaches another one by SDO (CiA 301, 7.5.2.34)."""
+
+    request: int
+    answer: int
+    node_id: int
+
+    @classmethod
+    def to(cls, node: str, device: Device) -> SdoClientParameter | None:
+        """Return how to reach a node, None if the device's EDS does not say."""
+        try:
+            index, _ = device.dictionary.address(CHANNEL_NAME.format(node))
+        except DictionaryError:
+            return None
+        return cls(*(device.number((index, subindex)) for subindex in (1, 2, 3)))
+
+    def ask(self) -> Frame:
+        """Return the request for the revision number."""
+        (request,) = upload(REVISION, inf).start(0.0)
+        return Frame(self.request, request)
+
+    def order(self, dictionary: Dictionary, name: str, value: int) -> Frame:
+        """Return the request that writes a number of up to 4 bytes to an object; raises DictionaryError."""
+        address = dictionary.address(name)
+        variable = dictionary.variable(address)
+        assert variable is not None  # it has an address
+        # Least significant byte first, as CiA 301 transfers numbers; up to four bytes fit an expedited transfer.
+        content = value.to_bytes((len(variable) + 7) // 8, "little")
+        (request,) = download(address, content, inf).start(0.0)
+        return Frame(self.request, request)
+
+
+def revision_in(answer: Frame) -> int | None:
+    """Return the revision number in an answer, None if it says something else."""
+    # Only one answer is awaited and only the question is sent, so the transfer needs no time and goes no further: a
+    # node that would send its number in segments, or an odd answer, has not told its revision.
+    question = upload(REVISION, inf)
+    question.start(0.0)
+    question.receive(answer.data, 0.0)
+    try:
+        return int.from_bytes(question.result(), "little") if question.done else None
+    except TransferError:
+        return None
+
+
+# The startup
+
+
+NODE_CHECKS: tuple[tuple[str, Message, type[Message]], ...] = (
+    ("drive", messages.CheckDriveRequest(), messages.CheckDriveResponse),
+    ("navigation", messages.CheckNaviRequest(), messages.CheckNaviResponse),
+)
+"""The nodes in the order in which they are checked (2014 robot: drive first)."""
+
+CONFIGURED = ("Team colour", "Enemies", "Confederates", "Enemy 1 diameter", "Enemy 2 diameter")
+"""The sub-indices of the object `Start configuration`, in the order of the message's fields."""
+
+
+class Readiness:
+    """What has to be there before the first goto: both nodes checked, a start configuration confirmed.
+
+    `checked` has the nodes that have answered in the dialect of this core, and have neither booted nor been lost since.
+    `configured` tells whether the latest start configuration was confirmed.
+    """
+
+    def __init__(self) -> None:
+        self.checked: set[str] = set()
+        self.configured = False
+
+    def missing(self, without: Collection[str] = ()) -> str:
+        """Say what is missing and what to call, '' if nothing is; nodes to do `without` need no check."""
+        unchecked = [f"the {node}" for node, *_ in NODE_CHECKS if node not in {*self.checked, *without}]
+        texts = [f"{' and '.join(unchecked)} must answer a check: call check_nodes()"] if unchecked else []
+        texts += [] if self.configured else ["a start configuration must be confirmed: call configure_start()"]
+        return "; ".join(texts)
+
+
+def check_nodes(core: CoreSettings, checked: set[str], without: Collection[str] = ()) -> Script[dict[str, float]]:
+    """Check both nodes; return the seconds that each took to answer. Raises NoAnswer, DialectMismatch.
+
+    `checked` is filled with the nodes that have answered in the dialect of this core. Nodes to do `without` are not
+    checked.
+    """
+    took = {}
+    # Before anything is asked: a node that does not answer now must not count as checked from before.
+    checked.clear()
+    yield START
+    for node, request, answer in NODE_CHECKS:
+        if node in without:
+            continue
+        # Answers are told apart by their identifiers: in 2014 either node's answer satisfied either check.
+        asked = core.now
+        yield Ask(request, answer, core.check_wait, core.check_attempts)
+        took[node] = core.now - asked
+        yield from _compare(core, node)
+        checked.add(node)
+    return took
+
+
+def _compare(core: CoreSettings, node: str) -> Script[None]:
+    """Make sure that a node speaks our dialect, if it can be asked."""
+    channel = SdoClientParameter.to(node, core.device)
+    if channel is None:
+        return
+    with suppress(NoAnswer):  # the 2014 robot's own nodes do not have SDO
+        answer = yield Ask(channel.ask(), channel.answer, core.identity_wait, 1)
+        theirs, ours = revision_in(answer), core.device.number(REVISION)
+        if theirs is not None and theirs != ours:
+            raise DialectMismatch(node, channel.node_id, theirs, ours)
+
+
+def configure(
+    core: CoreSettings,
+    configuration: messages.StartConfigurationSet,
+    readiness: Readiness,
+    without: Collection[str] = (),
+) -> Script[float]:
+    """Set the start configuration, and check both nodes again; return the time of its confirm.
+
+    Raises NoAnswer, DialectMismatch.
+    """
+    yield START
+    # Until the confirm, nobody knows which configuration the nodes use.
+    readiness.configured = False
+    yield Ask(
+        configuration,
+        messages.StartConfigurationConfirm,
+        core.configuration_wait,
+        core.configuration_transmissions,
+    )
+    confirmed = core.now
+    # One confirm may be anybody's, and two equal ones merge on the wire, so both nodes are asked once more.
+    yield from check_nodes(core, readiness.checked, without)
+    readiness.configured = True
+    return confirmed
+
+
+def take_back(core: CoreSettings, configuration: messages.StartConfigurationSet, checked: set[str]) -> Script[None]:
+    """Ask a lost navigation until it answers, and configure it, while the drive keeps driving.
+
+    Raises DialectMismatch.
+    """
+    node, request, answer = NODE_CHECKS[1]
+    yield START
+    while True:
+        with suppress(NoAnswer):
+            yield Ask(request, answer, core.check_wait, core.check_attempts)
+            break
+    yield from _compare(core, node)
+    yield from tell_navigation(core, configuration)
+    checked.add(node)
+
+
+def tell_navigation(core: CoreSettings, configuration: messages.StartConfigurationSet) -> Script[None]:
+    """Configure the navigation alone.
+
+    A Start Configuration Set would take the drive's estimate back to its start place, so each sub-index is written by
+    SDO; a navigation without SDO does without.
+    """
+    channel = SdoClientParameter.to("navigation", core.device)
+    if channel is not None:
+        with suppress(NoAnswer, DictionaryError):  # no SDO, or a file that has the configuration in other pieces
+            for name, value in zip(CONFIGURED, configuration):
+                order = channel.order(core.device.dictionary, f"Start configuration.{name}", int(value))
+                yield Ask(order, channel.answer, core.identity_wait, 1)
+
+
+class GotoReport(NamedTuple):
+    """The result of a goto, and `why` if the outcome does not say it.
+
+    Times are in seconds from its first transmission; `confirmed` is None if it was never confirmed.
+    """
+
+    goto: messages.GotoXY
+    outcome: Outcome
+    confirmed: float | None
+    ended: float
+    why: str = ""
+
+
+class End(NamedTuple):
+    """How a goto has ended, and why if the outcome does not say it."""
+
+    outcome: Outcome
+    why: str = ""
+
+
+def until_ended(core: CoreSettings, goto: messages.GotoXY) -> Script[End]:
+    """Ask for the state of a confirmed goto until it has ended; raises NoAnswer.
+
+    It has arrived when the drive says so and is at the goto's place. Answers that there is no goto, or that another one
+    has arrived, are tolerated a few times in a row: the drive may have heard a request before its goto.
+    """
+    yield Pause(core.first_state_request)
+    odd: list[str] = []
+    while len(odd) < core.lost_after:
+        state = yield core.ask_drive(messages.GotoStateRequest(), messages.GotoStateResponse)
+        if state.time in FAULT_OUTCOME:
+            return End(FAULT_OUTCOME[state.time])
+        if state.time == 0:
+            # The 0 may belong to an earlier goto: the place has to agree.
+            place = yield from drive_position(core)
+            if is_near(goto[:3], place[:3], core.arrival_distance, core.arrival_angle):
+                return End(Outcome.ARRIVED)
+            odd.append(f"the drive has arrived at ({place.x}, {place.y}) {place.angle} deg")
+        elif state.time is None:
+            odd.append("the drive knows of no goto")
+        else:
+            # In a row: a single odd answer between good ones has come out of turn.
+            odd.clear()
+        yield Pause(core.state_request_period)
+    return End(Outcome.LOST, odd[-1])
+
+
+def drive_position(core: CoreSettings) -> Script[messages.KalmanPositionResponse]:
+    """Ask the drive for the filtered position of our robot; raises NoAnswer."""
+    answer: messages.KalmanPositionResponse = yield core.ask_drive(
+        messages.KalmanPositionRequest(), messages.KalmanPositionResponse
+    )
+    return answer
+
+
+# Stops that are seen to work
+
+
+class Standstill(NamedTuple):
+    """Where the robot was seen to stand, and how many seconds after the stop."""
+
+    position: messages.KalmanPositionResponse
+    seconds: float
+
+
+class NotStanding(RemoteError):
+    """The robot was not seen to stand, whatever was sent; `seconds` is for how long the core has tried."""
+
+    def __init__(self, seconds: float) -> None:
+        self.seconds = seconds
+        text = "the robot was told to stop and was not seen to stand"
+        super().__init__(f"{text} within {seconds:.1f} s; Emergency Shutdown is being sent")
+
+
+def is_driving(state: messages.GotoStateResponse) -> bool:
+    """Tell from an answer to a state request whether the drive carries out a goto."""
+    return isinstance(state.time, int) and not isinstance(state.time, GotoFault) and state.time > 0
+
+
+def until_standing(
+    core: CoreSettings, stop: Callable[[], messages.StopMessage], patience: float = inf
+) -> Script[Standstill | None]:
+    """Send the latest stop again and again until the robot is seen to stand; None after `patience` seconds."""
+    began: float = yield START
+    while True:
+        position = yield from _standing_place(core)
+        if position is not None:
+            return Standstill(position, core.now - began)
+        if core.now - began >= patience:
+            return None
+        # If only this kind of stop does not get through, another one may.
+        for each in dict.fromkeys((stop(), messages.StopDrive())):
+            core.offer(each)
+
+
+def _standing_place(core: CoreSettings) -> Script[messages.KalmanPositionResponse | None]:
+    """Look at the drive for two stop periods; return where it stands, None if it moves or does not answer."""
+    period = core.stop_period
+    ask_position = Ask(messages.KalmanPositionRequest(), messages.KalmanPositionResponse, period, 1)
+    yield Pause(period)
+    try:
+        state = yield Ask(messages.GotoStateRequest(), messages.GotoStateResponse, period, 1)
+        # The place twice, a period apart: a drive that is still rolling to a stop says "no goto" as well.
+        before = yield ask_position
+        yield Pause(period)
+        after = yield ask_position
+    except NoAnswer:
+        return None
+    moved = not is_near(before[:3], after[:3], core.standstill_distance, core.standstill_turn)
+    return None if moved or is_driving(state) else after
+
+
+# After a node was lost
+
+
+ANY_ANGLE = 180.0
+"""Two headings are never further apart than this, degrees."""
+
+AT_START = 50.0
+"""A configured drive may not have been seen by the navigation yet if it is this near its start place, mm.
+"""
+
+LOOKS = 3
+"""How often the navigation is asked for a drive that has booted. It believes the navigation when two positions agree,
+and one of them may be unknown or wrong."""
+
+LOST_PLACE = "the drive has lost its place"
+
+
+class PlaceLost(StateError):
+    """The drive is not where it was last seen; it has to be put at its start place, and the start configured."""
+
+
+def find_place(core: CoreSettings, there: Place | None, start: Place) -> Script[messages.KalmanPositionResponse]:
+    """Have the navigation look where the drive is, and check that it is where it was last seen (`there`), if it was.
+
+    Raises PlaceLost if it is elsewhere, or so near its `start` place that nobody may have seen it there; NoAnswer.
+    """
+    for _ in range(LOOKS):
+        core.offer(messages.NaviPositionRequest())
+        # The drive hears the answers itself (document 4.2.2 Navigation), so there is nothing to wait for here.
+        yield Pause(core.state_request_period)
+    here = yield from drive_position(core)
+    if there is None:
+        return here
+    moved = not is_near(there, here[:3], core.displacement, ANY_ANGLE)
+    unseen = is_near(start, here[:3], AT_START, ANY_ANGLE) and not is_near(start, there, AT_START, ANY_ANGLE)
+    if moved or unseen:
+        text = f"it was last seen at {there[:2]}, and is at {here[:2]} now; configure the start"
+        raise PlaceLost(f"{LOST_PLACE}: {text}")
+    return here

@@ -1,0 +1,526 @@
+"""What is on a bus, message by message: how often, how regularly, with which values, and what is wrong.
+
+There is no clock, bus or screen in here: frames go in with their times. A frame costs the same however many came
+before, and memory does not grow with them.
+"""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+from itertools import pairwise
+from statistics import fmean, pstdev
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
+
+from rich.console import Group, JustifyMethod, RenderableType
+from rich.table import Table
+from rich.text import Text
+
+from eurobot_od.bus.live import FrameReader, Opener
+from eurobot_od.client.boot import Heartbeats
+from eurobot_od.device.nmt import STATE_NAMES, NmtState
+from eurobot_od.errors import BusError
+from eurobot_od.frame import Frame, identifier_text
+from eurobot_od.od.standard import HEARTBEAT_TIME
+from eurobot_od.support.texts import GAP, amount, columns, one_line
+from eurobot_od.traffic.decoding import Following
+from eurobot_od.traffic.entries import Damage, Foreign, LogEntry, Raw, shortened
+from eurobot_od.traffic.formats.python_can import of_message
+from eurobot_od.traffic.load.analysis import MessageSet
+from eurobot_od.traffic.load.seen import NOTHING, SeenTraffic
+from eurobot_od.traffic.meaning import CANOPEN, REQUEST, DamageCounts, Decoder, Meaning, with_defects
+from eurobot_od.traffic.services import EMCY_NAME, GUARDING, HEARTBEAT
+
+if TYPE_CHECKING:
+    import can
+
+
+REMEMBERED_TIMES = 33
+"""Period and jitter are those of the last 32 intervals."""
+
+LOAD_SPAN = 1.0
+"""The bus load is that of the last second."""
+
+
+class MeanPeriod(NamedTuple):
+    """Mean interval between frames of a message, and the intervals' standard deviation, both in s."""
+
+    mean: float
+    jitter: float
+
+
+@dataclass
+class MonitorRow:
+    """One message, service or kind of damage: `meaning` is the last frame's, `wrong` counts frames with damage."""
+
+    identifier: int | None
+    meaning: Meaning
+    count: int = 0
+    wrong: int = 0
+    times: deque[float] = field(default_factory=lambda: deque(maxlen=REMEMBERED_TIMES))
+
+    @property
+    def last(self) -> float:
+        """When the last frame came."""
+        return self.times[-1]
+
+    @property
+    def period(self) -> MeanPeriod | None:
+        """The period; None before there is an interval."""
+        intervals = [later - earlier for earlier, later in pairwise(self.times)]
+        return MeanPeriod(fmean(intervals), pstdev(intervals)) if intervals else None
+
+    @property
+    def name(self) -> str:
+        """Name of the message; of a service with its node; of what is not known, why."""
+        meaning = self.meaning
+        if meaning.message is None and meaning.name and len(meaning.nodes) == 1:
+            return f"{meaning.name} {meaning.nodes[0]}"
+        return meaning.name or meaning.defects[0].damage.value
+
+
+@dataclass
+class NodeHealth:
+    """A node's last reported state and EMCY; `pulse` knows whether the node is lost."""
+
+    pulse: Heartbeats = field(default_factory=Heartbeats)
+    state: str = ""
+    emergency: str = ""
+
+
+class Traffic:
+    """The traffic on a bus of `bitrate` bit/s; `rows` by identifier, or by kind of damage where there is none.
+
+    `groups` are those of the messages that may come; `seen` is what came beside what is `promised`.
+    """
+
+    def __init__(self, decoder: Decoder, bitrate: int, promised: MessageSet = NOTHING) -> None:
+        self.bitrate, self._promised = bitrate, promised
+        self.seen = SeenTraffic(bitrate, promised)
+        self.groups = decoder.protocol.catalogue.groups
+        self.rows: dict[int | Damage, MonitorRow] = {}
+        periods = {each.name: (each.number(HEARTBEAT_TIME) or 0) / 1000 for each in decoder.dictionaries}
+        self.nodes = {name: NodeHealth(Heartbeats(period)) for name, period in periods.items()}
+        self.damage = DamageCounts()
+        self.frames = 0
+        self.now = 0.0
+        self._bits = 0
+        self._marks: deque[tuple[float, int, int]] = deque()
+        self._following = Following(decoder)
+
+    def take(self, time: float, raw: Raw, place: tuple[str, int] | None = None) -> Meaning:
+        """Take in a frame, with the log and the line where it stands, and return what it means."""
+        meaning = self._following(time, "", raw)
+        self.now = time
+        self.frames += 1
+        row = self.rows.get(raw[0])  # by COB-ID or Damage: both kinds of entry have it first
+        if row is None:
+            row = self.rows[raw[0]] = MonitorRow(raw.cob_id if isinstance(raw, Frame) else None, meaning)
+        row.meaning = meaning
+        row.count += 1
+        row.times.append(time)
+        if isinstance(raw, Frame):
+            self._bits += self.seen.take(time, raw, row.name, meaning.sender)
+        if meaning.defects:
+            row.wrong += 1
+            self.damage.add(*(place or ("frame", self.frames)), meaning.defects)
+        if meaning.name in (HEARTBEAT, GUARDING, EMCY_NAME) and meaning.is_read:
+            self._note_health(time, meaning)
+        return meaning
+
+    def _note_health(self, time: float, meaning: Meaning) -> None:
+        health = self.nodes.setdefault(meaning.nodes[0], NodeHealth())  # also one that no file describes
+        text = meaning.text.partition(", ")[2]  # the words of a service begin with the node's name
+        if meaning.name == EMCY_NAME:  # 0x0000 is "error reset or no error" (CiA 301, Table 26)
+            health.emergency = "" if text.startswith("0x0000") else text
+        elif text != REQUEST:
+            health.state = text.partition(",")[0]  # before the toggle bit of an answer to a guarding master
+            (health.pulse.boot if health.state == STATE_NAMES[NmtState.INITIALISING] else health.pulse.beat)(time)
+
+    def clear(self) -> None:
+        """Forget what was counted."""
+        # Not the frames and bits of all: the load is a difference between two of their counts.
+        self.rows.clear()
+        self.seen = SeenTraffic(self.bitrate, self._promised)
+        self.damage = DamageCounts()
+
+    def load(self, now: float) -> tuple[float, float]:
+        """Return bus load (share of 1, stuff bits counted) and frames per second since the last second's mark.
+
+        Called at every refresh; between two calls the traffic is assumed to be even.
+        """
+        self._marks.append((now, self._bits, self.frames))
+        # One that is a second old stays, or the load would be that of the time since the last refresh.
+        while len(self._marks) > 2 and now - self._marks[1][0] >= LOAD_SPAN:
+            self._marks.popleft()
+        since, bits, frames = self._marks[0]
+        span = now - since
+        if span <= 0:
+            return 0.0, 0.0
+        return (self._bits - bits) / span / self.bitrate, (self.frames - frames) / span
+
+
+# What is shown
+
+
+SORTS: Mapping[str, Callable[[MonitorRow], Any]] = {
+    "identifier": lambda row: (row.identifier is None, row.identifier or 0),
+    "name": lambda row: row.name.casefold(),
+    "count": lambda row: -row.count,
+    "period": lambda row: row.period.mean if row.period else float("inf"),
+    "age": lambda row: -row.last,
+    "wrong": lambda row: -row.wrong,
+}
+"""The orders of the table."""
+
+
+def selected(rows: Iterable[MonitorRow], sort: str, part: str) -> list[MonitorRow]:
+    """Return the rows whose name, group or nodes contain `part`, in an order of SORTS."""
+    return sorted((row for row in rows if named(row.meaning, part)), key=SORTS[sort])
+
+
+def named(meaning: Meaning, part: str) -> bool:
+    """Tell whether `part` is part of the name of a message, of its protocol, or of a node that has it."""
+    return part.casefold() in " ".join((meaning.name, meaning.group, *meaning.nodes)).casefold()
+
+
+# Cells of the table as text, the same for every terminal
+
+
+HEADINGS = ("ID", "Message", "Count", "Period ms", "Age s", "Last values")
+ALIGN = "llrrrl"
+
+DROPPED = ("Age s", "Count", "Period ms")
+"""The columns that a narrow terminal drops, the least important first."""
+
+ROOM = 24
+"""Characters for the last values; columns are dropped to keep them."""
+
+
+def fitting(lines: Sequence[Sequence[str]], width: int) -> list[int]:
+    """Return the numbers of the columns that fit into `width` characters; `lines` are the cells of all columns."""
+    widths = [max(map(len, column)) for column in zip(HEADINGS, *lines)]
+    shown = list(range(len(HEADINGS)))
+    for dropped in map(HEADINGS.index, DROPPED):
+        # The last values get what the others leave, so their own width does not count.
+        if sum(widths[each] + len(GAP) for each in shown[:-1]) + ROOM <= width:
+            break
+        shown.remove(dropped)
+    return shown
+
+
+def cells(row: MonitorRow, now: float) -> tuple[str, ...]:
+    """Write a row, one text for each heading."""
+    identifier = "" if row.identifier is None else identifier_text(row.identifier)
+    period = row.period
+    every = f"{period.mean * 1000:.1f} ± {period.jitter * 1000:.1f}" if period else ""
+    age = f"{max(now - row.last, 0.0):.1f}"  # the clocks of driver and computer do not run alike
+    return identifier, one_line(row.name), str(row.count), every, age, one_line(values(row))
+
+
+def values(row: MonitorRow) -> str:
+    """Write the last values and what is wrong with them."""
+    return with_defects(row.meaning) if row.meaning.defects else row.meaning.text
+
+
+def health(name: str, node: NodeHealth, now: float) -> str:
+    """Write the state of a node."""
+    state = "not heard" if node.pulse.heard is None else "LOST" if node.pulse.lost(now) else node.state
+    return one_line(f"{name} {state} ({node.emergency})" if node.emergency else f"{name} {state}")
+
+
+def plain_table(rows: list[MonitorRow], now: float) -> Iterator[str]:
+    """Write the table without colours, one line a row."""
+    return columns([HEADINGS, *(cells(row, now) for row in rows)], ALIGN)
+
+
+# What the keys do
+
+
+ENTER, ESCAPE, BACKSPACES = "\r\n", "\x1b", "\x08\x7f"  # a terminal sends one or the other
+HELP = "q quit  p pause  s sort  / filter  j k scroll  c clear counts"
+
+
+@dataclass
+class Controls:
+    """Settings of the table: `part` is what names must contain, `typing` whether it is being typed.
+
+    `top` is how many rows are scrolled away.
+    """
+
+    sort: str = "identifier"
+    part: str = ""
+    typing: bool = False
+    paused: bool = False
+    clear: bool = False
+    running: bool = True
+    top: int = 0
+
+    def within(self, most: int) -> int:
+        """Return how many rows are scrolled away, `most` at most: what is shown ends with the last row."""
+        # Kept, or each press of `j` beyond the end would have to be taken back by one of `k`.
+        self.top = min(self.top, max(most, 0))
+        return self.top
+
+    def key(self, key: str) -> None:
+        """Take in a key; unknown keys do nothing."""
+        if not self.typing:
+            for name, value in (KEYS[key](self) if key in KEYS else {}).items():
+                setattr(self, name, value)
+        elif key in ENTER:
+            self.typing = False
+        elif key == ESCAPE:
+            self.typing, self.part = False, ""
+        elif key in BACKSPACES:
+            self.part = self.part[:-1]
+        elif key.isprintable():
+            self.part += key
+
+
+ORDERS = list(SORTS)
+
+KEYS: Mapping[str, Callable[[Controls], Mapping[str, object]]] = {
+    **dict.fromkeys("p ", lambda controls: {"paused": not controls.paused}),
+    "s": lambda controls: {"sort": ORDERS[(ORDERS.index(controls.sort) + 1) % len(ORDERS)]},
+    "/": lambda _: {"typing": True, "part": ""},
+    **dict.fromkeys("j\x0e", lambda controls: {"top": controls.top + 1}),
+    **dict.fromkeys("k\x10", lambda controls: {"top": max(controls.top - 1, 0)}),
+    "c": lambda _: {"clear": True},
+    "q": lambda _: {"running": False},
+}
+"""What the keys change while no filter is being typed."""
+
+
+Timed: TypeAlias = tuple[float, Raw]
+"""A time in s, and what came then."""
+
+Place: TypeAlias = tuple[str, int]
+"""A log, and a line of it."""
+
+AT_ONCE = 20_000
+"""Entries of a log that are played without a refresh of the screen between them."""
+
+
+class BusSource:
+    """Frames of a bus, with the driver's times, which are more exact than ours; a thread reads them.
+
+    A bus that is lost is opened again by `opener`, if there is one; meanwhile `trouble` says why. `notes` say when it
+    was lost, for how long, and how many frames were lost because the driver's queue was full.
+    """
+
+    ended = False
+    place: Place | None = None
+
+    def __init__(
+        self, bus: can.BusABC, clock: Callable[[], float] = time.monotonic, opener: Opener | None = None
+    ) -> None:
+        self.notes: list[str] = []
+        self.trouble = ""
+        self._clock, self._opener = clock, opener
+        self._came: deque[Timed] = deque()
+        self._failures: list[BusError] = []
+        self._last, self._seen = 0.0, clock()
+        self._offset, self._reopened = 0.0, False
+        self._overflow = 0
+        self._leaving = ExitStack()
+
+        def take(time: float, frame: Frame) -> None:
+            self._came.append((self._continued(time), frame))
+
+        def back(gap: float) -> None:
+            self.trouble, self._reopened = "", True
+            self.notes.append(f"the bus is back after a gap of {gap:.1f} s")
+
+        watch = FrameReader(bus, take, None, self._fail, self._take_foreign, opener=opener, back=back)
+        self._watch = self._leaving.enter_context(watch)
+
+    def _fail(self, why: BusError) -> None:
+        self.trouble = str(why)
+        if self._opener is None:  # raised by `poll`: this is the thread that reads
+            self._failures.append(why)
+        else:
+            self.notes.append(f"{why}; it is opened again")
+
+    def _note_overflow(self) -> None:
+        self._overflow = self._watch.overflow()
+        self.notes.append(f"{self._overflow} frames have been lost so far because the driver's queue was full")
+
+    def _take_foreign(self, message: can.Message | None) -> None:
+        if message is None:
+            self._came.append((self.now, Foreign(Damage.UNREADABLE, "the driver cannot read it")))
+            return
+        try:
+            raw = of_message(message)
+        except ValueError:  # what no adapter could receive, a peer behind a network can send
+            raw = Foreign(Damage.UNREADABLE, shortened(str(message)))
+        self._came.append((self._continued(message.timestamp), raw))
+
+    def _continued(self, stamp: float) -> float:
+        """Return a time stamp by the clock before the bus was opened again: a driver's may start anywhere each time."""
+        if self._reopened and stamp + self._offset < self._last:
+            self._offset = self.now - stamp
+        self._reopened = False
+        return stamp + self._offset
+
+    def send(self, frame: Frame, timeout: float) -> bool:
+        """Send on the same bus; False if the driver does not take the frame in `timeout` s. Raises BusError."""
+        return self._watch.send(frame, timeout)
+
+    @property
+    def now(self) -> float:
+        """The present in s, by the driver's clock."""
+        return self._last + self._clock() - self._seen
+
+    def pause(self, longest: float) -> float:
+        """Return how long to wait before the next poll, s."""
+        return longest
+
+    def poll(self) -> Iterator[Timed]:
+        """Return the frames; raises BusError if the bus failed."""
+        for _ in range(len(self._came)):  # not until it is empty: on a full bus the screen would never be drawn
+            timed = self._came.popleft()
+            self._last, self._seen = timed[0], self._clock()
+            yield timed
+        # One more binary digit: told when the number has doubled, as a flood would fill the screen with notes.
+        if self._watch.overflow().bit_length() > self._overflow.bit_length():
+            self._note_overflow()
+        if self._failures:
+            raise self._failures[0]
+
+    def close(self) -> None:
+        """Close the bus."""
+        # What was lost since the last note: asked for now, as a closed bus cannot tell.
+        if self._watch.overflow() > self._overflow:
+            self._note_overflow()
+        self._leaving.close()
+
+
+class LogSource:
+    """Entries of logs, with the logs' names, played `speed` times faster than they were recorded.
+
+    `place` is where the entry stands that `poll` gave last.
+    """
+
+    notes: Sequence[str] = ()
+
+    def __init__(
+        self,
+        entries: Generator[tuple[str, LogEntry], None, None],
+        speed: float,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self.ended = False
+        self.place: Place | None = None
+        self._entries, self._speed, self._clock = entries, speed, clock
+        self._started = clock()
+        self._next = next(entries, None)
+        self._first = self._last = self._next[1][1] if self._next else 0.0
+
+    @property
+    def now(self) -> float:
+        """The present in s, by the log's clock."""
+        if self.ended or self._speed == float("inf"):
+            return self._last
+        return self._first + (self._clock() - self._started) * self._speed
+
+    def pause(self, longest: float) -> float:
+        """Return how long to wait before the next poll, s."""
+        return 0.0 if self._speed == float("inf") else longest
+
+    def close(self) -> None:
+        """Close the logs."""
+        self._entries.close()
+
+    def poll(self) -> Iterator[Timed]:
+        """Return the entries whose time has come."""
+        until = float("inf") if self._speed == float("inf") else self.now
+        for _ in range(AT_ONCE):
+            if self._next is None or self._next[1][1] > until:
+                break
+            log, (line, self._last, _, raw) = self._next
+            self.place = log, line
+            yield self._last, raw
+            self._next = next(self._entries, None)
+        self.ended = self._next is None
+
+
+COLOURS = ("bright_cyan", "green", "yellow", "bright_blue", "bright_magenta")
+"""Colours of the groups of messages, in the catalogue's order; further groups have none."""
+
+SERVICE_COLOUR = "magenta"
+
+WRONG, OLD = "bold red", "dim"
+OLD_AFTER = 3.0
+"""Periods after which a message is old, but at least a second."""
+
+BAR_WIDTH = 20
+HEAVY_LOAD = 0.8
+
+
+class Size(NamedTuple):
+    """Characters and lines of a terminal."""
+
+    width: int
+    height: int
+
+
+def screen(
+    traffic: Traffic, controls: Controls, now: float, load: tuple[float, float], size: Size, notes: Sequence[str] = ()
+) -> RenderableType:
+    """Return everything that is shown on a terminal of a size, with the last of the `notes`."""
+    rows = selected(traffic.rows.values(), controls.sort, controls.part)
+    room = max(size.height - 8, 1)
+    top = controls.within(len(rows) - room)
+    colours = {CANOPEN: SERVICE_COLOUR} | dict(zip(traffic.groups, COLOURS))
+    table = _table(rows[top : top + room], now, colours, size.width)
+    nodes = Text()
+    for name, node in traffic.nodes.items():
+        colour = OLD if node.pulse.heard is None else "green"
+        bad = node.pulse.lost(now) or node.emergency
+        nodes.append(f"● {health(name, node, now)}   ", WRONG if bad else colour)
+    return Group(_top(traffic, load), nodes, table, _bottom(controls, len(rows) - room, notes))
+
+
+def _top(traffic: Traffic, load: tuple[float, float]) -> Text:
+    share, rate = load
+    filled = min(round(share * BAR_WIDTH), BAR_WIDTH)
+    colour = WRONG if share >= HEAVY_LOAD else "green"
+    text = Text(f"{traffic.frames} frames  {rate:.0f}/s  load ", no_wrap=True, overflow="ellipsis")
+    text.append(f"{share:.1%}", colour).append(f" of {traffic.bitrate // 1000} kbit/s ")
+    text.append("█" * filled, colour).append("░" * (BAR_WIDTH - filled), OLD)
+    if traffic.damage.total:
+        kinds = ", ".join(f"{count.number} x {damage.value}" for damage, count in traffic.damage.counts.items())
+        text.append(f"   {kinds}", WRONG)
+    return text
+
+
+def _table(rows: list[MonitorRow], now: float, colours: Mapping[str, str], width: int) -> Table:
+    table = Table(box=None, pad_edge=False, header_style="bold", expand=True, padding=(0, len(GAP), 0, 0))
+    lines = [cells(row, now) for row in rows]
+    columns = fitting(lines, width)
+    for column in columns:
+        ratio = 1 if column == len(HEADINGS) - 1 else None
+        justify: JustifyMethod = "right" if ALIGN[column] == "r" else "left"
+        table.add_column(HEADINGS[column], justify=justify, no_wrap=True, ratio=ratio)
+    for row, line in zip(rows, lines):
+        colour, period = colours.get(row.meaning.group, ""), row.period
+        old = period is not None and now - row.last > max(OLD_AFTER * period.mean, 1.0)
+        style = WRONG if row.meaning.defects else f"{colour} {OLD}" if old else colour
+        # Text, not str: rich would take brackets in a name or a value for its markup.
+        table.add_row(*(Text(line[column]) for column in columns), style=style)
+    return table
+
+
+def _bottom(controls: Controls, hidden: int, notes: Sequence[str]) -> Text:
+    text = Text("\n", no_wrap=True, overflow="ellipsis")
+    if controls.paused:
+        text.append("PAUSED", "bold reverse").append("   ")
+    if notes:
+        text.append(f"{notes[-1]}   ", WRONG)
+    if hidden > 0:
+        text.append(f"{amount(hidden, 'row')} more   ", OLD)
+    typed = f"{controls.part}{'_' if controls.typing else ''}"
+    return text.append(f"sort: {controls.sort}   filter: {typed}   {HELP}", OLD)

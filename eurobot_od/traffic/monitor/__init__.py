@@ -1,1 +1,0 @@
-"""The live table of a bus: what is on it, message by message."""

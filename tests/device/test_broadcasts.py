@@ -1,0 +1,196 @@
+"""Emergencies: reported once, in the order they came, as fast as the inhibit time allows (CiA 301, 7.2.7)."""
+
+from __future__ import annotations
+
+from math import inf
+from pathlib import Path
+
+import pytest
+
+from eurobot_od.device.broadcasts import HISTORY, PASSING, WAITING, Emergencies, ErrorCode, ErrorWords, error_words
+from eurobot_od.device.nmt import NmtCommand
+from eurobot_od.frame import Frame
+from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.robot.model.messages import CATALOGUE, GotoXY
+from tests.device.master import wired
+from tests.eds_text import DEVICE_TYPE, pdo
+
+COB_ID = 0x082
+
+
+def emergencies(inhibit: float = 0.0) -> Emergencies:
+    return Emergencies(lambda: COB_ID, lambda: inhibit)
+
+
+def report(code: int, register: int, info: str = "") -> Frame:
+    return Frame(COB_ID, code.to_bytes(2, "little") + bytes([register]) + bytes.fromhex(info).ljust(5, b"\0"))
+
+
+CODES = [
+    (ErrorCode.PDO_TOO_SHORT, 0x8210, 0x11),
+    (ErrorCode.PDO_TOO_LONG, 0x8220, 0x11),
+    (ErrorCode.HEARTBEAT_LOST, 0x8130, 0x11),
+    (ErrorCode.OVERRUN, 0x8110, 0x11),
+    (ErrorCode.ERROR_PASSIVE, 0x8120, 0x11),
+    (ErrorCode.RECOVERED_FROM_BUS_OFF, 0x8140, 0x11),
+    (0xFF01, 0xFF01, 0x81),
+]
+
+
+@pytest.mark.parametrize(("error", "code", "register"), CODES)
+def test_an_error_is_reported_when_it_comes_and_when_it_goes(error: ErrorCode, code: int, register: int) -> None:
+    ours = emergencies()
+    ours.raised(error, "what", b"\x07")
+    ours.raised(error, "what")
+    assert ours.due(0.0) == [report(code, register, "07")]
+    ours.cleared("what")
+    ours.cleared("what")
+    assert ours.due(0.0) == [report(0, 0)]
+
+
+def test_the_register_shows_all_that_is_there() -> None:
+    ours = emergencies()
+    ours.raised(ErrorCode.PDO_TOO_SHORT, "one")
+    ours.raised(0xFF01, "other")
+    assert ours.register == 0x91
+    ours.cleared("one")
+    assert ours.register == 0x81
+
+
+def test_the_history_has_the_newest_first_and_an_end() -> None:
+    ours = emergencies()
+    for number in range(HISTORY):
+        ours.raised(ErrorCode.PDO_TOO_SHORT, number)
+    ours.raised(ErrorCode.OVERRUN, "newest")
+    assert ours.history == [ErrorCode.OVERRUN] + [ErrorCode.PDO_TOO_SHORT] * (HISTORY - 1)
+
+
+def test_the_inhibit_time_spaces_reports() -> None:
+    ours = emergencies(inhibit=0.1)
+    ours.raised(ErrorCode.PDO_TOO_SHORT, "one")
+    ours.raised(ErrorCode.PDO_TOO_LONG, "other")
+    assert ours.due(1.0) == [report(0x8210, 0x11)]
+    assert ours.next == 1.1
+    assert ours.due(1.05) == []
+    assert ours.due(1.1) == [report(0x8220, 0x11)]
+    assert ours.next == inf
+
+
+def test_what_waits_too_long_makes_room_for_the_newest() -> None:
+    ours = emergencies(inhibit=1.0)
+    for number in range(WAITING + 5):
+        ours.raised(ErrorCode.PDO_TOO_SHORT, number)
+    ours.raised(ErrorCode.OVERRUN, "newest")
+    sent = [frame for second in range(WAITING + 5) for frame in ours.due(float(second))]
+    assert len(sent) == WAITING
+    assert sent[-1] == report(0x8110, 0x11)
+
+
+def test_an_error_of_a_moment_passes() -> None:
+    ours = emergencies()
+    ours.happened(ErrorCode.OVERRUN, 0.0)
+    ours.happened(ErrorCode.OVERRUN, 0.5)
+    assert ours.due(0.5) == [report(0x8110, 0x11)]
+    assert ours.next == 0.5 + PASSING
+    assert ours.due(0.5 + PASSING) == [report(0, 0)]
+    assert ours.next == inf
+
+
+def test_a_device_without_an_identifier_for_it_reports_nothing() -> None:
+    ours = Emergencies(lambda: None, lambda: 0.0)
+    ours.raised(ErrorCode.OVERRUN, "what")
+    assert ours.due(0.0) == []
+    assert ours.history == [ErrorCode.OVERRUN]
+
+
+# The device
+
+TOO_SHORT = Frame(0x008, bytes(3))
+TOO_LONG = Frame(0x010, bytes(1))
+
+
+def test_errors_are_read_and_cleared_over_sdo() -> None:
+    wire = wired()
+    wire.send(TOO_SHORT)
+    wire.send(TOO_LONG)
+    assert wire.read(0x1001) == 0x11
+    assert [wire.read(0x1003, subindex) for subindex in range(3)] == [2, 0x8220, 0x8210]
+    wire.write(0x1003, 0, 0, size=1)
+    assert wire.read(0x1003, 0) == 0
+    assert wire.read(0x1001) == 0x11, "the errors are still there"
+
+
+def test_stock_canopen_understands_the_emergencies() -> None:
+    wire = wired()
+    remote = wire.add_node(2, str(wire.device.dictionary.file))
+    wire.send(TOO_SHORT)
+    (entry,) = remote.emcy.active
+    assert (entry.code, entry.register, entry.data) == (0x8210, 0x11, b"\x08\x00\x03\x00\x00")
+    wire.send(wired("core").device.transmit(GotoXY(0, 0, 0, 0)))
+    assert remote.emcy.active == []
+
+
+def test_the_inhibit_time_is_the_object_s() -> None:
+    wire = wired()
+    wire.write(0x1015, 0, 1000, size=2)
+    assert len(wire.send(TOO_SHORT).frames) == 1
+    assert wire.send(TOO_LONG).frames == []
+    assert wire.wait(0.0999).frames == []
+    assert wire.wait(0.0001).frames == [report(0x8220, 0x11, "100001")]
+
+
+def test_a_stopped_device_keeps_its_reports_until_it_may_talk() -> None:
+    wire = wired()
+    wire.command(NmtCommand.STOP)
+    wire.send(Frame(0x004, bytes(1)))
+    assert [*wire.device.emergencies.errors.values()] == [ErrorCode.PDO_TOO_LONG]
+    wire.sent()
+    assert wire.command(NmtCommand.START).frames == [report(0x8220, 0x11, "040001")]
+
+
+def test_what_the_controller_reports_becomes_an_emergency() -> None:
+    wire = wired()
+    wire.device.bus_error(ErrorCode.OVERRUN, wire.now)
+    assert wire.wait(0.0).frames == [report(0x8110, 0x11)]
+    assert report(0, 0) in wire.wait(PASSING).frames
+
+
+@pytest.mark.parametrize(
+    ("code", "text"),
+    [
+        (0xFF02, "drive blocked"),  # the device's own
+        (ErrorCode.PDO_TOO_SHORT, "pdo too short"),
+        (0x2310, "current, device output side"),  # CiA 301's classes
+        (0x5530, "device hardware"),  # of a class without a finer one
+        (0xFF77, "device specific"),
+        (0xFF00, "device specific"),  # ours means a value out of range by it, a foreign device something else
+        (0xA000, "reserved"),
+    ],
+)
+def test_an_error_has_a_name(code: int, text: str) -> None:
+    assert error_words(code, {0xFF02: "drive blocked"}) == text
+
+
+@pytest.mark.parametrize(
+    ("node_id", "text"),
+    [
+        (5, "drive blocked"),  # a device of the robot, by the name of its PDO
+        (6, "device specific"),  # a drive of CiA 402, of another maker
+        (7, "fan blocked"),  # its maker's table, whatever the profile
+        (8, "device specific"),  # of another maker, without a profile
+        (9, "device specific"),  # of which there is no file
+    ],
+)
+def test_the_robots_words_are_for_its_own_devices(node_id: int, text: str) -> None:
+    goto = pdo(0x1800, "0x20000010", cob_id="0x185", name="Goto XY")
+    devices = [
+        Dictionary.read(text.encode(), Path("any.eds"), node_id)
+        for node_id, text in {
+            5: DEVICE_TYPE + goto,
+            6: DEVICE_TYPE.replace("Value=0", "Value=402"),
+            7: DEVICE_TYPE.replace("Value=0", "Value=402"),
+            8: DEVICE_TYPE + pdo(0x1800, "0x20000010", cob_id="0x185"),
+        }.items()
+    ]
+    words = ErrorWords.of_devices(devices, CATALOGUE, {7: {0xFF02: "fan blocked"}})
+    assert words.of(node_id)(0xFF02) == text
