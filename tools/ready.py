@@ -19,7 +19,7 @@ MADE = (
     "tests/test_layers.py",
     "tests/test_public_names.py",
     "tests/cli/test_completion.py",
-    "tests/sdo/test_aborts.py",
+    "tests/sdo/test_wire.py",
     "tests/tools/test_broken.py",
 )
 """Tests of what has to follow a change anywhere: rooms, lists that are made, the places of broken.yaml."""

@@ -83,9 +83,9 @@ COMMANDS = {
 
 
 MODULES = {
-    **dict.fromkeys(("scan", "boot", "nmt", "watch", "sync", "time"), "bus"),
+    **dict.fromkeys(("scan", "boot", "nmt", "watch", "sync", "time", "lss"), "bus"),
     **dict.fromkeys(("read", "write", "dump", "pdo", "emcy"), "objects"),
-    **dict.fromkeys(("configure", "store", "restore", "export-dcf", "program"), "parameters"),
+    **dict.fromkeys(("configure", "store", "restore", "export-dcf", "program"), "objects"),
     **dict.fromkeys(("archive", "query"), "season"),
     **dict.fromkeys(("export", "make-eds"), "files"),
     **dict.fromkeys(("compare", "replay"), "decode"),

@@ -300,7 +300,7 @@ with simulated("eds/canopen/drive.eds") as network:
     print(network.devices[2].device.aborted.reason.name)  # TRANSMISSION_TYPE
 ```
 
-The page is made from the table in `eurobot_od/sdo/wire.py` by `.venv/bin/python -m tests.sdo.test_aborts`, and a test
+The page is made from the table in `eurobot_od/sdo/wire.py` by `.venv/bin/python -m tests.sdo.test_wire`, and a test
 provokes each row. The name leads to the line that sends it: `grep -rn Reason.PDO_VALID eurobot_od/`. A device that was
 given a fault may send other codes: that is the fault.
 
