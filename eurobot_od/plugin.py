@@ -455,7 +455,7 @@ def _guarded(robot: Plugin, what: str, module: str, file: str) -> Plugin:
 
         return call
 
-    parts = {name: guarded(part) for name, part in robot._asdict().items() if callable(part)}
+    parts: dict[str, Any] = {name: guarded(part) for name, part in robot._asdict().items() if callable(part)}
     return robot._replace(**parts, nodes={name: guarded(kind) for name, kind in robot.nodes.items()})
 
 
