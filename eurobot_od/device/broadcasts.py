@@ -1,6 +1,6 @@
-"""SYNC and TIME: how a device sends them, and what it does with those it hears (CiA 301, 7.2.5 and 7.2.6).
+"""What a device sends to all: SYNC, TIME and emergencies; and what it does with SYNC and TIME of others.
 
-There is no clock in here. The device's own time comes in, in seconds; for TIME only the difference is kept. When
+CiA 301, 7.2.5 to 7.2.7. There is no clock in here. The device's own time comes in, in seconds; for TIME only the difference is kept. When
 several frames of one PDO wait for a SYNC the newest counts, and nothing is kept beyond the next SYNC.
 """
 

@@ -1,6 +1,6 @@
 """Stations on a simulated CAN bus: who hears what and when, what goes wrong on demand, and the order of all events.
 
-Events happen one after the other, each at its time. What the bus makes of the frames is in `bus`: the lowest COB-ID in
+Events happen one after the other, each at its time. Of the frames that wait for a `Bus`, the lowest COB-ID in
 all mailboxes wins, and frames that are equal to the bit go out as one.
 
 A frame's way: its node leaves it to the mailboxes; it wins the arbitration; after its bits it has ended. At that moment
@@ -27,7 +27,7 @@ from math import inf
 from random import Random
 from typing import NamedTuple, Protocol, TypeAlias
 
-from eurobot_od.bus.bits import INTERMISSION, frame_bits
+from eurobot_od.bus import INTERMISSION, frame_bits
 from eurobot_od.device.node import Node
 from eurobot_od.device.station import Station
 from eurobot_od.frame import Frame
