@@ -1,7 +1,8 @@
 """What a device sends to all: SYNC, TIME and emergencies; and what it does with SYNC and TIME of others.
 
-CiA 301, 7.2.5 to 7.2.7. There is no clock in here. The device's own time comes in, in seconds; for TIME only the difference is kept. When
-several frames of one PDO wait for a SYNC the newest counts, and nothing is kept beyond the next SYNC.
+CiA 301, 7.2.5 to 7.2.7. There is no clock in here. The device's own time comes in, in seconds; for TIME only the
+difference is kept. When several frames of one PDO wait for a SYNC the newest counts, and nothing is kept beyond the
+next SYNC.
 """
 
 from __future__ import annotations
