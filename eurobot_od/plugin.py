@@ -30,8 +30,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeAlias, TypeVar
 
 from eurobot_od.errors import LocalError, RobotWarning, UnknownName
-from eurobot_od.od import DEFAULT
-from eurobot_od.od.network import Dialects
+from eurobot_od.od import DEFAULT, Dialects
 
 if TYPE_CHECKING:
     from eurobot_od.bus.live import Live, Opener

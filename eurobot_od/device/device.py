@@ -17,7 +17,6 @@ from eurobot_od.device.broadcasts import (
     Arrival,
     Clock,
     Emergencies,
-    ErrorCode,
     Synchronous,
     SyncProducer,
 )
@@ -51,6 +50,7 @@ from eurobot_od.gatekeeper import Stay
 from eurobot_od.od import standard
 from eurobot_od.od.dictionary import Dictionary, SdoChannel
 from eurobot_od.od.objects import data_type
+from eurobot_od.od.standard import ErrorCode
 from eurobot_od.od.values import (
     BASE_IDENTIFIER,
     ERROR_CONTROL_BASE,

@@ -14,13 +14,13 @@ from math import inf
 from typing import Any, ClassVar
 
 from eurobot_od.device.bound import Application, BoundObject, names_of
-from eurobot_od.device.broadcasts import ErrorCode
 from eurobot_od.device.device import Device, Reaction
 from eurobot_od.device.objects import Store
 from eurobot_od.device.timers import LATE, Call, Timer, TimerAction, Timers
 from eurobot_od.errors import Cause, Refused, StateError
 from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.standard import ErrorCode
 from eurobot_od.od.values import Value
 from eurobot_od.pdo.catalogue import NOTHING, Catalogue, Message, is_flagged
 

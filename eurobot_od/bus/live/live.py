@@ -18,10 +18,10 @@ from typing import TYPE_CHECKING, Any
 
 from eurobot_od.bus.live.buses import Connection, Driver, Gaps, Opener, Sender, failure, shut_down
 from eurobot_od.bus.live.reader import POLL, FunctionThread, Reader
-from eurobot_od.device.broadcasts import ErrorCode
 from eurobot_od.errors import BusError, NodeFailed, StateError
 from eurobot_od.frame import HIGHEST_IDENTIFIER, MOST_BYTES, Data, Frame, RemoteFrame
 from eurobot_od.gatekeeper import Event, Gatekeeper, Report
+from eurobot_od.od.standard import ErrorCode
 from eurobot_od.pdo.catalogue import Message
 
 if TYPE_CHECKING:

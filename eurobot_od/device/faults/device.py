@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-from eurobot_od.device.broadcasts import ErrorCode
 from eurobot_od.device.faults import hooks
 from eurobot_od.device.faults.hooks import Caught, Mixin
 from eurobot_od.device.nmt import TOGGLE, NmtCommand, NmtState
@@ -20,7 +19,7 @@ from eurobot_od.device.profiles.motion import STEP
 from eurobot_od.frame import Frame
 from eurobot_od.od.profiles import cia402
 from eurobot_od.od.profiles.cia402 import DriveCommand, State, Transition
-from eurobot_od.od.standard import IDENTITY
+from eurobot_od.od.standard import IDENTITY, ErrorCode
 from eurobot_od.od.values import NMT_COB_ID
 from eurobot_od.sdo.wire import (
     ABORT,
