@@ -431,6 +431,8 @@ class Device:
     def tick(self, now: float) -> Reaction:
         """Do what is due: send heartbeat and TPDOs at their times, and notice nodes that have fallen silent."""
         self._now = now
+        if now < self.next_wakeup:  # the application has set a timer: most ticks of a node that moves
+            return Reaction([])
         frames = []
         if now >= self._next_heartbeat:
             # From its planned time, or each late call would put off all later heartbeats.
