@@ -98,8 +98,9 @@ class Node:
 
         A node that has stood still does only once what it has missed, and says so.
         """
-        late = now - min(self._timers.next, self.device.next_wakeup)
-        if late > LATE:
+        # What was planned is never before the plan's soonest, which is at hand.
+        late = now - self.device.plan.soonest
+        if late > LATE and (late := now - min(self._timers.next, self.device.next_wakeup)) > LATE:
             self.alarm(f"stood still for {late:.1f} s; what was due meanwhile is skipped")
 
         def do_due() -> Reaction:

@@ -161,7 +161,7 @@ class Deadlines(Generic[Awaited]):
     @property
     def next(self) -> float:
         """Time at which the next one is late, infinite if none is awaited."""
-        return min(self._deadlines.values(), default=inf)
+        return min(self._deadlines.values()) if self._deadlines else inf
 
     def overdue(self, now: float) -> list[Awaited]:
         """Return what has not come in time by now, each once."""
