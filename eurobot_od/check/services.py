@@ -22,8 +22,9 @@ from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.standard import COMMANDS, EMCY
 from eurobot_od.od.values import BASE_IDENTIFIER, DOMAIN, ERROR_CONTROL_BASE, NOT_SCANNED, NOT_VALID
 from eurobot_od.support import yaml_shapes as shapes
+from eurobot_od.support.declared import Within
 from eurobot_od.support.yaml_places import Problems, refusing, taken
-from eurobot_od.support.yaml_shapes import NUMBER, SCALAR, TEXT, Key, Shape, Within, converted
+from eurobot_od.support.yaml_shapes import NUMBER, SCALAR, TEXT, Key, Shape, converted
 
 T = TypeVar("T")
 

@@ -15,20 +15,19 @@ from eurobot_od import plugin
 from eurobot_od.cli import RobotName, complain, is_alone
 from eurobot_od.cli.options import BusOptions, Seconds, check_node_id, whole
 from eurobot_od.cli.signature import HelpGroup, Option, Parser, ahead
-from eurobot_od.client import description
-from eurobot_od.client.description import Description, from_file
-from eurobot_od.client.master import Master, RemoteNode
-from eurobot_od.device.broadcasts import ErrorWords
 from eurobot_od.errors import FileError, LocalError, MappingError, RemoteError, UnknownName
-from eurobot_od.od import network
+from eurobot_od.od import DIALECT_VARIABLE, network
 from eurobot_od.od.dictionary import Dictionary, SdoChannel, moved_server
-from eurobot_od.od.network import DIALECT_VARIABLE, NetworkFile, NodeFile
+from eurobot_od.od.network import NetworkFile, NodeFile
 from eurobot_od.od.objects import all_objects
 from eurobot_od.od.pdos import OnRefused
 from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.plugin import Plugin
 
-if TYPE_CHECKING:
+if TYPE_CHECKING:  # a command that needs no bus does without
+    from eurobot_od.client.description import Description
+    from eurobot_od.client.master import Master, RemoteNode
+    from eurobot_od.device.broadcasts import ErrorWords
     from eurobot_od.traffic.load.analysis import MessageSet
     from eurobot_od.traffic.meaning import Decoder
 
@@ -127,6 +126,8 @@ class Devices:
 
     def errors(self, emcy: Iterable[str] = ()) -> ErrorWords:
         """Return the words for these devices' emergency error codes, CiA 301's if there are none; raises as `load`."""
+        from eurobot_od.device.broadcasts import ErrorWords
+
         known = self.load() if self.are_known else ()
         return ErrorWords.of_devices(known, self.robot.catalogue(), error_words(emcy))
 
@@ -135,7 +136,7 @@ class Devices:
 
         Raises as `load`, BusError.
         """
-        from eurobot_od.client.master import Master  # a log is decoded without a bus
+        from eurobot_od.client.master import Master
         from eurobot_od.client.remote_pdos import pdo_parameters
 
         asked = []
@@ -289,6 +290,8 @@ class Access:
 
     def master(self) -> Master:
         """Open the bus; the context closes it. Raises LocalError, BusError."""
+        from eurobot_od.client.master import Master
+
         return Master(self.bus.open(), self.timeout, unannounced=self.largest)
 
 
@@ -325,6 +328,8 @@ class Target(Access):
         A file named without a node-ID is for the node that is spoken to. Its own comes last because it has to be
         transferred, tens of thousands of bytes.
         """
+        from eurobot_od.client import description
+
         named = self.named_description(node)
         if named is not None:
             return named
@@ -338,6 +343,8 @@ class Target(Access):
 
         From then on the node is spoken to where its file says that its SDO server is.
         """
+        from eurobot_od.client.description import from_file
+
         files = self.devices.files()
         named = files[: len(self.devices.eds)]
         mine = next((each for each in named if each.node_id in (None, node.node_id)), None)

@@ -14,9 +14,9 @@ from typing import Generic, NamedTuple, TypeVar
 from weakref import WeakSet
 
 from eurobot_od.client.master import Master, Procedure, RemoteNode, finished
-from eurobot_od.device.broadcasts import REGISTER_BITS, ErrorCode, error_words
+from eurobot_od.device.broadcasts import REGISTER_BITS, error_words
 from eurobot_od.errors import NoAnswer
-from eurobot_od.od.standard import ERROR_FIELD, ERROR_REGISTER
+from eurobot_od.od.standard import ERROR_FIELD, ERROR_REGISTER, ErrorCode
 
 Item = TypeVar("Item")
 

@@ -6,9 +6,8 @@ from eurobot_od.check.conformance import step
 from eurobot_od.check.conformance.clauses import Chapter
 from eurobot_od.check.conformance.step import Data, Steps, codes
 from eurobot_od.check.conformance.subject import Subject, Tier, fresh, need
-from eurobot_od.device.broadcasts import ErrorCode
 from eurobot_od.od.objects import data_type, in_limits
-from eurobot_od.od.standard import EMCY, ERROR_FIELD, ERROR_REGISTER
+from eurobot_od.od.standard import EMCY, ERROR_FIELD, ERROR_REGISTER, ErrorCode
 from eurobot_od.od.values import Address
 from eurobot_od.sdo.wire import AbortCode
 

@@ -48,7 +48,7 @@ from math import lcm
 from types import MappingProxyType
 from typing import NamedTuple, TypeAlias
 
-from eurobot_od.bus.bits import longest_frame
+from eurobot_od.bus import longest_frame
 
 # What is sent on a bus. Times are whole microseconds; the analysis takes the same messages with times in bit times.
 

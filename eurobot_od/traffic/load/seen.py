@@ -9,7 +9,7 @@ from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from eurobot_od.bus.bits import frame_bits
+from eurobot_od.bus import frame_bits
 from eurobot_od.frame import Frame, identifier_text
 from eurobot_od.sdo.wire import code_and_reason
 from eurobot_od.support.texts import amount, columns, one_line, text

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from eurobot_od.bus.bits import frame_bits
+from eurobot_od.bus import frame_bits
 from eurobot_od.frame import Frame
 from eurobot_od.traffic.load.analysis import MessageSet, PeriodicMessage
 from eurobot_od.traffic.load.report import load_report
