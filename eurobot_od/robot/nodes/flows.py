@@ -1,4 +1,4 @@
-"""The startup of the robot (document 2.3, 5.1): node checks, the start configuration, and dialects.
+"""What the core's flows are made of: startup, goto, stop, recovery (document 2.1 to 2.3, 4.2.2, 5.1).
 
 Confirms of the start configuration have one identifier and may merge on the wire, so one of them may be anybody's. That
 is why a configuration ends with a second check of both nodes.

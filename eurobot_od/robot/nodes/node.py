@@ -1,4 +1,7 @@
-"""The common part of the robot's nodes, which speak the messages of Table 5 of the document; and nodes with calls."""
+"""The common part of the robot's nodes, which speak the messages of Table 5 of the document.
+
+Besides: nodes with calls, the core's settings and equipment, and what follows the core's commands.
+"""
 
 from __future__ import annotations
 
