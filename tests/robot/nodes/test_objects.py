@@ -220,7 +220,9 @@ def test_a_core_takes_what_is_written_as_if_it_had_come() -> None:
         master.put("Kalman position", *GOTO[:3], Source.INTERNAL)
         assert call.done() is (not wait)
         master.run(wait)
-        assert call.result(0)[1:] == (Outcome.ARRIVED, pytest.approx(0.01), pytest.approx(0.26 + wait), "", None)
+        report = call.result(0)
+        assert (report.outcome, report.deviation) == (Outcome.ARRIVED, None)
+        assert report.ended == pytest.approx(0.26 + wait)
 
 
 LAST = {"canopen": "Goto XY.Barriers", "firmware2014": "Goto XY.Route"}
