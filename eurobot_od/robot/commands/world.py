@@ -16,7 +16,7 @@ from eurobot_od.cli import RobotName
 from eurobot_od.cli.devices import Dialect
 from eurobot_od.cli.options import Json, Seconds, assigned
 from eurobot_od.cli.signature import Option
-from eurobot_od.robot.commands.common import Sides, WorldErrors
+from eurobot_od.robot.commands import Sides, WorldErrors
 from eurobot_od.robot.match import MatchEvent
 from eurobot_od.robot.model.options import Errors, MatchOptions, WorldAddress, facts_given
 from eurobot_od.robot.world import World
