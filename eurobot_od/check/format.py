@@ -12,9 +12,8 @@ from typing import Any, NamedTuple
 import yaml
 
 from eurobot_od.check import suite
-from eurobot_od.check.frames import FrameShapes
 from eurobot_od.check.patterns import Pattern
-from eurobot_od.check.services import ServiceShapes
+from eurobot_od.check.shapes import FrameShapes, ServiceShapes
 from eurobot_od.check.vocabulary import DURATION, NAME, SOME_TIME, Vocabulary
 from eurobot_od.errors import UnknownName
 from eurobot_od.support import yaml_shapes as shapes

@@ -79,7 +79,7 @@ class CheckReport:
         if self.as_json:
             print(json.dumps(report.as_data(results), indent=2))
         elif self.ctt:
-            from eurobot_od.check.conformance.ctt import lines
+            from eurobot_od.check.conformance.page import lines
 
             for each in checks.made.device_runs(checks.devices.load(), results, ""):
                 print(each.dictionary.name, *lines(each.tests), sep="\n")

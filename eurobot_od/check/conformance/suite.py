@@ -7,7 +7,7 @@ import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
-from eurobot_od.check.conformance import emcy, error_control, nmt, objects, pdo, sdo, step, storage, sync
+from eurobot_od.check.conformance import broadcasts, error_control, nmt, objects, pdo, sdo, step, storage
 from eurobot_od.check.conformance.clauses import ANSWERS, Chapter
 from eurobot_od.check.conformance.step import Data
 from eurobot_od.check.conformance.subject import Subject, Tier, awake
@@ -58,7 +58,12 @@ def _inline(value: Any, key: str = "") -> str:
     return text if bare else json.dumps(text, ensure_ascii=False)
 
 
-CHAPTERS = tuple(each.CHAPTER for each in (nmt, objects, sdo, storage, pdo, emcy, error_control, sync))
+CHAPTERS = (
+    *(each.CHAPTER for each in (nmt, objects, sdo, storage, pdo)),
+    broadcasts.EMCY_CHAPTER,
+    error_control.CHAPTER,
+    broadcasts.SYNC_CHAPTER,
+)
 """The suites, in the order in which they are run: what the later ones rely on comes first."""
 
 
