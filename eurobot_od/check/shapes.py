@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterator, Mapping
 from functools import partial
+from types import MappingProxyType
 from typing import Any, TypeVar
 
 import yaml
@@ -28,6 +29,7 @@ from eurobot_od.check.patterns import (
 from eurobot_od.check.suite import (
     AbortCodes,
     Action,
+    BootUp,
     Dump,
     FieldOf,
     Nmt,
@@ -35,6 +37,7 @@ from eurobot_od.check.suite import (
     Order,
     Patterns,
     SdoRead,
+    SdoRestore,
     SdoWrite,
     SelfReported,
 )
@@ -85,7 +88,8 @@ class ServiceShapes:
         code = Key(_or_any(number, None), "error code, or any", needed=True)
         command = Key(shapes.named(NMT_COMMANDS, "NMT command"), "NMT command", needed=True)
         self.heartbeat: Shape[Pattern] = self._service("state", state, self._heartbeat)
-        self.emcy: Shape[Pattern] = self._service("code", code, self._emergency)
+        register = {"save": Key(NAME, "variable that gets the error register in it")}
+        self.emcy: Shape[Pattern] = self._service("code", code, self._emergency, register)
         self.nmt: Shape[Action] = self._service("command", command, self._nmt)
         when = Key(
             shapes.named({"before": False, "equal": True}, "dump"),
@@ -97,7 +101,13 @@ class ServiceShapes:
         self.errors: Shape[Action] = self._service(
             "wanted", none, lambda _, given: SelfReported(NodeServices.of(self._dictionary(given)))
         )
+        awaited = Key(shapes.named({"awaited": True}, "boot-up"), "the boot-up is waited for", needed=True)
+        self.boot_up: Shape[BootUp] = self._service(
+            "when", awaited, lambda _, given: BootUp(NodeServices.of(self._dictionary(given)))
+        )
         sdo = {
+            "restore": Key(SCALAR, "object that gets back what `saved` has, unless it has it"),
+            "saved": Key(NAME, "variable that `save` gave a value"),
             "read": Key(SCALAR, "object to read: 0x1017, 0x1018:1, or its name in any letter case"),
             "write": Key(SCALAR, "object to write"),
             "value": Key(SCALAR, "value to write"),
@@ -120,16 +130,18 @@ class ServiceShapes:
             raise LocalError("which node? Write it next to this, `node: drive`, or give the suite one node")
         return self._words.dictionaries[self._words.nodes[0]]
 
-    def _service(self, name: str, key: Key, make: Callable[[Any, Dictionary | None], T]) -> Shape[T]:
-        """Make the shape of a service: its one value, or a mapping that also says which node."""
-        keys = {name: key, "node": Key(self._node, "which node; default: the node under test")}
+    def _service(
+        self, name: str, key: Key, make: Callable[..., T], more: Mapping[str, Key] = MappingProxyType({})
+    ) -> Shape[T]:
+        """Make the shape of a service: its one value, or a mapping that also says which node, and more."""
+        keys = {name: key, "node": Key(self._node, "which node; default: the node under test"), **more}
         long: Shape[dict[str, Any]] = shapes.record(dict, keys)
 
         def read(node: yaml.Node, problems: Problems) -> T:
             is_long = isinstance(node, yaml.MappingNode)
             parts = long.read(node, problems) if is_long else {name: key.shape.read(node, problems)}
             with refusing(node, problems):
-                return make(parts[name], parts.get("node"))
+                return make(parts[name], parts.get("node"), **{each: parts[each] for each in more if each in parts})
 
         return Shape(read, {"anyOf": [key.shape.schema, long.schema]})
 
@@ -137,13 +149,13 @@ class ServiceShapes:
         node = self._dictionary(given)
         return HeartbeatPattern(node.name, ERROR_CONTROL_BASE + node.node_id, state)
 
-    def _emergency(self, code: int | None, given: Dictionary | None) -> Pattern:
+    def _emergency(self, code: int | None, given: Dictionary | None, save: str | None = None) -> Pattern:
         node = self._dictionary(given)
         entry = node.default(EMCY)
         # Bit 31 set: the EMCY does not exist (CiA 301, 7.5.2.17), so a step that waits for one could only be red.
         if not isinstance(entry, int) or entry & NOT_VALID:
             raise LocalError(f"the EDS of {node.name} has no EMCY (0x{EMCY[0]:04X})")
-        return EmergencyPattern(node.name, entry & BASE_IDENTIFIER, code)
+        return EmergencyPattern(node.name, entry & BASE_IDENTIFIER, code, save)
 
     def _nmt(self, command: NmtCommand, given: Dictionary | None) -> Action:
         # Other services have to ask which node; NMT has a node-ID for all of them, 0 (CiA 301, 7.2.8.2.1).
@@ -165,6 +177,8 @@ class ServiceShapes:
         with refusing(node, problems):
             verb = _verb(given)
             dictionary = self._dictionary(given.get("node"))
+            if verb == "restore" and given["saved"] not in self._words.saved:
+                raise UnknownName("variable", given["saved"], sorted(self._words.saved))
         named = taken(given[verb], problems, lambda text: objects.find_one(text, dictionary.objects))
         value = next((given[key] for key in ("data", "expect", "value") if key in given), None)
         where = given[verb] if value is None else value
@@ -172,6 +186,8 @@ class ServiceShapes:
         scale, service = self._words.scale(ObjectValues(variable)), NodeServices.of(dictionary)
         refusals = {"abort": given.get("abort"), "optional": given.get("optional")}
         blocks: bool = given.get("transfer", False)
+        if verb == "restore":
+            return SdoRestore(service, objects.changed(named, min=None, max=None), str(given["saved"]))
         if verb == "read":
             expected = None if value is None else taken(value, problems, lambda text: expectation(text, scale))
             return SdoRead(service, variable, expected, **refusals, blocks=blocks, save=given.get("save"))
@@ -190,29 +206,32 @@ def _looked_at(variable: ODVariable, given: Mapping[str, Any], dictionary: Dicti
     return objects.changed(variable, min=None, max=None) if "abort" in given else variable
 
 
-EXCLUDED = {"read": ("value",), "write": ("expect", "save")}
+EXCLUDED = {
+    "read": ("value", "saved"),
+    "write": ("expect", "save", "saved"),
+    "restore": ("value", "data", "expect", "save", "abort", "optional", "transfer"),
+}
 """Keys that an SDO step of a kind must not have."""
 
 
 def _verb(given: Mapping[str, Any]) -> str:
     """Return whether an SDO step reads or writes; raises LocalError for keys that do not go together."""
-    _one_of(given, "an SDO step", "read", "write")
-    verb = "read" if "read" in given else "write"
+    verbs = [verb for verb in EXCLUDED if verb in given]
+    if len(verbs) != 1:
+        raise LocalError("an SDO step has either 'read' or 'write' or 'restore'")
+    (verb,) = verbs
     wrong = [key for key in EXCLUDED[verb] if key in given]
     if wrong:
         raise LocalError(f"'{wrong[0]}' does not belong to an SDO {verb}")
-    if verb == "write":
-        _one_of(given, "an SDO write", "value", "data")
-    elif "data" in given and "expect" in given:
+    if verb == "restore" and "saved" not in given:
+        raise LocalError("an SDO restore has 'saved'")
+    if verb == "write" and ("value" in given) == ("data" in given):
+        raise LocalError("an SDO write has either 'value' or 'data'")
+    if verb == "read" and "data" in given and "expect" in given:
         raise LocalError("an SDO read expects either a value or bytes: 'expect' or 'data'")
-    elif "abort" in given and any(key in given for key in ("expect", "data", "save")):
+    if verb == "read" and "abort" in given and any(key in given for key in ("expect", "data", "save")):
         raise LocalError("an SDO read that is refused with 'abort' has nothing to expect or save")
     return verb
-
-
-def _one_of(given: Mapping[str, Any], what: str, one: str, other: str) -> None:
-    if (one in given) == (other in given):
-        raise LocalError(f"{what} has either '{one}' or '{other}'")
 
 
 # Frames

@@ -11,9 +11,9 @@ from eurobot_od.check.conformance.clauses import Chapter, Need, settable
 from eurobot_od.check.conformance.step import BUSY, OUTSIDE, Data, Steps, codes, hexadecimal, title
 from eurobot_od.check.conformance.storage import Kept, kept_over_reset
 from eurobot_od.check.conformance.subject import Subject, Tier, fresh, has, need, or_skipped
-from eurobot_od.check.conformance.transmission import NO_SYNC, frame_of, need_uncounted_sync, sync
+from eurobot_od.check.conformance.transmission import NO_SYNC, NOT_SETTABLE, frame_of, need_uncounted_sync, sync
 from eurobot_od.device.broadcasts import COUNTERS, ErrorCode
-from eurobot_od.od.objects import data_type, in_limits
+from eurobot_od.od.objects import address_of, data_type, in_limits
 from eurobot_od.od.pdos import Pdo
 from eurobot_od.od.standard import EMCY, ERROR_FIELD, ERROR_REGISTER, SYNC, SYNC_COUNTER, SYNC_PERIOD, SYNC_PRODUCER
 from eurobot_od.od.values import TRANSMISSION_TYPE, Address, PdoDirection
@@ -26,26 +26,17 @@ EMCY_CHAPTER: Chapter[Subject] = Chapter("emcy", "emergencies")
 HISTORY: Address = (ERROR_FIELD, 0)
 NEWEST: Address = (ERROR_FIELD, 1)
 
-COMMUNICATION_ERROR = 0x11
-"""The error register after an error of the communication: generic, and communication (CiA 301, Table 48)."""
-
 NO_EMCY_FOR, REPORTED_ONCE = "500 ms", "100 ms"
 NO_HISTORY = "the file has no error history (0x1003)"
 
 
-@EMCY_CHAPTER.clause("7.5.2.17", "EMCY", Tier.REVERSIBLE, "5.1, 5.2")
-def _beforehand(subject: Subject) -> Steps:
-    """Read where EMCY, error register and error history are, and see that no error is there before one is made."""
-    for address, what in ((EMCY, "its COB-ID"), (ERROR_REGISTER, "the error register, before any error")):
-        found = subject.readable(address)
-        if found is None:
-            yield step.skip(what, f"the file has no 0x{address[0]:04X} that can be read")
-        else:
-            # The file's own value, and not a guess of what is usual: 0x1014 may be anywhere, and 0x1001 may have a bit
-            # of the maker's that is always set.
-            content = data_type(found).write(subject.number(address))
-            name = f"{what} is {content[::-1].hex().upper()}"
-            yield step.read(name, address, data=content.hex(" ").upper())
+@EMCY_CHAPTER.clause("7.5.2.17", "EMCY", Tier.REVERSIBLE, "5.1", name="its COB-ID")
+def _identifier_of_emcy(subject: Subject) -> Steps:
+    """Read where EMCY is: the file's own value, and not a guess of what is usual."""
+    found = need(subject.readable(EMCY), "the file has no 0x1014 that can be read")
+    content = data_type(found).write(subject.number(EMCY))
+    name = f"its COB-ID is {content[::-1].hex().upper()}"
+    return [step.read(name, EMCY, data=content.hex(" ").upper())]
 
 
 @EMCY_CHAPTER.clause("7.2.7", "EMCY", group="none without an error", needs=[Subject.need_emcy])
@@ -84,7 +75,7 @@ def _too_short(subject: Subject) -> Steps:
     """Send an RPDO that lacks a byte: the device must not take it, and says so."""
     rpdo, code = subject.rpdo, ErrorCode.PDO_TOO_SHORT
     subject.need_emcy()
-    register = step.read("the error register says so", ERROR_REGISTER, data=f"{COMMUNICATION_ERROR:02X}")
+    said = step.read("the error register says the same", ERROR_REGISTER, expect="{register}")
     yield step.group(
         f"RPDO {rpdo.number}, one byte too short",
         step.nmt("start"),
@@ -92,11 +83,12 @@ def _too_short(subject: Subject) -> Steps:
         # The one error that can be made from outside without doing harm: the device ignores the frame and says 0x8210
         # (CiA 301, 7.2.7).
         step.sent("the frame", rpdo.cob_id, bytes(rpdo.length - 1)),
-        step.emcy(f"EMCY 0x{code:04X}", code),
+        {"name": f"EMCY 0x{code:04X}", "emcy": {"code": f"0x{code:04X}", "save": "register"}, "within": "2 s"},
         step.never("it is reported once", {"emcy": f"0x{code:04X}"}, REPORTED_ONCE),
-        *([register] if subject.find(ERROR_REGISTER) is not None else []),
+        # What the EMCY said of it: whether the device counts this as an error that lasts, is the maker's.
+        *([said] if subject.readable(ERROR_REGISTER) is not None else []),
         *_remembered(subject, code),
-        *fresh(subject),
+        *step.undoing(*fresh()),
     )
 
 
@@ -116,7 +108,8 @@ def _remembered(subject: Subject, code: ErrorCode) -> Steps:
 
 # SYNC
 
-SYNC_CHAPTER = Chapter("sync", "SYNC", around=fresh)
+SYNC_CHAPTER: Chapter[Subject] = Chapter("sync", "SYNC", fresh=True, change=(SYNC, SYNC_COUNTER, SYNC_PERIOD))
+"""The order in which they are put back: a device that sends SYNC, or has a period of it, takes no other counter."""
 PRODUCER = "7.5.2.6", "SYNC producer", Tier.DESTRUCTIVE
 COUNTER = "7.5.2.22", "SYNC counter", Tier.DESTRUCTIVE
 STORED = "7.5.2.13", "SYNC", Tier.DESTRUCTIVE, "6.8, 6.10"
@@ -202,9 +195,13 @@ def _following(subject: Subject, type_: int) -> Pdo:
     return need(found, f"the file has no valid TPDO whose transmission type can be {type_}")
 
 
-def _typed(pdo: Pdo, type_: int) -> Data:
+def _typed(subject: Subject, pdo: Pdo, type_: int, *steps: Data) -> Steps:
+    """Do some steps with another transmission type of a PDO."""
+    found = need(subject.settable((pdo.index, TRANSMISSION_TYPE)), NOT_SETTABLE)
+    yield step.save(found)
     name = f"{pdo.title}: transmission type {type_}"
-    return step.write(name, (pdo.index, TRANSMISSION_TYPE), value=type_, optional=codes(*BUSY, *OUTSIDE))
+    yield step.write(name, address_of(found), value=type_, optional=codes(*BUSY, *OUTSIDE))
+    yield from (*steps, *step.undoing(step.nmt("pre-operational")), step.put_back(found))
 
 
 @SYNC_CHAPTER.clause(
@@ -219,8 +216,8 @@ def _every_second(subject: Subject) -> Steps:
     """Have a TPDO follow the device's own SYNC: with every second one of them."""
     tpdo = _following(subject, 2)
     yield from _configured(subject, 0)
-    yield from (_typed(tpdo, 2), _started(subject), step.nmt("start"))
-    yield step.every(frame_of(tpdo), 2 * PERIOD // 1000, 3)
+    looks = _started(subject), step.nmt("start"), step.every(frame_of(tpdo), 2 * PERIOD // 1000, 3)
+    yield from _typed(subject, tpdo, 2, *looks)
 
 
 @SYNC_CHAPTER.clause(
@@ -239,7 +236,7 @@ def _without_period(subject: Subject) -> Steps:
     tpdo = _following(subject, 1)
     # 0x1006 is the producer's period and the consumer's watch; a consumer without one follows each SYNC all the same.
     with_each = step.group("with each SYNC", sync(subject), step.expect("it comes", frame_of(tpdo), SOON))
-    return [NO_MORE, _typed(tpdo, 1), step.nmt("start"), {**with_each, "repeat": 3}]
+    return [NO_MORE, *_typed(subject, tpdo, 1, step.nmt("start"), {**with_each, "repeat": 3})]
 
 
 # Counter
@@ -255,7 +252,7 @@ def _numbers(subject: Subject) -> Steps:
     for value in (1, COUNTERS[-1] + 1):
         if subject.number(SYNC_COUNTER) != value:
             steps.append(step.write(f"{value} is refused", SYNC_COUNTER, value=value, abort=refused))
-    yield step.group("only 0 and 2 to 240", *fresh(subject), *steps, *fresh(subject))
+    yield SYNC_CHAPTER.group(subject, "only 0 and 2 to 240", steps)
     yield from or_skipped("not while SYNC has a period", _changed_in_use, subject)
 
 
@@ -264,7 +261,7 @@ def _changed_in_use(subject: Subject) -> Steps:
     need(subject.may_be(SYNC_PERIOD, 0, PERIOD) and subject.may_be(SYNC_COUNTER, other), NO_PERIOD)
     refused = codes(AbortCode.STATE, AbortCode.GENERAL)
     changed = step.write(f"counter {other}", SYNC_COUNTER, value=other, abort=refused)
-    yield step.group("not while SYNC has a period", *fresh(subject), PERIODIC, changed, *fresh(subject))
+    yield SYNC_CHAPTER.group(subject, "not while SYNC has a period", [PERIODIC, changed])
 
 
 @SYNC_CHAPTER.clause(*COUNTER, "6.7", group=f"a counter up to {OVERFLOW}", needs=[_producer(OVERFLOW)])

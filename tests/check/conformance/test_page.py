@@ -20,6 +20,7 @@ from eurobot_od.errors import UnknownName
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.support.yaml_places import Place
 from tests.kit.devices import IO_MODULE, NODE_ID, results, suites
+from tests.kit.faults import CONFORMANCE
 from tests.rows import rows
 
 # The page
@@ -58,10 +59,17 @@ def test_the_html_is_one_page_with_everything_escaped() -> None:
     assert "&gt; 705#R1" in html
 
 
-def test_what_follows_a_red_step_of_its_group_is_a_line_each() -> None:
-    text = page.text(Path("page.md"), [report()])
-    assert text.count("### Node guarding") == 1
-    assert "| 4. STOPPED, toggle bit 1 |" in text
+def test_what_is_red_for_the_same_reason_is_a_line_each() -> None:
+    kind = CONFORMANCE["unknown-object-code-wrong"].given_to(SimulatedDevice)
+    done = list(results(suites(IO_MODULE, chapter="objects"), kind))
+    run = DeviceRun(Dictionary.load(IO_MODULE, NODE_ID), Tier.REVERSIBLE, done, "today")
+    text = page.text(Path("page.md"), [run])
+    assert text.count("### Unknown object: read") == 1
+    assert "| read 0x5FFF:0 |" in text
+
+
+def test_what_follows_a_red_step_of_its_group_is_skipped_for_it() -> None:
+    assert report().skipped["'2. PRE-OPERATIONAL, toggle bit 1' before it is red"] == 12
 
 
 def test_json_has_the_same() -> None:
