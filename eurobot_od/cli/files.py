@@ -172,9 +172,8 @@ def cdcf(
 def write_concise(node: NodeFile, output: Path | None) -> None:
     """Write or print the concise DCF of a DCF, without PDOs that do not hold; raises DictionaryError, LocalError."""
     from eurobot_od.cli.objects import print_readings
-    from eurobot_od.client.configure import all_writes, check_file, check_whole
+    from eurobot_od.client.configure import all_writes, check_file, check_whole, decoded
     from eurobot_od.client.description import from_file
-    from eurobot_od.client.reading import decoded
     from eurobot_od.od.dcf import pack
     from eurobot_od.od.values import pdo_of
 
@@ -202,8 +201,8 @@ def read_concise(file: str, output: Path | None, eds: str | None, node_id: int |
     """Print a concise DCF, or write the DCF that says the same; raises DictionaryError, LocalError, UnknownName."""
     from eurobot_od.bus.live import BITRATE
     from eurobot_od.cli.objects import print_readings
+    from eurobot_od.client.configure import dcf_of_writes, decoded
     from eurobot_od.client.description import from_file
-    from eurobot_od.client.reading import dcf_of_writes, decoded
     from eurobot_od.od.dcf import Truncated, unpack
 
     try:

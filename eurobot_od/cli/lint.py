@@ -275,8 +275,8 @@ def _live_bytes(
     bus: BusOptions, file: str, node_id: int, addresses: Iterable[Address]
 ) -> Mapping[Address, bytes | int]:
     """Read objects of a live node: their bytes, or the abort code; raises LocalError, BusError, NoAnswer."""
+    from eurobot_od.client.configure import read_bytes
     from eurobot_od.client.master import Master  # two files are compared without a bus
-    from eurobot_od.client.reading import read_bytes
     from eurobot_od.od.dictionary import Dictionary
     from eurobot_od.support.progress import passing
 

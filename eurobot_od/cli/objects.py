@@ -14,20 +14,29 @@ from eurobot_od.cli.devices import Target, left_out, object_names
 from eurobot_od.cli.options import EmcyFiles, Json, Output, whole, write_dcf
 from eurobot_od.cli.signature import Option
 from eurobot_od.client import configure as configuring
-from eurobot_od.client.configure import ChangePlan, DictionaryArea, apply, check_file, difference
+from eurobot_od.client.configure import (
+    ChangePlan,
+    DictionaryArea,
+    ObjectReading,
+    apply,
+    check_file,
+    dcf_of_node,
+    difference,
+    parameters,
+    read_all,
+    readable,
+)
 from eurobot_od.client.description import from_file
 from eurobot_od.client.master import RemoteNode
 from eurobot_od.client.program import load
-from eurobot_od.client.reading import ObjectReading, dcf_of_node, parameters, read_all, readable
-from eurobot_od.client.remote_pdos import pdo_parameters
-from eurobot_od.client.streams import History, clear_history, read_history
+from eurobot_od.client.streams import History, clear_history, pdo_parameters, read_history
 from eurobot_od.errors import LocalError, UnknownName
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.objects import address_of, data_type, encode, find, find_one, is_described, label, parse, shown
 from eurobot_od.od.pdos import Pdo
-from eurobot_od.od.profiles.words import words, written
 from eurobot_od.od.values import MOST_SUBS
 from eurobot_od.od.values import label as place
+from eurobot_od.od.words import words, written
 from eurobot_od.support.files import write_whole
 from eurobot_od.support.progress import bar, passing
 from eurobot_od.support.texts import amount, columns, one_line

@@ -1,5 +1,8 @@
 """Configures a node from a DCF: what differs is written in the order of CiA 301, read back, stored and verified.
 
+And the way back: all objects of a node are read, to list them, to compare them, or to make a DCF of the node as it is.
+After an object that a node refuses, the next one is read; no answer ends the reading.
+
 Rule of this file: a plan is made first, by reading alone; then either all of it is written, or what was written is
 taken back. Nothing is stored before everything reads back as it should, so that a reset undoes whatever is left.
 """
@@ -14,7 +17,7 @@ from typing import NamedTuple, TypeAlias
 
 from canopen.objectdictionary import ODVariable
 
-from eurobot_od.client.description import Description, Identity, read_identity
+from eurobot_od.client.description import Description, Identity, device_name, read_identity
 from eurobot_od.client.master import STORE_WAIT, Procedure, RemoteNode
 from eurobot_od.device.nmt import STATE_NAMES, NmtCommand, NmtState
 from eurobot_od.device.objects import COMMUNICATION_PROFILE
@@ -28,10 +31,21 @@ from eurobot_od.errors import (
     NodeRefused,
 )
 from eurobot_od.od import dcf, values
-from eurobot_od.od.dcf import Write
+from eurobot_od.od.dcf import Dcf, Write, with_contents
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.od.keys import COMMISSIONING
-from eurobot_od.od.objects import address_of, all_objects, at, data_type, encode, is_described, label, shown, value_text
+from eurobot_od.od.document import COMMISSIONING
+from eurobot_od.od.objects import (
+    address_of,
+    all_objects,
+    at,
+    data_type,
+    decode,
+    encode,
+    is_described,
+    label,
+    shown,
+    value_text,
+)
 from eurobot_od.od.pdos import OnRefused, Pdo, fatal
 from eurobot_od.od.standard import (
     ALL_PARAMETERS,
@@ -54,6 +68,7 @@ from eurobot_od.od.values import (
     Address,
     MappingEntry,
     TimeOfDay,
+    Value,
     pdo_of,
 )
 from eurobot_od.sdo.wire import EXPEDITED_SIZE, LARGEST, AbortCode
@@ -519,3 +534,98 @@ async def _take_back(
 def _failure(error: BaseException, state: str, written: Iterable[str] = (), left: Iterable[str] = ()) -> EurobotError:
     text = f"{str(error) or 'interrupted'}; {state}"
     return BusError(text) if isinstance(error, BusError) else ConfigurationError(text, written, left)
+
+
+# A node read whole
+
+
+class ObjectReading(NamedTuple):
+    """The `value` of an object in a node, or the text of the `refusal`."""
+
+    thing: ODVariable
+    value: Value = None
+    refusal: str = ""
+
+
+def read_all(node: RemoteNode, things: Iterable[ODVariable]) -> Iterator[ObjectReading]:
+    """Read objects one after the other. Raises NoAnswer, RemoteError, BusError."""
+    for thing in things:
+        try:
+            yield ObjectReading(thing, decode(thing, read_object(node, thing)))
+        except NodeRefused as error:
+            yield ObjectReading(thing, refusal=error.reason)
+
+
+@Procedure
+async def read_bytes(node: RemoteNode, addresses: Iterable[Address]) -> dict[Address, bytes | int]:
+    """Read objects as bytes; the value of one that is refused is its abort code. Raises as `read_all`.
+
+    Once the node has said that an index does not exist, its other sub-indices are not asked for.
+    """
+    found: dict[Address, bytes | int] = {}
+    missing: set[int] = set()
+    for address in addresses:
+        try:
+            found[address] = AbortCode.NO_OBJECT if address[0] in missing else await node.upload.steps(address)
+        except NodeRefused as error:
+            found[address] = error.code
+            missing |= {address[0]} if error.code == AbortCode.NO_OBJECT else set()
+    return found
+
+
+def readable(dictionary: Dictionary) -> Iterator[ODVariable]:
+    """Yield the objects that can be read, except for files (DOMAIN)."""
+    return (thing for thing in _readable(dictionary) if data_type(thing) != DOMAIN)
+
+
+def parameters(dictionary: Dictionary) -> Iterator[ODVariable]:
+    """Yield the objects of a node's configuration: those that can be read and written and are not process data."""
+    for thing in _readable(dictionary):
+        if is_parameter(thing) and not thing.pdo_mappable:
+            yield thing
+
+
+def _readable(dictionary: Dictionary) -> Iterator[ODVariable]:
+    return (thing for thing in all_objects(dictionary.objects) if thing.readable)
+
+
+def decoded(writes: Iterable[tuple[Address, bytes]], dictionary: Dictionary | None) -> Iterator[ObjectReading]:
+    """Yield objects with the values that their bytes mean."""
+    for address, data in writes:
+        thing = at(address, dictionary.objects if dictionary else None)
+        yield ObjectReading(thing, decode(thing, data))
+
+
+def dcf_of_writes(
+    dictionary: Dictionary, writes: Iterable[tuple[Address, bytes]], baudrate_kbit: int, stem: str
+) -> Dcf:
+    """Return a DCF with the values after all writes; raises UnknownName for an object that the EDS does not have."""
+    return with_contents(dictionary, dict(writes), dictionary.node_id, dictionary.name, baudrate_kbit, stem)
+
+
+def dcf_of_node(
+    node: RemoteNode,
+    dictionary: Dictionary,
+    baudrate_kbit: int,
+    stem: str,
+    things: Iterable[ODVariable] | None = None,
+) -> tuple[Dcf, list[ObjectReading]]:
+    """Return the DCF of a node as it is, and the objects that are left out, with the reasons.
+
+    `things` are the objects to read, by default all `parameters`. Left out are those that the node refuses to give, or
+    gives with fewer bytes than their type has.
+    """
+    contents, left_out = dict[Address, bytes](), list[ObjectReading]()
+    for thing in parameters(dictionary) if things is None else things:
+        try:
+            data = read_object(node, thing)
+        except NodeRefused as error:
+            left_out.append(ObjectReading(thing, refusal=error.reason))
+            continue
+        if len(data) < data_type(thing).size:
+            left_out.append(
+                ObjectReading(thing, refusal=f"{amount(len(data), 'byte')}, too few for {data_type(thing).name}")
+            )
+        else:
+            contents[address_of(thing)] = data
+    return with_contents(dictionary, contents, node.node_id, device_name(node), baudrate_kbit, stem), left_out

@@ -12,7 +12,7 @@ from itertools import pairwise
 
 from eurobot_od.lint.findings import Rule, Rules, Violations
 from eurobot_od.lint.model import TOP, LintedDevice
-from eurobot_od.od import keys as cia306
+from eurobot_od.od import document as cia306
 from eurobot_od.od import values
 from eurobot_od.od.document import Entry, Odd, Section
 from eurobot_od.od.formats import misspelled

@@ -19,8 +19,7 @@ from eurobot_od.od.description import (
     ObjectCode,
     parse_section_name,
 )
-from eurobot_od.od.document import Entry, Section
-from eurobot_od.od.keys import LIMITS, OF_VARIABLE, VALUES
+from eurobot_od.od.document import LIMITS, OF_VARIABLE, VALUES, Entry, Section
 from eurobot_od.od.standard import DATA_SUBS, KNOWN, Known
 from eurobot_od.od.values import UNSIGNED8, UNSIGNED32, Number, is_standard_number, parse_number
 

@@ -1,5 +1,7 @@
 """Reads the text of an EDS or DCF into sections and entries that know their line and column, whatever the bytes.
 
+At the end are the sections and keys of CiA 306, as it spells them.
+
 Rule of this file: reading never raises, and never skips anything silently. What does not belong in an EDS becomes an
 `Oddity`; lint turns each into a finding, and `normal` refuses a file with those that may hide objects.
 """
@@ -17,6 +19,7 @@ from eurobot_od.support.files import read_whole
 
 if TYPE_CHECKING:
     from pathlib import Path
+from collections.abc import Mapping
 
 LONGEST = 254
 """Most characters of a key and its value together (CiA 306: shorter than 255)."""
@@ -335,3 +338,63 @@ class Rewriting:
 
     def _next_header(self, section: Section) -> int:
         return self._headers[bisect_right(self._headers, section.line)]
+
+
+# The sections and keys of CiA 306, as it spells them. Readers look them up in lower case; other tools need them as
+# they are written here.
+
+
+BIT_RATES = (10, 20, 50, 125, 250, 500, 800, 1000)
+"""Bit rates in kbit/s that have a key in [DeviceInfo] (CiA 306) and a bit timing (CiA 301, Table 1)."""
+
+BIT_RATE_KEYS = tuple(f"BaudRate_{rate}" for rate in BIT_RATES)
+FLAGS = ("SimpleBootUpMaster", "SimpleBootUpSlave", "GroupMessaging", "LSS_Supported")
+IDENTITY = ("VendorNumber", "ProductNumber", "RevisionNumber")
+"""Keys of [DeviceInfo] that say the same as 0x1018 sub 1, 2 and 3."""
+
+FILE_INFO = ("FileName", "FileVersion", "FileRevision")
+TIMES, DATES = ("CreationTime", "ModificationTime"), ("CreationDate", "ModificationDate")
+ORIGIN = ("Description", *TIMES, *DATES, "CreatedBy", "ModifiedBy")
+DEVICE_INFO = ("ProductNumber", "RevisionNumber", "OrderCode", *BIT_RATE_KEYS, *FLAGS, "DynamicChannelsSupported",
+               "NrOfRXPDO", "NrOfTXPDO", "Granularity")  # fmt: skip
+COMMISSIONING_KEYS = ("NodeID", "NodeName", "NodeRefd", "Baudrate", "NetNumber", "NetworkName", "NetRefd",
+                      "CANopenManager", "LSS_SerialNumber")  # fmt: skip
+OBJECT_KEYS = ("SubNumber", "ParameterName", "ObjectType", "DataType", "AccessType", "LowLimit", "HighLimit",
+               "DefaultValue", "PDOMapping", "ObjFlags", "CompactSubObj", "ParameterValue", "UploadFile",
+               "DownloadFile", "Denotation", "ParamRefd")  # fmt: skip
+"""The keys of an object, and of a sub-index."""
+
+LIMITS, VALUES = ("lowlimit", "highlimit"), ("defaultvalue", "parametervalue")
+TYPED = (*LIMITS, *VALUES)
+"""Keys whose text goes by the data type, in lower case."""
+
+OF_VARIABLE = ("datatype", "accesstype", "pdomapping", *TYPED)
+"""Keys of an object with a value, in lower case; an object with sub-indices does not have them."""
+
+SECTION_KEYS: Mapping[str, tuple[str, ...]] = {
+    "FileInfo": (*FILE_INFO, *ORIGIN, "EDSVersion", "LastEDS"),
+    "DeviceInfo": (*dict.fromkeys((*DEVICE_INFO, *IDENTITY)), "VendorName", "ProductName", "CompactPDO",
+                   "ExtendedBootUpMaster", "ExtendedBootUpSlave"),
+    "DeviceComissioning": COMMISSIONING_KEYS,
+    "DummyUsage": tuple(f"Dummy{code:04X}" for code in range(1, 0x20)),
+}  # fmt: skip
+"""The keys of each section with a fixed set of them."""
+
+OBJECT_LISTS = ("MandatoryObjects", "OptionalObjects", "ManufacturerObjects")
+"""The sections that list the objects of a file (CiA 306-1, 4.6.1)."""
+
+COMMISSIONING = "DeviceComissioning"
+"""The section of node-ID and bit rate in a DCF, in the spelling of the standard."""
+
+SECTION_NAMES: Mapping[str, str] = {each.lower(): each for each in (*SECTION_KEYS, "Comments", *OBJECT_LISTS)} | {
+    "devicecommissioning": COMMISSIONING
+}
+"""How the sections that belong to no object are spelled, by their names in lower case."""
+
+SPELLED_OBJECT_KEYS: Mapping[str, str] = {each.lower(): each for each in OBJECT_KEYS}
+SPELLED_KEYS: Mapping[str, Mapping[str, str]] = {
+    **{name.lower(): {each.lower(): each for each in keys} for name, keys in SECTION_KEYS.items()},
+    "comments": {"lines": "Lines", **{f"line{number}": f"Line{number}" for number in range(1, 1000)}},
+    **{name.lower(): {"supportedobjects": "SupportedObjects"} for name in OBJECT_LISTS},
+}
+"""How keys are spelled, by their section and themselves in lower case."""

@@ -20,7 +20,8 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from eurobot_od.errors import DictionaryError
-from eurobot_od.od import keys, values
+from eurobot_od.od import document as cia306
+from eurobot_od.od import values
 from eurobot_od.od.description import SIMPLE, DescribedDevice, DescribedObject, DescribedVariable, ObjectCode
 from eurobot_od.od.document import STRAY, Document, Entry, Odd, Section
 from eurobot_od.od.formats import (
@@ -231,7 +232,7 @@ RAW = {"defaultvalue": "default_raw", "parametervalue": "value_raw"}
 """Where canopen keeps the text of a value, even of one that does not fit its type."""
 
 NUMBERS = ("objecttype", "datatype", "subnumber", "pdomapping", "objflags")
-COMPACT_KEYS = ("compactsubobj", *keys.OF_VARIABLE)
+COMPACT_KEYS = ("compactsubobj", *cia306.OF_VARIABLE)
 """What the section of a compact object says about its sub-indices."""
 
 INFO_TEXTS = ("vendorname", "productname", "ordercode")
@@ -272,7 +273,7 @@ class _Writer:
         for each in device.objects.values():
             self._object(each)
         if device.commissioning:
-            self._known(keys.COMMISSIONING)
+            self._known(cia306.COMMISSIONING)
         left = (line for comments in self._comments for each in comments.values() for line in each)
         text = "\n".join([*self._out, *left, ""])
         return Normal(text, device.document.text_encoding, sorted({*self._changes}), self._refusals, self._dropped,
@@ -324,9 +325,9 @@ class _Writer:
 
     def _known(self, name: str) -> None:
         """Write a section with the keys of CiA 306."""
-        section = self._device.commissioning if name == keys.COMMISSIONING else self._device.section(name.lower())
+        section = self._device.commissioning if name == cia306.COMMISSIONING else self._device.section(name.lower())
         self._head(name, section)
-        spelled = keys.SPELLED_KEYS[name.lower()]
+        spelled = cia306.SPELLED_KEYS[name.lower()]
         for key, entry in section.entries.items() if section else ():
             if key == "compactpdo" and section and (parse_number(entry.value) or Number(0)).value > 0:
                 self._changes.append(Change(entry.line, "CompactPDO written out", standard=True))
@@ -378,7 +379,9 @@ class _Writer:
         name = section.name.strip()
         usual = usual_name(name) if looks_odd(name.lower()) else None
         # It has been written already, by its own function or as an object under its usual name.
-        if name.lower() in keys.SECTION_NAMES or (usual and self._device.document.sections[usual].line == section.line):
+        if name.lower() in cia306.SECTION_NAMES or (
+            usual and self._device.document.sections[usual].line == section.line
+        ):
             return
         if name.lower() == CONNECTED and self._has_modules:
             self._as_comment(section, "the objects of the modules are written out")
@@ -392,7 +395,7 @@ class _Writer:
 
     def _lists(self) -> None:
         """Write the lists of objects as they are, or anew where they are not those of the objects there are."""
-        sections = {name: self._device.section(name.lower()) for name in keys.OBJECT_LISTS}
+        sections = {name: self._device.section(name.lower()) for name in cia306.OBJECT_LISTS}
         entries = {name: section.numbered() if section else () for name, section in sections.items()}
         listed = {
             name: [n.value for each in found if (n := parse_number(each.value))] for name, found in entries.items()
@@ -400,7 +403,7 @@ class _Writer:
         there = [index for index, each in self._device.objects.items() if index >= values.FIRST and each.section]
         # Only where they are wrong: in which of the lists a maker puts an object, and in what order, is left alone.
         if sorted(index for indices in listed.values() for index in indices) != sorted(there):
-            listed = {name: sorted(i for i in there if list_of(i) == name) for name in keys.OBJECT_LISTS}
+            listed = {name: sorted(i for i in there if list_of(i) == name) for name in cia306.OBJECT_LISTS}
         for name, section in sections.items():
             indices = listed[name]
             self._head(name, section)
@@ -431,7 +434,7 @@ class _Writer:
                 self._refusals.append(Refusal(each.index, None, section.at("objecttype").line, what))
             self._head(f"{each.index:04X}", section)
             for entry in section.entries.values():
-                self._line(entry, f"{keys.SPELLED_OBJECT_KEYS.get(entry.key.lower(), entry.key)}={entry.value}")
+                self._line(entry, f"{cia306.SPELLED_OBJECT_KEYS.get(entry.key.lower(), entry.key)}={entry.value}")
             for sub in each.subs.values():
                 if sub.section is not section:
                     self._as_comment(sub.section, "its object holds nothing")
@@ -503,8 +506,8 @@ class _Writer:
 
     def _entry(self, index: int, sub: int | None, key: str, entry: Entry, type_: DataType | None) -> None:
         """Write what an entry says about an object, or of a variable if there is a type."""
-        text, spelled = entry.value, keys.SPELLED_OBJECT_KEYS.get(key)
-        if type_ is not None and key in keys.TYPED:
+        text, spelled = entry.value, cia306.SPELLED_OBJECT_KEYS.get(key)
+        if type_ is not None and key in cia306.TYPED:
             if key in ENTRIES:
                 limited = type_ if type_.is_integer or type_ in values.REALS else values.UNSIGNED64
                 plain = plain_value(text, limited) if text else None
@@ -578,7 +581,7 @@ def _subs(each: DescribedObject) -> list[DescribedVariable]:
 
 def list_of(index: int) -> str:
     """Return the list that an object belongs to (CiA 306-1, 4.6.1)."""
-    return keys.OBJECT_LISTS[0 if index in MANDATORY else 2 if index in values.MANUFACTURER else 1]
+    return cia306.OBJECT_LISTS[0 if index in MANDATORY else 2 if index in values.MANUFACTURER else 1]
 
 
 def _plain_index(text: str) -> int | None:

@@ -1,21 +1,35 @@
-"""Mapping objects into a PDO of a node: in CiA 301's order, read back, and what cannot be mapped is refused here."""
+"""Mapping objects into a PDO of a node, and reading all of a node."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from datetime import datetime
 from pathlib import Path
 
 import pytest
 
-from eurobot_od.client.configure import map_objects, mapping_entries
+from eurobot_od.client.configure import (
+    ObjectReading,
+    configure,
+    dcf_of_node,
+    difference,
+    map_objects,
+    mapping_entries,
+    parameters,
+    read_all,
+    readable,
+)
+from eurobot_od.client.description import from_file
 from eurobot_od.client.network import SimulatedNetwork
 from eurobot_od.client.remote_device import RemoteDevice
-from eurobot_od.client.remote_pdos import pdo_parameters
-from eurobot_od.errors import ConfigurationError, LocalError
+from eurobot_od.client.streams import pdo_parameters
+from eurobot_od.errors import ConfigurationError, LocalError, NoAnswer
+from eurobot_od.od import dcf
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.od.objects import find_one
+from eurobot_od.od.objects import address_of, find_one
 from eurobot_od.od.pdos import Pdo
 from eurobot_od.od.values import Address
+from tests.client.peers import DRIVE, master_on, new_channel, robot, stock_drive
 from tests.eds_text import DEVICE_TYPE, pdo, variable
 
 TEXT = (
@@ -83,3 +97,55 @@ def test_what_cannot_be_mapped_is_refused_before_anything_is_written(names: list
     with pytest.raises(LocalError) as error:
         mapping_entries(TPDO, [find_one(each, DICTIONARY.objects) for each in names])
     assert str(error.value) == words
+
+
+# Reading all of a node: what it refuses is reported and left out, and its DCF makes another node like it.
+
+
+DESCRIPTION = from_file(DRIVE)
+WRITTEN = {(0x1017, 0): b"\xf4\x01", (0x2101, 1): b"\x84\x03"}
+
+
+def test_everything_that_can_be_read_is_read() -> None:
+    with robot("drive") as channel, master_on(channel) as master:
+        readings = {address_of(each.thing): each for each in read_all(master.node(2), readable(DESCRIPTION.dictionary))}
+    assert readings[0x1008, 0].value == "Eurobot 2014 drive"
+    assert readings[0x1403, 1].value == 8
+    assert readings[0x1003, 1] == ObjectReading(readings[0x1003, 1].thing, None, "No data available")
+    assert (0x1021, 0) not in readings  # the EDS itself is not a value to look at
+
+
+def test_parameters_are_what_can_be_set_and_is_no_process_data() -> None:
+    addresses = {address_of(thing) for thing in parameters(DESCRIPTION.dictionary)}
+    assert {(0x1017, 0), (0x1403, 1), (0x1603, 0), (0x2101, 1)} <= addresses
+    assert not {(0x1018, 1), (0x1010, 1), (0x1003, 0), (0x1020, 1), (0x2000, 1)} & addresses
+
+
+def test_the_dcf_of_one_drive_makes_another_like_it(tmp_path: Path) -> None:
+    file = tmp_path / "drive.dcf"
+    with robot("drive") as channel, master_on(channel) as master:
+        for address, data in WRITTEN.items():
+            master.node(2).download(address, data)
+        made, left_out = dcf_of_node(master.node(2), DESCRIPTION.dictionary, 500, "drive")
+    assert (left_out, made.files) == ([], {})
+    assert dcf.missing(made.content.decode()) == []
+    file.write_bytes(made.content)
+    with robot("drive") as channel, master_on(channel) as master:
+        node = master.node(2)
+        assert {address_of(each.thing): each.after for each in difference(node, from_file(file)).changes} == WRITTEN
+        configure(node, from_file(file), datetime(2014, 5, 28))
+        assert [node.upload(address) for address in WRITTEN] == [*WRITTEN.values()]
+
+
+def test_what_the_node_refuses_is_left_out_and_told() -> None:
+    with stock_drive() as (channel, node), master_on(channel) as master:
+        del node.object_dictionary[0x2101]
+        made, left_out = dcf_of_node(master.node(2), DESCRIPTION.dictionary, 500, "drive")
+    assert {address_of(each.thing)[0] for each in left_out} == {0x2101}
+    assert {each.refusal for each in left_out} == {"Object does not exist"}
+    assert b"ParameterValue=1000" in made.content
+
+
+def test_a_node_that_does_not_answer_ends_the_reading() -> None:
+    with master_on(new_channel(), 0.01) as master, pytest.raises(NoAnswer):
+        dcf_of_node(master.node(2), DESCRIPTION.dictionary, 500, "drive")

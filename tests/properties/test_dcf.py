@@ -8,9 +8,8 @@ from pathlib import Path
 from hypothesis import given
 from hypothesis import strategies as st
 
-from eurobot_od.client.configure import difference, read_back
+from eurobot_od.client.configure import dcf_of_node, difference, read_back
 from eurobot_od.client.description import from_file
-from eurobot_od.client.reading import dcf_of_node
 from eurobot_od.device.device import Device
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.values import DOMAIN, OCTET_STRING, UNICODE_STRING, VISIBLE_STRING, Address

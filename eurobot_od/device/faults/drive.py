@@ -12,8 +12,8 @@ from eurobot_od.device.profiles.axis import DriveAxis
 from eurobot_od.device.profiles.devices import SimulatedDrive
 from eurobot_od.device.profiles.modes import Homing
 from eurobot_od.device.profiles.motion import STEP
-from eurobot_od.od.profiles import cia402
-from eurobot_od.od.profiles.cia402 import DriveCommand, State, Transition
+from eurobot_od.od import cia402
+from eurobot_od.od.cia402 import DriveCommand, State, Transition
 
 OVERCURRENT, ENCODER = 0x2310, 0x7305
 """Error codes: continuous over-current, and sensor 1 (CiA 402-1)."""

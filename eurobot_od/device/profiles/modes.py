@@ -11,8 +11,8 @@ from typing import ClassVar, NamedTuple, Protocol
 
 from eurobot_od.device.profiles.motion import ROUND, STEP, Demand, Motor, Units
 from eurobot_od.device.profiles.values import AxisValues
-from eurobot_od.od.profiles import cia402
-from eurobot_od.od.profiles.cia402 import BIT_12, BIT_13, LIMITS, TARGET_REACHED, Mode, Seek
+from eurobot_od.od import cia402
+from eurobot_od.od.cia402 import BIT_12, BIT_13, LIMITS, TARGET_REACHED, Mode, Seek
 
 
 class Leads(Protocol):

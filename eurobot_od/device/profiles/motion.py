@@ -11,8 +11,8 @@ from math import copysign, sqrt
 from typing import NamedTuple
 
 from eurobot_od.device.profiles.values import AxisValues
-from eurobot_od.od.profiles import cia402
-from eurobot_od.od.profiles.cia402 import Switch
+from eurobot_od.od import cia402
+from eurobot_od.od.cia402 import Switch
 
 STEP = 0.001
 """Seconds in a step."""
