@@ -135,8 +135,8 @@ class Devices:
 
         Raises as `load`, BusError.
         """
+        from eurobot_od.client.configure import pdo_parameters
         from eurobot_od.client.master import Master  # a log is decoded without a bus
-        from eurobot_od.client.streams import pdo_parameters
 
         asked = []
         with Master(bus.open()) as master:

@@ -185,9 +185,9 @@ def write_concise(node: NodeFile, output: Path | None) -> None:
             complained(error)
 
         if node.node_id is None:
-            check_file(description, description.dictionary.node_id, leave_out)
+            check_file(description, description.dictionary.node_id, leave_out, leave_out)
         else:  # who names a node-ID takes the file for that node, whichever it was made for
-            check_whole(description, leave_out)
+            check_whole(description, leave_out, leave_out)
     bad = {pdo_of(error.index or 0) for error in refused}
     writes = [each for each in all_writes(description) if pdo_of(each.address[0]) not in bad - {None}]
     if output is None:

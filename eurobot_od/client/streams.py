@@ -18,7 +18,7 @@ from math import inf
 from typing import Any, Generic, NamedTuple, TypeVar
 from weakref import WeakSet
 
-from eurobot_od.client.configure import read_bytes
+from eurobot_od.client.configure import pdo_parameters
 from eurobot_od.client.master import Master, Procedure, RemoteNode, finished
 from eurobot_od.device.broadcasts import REGISTER_BITS, ErrorCode, error_words
 from eurobot_od.errors import FieldError, FrameLengthError, LocalError, MappingError, NoAnswer, UnknownName
@@ -26,7 +26,7 @@ from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.objects import address_of
 from eurobot_od.od.pdos import Pdo
 from eurobot_od.od.standard import ERROR_FIELD, ERROR_REGISTER
-from eurobot_od.od.values import SLICE, Address, PdoDirection, Value, pdo_of
+from eurobot_od.od.values import SLICE, Address, PdoDirection, Value
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.catalogue import plain_name
 
@@ -246,16 +246,6 @@ class AsyncEmergencyStream(HeardEmergencies, AsyncStream[Emergency]):
 
 
 # PDOs
-
-
-@Procedure
-async def pdo_parameters(node: RemoteNode, dictionary: Dictionary) -> dict[Address, Value]:
-    """Read the numbers in the records of a node's PDOs; those that it refuses are left out.
-
-    Raises NoAnswer, RemoteError, BusError.
-    """
-    found = await read_bytes.steps(node, (each for each in dictionary.addresses() if pdo_of(each[0]) is not None))
-    return {address: int.from_bytes(data, "little") for address, data in found.items() if isinstance(data, bytes)}
 
 
 class PdoValue(NamedTuple):

@@ -5,7 +5,8 @@ from __future__ import annotations
 import pytest
 
 from eurobot_od.client import streams
-from eurobot_od.client.streams import BlockingStream, pdo_parameters
+from eurobot_od.client.configure import pdo_parameters
+from eurobot_od.client.streams import BlockingStream
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.pdo.catalogue import NOTHING
 from eurobot_od.pdo.protocol import Protocol

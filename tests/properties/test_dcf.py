@@ -78,5 +78,5 @@ def test_a_device_s_dcf_makes_another_like_it(each: tuple[bytes, ...], comment: 
         plan = difference(other, from_file(Path(folder) / "any.dcf"))
         for write in plan.writes():
             other.download(*write)
-        read_back(other, plan)
+        read_back(other, plan.dictionary, plan.wanted)
         assert {address: other.upload(address) for address in wanted} == wanted
