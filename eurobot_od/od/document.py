@@ -48,6 +48,7 @@ class Odd(Enum):
     HASH = "a comment with #"
     INDENTED = "an indented line"
     XML = "no XML of a device description"
+    DISABLED = "an object that its editor has disabled"
 
 
 HIDING = (Odd.BINARY, Odd.HEADER, Odd.XML)

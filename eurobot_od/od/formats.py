@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import re
 from codecs import BOM_UTF8
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import lru_cache
 from pathlib import Path
 from typing import NamedTuple
@@ -26,7 +26,7 @@ from eurobot_od.od.document import WIDE_MARKS, Document, Entry, Odd, Oddity, Sec
 from eurobot_od.od.standard import MANDATORY
 from eurobot_od.od.values import NODE_ID, REMEMBERED_NUMBERS, DataType, PdoDirection, parse_number
 
-SUFFIXES = (".xdd", ".eds", ".xdc", ".dcf")
+SUFFIXES = (".xpd", ".xdd", ".eds", ".xdc", ".dcf")
 """Files of devices in a folder; of two with one name the later counts: a DCF is the EDS as it is configured."""
 
 
@@ -273,6 +273,10 @@ class XmlElement(NamedTuple):
         """Return the first element of a name in it; None without one."""
         return next(self.all(tag), None)
 
+    def child(self, tag: str) -> XmlElement | None:
+        """Return the first element of a name right in it; None without one."""
+        return next((each for each in self.children if each.tag == tag), None)
+
 
 class _Refused(Exception):
     """What a device description never has; the text says what."""
@@ -289,8 +293,12 @@ def read_xml(data: bytes) -> Document:
     except _Refused as error:
         what, line = error.args
         return Document({}, [Oddity(Odd.XML, line, 1, what)], is_xml=True)
-    sections = {each.name.lower(): each for each in _sections(root)}
-    return Document(sections, is_xml=True)
+    parameters = _Parameters(root)
+    objects = [each for each in root.all("CANopenObject") if _digits(each, "index") is not None]
+    disabled = [each for each in objects if parameters.is_disabled(each)]
+    oddities = [Oddity(Odd.DISABLED, each.line, each.column, f"0x{_digits(each, 'index'):04X}") for each in disabled]
+    sections = _sections(root, [each for each in objects if not parameters.is_disabled(each)], parameters)
+    return Document({each.name.lower(): each for each in sections}, oddities, is_xml=True)
 
 
 def parse_xml(data: bytes) -> XmlElement:
@@ -358,7 +366,7 @@ COMMISSIONED = {
     "actualBaudRate": "Baudrate",
     "networkNumber": "NetNumber",
     "networkName": "NetworkName",
-    "CANopenManager": "CANopenManager",
+    "cANopenManager": "CANopenManager",
 }
 DUMMY = re.compile(r"(Dummy[0-9A-Fa-f]{4})=([01])")
 BREAKS = re.compile(r"[\x00-\x08\x0a-\x1f\x7f]")
@@ -382,8 +390,13 @@ PARAMETER_ACCESS = {
     "readWrite": "rw",
     "readWriteInput": "rwr",
     "readWriteOutput": "rww",
+    "noAccess": "",
 }
 """Access of a parameter of the application process."""
+
+BITS = values.OCTET_STRING.code
+MOST_TEMPLATES = 10
+"""Templates, and derived types, of each other; schemas have one or two."""
 
 SIMPLE_TYPES = {
     each: code
@@ -397,20 +410,20 @@ SIMPLE_TYPES = {
 """Data types of the application process (IEC 61131-3), and CANopen's."""
 
 
-def _sections(root: XmlElement) -> Iterator[Section]:
-    objects = [each for each in root.all("CANopenObject") if _digits(each, "index") is not None]
+def _sections(root: XmlElement, objects: Sequence[XmlElement], parameters: _Parameters) -> Iterator[Section]:
     yield _file_info(root)
     yield _device_info(root)
     dummies = [match for each in root.all("dummy") if (match := DUMMY.fullmatch(each.attributes.get("entry", "")))]
     if dummies:
         yield _section("DummyUsage", root.first("dummyUsage") or root, {each[1]: each[2] for each in dummies})
     yield from _lists(root.first("CANopenObjectList") or root, objects)
-    parameters = {each.attributes.get("uniqueID", ""): each for each in root.all("parameter")}
     for each in objects:
         yield from _object(each, parameters)
     commissioning = root.first("deviceCommissioning")
     if commissioning:
-        yield _section(cia306.COMMISSIONING, commissioning, _renamed(commissioning.attributes, COMMISSIONED))
+        # The schema has `NodeID` beside `nodeName`; many writers have `nodeID`.
+        said = {key[:1].lower() + key[1:]: value for key, value in commissioning.attributes.items()}
+        yield _section(cia306.COMMISSIONING, commissioning, _renamed(said, COMMISSIONED))
 
 
 def _section(name: str, at: XmlElement | Section, entries: Mapping[str, str]) -> Section:
@@ -473,9 +486,9 @@ def _lists(at: XmlElement, objects: Iterable[XmlElement]) -> Iterator[Section]:
         yield _section(name, at, {"SupportedObjects": str(len(found)), **rows})
 
 
-def _object(each: XmlElement, parameters: Mapping[str, XmlElement]) -> Iterator[Section]:
+def _object(each: XmlElement, parameters: _Parameters) -> Iterator[Section]:
     """Give the sections of an object and its sub-indices."""
-    name, subs = f"{_digits(each, 'index') or 0:04X}", list(each.all("CANopenSubObject"))
+    name, subs = f"{_digits(each, 'index') or 0:04X}", [sub for sub in each.children if sub.tag == "CANopenSubObject"]
     if not subs and "subNumber" not in each.attributes:
         yield _section(name, each, _entries(each, parameters))
         return
@@ -490,14 +503,14 @@ def _sub(each: XmlElement) -> int:
     return _digits(each, "subIndex", 2) or 0
 
 
-def _entries(each: XmlElement, parameters: Mapping[str, XmlElement]) -> dict[str, str]:
+def _entries(each: XmlElement, parameters: _Parameters) -> dict[str, str]:
     """Return what an object, or a sub-index, says, with what the parameter that it refers to says."""
     said = each.attributes
-    parameter = parameters.get(said.get("uniqueIDRef", ""))
+    parameter = parameters.said(said.get("uniqueIDRef", ""))
     entries = {"ParameterName": said.get("name", "")}
     kind = parse_number(said.get("objectType", ""))
     entries |= {"ObjectType": f"0x{kind.value:X}"} if kind and kind.value >= 0 else {}
-    entries |= _of_parameter(parameter) if parameter else {}
+    entries |= parameter
     if "dataType" in said:
         entries["DataType"] = f"0x{said['dataType'].zfill(4).upper()}"
     mapping = said.get("PDOmapping", "no")
@@ -515,21 +528,59 @@ def _entries(each: XmlElement, parameters: Mapping[str, XmlElement]) -> dict[str
     return entries
 
 
-def _of_parameter(parameter: XmlElement) -> dict[str, str]:
-    """Return type, access and values of a parameter of the application process."""
-    said: dict[str, str] = {}
-    type_ = next((SIMPLE_TYPES[each.tag] for each in parameter.children if each.tag in SIMPLE_TYPES), None)
-    if type_ is not None:
-        said["DataType"] = f"0x{type_:04X}"
-    if parameter.attributes.get("access") in PARAMETER_ACCESS:
-        said["AccessType"] = PARAMETER_ACCESS[parameter.attributes["access"]]
-    for tag, key in (("defaultValue", "DefaultValue"), ("actualValue", "ParameterValue")):
-        each = parameter.first(tag)
-        if each and "value" in each.attributes:
-            said[key] = each.attributes["value"]
-    limits = parameter.first("range")
-    for tag, key in (("minValue", "LowLimit"), ("maxValue", "HighLimit")):
-        each = limits.first(tag) if limits else None
-        if each and "value" in each.attributes:
-            said[key] = each.attributes["value"]
-    return said
+PARAMETER_VALUES = (("defaultValue", "DefaultValue"), ("actualValue", "ParameterValue"))
+RANGE = (("minValue", "LowLimit"), ("maxValue", "HighLimit"))
+
+
+def _disables(each: XmlElement) -> bool:
+    return each.attributes.get("name") == "CO_disabled" and each.attributes.get("value") == "true"
+
+
+class _Parameters:
+    """The parameters of the application process, each read once, whatever refers to it how often."""
+
+    def __init__(self, root: XmlElement) -> None:
+        lists = [each for tag in ("parameterList", "templateList", "dataTypeList") for each in root.all(tag)]
+        self._elements = {each.attributes.get("uniqueID", ""): each for found in lists for each in found.children}
+        self._said: dict[str, dict[str, str]] = {}
+        self._disabled = {name for name, each in self._elements.items() if any(map(_disables, each.children))}
+
+    def said(self, name: str) -> dict[str, str]:
+        """Return type, access and values of a parameter, also by its template; nothing if there is none."""
+        if name not in self._said:
+            parameter = self._elements.get(name)
+            # Without `access` it is `read` (CiA 311, schema 1.1, t_parameter and t_parameterTemplate).
+            access = {"AccessType": "ro"} if parameter else {}
+            self._said[name] = {**access, **self._written(parameter, MOST_TEMPLATES)} if parameter else {}
+        return self._said[name]
+
+    def is_disabled(self, each: XmlElement) -> bool:
+        """Whether an object is one that CANopenEditor keeps for later: it makes no EDS and no device with it."""
+        return each.attributes.get("uniqueIDRef", "") in self._disabled
+
+    def _written(self, parameter: XmlElement, depth: int) -> dict[str, str]:
+        template = self._elements.get(parameter.attributes.get("templateIDRef", ""))
+        said = self._written(template, depth - 1) if template and depth else {}
+        access = PARAMETER_ACCESS.get(parameter.attributes.get("access", ""))
+        said |= {"AccessType": access} if access is not None else {}
+        for at, pairs in ((parameter, PARAMETER_VALUES), (parameter.child("range"), RANGE)):
+            for tag, key in pairs:
+                each = at.child(tag) if at else None
+                if each and "value" in each.attributes:
+                    said[key] = each.attributes["value"]
+        denotation = parameter.child("denotation")
+        label = denotation.child("label") if denotation else None
+        said |= {"Denotation": label.text} if label else {}
+        type_ = self._type(parameter, MOST_TEMPLATES)
+        if type_ == BITS and not said.get("DefaultValue"):
+            type_ = values.DOMAIN.code  # CANopenEditor has one type for both
+        said |= {"DataType": f"0x{type_:04X}"} if type_ is not None else {}
+        return said
+
+    def _type(self, each: XmlElement, depth: int) -> int | None:
+        """Return the simple type of a parameter, or of a type that is derived from one."""
+        simple = next((SIMPLE_TYPES[one.tag] for one in each.children if one.tag in SIMPLE_TYPES), None)
+        named = each.child("dataTypeIDRef")
+        derived = self._elements.get(named.attributes.get("uniqueIDRef", "")) if named else None
+        is_whole = derived is not None and derived.tag not in ("array", "struct")
+        return self._type(derived, depth - 1) if simple is None and derived and is_whole and depth else simple

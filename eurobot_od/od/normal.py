@@ -160,6 +160,7 @@ ODDITIES = {
     Odd.COMMENT_AFTER_VALUE: "comment put on a line of its own",
     Odd.HASH: "comment with ; instead of #",
     Odd.INDENTED: "indent taken off",
+    Odd.DISABLED: "{} left out: its editor has disabled it (CO_disabled)",
     Odd.TWO_ENTRIES: "key {}: the second made a comment",
     Odd.TWO_SECTIONS: "section {}: the second made a comment",
 }

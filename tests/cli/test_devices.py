@@ -149,7 +149,7 @@ def test_what_is_left_out_of_a_file_is_said_in_one_line(capsys: pytest.CaptureFi
     assert [each for each in said.err.splitlines() if "motor.eds" in each][:2] == [
         "eurobot-od: motor.eds: repaired to be read: line 1: lists of objects added, and 1 more "
         "(`lint --fix` lists them)",
-        f"eurobot-od: motor.eds: left out: line {line + 1}: 0x2100: sub 0 has no AccessType, and 1 more "
+        f"eurobot-od: motor.eds: 2 objects left out: line {line + 1}: 0x2100: sub 0 has no AccessType, and 1 more "
         "(`lint` lists them)",
     ]
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+import time
 from contextlib import suppress
 from pathlib import Path
 
@@ -101,6 +102,88 @@ def test_what_a_file_says_oddly_stays_as_it_is() -> None:
     made = xdd_text(Dictionary.read(ODD.encode(), Path("odd.eds"), 1))
     assert compare(load(ODD.encode(), "odd.eds"), load(made.encode(), "odd.xdd"), with_names=True) == []
     assert made.count('PDOmapping="RPDO"') == made.count('PDOmapping="TPDO"') == 1
+
+
+# What the schema says where a file is silent (CiA 311, schema 1.1)
+
+
+def process(parameter: str, said: str = "", lists: str = "", commissioning: str = "") -> bytes:
+    """A description with one object, at 0x2000, of one parameter."""
+    return f"""\
+<ISO15745ProfileContainer xmlns="http://www.canopen.org/xml/1.1"><ISO15745Profile><ProfileBody>
+<ApplicationProcess>{lists}<parameterList>{parameter}</parameterList></ApplicationProcess>
+<CANopenObjectList><CANopenObject index="1000" name="Device type" objectType="7" dataType="0007" accessType="ro"
+ defaultValue="0"/><CANopenObject index="2000" name="Value" objectType="7" uniqueIDRef="P" {said}/></CANopenObjectList>
+{commissioning}</ProfileBody></ISO15745Profile></ISO15745ProfileContainer>""".encode()
+
+
+TEMPLATE = (
+    '<templateList><parameterTemplate uniqueID="T" access="readWrite"><UINT/><defaultValue value="7"/>'
+    "</parameterTemplate></templateList>"
+)
+FROM_TEMPLATE = process('<parameter uniqueID="P" templateIDRef="T"/>', lists=TEMPLATE)
+OWN = '<parameter uniqueID="P" access="read" templateIDRef="T"><defaultValue value="8"/></parameter>'
+DERIVED = (
+    '<dataTypeList><derived name="d" uniqueID="D"><dataTypeIDRef uniqueIDRef="E"/></derived>'
+    '<enum name="e" uniqueID="E"><USINT/></enum><array name="a" uniqueID="A"><USINT/></array></dataTypeList>'
+)
+OF_TYPE = '<parameter uniqueID="P"><dataTypeIDRef uniqueIDRef="{}"/></parameter>'
+LEFT = '<parameter uniqueID="P"><UINT/><denotation><label lang="en">Left</label></denotation></parameter>'
+
+
+@rows(
+    "made, key, text",
+    [
+        (process('<parameter uniqueID="P"><UINT/></parameter>'), "accesstype", "ro"),
+        (process('<parameter uniqueID="P" access="readWrite"><UINT/></parameter>'), "accesstype", "rw"),
+        (process('<parameter uniqueID="P"><UINT/></parameter>', 'accessType="rw"'), "accesstype", "rw"),
+        (process('<parameter uniqueID="P" access="noAccess"><UINT/></parameter>'), "accesstype", ""),
+        (FROM_TEMPLATE, "accesstype", "rw"),
+        (FROM_TEMPLATE, "defaultvalue", "7"),
+        (FROM_TEMPLATE, "datatype", "0x0006"),
+        (process(OWN, lists=TEMPLATE), "accesstype", "ro"),
+        (process(OWN, lists=TEMPLATE), "defaultvalue", "8"),
+        (process(OF_TYPE.format("D"), lists=DERIVED), "datatype", "0x0005"),
+        (process(OF_TYPE.format("A"), lists=DERIVED), "datatype", ""),  # an array is not a value
+        (process('<parameter uniqueID="P"><BITSTRING/></parameter>'), "datatype", "0x000F"),
+        (process('<parameter uniqueID="P"><BITSTRING/><defaultValue value="01"/></parameter>'), "datatype", "0x000A"),
+        (process('<parameter uniqueID="P"><UINT/><actualValue value="9"/></parameter>'), "parametervalue", "9"),
+        (process(LEFT), "denotation", "Left"),
+    ],
+)
+def test_what_a_file_does_not_say_the_schema_or_a_template_says(made: bytes, key: str, text: str) -> None:
+    assert read(made).text("2000", key) == text
+
+
+@pytest.mark.parametrize("name", ["NodeID", "nodeID"])
+def test_the_node_id_of_a_commissioned_device(name: str) -> None:
+    made = process("", 'dataType="0005" accessType="rw"', commissioning=f'<deviceCommissioning {name}="2"/>')
+    assert Dictionary.read(made, Path("a.xdc")).node_id == 2
+
+
+def test_a_template_of_itself_ends() -> None:
+    made = process('<parameter uniqueID="P" templateIDRef="P"><dataTypeIDRef uniqueIDRef="P"/></parameter>')
+    assert read(made).text("2000", "accesstype") == "ro"
+
+
+def test_what_an_editor_has_disabled_is_left_out_and_said() -> None:
+    made = process('<parameter uniqueID="P"><UINT/><property name="CO_disabled" value="true"/></parameter>')
+    dictionary = Dictionary.read(made, Path("a.xdd"), 5)
+    assert (0x2000, 0) not in dictionary.addresses()
+    assert [each.what for each in dictionary.changes] == ["0x2000 left out: its editor has disabled it (CO_disabled)"]
+
+
+@pytest.mark.parametrize("depth", [1, 150])
+def test_the_time_to_read_is_proportional_to_the_size(depth: int) -> None:
+    much = '<property name="p" value="v"/>' * 2000
+    one = '<CANopenObject index="2001" objectType="7" uniqueIDRef="P">'
+    objects = (one * depth + "</CANopenObject>" * depth) * (2000 // depth)
+    made = process(f'<parameter uniqueID="P">{much}<UINT/></parameter>').replace(
+        b"</CANopenObjectList>", f"{objects}</CANopenObjectList>".encode()
+    )
+    began = time.process_time()
+    read(made)
+    assert time.process_time() - began < 1.0  # 18 s when each reference read its parameter anew
 
 
 # As other programs write it: no name space prefixes, parameters of an application process, XML's own booleans
