@@ -79,7 +79,8 @@ def undefined_type(device: LintedDevice) -> Violations:
     for section, entry in device.entries["datatype"]:
         number = parse_number(entry.value)
         # Not those below 0x40: CiA 301 defines them itself (PDO, SDO parameter, identity and so on).
-        if number and number.value in COMPLEX_TYPES[1] and number.value not in device.objects:
+        is_there = number and (number.value in device.objects or f"{number.value:x}sub1" in device.document.sections)
+        if number and number.value in COMPLEX_TYPES[1] and not is_there:
             yield entry, f"DataType {entry.value[:20]} of [{section.name}] is defined nowhere; it is taken as bytes"
 
 

@@ -128,8 +128,8 @@ def _text_of_bytes(type_: DataType, data: bytes, encoding: str) -> str | None:
             return data.decode(encoding)
         if type_ == UNICODE_STRING:
             text = data.decode(UNICODE_BYTES)
-            # Latin-1 is found out by what is not UTF-8, so a text in it could turn a whole file into UTF-8.
-            return text if text.isascii() or encoding != "latin-1" else None
+            # A code page is found out by what is not UTF-8, so a text in it could turn a whole file into UTF-8.
+            return text if text.isascii() or encoding == "utf-8" else None
     except UnicodeDecodeError:
         return None
     return data.hex().upper()

@@ -8,9 +8,10 @@ Rule of this file: reading never raises, and never skips anything silently. What
 
 from __future__ import annotations
 
+import re
 from bisect import bisect_right
 from codecs import BOM_UTF8
-from collections.abc import Iterator, Sequence
+from collections.abc import Container, Iterator, Sequence
 from enum import Enum
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -123,7 +124,7 @@ class Document(NamedTuple):
     @property
     def text_encoding(self) -> str:
         """The encoding in which the file's texts are the bytes of a VISIBLE_STRING: as they stand in the file."""
-        return "latin-1" if self.encoding == "latin-1" else "utf-8"
+        return "utf-8" if self.encoding == "utf-16" else self.encoding
 
     def text(self, section: str, key: str) -> str:
         """Return the value of a key in a section (both in lower case), the empty text if either is missing."""
@@ -158,8 +159,55 @@ def read(data: bytes) -> Document:
     try:
         return _Reader(oddities).read(data.decode(), "utf-8")
     except UnicodeDecodeError:
-        # Latin-1 gives every byte a character, so it cannot fail, and writing gives the same bytes back.
-        return _Reader(oddities).read(data.decode("latin-1"), "latin-1")
+        encoding = code_page(data) or UNKNOWN
+        return _Reader(oddities).read(data.decode(encoding), encoding)
+
+
+UNKNOWN = "latin-1"
+"""Gives every byte a character, so that it cannot fail, and writing gives the same bytes back."""
+
+
+def code_page(data: bytes) -> str | None:
+    """Return the encoding that fits bytes that are not UTF-8, and gives the same bytes again; None for an open one.
+
+    Words tell: in Western ones a letter beyond ASCII stands among ASCII's, Cyrillic ones have none of those, kana has
+    lead bytes that no other text has, and most Chinese characters of GB2312 are among its common ones.
+    """
+    words = re.findall(rb"[\x80-\xFF]+", data)
+    beyond = b"".join(words)
+    first = re.sub(rb"[^\x81-\x9F\xE0-\xFC]|(.)[\x40-\x7E\x80-\xFC]", rb"\1", data, flags=re.DOTALL)
+    leads = b"".join(word[::2] for word in words)
+    mean = len(beyond) / len(words)
+    high, low, control = (_share(beyond, first) for first in (range(0xE0, 0x100), range(0xC0, 0xE0), range(0x80, 0xA0)))
+    is_cyrillic = mean > CYRILLIC_WORD and high + low > MOST_OF
+    fitting = (
+        ("cp932", any(each in KANA for each in first) and _share(first, range(0x80, 0xA0)) > 0.5),
+        ("cp1251", is_cyrillic and high > low),
+        ("koi8-r", is_cyrillic and low > high > 0),  # where the small letters are Windows' capitals
+        ("gb2312", not is_cyrillic and all(len(word) % 2 == 0 for word in words) and _share(leads, HANZI) > 0.5),
+        ("cp1252", mean < WESTERN_WORD and control > 0),
+        ("latin-1", mean < WESTERN_WORD and not control),
+    )
+    return next((name for name, fits in fitting if fits and _is_kept(data, name)), None)
+
+
+def _share(found: Sequence[int], wanted: Container[int]) -> float:
+    return sum(each in wanted for each in found) / len(found)
+
+
+KANA, HANZI = (0x82, 0x83), range(0xB0, 0xD8)
+"""Lead bytes of kana in Shift-JIS, and of the common characters of GB2312."""
+
+MOST_OF = 0.9
+CYRILLIC_WORD, WESTERN_WORD = 2.5, 2.0
+"""Bytes beyond ASCII beside each other, on average: more of them in Cyrillic texts, fewer in Western ones."""
+
+
+def _is_kept(data: bytes, encoding: str) -> bool:
+    try:
+        return data.decode(encoding).encode(encoding) == data
+    except UnicodeError:
+        return False
 
 
 def parse(text: str) -> Document:

@@ -24,7 +24,7 @@ from eurobot_od.od import values
 from eurobot_od.od.description import parse_section_name
 from eurobot_od.od.document import WIDE_MARKS, Document, Entry, Odd, Oddity, Section
 from eurobot_od.od.standard import MANDATORY
-from eurobot_od.od.values import NODE_ID, REMEMBERED_NUMBERS, DataType, PdoDirection, parse_number
+from eurobot_od.od.values import NODE_ID, REMEMBERED_NUMBERS, DataType, Number, PdoDirection, parse_number
 
 SUFFIXES = (".xpd", ".xdd", ".eds", ".xdc", ".dcf")
 """Files of devices in a folder; of two with one name the later counts: a DCF is the EDS as it is configured."""
@@ -74,13 +74,39 @@ USUAL_NAME = re.compile(r"[0-9a-f]{4}(?:sub(?:0|[1-9a-f][0-9a-f]?)|name|value|de
 def completed(document: Document) -> Document:
     """Return a document with all objects that it describes under the names that they have in CiA 306."""
     renamed = {name: usual_name(name) for name in document.sections if not name.isalnum() or looks_odd(name)}
-    sections = dict(document.sections)
+    decimal = decimal_subs(document)
+    sections = {
+        decimal.get(name, name).lower(): each._replace(name=decimal[name]) if name in decimal else each
+        for name, each in document.sections.items()
+    }
     for name, usual in renamed.items():
         # Beside the odd one, which lint points at, and not in place of a section that is there in the usual form, too.
         if usual is not None and usual not in sections:
             sections[usual] = sections[name]._replace(name=usual)
     whole = document._replace(sections=sections)
     return whole._replace(sections={**sections, **{each.name.lower(): each for each in _compact_pdos(whole)}})
+
+
+DECIMAL_SUB = re.compile(r"([0-9a-f]{4})sub([0-9]{1,3})")
+
+
+def decimal_subs(document: Document) -> dict[str, str]:
+    """Return the usual names of sub-indices that a file counts in decimal, by their names in lower case.
+
+    `sub9` is followed by `sub10`, there is none with a letter, and sub-index 0 says the highest as a decimal number. As
+    hexadecimal numbers they would be the addresses of other objects, so that anything less clear stays as it is.
+    """
+    found: dict[str, str] = {}
+    for name in [each for each in document.sections if each.endswith("sub10")]:
+        head = name[:4]
+        subs = [each for each in document.sections if each.startswith(f"{head}sub")]
+        numbers = {int(match[2]): each for each in subs if (match := DECIMAL_SUB.fullmatch(each))}
+        zero = document.sections.get(f"{head}sub0")
+        highest = parse_number(zero.text("parametervalue") or zero.text("defaultvalue")) if zero else None
+        is_decimal = sorted(numbers) == list(range(len(subs))) and highest == Number(len(subs) - 1)
+        if is_decimal and len(subs) <= values.MOST_SUBS + 1:
+            found |= {each: f"{head.upper()}sub{number:X}" for number, each in numbers.items() if number > 9}
+    return found
 
 
 def looks_odd(name: str) -> bool:
@@ -105,6 +131,9 @@ class Misspelling(NamedTuple):
 
 def misspelled(document: Document) -> Iterator[Misspelling]:
     """Give the sections and keys that are not spelled as CiA 306 has them."""
+    for name, counted in decimal_subs(document).items():
+        section = document.sections[name]
+        yield Misspelling(section.line, f"section [{section.name}] named [{counted}]: its object counts in decimal")
     for name, section in document.sections.items():
         usual = cia306.SECTION_NAMES.get(name) or _object_name(name, section.name)
         if usual is not None and usual != section.name:
@@ -199,11 +228,44 @@ def plain_value(text: str, type_: DataType) -> str | None:
         return _plain_bytes(text)
     if type_.code in values.TIMES and parse_number(text) is None:
         return _plain_time(text, type_)
-    return _plain_real(text, type_) if type_ in values.REALS else plain_number(text, type_)
+    if type_ in values.REALS:
+        return _plain_real(text, type_) or _plain_real(_without_unit(text), type_)
+    return plain_number(text, type_) or _plain_integer(text, type_)
+
+
+SPELLED = {"TRUE": "1", "FALSE": "0"}
+WHOLE = re.compile(r"(?P<number>[+-]?[0-9]+)\.0*")
+UNIT = re.compile(r"(?P<number>[^\s]+)\s+(?![hHkKMG]$)[^\d\s\x00-\x1f+*,.;:=$-]{1,10}[0-9]?")
+"""A number and its unit; not `10 h`, which may be hexadecimal, nor a factor such as `k`."""
+
+
+def _without_unit(text: str) -> str:
+    """Return what stands before a unit, as in `100 ms`; an empty text without one."""
+    match = UNIT.fullmatch(text)
+    return match["number"] if match else ""
+
+
+def _plain_integer(text: str, type_: DataType) -> str | None:
+    """Write an integer that has one reading, though no number of CiA 306: `20.0`, `+5`, `TRUE`, `100 ms`, `0b101`."""
+    text = SPELLED.get(text.upper(), _without_unit(text) or text)
+    whole = WHOLE.fullmatch(text)
+    text = whole["number"] if whole else text
+    if text[:1] == "+":
+        text = text[1:] if text[1:2].isdecimal() else ""
+    number = plain_number(text, type_)
+    if number is None:
+        try:
+            return str(values.typed_number(text))
+        except ValueError:
+            return None
+    return number
 
 
 def _plain_time(text: str, type_: DataType) -> str | None:
     """Write all the bits of a time as one number; canopen reads no other, and people write `2014-05-28 12:00`."""
+    days, _, milliseconds = (parse_number(each) for each in text.partition(" "))
+    if days and milliseconds and 0 <= days.value <= 0xFFFF and 0 <= milliseconds.value < values.DAY:
+        return f"0x{days.value << 32 | milliseconds.value:X}"  # as Lely writes it
     try:
         return f"0x{int.from_bytes(type_.write(text), 'little'):X}"
     except (ValueError, OverflowError):

@@ -16,14 +16,14 @@ and the commissioning last, so that a DCF that was cut off has none.
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 from eurobot_od.errors import DictionaryError
 from eurobot_od.od import document as cia306
 from eurobot_od.od import values
 from eurobot_od.od.description import SIMPLE, DescribedDevice, DescribedObject, DescribedVariable, ObjectCode
-from eurobot_od.od.document import STRAY, Document, Entry, Odd, Section
+from eurobot_od.od.document import STRAY, UNKNOWN, Document, Entry, Odd, Section, code_page
 from eurobot_od.od.formats import (
     BYTES,
     TEXTS,
@@ -139,10 +139,20 @@ def in_normal_form(data: bytes, file: object = "") -> tuple[bytes, list[Change]]
     made = normal(data, file)
     ends = "\r\n" if b"\r\n" in data else "\n"
     text = made.text.replace("\n", ends)
-    if made.encoding == "utf-8" or VALUE_BEYOND_ASCII.search(text):
+    is_known = made.encoding != UNKNOWN or code_page(data) is not None
+    if made.encoding == "utf-8" or VALUE_BEYOND_ASCII.search(text) or not is_known:
         return text.encode(made.encoding), made.changes
-    return text.encode(), [Change(1, "Latin-1 written as UTF-8"), *made.changes]
+    return text.encode(), [Change(1, f"{ENCODINGS[made.encoding]} written as UTF-8"), *made.changes]
 
+
+ENCODINGS = {
+    "latin-1": "Latin-1",
+    "cp1252": "Windows-1252",
+    "cp1251": "Windows-1251",
+    "koi8-r": "KOI8-R",
+    "cp932": "Shift-JIS",
+    "gb2312": "GB2312",
+}
 
 VALUE_BEYOND_ASCII = re.compile(r"^(?:Default|Parameter)Value=.*[^\x00-\x7F]", re.MULTILINE)
 
@@ -423,7 +433,11 @@ class _Writer:
 
     def _object(self, each: DescribedObject) -> None:
         section = each.section
-        if section is None:
+        if section is None and each.subs:
+            self._changes.append(Change(each.place.line, f"[{each.index:04X}] added: its sub-indices are there"))
+            head = each.place._replace(name=f"{each.index:04X}", entries={})
+            self._composed(DescribedObject(each.index, head, each.subs, each.lists), head)
+        elif section is None:
             self._refusals.append(
                 Refusal(each.index, None, each.place.line, f"[{each.place.name}] has no object [{each.index:04X}]")
             )
@@ -498,12 +512,29 @@ class _Writer:
             what = "no DataType, read as DOMAIN" if is_guessed else f"DataType=0x{type_.code:04X} added"
             self._changes.append(Change(section.line, f"[{name}]: {what}", is_domain, is_guessed))
             self._out.append(f"DataType=0x{type_.code:04X}")
-        if not each.access:
+        access = whole.subs[0].access if whole.compact and 0 in whole.subs else ""
+        if not each.access and access:
+            # A device lets write the entries of a list exactly where it lets write their number (CiA 301, mappings).
+            self._changes.append(Change(section.line, f"[{name}]: AccessType={access} added, that of sub-index 0"))
+            self._out.append(f"AccessType={access}")
+        elif not each.access:
             self._refusals.append(Refusal(each.index, sub, section.line, f"sub {each.sub} has no AccessType"))
         if whole.code is ObjectCode.DOMAIN:
             self._dropped.append(Dropped(each.index, sub, "object_code", ObjectCode.DOMAIN))
         for key, entry in section.entries.items():
             self._entry(each.index, sub, key, entry, type_)
+        for key, entry in self._limits_of_type(each) if each.type is None and type_.is_integer else ():
+            self._entry(each.index, sub, key, entry, type_)
+
+    def _limits_of_type(self, each: DescribedVariable) -> Iterator[tuple[str, Entry]]:
+        """Give the limits of a type of CanFestival's editor, such as INTEGER32[1-100], that a variable itself lacks."""
+        code = each.number("datatype")
+        for sub, key in enumerate(ENTRIES, start=2):
+            section = self._device.document.sections.get(f"{code.value:x}sub{sub}") if code else None
+            entry = section.entries.get("defaultvalue") if section else None
+            if entry and not each.section.text(key):
+                self._changes.append(Change(entry.line, f"{key} {entry.value[:40]} taken to 0x{each.index:04X}", True))
+                yield key, entry
 
     def _entry(self, index: int, sub: int | None, key: str, entry: Entry, type_: DataType | None) -> None:
         """Write what an entry says about an object, or of a variable if there is a type."""

@@ -18,10 +18,11 @@ from eurobot_od.lint.model import load
 from eurobot_od.lint.rules import lint
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.document import Odd
-from eurobot_od.od.formats import read
+from eurobot_od.od.formats import plain_value, read
 from eurobot_od.od.network import read_network
 from eurobot_od.od.normal import in_normal_form
-from eurobot_od.od.values import Address, Value
+from eurobot_od.od.values import DATA_TYPES, Address, Value
+from tests.eds_text import DEVICE_TYPE, variable
 from tests.rows import rows
 
 ROOT = Path(__file__).parents[2]
@@ -184,6 +185,106 @@ def test_the_time_to_read_is_proportional_to_the_size(depth: int) -> None:
     began = time.process_time()
     read(made)
     assert time.process_time() - began < 1.0  # 18 s when each reference read its parameter anew
+
+
+# Sub-indices counted in decimal
+
+
+def counted(*names: str, highest: int) -> bytes:
+    """An array with sub-indices in sections of these names."""
+    subs = "".join(variable(f"2000sub{each}", each, "UNSIGNED8", str(highest if each == "0" else 1)) for each in names)
+    head = "[2000]\nParameterName=Inputs\nObjectType=8\nSubNumber=13\n"
+    return in_normal_form((DEVICE_TYPE + head).encode())[0].replace(b"SubNumber=0", b"SubNumber=13") + subs.encode()
+
+
+TO_TWELVE = [str(each) for each in range(13)]
+
+
+@rows(
+    "names, highest, subs",
+    [
+        (TO_TWELVE, 12, list(range(13))),
+        ([*TO_TWELVE[:10], "A", "B", "C"], 12, list(range(13))),
+        (TO_TWELVE, 0x12, [*range(10), 0x10, 0x11, 0x12]),  # the highest sub-index is what the names say
+        ([*TO_TWELVE[:9], *TO_TWELVE[10:]], 12, [*range(9), 0x10, 0x11, 0x12]),  # no 9: these are not counted on
+        ([*TO_TWELVE[:10], "10", "A"], 12, [*range(10), 0xA, 0x10]),
+    ],
+)
+def test_sub_indices_counted_in_decimal_are_read_as_meant(names: list[str], highest: int, subs: list[int]) -> None:
+    dictionary = Dictionary.read(counted(*names, highest=highest), Path("a.eds"), 5)
+    assert sorted(dictionary.members[0x2000]) == subs
+    is_meant = subs == list(range(13)) and "10" in names
+    said = [each.what for each in dictionary.changes if "decimal" in each.what]
+    assert said[:1] == ["section [2000sub10] named [2000subA]: its object counts in decimal"] * is_meant
+    fixed = in_normal_form(counted(*names, highest=highest))[0]
+    assert (b"[2000subC]" in fixed) is (subs == list(range(13)))
+    assert in_normal_form(fixed) == (fixed, [])
+
+
+# Values with one reading
+
+
+@rows(
+    "text, type_, plain",
+    [
+        ("0.0", "UNSIGNED32", "0"),
+        ("-20.00", "INTEGER16", "-20"),
+        ("20.", "INTEGER16", "20"),
+        ("1.5", "INTEGER16", None),
+        ("+5", "UNSIGNED8", "5"),
+        ("+-5", "INTEGER8", None),
+        ("+0x1F", "UNSIGNED8", "0x1F"),
+        ("TRUE", "BOOLEAN", "1"),
+        ("False", "UNSIGNED8", "0"),
+        ("100 ms", "UNSIGNED16", "100"),
+        ("25 \N{DEGREE SIGN}C", "INTEGER16", "25"),
+        ("5 m/s2", "INTEGER16", "5"),
+        ("0x10 ms", "UNSIGNED16", "0x10"),
+        ("10 h", "UNSIGNED16", None),  # hours, or hexadecimal
+        ("10 k", "UNSIGNED16", None),  # ten thousand, or ten of something
+        ("1 2", "UNSIGNED16", None),
+        ("1_000", "UNSIGNED16", "1000"),  # as int() and canopen read it
+        ("0b101", "UNSIGNED8", "5"),
+        ("10h", "UNSIGNED8", "0x10"),
+        ("9" * 5000, "UNSIGNED32", None),
+        ("9" * 5000 + ".0", "UNSIGNED32", None),
+        ("1.5 V", "REAL32", "1.5"),
+        ("365 43200000", "TIME_OF_DAY", "0x16D02932E00"),
+        ("365 43200000", "TIME_DIFFERENCE", "0x16D02932E00"),
+        ("365 86400000", "TIME_OF_DAY", None),  # a day has fewer
+        ("70000 0", "TIME_OF_DAY", None),
+    ],
+)
+def test_a_value_with_one_reading_is_kept(text: str, type_: str, plain: str | None) -> None:
+    assert plain_value(text, next(each for each in DATA_TYPES.values() if each.name == type_)) == plain
+
+
+def test_sub_indices_without_their_object_are_a_record() -> None:
+    text = DEVICE_TYPE + variable("2000sub0", "Count", "UNSIGNED8", "1") + variable("2000sub1", "One", "UNSIGNED8", "7")
+    dictionary = Dictionary.read(text.encode(), Path("a.eds"), 5)
+    assert (dictionary.default((0x2000, 1)), dictionary.left_out) == (7, [])
+    assert "[2000] added: its sub-indices are there" in [each.what for each in dictionary.changes]
+
+
+def test_entries_of_a_compact_mapping_have_the_access_of_their_number() -> None:
+    head = "[1600]\nParameterName=Mapping\nObjectType=9\nCompactSubObj=2\n"
+    text = DEVICE_TYPE + head + variable("1600sub0", "Number", "UNSIGNED8", "0")
+    dictionary = Dictionary.read(text.encode(), Path("a.eds"), 5)
+    assert [each.access_type for each in dictionary.members[0x1600].values()] == ["rw"] * 3
+
+
+def test_limits_of_a_type_of_the_files_own() -> None:
+    subs = [("sub1", "Type", "4"), ("sub2", "Minimum Value", "1"), ("sub3", "Maximum Value", "0x64")]
+    type_ = "[A0]\nParameterName=INTEGER32[1-100]\nObjectType=5\nSubNumber=4\n" + "".join(
+        variable(f"A0{sub}", name, "UNSIGNED8", value) for sub, name, value in subs
+    )
+    level = variable("2000", "Level", "UNSIGNED8", "0x32").replace("DataType=0x0005", "DataType=0x00A0")
+    own = variable("2001", "Own", "UNSIGNED8", "1", "HighLimit=7").replace("DataType=0x0005", "DataType=0x00A0")
+    text = DEVICE_TYPE + type_ + level + own
+    members = Dictionary.read(text.encode(), Path("a.eds"), 5).members
+    found = [members[index][0] for index in (0x2000, 0x2001)]
+    assert [(each.min, each.max) for each in found] == [(1, 100), (1, 7)]
+    assert {"W116", "W453"} & {each.code for each in lint(text.encode(), "a.eds")} == set()
 
 
 # As other programs write it: no name space prefixes, parameters of an application process, XML's own booleans
