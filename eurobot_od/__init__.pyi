@@ -9,9 +9,9 @@ from eurobot_od.client.network import Network as Network
 from eurobot_od.client.network import simulated as simulated
 from eurobot_od.client.remote_device import AsyncRemoteDevice as AsyncRemoteDevice
 from eurobot_od.client.remote_device import RemoteDevice as RemoteDevice
-from eurobot_od.client.remote_pdos import PdoReading as PdoReading
-from eurobot_od.client.remote_pdos import PdoValue as PdoValue
 from eurobot_od.client.streams import Emergency as Emergency
+from eurobot_od.client.streams import PdoReading as PdoReading
+from eurobot_od.client.streams import PdoValue as PdoValue
 from eurobot_od.device.profiles.devices import SimulatedDrive as SimulatedDrive
 from eurobot_od.device.profiles.devices import SimulatedModule as SimulatedModule
 from eurobot_od.device.simulated import SimulatedDevice as SimulatedDevice

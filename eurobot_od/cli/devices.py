@@ -23,6 +23,7 @@ from eurobot_od.od.objects import all_objects
 from eurobot_od.od.pdos import OnRefused
 from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.plugin import Plugin
+from eurobot_od.support.texts import amount
 
 if TYPE_CHECKING:  # a command that needs no bus does without
     from eurobot_od.client.description import Description
@@ -136,8 +137,8 @@ class Devices:
 
         Raises as `load`, BusError.
         """
+        from eurobot_od.client.configure import pdo_parameters
         from eurobot_od.client.master import Master
-        from eurobot_od.client.remote_pdos import pdo_parameters
 
         asked = []
         with Master(bus.open()) as master:
@@ -224,9 +225,10 @@ def complain_of_repairs(dictionaries: Iterable[Dictionary]) -> None:
         # A guess first: what follows may be hidden behind "and 4 more".
         changes = sorted(each.changes, key=lambda change: not change.guessed)
         repaired = [f"line {change.line}: {change.what}" for change in changes]
+        lost = [str(refusal) for refusal in each.left_out]
         for done, found, lister in (
             ("repaired to be read", repaired, "lint --fix"),
-            ("left out", [str(refusal) for refusal in each.left_out], "lint"),
+            (f"{amount(len(lost), 'object')} left out" if len(lost) > 1 else "left out", lost, "lint"),
         ):
             more = f", and {len(found) - 1} more (`{lister}` lists them)" if len(found) > 1 else ""
             if found:

@@ -11,7 +11,6 @@ from typing import TypeAlias
 from eurobot_od.device.nmt import ALL_NODES, COMMAND_NAMES, STATE_NAMES, TOGGLE
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.objects import data_type
-from eurobot_od.od.profiles.words import with_words, words
 from eurobot_od.od.standard import (
     ANY_BIT,
     AUTOMATIC,
@@ -25,6 +24,7 @@ from eurobot_od.od.standard import (
 )
 from eurobot_od.od.values import Address
 from eurobot_od.od.values import text as time_text
+from eurobot_od.od.words import with_words, words
 from eurobot_od.sdo.wire import (
     ANSWER_SUB_COMMAND,
     BLOCK_SIZE_GIVEN,
