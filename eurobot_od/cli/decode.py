@@ -183,7 +183,7 @@ def decode(
     decoder = devices.decoder(emcy)
     several = len(logs) > 1
     if statistics:
-        from eurobot_od.traffic.load.seen import TrafficOutput  # the usual case starts without the other ones' modules
+        from eurobot_od.traffic.statistics import TrafficOutput  # the usual case starts without the other ones' modules
 
         output: Output = TrafficOutput(bitrate, devices.promised(decoder), several)
     else:

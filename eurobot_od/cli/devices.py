@@ -29,7 +29,7 @@ from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.plugin import Plugin
 
 if TYPE_CHECKING:
-    from eurobot_od.traffic.load.analysis import MessageSet
+    from eurobot_od.traffic.load import MessageSet
     from eurobot_od.traffic.meaning import Decoder
 
 
@@ -151,8 +151,8 @@ class Devices:
 
     def promised(self, decoder: Decoder) -> MessageSet:
         """Return what a decoder's devices send, and how often; nothing if a period is missing."""
-        from eurobot_od.traffic.load.network_set import network_set  # most commands need no analysis
-        from eurobot_od.traffic.load.seen import NOTHING
+        from eurobot_od.traffic.load import network_set  # most commands need no analysis
+        from eurobot_od.traffic.statistics import NOTHING
 
         try:
             file = self.network or network.DEFAULT if self.files() else str(self.robot.dialects.network_file())

@@ -20,11 +20,11 @@ from eurobot_od.od.values import ERROR_CONTROL_BASE, FIRST, MANUFACTURER
 from eurobot_od.pdo.catalogue import plain
 from eurobot_od.pdo.in_force import InForce
 from eurobot_od.support.texts import cell, one_line
-from eurobot_od.traffic import formats, words
+from eurobot_od.traffic import formats
 from eurobot_od.traffic.entries import LARGEST, REMEMBERED, Damage, Raw
 from eurobot_od.traffic.filters import Wanted, Window
 from eurobot_od.traffic.meaning import CANOPEN, DamageCounts, Decoder, Defect, Meaning, SdoTransfer, with_defects
-from eurobot_od.traffic.services import GUARDING, HEARTBEAT, NMT, SDO
+from eurobot_od.traffic.services import GUARDING, HEARTBEAT, NMT, SDO, guarding_words
 from eurobot_od.traffic.transfers import Transfers
 
 NAME_WIDTH = 29
@@ -239,7 +239,7 @@ class Follower:
             self._asked.add(key)
         elif key in self._asked or frame.data[0] & TOGGLE:
             self._asked.discard(key)
-            text = f"{meaning.nodes[0]}, {words.guarding(frame.data)}"
+            text = f"{meaning.nodes[0]}, {guarding_words(frame.data)}"
             return meaning._replace(name=GUARDING, text=text)
         return meaning
 

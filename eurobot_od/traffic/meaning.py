@@ -26,7 +26,7 @@ from eurobot_od.pdo.kinds import OutOfRange
 from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.support.texts import amount, one_line
 from eurobot_od.traffic.entries import MASTER, REMEMBERED, Damage, Foreign, Raw
-from eurobot_od.traffic.words import object_words, plain, value_words
+from eurobot_od.traffic.services import object_words, plain, value_words
 
 if TYPE_CHECKING:
     from eurobot_od.device.broadcasts import ErrorWords

@@ -19,8 +19,7 @@ from eurobot_od.robot import dialects
 from eurobot_od.robot.model.messages import CATALOGUE
 from eurobot_od.season.archive import BEGUN, Archived, Archiver, DecodedNetwork, _begun, archive
 from eurobot_od.season.campaign import local
-from eurobot_od.season.season import Season
-from eurobot_od.season.tables import is_whole, table_names
+from eurobot_od.season.season import Season, is_whole, table_names
 from eurobot_od.traffic import formats
 from eurobot_od.traffic.meaning import Decoder
 from tests.eds_text import DEVICE_TYPE, pdo, variable

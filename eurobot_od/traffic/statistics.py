@@ -14,8 +14,7 @@ from eurobot_od.frame import Frame, identifier_text
 from eurobot_od.sdo.wire import code_and_reason
 from eurobot_od.support.texts import amount, columns, one_line, text
 from eurobot_od.traffic.decoding import Output, WriteLine
-from eurobot_od.traffic.load.analysis import MICROSECONDS, MessageSet
-from eurobot_od.traffic.load.report import BoundRow, load_report
+from eurobot_od.traffic.load import MICROSECONDS, BoundRow, MessageSet, load_report
 from eurobot_od.traffic.meaning import Meaning, SdoTransfer
 
 NOTHING = MessageSet(())
