@@ -34,7 +34,6 @@ class Damage(Enum):
     CUT_OFF = "cut off"
     ERROR_FRAME = "error frame"
     FD = "FD frame"
-    EXTENDED = "extended frame"
     UNKNOWN_IDENTIFIER = "unknown identifier"
     SWITCHED_OFF = "switched off"
     INCOMPLETE = "incomplete transfer"

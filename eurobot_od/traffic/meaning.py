@@ -182,6 +182,8 @@ class Decoder:
     def _pdo(self, frame: Frame) -> Meaning:
         """Return the meaning of a frame that is neither a message nor a service, as far as there is one."""
         found = self._unmapped.get(frame.cob_id)
+        if found is None and frame.cob_id & EXTENDED:  # other traffic on the same wire is not damage
+            return Meaning(frame, f"29-bit frame, {amount(len(frame.data), 'byte')}", "", (), None, str(frame))
         damage, why = self._unmapped.defect(frame.cob_id)
         defects = (Defect(damage, f"{frame}{why}"),) if damage else ()
         if found is None or not found.name:
@@ -393,7 +395,7 @@ class Unmapped:
         """Return what is wrong with the frames of an identifier, None for nothing, and why."""
         if found := self.get(cob_id):
             return found.damage, found.why
-        return (Damage.EXTENDED if cob_id & EXTENDED else Damage.UNKNOWN_IDENTIFIER), ""
+        return (None if cob_id & EXTENDED else Damage.UNKNOWN_IDENTIFIER), ""
 
 
 MPDO_LENGTH = values.MAX_BITS // 8

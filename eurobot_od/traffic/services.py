@@ -200,7 +200,7 @@ def sync_words(data: bytes) -> str:
 def time_words(data: bytes) -> str:
     """Say date and time; milliseconds beyond a day are not a time (CiA 301, 7.2.6.3)."""
     # The four highest bits of the milliseconds are reserved (CiA 301, 7.1.6.6).
-    said = time_text(data[:3] + bytes([data[3] & 0x0F]) + data[4:], is_moment=True)
+    said = time_text(data[:3] + bytes([data[3] & 0x0F]) + data[4:6], is_moment=True)
     return said if isinstance(said, str) else f"no time: {data.hex(' ')}"
 
 
@@ -330,6 +330,9 @@ NO_WORDS = ErrorWords({}, {}, {})
 
 ANY_LENGTH: tuple[int, ...] = ()
 
+TIME_LENGTHS = (6, 8)
+"""Bytes of TIME: 6 (CiA 301, 7.2.6.3); some devices fill its frame up with two more."""
+
 SENT = 1
 """The direction of an SRDO that its device sends (CiA 304); 2: it receives it."""
 
@@ -426,7 +429,7 @@ def _broadcast(names: Mapping[int, str], master: str) -> Services:
             for cob_id, what in plainly.items()
         },
         values.SYNC_COB_ID: CanopenService(SYNC_NAME, "", (0, 1), sync_words, master),
-        values.TIME_COB_ID: CanopenService(TIME_NAME, "", (6,), time_words, master),
+        values.TIME_COB_ID: CanopenService(TIME_NAME, "", TIME_LENGTHS, time_words, master),
         standard.REQUESTS: CanopenService(LSS, "", (standard.LENGTH,), lss_request, master),
         standard.ANSWERS: CanopenService(LSS, "", (standard.LENGTH,), lss_answer),
     }

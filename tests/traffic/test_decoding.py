@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from eurobot_od.frame import Frame
+from eurobot_od.frame import EXTENDED, Frame
 from eurobot_od.robot import dialects
 from eurobot_od.robot.protocol import decoder as robot_decoder
 from eurobot_od.traffic.decoding import CsvOutput, Decoding, JsonOutput, Output, TextOutput
@@ -104,7 +104,6 @@ def test_regular_lines_in_any_of_their_forms(decoder: Decoder, log: str, reason:
         ("x" * 50_000 + "\n", UNREADABLE, "xxx..."),
         # frames of another kind, of no message, of another length
         (SECOND.replace("010#", "20000080#"), "error frame", "20000080#"),
-        (SECOND.replace("010#", "00000010#"), "extended frame", "00000010#"),
         (SECOND.replace("010#", "7FE#"), "unknown identifier", "7FE#"),
         (SECOND.replace("010#", "010#00"), "wrong length", "1 bytes of data, expected 0; read all the same"),
         (FIRST.replace("#1B", "#"), "wrong length", "4 bytes of data, expected 5"),
@@ -170,6 +169,7 @@ ENTRIES: list[tuple[Raw, dict[str, Any]]] = [
     (Frame(0x702, b"\0"), {"message": "Heartbeat", "protocol": "CANopen", "text": "drive, boot-up"}),
     (Frame(0x7FE), {"id": "0x7FE", "text": "7FE#", "damage": [{"kind": "unknown identifier", "text": "7FE#"}]}),
     (Foreign(Damage.FD, "008##1AA"), {"message": "CAN FD, 1 byte", "text": "008##1AA"}),
+    (Frame(EXTENDED | 0x10), {"message": "29-bit frame, 0 bytes", "text": "00000010#"}),
 ]
 
 
