@@ -15,9 +15,6 @@ from eurobot_od import plugin
 from eurobot_od.cli import RobotName, complain, is_alone
 from eurobot_od.cli.options import BusOptions, Seconds, check_node_id, whole
 from eurobot_od.cli.signature import HelpGroup, Option, Parser, ahead
-from eurobot_od.client import description
-from eurobot_od.client.description import Description, from_file
-from eurobot_od.client.master import Master, RemoteNode
 from eurobot_od.device.broadcasts import ErrorWords
 from eurobot_od.errors import FileError, LocalError, MappingError, RemoteError, UnknownName
 from eurobot_od.od import network
@@ -29,6 +26,8 @@ from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.plugin import Plugin
 
 if TYPE_CHECKING:
+    from eurobot_od.client.description import Description
+    from eurobot_od.client.master import Master, RemoteNode
     from eurobot_od.traffic.load import MessageSet
     from eurobot_od.traffic.meaning import Decoder
 
@@ -289,6 +288,8 @@ class Access:
 
     def master(self) -> Master:
         """Open the bus; the context closes it. Raises LocalError, BusError."""
+        from eurobot_od.client.master import Master  # a log is decoded without a bus
+
         return Master(self.bus.open(), self.timeout, unannounced=self.largest)
 
 
@@ -325,6 +326,8 @@ class Target(Access):
         A file named without a node-ID is for the node that is spoken to. Its own comes last because it has to be
         transferred, tens of thousands of bytes.
         """
+        from eurobot_od.client import description
+
         named = self.named_description(node)
         if named is not None:
             return named
@@ -345,6 +348,8 @@ class Target(Access):
             mine = next((each for each in files if Dictionary.load(*each).node_id == node.node_id), None)
         if mine is None:
             return None
+        from eurobot_od.client.description import from_file
+
         described = from_file(mine.file, node.node_id, mine.modules, mine.patch)
         complain_of_repairs([described.dictionary])
         node.master.follow(described.dictionary)

@@ -131,7 +131,7 @@ class Monitor(NamedTuple):
 def _lines(monitor: Monitor) -> Iterator[tuple[Took, Refresh]]:
     """Print each frame as a line."""
     output = TextOutput()
-    write = output.writer("")
+    write = output.line_writer("")
 
     def took(time: float, meaning: Meaning) -> None:
         if not monitor.controls.paused and named(meaning, monitor.controls.part):

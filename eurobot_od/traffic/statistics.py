@@ -139,7 +139,7 @@ class TrafficOutput(Output):
     def row(self, meaning: Meaning) -> Meaning | None:
         return meaning if isinstance(meaning.raw, Frame) else None
 
-    def writer(self, log: str) -> WriteLine:
+    def line_writer(self, log: str) -> WriteLine:
         self._heading = [one_line(f"{log}:")] if self._several else []
         self._seen = seen = SeenTraffic(self._bit_rate, self._promised)
         self._transfers = transfers = TransferCounts()
