@@ -29,7 +29,7 @@ if TYPE_CHECKING:  # a command that needs no bus does without
     from eurobot_od.client.description import Description
     from eurobot_od.client.master import Master, RemoteNode
     from eurobot_od.device.broadcasts import ErrorWords
-    from eurobot_od.traffic.load.analysis import MessageSet
+    from eurobot_od.traffic.load import MessageSet
     from eurobot_od.traffic.meaning import Decoder
 
 
@@ -153,8 +153,8 @@ class Devices:
 
     def promised(self, decoder: Decoder) -> MessageSet:
         """Return what a decoder's devices send, and how often; nothing if a period is missing."""
-        from eurobot_od.traffic.load.network_set import network_set  # most commands need no analysis
-        from eurobot_od.traffic.load.seen import NOTHING
+        from eurobot_od.traffic.load import network_set  # most commands need no analysis
+        from eurobot_od.traffic.statistics import NOTHING
 
         try:
             file = self.network or network.DEFAULT if self.files() else str(self.robot.dialects.network_file())
@@ -354,6 +354,7 @@ class Target(Access):
             mine = next((each for each in files if Dictionary.load(*each).node_id == node.node_id), None)
         if mine is None:
             return None
+
         described = from_file(mine.file, node.node_id, mine.modules, mine.patch)
         complain_of_repairs([described.dictionary])
         node.master.follow(described.dictionary)
