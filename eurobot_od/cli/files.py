@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from io import BytesIO
 from pathlib import Path
-from typing import Annotated, Literal, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
 
 from eurobot_od import plugin
 from eurobot_od.cli import ExitStatus
@@ -20,6 +21,9 @@ from eurobot_od.od.values import NODE_IDS
 from eurobot_od.support import extras
 from eurobot_od.support.files import check_writable, read_whole, write_whole
 from eurobot_od.support.texts import amount
+
+if TYPE_CHECKING:
+    from eurobot_od.od.dcf import Write
 
 # Other forms
 
@@ -123,12 +127,15 @@ def xdd(
         return
     if output is None:
         raise LocalError("of a network -o names the folder that the files are written to")
-    output.mkdir(exist_ok=True)
+    texts: dict[str, str] = {}
     for each in read_network(source).nodes:
         # Any node-ID will do, as values keep `$NODEID`; the node's modules and patches belong to the device.
         dictionary = Dictionary.load(*each._replace(node_id=each.node_id or NODE_IDS[0]))
         complain_of_repairs([dictionary])
-        write(output / f"{each.name or Path(each.file).stem}.xdd", xdd_text(dictionary))
+        texts[f"{each.name or Path(each.file).stem}.xdd"] = xdd_text(dictionary)
+    output.mkdir(exist_ok=True)  # only now: what fails leaves no empty folder
+    for name, text in texts.items():
+        write(output / name, text)
 
 
 def cdcf(
@@ -155,26 +162,24 @@ def cdcf(
         nodes = read_network(source).nodes
         if node_id is not None:
             raise LocalError("--node-id is for one file; a network says the node-IDs itself")
+        made = {each.name or Path(each.file).stem: concise(each) for each in nodes}
         if output is not None:
-            output.mkdir(exist_ok=True)
-        for each in nodes:
-            name = each.name or Path(each.file).stem
+            output.mkdir(exist_ok=True)  # only now: what fails leaves no empty folder
+        for name, each in made.items():
             if output is None:
                 print(f"{name}:")
-            write_concise(each, output / f"{name}.cdcf" if output else None)
+            write_concise(*each, output / f"{name}.cdcf" if output else None)
     elif Path(source).suffix.lower() in SUFFIXES:
         node = node_file(source)
-        write_concise(node if node_id is None else node._replace(node_id=node_id), output)
+        write_concise(*concise(node if node_id is None else node._replace(node_id=node_id)), output)
     else:
         read_concise(source, output, eds, node_id)
 
 
-def write_concise(node: NodeFile, output: Path | None) -> None:
-    """Write or print the concise DCF of a DCF, without PDOs that do not hold; raises DictionaryError, LocalError."""
-    from eurobot_od.cli.objects import print_readings
-    from eurobot_od.client.configure import all_writes, check_file, check_whole, decoded
+def concise(node: NodeFile) -> tuple[list[Write], Dictionary]:
+    """Return the writes of a DCF, without PDOs that do not hold, and its dictionary; raises DictionaryError."""
+    from eurobot_od.client.configure import all_writes, check_file, check_whole
     from eurobot_od.client.description import from_file
-    from eurobot_od.od.dcf import pack
     from eurobot_od.od.values import pdo_of
 
     description, refused = from_file(node.file, node.node_id, node.modules, node.patch), list[MappingError]()
@@ -190,11 +195,20 @@ def write_concise(node: NodeFile, output: Path | None) -> None:
             check_whole(description, leave_out, leave_out)
     bad = {pdo_of(error.index or 0) for error in refused}
     writes = [each for each in all_writes(description) if pdo_of(each.address[0]) not in bad - {None}]
+    return writes, description.dictionary
+
+
+def write_concise(writes: Sequence[Write], dictionary: Dictionary, output: Path | None) -> None:
+    """Write a concise DCF, or print what it says."""
+    from eurobot_od.cli.objects import print_readings
+    from eurobot_od.client.configure import decoded
+    from eurobot_od.od.dcf import pack
+
     if output is None:
-        print_readings(decoded(writes, description.dictionary), as_json=False)
+        print_readings(decoded(writes, dictionary), as_json=False)
     else:
         write_whole(output, pack(writes))
-        print(f"{output}: {len(writes)} writes for node {description.dictionary.node_id}")
+        print(f"{output}: {len(writes)} writes for node {dictionary.node_id}")
 
 
 def read_concise(file: str, output: Path | None, eds: str | None, node_id: int | None) -> None:

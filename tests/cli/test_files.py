@@ -210,3 +210,13 @@ def test_a_folder_that_cannot_be_written(table: Path, capsys: pytest.CaptureFixt
 
 def test_a_command_without_folder_is_wrong_usage(table: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert run(capsys, "make-eds", str(table)).status == 2
+
+
+@pytest.mark.parametrize("form", ["xdd", "cdcf"])
+def test_a_failed_export_leaves_no_folder(tmp_path: Path, form: str) -> None:
+    network, output = tmp_path / "network.yaml", tmp_path / "out"
+    good = Path(__file__).parents[2] / "docs" / "servo.dcf"
+    (tmp_path / "bad.eds").write_text("nothing\n")
+    network.write_text(f"nodes:\n  good: {{file: '{good}', node_id: 5}}\n  bad: {{file: bad.eds, node_id: 6}}\n")
+    assert cli.main(["export", form, "--network", str(network), "-o", str(output)]) == 2
+    assert not output.exists()
