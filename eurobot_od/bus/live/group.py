@@ -1,6 +1,6 @@
 """Runs a group of nodes on one bus, in one thread and in real time: a whole network of simulated devices.
 
-A bus that fails ends it; a single node (`Live`) is the one that goes on when its bus comes back.
+A bus that fails is opened again, if there is what opens it, and then the nodes go on, as a single one does (`Live`).
 """
 
 from __future__ import annotations
@@ -9,10 +9,12 @@ import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from eurobot_od.bus.live.buses import Driver, failure, shut_down
+from eurobot_od.bus.live.buses import Driver, Opener, failure, shut_down
 from eurobot_od.device.station import NodeGroup
 from eurobot_od.errors import BusError
 from eurobot_od.frame import HIGHEST_IDENTIFIER, MOST_BYTES, Frame, RemoteFrame
+from eurobot_od.gatekeeper import Event, Report
+from eurobot_od.support.connections import Backoff
 
 if TYPE_CHECKING:
     import can
@@ -25,16 +27,39 @@ TAKEN_WITHIN = 1.0
 
 
 class LiveGroup:
-    """A group of nodes on a bus; `sent` and `received` count frames. A context manager, which shuts the bus down."""
+    """A group of nodes on a bus; `sent` and `received` count frames. A context manager, which shuts the bus down.
 
-    def __init__(self, bus: can.BusABC, group: NodeGroup, clock: Callable[[], float] = time.perf_counter) -> None:
+    A bus that fails is opened again by `opener`, if there is one; `report` is told.
+    """
+
+    def __init__(
+        self,
+        bus: can.BusABC,
+        group: NodeGroup,
+        clock: Callable[[], float] = time.perf_counter,
+        opener: Opener | None = None,
+        report: Callable[[Report], object] = lambda _: None,
+    ) -> None:
         self.group, self.clock, self.name = group, clock, str(bus.channel_info)
+        self._opener, self._report, self._backoff = opener, report, Backoff()
         self.sent = self.received = 0
         self._driver = Driver(bus)
 
     def run(self, end: float) -> None:
         """Switch the nodes on, and run them until a time of the clock. Raises BusError."""
-        self._send(self.group.start(self.clock()))
+        first: Callable[[float], list[Frame]] = self.group.start
+        while self.clock() < end:
+            try:
+                self._send(first(self.clock()))
+                self._exchange(end)
+            except BusError as why:
+                if self._opener is None:
+                    raise
+                self._reopen(why, self._opener, end)
+                first = self.group.bus_back
+
+    def _exchange(self, end: float) -> None:
+        """Run the nodes until the end or the bus's failure, which raises BusError."""
         while (now := self.clock()) < end:
             if self.group.next_wakeup <= now:
                 self._send(self.group.tick(now))
@@ -42,6 +67,21 @@ class LiveGroup:
             if frame is not None:
                 self.received += 1
                 self._send(self.group.receive(frame, self.clock()))
+
+    def _reopen(self, why: BusError, opener: Opener, end: float) -> None:
+        """Open the bus again, trying until the end."""
+        lost_at = self.clock()
+        self._report(Report(Event.BUS_FAILED, self.name, f"{why}; it is opened again", lost_at))
+        self.group.bus_lost(lost_at)
+        while (now := self.clock()) < end:
+            time.sleep(min(self._backoff.pause(now), end - now))
+            try:
+                self._driver.replace(opener)
+            except BusError:
+                continue
+            gap = self.clock() - lost_at
+            self._report(Report(Event.BUS_BACK, self.name, f"after a gap of {gap:.1f} s", self.clock()))
+            return
 
     def _received(self, wait: float) -> Frame | None:
         """Wait for a frame up to some seconds; None for none, and for one that is not classic CAN with 11 bits."""
