@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import os
+import re
 from collections.abc import Sequence
 from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
 
 from eurobot_od import plugin
-from eurobot_od.cli import ExitStatus
+from eurobot_od.cli import ExitStatus, complain
 from eurobot_od.cli.decode import Log, Reading, entries
 from eurobot_od.cli.devices import Devices, complain_of_repairs, left_out
 from eurobot_od.cli.options import EmcyFiles, Output, write, write_dcf
@@ -24,6 +26,7 @@ from eurobot_od.support.texts import amount
 
 if TYPE_CHECKING:
     from eurobot_od.od.dcf import Write
+    from eurobot_od.od.values import Address
 
 # Other forms
 
@@ -234,9 +237,34 @@ def read_concise(file: str, output: Path | None, eds: str | None, node_id: int |
         print(f"{output}: for node {description.dictionary.node_id}")
 
 
+def bus(*, network: Annotated[str, Option(metavar="PATH", is_file=True)], output: Output = None) -> None:
+    """Write a network as the YAML of dcfgen and ros2_canopen (`bus.yml`): nodes, files, and what a master writes.
+
+    network: network file or folder
+    """
+    from eurobot_od.od.bus_file import bus_text
+    from eurobot_od.od.objects import at, data_type, label
+
+    described, folder = read_network(network), output.parent if output else Path()
+    nodes: dict[str, tuple[int, str, list[tuple[Address, int]]]] = {}
+    for each in described.nodes:
+        writes, dictionary = concise(each)
+        numbers: list[tuple[Address, int]] = []
+        for address, data in writes:
+            variable = at(address, dictionary.objects)
+            value = data_type(variable).read(data)
+            if isinstance(value, int):
+                numbers.append((address, int(value)))
+            else:
+                complain(f"left out {label(variable)}: such a file has only whole numbers")
+        name = re.sub(r"\W", "_", each.name or Path(each.file).stem)
+        nodes[name] = (dictionary.node_id, Path(os.path.relpath(each.file, folder)).as_posix(), numbers)
+    write(output, bus_text(nodes, described.bit_rate))
+
+
 export = Forms(
-    "Turn EDS and DCF files into C, DBC, documents, a Wireshark dissector, XDD or concise DCF, and logs into MCAP.",
-    {"c": c, "dbc": dbc, "docs": docs, "wireshark": wireshark, "mcap": mcap, "xdd": xdd, "cdcf": cdcf},
+    "Turn EDS and DCF files into C, DBC, documents, a Wireshark dissector, XDD, concise DCF, bus.yml; logs into MCAP.",
+    {"c": c, "dbc": dbc, "docs": docs, "wireshark": wireshark, "mcap": mcap, "xdd": xdd, "cdcf": cdcf, "bus": bus},
 )
 
 

@@ -10,18 +10,22 @@ import os
 import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
 from itertools import pairwise
 from pathlib import Path, PurePath, PureWindowsPath
 from types import MappingProxyType
 from typing import Annotated, NamedTuple
 
-from eurobot_od.errors import DictionaryError, FileError, LocalError, UnknownName
+from eurobot_od.errors import DictionaryError, FileError, LocalError, UnknownName, YamlError
 from eurobot_od.od import DEFAULT as DEFAULT
+from eurobot_od.od import bus_file
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.document import parse
 from eurobot_od.od.formats import files_in
+from eurobot_od.od.patches import NODE_OF_BUS
 from eurobot_od.od.values import NODE_IDS, Number, parse_number
 from eurobot_od.support.files import read_whole
+from eurobot_od.support.yaml_places import compose, telling
 from eurobot_od.support.yaml_shapes import (
     PLAIN,
     SCALAR,
@@ -134,10 +138,13 @@ def read_nodelist(text: str, file: str) -> NetworkFile:
     for number in numbers:
         if parse_number(topology.text(f"node{number}present")) == Number(0):
             continue
-        dcf = topology.text(f"node{number}dcfname")
-        if not dcf:
+        dcf, eds = topology.text(f"node{number}dcfname"), topology.text("edsbasename")
+        if not dcf and not eds:
             raise DictionaryError(file, None, f"line {topology.line}: node {number} has no Node{number}DCFName")
         path = PurePath(file).parent / PureWindowsPath(dcf)  # both kinds of slashes are in use
+        if eds and not (dcf and os.path.isfile(path)):  # noqa: PTH113
+            # CANfestival and Beremiz: the node's EDS, in a folder of all EDS files.
+            path = PurePath(file).parent / PureWindowsPath(eds) / (dcf or f"{topology.text(f'node{number}name')}.eds")
         nodes.append(NodeFile(str(path), number, topology.text(f"node{number}name")))
     return NetworkFile(nodes)
 
@@ -153,8 +160,28 @@ NUMBER = converted(SCALAR, _as_in_an_eds, {"type": "integer"})
 NETWORK = shape_of(NetworkFile, {**PLAIN, str: SCALAR, int: NUMBER})
 
 
+def _is_bus(text: str) -> bool:
+    with suppress(YamlError), telling("") as problems:
+        return bus_file.is_bus(compose(text, problems))
+    return False
+
+
+def not_understood(path: str | Path) -> Sequence[str]:
+    """Return a line for each key of a bus file that says something nobody knows; raises as `read_network`."""
+    text = read_whole(path).decode("utf-8", "replace") if Path(path).suffix.lower() in (".yml", ".yaml") else ""
+    return bus_file.read_bus(text, str(path)).unread if _is_bus(text) else ()
+
+
 def read_network_file(text: str, file: str) -> NetworkFile:
-    """Read the text of a network file, its own path `file`; raises YamlError, or FileError if it names no nodes."""
+    """Read the text of a network file, its own path `file`; raises YamlError, or FileError if it names no nodes.
+
+    It may also be a bus file, the YAML of dcfgen and ros2_canopen (see `bus_file`).
+    """
+    if _is_bus(text):
+        bus = bus_file.read_bus(text, file)
+        named = ((each, f"{file}{NODE_OF_BUS}{each.name}") for each in bus.nodes)
+        nodes = [NodeFile(str(each.file), each.node_id, each.name, patch=(patch,)) for each, patch in named]
+        return NetworkFile(nodes, bit_rate=bus.bit_rate, master=bus_file.MASTER)
     network: NetworkFile = read_yaml(text, NETWORK, file)
     if not network.nodes and not network.robot:
         raise FileError(file, "it names no nodes")
