@@ -3,7 +3,6 @@
 from eurobot_od.bus.live import Live as Live
 from eurobot_od.bus.live import open_bus as open_bus
 from eurobot_od.bus.simulated.network import Simulation as Simulation
-from eurobot_od.client.boot import NodeEvent as NodeEvent
 from eurobot_od.client.network import AsyncNetwork as AsyncNetwork
 from eurobot_od.client.network import Network as Network
 from eurobot_od.client.network import simulated as simulated
@@ -12,6 +11,7 @@ from eurobot_od.client.remote_device import RemoteDevice as RemoteDevice
 from eurobot_od.client.streams import Emergency as Emergency
 from eurobot_od.client.streams import PdoReading as PdoReading
 from eurobot_od.client.streams import PdoValue as PdoValue
+from eurobot_od.client.watch import NodeEvent as NodeEvent
 from eurobot_od.device.profiles.devices import SimulatedDrive as SimulatedDrive
 from eurobot_od.device.profiles.devices import SimulatedModule as SimulatedModule
 from eurobot_od.device.simulated import SimulatedDevice as SimulatedDevice

@@ -186,8 +186,8 @@ NOUNS: dict[str, dict[str, str]] = {
     "MappingEntry": {"od.values.MappingEntry": "index, sub-index and bits"},
     "Mapped": {"od.pdos.Mapped": "an entry with its variable"},
     "Message": {
-        "traffic.load.analysis.PeriodicMessage": "what is sent again and again, in us or bit times",
-        "traffic.load.seen.SeenMessage": "what was seen of an identifier",
+        "traffic.load.PeriodicMessage": "what is sent again and again, in us or bit times",
+        "traffic.statistics.SeenMessage": "what was seen of an identifier",
         "export.description.DescribedMessage": "what exports say of one",
         "export.dbc.DbcMessage": "... as DBC has it",
         "check.patterns.SentMessage": "what a step sends",

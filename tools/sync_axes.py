@@ -12,7 +12,7 @@ from math import pi, sin
 from pathlib import Path
 from typing import NamedTuple
 
-from eurobot_od.bus.bits import frame_bits
+from eurobot_od.bus import frame_bits
 from eurobot_od.bus.simulated.network import Simulation
 from eurobot_od.device.nmt import NmtCommand
 from eurobot_od.device.node import Node

@@ -230,7 +230,7 @@ def _all(devices: Devices, options: DeviceOptions, about_one: Iterable[str]) -> 
 
 def _run_all(nodes: Sequence[Node], bus: BusOptions, duration: float | None, opener: Opener | None) -> None:
     """Run several devices on one bus until the time is over, or an interrupt; raises BusError."""
-    from eurobot_od.bus.live.group import LiveGroup  # one node runs without
+    from eurobot_od.bus.live.live import LiveGroup  # one node runs without
     from eurobot_od.device.station import NodeGroup
 
     for node in nodes:

@@ -1,4 +1,4 @@
-"""The objects of a running device: present values, access rights, and their form in an SDO.
+"""The objects of a running device: present values, access rights, their form in an SDO, and where they are stored.
 
 A value is checked before it is stored, and a refused one changes nothing. Access type, data type and limits are the
 file's. What an object does beyond keeping its value comes in as a function in `readers` or `writers`.

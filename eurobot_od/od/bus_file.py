@@ -12,12 +12,13 @@ program's documentation has.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias
 
 import yaml
 
-from eurobot_od.errors import DictionaryError, LocalError
+from eurobot_od.errors import DictionaryError, LocalError, YamlError
 from eurobot_od.od import values
 from eurobot_od.od.description import DescribedDevice
 from eurobot_od.od.document import read_bytes
@@ -138,10 +139,13 @@ def number(said: Tree) -> int:
     return found.value
 
 
-def is_bus(root: yaml.Node) -> bool:
+def is_bus(text: str) -> bool:
     """Whether YAML is a bus file: its master is a mapping, which in our own network file it never is."""
-    pairs = root.value if isinstance(root, yaml.MappingNode) else ()
-    return any(key.value == MASTER and isinstance(value, yaml.MappingNode) for key, value in pairs)
+    with suppress(YamlError), telling("") as problems:
+        root = compose(text, problems)
+        pairs = root.value if isinstance(root, yaml.MappingNode) else ()
+        return any(key.value == MASTER and isinstance(value, yaml.MappingNode) for key, value in pairs)
+    return False
 
 
 def read_bus(text: str, file: str) -> BusFile:

@@ -21,7 +21,7 @@ from eurobot_od.errors import DictionaryError
 from eurobot_od.od import cia401, cia402, values
 from eurobot_od.od import objects as od
 from eurobot_od.od.description import DescribedDevice
-from eurobot_od.od.document import parse, read_bytes
+from eurobot_od.od.document import read_bytes
 from eurobot_od.od.modules import Module, Modules
 from eurobot_od.od.normal import Change, Normal, Refusal, normal
 from eurobot_od.od.patches import Patch, read_patch
@@ -134,8 +134,8 @@ class Dictionary:
 
     @cached_property
     def device(self) -> DescribedDevice:
-        """The device as the text of the normal form describes it: every variable has a section and a basic type."""
-        return DescribedDevice(parse(self._normal.text))
+        """The device as the normal form describes it; see `Normal.device`."""
+        return self._normal.device
 
     # Which node it is
 

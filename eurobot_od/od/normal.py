@@ -23,7 +23,7 @@ from eurobot_od.errors import DictionaryError
 from eurobot_od.od import document as cia306
 from eurobot_od.od import values
 from eurobot_od.od.description import SIMPLE, DescribedDevice, DescribedObject, DescribedVariable, ObjectCode
-from eurobot_od.od.document import STRAY, UNKNOWN, Document, Entry, Odd, Section, code_page
+from eurobot_od.od.document import STRAY, UNKNOWN, Document, Entry, Odd, Section, code_page, parse
 from eurobot_od.od.formats import (
     BYTES,
     TEXTS,
@@ -88,6 +88,7 @@ class Normal(NamedTuple):
     `text` is that form, `encoding` the one of the file. `changes` is where the form differs from the file,
     `refusals` what cannot be used of it, `dropped` what canopen does not read; `has_modules` says whether connected
     modules have brought objects, `is_xml` whether the file is one in XML, `is_patched` whether patches lie over it.
+    `read` is what the text describes, if the file has been in this form and was read already.
     """
 
     text: str
@@ -98,6 +99,12 @@ class Normal(NamedTuple):
     has_modules: bool = False
     is_xml: bool = False
     is_patched: bool = False
+    read: DescribedDevice | None = None
+
+    @property
+    def device(self) -> DescribedDevice:
+        """The device as the text describes it: every variable has a section and a basic type."""
+        return self.read or DescribedDevice(parse(self.text))
 
     @property
     def usable(self) -> str:
@@ -289,9 +296,11 @@ class _Writer:
         if device.commissioning:
             self._known(cia306.COMMISSIONING)
         left = (line for comments in self._comments for each in comments.values() for line in each)
-        text = "\n".join([*self._out, *left, ""])
-        return Normal(text, device.document.text_encoding, sorted({*self._changes}), self._refusals, self._dropped,
-                      self._has_modules, device.document.is_xml, self._is_patched)  # fmt: skip
+        lines = [*self._out, *left, ""]
+        same = lines == device.document.lines and not device.document.oddities
+        return Normal("\n".join(lines), device.document.text_encoding, sorted({*self._changes}), self._refusals,
+                      self._dropped, self._has_modules, device.document.is_xml, self._is_patched,
+                      device if same else None)  # fmt: skip
 
     # Lines
 

@@ -69,14 +69,16 @@ class Patch(NamedTuple):
 
 def read_patch(file: str | Path) -> Patch:
     """Read a patch; raises DictionaryError with the line of the first fault."""
-    file, _, node = str(file).partition(NODE_OF_BUS)
-    if node:
-        return _of_bus(file, node)
+    bus, _, node = str(file).rpartition(NODE_OF_BUS)
+    if Path(bus).suffix.lower() in BUS_FILES:
+        return _of_bus(bus, node)
     data = read_bytes(file)
     if Path(file).suffix.lower() in CONFIGURATIONS:
         return _of_configuration(data, Path(file))
     return _of_yaml(data.decode("utf-8", "replace"), str(file))
 
+
+BUS_FILES = (".yml", ".yaml")
 
 NODE_OF_BUS = "#"
 """Before the name of the node whose patch is a part of a bus file: `bus.yml#drive`."""

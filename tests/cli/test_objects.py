@@ -12,7 +12,6 @@ import pytest
 
 from eurobot_od.bus.live import Live
 from eurobot_od.cli import main
-from eurobot_od.device.broadcasts import ErrorCode
 from eurobot_od.device.node import Node
 from eurobot_od.device.simulated import SimulatedDevice
 from eurobot_od.od import dcf
@@ -20,6 +19,7 @@ from eurobot_od.od.description import DescribedDevice
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.document import parse
 from eurobot_od.od.normal import in_normal_form
+from eurobot_od.od.standard import ErrorCode
 from tests.cli.console import Terminal
 from tests.client.peers import DRIVE, new_channel, open_bus, robot, stock_drive
 from tests.eds_text import DEVICE_TYPE, pdo, record, variable

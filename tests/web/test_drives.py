@@ -13,7 +13,7 @@ import pytest
 from eurobot_od.bus.live import Live, open_bus
 from eurobot_od.bus.simulated.network import ON_TIME
 from eurobot_od.client.network import SimulatedNetwork, simulated
-from eurobot_od.device.faults.drive import FAULTS
+from eurobot_od.device.faults.device import DRIVE_FAULTS
 from eurobot_od.device.profiles.devices import SimulatedDrive
 from eurobot_od.errors import NoAnswer
 from eurobot_od.frame import Frame
@@ -57,7 +57,7 @@ class Bench(NamedTuple):
 
 @contextmanager
 def bench(tmp_path: Path, control: bool = True, fault: str = "") -> Iterator[Bench]:
-    kind = FAULTS[fault].given_to(SimulatedDrive) if fault else SimulatedDrive
+    kind = DRIVE_FAULTS[fault].given_to(SimulatedDrive) if fault else SimulatedDrive
     name, drive = channel(), kind(SERVO)
     with (
         Live.node(open_bus("virtual", name), drive),

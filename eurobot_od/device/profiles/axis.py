@@ -13,8 +13,7 @@ from math import copysign, inf
 from typing import NamedTuple
 
 from eurobot_od.device.profiles.modes import MODES, Homing, ModeOfOperation
-from eurobot_od.device.profiles.motion import STEP, Demand, Motor, Plant, Units
-from eurobot_od.device.profiles.values import AxisValues
+from eurobot_od.device.profiles.motion import STEP, AxisValues, Demand, Motor, Plant, Units
 from eurobot_od.od import cia402
 from eurobot_od.od.cia402 import ARROWS, POWERED, DriveCommand, Mode, Ramp, State, Transition
 

@@ -1,7 +1,7 @@
 """Simulated devices that have a profile, made from their files: modules of CiA 401 and drives of CiA 402.
 
 They connect a device to its profile and decide nothing themselves: what an input or output does stands in
-`inputs_outputs`, what an axis does in `axis`. Whatever its objects hold then goes out as any other value does.
+`Outputs` and `Inputs`, what an axis does in `axis`. Whatever its objects hold then goes out as any other value does.
 """
 
 from __future__ import annotations
@@ -16,8 +16,7 @@ from eurobot_od.device.nmt import NmtState
 from eurobot_od.device.objects import OnTold
 from eurobot_od.device.profiles.axis import DriveAxis
 from eurobot_od.device.profiles.modes import MODES
-from eurobot_od.device.profiles.motion import STEP, Plant
-from eurobot_od.device.profiles.values import AxisValues, ProfileValues
+from eurobot_od.device.profiles.motion import STEP, AxisValues, Plant, ProfileValues
 from eurobot_od.device.simulated import SimulatedDevice, fitted
 from eurobot_od.errors import Cause, Refused
 from eurobot_od.frame import Frame
