@@ -78,7 +78,7 @@ def read_patch(file: str | Path) -> Patch:
     return _of_yaml(data.decode("utf-8", "replace"), str(file))
 
 
-BUS_FILES = (".yml", ".yaml")
+BUS_FILES = (".yaml", ".yml")
 
 NODE_OF_BUS = "#"
 """Before the name of the node whose patch is a part of a bus file: `bus.yml#drive`."""
