@@ -306,7 +306,7 @@ def is_parameter(thing: ODVariable) -> bool:
 def check_whole(description: Description, refused: OnRefused = fatal) -> None:
     """Raise DictionaryError unless a DCF is complete; `refused` gets the PDOs whose mappings are wrong."""
     dictionary = description.dictionary
-    absent = dcf.missing(description.text)
+    absent = dcf.missing(dictionary.document)
     if absent:
         raise DictionaryError(dictionary.file, None, f"incomplete: no section [{absent[0]}]")
     dictionary.read_pdos(dictionary.default, refused)

@@ -12,6 +12,7 @@ from eurobot_od.client.description import from_file
 from eurobot_od.client.reading import ObjectReading, dcf_of_node, parameters, read_all, readable
 from eurobot_od.errors import NoAnswer
 from eurobot_od.od import dcf
+from eurobot_od.od.document import parse
 from eurobot_od.od.objects import address_of
 from tests.client.peers import DRIVE, master_on, new_channel, robot, stock_drive
 
@@ -41,7 +42,7 @@ def test_the_dcf_of_one_drive_makes_another_like_it(tmp_path: Path) -> None:
             master.node(2).download(address, data)
         made, left_out = dcf_of_node(master.node(2), DESCRIPTION.dictionary, 500, "drive")
     assert (left_out, made.files) == ([], {})
-    assert dcf.missing(made.content.decode()) == []
+    assert dcf.missing(parse(made.content.decode())) == []
     file.write_bytes(made.content)
     with robot("drive") as channel, master_on(channel) as master:
         node = master.node(2)
