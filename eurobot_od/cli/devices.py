@@ -16,7 +16,7 @@ from eurobot_od.cli import RobotName, complain, is_alone
 from eurobot_od.cli.options import BusOptions, Seconds, check_node_id, whole
 from eurobot_od.cli.signature import HelpGroup, Option, Parser, ahead
 from eurobot_od.errors import FileError, LocalError, MappingError, RemoteError, UnknownName
-from eurobot_od.od import DIALECT_VARIABLE, network
+from eurobot_od.od import DEFAULT, DIALECT_VARIABLE, network
 from eurobot_od.od.dictionary import Dictionary, SdoChannel, moved_server
 from eurobot_od.od.network import NetworkFile, NodeFile
 from eurobot_od.od.objects import all_objects
@@ -51,7 +51,7 @@ class Devices:
     patch: patch over a device's file: objects in YAML, or a DCF's values; repeatable
     """
 
-    GROUP = HelpGroup("devices", f"default: {network.DEFAULT} in this folder, else the robot's")
+    GROUP = HelpGroup("devices", f"default: {DEFAULT} in this folder, else the robot's")
 
     eds: Annotated[Sequence[str], Option(metavar="[NODE-ID=]FILE", is_file=True)] = ()
     network: Annotated[str | None, Option(metavar="PATH", is_file=True)] = None
@@ -73,7 +73,7 @@ class Devices:
     @property
     def _file(self) -> str:
         """The network file: what is named on the command line replaces the folder's own; the two are never mixed."""
-        return self.network or ("" if self.eds else network.DEFAULT)
+        return self.network or ("" if self.eds else DEFAULT)
 
     @property
     def _described(self) -> NetworkFile:
@@ -156,7 +156,7 @@ class Devices:
         from eurobot_od.traffic.load.seen import NOTHING
 
         try:
-            file = self.network or network.DEFAULT if self.files() else str(self.robot.dialects.network_file())
+            file = self.network or DEFAULT if self.files() else str(self.robot.dialects.network_file())
             rows = network.read_network(file) if os.path.exists(file) else NetworkFile()  # noqa: PTH110
             names = {each.cob_id: each.name for each in decoder.protocol.bindings}
             return network_set(decoder.dictionaries, names, rows, file)

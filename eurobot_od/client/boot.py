@@ -11,20 +11,18 @@ not for one heartbeat after the other.
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from datetime import datetime
 from enum import Enum
 from functools import partial
 from math import inf
-from statistics import median_low
 from typing import NamedTuple
 
 from eurobot_od.client.configure import configure
 from eurobot_od.client.description import Description, Identity
 from eurobot_od.client.master import Guard, Master, Procedure, RemoteNode, unguarded
-from eurobot_od.device.nmt import TOGGLE, NmtCommand, NmtState
+from eurobot_od.device.nmt import LOST_AFTER, TOGGLE, Heartbeats, NmtCommand, NmtState
 from eurobot_od.errors import BusError, EurobotError, NoAnswer, NodeRefused, RemoteError
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.standard import (
@@ -221,50 +219,8 @@ async def _beats(node: RemoteNode, period: int) -> bool:
     return False
 
 
-LOST_AFTER = 2.0
-"""A node is lost after this many heartbeat periods without a heartbeat."""
-
-REMEMBERED_INTERVALS = 5
-"""A node's period is the median of this many intervals, so that one long silence does not change it."""
-
 LONGEST_PAUSE = 0.1
 """Seconds after which `watch_nodes` checks whether it should end."""
-
-
-class Heartbeats:
-    """The heartbeats of a node: `heard` is the time of the last one, None before the first.
-
-    `period` is the expected period in seconds, 0 if unknown. The measured period takes precedence.
-    """
-
-    def __init__(self, period: float = 0.0) -> None:
-        self.period, self.heard = period, None
-        self._last_beat: float | None = None
-        self._intervals: deque[float] = deque(maxlen=REMEMBERED_INTERVALS)
-
-    heard: float | None
-
-    def beat(self, now: float) -> None:
-        """Note a heartbeat."""
-        if self._last_beat is not None:
-            self._intervals.append(now - self._last_beat)
-        self.heard = self._last_beat = now
-
-    def boot(self, now: float) -> None:
-        """Note a boot-up message: the next heartbeat may come at any time in the period."""
-        self.heard, self._last_beat = now, None
-        self._intervals.clear()
-
-    @property
-    def deadline(self) -> float:
-        """When the node is lost unless it is heard before; infinite if no period is known."""
-        # The median: one late or lost heartbeat does not change it.
-        period = median_low(self._intervals) if self._intervals else self.period
-        return self.heard + LOST_AFTER * period if self.heard is not None and period else inf
-
-    def lost(self, now: float) -> bool:
-        """Whether it should have been heard by now."""
-        return now > self.deadline
 
 
 class NodeChange(Enum):

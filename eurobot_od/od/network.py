@@ -15,7 +15,6 @@ from types import MappingProxyType
 from typing import Annotated, NamedTuple
 
 from eurobot_od.errors import DictionaryError, FileError, LocalError
-from eurobot_od.od import DEFAULT as DEFAULT
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.document import parse
 from eurobot_od.od.formats import files_in

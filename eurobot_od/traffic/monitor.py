@@ -15,13 +15,8 @@ from itertools import pairwise
 from statistics import fmean, pstdev
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
-from rich.console import Group, JustifyMethod, RenderableType
-from rich.table import Table
-from rich.text import Text
-
 from eurobot_od.bus.live import FrameReader, Opener
-from eurobot_od.client.boot import Heartbeats
-from eurobot_od.device.nmt import STATE_NAMES, NmtState
+from eurobot_od.device.nmt import STATE_NAMES, Heartbeats, NmtState
 from eurobot_od.errors import BusError
 from eurobot_od.frame import Frame, identifier_text
 from eurobot_od.od.standard import HEARTBEAT_TIME
@@ -36,6 +31,9 @@ from eurobot_od.traffic.services import EMCY_NAME, GUARDING, HEARTBEAT
 
 if TYPE_CHECKING:
     import can
+    from rich.console import JustifyMethod, RenderableType
+    from rich.table import Table
+    from rich.text import Text
 
 
 REMEMBERED_TIMES = 33
@@ -471,6 +469,9 @@ def screen(
     traffic: Traffic, controls: Controls, now: float, load: tuple[float, float], size: Size, notes: Sequence[str] = ()
 ) -> RenderableType:
     """Return everything that is shown on a terminal of a size, with the last of the `notes`."""
+    from rich.console import Group  # plain lines do without
+    from rich.text import Text
+
     rows = selected(traffic.rows.values(), controls.sort, controls.part)
     room = max(size.height - 8, 1)
     top = controls.within(len(rows) - room)
@@ -485,6 +486,8 @@ def screen(
 
 
 def _top(traffic: Traffic, load: tuple[float, float]) -> Text:
+    from rich.text import Text
+
     share, rate = load
     filled = min(round(share * BAR_WIDTH), BAR_WIDTH)
     colour = WRONG if share >= HEAVY_LOAD else "green"
@@ -498,6 +501,9 @@ def _top(traffic: Traffic, load: tuple[float, float]) -> Text:
 
 
 def _table(rows: list[MonitorRow], now: float, colours: Mapping[str, str], width: int) -> Table:
+    from rich.table import Table
+    from rich.text import Text
+
     table = Table(box=None, pad_edge=False, header_style="bold", expand=True, padding=(0, len(GAP), 0, 0))
     lines = [cells(row, now) for row in rows]
     columns = fitting(lines, width)
@@ -515,6 +521,8 @@ def _table(rows: list[MonitorRow], now: float, colours: Mapping[str, str], width
 
 
 def _bottom(controls: Controls, hidden: int, notes: Sequence[str]) -> Text:
+    from rich.text import Text
+
     text = Text("\n", no_wrap=True, overflow="ellipsis")
     if controls.paused:
         text.append("PAUSED", "bold reverse").append("   ")
