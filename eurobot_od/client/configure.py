@@ -10,9 +10,7 @@ from asyncio import CancelledError
 from collections.abc import Collection, Container, Iterable, Iterator, Mapping, Sequence
 from datetime import datetime
 from enum import Enum
-from typing import NamedTuple, TypeAlias
-
-from canopen.objectdictionary import ODVariable
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 from eurobot_od.client.description import Description, Identity, read_identity
 from eurobot_od.client.master import STORE_WAIT, Procedure, RemoteNode
@@ -58,6 +56,9 @@ from eurobot_od.od.values import (
 )
 from eurobot_od.sdo.wire import EXPEDITED_SIZE, LARGEST, AbortCode
 from eurobot_od.support.texts import amount
+
+if TYPE_CHECKING:
+    from canopen.objectdictionary import ODVariable
 
 # The order of writes
 

@@ -6,9 +6,7 @@ After an object that a node refuses, the next one is read; no answer ends the re
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from typing import NamedTuple
-
-from canopen.objectdictionary import ODVariable
+from typing import TYPE_CHECKING, NamedTuple
 
 from eurobot_od.client.configure import is_parameter, read_object
 from eurobot_od.client.description import device_name
@@ -20,6 +18,9 @@ from eurobot_od.od.objects import address_of, all_objects, at, data_type, decode
 from eurobot_od.od.values import DOMAIN, Address, Value
 from eurobot_od.sdo.wire import AbortCode
 from eurobot_od.support.texts import amount
+
+if TYPE_CHECKING:
+    from canopen.objectdictionary import ODVariable
 
 
 class ObjectReading(NamedTuple):

@@ -11,9 +11,7 @@ import zlib
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, Protocol
-
-from canopen.objectdictionary import ODVariable
+from typing import TYPE_CHECKING, Any, Protocol
 
 from eurobot_od.errors import Cause, DamagedFile, DictionaryError, FieldError, Refused, UnknownName
 from eurobot_od.od import dcf
@@ -38,6 +36,9 @@ from eurobot_od.od.values import (
 )
 from eurobot_od.sdo.wire import LARGEST, Abort, Reason
 from eurobot_od.support.files import write_whole
+
+if TYPE_CHECKING:
+    from canopen.objectdictionary import ODVariable
 
 COMMUNICATION_PROFILE = range(0x1000, 0x2000)
 """Indices of communication objects, which are configuration; a reset of the communication restores them (CiA 301,
