@@ -46,7 +46,7 @@ if TYPE_CHECKING:
     from eurobot_od.pdo.catalogue import Catalogue
     from eurobot_od.pdo.protocol import Protocol as Messages
     from eurobot_od.season.answers import SeasonReport
-    from eurobot_od.web.panel import Panel
+    from eurobot_od.web.page import Panel
 
     NodeT = TypeVar("NodeT", bound=Node)
 

@@ -34,7 +34,7 @@ from eurobot_od.device.node import Node
 from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.robot.plugin import ROBOT
-from eurobot_od.traffic.load.analysis import MICROSECONDS, MessageSet, PeriodicMessage, analysed
+from eurobot_od.traffic.load import MICROSECONDS, MessageSet, PeriodicMessage, analysed
 
 FINE, WRONG = 0, 1
 

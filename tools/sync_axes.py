@@ -19,8 +19,8 @@ from eurobot_od.device.node import Node
 from eurobot_od.device.profiles.axis import DriveAxis
 from eurobot_od.device.profiles.devices import SimulatedDrive, SimulatedModule
 from eurobot_od.frame import Frame
+from eurobot_od.od.cia402 import DriveCommand, Mode
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.od.profiles.cia402 import DriveCommand, Mode
 from eurobot_od.od.values import NMT_COB_ID, SYNC_COB_ID
 
 DOCS = Path(__file__).parents[1] / "docs"

@@ -23,12 +23,13 @@ from eurobot_od.od.objects import all_objects
 from eurobot_od.od.pdos import OnRefused
 from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.plugin import Plugin
+from eurobot_od.support.texts import amount
 
 if TYPE_CHECKING:  # a command that needs no bus does without
     from eurobot_od.client.description import Description
     from eurobot_od.client.master import Master, RemoteNode
     from eurobot_od.device.broadcasts import ErrorWords
-    from eurobot_od.traffic.load.analysis import MessageSet
+    from eurobot_od.traffic.load import MessageSet
     from eurobot_od.traffic.meaning import Decoder
 
 
@@ -136,8 +137,8 @@ class Devices:
 
         Raises as `load`, BusError.
         """
+        from eurobot_od.client.configure import pdo_parameters
         from eurobot_od.client.master import Master
-        from eurobot_od.client.remote_pdos import pdo_parameters
 
         asked = []
         with Master(bus.open()) as master:
@@ -152,8 +153,8 @@ class Devices:
 
     def promised(self, decoder: Decoder) -> MessageSet:
         """Return what a decoder's devices send, and how often; nothing if a period is missing."""
-        from eurobot_od.traffic.load.network_set import network_set  # most commands need no analysis
-        from eurobot_od.traffic.load.seen import NOTHING
+        from eurobot_od.traffic.load import network_set  # most commands need no analysis
+        from eurobot_od.traffic.statistics import NOTHING
 
         try:
             file = self.network or DEFAULT if self.files() else str(self.robot.dialects.network_file())
@@ -224,9 +225,10 @@ def complain_of_repairs(dictionaries: Iterable[Dictionary]) -> None:
         # A guess first: what follows may be hidden behind "and 4 more".
         changes = sorted(each.changes, key=lambda change: not change.guessed)
         repaired = [f"line {change.line}: {change.what}" for change in changes]
+        lost = [str(refusal) for refusal in each.left_out]
         for done, found, lister in (
             ("repaired to be read", repaired, "lint --fix"),
-            ("left out", [str(refusal) for refusal in each.left_out], "lint"),
+            (f"{amount(len(lost), 'object')} left out" if len(lost) > 1 else "left out", lost, "lint"),
         ):
             more = f", and {len(found) - 1} more (`{lister}` lists them)" if len(found) > 1 else ""
             if found:
@@ -352,6 +354,7 @@ class Target(Access):
             mine = next((each for each in files if Dictionary.load(*each).node_id == node.node_id), None)
         if mine is None:
             return None
+
         described = from_file(mine.file, node.node_id, mine.modules, mine.patch)
         complain_of_repairs([described.dictionary])
         node.master.follow(described.dictionary)

@@ -27,8 +27,8 @@ from eurobot_od.support import extras
 from eurobot_od.support.connections import Address
 from eurobot_od.support.connections import parse as parse_address
 from eurobot_od.traffic.meaning import DamageCounts, Decoder
-from eurobot_od.web.page import Columns, described, page, stop_message
-from eurobot_od.web.panel import Panel
+from eurobot_od.web.access import AccessRules, is_local
+from eurobot_od.web.page import Columns, Panel, described, page, stop_message
 
 if TYPE_CHECKING:  # with aiohttp, which an extra brings
     from eurobot_od.web.requests import Requests
@@ -80,7 +80,7 @@ def serve(
 
 async def _serve(text: str, listen: Address, requests: Requests | None = None) -> None:
     """Serve a page until SIGTERM; Ctrl-C, which a shell may have a program in the background ignore, cancels it."""
-    from eurobot_od.web.server import AccessRules, is_local, served  # with aiohttp
+    from eurobot_od.web.server import served  # with aiohttp
 
     ended = asyncio.Event()
     # Whoever can reach this machine's loopback address could run the command as well; others need the token.

@@ -20,9 +20,9 @@ from eurobot_od.device.timers import caught_up
 from eurobot_od.frame import Frame
 from eurobot_od.od import values
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.od.profiles.words import profile_words
 from eurobot_od.od.standard import ErrorCode, device_profile
 from eurobot_od.od.values import DAY, EPOCH, Address, TimeOfDay, Value
+from eurobot_od.od.words import profile_words
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.catalogue import Catalogue, Message
 from eurobot_od.sdo.wire import Abort, Reason

@@ -7,7 +7,6 @@ heard once.
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Iterable, Mapping
 from enum import IntEnum
 from math import inf
@@ -134,50 +133,6 @@ class HeartbeatConsumer(Deadlines[int]):
 
 TOGGLE = 1 << 7
 """The bit of an answer that toggles, from 0 on, so that a repeated answer can be told from a new one."""
-
-
-LOST_AFTER = 2.0
-"""A node is lost after this many heartbeat periods without a heartbeat."""
-
-REMEMBERED_INTERVALS = 5
-"""A node's period is the median of this many intervals, so that one long silence does not change it."""
-
-
-class Heartbeats:
-    """The heartbeats of a node: `heard` is the time of the last one, None before the first.
-
-    `period` is the expected period in seconds, 0 if unknown. The measured period takes precedence.
-    """
-
-    def __init__(self, period: float = 0.0) -> None:
-        self.period, self.heard = period, None
-        self._last_beat: float | None = None
-        self._intervals: deque[float] = deque(maxlen=REMEMBERED_INTERVALS)
-
-    heard: float | None
-
-    def beat(self, now: float) -> None:
-        """Note a heartbeat."""
-        if self._last_beat is not None:
-            self._intervals.append(now - self._last_beat)
-        self.heard = self._last_beat = now
-
-    def boot(self, now: float) -> None:
-        """Note a boot-up message: the next heartbeat may come at any time in the period."""
-        self.heard, self._last_beat = now, None
-        self._intervals.clear()
-
-    @property
-    def deadline(self) -> float:
-        """When the node is lost unless it is heard before; infinite if no period is known."""
-        measured = sorted(self._intervals)
-        # The lower median: one late or lost heartbeat does not change it.
-        period = measured[(len(measured) - 1) // 2] if measured else self.period
-        return self.heard + LOST_AFTER * period if self.heard is not None and period else inf
-
-    def lost(self, now: float) -> bool:
-        """Whether it should have been heard by now."""
-        return now > self.deadline
 
 
 class NodeGuarding:

@@ -1,7 +1,8 @@
 """What is on a bus, message by message: how often, how regularly, with which values, and what is wrong.
 
-There is no clock, bus or screen in here: frames go in with their times. A frame costs the same however many came
-before, and memory does not grow with them.
+`Traffic` counts: frames go in with their times. A frame costs the same however many came before, and memory does not
+grow with them. Then come the table and its keys, where the frames are from (`BusSource`, `LogSource`), and at the end
+the screen of a terminal, which alone needs rich.
 """
 
 from __future__ import annotations
@@ -16,7 +17,8 @@ from statistics import fmean, pstdev
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 from eurobot_od.bus.live import FrameReader, Opener
-from eurobot_od.device.nmt import STATE_NAMES, Heartbeats, NmtState
+from eurobot_od.client.watch import Heartbeats
+from eurobot_od.device.nmt import STATE_NAMES, NmtState
 from eurobot_od.errors import BusError
 from eurobot_od.frame import Frame, identifier_text
 from eurobot_od.od.standard import HEARTBEAT_TIME
@@ -24,10 +26,10 @@ from eurobot_od.support.texts import GAP, amount, columns, one_line
 from eurobot_od.traffic.decoding import Following
 from eurobot_od.traffic.entries import Damage, Foreign, LogEntry, Raw, shortened
 from eurobot_od.traffic.formats.python_can import of_message
-from eurobot_od.traffic.load.analysis import MessageSet
-from eurobot_od.traffic.load.seen import NOTHING, SeenTraffic
+from eurobot_od.traffic.load import MessageSet
 from eurobot_od.traffic.meaning import CANOPEN, REQUEST, DamageCounts, Decoder, Meaning, with_defects
 from eurobot_od.traffic.services import EMCY_NAME, GUARDING, HEARTBEAT
+from eurobot_od.traffic.statistics import NOTHING, SeenTraffic
 
 if TYPE_CHECKING:
     import can
@@ -469,7 +471,7 @@ def screen(
     traffic: Traffic, controls: Controls, now: float, load: tuple[float, float], size: Size, notes: Sequence[str] = ()
 ) -> RenderableType:
     """Return everything that is shown on a terminal of a size, with the last of the `notes`."""
-    from rich.console import Group  # plain lines do without
+    from rich.console import Group  # an extra
     from rich.text import Text
 
     rows = selected(traffic.rows.values(), controls.sort, controls.part)

@@ -12,21 +12,17 @@ import pytest
 
 from eurobot_od.client.boot import (
     BootedSlave,
-    NodeChange,
-    NodeEvent,
-    NodeWatch,
     boot_slave,
     hear_slave,
     order_start,
     prepare_slave,
     start_slave,
     started_state,
-    watch_nodes,
-    without_heartbeat,
 )
 from eurobot_od.client.description import described
 from eurobot_od.client.master import RemoteNode
 from eurobot_od.client.network import SimulatedNetwork
+from eurobot_od.client.watch import Heartbeats, NodeChange, NodeEvent, NodeWatch, watch_nodes, without_heartbeat
 from eurobot_od.device.nmt import NmtState
 from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
@@ -179,6 +175,33 @@ def test_many_slaves_are_waited_for_at_once() -> None:
 
 
 FOUND, BOOTED, LOST, BACK = NodeChange.FOUND, NodeChange.BOOTED, NodeChange.LOST, NodeChange.BACK
+
+
+@pytest.mark.parametrize(
+    ("period", "beats", "deadline"),
+    [
+        (1.0, [], inf),  # not heard yet: not lost either
+        (1.0, [5.0], 7.0),  # twice the period that it should have
+        (0.0, [5.0], inf),  # one heartbeat says nothing of a period
+        (0.0, [5.0, 5.5], 6.5),  # what is heard does
+        (1.0, [5.0, 15.0], 35.0),  # and counts more than what it should be
+        (0.0, [1.0, 1.1, 1.2, 61.2, 61.3], 61.5),  # a long silence is not a period
+    ],
+)
+def test_the_deadline_of_a_pulse(period: float, beats: list[float], deadline: float) -> None:
+    pulse = Heartbeats(period)
+    for beat in beats:
+        pulse.beat(beat)
+    assert pulse.deadline == pytest.approx(deadline)
+
+
+def test_the_first_heartbeat_after_a_boot_up_says_nothing_of_the_period() -> None:
+    pulse = Heartbeats()
+    pulse.boot(1.0)
+    pulse.beat(1.1)
+    assert pulse.deadline == inf
+    pulse.beat(2.1)
+    assert pulse.deadline == pytest.approx(4.1)
 
 
 class Beating:

@@ -14,7 +14,7 @@ from eurobot_od.client.network import AsyncNetwork, SimulatedNetwork, simulated
 from eurobot_od.device.faults.device import DRIVE_FAULTS
 from eurobot_od.device.profiles.devices import SimulatedDrive
 from eurobot_od.errors import DriveError, LocalError, NodeRefused
-from eurobot_od.od.profiles.cia402 import State
+from eurobot_od.od.cia402 import State
 from tests.client.peers import new_channel, open_bus
 from tests.client.servo import SERVO
 

@@ -13,8 +13,8 @@ from eurobot_od.device.profiles.devices import SimulatedDrive, simulated_kind
 from eurobot_od.device.simulated import SimulatedDevice
 from eurobot_od.errors import NodeRefused
 from eurobot_od.frame import Frame
+from eurobot_od.od.cia402 import State, state_of
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.od.profiles.cia402 import State, state_of
 from tests.client.servo import DOCS, EDS, SERVO
 from tests.device.master import NodeWire
 

@@ -6,7 +6,7 @@ from math import inf
 
 import pytest
 
-from eurobot_od.device.nmt import HeartbeatConsumer, Heartbeats, NmtState, error_control, heartbeat_entry
+from eurobot_od.device.nmt import HeartbeatConsumer, NmtState, error_control, heartbeat_entry
 from eurobot_od.frame import Frame
 from eurobot_od.od.values import ERROR_CONTROL_BASE
 from tests.device.master import Wire, wired
@@ -130,33 +130,3 @@ def test_a_changed_producer_time_is_live() -> None:
     assert wire.wait(0.05).frames == [error_control(DRIVE, NmtState.OPERATIONAL)]
     wire.write(0x1017, 0, 0, size=2)
     assert wire.device.next_wakeup == inf
-
-
-# What a master, or a monitor, makes of the heartbeats that it hears
-
-
-@pytest.mark.parametrize(
-    ("period", "beats", "deadline"),
-    [
-        (1.0, [], inf),  # not heard yet: not lost either
-        (1.0, [5.0], 7.0),  # twice the period that it should have
-        (0.0, [5.0], inf),  # one heartbeat says nothing of a period
-        (0.0, [5.0, 5.5], 6.5),  # what is heard does
-        (1.0, [5.0, 15.0], 35.0),  # and counts more than what it should be
-        (0.0, [1.0, 1.1, 1.2, 61.2, 61.3], 61.5),  # a long silence is not a period
-    ],
-)
-def test_the_deadline_of_a_pulse(period: float, beats: list[float], deadline: float) -> None:
-    pulse = Heartbeats(period)
-    for beat in beats:
-        pulse.beat(beat)
-    assert pulse.deadline == pytest.approx(deadline)
-
-
-def test_the_first_heartbeat_after_a_boot_up_says_nothing_of_the_period() -> None:
-    pulse = Heartbeats()
-    pulse.boot(1.0)
-    pulse.beat(1.1)
-    assert pulse.deadline == inf
-    pulse.beat(2.1)
-    assert pulse.deadline == pytest.approx(4.1)

@@ -10,7 +10,7 @@ from bus_crosscheck import attempt, crosscheck, random_set, summary, worst_frame
 
 from eurobot_od import bus
 from eurobot_od.bus import frame_bits, longest_frame
-from eurobot_od.traffic.load import analysis
+from eurobot_od.traffic.load import Analysis
 from tests.rows import rows
 
 
@@ -32,7 +32,7 @@ def test_a_bound_that_is_too_low_is_seen(monkeypatch: pytest.MonkeyPatch) -> Non
 
 def test_mailboxes_are_needed_in_the_analysis(monkeypatch: pytest.MonkeyPatch) -> None:
     """At its critical instant a message does wait for a mailbox on the simulated bus."""
-    monkeypatch.setattr(analysis.Analysis, "rivals", lambda *_: [])
+    monkeypatch.setattr(Analysis, "rivals", lambda *_: [])
     assert attempt(0, 500).over
 
 

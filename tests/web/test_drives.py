@@ -17,8 +17,8 @@ from eurobot_od.device.faults.device import DRIVE_FAULTS
 from eurobot_od.device.profiles.devices import SimulatedDrive
 from eurobot_od.errors import NoAnswer
 from eurobot_od.frame import Frame
+from eurobot_od.od.cia402 import State
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.od.profiles.cia402 import State
 from eurobot_od.traffic.meaning import Decoder
 from eurobot_od.web.drives import HELD, AxisAddress, Drives, axes_of
 from tests.bus.live.loose import until

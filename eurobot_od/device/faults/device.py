@@ -17,8 +17,8 @@ from eurobot_od.device.profiles.devices import SimulatedDrive
 from eurobot_od.device.profiles.modes import Homing
 from eurobot_od.device.profiles.motion import STEP
 from eurobot_od.frame import Frame
-from eurobot_od.od.profiles import cia402
-from eurobot_od.od.profiles.cia402 import DriveCommand, State, Transition
+from eurobot_od.od import cia402
+from eurobot_od.od.cia402 import DriveCommand, State, Transition
 from eurobot_od.od.standard import IDENTITY, ErrorCode
 from eurobot_od.od.values import NMT_COB_ID
 from eurobot_od.sdo.wire import (

@@ -20,13 +20,13 @@ from eurobot_od.device.profiles.motion import STEP, AxisValues, Plant, ProfileVa
 from eurobot_od.device.simulated import SimulatedDevice, fitted
 from eurobot_od.errors import Cause, Refused
 from eurobot_od.frame import Frame
+from eurobot_od.od import cia401, cia402
+from eurobot_od.od.cia401 import AnalogueInputs, AnalogueOutputs, DigitalInputs, DigitalOutputs
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.objects import data_type
-from eurobot_od.od.profiles import cia401, cia402
-from eurobot_od.od.profiles.cia401 import AnalogueInputs, AnalogueOutputs, DigitalInputs, DigitalOutputs
-from eurobot_od.od.profiles.words import profile_of
 from eurobot_od.od.standard import SYNC_PERIOD
 from eurobot_od.od.values import Address, DataType, Value
+from eurobot_od.od.words import profile_of
 from eurobot_od.pdo.binding import Binding
 
 BLOCKS = range(1, 255)

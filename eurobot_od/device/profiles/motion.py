@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from math import copysign, sqrt
 from typing import NamedTuple, Protocol
 
-from eurobot_od.od.profiles import cia402
-from eurobot_od.od.profiles.cia402 import Switch
+from eurobot_od.od import cia402
+from eurobot_od.od.cia402 import Switch
 from eurobot_od.od.values import Address
 
 STEP = 0.001

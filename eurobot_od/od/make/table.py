@@ -13,7 +13,7 @@ from typing import Annotated, TypeAlias
 
 import yaml
 
-from eurobot_od.od.keys import BIT_RATES
+from eurobot_od.od.document import BIT_RATES
 from eurobot_od.od.pdos import RESERVED, carries_nothing
 from eurobot_od.od.values import BASE_IDENTIFIER, MAX_BITS, NODE_ID, NODE_IDS
 from eurobot_od.support import texts, yaml_places

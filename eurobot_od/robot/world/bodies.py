@@ -1,6 +1,6 @@
 """The solid bodies on the field, which are round and cannot be in the same place, and the border around them.
 
-This is geometry without time. A body that is moved into another one is pushed out of it along the line of their
+Contact is geometry without time. A body that is moved into another one is pushed out of it along the line of their
 centres, so that it slides off when they meet at an angle, and stands still when they meet head on.
 """
 
