@@ -258,6 +258,8 @@ def spread(figure: Figure, matches: Iterable[PlayedMatch]) -> Spread | None:
 
 # In words
 
+NO_TASKS = "no task was done in any match: `await core.act(task)` does one of those in robot.yaml"
+
 
 def report(matches: Sequence[PlayedMatch], marks: str = BLOCKS) -> Iterator[str]:
     """Yield lines that sum up the matches, at least one; `marks` are the characters of the histogram."""
@@ -286,6 +288,8 @@ def report(matches: Sequence[PlayedMatch], marks: str = BLOCKS) -> Iterator[str]
 
 def _to_look_at(matches: Sequence[PlayedMatch]) -> Iterator[str]:
     """Name the seeds in which something went wrong, and those with the fewest points."""
+    if not any(match.tasks for match in matches):
+        yield NO_TASKS
     bad = [match for match in matches if match.wrong]
     for match in bad[:MOST_LISTED]:
         first, *others = match.wrong
