@@ -1,10 +1,10 @@
 """The core node: checks the nodes, configures the start, polls positions, sends the drive to places, stops it.
 
-Theory of operation. What takes time is a flow (see `device.flow`): `check_nodes`, `configure_start`, `goto`, `position`
-and the stops each begin one and return its call at once. The flow takes its first step in the next `tick`, and every
-further one when its answer comes or its wait ends. So any number of flows run at the same time without threads of their
-own: a strategy may ask for the position while its goto is under way. There is only one goto, one start configuration
-and one watched stop at a time, though; a newer one ends the older one with an error thrown into its flow.
+Theory of operation. What takes time is a flow (see `device.timers`): `check_nodes`, `configure_start`, `goto`,
+`position` and the stops each begin one and return its call at once. The flow takes its first step in the next `tick`,
+and every further one when its answer comes or its wait ends. So any number of flows run at the same time without
+threads of their own: a strategy may ask for the position while its goto is under way. There is only one goto, one start
+configuration and one watched stop at a time, though; a newer one ends the older one with an error thrown into its flow.
 
 The robot stands whenever nobody can command it. A goto is left alone only if it arrived, was replaced, or was given up
 by the drive itself. If anything else ends it (no answer, a caller who has gone, a lost node), Stop Drive is sent. A

@@ -253,7 +253,7 @@ def make(kind: type[Node], dictionary: Dictionary, store: Store | None, facts: F
     return kind(dictionary, store=store)
 
 
-# A node with calls: what takes time is a flow (see `device.flow`), and its caller gets a `Call`
+# A node with calls: what takes time is a flow (see `device.timers`), and its caller gets a `Call`
 
 
 LEAVING = "the core is being switched off"
