@@ -5,16 +5,21 @@ from __future__ import annotations
 import asyncio
 import os
 import threading
+from contextlib import suppress
 from dataclasses import replace
 
 import pytest
 
+from eurobot_od.errors import RemoteError, StateError
 from eurobot_od.robot.match import EventKind, MatchEvent, MatchOptions, Summary
+from eurobot_od.robot.match import strategy as shipped
 from eurobot_od.robot.match.referee import Strategy
 from eurobot_od.robot.match.stage import play_simulated
 from eurobot_od.robot.model.values import Source
 from eurobot_od.robot.nodes import Core
+from eurobot_od.robot.plugin import ROBOT
 from eurobot_od.robot.world import World
+from tests.rows import rows
 
 ALONE = MatchOptions(enemies=0, confederates=0, duration=8.0, falling=False)
 FAR = (1500, 1300, 0, 50)
@@ -207,3 +212,13 @@ async def to_and_fro(core: Core) -> None:
     while True:
         await core.goto(*FAR)
         await core.goto(500, 1700, 0, 50)
+
+
+@pytest.mark.long
+@rows("name", ROBOT.fault_names())
+def test_a_match_with_any_fault_has_an_end(name: str) -> None:
+    """Some faults block the start: then NoAnswer, or another error, says so."""
+    with suppress(RemoteError, StateError):
+        events, *_ = play(shipped.play, replace(ALONE, enemies=2, confederates=1, faults=(name,)))
+        assert events[-1].kind is EventKind.END
+        assert events[-1].time < 60.0
