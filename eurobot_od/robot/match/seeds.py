@@ -316,17 +316,18 @@ NORMAL = 1.96
 
 
 class Measure(NamedTuple):
-    """A measure that is compared: its name with the unit, and its value in a match."""
+    """A measure that is compared: its name with the unit, its value in a match, and its digits after the point."""
 
     name: str
     of: Callable[[PlayedMatch], float]
+    digits: int = 0
 
 
 MEASURES = (
     Measure("points", lambda match: match.points),
     Measure("touches", lambda match: len(match.touches)),
     Measure("our fault", lambda match: sum(touch.is_wrong for touch in match.touches)),
-    Measure("driven, m", lambda match: match.driven),
+    Measure("driven, m", lambda match: match.driven, 2),
 )
 POINTS = MEASURES[0]
 
@@ -343,8 +344,8 @@ def compared(played: Played) -> Iterator[str]:
     yield f"{'':<6}" + "".join(f"{measure.name:>{width * len(names)}}" for measure in MEASURES)
     yield f"{'seed':<6}" + "".join(f"{name:>{width}}" for _ in MEASURES for name in names)
     for row in zip(*played.values()):
-        cells = (measure.of(match) for measure in MEASURES for match in row)
-        yield f"{row[0].seed:<6}" + "".join(f"{cell:>{width}.4g}" for cell in cells)
+        cells = (f"{measure.of(match):.{measure.digits}f}" for measure in MEASURES for match in row)
+        yield f"{row[0].seed:<6}" + "".join(f"{cell:>{width}}" for cell in cells)
     means = (interval([measure.of(each) for each in played[name]]) for measure in MEASURES for name in names)
     yield f"{'mean':<6}" + "".join(f"{f'{mean:.1f} ± {half:.1f}':>{width}}" for mean, half in means)
     yield ""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shlex
 import shutil
 import subprocess
 import sys
@@ -29,9 +30,10 @@ def command(
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("newcomer")
-    said = command(folder, ["new-robot", "mine", "--name", "My robot"])
+    said = command(folder, ["new-robot", "mine", "--name", "My robot"], PATH="")
     assert (said.returncode, said.stderr) == (0, "")
-    assert "eurobot-od match --field match.svg --robot .\n" in said.stdout
+    # As it can be typed: there is no program on the PATH.
+    assert f"  {shlex.join([sys.executable, '-m', 'eurobot_od'])} match --field match.svg --robot .\n" in said.stdout
     return folder / "mine"
 
 
