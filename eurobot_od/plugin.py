@@ -30,8 +30,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeAlias, TypeVar
 
 from eurobot_od.errors import LocalError, RobotWarning, UnknownName
-from eurobot_od.od import DEFAULT
-from eurobot_od.od.network import Dialects
+from eurobot_od.od import DEFAULT, Dialects
 
 if TYPE_CHECKING:
     from eurobot_od.bus.live import Live, Opener
@@ -47,7 +46,7 @@ if TYPE_CHECKING:
     from eurobot_od.pdo.catalogue import Catalogue
     from eurobot_od.pdo.protocol import Protocol as Messages
     from eurobot_od.season.answers import SeasonReport
-    from eurobot_od.web.panel import Panel
+    from eurobot_od.web.page import Panel
 
     NodeT = TypeVar("NodeT", bound=Node)
 
@@ -189,12 +188,12 @@ class Plugin(NamedTuple):
 
     def all_faults(self) -> Faults:
         """Return the faults of the robot's nodes, and those that any device can have."""
-        from eurobot_od.device.faults import device, drive
+        from eurobot_od.device.faults.device import DRIVE_FAULTS, FAULTS
         from eurobot_od.device.node import Node
         from eurobot_od.device.profiles.devices import SimulatedDrive
 
         own = dict(self.faults())
-        return {**own, Node: {**device.FAULTS, **own.get(Node, {})}, SimulatedDrive: drive.FAULTS}
+        return {**own, Node: {**FAULTS, **own.get(Node, {})}, SimulatedDrive: DRIVE_FAULTS}
 
     def fault_names(self) -> list[str]:
         """Return the names of all faults."""

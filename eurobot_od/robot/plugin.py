@@ -13,7 +13,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from eurobot_od.od.network import Dialects
+from eurobot_od.od import Dialects
 from eurobot_od.plugin import Command, Faults, Plugin
 from eurobot_od.robot import dialects
 

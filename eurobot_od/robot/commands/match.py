@@ -227,7 +227,7 @@ def _bus(asked: AskedMatch) -> Callable[[], can.BusABC]:
 def too_slow(robot: Plugin, dialect: str | None, bit_rate: int) -> str:
     """Say of a bit rate, bit/s, at which a stop or another message can be late that it is too slow; '' of others."""
     from eurobot_od.cli.load import of_robot
-    from eurobot_od.traffic.load.report import load_report, summary
+    from eurobot_od.traffic.load import load_report, summary
 
     found = load_report(of_robot(robot, dialect), bit_rate)
     return "" if found.holds else f"this bus is too slow: {summary(found)}; see `load -b {bit_rate}`"

@@ -22,7 +22,7 @@ from eurobot_od.robot.model.options import Errors, MatchOptions, WorldAddress, f
 from eurobot_od.robot.world import World
 from eurobot_od.robot.world.server import Channel, Server
 from eurobot_od.robot.world.world import OURS
-from eurobot_od.web.server import is_local
+from eurobot_od.web.access import is_local
 
 HERE = WorldAddress.parse("127.0.0.1:2014")
 """Where it listens by default: only this machine reaches it."""
