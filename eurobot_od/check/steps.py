@@ -252,6 +252,18 @@ class Doer:
         return Failed(StepReason(what, wanted, self._meaning(last), (*self._mismatches(pattern, last), *off)))
 
     @_do.register
+    async def _await(self, action: suite.Await) -> None:
+        start, last, deadline = len(self._trace), None, self._deadline(action.within)
+        while (found := await self._next([action.pattern], start, deadline)) is not None:
+            number, last = found
+            start = number + 1
+            if not self._mismatches(action.pattern, last):
+                self._use(number)
+                return
+        what = f"{action.pattern} not as wanted within {texts.text(self._longest(action.within))}"
+        raise self._with_last(what, action.pattern, last)
+
+    @_do.register
     async def _never(self, action: suite.Never) -> None:
         start, deadline = self._edge, self._deadline(action.span)
         while (found := await self._next([action.pattern], start, deadline)) is not None:

@@ -63,6 +63,16 @@ class Expect(NamedTuple):
         return f"expect {self.expected}"
 
 
+class Await(NamedTuple):
+    """Take what comes from now on, until a frame is as wanted, `within` seconds at most."""
+
+    pattern: Pattern
+    within: float | None = None
+
+    def __str__(self) -> str:
+        return f"await {self.pattern}"
+
+
 class Never(NamedTuple):
     """See that no such frame comes for `span` seconds."""
 
@@ -299,7 +309,7 @@ class Group(NamedTuple):
 
 
 Action: TypeAlias = (
-    "Send | Answer | Expect | Never | Poll | Period "
+    "Send | Answer | Expect | Await | Never | Poll | Period "
     "| SdoRead | SdoWrite | SdoRestore | BootUp | Unheard | Dump | SelfReported | Nmt | Save | Wait | Skip | Group"
 )
 
