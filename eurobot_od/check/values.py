@@ -84,7 +84,7 @@ class FieldValues(NamedTuple):
         try:
             # `1200 mm` as well as `1200`; the digit keeps a name that happens to end like the unit (`mm`) whole
             unit = self.kind.unit
-            has_unit = bool(unit) and text.endswith(unit) and text[:1].isdigit()
+            has_unit = bool(unit) and text.endswith(unit) and text.removeprefix("-")[:1].isdigit()
             value = self.kind.parse(text[: -len(unit)].rstrip() if has_unit else text)
             if value is None:
                 return None

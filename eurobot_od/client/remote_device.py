@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from datetime import datetime
+from numbers import Real
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -145,8 +146,8 @@ class ObjectAtNode:
             raise not_allowed(thing, value, "bytes: no file says its type")
         if isinstance(value, str):
             return encode(thing, self._raw_of_text(value))
-        if isinstance(value, (int, float)) and thing.factor != 1:
-            value = self._unscaled(value)
+        if isinstance(value, Real) and thing.factor != 1:
+            value = self._unscaled(float(value))
         return encode(thing, value)
 
     def _raw_of_text(self, text: str) -> Value:

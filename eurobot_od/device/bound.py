@@ -16,8 +16,9 @@ from typing import Any, Generic, NamedTuple, Protocol, TypeAlias, TypeVar, overl
 
 from eurobot_od.device.objects import NO_VALUES, TELL_NOBODY, Objects, OnRead, OnTold, OnWrite
 from eurobot_od.errors import FieldError, MappingError
+from eurobot_od.od.objects import data_type
 from eurobot_od.od.pdos import SLICES, carries_nothing
-from eurobot_od.od.values import Address, Value
+from eurobot_od.od.values import REALS, Address, Value
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.catalogue import Catalogue, Message, field_name, flagged_fields
 from eurobot_od.sdo.wire import Abort, Reason
@@ -102,7 +103,11 @@ class BoundObjects:
         except FieldError as error:  # its own field cannot hold what it measures: not the client's fault
             raise Abort(Reason.MEASURED_VALUE, str(error)) from error
         fields = dict(self._fields(index, binding))
-        return raw[fields[subindex]] if subindex in fields else self._objects.kept((index, subindex))
+        if subindex not in fields:
+            return self._objects.kept((index, subindex))
+        type_ = data_type(self._dictionary.members[index][subindex])
+        bits = raw[fields[subindex]]
+        return type_.read(bits.to_bytes(type_.size, "little")) if type_ in REALS else bits
 
     def _fields(self, index: int, binding: Binding) -> Iterator[tuple[int, str]]:
         """Yield the sub-indices that are a field of the message, with its name."""
@@ -143,7 +148,7 @@ class BoundObjects:
 
     def _message(self, index: int, binding: Binding) -> Message:
         """Return the message with the values kept; raises Abort if one of its fields cannot hold its value."""
-        kept = {field: self._objects.kept((index, subindex)) for subindex, field in self._fields(index, binding)}
+        kept = {field: self._bits_of((index, subindex)) for subindex, field in self._fields(index, binding)}
         try:
             message = binding.decode(binding.pack({f: value for f, value in kept.items() if isinstance(value, int)}))
         except FieldError as error:
@@ -151,6 +156,11 @@ class BoundObjects:
         if wrong := flagged_fields(message):
             raise Abort(Reason.COMMAND_VALUES, f"out of range: {', '.join(wrong)}")
         return message
+
+    def _bits_of(self, address: Address) -> Value:
+        """Return a value as a PDO carries it: of a REAL its bits."""
+        value, type_ = self._objects.kept(address), data_type(self._dictionary.members[address[0]][address[1]])
+        return int.from_bytes(type_.write(value), "little") if type_ in REALS and value is not None else value
 
 
 SHORTEST_PERIOD = 0.001

@@ -30,6 +30,7 @@ DAMAGE = "damage"
 TYPES: Mapping[ColumnForm, str] = {
     ColumnForm.NUMBER: "number",
     ColumnForm.BITS: "string",
+    ColumnForm.SCALED: "number",
     ColumnForm.BOOLEAN: "boolean",
     ColumnForm.WORD: "string",
     ColumnForm.REAL: "number",

@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterator
 from copy import copy
 from difflib import get_close_matches
 from math import inf
+from numbers import Real
 from typing import TYPE_CHECKING, NamedTuple, cast
 from zlib import crc32
 
@@ -121,7 +122,7 @@ def limits(variable: ODVariable) -> Range | None:
 def in_limits(variable: ODVariable, value: Value) -> bool:
     """Whether a value is within the limits, as everything is that is not a number."""
     range_ = limits(variable)
-    outside = isinstance(value, (int, float)) and range_ and (value < range_.low or value > range_.high)
+    outside = isinstance(value, Real) and range_ and (value < range_.low or value > range_.high)
     return not outside
 
 
@@ -274,7 +275,7 @@ def encode(variable: ODVariable, value: Value, size: int = 0) -> bytes:
         if not is_described(variable):
             allowed = f"{size} bytes"  # if the number does not fit, this is what the error says
             return cast(int, value).to_bytes(size, "little")
-        if range_ is not None and isinstance(value, (int, float)):
+        if range_ is not None and isinstance(value, Real):
             if data_type(variable).is_integer or (variable.min, variable.max) != (None, None):
                 allowed = f"{range_.low}..{range_.high}"
             if not in_limits(variable, value):

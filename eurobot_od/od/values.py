@@ -10,6 +10,7 @@ import struct
 from datetime import datetime, timedelta
 from enum import Enum, IntEnum
 from functools import lru_cache
+from numbers import Integral, Real
 from typing import NamedTuple, TypeAlias, cast
 
 from eurobot_od.frame import EXTENDED as EXTENDED
@@ -192,9 +193,9 @@ class DataType(NamedTuple):
         """
         if isinstance(value, bytes):  # what `read` could not make sense of goes back as it came
             return value
-        if isinstance(value, int) and self.low <= value <= self.high:
-            return value.to_bytes(self.size, "little", signed=self.is_signed)
-        if isinstance(value, (int, float)) and self.code in _REAL_FORMATS:
+        if isinstance(value, Integral) and self.low <= value <= self.high:
+            return int(value).to_bytes(self.size, "little", signed=self.is_signed)
+        if isinstance(value, Real) and self.code in _REAL_FORMATS:
             return struct.pack(_REAL_FORMATS[self.code], value)
         if isinstance(value, str) and self.code in _TEXT_ENCODINGS:
             return value.encode(_TEXT_ENCODINGS[self.code])

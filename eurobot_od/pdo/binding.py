@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cached_property, partial
 from itertools import accumulate
+from numbers import Integral
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -144,9 +145,9 @@ class Binding:
             value = self.raw(field, self.defaults[field])
         # Against the bits, not the limits: `pack` is there to send what no sender should, too.
         raws = self.layout.raws[field]
-        if not isinstance(value, int) or value not in raws:
+        if not isinstance(value, Integral) or value not in raws:
             raise FieldError(self.name, field, value, f"{raws[0]}..{raws[-1]}")
-        return self.layout.place(field, value)
+        return self.layout.place(field, int(value))
 
     def _to_bytes(self, word: int) -> bytes:
         return word.to_bytes(self.layout.length, self.layout.byte_order)

@@ -11,9 +11,11 @@ Goto XY becomes, shortened to two fields:
 
     def write(message):
         f0, f4 = message + ()
-        try: word = ((f0 if 0 <= f0 < 3001 else write0(f0)) << 0) | ((f4 if 0 <= f4 < 65536 else write4(f4)) << 42)
+        try:
+            word = ((f0 if 0 <= f0 < 3001 else write0(f0)) << 0) | ((f4 if 0 <= f4 < 65536 else write4(f4)) << 42)
+            data = word.to_bytes(8, 'little')
         except unencodable: return careful(message)
-        return new(Frame, (8, word.to_bytes(8, 'little')))
+        return new(Frame, (8, data))
 
 The source contains only numbers, and names that are made here: nothing from a file.
 """
@@ -170,8 +172,11 @@ TABLE_BITS = 6
 REMEMBERED = 1024
 """How many meanings of a wider field are kept: a bus carries few different ones, and making one takes a call or two."""
 
-UNENCODABLE = (FieldError, ValueError, TypeError, LookupError)
-"""What a column's `write` raises for a value that cannot be sent as it is, and unpacking for a wrong tuple."""
+UNENCODABLE = (FieldError, ValueError, TypeError, LookupError, AttributeError, OverflowError)
+"""What a column's `write` raises for a value that cannot be sent as it is, and unpacking for a wrong tuple.
+
+The last two are of NumPy's numbers: shifted, they would lose bits, but a word with one of them has no `to_bytes`.
+"""
 
 
 class Column(NamedTuple):
@@ -316,10 +321,11 @@ def write(message):
     try:
         {_listed(f"f{number}" for number in range(len(columns)))} = message + ()
         word = {" | ".join(parts)}
+        data = word.to_bytes({layout.length}, {layout.byte_order!r})
     except unencodable:
         return careful(message)
     {f"if {' or '.join(odd)}: return careful(message)" if odd else ""}
-    return new(Frame, ({cob_id}, word.to_bytes({layout.length}, {layout.byte_order!r})))
+    return new(Frame, ({cob_id}, data))
 """
     return compiled("write", source, names)
 

@@ -11,6 +11,8 @@ from collections.abc import Callable, Mapping
 from enum import Enum, IntEnum
 from functools import partial
 from math import isfinite
+from numbers import Integral
+from numbers import Real as RealNumber
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
@@ -38,6 +40,7 @@ class ColumnForm(Enum):
     BITS = "bits"
     BOOLEAN = "boolean"
     WORD = "word"
+    SCALED = "scaled"
     REAL = "real"
     TEXT = "text"
     OCTETS = "octets"
@@ -58,6 +61,9 @@ WHOLE = {"mm": "millimetres", "deg": "degrees"}
 
 class Kind:
     """A plain number in `unit`; raw value and meaning are the same, the EDS limits are the range."""
+
+    per_unit: float = 1
+    """How many raw steps make one unit."""
 
     modulus: int | None = None
     """What the value wraps around at, None for a value that does not."""
@@ -95,6 +101,15 @@ class Kind:
         """Return the raw values that mean their own number, so that `text` writes that and the unit."""
         return range(limits.low, limits.high + 1)
 
+    def measured(self, limits: Limits) -> Limits:
+        """Return the lowest and the highest raw value that is a plain one, in an object of these limits."""
+        return limits
+
+    @property
+    def raw_unit(self) -> str:
+        """What one step of the raw values is, such as 0.1 mm."""
+        return self.unit
+
     def sendable(self, limits: Limits) -> range:
         """Return the values that are their own raw value, which `write` need not be asked about."""
         return self.numbers(limits)
@@ -130,8 +145,90 @@ class Kind:
     def wanted(self, value: Any, limits: Limits) -> str:
         """Say what may be sent to somebody who wanted to send a value that may not."""
         # 12.5 is between 0 and 3000: the range alone would not tell what is wrong with it.
-        is_fraction = type(self).write is Kind.write and isinstance(value, float) and value % 1 != 0
+        is_fraction = type(self).write is Kind.write and isinstance(value, RealNumber) and float(value) % 1 != 0
         return f"whole {WHOLE.get(self.unit, 'numbers')}, " * is_fraction + self.allowed(limits)
+
+
+class Quantity(Kind):
+    """A number of steps of a `unit`, from `within[0]` to `within[1]` units; raw values of `codes` mean something else.
+
+    `Quantity("mm", step=0.1, within=(-20, 150), codes=Reading)`: raw 123 is 12.3 mm, a raw value of the enum Reading is
+    its member, any other is OutOfRange. What is sent is rounded to the nearest step; without a step it is a whole
+    number. Raises ValueError for a step that is not above 0, and for codes without a range or within it.
+    """
+
+    def __init__(
+        self,
+        unit: str = "",
+        step: float = 1,
+        within: tuple[float, float] | None = None,
+        codes: type[IntEnum] | None = None,
+    ) -> None:
+        super().__init__(unit)
+        if not step > 0:
+            raise ValueError(f"a step of {step} is not above 0")
+        self.per_unit = 1 / step  # by 10 a raw value is divided exactly, by 0.1 it is not multiplied so
+        self.column_form = ColumnForm.NUMBER if step == 1 else ColumnForm.SCALED  # type: ignore[misc]
+        self._within = within and Limits(*(round(each * self.per_unit) for each in within))
+        self._codes: dict[int, IntEnum] = {each.value: each for each in codes or ()}
+        if self._codes and not (self._within and not any(map(self._in(self._within), self._codes))):
+            raise ValueError(f"codes need a range, and lie outside it: {codes}")
+
+    @staticmethod
+    def _in(limits: Limits) -> Callable[[int], bool]:
+        return lambda raw: limits.low <= raw <= limits.high
+
+    @property
+    def raw_unit(self) -> str:
+        return self.unit if self.per_unit == 1 else f"{_digits(1 / self.per_unit)} {self.unit}".rstrip()
+
+    def measured(self, limits: Limits) -> Limits:
+        return self._within or limits
+
+    def read(self, raw: int, limits: Limits) -> Any:
+        if raw in self._codes:
+            return self._codes[raw]
+        value = super().read(raw, self.measured(limits))
+        return value if self.per_unit == 1 or isinstance(value, OutOfRange) else value / self.per_unit
+
+    def write(self, value: Any, limits: Limits) -> int:
+        if isinstance(value, IntEnum):
+            if self._codes.get(value) is not value:
+                raise ValueError(value)
+            return int(value)
+        try:
+            raw = value if self.per_unit == 1 else round(real_number(value) * self.per_unit)
+            return super().write(raw, self.measured(limits))
+        except (ValueError, OverflowError):
+            raise ValueError(value) from None
+
+    def numbers(self, limits: Limits) -> range:
+        return super().numbers(self.measured(limits)) if self.per_unit == 1 else range(0)
+
+    def extremes(self, limits: Limits) -> Limits:
+        raws = (*self.measured(limits), *self._codes)
+        return Limits(min(raws), max(raws))
+
+    def named_values(self) -> Mapping[int, str]:
+        return {raw: words_of(member) for raw, member in self._codes.items()}
+
+    def parse(self, text: str) -> Any:
+        members = {words_of(member): member for member in self._codes.values()}
+        return members[text] if text in members else typed_number(text) if self.per_unit == 1 else float(text)
+
+    def text(self, value: Any) -> str:
+        if isinstance(value, IntEnum) or self.per_unit == 1:
+            return super().text(value)
+        if isinstance(value, OutOfRange):  # raw, as everywhere
+            return f"{int(value)} x {self.raw_unit} (out of range)"
+        return f"{_digits(value)} {self.unit}".rstrip()
+
+    def allowed(self, limits: Limits) -> str:
+        plain, step = self.measured(limits), 1 / self.per_unit
+        ends = "..".join(_digits(each / self.per_unit) for each in plain)
+        steps = "" if step == 1 else f"in steps of {_digits(step)}"
+        names = [f"{words} ({raw})" for raw, words in self.named_values().items()]
+        return ", ".join([" ".join(filter(None, (ends, self.unit, steps))), *names])
 
 
 class Choice(Kind):
@@ -216,12 +313,12 @@ class Boolean(Kind):
 
 
 class Real(Kind):
-    """A floating-point number: REAL32 or REAL64. An EDS's limits of one are not looked at."""
+    """A floating-point number in `unit`: REAL32 or REAL64. An EDS's limits of one are not looked at."""
 
     column_form = ColumnForm.REAL
 
-    def __init__(self, type_: DataType) -> None:
-        super().__init__()
+    def __init__(self, type_: DataType, unit: str = "") -> None:
+        super().__init__(unit)
         self.type = type_
 
     def read(self, raw: int, limits: Limits) -> Any:
@@ -231,10 +328,8 @@ class Real(Kind):
         return range(0)
 
     def write(self, value: Any, limits: Limits) -> int:
-        if not isinstance(value, (int, float)):
-            raise ValueError(value)
         try:
-            return int.from_bytes(self.type.write(float(value)), "little")
+            return int.from_bytes(self.type.write(real_number(value)), "little")
         except OverflowError as error:
             raise ValueError(value) from error
 
@@ -244,10 +339,11 @@ class Real(Kind):
 
     def text(self, value: Any) -> str:
         # A REAL32 has seven digits; the rest of what Python shows of it (0.10000000149) is the conversion's.
-        return f"{value:.7g}" if self.type is values.REAL32 else repr(value)
+        number = f"{value:.7g}" if self.type is values.REAL32 else repr(value)
+        return f"{number} {self.unit}".rstrip()
 
     def plain(self, value: Any) -> Any:
-        return value if isfinite(value) else self.text(value)  # JSON has neither NaN nor infinity
+        return value if isfinite(value) else str(value)  # JSON has neither NaN nor infinity
 
     def allowed(self, limits: Limits) -> str:
         return f"any {self.type.name}"
@@ -339,9 +435,21 @@ def kind_of(type_: DataType, bits: int, variable: ODVariable | None = None) -> K
 def whole_number(value: Any) -> int:
     """Return a whole number as int; raises ValueError for 1.5, infinity, what is not a number and what is flagged."""
     # What came flagged must not be sent on as if it were a value. `% 1` of infinity is NaN, which is not 0 either.
-    if isinstance(value, OutOfRange) or not isinstance(value, (int, float)) or value % 1 != 0:
+    if isinstance(value, OutOfRange) or not isinstance(value, RealNumber) or value % 1 != 0:
         raise ValueError(value)
-    return int(value)
+    return int(value) if isinstance(value, Integral) else int(float(value))
+
+
+def real_number(value: Any) -> float:
+    """Return a number, also one of NumPy's, as float; raises ValueError for anything else and for what is flagged."""
+    if isinstance(value, OutOfRange) or not isinstance(value, RealNumber):
+        raise ValueError(value)
+    return float(value)
+
+
+def _digits(value: float) -> str:
+    """Write a number without the digits that only its binary form has."""
+    return f"{value:.10g}"
 
 
 def words_of(member: IntEnum) -> str:

@@ -120,12 +120,17 @@ class _Field:
         form = self.kind.column_form
         if form is ColumnForm.WORD:
             return [range(raw, raw + 1) for raw in self.kind.named_values() if raw in self.raws]
-        wanted = {ColumnForm.NUMBER: self.kind.numbers(self.limits), ColumnForm.BOOLEAN: range(2)}.get(form, self.raws)
+        measured = self.kind.measured(self.limits)
+        wanted = {
+            ColumnForm.NUMBER: self.kind.numbers(self.limits),
+            ColumnForm.SCALED: range(measured.low, measured.high + 1),
+            ColumnForm.BOOLEAN: range(2),
+        }.get(form, self.raws)
         return [range(max(wanted.start, self.raws.start), min(wanted.stop, self.raws.stop))]
 
     def _codes(self) -> dict[int, str]:
         """Return the raw values that stand for something else than a number, and the words for them."""
-        if self.kind.column_form is not ColumnForm.NUMBER:
+        if self.kind.column_form not in (ColumnForm.NUMBER, ColumnForm.SCALED):
             return {}
         (numbers,) = self._plain_ranges()
         named = self.kind.named_values().items()
@@ -144,6 +149,10 @@ class _Field:
         value = pl.when(_between(self.raw, numbers)).then(self.raw)
         # The smallest type: most fields have 8 to 16 bits, and a season has a billion of them.
         return value.cast(next(fits, pl.UInt64))  # the upper half of 64 unsigned bits fits into no signed type
+
+    def scaled(self) -> pl.Expr:
+        """Return the raw value's number of units where it is a number."""
+        return self.number() / self.kind.per_unit
 
     def word(self) -> pl.Expr:
         """Return the words for the raw values."""
@@ -183,6 +192,7 @@ class _Field:
 FORMS: Mapping[ColumnForm, Callable[[_Field], pl.Expr]] = {
     ColumnForm.NUMBER: _Field.number,
     ColumnForm.BITS: _Field.number,
+    ColumnForm.SCALED: _Field.scaled,
     ColumnForm.BOOLEAN: _Field.boolean,
     ColumnForm.WORD: _Field.word,
     ColumnForm.REAL: _Field.real,

@@ -77,7 +77,11 @@ class PlacedNumber(int):
         return self
 
     def __reduce__(self) -> tuple[type[PlacedNumber], tuple[int, Place]]:
-        return PlacedNumber, (int(self), self.place)  # what a copy, or another process, makes it from
+        return type(self), (int(self), self.place)  # what a copy, or another process, makes it from
+
+
+class PlacedInteger(PlacedNumber):
+    """A whole number, which may be negative, and its `place`."""
 
 
 Problems = list[Problem]

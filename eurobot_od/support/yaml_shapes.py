@@ -41,6 +41,7 @@ from eurobot_od.support.declared import ByName, Listed, OneOrMore, Within
 from eurobot_od.support.yaml_places import (
     STRING,
     NodeReader,
+    PlacedInteger,
     PlacedNumber,
     PlacedText,
     Problem,
@@ -59,6 +60,7 @@ T = TypeVar("T")
 S = TypeVar("S")
 Schema: TypeAlias = "dict[str, Any]"
 WHOLE = re.compile(r"0|[1-9][0-9]{0,99}|0x[0-9A-Fa-f]{1,99}")
+NEGATIVE = re.compile(r"-[1-9][0-9]{0,99}")
 DECIMAL = re.compile(r"-?(0|[1-9][0-9]{0,8})(\.[0-9]{1,9})?")
 
 
@@ -83,6 +85,13 @@ def _number(node: yaml.Node, problems: Problems) -> PlacedNumber:
     if not isinstance(node, yaml.ScalarNode) or node.style or not WHOLE.fullmatch(node.value):
         refuse(node, problems, f"expected a whole number, decimal or 0x hexadecimal, found {shown(node)}")
     return PlacedNumber(int(node.value, 0), place_of(node.start_mark))
+
+
+def _integer(node: yaml.Node, problems: Problems) -> PlacedInteger:
+    if isinstance(node, yaml.ScalarNode) and not node.style and NEGATIVE.fullmatch(node.value):
+        return PlacedInteger(int(node.value), place_of(node.start_mark))
+    number = _number(node, problems)
+    return PlacedInteger(number, number.place)
 
 
 def _real(node: yaml.Node, problems: Problems) -> float:
@@ -126,11 +135,14 @@ TEXT = Shape(_text, {"type": "string"})
 ASCII = Shape(_ascii, TEXT.schema)
 """A text of printable ASCII characters."""
 
-NUMBER_OR_ASCII: Shape[PlacedNumber | PlacedText] = Shape(
-    lambda node, problems: (ASCII if node.tag == STRING else NUMBER).read(node, problems),
-    {"anyOf": [NUMBER.schema, ASCII.schema]},
+INTEGER = Shape(_integer, {"anyOf": [{"type": "integer"}, NUMBER.schema]})
+"""A NUMBER, or a negative one in decimal."""
+
+INTEGER_OR_ASCII: Shape[PlacedInteger | PlacedText] = Shape(
+    lambda node, problems: (ASCII if node.tag == STRING else INTEGER).read(node, problems),
+    {"anyOf": [INTEGER.schema, ASCII.schema]},
 )
-"""A number, or else a text of ASCII."""
+"""An integer, or else a text of ASCII."""
 
 SCALAR = Shape(_scalar, {"type": ["string", "number"]})
 """A single value as it is written, whatever YAML takes it for."""
@@ -334,6 +346,7 @@ PLAIN: Plain = {
     str: converted(TEXT, str),
     bool: Shape(named({"true": True, "false": False}, "answer").read, {"type": "boolean"}),
     PlacedNumber: NUMBER,
+    PlacedInteger: INTEGER,
     PlacedText: ASCII,
 }
 

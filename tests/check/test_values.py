@@ -9,7 +9,7 @@ import pytest
 from eurobot_od.check.values import LONGEST_NOTATION, FieldValues, NotSaved, Scale, ValueProblem, expectation
 from eurobot_od.errors import UnknownName
 from eurobot_od.od.values import Limits
-from eurobot_od.pdo.kinds import Choice, Kind, OutOfRange
+from eurobot_od.pdo.kinds import Choice, Kind, OutOfRange, Quantity
 from eurobot_od.robot.model.kinds import Angle, BarrierFlags, Coordinate, Heading, Remaining
 from eurobot_od.robot.model.values import Barriers, GotoFault, Passage, Source
 from tests.rows import rows
@@ -20,6 +20,7 @@ def scale(kind: Kind, high: int = 3000) -> Scale:
 
 
 X, HEADING, TIME, SOURCE = Coordinate("mm"), Heading("deg"), Remaining("ms"), Choice(Source)
+TENTHS = Quantity("mm", step=0.1, within=(-20, 150))
 PERCENT, FLAGS = Kind("%"), BarrierFlags()
 FIRE_2 = Barriers.of({2: Passage.FORCED})
 
@@ -28,6 +29,7 @@ FITTING: list[tuple[Kind, str, Any]] = [
     (X, "1200", 1200),
     (X, "0x4B0", 1200),
     (X, "1200 mm", 1200),
+    (TENTHS, "-1.5 mm", -1.5),
     (X, "unknown", None),
     (SOURCE, "internal", Source.INTERNAL),
     (SOURCE, "enemy 1", Source.ENEMY_1),

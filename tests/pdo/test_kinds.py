@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import re
+from enum import IntEnum
 from typing import Any
 
 import pytest
 
 from eurobot_od.errors import UnknownName
-from eurobot_od.od.values import Limits
-from eurobot_od.pdo.kinds import Choice, Kind, OutOfRange
+from eurobot_od.od.values import REAL32, Limits
+from eurobot_od.pdo.kinds import Choice, Kind, OutOfRange, Quantity, Real
 from eurobot_od.robot.model.kinds import Angle, BarrierFlags, Coordinate, Heading, Remaining
 from eurobot_od.robot.model.values import Barriers, GotoFault, Passage, Source, TeamColour
 from tests.rows import rows
@@ -21,6 +22,25 @@ PERCENT, SPARE = Kind("%"), Kind()
 ANGLE, HEADING = Angle("deg"), Heading("deg")
 MILLIMETRES, TIME = Coordinate("mm"), Remaining("ms")
 COLOUR, SOURCE, BARRIERS = Choice(TeamColour), Choice(Source), BarrierFlags()
+
+
+class Reading(IntEnum):
+    """What a sensor sends instead of a distance."""
+
+    NOTHING = 0x7FF
+    TOO_NEAR = -1
+
+
+class Sight(IntEnum):
+    """What another sensor sends instead."""
+
+    NOTHING = 0x7FF
+
+
+DISTANCE = Quantity("mm", within=(0, 1500), codes=Reading)
+TENTHS, DOUBLES = Quantity("mm", step=0.1, within=(-20, 150), codes=Sight), Quantity(step=2)
+FORCE = Real(REAL32, "N")
+SIGNED = Limits(-200, 0x7FF)
 
 Row = tuple[Kind, Limits, int, Any]
 
@@ -38,6 +58,14 @@ BOTH_WAYS: list[Row] = [
     (TIME, ANY, 0x0FFFFF, None),
     (TIME, ANY, 0xFFFFFE, GotoFault.BLOCKED),
     (TIME, ANY, 0xFFFFFF, GotoFault.NOT_POSSIBLE),
+    (DISTANCE, SIGNED, 1500, 1500),
+    (DISTANCE, SIGNED, 0x7FF, Reading.NOTHING),
+    (DISTANCE, SIGNED, -1, Reading.TOO_NEAR),
+    (TENTHS, SIGNED, 3, 0.3),  # not 0.30000000000000004, which is 3 * 0.1
+    (TENTHS, SIGNED, -200, -20.0),
+    (TENTHS, SIGNED, 0x7FF, Sight.NOTHING),
+    (DOUBLES, Limits(-5, 5), -5, -10.0),
+    (FORCE, ANY, 0x3F000000, 0.5),
     (COLOUR, Limits(0, 1), 1, TeamColour.RED),
     (SOURCE, Limits(0, 3), 2, Source.ENEMY_1),
     (BARRIERS, Limits(0, 0xFFFF), 0xA5C3, Barriers(0xA5C3)),
@@ -53,6 +81,10 @@ OUT_OF_RANGE: list[tuple[Kind, Limits, int]] = [
     (MILLIMETRES, X, 3001),
     (TIME, ANY, 0x100000),
     (TIME, ANY, 0xFFFFFD),
+    (DISTANCE, SIGNED, 1800),  # between the range and the code
+    (DISTANCE, SIGNED, -2),
+    (TENTHS, SIGNED, 1501),
+    (DOUBLES, Limits(-5, 5), 6),
     (COLOUR, Limits(0, 1), 2),
     (SOURCE, Limits(0, 3), 4),  # reserved
 ]
@@ -64,6 +96,8 @@ WRITTEN: list[Row] = [
     (PERCENT, X, 7, 7.0),  # a whole number all the same
     (COLOUR, X, 1, 1),
     (TIME, ANY, 0xFFFFFE, 0xFFFFFE),
+    (TENTHS, SIGNED, 123, 12.34),  # the nearest step
+    (TENTHS, SIGNED, 1500, 150),
 ]
 
 NOT_WRITTEN: list[tuple[Kind, Limits, Any]] = [
@@ -81,6 +115,17 @@ NOT_WRITTEN: list[tuple[Kind, Limits, Any]] = [
     (MILLIMETRES, X, OutOfRange(7)),  # what was flagged once does not go on
     (TIME, ANY, 0x0FFFFF),  # the code of unknown, which is None
     (TIME, ANY, -1),
+    (DISTANCE, SIGNED, 1800),
+    (DISTANCE, SIGNED, 0x7FF),  # a code is sent by its name
+    (DISTANCE, SIGNED, TeamColour.RED),  # of another enum
+    (DISTANCE, SIGNED, 0.5),
+    (TENTHS, SIGNED, 150.1),
+    (TENTHS, SIGNED, "1.5"),
+    (TENTHS, SIGNED, float("nan")),
+    (TENTHS, SIGNED, float("inf")),
+    (TENTHS, SIGNED, OutOfRange(7)),
+    (FORCE, ANY, "1"),
+    (FORCE, ANY, 1e39),
     (COLOUR, Limits(0, 1), 2),
     (COLOUR, Limits(0, 1), "red"),
     (SOURCE, Limits(0, 3), OutOfRange(4)),
@@ -99,6 +144,10 @@ PARSED: list[tuple[Kind, str, Any]] = [
     (TIME, "blocked", GotoFault.BLOCKED),
     (TIME, "not possible", GotoFault.NOT_POSSIBLE),
     (TIME, "1500", 1500),
+    (DISTANCE, "too near", Reading.TOO_NEAR),
+    (DISTANCE, "0x10", 16),
+    (TENTHS, "-1.5", -1.5),
+    (TENTHS, "nothing", Sight.NOTHING),
     (COLOUR, "red", TeamColour.RED),
     (COLOUR, "0", TeamColour.YELLOW),
     (SOURCE, "enemy 1", Source.ENEMY_1),
@@ -117,6 +166,8 @@ NOT_PARSED: list[tuple[Kind, str]] = [
     (ANGLE, "unknown"),
     (HEADING, "north"),
     (TIME, "soon"),
+    (DISTANCE, "1.5"),
+    (TENTHS, "far"),
     (COLOUR, "green"),
     (COLOUR, "2"),
     (BARRIERS, "0y"),
@@ -131,6 +182,11 @@ SHOWN: list[tuple[Kind, Any, str]] = [
     (TIME, 1500, "1500 ms"),
     (TIME, None, "unknown"),
     (TIME, GotoFault.NOT_POSSIBLE, "not possible"),
+    (TENTHS, 0.1 + 0.2, "0.3 mm"),
+    (DISTANCE, Reading.TOO_NEAR, "too near"),
+    (TENTHS, OutOfRange(1800), "1800 x 0.1 mm (out of range)"),
+    (DOUBLES, 4.0, "4"),
+    (FORCE, 0.5, "0.5 N"),
     (SOURCE, Source.ENEMY_2, "enemy 2"),
     (SOURCE, OutOfRange(9), "9 (out of range)"),
     (BARRIERS, Barriers(0x0002), "fire 1:forced"),
@@ -143,6 +199,9 @@ ALLOWED = [
     (HEADING, ANY, "any whole angle in degrees, None for unknown"),
     (MILLIMETRES, X, "0..3000 mm, or x, y and angle None for unknown"),
     (TIME, ANY, "0..1048574 ms, None for unknown, blocked, not possible"),
+    (DISTANCE, SIGNED, "0..1500 mm, nothing (2047), too near (-1)"),
+    (TENTHS, SIGNED, "-20..150 mm in steps of 0.1, nothing (2047)"),
+    (DOUBLES, Limits(-5, 5), "-10..10 in steps of 2"),
     (COLOUR, Limits(0, 1), "yellow (0), red (1)"),
     (
         BARRIERS,
@@ -207,3 +266,18 @@ def test_says_what_is_allowed(kind: Kind, limits: Limits, text: str) -> None:
 @rows("kind, meaning", [(kind, value) for kind, *_, value in BOTH_WAYS if kind is not BARRIERS])
 def test_parses_what_it_writes_for_a_person(kind: Kind, meaning: Any) -> None:
     assert kind.parse(kind.text(meaning).removesuffix(f" {kind.unit}")) == meaning
+
+
+@rows(
+    "within, step, codes",
+    [
+        (None, 1, Reading),  # which of the values are plain?
+        ((-1, 1500), 1, Reading),  # -1 would be both
+        ((0, 3000), 1, Reading),
+        ((0, 1500), 0, None),
+        ((0, 1500), -0.1, None),
+    ],
+)
+def test_a_quantity_whose_values_would_mean_two_things_is_refused(within: Any, step: float, codes: Any) -> None:
+    with pytest.raises(ValueError, match=r"codes need a range|is not above 0"):
+        Quantity("mm", step, within, codes)

@@ -604,6 +604,22 @@ def test_a_wide_field_is_written_as_its_kind_says_it(time: Any) -> None:
         assert PROTOCOL.decode(*PROTOCOL.encode(message)) == GotoStateResponse(read)
 
 
+@pytest.mark.parametrize("type_", ["int64", "int32", "uint16", "float64", "float32"])
+def test_numbers_of_numpy_are_numbers(type_: str) -> None:
+    make = getattr(pytest.importorskip("numpy"), type_)
+    message = GotoXY(make(1234), make(567), make(89), make(75), Barriers(0xA5C3))
+    assert PROTOCOL.encode(message).data.hex() == "d27423592c01c3a5"
+    for wrong in (make(3001), make(40000)):
+        with pytest.raises(FieldError, match=r"allowed: 0\.\.3000 mm"):
+            PROTOCOL.encode(message._replace(x=wrong))
+    if type_.startswith("float"):
+        with pytest.raises(FieldError, match=r"whole millimetres, 0\.\.3000 mm"):
+            PROTOCOL.encode(message._replace(x=make(1.5)))
+    else:
+        raws = {field: make(value) for field, value in (("x", 1234), ("y", 567), ("angle", 89), ("speed", 75))}
+        assert PROTOCOL.pack("Goto XY", **raws, barriers=0xA5C3).hex() == "d27423592c01c3a5"
+
+
 def test_the_codec_follows_the_table(tmp_path: Path) -> None:
     table = (ROOT / "eds" / "protocol.yaml").read_text().replace("{Barriers: 6}", "{Barriers: 4}")
     wider, count = re.subn(r"(Goto XY:.*\n.*\n.*\n *X position: \{bits: )12", r"\g<1>14", table)

@@ -21,7 +21,7 @@ from typing import NamedTuple, TypeAlias, TypeVar, cast
 from canopen.objectdictionary import ODArray, ODRecord, ODVariable
 
 from eurobot_od.od import values
-from eurobot_od.od.make.table import DialectRow, MessageRow, NodeRow, Record, Table, TableField
+from eurobot_od.od.make.table import DialectRow, FieldType, MessageRow, NodeRow, Record, Table, TableField
 from eurobot_od.od.pdos import PADDING as PADDING_NAME
 from eurobot_od.od.values import DataType, MappingEntry, PdoDirection
 from eurobot_od.support.yaml_places import Place, PlacedNumber, PlacedText
@@ -148,8 +148,10 @@ DictionaryObject: TypeAlias = ODVariable | ODRecord | ODArray
 Whole = TypeVar("Whole", ODRecord, ODArray)
 
 U8, U16, U32, STRING = values.UNSIGNED8, values.UNSIGNED16, values.UNSIGNED32, values.VISIBLE_STRING
-UNSIGNED = {1: U8, 2: U16, 3: values.DATA_TYPES[0x16], 4: U32, 5: values.DATA_TYPES[0x18]}
-"""The unsigned type of each number of bytes."""
+INTEGERS = {
+    (each.size, each.is_signed): each for each in values.DATA_TYPES.values() if each.bits > 1 and each.is_integer
+}
+"""The integer type of each number of bytes, without a sign and with one."""
 
 ERROR_HISTORY = 8
 """Errors that 0x1003 remembers; CiA 301 allows 1 to 254."""
@@ -363,14 +365,22 @@ def all_data(table: Table, name: PlacedText, data: dict[PlacedText, ObjectLayout
 
 def slice_entry(part: Slice, whole: TableField | None, access: str) -> ODVariable:
     """Return the entry of a slice of a field; padding is a slice of no field."""
-    highest = (1 << part.bits) - 1
-    default = default_of(whole) >> part.low & highest if whole else 0
-    return entry(part.name, unsigned(part.bits), access, default, 0, highest, mappable=True)
+    mask = (1 << part.bits) - 1
+    default = default_of(whole) if whole else 0
+    if whole and whole.type is FieldType.REAL32:
+        default = int.from_bytes(values.REAL32.write(default), "little")
+    if whole and whole.is_signed and part.high == whole.bits - 1:  # the slice with the sign is signed, as the field is
+        return entry(
+            part.name, integer(part.bits, signed=True), access, default >> part.low, ~mask >> 1, mask >> 1, True
+        )
+    return entry(part.name, integer(part.bits), access, default >> part.low & mask, 0, mask, mappable=True)
 
 
 def field_entry(name: str, whole: TableField, access: str, begin: int = 0, node: NodeRow | None = None) -> ODVariable:
     """Return the entry of a whole field, of a setting or of a reading."""
-    return entry(name, unsigned(whole.bits, begin), access, default_of(whole, node), whole.low, whole.high)
+    real = whole.type is FieldType.REAL32
+    type_ = values.REAL32 if real else integer(whole.bits, begin, whole.is_signed)
+    return entry(name, type_, access, default_of(whole, node), whole.low, whole.high)
 
 
 def default_of(whole: TableField, node: NodeRow | None = None) -> int:
@@ -380,9 +390,9 @@ def default_of(whole: TableField, node: NodeRow | None = None) -> int:
     return node.node_id if node and whole.default == values.NODE_ID else whole.codes[whole.default]
 
 
-def unsigned(bits: int, begin: int = 0) -> DataType:
+def integer(bits: int, begin: int = 0, signed: bool = False) -> DataType:
     """Return the type of exactly as many bytes as the bits touch, the first of which is bit `begin` of a byte."""
-    return UNSIGNED[-(-(begin + bits) // 8)]
+    return INTEGERS[-(-(begin + bits) // 8), signed]
 
 
 # All of it

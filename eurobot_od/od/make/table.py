@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Container, Iterable, Iterator
 from dataclasses import dataclass, field, replace
+from enum import Enum
 from pathlib import Path
 from typing import Annotated, TypeAlias
 
@@ -15,14 +16,23 @@ import yaml
 
 from eurobot_od.od.document import BIT_RATES
 from eurobot_od.od.pdos import RESERVED, carries_nothing
-from eurobot_od.od.values import BASE_IDENTIFIER, MAX_BITS, NODE_ID, NODE_IDS
+from eurobot_od.od.values import BASE_IDENTIFIER, MAX_BITS, NODE_ID, NODE_IDS, REAL32
 from eurobot_od.support import texts, yaml_places
 from eurobot_od.support.declared import Within
 from eurobot_od.support.files import read_whole
-from eurobot_od.support.yaml_places import Place, PlacedNumber, PlacedText, Problem, Problems, refuse, telling
+from eurobot_od.support.yaml_places import (
+    Place,
+    PlacedInteger,
+    PlacedNumber,
+    PlacedText,
+    Problem,
+    Problems,
+    refuse,
+    telling,
+)
 from eurobot_od.support.yaml_shapes import (
     ASCII,
-    NUMBER_OR_ASCII,
+    INTEGER_OR_ASCII,
     PLAIN,
     SCALAR,
     Plain,
@@ -46,34 +56,48 @@ FileName: TypeAlias = Annotated[PlacedText, matching(r"[A-Za-z0-9_-]+", "a name 
 # The shape of the YAML
 
 
+class FieldType(Enum):
+    """What the bits of a field are."""
+
+    INTEGER = "INTEGER"
+    REAL32 = "REAL32"
+
+
 @dataclass(frozen=True)
 class TableField:
     """A field of an object: `bits` wide, plain values in `range`, values with another meaning in `codes`.
 
+    A field with a value below 0 is signed. One of the `type` REAL32 has 32 bits, and neither range nor codes.
     `default` is a number, one of the codes or, of a setting, `$NODEID`: the node-ID of the node that has the setting.
     """
 
     bits: Bits
-    range: tuple[PlacedNumber, PlacedNumber]
-    default: PlacedNumber | PlacedText
-    codes: dict[PlacedText, PlacedNumber] = field(default_factory=dict)
+    default: PlacedInteger | PlacedText
+    range: tuple[PlacedInteger, PlacedInteger] | None = None
+    codes: dict[PlacedText, PlacedInteger] = field(default_factory=dict)
+    type: FieldType = FieldType.INTEGER
     unit: str = ""  # for readers of the table; an EDS has no key for it
 
     @property
-    def low(self) -> int:
-        """The lowest value, plain or coded (EDS LowLimit)."""
-        return min((self.range[0], *self.codes.values()))
+    def low(self) -> int | None:
+        """The lowest value, plain or coded (EDS LowLimit); None for a REAL32."""
+        return min((self.range[0], *self.codes.values())) if self.range else None
 
     @property
-    def high(self) -> int:
-        """The highest value, plain or coded (EDS HighLimit)."""
-        return max((self.range[1], *self.codes.values()))
+    def high(self) -> int | None:
+        """The highest value, plain or coded (EDS HighLimit); None for a REAL32."""
+        return max((self.range[1], *self.codes.values())) if self.range else None
+
+    @property
+    def is_signed(self) -> bool:
+        """Whether it has a value below 0."""
+        return self.low is not None and self.low < 0
 
 
 def always_zero(bits: PlacedNumber) -> TableField:
     """Make a field that is always 0."""
-    zero = PlacedNumber(0, bits.place)
-    return TableField(bits, (zero, zero), zero)
+    zero = PlacedInteger(0, bits.place)
+    return TableField(bits, zero, (zero, zero))
 
 
 @dataclass(frozen=True)
@@ -211,7 +235,7 @@ class Table:
         return {name: dialect.form_of(name, each) for name, each in self.objects.items()}
 
 
-SINGLE_VALUES: Plain = {**PLAIN, str: ASCII, PlacedNumber | PlacedText: NUMBER_OR_ASCII}
+SINGLE_VALUES: Plain = {**PLAIN, str: ASCII, PlacedInteger | PlacedText: INTEGER_OR_ASCII}
 """How the table's single values are read: an EDS holds ASCII only."""
 
 
@@ -296,9 +320,18 @@ def fields_that_do_not_hold(table: Table) -> Iterator[Problem]:
 
 def number_problems(each: TableField) -> Iterator[Problem]:
     """Check that a field's width holds its values, and that it has values."""
+    is_real = each.type is FieldType.REAL32
+    if is_real and (each.range or each.codes or each.bits != REAL32.bits):
+        yield Problem(each.bits.place, f"a REAL32 has {REAL32.bits} bits, and neither range nor codes")
+    if each.range is None or each.low is None or each.high is None:
+        yield from () if is_real else [Problem(each.bits.place, "a field needs its range")]
+        return
+    lowest = -(1 << each.bits - 1) if each.is_signed else 0
+    for value in (each.low, each.high):
+        if not 0 <= value - lowest < 1 << each.bits:
+            signed = "signed " * each.is_signed
+            yield Problem(each.bits.place, f"{value} does not fit into {each.bits} {signed}bits")
     low, high = each.range
-    if each.high >= 1 << each.bits:
-        yield Problem(each.bits.place, f"{each.high} does not fit into {each.bits} bits")
     if low > high:
         yield Problem(high.place, f"range {low}..{high} is empty")
 
@@ -307,7 +340,9 @@ def default_problems(each: TableField, names: list[str]) -> Iterator[Problem]:
     """Check that a field's default is one of its values or one of the `names` that stand for values."""
     if isinstance(each.default, PlacedText) and each.default not in names:
         yield Problem(each.default.place, f"unknown default '{each.default}'; known: {', '.join(names) or 'none'}")
-    if isinstance(each.default, PlacedNumber) and not each.low <= each.default <= each.high:
+    if isinstance(each.default, PlacedText) or each.low is None or each.high is None:
+        return
+    if not each.low <= each.default <= each.high:
         yield Problem(each.default.place, f"default {each.default} is not in {each.low}..{each.high}")
 
 

@@ -12,8 +12,12 @@ import canopen
 import pytest
 
 from eurobot_od.od import values
+from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.make.table import read_table
 from eurobot_od.od.make.text import make_files, write_files
+from eurobot_od.od.values import Limits
+from eurobot_od.pdo.catalogue import NOTHING
+from eurobot_od.pdo.protocol import Protocol
 from tests.od.make.tables import TABLE
 
 Frame = tuple[str, dict[str, int], str]
@@ -153,6 +157,27 @@ def touched_and_typed(od: Any) -> Iterator[tuple[str, int, int]]:
             if len(variable) != touched * 8:
                 yield variable.qualname, touched, len(variable) // 8
             offset += bits
+
+
+@pytest.mark.parametrize("dialect", ["plain", "other"])  # whole fields; slices, the most significant bit first
+def test_values_below_zero_and_real_ones(dialect: str, tmp_path: Path) -> None:
+    speed = "{bits: 12, range: [-200, 1500], codes: {nothing: -2047}, default: nothing, unit: mm}"
+    table = TABLE.replace(
+        "Speed: {bits: 8, range: [0, 100], default: 0}",
+        f"Speed: {speed}\n      Force: {{bits: 32, type: REAL32, default: 2}}",
+    ).replace("widths: {Target: {Speed: 7}}, ", "")
+    write_files(make_files(read_table(table, "")), tmp_path)
+    drive = Dictionary.load(tmp_path / dialect / "drive.eds")
+    protocol = Protocol.of_devices([drive], NOTHING)
+    binding = protocol.binding("Goto")
+    assert [drive.default(drive.address(f"Target.{name}")) for name in ("Speed", "Force")] == [-2047, 2.0]
+    assert binding.limits["speed"] == Limits(-2047, 1500)
+    sent = {"x": 3000, "speed": -200, "force": 0x3F000000}
+    data = protocol.pack("Goto", **sent)
+    bits = f"{3000:012b}{-200 & 0xFFF:012b}{0x3F000000:032b}"
+    little = int(f"{0x3F000000:032b}{-200 & 0xFFF:012b}{3000:012b}", 2).to_bytes(7, "little")
+    assert data == (little if dialect == "plain" else int(bits, 2).to_bytes(7, "big"))
+    assert protocol.unpack(binding.cob_id, data) == ("Goto", sent)
 
 
 def test_has_every_recorded_message() -> None:

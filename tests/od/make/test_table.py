@@ -16,6 +16,7 @@ from tests.rows import rows
 
 REFUSED = "is not allowed; allowed: whole numbers"
 BEAT = "0..65535 ms"
+WAIT = "bits: 16, range: [1, 0xFFFF]"
 KEYS = (
     "known: file, vendor, serial_number, hardware_version, software_version, bit_rate, bit_rates, heartbeat, "
     "heartbeat_timeout, nodes, settings, objects, messages, dialects, traffic"
@@ -102,6 +103,20 @@ INVALID = {
     "bit rate of no node": ("bit_rate: 500", "bit_rate: ^250", "bit rate 250 is not one of 500 kbit/s"),
     # fields
     "range over the bits": ("bits: 12", "bits: ^11", "4095 does not fit into 11 bits"),
+    "below the bits": (WAIT, "bits: ^16, range: [-32769, 9]", "-32769 does not fit into 16 signed bits"),
+    "code over signed bits": (
+        WAIT,
+        "bits: ^16, range: [-1, 9], codes: {far: 0xFFFF}",
+        "65535 does not fit into 16 signed bits",
+    ),
+    "negative width": (WAIT, "bits: ^-16, range: [0, 9]", f"bits = '-16' {REFUSED} 1..32"),
+    "no range": (WAIT, "bits: ^16", "a field needs its range"),
+    "REAL32 with a range": (
+        WAIT,
+        "bits: ^32, type: REAL32, range: [0, 9]",
+        "a REAL32 has 32 bits, and neither range nor codes",
+    ),
+    "short REAL32": (WAIT, "bits: ^16, type: REAL32", "a REAL32 has 32 bits, and neither range nor codes"),
     "width over the range": ("{Speed: 7}", "{Speed: ^6}", "100 does not fit into 6 bits"),
     "no bits": ("bits: 8, range: [0, 100]", "bits: ^0, range: [0, 0]", f"bits = '0' {REFUSED} 1..32"),
     "empty range": ("[0, 100], default: 0", "[2, ^1], codes: {one: 1, two: 2}, default: one", "range 2..1 is empty"),

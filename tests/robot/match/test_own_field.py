@@ -9,7 +9,7 @@ import pytest
 from eurobot_od import Core, Drive, rehearse
 from eurobot_od.cli import main
 from eurobot_od.device.objects import MemoryStore
-from eurobot_od.errors import DictionaryError
+from eurobot_od.errors import DictionaryError, FieldError
 from eurobot_od.robot import dialects
 from eurobot_od.robot.match.stage import DEFAULTS, play_simulated
 from eurobot_od.robot.model import robot_file
@@ -22,23 +22,45 @@ CORNER = (3350, 150, 315)
 """The far corner, seen from the start of red."""
 
 
-def write_robot(folder: Path, field: str) -> str:
-    """Make the EDS files of a table with a field of 3500 x 2500 mm; return the folder that --dialect takes."""
+SMALL = """
+field:
+  size: [2000, 1500]
+  border: 10
+  start:
+    red: {zone: [0, 0, 400, 400], pose: [200, 200, 90]}
+    yellow: {zone: [1600, 0, 2000, 400], pose: [1800, 200, 90]}
+barriers:
+  kinds: {crate: {shape: disc, size: 200}}
+  places: {crate: {number: 1, kind: crate, at: [1000, 750]}}
+tasks:
+  shelf: {at: [1700, 1300, 90], seconds: 1, tries: 1, points: 5, chance: 1}
+robots:
+  enemy 1: {radius: 120, rounds: [[1500, 500], [1700, 700]]}
+  enemy 2: {radius: 120, rounds: [[700, 300], [1200, 300]]}
+  confederate: {radius: 120, rounds: [[300, 700], [300, 500]]}
+"""
+"""What a robot's file says of a smaller field than that of 2014."""
+
+
+def write_robot(folder: Path, field: str, size: tuple[int, int] = (3500, 2500), facts: str = "") -> str:
+    """Make the EDS files of a table with a field of that size; return the folder that --dialect takes."""
     shipped, table = dialects.eds_folder(), folder / "protocol.yaml"
     text = (shipped / "protocol.yaml").read_text(encoding="utf-8")
-    table.write_text(
-        text.replace("range: [0, 3000]", "range: [0, 3500]").replace("range: [0, 2000]", "range: [0, 2500]")
-    )
+    for axis, old, new in zip("XY", (3000, 2000), size):
+        text = text.replace(
+            f"{axis} position: {{bits: 12, range: [0, {old}]", f"{axis} position: {{bits: 12, range: [0, {new}]"
+        )
+    table.write_text(text, encoding="utf-8")
     assert main(["make-eds", str(table), "-o", str(folder)]) == 0
-    facts = (shipped / NAME).read_text(encoding="utf-8")
-    (folder / NAME).write_text(facts.replace("size: [3000, 2000]", f"size: {field}"), encoding="utf-8")
+    facts = facts or (shipped / NAME).read_text(encoding="utf-8").replace("size: [3000, 2000]", f"size: {field}")
+    (folder / NAME).write_text(facts, encoding="utf-8")
     return str(folder / "canopen")
 
 
-async def to_the_corner(core: Core) -> Outcome:
+async def to_the_corner(core: Core, place: tuple[int, int, int] = CORNER) -> Outcome:
     await core.check_nodes()
     await core.configure_start(TeamColour.RED)
-    return (await core.goto(*CORNER, speed=80)).outcome
+    return (await core.goto(*place, speed=80)).outcome
 
 
 def test_it_drives_to_the_far_corner_of_its_field(tmp_path: Path) -> None:
@@ -55,6 +77,24 @@ def test_it_drives_to_the_far_corner_of_its_field(tmp_path: Path) -> None:
     assert rehearse(play, options, picture=drawing) is Outcome.ARRIVED
     assert truth == [pytest.approx(CORNER[:2], abs=20)]
     assert "scale(0.8" in drawing.read_text(encoding="utf-8"), "a larger field is drawn smaller"
+
+
+def test_a_smaller_field_is_played_and_drawn(tmp_path: Path) -> None:
+    facts = "body: {radius: 120}\nmatch: {duration: 60}" + SMALL
+    options = MatchOptions(
+        dialect=write_robot(tmp_path, "", (2000, 1500), facts), enemies=0, confederates=0, falling=False
+    )
+    drawing, points = tmp_path / "field.svg", []
+
+    async def play(core: Core) -> None:
+        assert await to_the_corner(core, (1700, 1300, 90)) is Outcome.ARRIVED
+        points.append(await core.act("shelf"))
+        await core.goto(1900, 1700, 0, speed=80)
+
+    with pytest.raises(FieldError, match=r"y = 1700 is not allowed; allowed: 0\.\.1500 mm"):
+        rehearse(play, options, picture=drawing)
+    assert points
+    assert "scale(1.3" in drawing.read_text(encoding="utf-8"), "a smaller field is drawn larger"
 
 
 def test_on_the_shipped_field_there_is_no_such_place(tmp_path: Path) -> None:
