@@ -14,7 +14,7 @@ from typing import Annotated, Any, Literal, TypeAlias
 
 from eurobot_od.cli import ExitStatus
 from eurobot_od.cli.devices import Access, Devices, Target
-from eurobot_od.cli.options import BusOptions, Json, NoReconnect, Seconds, check_node_id
+from eurobot_od.cli.options import BusOptions, Json, NoReconnect, Seconds, check_node_id, span
 from eurobot_od.cli.signature import Option
 from eurobot_od.client import lss as services
 from eurobot_od.client.description import Found, Identity, described
@@ -240,7 +240,7 @@ def event_as_json(event: NodeEvent, name: str = "") -> str:
 
 def _period(text: str) -> float:
     """Read a time between two messages, s; raises LocalError."""
-    seconds = texts.seconds(text)
+    seconds = span(text)
     if not seconds:  # without a pause it would fill the bus
         raise LocalError("the period must be longer than 0")
     return seconds

@@ -161,8 +161,8 @@ def decode(
     as_json: Annotated[Json, Option(either="form")] = False,
     as_csv: Annotated[bool, Option("--csv", either="form")] = False,
     filters: Filters,
-    since: Annotated[float, Option(metavar="S")] = 0.0,
-    until: Annotated[float, Option(metavar="S")] = inf,
+    since: Seconds = 0.0,
+    until: Seconds = inf,
     relative: bool = False,
     statistics: bool = False,
     bitrate: BitRate = BIT_RATE,
@@ -176,8 +176,8 @@ def decode(
 
     as_json: one JSON object per line
     as_csv: comma-separated values
-    since: from this time on, in s
-    until: up to this time, in s
+    since: from this time on, such as 10.5 or 1min
+    until: up to this time
     relative: count the time from a log's first entry
     statistics: print load, gaps, jitter, response times and their bounds instead of lines
     bitrate: bit/s for --statistics (default: 500000)

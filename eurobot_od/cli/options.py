@@ -41,6 +41,11 @@ def positive(text: str, of: str = "") -> float:
     return value
 
 
+def span(text: str) -> float:
+    """Read a time in s: `45`, `45s`, `500 ms`, `1min`; raises LocalError. Files need the unit, as objects are in ms."""
+    return texts.seconds(f"{text} s" if text[-1:].isdigit() else text)
+
+
 def whole(low: int, high: float = inf, what: str = "") -> Callable[[str], int]:
     """Return the reader of a whole number in a range, which is `what` the complaint of another one asks for."""
 
@@ -75,7 +80,7 @@ def check_node_id(number: int) -> int:
 
 # Options
 
-Seconds: TypeAlias = Annotated[float, Option(metavar="TIME", read=texts.seconds)]
+Seconds: TypeAlias = Annotated[float, Option(metavar="TIME", read=span)]
 BitRate: TypeAlias = Annotated[int, Option("-b", read=whole(1000, 1_000_000, "in 1000..1000000 bit/s"))]
 Json: TypeAlias = Annotated[bool, Option("--json"), "print as JSON"]
 Output: TypeAlias = Annotated[Path | None, Option("-o", metavar="FILE"), "default: standard output"]

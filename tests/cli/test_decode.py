@@ -193,6 +193,7 @@ def test_strict(good: Path, damaged: Path, form: list[str]) -> None:
         (["--where", "x>1000"], [0]),
         (["--where", "x>100", "--where", "x<1000"], [2]),
         (["--since", "10.5", "--until", "11"], [1, 2]),
+        (["--since", "10500ms", "--until", "11s"], [1, 2]),
     ],
 )
 def test_filters(good: Path, capsys: pytest.CaptureFixture[str], options: list[str], lines: list[int]) -> None:
@@ -419,7 +420,7 @@ def test_tolerances_and_filters(
         (["--tolerance", "x=-1"], "--tolerance x=-1: not a number, 0 or more"),
         (["--tolerance", "nothing=1"], "unknown field 'nothing'"),
         (["--tolerance", "Goto.x=1"], "unknown message 'Goto'"),
-        (["--time", "5"], "'5' is not a duration"),
+        (["--time", "5 h"], "'5 h' is not a duration"),
     ],
 )
 def test_wrong_tolerances_are_one_line(

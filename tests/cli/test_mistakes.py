@@ -92,9 +92,9 @@ MISTAKES = {
 USAGES = {
     "a bit rate in words": ("scan|-b|500k", "argument -b/--bitrate: 500k is not in 1000..1000000 bit/s"),
     "a speed in words": ("monitor|--speed|fast", "argument --speed: fast is not a positive number nor max"),
-    "a time without its unit": (
-        "node|drive|--duration|10",
-        "argument --duration: '10' is not a duration; write a number and one of us, ms, s, min, such as 500 ms",
+    "a time with an unknown unit": (
+        "node|drive|--duration|10h",
+        "argument --duration: '10h' is not a duration; write a number and one of us, ms, s, min, such as 500 ms",
     ),
     "a number in words": ("match|--seed|one", "argument --seed: one is not a whole number"),
     "an option without its value": ("check|--step", "argument --step: expected one argument"),

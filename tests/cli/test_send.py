@@ -111,7 +111,7 @@ def drive(wire: can.BusABC) -> Iterator[can.BusABC]:
 
 @pytest.mark.usefixtures("drive")
 def test_an_expected_answer_is_shown_with_the_time_it_took(capsys: pytest.CaptureFixture[str]) -> None:
-    said = send(capsys, "Check Drive Request", "--expect", "Check Drive Response", "--within", "10 s")
+    said = send(capsys, "Check Drive Request", "--expect", "Check Drive Response", "--within", "10")
     sent, received = said.out.splitlines()
     assert said.status == 0
     assert sent == "sent      3C0#  Check Drive Request"

@@ -110,7 +110,7 @@ WRONG = [
     ("5 --colour blue", "argument --colour: unknown value 'blue'; known: red, dark_blue"),
     ("5 --level 3", "argument --level: unknown value '3'; known: 1, 2"),
     ("5 --speed fasst", "argument --speed: unknown value 'fasst'; did you mean fast?"),
-    ("5 --for 2", "argument --for: '2' is not a duration; write a number and one of us, ms, s, min, such as 500 ms"),
+    ("5 --for 2h", "argument --for: '2h' is not a duration; write a number and one of us, ms, s, min, such as 500 ms"),
     ("5 --set a", "argument --set: a: write NAME=VALUE"),
     ("5 --number 1.5", "argument --number: 1.5 is not a whole number"),
     ("5 --share half", "argument --share: half is not a number"),

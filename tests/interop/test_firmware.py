@@ -70,6 +70,16 @@ def test_it_fails_as_the_page_says_and_is_green_when_mended(folder: Path) -> Non
 
 
 @pytest.mark.long
+def test_it_plays_with_core_and_navigation(folder: Path) -> None:
+    subprocess.run(["patch", "-i", "mended.patch", "drive.c"], cwd=folder, check=True)
+    shown = PAGE.partition("$ python play.py /dev/pts/3\n")[2].partition("```")[0]
+    with running(folder) as terminal:
+        words = [sys.executable, "play.py", terminal]
+        said = subprocess.run(words, cwd=folder, capture_output=True, text=True, timeout=60)
+    assert (said.stdout, said.returncode) == (shown, 0), said.stderr
+
+
+@pytest.mark.long
 def test_it_allocates_nothing_and_knows_no_floats(folder: Path) -> None:
     subprocess.run(["cc", "-std=c99", "-Os", "-c", "drive.c"], cwd=folder, check=True)
     undefined = subprocess.run(["nm", "-u", "drive.o"], cwd=folder, capture_output=True, text=True, check=True).stdout

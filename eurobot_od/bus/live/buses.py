@@ -95,7 +95,10 @@ def open_bus(interface: str | None = None, channel: str | None = None, bitrate: 
         # Our bus by default goes with our channel: neither completes an interface that somebody else has named.
         defaults = {key: value for key, value in DEFAULT_BUS.items() if key not in said}
         config = util.load_config(config=({} if said & INTERFACE_KEYS else defaults) | given)
-        return can.Bus(ignore_config=True, **({"bitrate": BITRATE} | dict(config)))  # it has been read just now
+        bus = can.Bus(ignore_config=True, **({"bitrate": BITRATE} | dict(config)))  # it has been read just now
+        if bus.channel_info == can.BusABC.channel_info:  # "unknown": slcan's, for one, does not say where it is
+            bus.channel_info = f"{config.get('interface')} {config.get('channel')}"
+        return bus
     except Exception as error:  # drivers raise OSError, ImportError, ValueError, CanError, ...
         name = f"{interface or 'configured'} bus {channel or ''}".strip()
         why = _with_remedy(error, channel if interface == SOCKETCAN else None)

@@ -16,7 +16,7 @@ from eurobot_od import plugin
 from eurobot_od.bus import live
 from eurobot_od.cli import ExitStatus, RobotName, complain, fall_silent
 from eurobot_od.cli.devices import Dialect
-from eurobot_od.cli.options import BusOptions, Campaign, Faults, Json, assigned, counted, positive, write
+from eurobot_od.cli.options import BusOptions, Campaign, Faults, Json, assigned, counted, span, write
 from eurobot_od.cli.signature import HelpGroup, Option
 from eurobot_od.errors import LocalError
 from eurobot_od.frame import Frame
@@ -46,7 +46,15 @@ def _seeds(text: str) -> range:
     return seeds
 
 
-MatchTime: TypeAlias = Annotated[float, Option(metavar="SECONDS", read=partial(positive, of=" of seconds"))]
+def _match_time(text: str) -> float:
+    """Read a time in a match; raises LocalError."""
+    seconds = span(text)
+    if not seconds:
+        raise LocalError(f"a time of {text} is not above 0")
+    return seconds
+
+
+MatchTime: TypeAlias = Annotated[float, Option(metavar="TIME", read=_match_time)]
 File: TypeAlias = Annotated[Path, Option(metavar="FILE")]
 ERRORS = ", ".join(f"{name}={value:g} {UNITS.get(name, '')}".rstrip() for name, value in vars(Errors()).items())
 
@@ -76,7 +84,7 @@ class AskedMatch:
 
     seed: seed of all chance: same seed, same frames (default: 1)
     seeds: play each seed, simulated, and compare
-    duration: match time (default: robot.yaml's)
+    duration: match time, such as 45 or 1min (default: robot.yaml's)
     speed: simulated or real time
     emergency_at: hit the mushroom at this match time
     strategy: Python file with a coroutine play(core); left out: the robot's

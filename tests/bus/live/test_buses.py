@@ -59,6 +59,21 @@ def test_a_frame_is_handed_over_as_it_is() -> None:
     assert not message.is_error_frame
 
 
+class Nameless(Bus):
+    """A bus that does not say where it is, as python-can's slcan."""
+
+    channel_info = can.BusABC.channel_info
+
+    def __init__(self, *_: object, **__: object) -> None:
+        super().__init__()
+
+
+def test_a_bus_without_a_name_has_that_of_its_channel(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(can.interfaces.BACKENDS, "slcan", (__name__, "Nameless"))
+    bus = open_bus("slcan", "/dev/ttyACM0")
+    assert bus.channel_info == "slcan /dev/ttyACM0"
+
+
 @pytest.mark.parametrize("number", [None, errno.ENOBUFS, errno.EAGAIN, errno.ETIMEDOUT])
 def test_a_full_driver_takes_no_frame_and_says_why(number: int | None) -> None:
     driver = Driver(Bus(refused(number)))

@@ -98,6 +98,8 @@ def test_json_of_an_emergency_has_all_messages_and_nothing_moves_afterwards(
         (["--enemies", "1"], "red, 1 enemy, 1 confederate"),
         (["--dialect", "firmware2014"], "EDS files: firmware2014"),
         (["--duration", "2.5"], "begins, 2.5 s long"),
+        (["--duration", "2500ms"], "begins, 2.5 s long"),
+        (["--duration", "0.05 min"], "begins, 3 s long"),
     ],
 )
 def test_options_show_in_the_timeline(capsys: pytest.CaptureFixture[str], words: list[str], told: str) -> None:
@@ -279,11 +281,11 @@ def test_help_lists_the_errors_of_the_world_with_their_units(capsys: pytest.Capt
 @rows(
     "words, complaint",
     [
-        (["--emergency-at", "soon"], "argument --emergency-at: soon is not a positive number of seconds"),
-        (["--emergency-at", "0"], "argument --emergency-at: 0 is not a positive number of seconds"),
-        (["--emergency-at", "-1"], "argument --emergency-at: -1 is not a positive number of seconds"),
-        (["--emergency-at", "nan"], "argument --emergency-at: nan is not a positive number of seconds"),
-        (["--duration", "inf"], "argument --duration: inf is not a positive number of seconds"),
+        (["--emergency-at", "soon"], "argument --emergency-at: 'soon' is not a duration"),
+        (["--emergency-at", "0"], "argument --emergency-at: a time of 0 is not above 0"),
+        (["--emergency-at", "-1"], "argument --emergency-at: '-1 s' is not a duration"),
+        (["--emergency-at", "nan"], "argument --emergency-at: 'nan' is not a duration"),
+        (["--duration", "inf"], "argument --duration: 'inf' is not a duration"),
         (["--enemies", "3"], "argument --enemies: unknown value '3'; known: 0, 1, 2"),
         (["--confederates", "2"], "argument --confederates: unknown value '2'; known: 0, 1"),
         (["--team", "blue"], "argument --team: unknown value 'blue'; known: yellow, red"),
