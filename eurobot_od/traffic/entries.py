@@ -74,6 +74,9 @@ class Times(Sequence[float]):
     def __len__(self) -> int:
         return len(self._stamps)
 
+    def __iter__(self) -> Iterator[float]:
+        return map(float, self._stamps)
+
     def __getitem__(self, place: Any) -> Any:
         return float(self._stamps[place])
 
