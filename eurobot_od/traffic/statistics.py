@@ -153,8 +153,16 @@ def table(seen: SeenTraffic) -> Iterator[str]:
     parts = [f"{node} {seen.load(bits):.2%}" for node, bits in sorted(nodes.items())]
     whole = f"all {seen.load(sum(nodes.values())):.2%}"
     if backwards := sum(each.backwards for each in messages):
-        yield f"time runs backwards: {amount(backwards, 'frame')} with a time before that of the last one; not in the gaps"
+        yield f"time runs backwards: {amount(backwards, 'frame')} with a time before the last one's; not in the gaps"
     yield one_line(f"load of {seen.bit_rate / 1000:g} kbit/s: {', '.join([*parts, whole])}")
+
+
+def tables(buses: Mapping[str, SeenTraffic]) -> Iterator[str]:
+    """Write the table of each bus, with its channel above where there are several."""
+    for channel, seen in sorted(buses.items()):
+        if len(buses) > 1:
+            yield one_line(f"{channel}:")
+        yield from table(seen)
 
 
 # As a form of output: no lines of entries, but after each log a table of its traffic
@@ -238,10 +246,7 @@ class TrafficOutput(Output):
 
     def footer(self) -> str:
         buses = self._seen or {"": SeenTraffic(self._bit_rate, self._promised)}
-        lines = list(self._heading)
-        for channel, seen in sorted(buses.items()):
-            lines += [*([one_line(f"{channel}:")] if len(buses) > 1 else []), *table(seen)]
-        return "".join(f"{line}\n" for line in (*lines, *self._transfers.report()))
+        return "".join(f"{line}\n" for line in (*self._heading, *tables(buses), *self._transfers.report()))
 
 
 class TransferCounts:

@@ -95,5 +95,5 @@ def test_a_time_before_the_last_one_is_not_a_gap() -> None:
     ask = seen.messages[0x010, False]
     assert (ask.backwards, ask.count) == (2, 4)
     assert ask.longest == pytest.approx(0.1)
-    assert "time runs backwards: 2 frames with a time before that of the last one; not in the gaps" in table(seen)
+    assert "time runs backwards: 2 frames with a time before the last one's; not in the gaps" in table(seen)
     assert 0 < seen.load(ask.bits) < 1
