@@ -201,6 +201,25 @@ def frame(identifier: int, data: bytes, extended: object = False, remote_length:
     return tuple.__new__(Frame, (bit | identifier, data))
 
 
+def recorded(
+    identifier: int,
+    data: bytes,
+    length: int,
+    extended: object,
+    remote: object,
+    error: object,
+    is_fd: bool = False,
+) -> Raw:
+    """Return what python-can has recorded; raises ValueError for a length that its data does not have."""
+    if length != len(data) and not (remote or error):
+        raise ValueError(f"{identifier:03X}#{data.hex().upper()} with length {length}")
+    if error:
+        return foreign(Damage.ERROR_FRAME, identifier, data)
+    if is_fd or len(data) > MOST_BYTES:  # its tables do not say that a frame is one of CAN FD; its length does
+        return foreign(Damage.FD, identifier, data)
+    return frame(identifier, data, extended, length if remote else None)
+
+
 def foreign(damage: Damage, identifier: int, data: bytes) -> Foreign:
     """Return what is not a classic frame, but has an identifier and data."""
     return Foreign(damage, shortened(f"{identifier:03X}#{data.hex().upper()}", LONGEST_FOREIGN))

@@ -28,7 +28,7 @@ FORMATS = {
     "busmaster": ("lines", "BusmasterFormat"),
     "gvret": ("lines", "GvretFormat"),
     "asc": ("lines", "AscFormat"),
-    "csv": ("python_can", "read_csv"),
+    "csv": ("lines", "CsvFormat"),
     "trc": ("lines", "TrcFormat"),
     "blf": ("binary", "read_blf"),
     "db": ("python_can", "read_table"),

@@ -1,4 +1,4 @@
-"""Logs that consist of lines: candump's, Vector's ASC, PEAK's TRC, BUSMASTER's, and SavvyCAN's GVRET.
+"""Logs that consist of lines: candump's, Vector's ASC, PEAK's TRC, BUSMASTER's, SavvyCAN's GVRET, python-can's CSV.
 
 A format turns a line into an entry or says why it cannot. A line that cannot be read is an entry like any other, and
 does not spoil its neighbours.
@@ -7,7 +7,7 @@ does not spoil its neighbours.
 from __future__ import annotations
 
 import re
-from binascii import a2b_hex
+from binascii import a2b_base64, a2b_hex
 from codecs import BOM_UTF8
 from collections.abc import Iterator
 from contextlib import suppress
@@ -27,6 +27,7 @@ from eurobot_od.traffic.entries import (
     Times,
     foreign,
     frame,
+    recorded,
     seconds,
     shortened,
 )
@@ -520,3 +521,18 @@ class GvretFormat(LineFormat):
         if len(data) != int(length):
             raise ValueError(line)
         return time, channel.decode(), frame(number, data, extended.lower() in GVRET_TRUE)
+
+
+# CSV, `1396.123456,0x8,0,0,0,8,0nQjWSwBw6U=`, as python-can writes it: identifier, flags, length, data in base 64
+
+
+class CsvFormat(LineFormat):
+    """Reads one log of python-can's CSV."""
+
+    def comment(self, line: bytes) -> bool:
+        return super().comment(line) or line.startswith(b"timestamp,")
+
+    def entry(self, line: bytes) -> tuple[float, str, Raw]:
+        stamp, identifier, extended, remote, error, length, data = line.strip().split(b",")
+        octets, flags = a2b_base64(data), (each == b"1" for each in (extended, remote, error))
+        return seconds(stamp), "", recorded(int(identifier, 16), octets, int(length), *flags)
