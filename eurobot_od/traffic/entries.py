@@ -65,8 +65,8 @@ LogEntry: TypeAlias = tuple[int, float, str, Raw]
 Entries: TypeAlias = Iterator[LogEntry]
 
 
-class Times(Sequence[float]):
-    """Times in s as they are in a log, read only when they are asked for."""
+class Stamps(Sequence[float]):
+    """Stamps in s as they are in a log, read only when they are asked for."""
 
     def __init__(self, stamps: Sequence[str]) -> None:
         self._stamps = stamps

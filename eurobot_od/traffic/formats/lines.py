@@ -24,7 +24,7 @@ from eurobot_od.traffic.entries import (
     Entries,
     Foreign,
     Raw,
-    Times,
+    Stamps,
     foreign,
     frame,
     recorded,
@@ -203,7 +203,7 @@ def _usual(lines: bytes) -> Batch | bytes:
         data = list(map(a2b_hex, words[3::4]))
     except ValueError:
         return lines
-    return Batch(range(1, len(stamps) + 1), Times(stamps), words[1::4], identifiers, data, stamps)
+    return Batch(range(1, len(stamps) + 1), Stamps(stamps), words[1::4], identifiers, data, stamps)
 
 
 class _Identifiers(dict[str, int]):
