@@ -27,7 +27,7 @@ from random import Random
 from statistics import median
 from typing import NamedTuple
 
-from eurobot_od.bus.bits import frame_bits
+from eurobot_od.bus import frame_bits
 from eurobot_od.bus.simulated.network import Simulation
 from eurobot_od.cli.load import of_robot
 from eurobot_od.device.node import Node

@@ -12,14 +12,15 @@ from typing import Any, NamedTuple
 import yaml
 
 from eurobot_od.check import suite
-from eurobot_od.check.frames import FrameShapes
 from eurobot_od.check.patterns import Pattern
-from eurobot_od.check.services import ServiceShapes
+from eurobot_od.check.shapes import FrameShapes, ServiceShapes
 from eurobot_od.check.vocabulary import DURATION, NAME, SOME_TIME, Vocabulary
 from eurobot_od.errors import UnknownName
+from eurobot_od.frame import HIGHEST_IDENTIFIER
 from eurobot_od.support import yaml_shapes as shapes
+from eurobot_od.support.declared import Within
 from eurobot_od.support.yaml_places import PlacedText, Problem, Problems, ReadError, place_of, read_all, refuse
-from eurobot_od.support.yaml_shapes import SCALAR, TEXT, Key, Schema, Shape, Within, pairs_of
+from eurobot_od.support.yaml_shapes import NUMBER, SCALAR, TEXT, Key, Schema, Shape, pairs_of
 
 VERSION = 1
 """Value of the key `spec`."""
@@ -49,10 +50,12 @@ class Format:
         # A step may hold steps, so its schema can only be a reference; it is made before the table that it reads by.
         self._step: Shape[suite.Step] = Shape(self._read_step, {"$ref": "#/$defs/step"})
         self._actions = self._action_table()
+        answer = shapes.named({"yes": True, "no": False}, "answer")
         self._common = {
             "name": Key(TEXT, "what the step is for; default: what it does"),
             "repeat": Key(COUNT, "how many times the step is done"),
-            "needed": Key(shapes.named({"yes": True, "no": False}, "answer"), "yes: the suite ends if the step fails"),
+            "needed": Key(answer, "yes: the suite ends if the step fails; no: it goes on, in the setup as well"),
+            "undo": Key(answer, "yes: done whatever becomes of the group's other steps, also after Ctrl-C"),
         }
         self._suite: Shape[dict[str, Any]] = shapes.record(dict, self._suite_table())
 
@@ -82,6 +85,7 @@ class Format:
 
     def _action_table(self) -> dict[str, ActionRow]:
         frames, services = self._frames, self._services
+        identifier = shapes.within(NUMBER, Within(0, HIGHEST_IDENTIFIER), "identifier")
         within = {"within": Key(DURATION, "longest time; default: the suite's timeout")}
         span = {"for": Key(DURATION, "how long to watch", needed=True)}
         until = {"until": Key(frames.pattern, "the frame that ends the polling", needed=True)} | within
@@ -104,6 +108,8 @@ class Format:
             "dump": ActionRow(
                 services.dump, _same, "keep the values of all settings, or check that they are unchanged"
             ),
+            "boot-up": ActionRow(services.boot_up, lambda it, **keys: it._replace(**keys), "see a reset end", within),
+            "unheard": ActionRow(identifier, suite.Unheard, "check that nobody else has sent this since the beginning"),
             "errors": ActionRow(services.errors, _same, "check that the node reports no error itself"),
             "nmt": ActionRow(services.nmt, _same, "send an NMT command"),
             "heartbeat": ActionRow(services.heartbeat, _expect_one, "wait for a heartbeat with a state", within),
@@ -149,7 +155,8 @@ class Format:
         if wrong:  # only now, so that problems in the values of the known keys are reported as well
             raise ReadError
         action = row.make(given[key], **{name: given[name] for name in row.extra if name in given})
-        name, common = str(given.get("name", action)), {key: given[key] for key in ("repeat", "needed") if key in given}
+        name = str(given.get("name", action))
+        common = {key: given[key] for key in ("repeat", "needed", "undo") if key in given}
         step = suite.Step(name, place_of(node.start_mark), action, **common)
         # Each `repeat` has its bound, but those of groups inside groups multiply.
         if step.total > MAX_COUNT:

@@ -1,8 +1,8 @@
-"""Suites on a simulated bus: nodes in simulated time, and the tester in place of the nodes that are not there.
+"""Suites on a bus: a simulated one with nodes in simulated time, or a real one with the nodes that are there.
 
-Rule of this file: the same suite and the same seed give the same frames to the bit.
+Rule of the simulated one: the same suite and the same seed give the same frames to the bit.
 
-The tester is one more node on the bus. What it sends has to win the arbitration like any other frame, so `send` ends
+The tester is one more node on it. What it sends has to win the arbitration like any other frame, so `send` ends
 when the bus has carried the frame, and that is the time from which an answer is measured. The bus runs between two
 steps of the event loop (see `simulation.loop`): what it carries is put into the trace by the loop, in its order.
 """
@@ -173,7 +173,7 @@ def run_simulated(suite: Suite, options: RunOptions, make_nodes: MakeNodes, seed
     return loop.run(network, main())
 
 
-"""Seconds for which a frame is tried again if the driver does not take it."""
+# A real bus
 
 RETRY = 0.001  # at 1 Mbit/s a bus carries some eight frames in this time
 """Seconds from one try to the next."""

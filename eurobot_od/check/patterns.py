@@ -159,11 +159,12 @@ class HeartbeatPattern(NamedTuple):
 
 
 class EmergencyPattern(NamedTuple):
-    """A node's EMCY with an error code, None for any (CiA 301, 7.2.7)."""
+    """A node's EMCY with an error code, None for any (CiA 301, 7.2.7); `save` is the variable for its register."""
 
     node: str
     cob_id: int
     code: int | None
+    save: str | None = None
 
     def mismatches(self, frame: Frame, _: Variables) -> list[Mismatch]:
         """Return how an EMCY differs."""

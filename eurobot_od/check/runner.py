@@ -15,8 +15,8 @@ from typing import Any
 
 from eurobot_od.check.bench import Bench
 from eurobot_od.check.report import Line, Status, StepReason, StepResult, SuitePart, SuiteResult
-from eurobot_od.check.steps import Doer, Failed, Skipped
-from eurobot_od.check.suite import Group, Step, Suite
+from eurobot_od.check.steps import Doer, Failed, Gone, Skipped
+from eurobot_od.check.suite import Group, Never, Report, SdoRead, SdoWrite, Step, Suite
 from eurobot_od.device.nmt import NmtState, error_control
 from eurobot_od.errors import BusError, LocalError, RemoteError
 from eurobot_od.od.standard import EMCY
@@ -24,6 +24,9 @@ from eurobot_od.od.values import base_identifier
 
 AFTER_SKIPPED = StepReason("it belongs to a step that is skipped")
 """Why the rest of a group is skipped after one of its steps."""
+
+OWN_ERROR = "the node has an error of its own (0x1001), which is red, and need not be OPERATIONAL with it"
+"""Why a step is skipped that waits in vain for what comes in OPERATIONAL."""
 
 EMCY_LENGTH = 8
 """Bytes of every EMCY (CiA 301, 7.2.7.4)."""
@@ -34,6 +37,14 @@ FRAMES_SHOWN = 8
 
 GOES_ON = (Status.PASSED, Status.SKIPPED)
 """What a step may end as without ending its suite."""
+
+
+def _is_look(step: Step) -> bool:
+    """Whether nothing behind a step in its group needs that it is green."""
+    action = step.action
+    if isinstance(action, SdoRead):
+        return action.save is None
+    return isinstance(action, Never) or (isinstance(action, SdoWrite) and action.abort is not None)
 
 
 class Interrupt:
@@ -53,18 +64,23 @@ class Interrupt:
 
     @contextmanager
     def by_ctrl_c(self) -> Iterator[None]:
-        """Have the first Ctrl-C end the suite under way with its teardown; a second one ends everything at once."""
+        """Have the first Ctrl-C end the suite under way with its teardown; a second one ends everything at once.
+
+        So does the first SIGTERM, by which `timeout` ends a program.
+        """
 
         def handle(*_: object) -> None:
-            # From now on Ctrl-C does what it always does: a teardown may wait long for a node that is gone.
+            # From now on each does what it always does: a teardown may wait long for a node that is gone.
             signal.signal(signal.SIGINT, signal.default_int_handler)
+            signal.signal(signal.SIGTERM, signal.SIG_DFL)
             self.request()
 
-        before = signal.signal(signal.SIGINT, handle)
+        before = {each: signal.signal(each, handle) for each in (signal.SIGINT, signal.SIGTERM)}
         try:
             yield
         finally:
-            signal.signal(signal.SIGINT, before)
+            for each, handler in before.items():
+                signal.signal(each, handler)
 
     async def guard(self, work: Coroutine[Any, Any, None]) -> None:
         """Do some work, to its end or until the interrupt."""
@@ -85,7 +101,8 @@ class RunOptions:
     """How suites are run: `keep_going` does the next steps after a failed one, `chosen` says which steps are asked for.
 
     Those before one that is asked for are done, too, as it needs what they do, unless they are `independent`.
-    `interrupt` may end a suite; `show` is called with each step's result as it comes.
+    `interrupt` may end a suite; `show` is called with each step's result as it comes. `reported` has what is red once
+    for a node, however many suites find it.
     """
 
     keep_going: bool = False
@@ -93,6 +110,7 @@ class RunOptions:
     independent: bool = False
     interrupt: Interrupt = field(default_factory=Interrupt)
     show: Callable[[StepResult], None] = lambda _: None
+    reported: set[Report] = field(default_factory=set)
 
 
 class Runner:
@@ -103,19 +121,24 @@ class Runner:
         self._results: list[StepResult] = []
         self._stopped = False
         self._error = ""
+        self._undo: dict[str, Step] = {}
 
     async def run(self, how: str) -> SuiteResult:
         """Run the suite, its teardown in any case; `how` names the bench for reports."""
         suite = self._suite
         await self._bench.begin()
         self._start = self._trace.now
-        self._doer = Doer(suite.timeout, suite.decoder, self._bench)
+        self._doer = Doer(suite.timeout, suite.decoder, self._bench, self._options.reported)
         await self._options.interrupt.guard(self._until_teardown())
         # A lost bus is waited for only where that can help: with a teardown to do, and a bus that has worked once. One
         # that never did (a wrong channel, no other node) would only cost `RECOVERY` seconds for each suite.
         has_worked = any(result.status is Status.PASSED for result in self._results)
         recovers = bool(suite.teardown) and has_worked
         self._stopped = bool(self._error) and not (recovers and await self._bench.recover())
+        # What an interrupt has left of a group first: the teardown may look whether all is as it was.
+        for name, step in [*self._undo.items()]:
+            if not self._stopped:
+                await self._step(SuitePart.TEARDOWN, step, True, name)
         # Also after a red step of it: the next one may be the one that stops the node.
         await self._section(SuitePart.TEARDOWN, suite.teardown, keep_going=True)
         return SuiteResult(suite.file, suite.name, how, tuple(self._results), self._since_start, error=self._error)
@@ -137,33 +160,43 @@ class Runner:
             else:
                 await self._step(section, step, keep_going, step.name)
 
-    async def _step(self, section: SuitePart, step: Step, keep_going: bool, name: str) -> Status:
-        """Do a step, tell its result, and return how it ended; a group passes whatever becomes of its steps."""
+    async def _step(self, section: SuitePart, step: Step, keep_going: bool, name: str) -> StepReason | None:
+        """Do a step, tell its result, and return why what builds on it is not done, None if it is."""
         if isinstance(step.action, Group):
-            await self._group(section, step, step.action, keep_going, name)
-            return Status.PASSED
+            return await self._group(section, step, step.action, keep_going, name)
         started = self._since_start
         status, reason = Status.INTERRUPTED, None
         try:
             status, reason = await self._judge(step)
         finally:  # an interrupt passes through here, and leaves the step as INTERRUPTED
-            ends_all = bool(self._error) or not (status in GOES_ON or (keep_going and not step.needed))
+            goes_on = keep_going if step.needed is None else not step.needed
+            ends_all = bool(self._error) or not (status in GOES_ON or goes_on)
             self._stopped = self._stopped or ends_all
             took = self._since_start - started
             self._tell(StepResult(section, name, step.place, status, started, took, reason))
-        return status
+        if status is Status.SKIPPED:
+            return AFTER_SKIPPED
+        return None if status is Status.PASSED or _is_look(step) else StepReason(f"'{step.name}' before it is red")
 
-    async def _group(self, section: SuitePart, step: Step, group: Group, keep_going: bool, name: str) -> None:
+    async def _group(
+        self, section: SuitePart, step: Step, group: Group, keep_going: bool, name: str
+    ) -> StepReason | None:
+        """Do the steps of a group; what a red one leaves undone leaves the rest of an outer group undone, too."""
+        why: StepReason | None = None
         for turn in range(1, step.repeat + 1):
             heading = f"{name} {turn}/{step.repeat}" if step.repeat > 1 else name
-            status = Status.PASSED
-            for each in group.steps:
-                title = f"{heading}: {each.name}"
-                if status is Status.SKIPPED:
+            why = None if why is AFTER_SKIPPED else why
+            titled = [(f"{heading}: {each.name}", each) for each in group.steps]
+            self._undo |= {title: each for title, each in titled if each.undo}
+            for title, each in titled:
+                if why is not None and not each.undo:
                     now = self._since_start
-                    self._tell(StepResult(section, title, each.place, status, now, 0.0, AFTER_SKIPPED))
+                    self._tell(StepResult(section, title, each.place, Status.SKIPPED, now, 0.0, why))
                 elif not self._stopped:
-                    status = await self._step(section, each, keep_going, title)
+                    self._undo.pop(title, None)
+                    found = await self._step(section, each, keep_going, title)
+                    why = why if each.undo else found
+        return None if why is AFTER_SKIPPED else why
 
     async def _judge(self, step: Step) -> tuple[Status, StepReason | None]:
         """Do a step as often as it says, and return how it ended."""
@@ -175,6 +208,9 @@ class Runner:
             return Status.SKIPPED, skipped.reason
         except Failed as failed:
             status, reason = Status.FAILED, failed.reason
+            if await self._doer.follows_from_own_error(step.action):
+                return Status.SKIPPED, StepReason(f"{reason.what}: {OWN_ERROR}")
+            self._stopped = self._stopped or isinstance(failed, Gone)
         except (LocalError, RemoteError) as error:
             status, reason = Status.FAILED, StepReason(str(error))
         except BusError as error:

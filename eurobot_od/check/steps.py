@@ -10,22 +10,35 @@ The only clock and the only bus are the bench's.
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from functools import singledispatchmethod
 from typing import Any
 
 from eurobot_od.check import suite
 from eurobot_od.check.bench import Bench, SeenFrame
-from eurobot_od.check.patterns import Mismatch, Pattern, Sent, is_final
+from eurobot_od.check.patterns import EmergencyPattern, Mismatch, Pattern, Sent, is_final
 from eurobot_od.check.report import StepReason
 from eurobot_od.check.values import ValueProblem
 from eurobot_od.device.broadcasts import HISTORY, REGISTER_BITS, error_words
+from eurobot_od.device.nmt import NmtCommand, NmtState
 from eurobot_od.errors import BusError, NoAnswer
 from eurobot_od.frame import Frame
 from eurobot_od.od import objects
-from eurobot_od.od.standard import ERROR_FIELD, ERROR_REGISTER
-from eurobot_od.od.values import NMT_COB_ID
+from eurobot_od.od.standard import ERROR_FIELD, ERROR_REGISTER, SYNC_COUNTER, SYNC_PERIOD
+from eurobot_od.od.values import (
+    COB_ID,
+    COMMUNICATIONS,
+    ERROR_CONTROL_BASE,
+    INHIBIT_TIME,
+    MAPPING_OFFSET,
+    MAPPINGS,
+    NMT_COB_ID,
+    NOT_VALID,
+    SYNC_START,
+    Address,
+    label,
+)
 from eurobot_od.sdo.client import (
     Aborted,
     OddAnswer,
@@ -42,6 +55,20 @@ from eurobot_od.support.texts import amount
 from eurobot_od.traffic.decoding import Following
 from eurobot_od.traffic.meaning import Decoder, Meaning
 
+BOOTED = bytes([NmtState.INITIALISING])
+"""The data of a boot-up (CiA 301, 7.3.2.2.2)."""
+
+ERROR_CONTROL = range(ERROR_CONTROL_BASE + 1, ERROR_CONTROL_BASE + 0x80)
+
+POLLED = 0.1
+"""Seconds for an answer to the question whether a node is there."""
+
+NOT_WHILE_VALID = (COB_ID, INHIBIT_TIME, SYNC_START)
+"""Parameters of a PDO that must not be changed while it is valid (CiA 301, 7.5.2.35 and 7.5.2.37)."""
+
+REGISTER = 2
+"""Where the error register stands in an EMCY (CiA 301, 7.2.7.4)."""
+
 MOST_BEFORE = 512
 """Frames that are looked at to understand the last ones; a block of SDO has at most 127."""
 
@@ -52,6 +79,10 @@ class Failed(Exception):
     def __init__(self, reason: StepReason) -> None:
         super().__init__(reason.what)
         self.reason = reason
+
+
+class Gone(Failed):
+    """A node does not come back from a reset: nothing else can be asked."""
 
 
 class Skipped(Exception):
@@ -65,9 +96,12 @@ class Skipped(Exception):
 class Doer:
     """Does the steps of a suite; keeps what they know of each other: the last question, used frames, variables."""
 
-    def __init__(self, timeout: float, decoder: Decoder, bench: Bench) -> None:
+    def __init__(self, timeout: float, decoder: Decoder, bench: Bench, reported: set[suite.Report]) -> None:
         self._timeout, self._decoder, self._bench, self._trace = timeout, decoder, bench, bench.trace
+        self._reported = reported
         self._variables: dict[str, Any] = {}
+        self._kept: dict[str, Address] = {}
+        self._started: int | None = None
         self._used: set[int] = set()
         self._mark, self._edge = 0, len(bench.trace)
         self._dumped: dict[str, str] = {}
@@ -140,6 +174,7 @@ class Doer:
     @_do.register
     async def _nmt(self, action: suite.Nmt) -> None:
         self._ask()
+        self._started = action.node_id if action.command is NmtCommand.START else None
         await self._put(Frame(NMT_COB_ID, bytes([action.command, action.node_id])))
 
     @_do.register
@@ -189,6 +224,8 @@ class Doer:
             hit = next((each for each in tried if not self._mismatches(each, seen)), None)
             if hit is not None:
                 self._use(number)
+                if isinstance(hit, EmergencyPattern) and hit.save is not None:
+                    self._variables[hit.save] = seen.frame.data[REGISTER]
                 left = [] if order is suite.Order.ANY else [each for each in left if each is not hit]
                 start = self._mark  # a frame passed over may be what the remaining patterns wait for
             elif any(is_final(each) for each in left if each.cob_id == seen.frame.cob_id):
@@ -224,6 +261,13 @@ class Doer:
                 raise Failed(StepReason(what, f"never {action.pattern.text(self._variables)}", self._meaning(seen)))
             start = number + 1
         self._edge = len(self._trace)
+
+    @_do.register
+    async def _unheard(self, action: suite.Unheard) -> None:
+        seen = [each for each in self._trace.frames if each.frame.cob_id == action.cob_id and not each.own]
+        if seen:
+            what = f"{amount(len(seen), 'frame')} came with the identifier 0x{action.cob_id:03X}"
+            raise Failed(StepReason(what, "none", str(seen[0].frame)))
 
     @_do.register
     async def _poll(self, action: suite.Poll) -> None:
@@ -269,6 +313,8 @@ class Doer:
     @_do.register
     async def _sdo_read(self, action: suite.SdoRead) -> None:
         self._ask()
+        if action.save is not None:
+            self._variables.pop(action.save, None)  # what another object had under this name is not this one's
         begin = block_upload if action.blocks else upload
         data = await self._transfer(action, begin(objects.address_of(action.variable), self._longest(action.within)))
         if data is None:
@@ -284,6 +330,7 @@ class Doer:
             raise Failed(StepReason(f"{label} is not as expected", wanted, came, (Mismatch(label, wanted, came),)))
         if action.save is not None:
             self._variables[action.save] = value
+            self._kept[action.save] = objects.address_of(action.variable)
 
     @_do.register
     async def _sdo_write(self, action: suite.SdoWrite) -> None:
@@ -312,6 +359,82 @@ class Doer:
         return data
 
     @_do.register
+    async def _sdo_restore(self, action: suite.SdoRestore) -> None:
+        """Write only what differs; raises Failed if the node does not have the value afterwards."""
+        # An interrupt may have come before it was read, and the variable still have what another object had.
+        if action.saved not in self._variables or self._kept[action.saved] != objects.address_of(action.variable):
+            raise Skipped(StepReason("it was not read before, so nothing of it has been changed"))
+        self._ask()
+        address, content = objects.address_of(action.variable), action.content(self._variables)
+        if await self._read(action, address) == content:
+            return
+        before, after, refused = list[tuple[Address, bytes]](), list[tuple[Address, bytes]](), ""
+        for other, change in _meanwhile(address):
+            old = await self._read(action, other)
+            new = change(int.from_bytes(old, "little")).to_bytes(len(old), "little")
+            before += [(other, new)] * (new != old)
+            after += [(other, old)] * (new != old and other != address)
+        for at, data in (*before, (address, content), *reversed(after)):
+            try:
+                await self._run(download(at, data, self._longest(action.within)), action.node)
+            except Aborted as error:
+                refused = f" ({label(at)}: {error})"
+        now = await self._read(action, address)
+        if now != content:
+            what = f"{objects.label(action.variable)} cannot be put back{refused}"
+            raise Failed(StepReason(what, content.hex(" ").upper(), now.hex(" ").upper() or "nothing"))
+
+    async def _read(self, action: suite.SdoRestore, address: Address) -> bytes:
+        """Read an object; one that cannot be read now is empty."""
+        with suppress(Aborted):
+            return await self._run(upload(address, self._longest(action.within)), action.node)
+        return b""
+
+    @_do.register
+    async def _boot_up(self, action: suite.BootUp) -> None:
+        """Wait for a boot-up; raises Failed once for a node that sends none, Gone for one that does not come back."""
+        missing = suite.Reported.NO_BOOT_UP, action.node
+        # One that sends none is waited for once, and reported once.
+        if missing not in self._reported and await self._booted(action):
+            return
+        deadline = self._deadline(action.within)
+        while self._trace.now < deadline:
+            # Any answer will do, an abort as well: what it says is not the question here.
+            with suppress(NoAnswer):
+                await self._probe(action.node)
+                break
+        else:
+            raise Gone(StepReason(f"{self._no_boot_up(action)}, and no answer to an SDO request as long again"))
+        if missing not in self._reported:
+            self._reported.add(missing)
+            raise Failed(StepReason(f"{self._no_boot_up(action)}, but the node answers SDO requests"))
+
+    async def _booted(self, action: suite.BootUp) -> bool:
+        """Wait for the boot-up since the last question; False if none comes in its time."""
+        own, deadline = frozenset([ERROR_CONTROL_BASE + action.node.node_id]), self._deadline(action.within)
+        start = self._mark
+        # What comes before it was under way when the node heard of the reset: heartbeats, answers to guarding.
+        while (number := await self._trace.first(own, start, deadline)) is not None:
+            start = number + 1
+            if self._trace.frames[number].frame.data == BOOTED:
+                self._use(number)
+                return True
+        return False
+
+    def _no_boot_up(self, action: suite.BootUp) -> str:
+        """Say that no boot-up came, and whose came instead: a node may come back with another node-ID."""
+        seen = (frame for _, frame, own in self._trace.frames[self._mark :] if not own and frame.data == BOOTED)
+        others = sorted({frame.cob_id - ERROR_CONTROL_BASE for frame in seen if frame.cob_id in ERROR_CONTROL})
+        instead = f" (node {', '.join(map(str, others))} booted instead)" if others else ""
+        within = texts.text(self._longest(action.within))
+        return f"no boot-up {ERROR_CONTROL_BASE + action.node.node_id:03X}#00 within {within} from the reset{instead}"
+
+    async def _probe(self, node: suite.NodeServices) -> None:
+        """Ask for the error register, which every device has; raises NoAnswer."""
+        with suppress(Aborted, OddAnswer):
+            await self._run(upload(ERROR_REGISTER, POLLED), node)
+
+    @_do.register
     async def _dump(self, action: suite.Dump) -> None:
         if action.equal and not self._dumped:
             raise Skipped(StepReason("nothing was read before"))
@@ -323,6 +446,8 @@ class Doer:
                 dump[objects.label(variable)] = data.hex(" ").upper()
             except Aborted as error:  # a dump is red only if something has changed, a refusal too
                 dump[objects.label(variable)] = code_and_reason(error.code)
+            except OddAnswer as error:
+                dump[objects.label(variable)] = str(error)
         if not action.equal:
             self._dumped = dump
             return
@@ -349,7 +474,21 @@ class Doer:
                     # Its lower half is the error code, the upper half the maker's.
                     code = int.from_bytes(remembered[:2], "little")
                     words.append(f"0x{code:04X} {error_words(code, {})}")
+            self._reported.add((suite.Reported.OWN_ERROR, action.node))
             raise Failed(StepReason(f"{action.node.name} reports an error itself", "none", "; ".join(words)))
+
+    async def follows_from_own_error(self, action: suite.Action) -> bool:
+        """Whether a node that does not send what is awaited has a known error, and was just told to be OPERATIONAL.
+
+        By 0x1029 such a node may refuse that, or leave it again.
+        """
+        found = (node for what, node in self._reported if what is suite.Reported.OWN_ERROR)
+        node = next((each for each in found if each.node_id == self._started), None)
+        if node is None or not isinstance(action, (suite.Expect, suite.Period)):
+            return False
+        with suppress(Aborted, NoAnswer):
+            return any(await self._run(upload(ERROR_REGISTER, self._timeout), node))
+        return False
 
     async def _run(self, transfer: Transfer, node: suite.NodeServices) -> bytes:
         """Do a transfer and return what it brought; raises NoAnswer, Aborted.
@@ -357,8 +496,8 @@ class Doer:
         An answer that has not the length of an SDO frame raises OddAnswer.
         """
         requests = transfer.start(self._trace.now)
+        start = len(self._trace)  # before sending, as a fast node answers before `_put` has returned
         while True:
-            start = len(self._trace)  # before sending, as a fast node answers before `_put` has returned
             for request in requests:
                 await self._put(Frame(node.sdo_request, request))
             if transfer.done:  # only now: the last request may be an abort of ours, which the node has to get
@@ -368,6 +507,7 @@ class Doer:
                 requests = transfer.tick(transfer.deadline)
                 continue
             self._use(number)
+            start = number + 1  # not the end of the trace: a block's segments come several at a time
             answer = self._trace.frames[number].frame.data
             if len(answer) != LENGTH:
                 raise OddAnswer(answer, f"of {LENGTH} bytes")
@@ -375,6 +515,10 @@ class Doer:
         try:
             return transfer.result()
         except Silence:
+            # A late answer is to this question, and must not be taken for one to the next.
+            late = await self._trace.first(frozenset([node.sdo_answer]), start, self._trace.now + transfer.wait)
+            if late is not None:
+                self._use(late)
             raise NoAnswer("SDO request", f"answer from {node.name}", 1, transfer.wait) from None
 
     # Variables
@@ -387,6 +531,17 @@ class Doer:
             if last is None:
                 raise Failed(StepReason(f"no {binding.name} has come yet"))
             self._variables[name] = getattr(self._decoder.protocol.decode(*last), field)
+
+
+def _meanwhile(address: Address) -> Iterator[tuple[Address, Callable[[int], int]]]:
+    """Give the objects that must have another value while an object is changed, and what becomes of theirs."""
+    index, sub = address
+    if index in MAPPINGS or (index in COMMUNICATIONS and sub in NOT_WHILE_VALID):
+        yield (index - MAPPING_OFFSET * (index in MAPPINGS), COB_ID), lambda cob_id: cob_id | NOT_VALID
+    if index in MAPPINGS and sub:
+        yield (index, 0), lambda _: 0  # (CiA 301, 7.5.2.36)
+    if address == SYNC_COUNTER:
+        yield SYNC_PERIOD, lambda _: 0  # (CiA 301, 7.5.2.22)
 
 
 def _words(meaning: Meaning) -> str:

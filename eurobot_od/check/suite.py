@@ -112,6 +112,16 @@ class NodeServices(NamedTuple):
         return cls(device.name, device.node_id, *SdoChannel.of(device))
 
 
+class Reported(Enum):
+    """What is red once for a node, however many steps find it."""
+
+    NO_BOOT_UP = "it sends no boot-up"
+    OWN_ERROR = "it reports an error of its own"
+
+
+Report: TypeAlias = "tuple[Reported, NodeServices]"
+
+
 class AbortCodes(NamedTuple):
     """Abort codes, one of which has to come; none of them stands for any code."""
 
@@ -167,6 +177,33 @@ class SdoWrite(NamedTuple):
         return f"SDO write {objects.label(self.variable)}"
 
 
+class SdoRestore(NamedTuple):
+    """Give an object the value that a variable has kept, unless it has it; of a PDO as CiA 301, 7.5.2.35, says."""
+
+    node: NodeServices
+    variable: ODVariable
+    saved: str
+    within: float | None = None
+
+    def content(self, variables: Variables) -> bytes:
+        """Return the bytes that were kept; raises FieldError."""
+        value = variables[self.saved]
+        return value if isinstance(value, bytes) else objects.encode(self.variable, value)
+
+    def __str__(self) -> str:
+        return f"SDO restore {objects.label(self.variable)}"
+
+
+class BootUp(NamedTuple):
+    """Wait for the boot-up that ends a reset; without one ask by SDO, as long again, whether the node is there."""
+
+    node: NodeServices
+    within: float | None = None
+
+    def __str__(self) -> str:
+        return f"boot-up of {self.node.name}"
+
+
 class Dump(NamedTuple):
     """Read many objects, and keep what they have, or see that it is what was kept."""
 
@@ -176,6 +213,15 @@ class Dump(NamedTuple):
 
     def __str__(self) -> str:
         return f"dump of {amount(len(self.variables), 'object')}"
+
+
+class Unheard(NamedTuple):
+    """See that nobody but the tester has sent a frame with an identifier since the suite began."""
+
+    cob_id: int
+
+    def __str__(self) -> str:
+        return f"nothing on 0x{self.cob_id:03X}"
 
 
 class SelfReported(NamedTuple):
@@ -241,7 +287,10 @@ class Skip(NamedTuple):
 
 
 class Group(NamedTuple):
-    """Steps that belong together: where one is skipped, those after it are too."""
+    """Steps that belong together: where one is skipped, or red and needed by what follows, those after it are skipped.
+
+    Its steps that `undo` are done all the same.
+    """
 
     steps: tuple[Step, ...]
 
@@ -251,18 +300,23 @@ class Group(NamedTuple):
 
 Action: TypeAlias = (
     "Send | Answer | Expect | Never | Poll | Period "
-    "| SdoRead | SdoWrite | Dump | SelfReported | Nmt | Save | Wait | Skip | Group"
+    "| SdoRead | SdoWrite | SdoRestore | BootUp | Unheard | Dump | SelfReported | Nmt | Save | Wait | Skip | Group"
 )
 
 
 class Step(NamedTuple):
-    """One step: its name, where it stands, what is done, how many times, and whether the suite ends if it fails."""
+    """One step: its name, where it stands, what is done, how many times, and whether the suite ends if it fails.
+
+    `needed` is None where that depends on the part of the suite. A step that is to `undo` what its group has changed is
+    done whatever becomes of the others.
+    """
 
     name: str
     place: Place
     action: Action
     repeat: int = 1
-    needed: bool = False
+    needed: bool | None = None
+    undo: bool = False
 
     @property
     def total(self) -> int:

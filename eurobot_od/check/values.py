@@ -22,7 +22,7 @@ from eurobot_od.pdo.kinds import Kind, OutOfRange
 
 Variables: TypeAlias = Mapping[str, Any]
 
-VARIABLE = re.compile(r"\{\s*(?P<name>[A-Za-z_][A-Za-z0-9_]*)\s*\}")
+VARIABLE = re.compile(r"\{\s*(?P<name>[A-Za-z_][A-Za-z0-9_]*)\s*(?:\|\s*0[xX](?P<bits>[0-9A-Fa-f]{1,8})\s*)?\}")
 
 
 class ValueProblem(LocalError):
@@ -152,7 +152,7 @@ class Scale(NamedTuple):
             return Operand(self.values.parse(str(self.constants[name])), None, self.values)
         if name not in self.saved:
             raise UnknownName("variable", name, sorted({*self.constants, *self.saved}))
-        return Operand(None, name, self.values)
+        return Operand(None, name, self.values, int(match["bits"] or "0", 16))
 
     @property
     def distances(self) -> Scale:
@@ -161,11 +161,12 @@ class Scale(NamedTuple):
 
 
 class Operand(NamedTuple):
-    """A value, or the variable that will have it."""
+    """A value, or the variable that will have it; of a whole number some `bits` are set."""
 
     value: Any
     variable: str | None
     values: Values
+    bits: int = 0
 
     def resolve(self, variables: Variables) -> Any:
         """Return the value now; raises NotSaved."""
@@ -173,7 +174,8 @@ class Operand(NamedTuple):
             return self.value
         if self.variable not in variables:
             raise NotSaved(self.variable)
-        return variables[self.variable]
+        value = variables[self.variable]
+        return value | self.bits if self.bits and isinstance(value, int) else value
 
     def text(self, variables: Variables) -> str:
         """Write the value for a person, with the variable it came from."""

@@ -15,7 +15,7 @@ from eurobot_od.check import report
 from eurobot_od.check.reader import SuiteReader
 from eurobot_od.check.report import CheckedSeed, StepResult, SuiteResult
 from eurobot_od.check.runner import Interrupt, RunOptions
-from eurobot_od.check.suite import Suite
+from eurobot_od.check.suite import Report, Suite
 from eurobot_od.cli import ExitStatus, version
 from eurobot_od.cli.devices import Devices, complain_of_repairs, left_out
 from eurobot_od.cli.options import BusOptions, Campaign, Faults, Json, Output, counted, whole, write
@@ -79,7 +79,7 @@ class CheckReport:
         if self.as_json:
             print(json.dumps(report.as_data(results), indent=2))
         elif self.ctt:
-            from eurobot_od.check.conformance.ctt import lines
+            from eurobot_od.check.conformance.page import lines
 
             for each in checks.made.device_runs(checks.devices.load(), results, ""):
                 print(each.dictionary.name, *lines(each.tests), sep="\n")
@@ -324,14 +324,22 @@ class Checks:
         return "" if fits else f"skipped: it is for the dialect {suite.dialect}"
 
     def run(
-        self, suite: Suite, seed: int, interrupt: Interrupt, show: Callable[[StepResult], None] = lambda _: None
+        self,
+        suite: Suite,
+        seed: int,
+        interrupt: Interrupt,
+        reported: set[Report],
+        show: Callable[[StepResult], None] = lambda _: None,
     ) -> SuiteResult:
-        """Run a suite, unless it is skipped; `show` gets each step's result as it comes."""
+        """Run a suite, unless it is skipped; `show` gets each step's result as it comes.
+
+        `reported` has what suites before it have found in a node.
+        """
         if skipped := self.skips(suite):
             return SuiteResult(suite.file, suite.name, self.how(seed), skipped=skipped)
         # A conformance suite is to find all that is wrong with a device; its steps do not build on each other.
         keeps_going, is_chosen_here = self.keep_going or self.made.is_wanted, partial(is_chosen, self.step)
-        options = RunOptions(keeps_going, is_chosen_here, self.made.is_wanted, interrupt, show)
+        options = RunOptions(keeps_going, is_chosen_here, self.made.is_wanted, interrupt, show, reported)
         if self.simulate:
             return self.devices.robot.simulate(suite, options, self.fault, seed, self.made.profile or 0)
         from eurobot_od.check.on_bus import run_live
@@ -342,8 +350,8 @@ class Checks:
         """Run all suites for one seed, in any process."""
         # Read anew in each process: suites hold functions, which cannot be sent to another one.
         # PDOs that are left out were reported when the suites were first read, before there were processes.
-        suites = self.suites(self.reader())
-        return CheckedSeed(seed, tuple(self.run(suite, seed, Interrupt()) for suite in suites))
+        suites, reported = self.suites(self.reader()), set[Report]()
+        return CheckedSeed(seed, tuple(self.run(suite, seed, Interrupt(), reported) for suite in suites))
 
     def settings(self, suites: Sequence[Suite]) -> dict[str, str]:
         """Return all that the results of a seed depend on: the options, and the content of the files."""
@@ -418,13 +426,14 @@ def results_of(
     """Run the suites for all seeds, until an interrupt or until the bus fails."""
     gone: set[tuple[str, ...]] = set()  # a device that does not come back from a reset is reported once
     for seed in seeds:
+        reported = set[Report]()
         for suite in suites:
             if interrupt.requested:
                 return
             if suite.nodes in gone:
                 continue
             printer.heading(suite, checks.skips(suite) or checks.how(seed))
-            result = checks.run(suite, seed, interrupt, printer.step)
+            result = checks.run(suite, seed, interrupt, reported, printer.step)
             printer.end(result)
             yield result
             if result.error:  # the bus is gone, for all suites that follow

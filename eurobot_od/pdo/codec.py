@@ -1,4 +1,4 @@
-"""A message's two functions, data to message and message to frame, generated from its layout.
+"""Where each bit of a message lies, and its two functions made from that: data to message, and message to frame.
 
 A frame is read as one integer, the word; a field is then a shift and a mask. Interpreting the layout for each frame
 would take several times as long as the shifts. So the few lines for a message are written as source once, and compiled.

@@ -56,7 +56,7 @@ from math import ceil, floor, lcm, log10
 from types import MappingProxyType
 from typing import Any, NamedTuple, TypeAlias
 
-from eurobot_od.bus.bits import longest_frame
+from eurobot_od.bus import longest_frame
 from eurobot_od.errors import DictionaryError, FileError, LocalError
 from eurobot_od.od import standard, values
 from eurobot_od.od.dictionary import Dictionary, SdoChannel

@@ -17,7 +17,7 @@ from statistics import fmean, pstdev
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 from eurobot_od.bus.live import FrameReader, Opener
-from eurobot_od.client.boot import Heartbeats
+from eurobot_od.client.watch import Heartbeats
 from eurobot_od.device.nmt import STATE_NAMES, NmtState
 from eurobot_od.errors import BusError
 from eurobot_od.frame import Frame, identifier_text

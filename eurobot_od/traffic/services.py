@@ -15,7 +15,6 @@ from eurobot_od.device.nmt import ALL_NODES, COMMAND_NAMES, STATE_NAMES, TOGGLE
 from eurobot_od.od import standard, values
 from eurobot_od.od.dictionary import Dictionary, sdo_channels
 from eurobot_od.od.objects import data_type
-from eurobot_od.od.profiles.words import with_words, words
 from eurobot_od.od.standard import (
     ANY_BIT,
     AUTOMATIC,
@@ -37,6 +36,7 @@ from eurobot_od.od.standard import (
 )
 from eurobot_od.od.values import Address
 from eurobot_od.od.values import text as time_text
+from eurobot_od.od.words import with_words, words
 from eurobot_od.sdo.wire import (
     ANSWER_SUB_COMMAND,
     BLOCK_SIZE_GIVEN,

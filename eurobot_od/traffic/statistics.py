@@ -12,7 +12,7 @@ from itertools import islice
 from operator import sub
 from typing import Any, NamedTuple
 
-from eurobot_od.bus.bits import bits_together, frame_bits
+from eurobot_od.bus import bits_together, frame_bits
 from eurobot_od.frame import Frame, identifier_text
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.sdo.wire import code_and_reason

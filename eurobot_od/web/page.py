@@ -19,7 +19,7 @@ from html import escape
 from pathlib import Path
 from typing import Any, ClassVar, NamedTuple
 
-from eurobot_od.bus.bits import frame_bits
+from eurobot_od.bus import frame_bits
 from eurobot_od.frame import Frame
 from eurobot_od.od.standard import IDENTITY
 from eurobot_od.pdo.binding import Binding

@@ -11,7 +11,6 @@ from typing import TypeAlias
 
 from canopen.objectdictionary import ODVariable
 
-from eurobot_od.device.broadcasts import ErrorCode
 from eurobot_od.device.faults import device, hooks
 from eurobot_od.device.faults.hooks import Caught, Fault, FrameChange, Mixin
 from eurobot_od.device.nmt import ALL_NODES, NmtCommand, NmtState, error_control
@@ -32,6 +31,7 @@ from eurobot_od.od.standard import (
     SYNC_COUNTER,
     SYNC_PERIOD,
     VERIFY_CONFIGURATION,
+    ErrorCode,
 )
 from eurobot_od.od.values import (
     BASE_IDENTIFIER,
@@ -444,8 +444,8 @@ FAULTS: Mapping[str, Fault] = {
     ),
     "read-only-code-wrong": _fault(
         "7.4.5 Read-only",
-        "refuses to write a read-only object as unsupported access",
-        _instead(of=AbortCode.READ_ONLY, by=AbortCode.UNSUPPORTED_ACCESS),
+        "refuses to write a read-only object as one that cannot be read",
+        _instead(of=AbortCode.READ_ONLY, by=AbortCode.WRITE_ONLY),
     ),
     "unknown-object-as-zero": _fault(
         "7.2.4.3.17 Unknown object",
@@ -689,7 +689,7 @@ ALSO_FOUND: Mapping[str, str] = {
     "sdo-not-answered": "7.2.4.3.5 SDO: the device answers",
     "sdo-value-reversed": "7.2.4.3.17 Unknown object",
     "sdo-write-forgotten": "7.5.2.20 Heartbeat time: a change counts at once",
-    "sdo-abort-general": "7.2.4.3.17 Unknown object",
+    "sdo-abort-general": "7.4.4 Length of the type",
     "sdo-abort-silent": "7.2.4.3.17 Unknown object",
     "babbling": "7.2.7 EMCY: none without an error",
 }

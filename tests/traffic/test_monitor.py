@@ -9,7 +9,7 @@ from time import monotonic
 import can
 import pytest
 
-from eurobot_od.bus.bits import frame_bits
+from eurobot_od.bus import frame_bits
 from eurobot_od.errors import BusError
 from eurobot_od.frame import EXTENDED, Frame, RemoteFrame
 from eurobot_od.robot import dialects

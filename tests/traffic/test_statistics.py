@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from eurobot_od.bus.bits import frame_bits
+from eurobot_od.bus import frame_bits
 from eurobot_od.frame import Frame
 from eurobot_od.traffic.load import MessageSet, PeriodicMessage, load_report
 from eurobot_od.traffic.statistics import SeenTraffic, table

@@ -13,7 +13,7 @@ from typing import Generic, NamedTuple, TypeAlias, TypeVar
 
 from eurobot_od.check.conformance import step
 from eurobot_od.check.conformance.step import Data, Steps
-from eurobot_od.check.conformance.subject import EVERY_INDEX, Subject, Tier, need, or_skipped
+from eurobot_od.check.conformance.subject import EVERY_INDEX, Subject, Tier, fresh, need, or_skipped
 from eurobot_od.check.format import VERSION
 from eurobot_od.od.values import Address
 
@@ -58,6 +58,9 @@ class StepName(NamedTuple):
 
 ANSWERS = "7.2.4.3.5 SDO: the device answers [reading]"
 """The name of the step by which each suite begins."""
+
+AS_THEY_WERE = "7.4 Values: they are as they were [reading]"
+"""The name of the step by which each suite ends."""
 
 SubjectT = TypeVar("SubjectT", bound=Subject)
 
@@ -108,12 +111,15 @@ class Clause(Generic[SubjectT]):
 class Chapter(list[Clause[SubjectT]]):
     """A suite: its word, what it is about, and its clauses in the order of its file.
 
-    A group of steps begins and ends with what is `around` it.
+    Groups of steps that leave traces in the communication begin and end with a reset of it if it is `fresh`, and put
+    back what the objects that they `change` had.
     """
 
-    def __init__(self, word: str, about: str, around: StepsOf[SubjectT] = lambda _: (), *, standard: int = 301) -> None:
+    def __init__(
+        self, word: str, about: str, *, standard: int = 301, fresh: bool = False, change: Sequence[Address] = ()
+    ) -> None:
         super().__init__()
-        self.word, self.about, self._around = word, f"CiA {standard}, {about}", around
+        self.word, self.about, self._fresh, self._change = word, f"CiA {standard}, {about}", fresh, change
 
     def clause(
         self,
@@ -141,7 +147,15 @@ class Chapter(list[Clause[SubjectT]]):
         return enter
 
     def _grouped(self, name: str, steps: StepsOf[SubjectT]) -> StepsOf[SubjectT]:
-        return lambda subject: [step.group(name, *self._around(subject), *steps(subject), *self._around(subject))]
+        return lambda subject: [self.group(subject, name, steps(subject))]
+
+    def group(self, subject: SubjectT, name: str, steps: Steps) -> Data:
+        """Return a group of this chapter."""
+        kept = subject.kept(self._change)
+        before = [*fresh(), *(step.save(*each) for each in kept)] if self._fresh else ()
+        # Not by the reset alone: one that takes what it should refuse may keep it.
+        after = [*step.undoing(*fresh()), *(step.put_back(*each) for each in kept)] if self._fresh else ()
+        return step.group(name, *before, *steps, *after)
 
     def suite(self, subject: SubjectT, tag: str, before: Sequence[Data], after: Sequence[Data]) -> Data:
         """Return the suite of a device, with what is done before and after the clauses."""

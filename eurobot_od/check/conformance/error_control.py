@@ -5,16 +5,17 @@ from __future__ import annotations
 from eurobot_od.check.conformance import step
 from eurobot_od.check.conformance.clauses import Chapter, Need, settable
 from eurobot_od.check.conformance.step import Data, Steps, codes, hexadecimal, title
-from eurobot_od.check.conformance.subject import Subject, Tier, fresh, need
-from eurobot_od.device.broadcasts import ErrorCode
+from eurobot_od.check.conformance.subject import Subject, Tier, need
 from eurobot_od.device.nmt import TOGGLE, NmtState, error_control
-from eurobot_od.od.standard import CONSUMED_HEARTBEATS, GUARD_TIME, HEARTBEAT_TIME, LIFE_TIME_FACTOR
+from eurobot_od.od.standard import CONSUMED_HEARTBEATS, GUARD_TIME, HEARTBEAT_TIME, LIFE_TIME_FACTOR, ErrorCode
 from eurobot_od.od.values import ERROR_CONTROL_BASE, label
 from eurobot_od.sdo.wire import AbortCode
 
+CHANGED = (HEARTBEAT_TIME, GUARD_TIME, LIFE_TIME_FACTOR, *((CONSUMED_HEARTBEATS, sub) for sub in (1, 2)))
+
 # Whatever may have begun life guarding, which begins with the first remote frame, ends with a reset of the
 # communication: hence one around each group.
-CHAPTER = Chapter("error-control", "node guarding and heartbeat consumer", around=fresh)
+CHAPTER: Chapter[Subject] = Chapter("error-control", "node guarding and heartbeat consumer", fresh=True, change=CHANGED)
 
 GUARD, FACTOR = 100, 3
 """A guard time in ms and a life time factor: the master is missed after 0.3 s."""
@@ -90,7 +91,7 @@ NOT_ITS_OWN = "another node's identifier is not answered"
 @CHAPTER.clause(*GUARDING, Tier.REVERSIBLE, "7.2, 7.3", name="a remote frame is answered", needs=[_guarding, _patient])
 def _guarded(subject: Subject) -> Steps:
     """Ask in every state; after a reset of the communication the toggle bit begins with 0."""
-    steps = [*fresh(subject), *_no_heartbeat(subject)]
+    steps = [*_no_heartbeat(subject)]
     for number, (command, state) in enumerate(ASKED):
         steps += [step.nmt(command), step.wait("50 ms")] if command else []
         # Bit 7 alternates from answer to answer, so that a master notices one that it has seen before (CiA 301,
@@ -98,7 +99,7 @@ def _guarded(subject: Subject) -> Steps:
         answer = _answer(subject, f"{state | TOGGLE * (number % 2):02X}")
         said = f"{number + 1}. {state.name.replace('_', '-')}, toggle bit {number % 2}"
         steps += [step.remote(_own(subject)), step.expect(said, answer, QUIET)]
-    yield step.group("each remote frame is answered with the state and the next toggle bit", *steps, *fresh(subject))
+    yield CHAPTER.group(subject, "each remote frame is answered with the state and the next toggle bit", steps)
 
 
 @CHAPTER.clause(*GUARDING, Tier.DESTRUCTIVE, "7.4", name=NOT_ITS_OWN, needs=[_guarding])
@@ -107,7 +108,7 @@ def _other_identifier(subject: Subject) -> Steps:
     # missing.
     asked = step.remote(ERROR_CONTROL_BASE + subject.another)
     silent = step.never("no answer", _answer(subject), QUIET)
-    return [step.group(NOT_ITS_OWN, *fresh(subject), *_no_heartbeat(subject), asked, silent)]
+    return [CHAPTER.group(subject, NOT_ITS_OWN, [*_no_heartbeat(subject), asked, silent])]
 
 
 LIFE_GUARDING = "7.5.2.12", "Life guarding", Tier.DESTRUCTIVE, "7.5, 7.6"

@@ -84,7 +84,7 @@ def _allowed(variable: ODVariable, value: int) -> int:
 # Errors of its own
 
 
-@CHAPTER.clause("7.5.2.2", "Error register")
+@CHAPTER.clause("7.5.2.2", "Error register", ctt="5.2")
 def _errors(_: Subject) -> Steps:
     """See that the device has no error to begin with: what is red afterwards may come from it."""
     # First of all: a short circuit, or a bus that was unplugged, would make steps red that have nothing to do with it.
@@ -101,8 +101,7 @@ def _boot_ups(subject: Subject) -> Steps:
         name = f"boot-up after {command} in {state.upper()}"
         # The boot-up comes at the change from Initialisation to PRE-OPERATIONAL, whatever state the node was in before
         # (CiA 301, 7.2.8.3.3); a node that is STOPPED hears the command as well.
-        booted = {**step.heartbeat("boot-up", BOOT_TIME), "name": f"after {command}"}
-        yield step.group(name, *there, step.nmt(command), booted, awake(subject))
+        yield step.group(name, *there, step.nmt(command), step.booted(BOOT_TIME, f"after {command}"))
 
 
 # Heartbeat
@@ -130,7 +129,7 @@ def _heartbeat_of_the_file(subject: Subject) -> Steps:
     period = subject.number(HEARTBEAT_TIME)
     # Two periods are measured, and a suite is to end: a device with one beat a minute is not worth two minutes here.
     need(0 < period <= LONGEST_PERIOD, f"the file has no heartbeat time from 1 to {LONGEST_PERIOD} ms")
-    return [*fresh(subject, "reset"), step.every(ANY, period, 2)]
+    return [*fresh("reset"), step.every(ANY, period, 2)]
 
 
 @CHAPTER.clause("7.3.2.2", "NMT state", Tier.REVERSIBLE, "9.1")
@@ -138,7 +137,7 @@ def _first_state(subject: Subject) -> Steps:
     # By itself means PRE-OPERATIONAL, unless 0x1F80 of the file says that the device starts on its own (CiA 302-2).
     state = STATE_NAMES[boot_state(subject.dictionary.default(NMT_STARTUP))]
     beating = _beating(subject, f"{state} by itself after a reset", step.heartbeat(state, SOON))
-    yield step.group("after a reset", step.nmt("reset"), awake(subject), beating)
+    yield step.group("after a reset", step.nmt("reset"), step.booted(BOOT_TIME), beating)
     yield step.nmt("pre-operational")
 
 
@@ -151,7 +150,7 @@ def _walk(subject: Subject) -> Steps:
     for command, state in WALK:
         commands = [*map(step.nmt, WAY_TO[before]), step.nmt(command), step.heartbeat(state, SOON)]
         # An SDO server is silent in STOPPED (CiA 301, 7.3.2.2.4): the heartbeat time could be neither set nor put back.
-        back = [] if state == "pre-operational" else [step.nmt("pre-operational")]
+        back = [] if state == "pre-operational" else step.undoing(step.nmt("pre-operational"))
         yield _beating(subject, f"{command} in {before.upper()}", *commands, *back)
         before = state
 
@@ -181,8 +180,9 @@ def _other_commands(subject: Subject) -> Steps:
 def _services(subject: Subject) -> Steps:
     # An upload: whatever a device in STOPPED makes of it, nothing is written.
     request = {"name": "a request", **subject.request(initiate(ClientCommand.UPLOAD << 5, subject.probe))}
-    answered, pause = awake(subject, "an SDO is answered"), step.nmt("pre-operational")
+    answered = awake(subject, "an SDO is answered")
     yield step.group("SDO in PRE-OPERATIONAL", answered)
+    (pause,) = step.undoing(step.nmt("pre-operational"))
     yield step.group("SDO in OPERATIONAL", step.nmt("start"), answered, pause)
     silent = step.never("no answer", subject.answer("?" * 16), QUIET)
     yield step.group("no SDO in STOPPED", step.nmt("stop"), step.wait("50 ms"), request, silent, pause, answered)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 from canopen.objectdictionary import ODVariable
 
@@ -46,7 +46,13 @@ CONFIGURED = ("const", "rw", "rww")
 MAKERS = range(COMMUNICATION_PROFILE.stop, 0x10000)
 """The maker's and the profile's objects: a device that takes what it should refuse there may move."""
 
-WRONG_LENGTH = (AbortCode.LENGTH, AbortCode.TOO_LONG, AbortCode.TOO_SHORT)
+WRONG_LENGTH = (AbortCode.LENGTH, AbortCode.TOO_LONG, AbortCode.TOO_SHORT, AbortCode.GENERAL)
+"""As those below with the general error, with which CiA's test tool lets a device refuse as well."""
+
+NO_OBJECT = (AbortCode.NO_OBJECT, AbortCode.GENERAL)
+NO_SUBINDEX = (AbortCode.NO_SUBINDEX, AbortCode.GENERAL)
+READ_ONLY = (AbortCode.READ_ONLY, AbortCode.UNSUPPORTED_ACCESS, AbortCode.GENERAL)
+WRITE_ONLY = (AbortCode.WRITE_ONLY, AbortCode.UNSUPPORTED_ACCESS, AbortCode.GENERAL)
 
 
 def _writable(subject: Subject) -> Iterator[ODVariable]:
@@ -62,13 +68,13 @@ def _tried(subject: Subject) -> Iterator[ODVariable]:
 @CHAPTER.clause("7.2.4.3.17", "Unknown object", ctt="2.6")
 def _unknown_objects(subject: Subject) -> Steps:
     for address in _free(subject):
-        yield step.read(f"read {label(address)}", address, abort=codes(AbortCode.NO_OBJECT))
+        yield step.read(f"read {label(address)}", address, abort=codes(*NO_OBJECT))
 
 
 @CHAPTER.clause("7.2.4.3.17", "Unknown object", Tier.REVERSIBLE)
 def _unknown_written(subject: Subject) -> Steps:
     for address in _free(subject):
-        yield step.write(f"write {label(address)}", address, data="00", abort=codes(AbortCode.NO_OBJECT))
+        yield step.write(f"write {label(address)}", address, data="00", abort=codes(*NO_OBJECT))
 
 
 def _free(subject: Subject) -> Iterator[Address]:
@@ -82,7 +88,7 @@ def _unknown_subindices(subject: Subject) -> Steps:
         free = max(members, default=MOST_SUBS) + 1
         if free <= MOST_SUBS:
             address: Address = index, free
-            yield step.read(f"read {label(address)}", address, abort=codes(AbortCode.NO_SUBINDEX))
+            yield step.read(f"read {label(address)}", address, abort=codes(*NO_SUBINDEX))
 
 
 # Identity
@@ -111,7 +117,7 @@ def _structure(subject: Subject) -> Steps:
     """Read what 0x1000 says about itself: ObjectType VAR and DataType UNSIGNED32 (CiA 301, 7.4.9)."""
     need(subject.find(DEVICE_TYPE), NO_DEVICE_TYPE)
     # Sub-index 255 is optional: few devices have it.
-    absent = codes(AbortCode.NO_SUBINDEX)
+    absent = codes(*NO_SUBINDEX)
     return [step.read("0x1000:255", (DEVICE_TYPE[0], values.STRUCTURE), data="07 07 00 00", optional=absent)]
 
 
@@ -158,7 +164,7 @@ def _default(each: ODVariable) -> Steps:
 def _write_only(subject: Subject) -> Steps:
     write_only = [each for each in subject.objects if not each.readable]
     for each in need(write_only, "the file has no write-only object"):
-        yield step.read(title(each), address_of(each), abort=codes(AbortCode.WRITE_ONLY))
+        yield step.read(title(each), address_of(each), abort=codes(*WRITE_ONLY))
 
 
 @CHAPTER.clause("7.4.5", "Read-only", Tier.DESTRUCTIVE, "4.3", only=MAKERS)
@@ -169,7 +175,7 @@ def _read_only(subject: Subject) -> Steps:
             # Of the right length, so that only the access can be refused; and zeros, should it be taken after all: they
             # do the least.
             zeros = bytes(data_type(each).size or 1).hex(" ")
-            yield step.write(title(each), address_of(each), data=zeros, abort=codes(AbortCode.READ_ONLY))
+            yield step.write(title(each), address_of(each), data=zeros, abort=codes(*READ_ONLY))
 
 
 @CHAPTER.clause("7.4.5", "Writable", Tier.REVERSIBLE, "2.2, 4.9")
@@ -187,7 +193,7 @@ def _own_values(subject: Subject) -> Steps:
         else:
             # Some stacks refuse with 0x06090030 whatever is written to a PDO's record while it is valid.
             refused = BUSY if _has_value(each) and each.index not in SET_BY_DEVICE else (*BUSY, *OUTSIDE)
-            written = {**step.put_back(each, optional=codes(*refused)), "name": "it is written"}
+            written = step.rewritten("it is written", each, optional=codes(*refused))
             yield step.group(f"{title(each)}: the value it has", step.save(each), written, step.unchanged(each))
 
 
@@ -205,19 +211,23 @@ def _has_value(each: ODVariable) -> bool:
 def _wrong_lengths(subject: Subject) -> Steps:
     for each in _tried(subject):
         size = data_type(each).size
-        if size:
-            # Downloaded in one frame or by segments, as the length asks for: what is to be refused is the length, not
-            # the transfer.
-            yield _of_length(each, size + 1, "too long")
-        if size > 1:
-            yield _of_length(each, size - 1, "too short")
+        # Downloaded in one frame or by segments, as the length asks for: what is to be refused is the length, not the
+        # transfer.
+        sizes = [(size + 1, "too long")] * bool(size) + [(size - 1, "too short")] * (size > 1)
+        if sizes:
+            yield _refused(each, [_of_length(each, *wrong) for wrong in sizes])
 
 
 def _of_length(each: ODVariable, size: int, what: str) -> Data:
     content = bytes(size).hex(" ")
-    return step.write(
-        f"{title(each)}: {size} bytes are {what}", address_of(each), data=content, abort=codes(*WRONG_LENGTH)
-    )
+    return step.write(f"{size} bytes are {what}", address_of(each), data=content, abort=codes(*WRONG_LENGTH))
+
+
+def _refused(each: ODVariable, refused: Sequence[Data]) -> Data:
+    """Have some values of an object refused; a device may say no and write all the same."""
+    # Put back at once: what a device takes that it should refuse may make all that follows red.
+    steps = [step.save(each), *refused, step.unchanged(each), step.put_back(each)] if each.readable else refused
+    return step.group(title(each), *steps)
 
 
 @CHAPTER.clause("7.2.4.3.17", "Limits", Tier.DESTRUCTIVE, "2.10, 2.11, 4.6", only=MAKERS)
@@ -225,10 +235,8 @@ def _of_length(each: ODVariable, size: int, what: str) -> Data:
 def _limits(subject: Subject) -> Steps:
     for each in _tried(subject):
         refused = list(_outside(each))
-        # A device may say no and write all the same.
-        steps = [step.save(each), *refused, step.unchanged(each)] if each.readable else refused
         if refused:
-            yield step.group(title(each), *steps)
+            yield _refused(each, refused)
 
 
 def _outside(each: ODVariable) -> Steps:
@@ -242,7 +250,12 @@ def _outside(each: ODVariable) -> Steps:
     ):
         # A value that its type cannot carry would be refused by our own encoding, and never get to the device.
         if type_.low <= value <= type_.high:
-            yield step.write(f"{value} is {what}", address_of(each), value=value, abort=codes(code, AbortCode.VALUE))
+            yield step.write(
+                f"{value} is {what}",
+                address_of(each),
+                value=value,
+                abort=codes(code, AbortCode.VALUE, AbortCode.GENERAL),
+            )
 
 
 # Other values: destructive

@@ -61,7 +61,8 @@ def _communication(subject: Subject, pdo: Pdo) -> Steps:
     if time is not None:
         value = pdo.inhibit_time ^ 1
         other = step.write("another time while it is valid", address_of(time), value=value, abort="any")
-        yield step.group(f"{pdo.title} keeps its inhibit time", step.save(time), other, step.unchanged(time))
+        same, back = step.unchanged(time), step.put_back(time)
+        yield step.group(f"{pdo.title} keeps its inhibit time", step.save(time), other, same, back)
 
 
 RESTRICTED_NAME = "{} takes no restricted identifier"
@@ -75,7 +76,7 @@ def _restricted(subject: Subject, pdo: Pdo) -> Steps:
     # these.
     tried = (step.write(f"0x{each:03X}", at, value=each | bits, abort="any") for each in RESTRICTED_ONES)
     name = RESTRICTED_NAME.format(pdo.title)
-    return [step.group(name, step.save(cob_id), off(subject, cob_id), *tried, step.put_back(cob_id))]
+    return [step.group(name, step.save(cob_id), off(cob_id), *tried, step.put_back(cob_id))]
 
 
 # Mapping
@@ -140,10 +141,11 @@ def _room(subject: Subject, pdo: Pdo) -> int:
 def _remapped(subject: Subject, pdo: Pdo, cob_id: ODVariable) -> Steps:
     """Change the mapping as CiA 301 says, try each step out of its order, and put all back."""
     record = pdo.mapping_index
-    yield step.save(cob_id)
+    subs = range(1, len(pdo.mapping) + 1)
+    yield from (step.save(cob_id), *(step.save(*each) for each in _mapping_of(subject, pdo, subs)))
     if pdo.valid:
         yield step.write("sub-index 0 while it is valid", (record, 0), value=0, abort="any")
-    yield off(subject, cob_id)
+    yield off(cob_id)
     if pdo.mapping:
         entry = hexadecimal(subject.number((record, 1)), 8)
         # Otherwise a PDO could go out half in the old mapping and half in the new one (CiA 301, 7.5.2.36).
@@ -155,18 +157,23 @@ def _remapped(subject: Subject, pdo: Pdo, cob_id: ODVariable) -> Steps:
     if 1 < count <= MAX_BITS:
         aborts = codes(*TOO_MANY, *OUTSIDE)
         yield step.write(f"{count} entries are too many", (record, 0), value=count, abort=aborts)
-    yield from _mapped_again(subject, pdo, cob_id)
+    yield from _mapped_again(subject, pdo, cob_id, subs)
 
 
-def _mapped_again(subject: Subject, pdo: Pdo, cob_id: ODVariable) -> Steps:
-    """Give a PDO that is not valid, and whose sub-index 0 is 0, its entries and its COB-ID."""
-    record, count = pdo.mapping_index, len(pdo.mapping)
-    for sub in range(1, count + 1):
-        yield step.write(f"3. entry {sub}", (record, sub), value=hexadecimal(subject.number((record, sub)), 8))
-    yield step.write(f"4. sub-index 0 is {count}", (record, 0), value=count)
-    # Its COB-ID last, with the other parameters in place: with bit 31 cleared the PDO is there at once.
+def _mapped_again(subject: Subject, pdo: Pdo, cob_id: ODVariable, subs: range) -> Steps:
+    """Give a PDO that is not valid, and whose sub-index 0 is 0, the entries and the COB-ID that it had."""
+    number, *entries = _mapping_of(subject, pdo, subs)
+    yield from (step.rewritten(f"3. entry {each.subindex}", each, kept) for each, kept in entries)
+    yield step.rewritten("4. sub-index 0 is as it was", *number)
+    # Whatever came before: its COB-ID last, for with bit 31 cleared the PDO is there at once.
+    yield from (step.put_back(*each) for each in (*entries, number))
     yield {**step.put_back(cob_id), "name": "5. as it was"}
-    yield step.read("it has its entries", (record, 0), expect=count)
+    yield step.unchanged(number[0], "it has its entries", kept=number[1])
+
+
+def _mapping_of(subject: Subject, pdo: Pdo, subs: range) -> list[tuple[ODVariable, str]]:
+    """Return the number of a PDO's entries and some of them, each with the name of what keeps its value."""
+    return subject.kept((pdo.mapping_index, sub) for sub in (0, *subs))
 
 
 def _at_most(subject: Subject, pdo: Pdo, cob_id: ODVariable) -> Steps:
@@ -182,17 +189,17 @@ def _at_most(subject: Subject, pdo: Pdo, cob_id: ODVariable) -> Steps:
     entries = range(1, count + 1)
     settable = all(subject.settable((record, sub)) for sub in entries)
     need(settable and not _unmapped(subject, pdo, entries), "its spare entries could not be put back")
-    spare = {sub: subject.number((record, sub)) for sub in entries[len(pdo.mapping) :]}
     too_long = codes(AbortCode.MAPPING_TOO_LONG)
     yield step.group(
         f"{pdo.title} takes {MAX_BITS} bits at most",
         step.save(cob_id),
-        off(subject, cob_id),
+        *(step.save(*each) for each in _mapping_of(subject, pdo, entries)),
+        off(cob_id),
         step.write("2. sub-index 0 is 0", (record, 0), value=0),
         *(step.write(f"entry {sub} of too many", (record, sub), value=_entry(wide)) for sub in entries),
         step.write(f"{count * data_type(wide).bits} bits", (record, 0), value=count, abort=too_long),
-        *(step.write(f"spare entry {sub}", (record, sub), value=hexadecimal(spare[sub], 8)) for sub in spare),
-        *_mapped_again(subject, pdo, cob_id),
+        step.write("2. sub-index 0 is 0 again", (record, 0), value=0),
+        *_mapped_again(subject, pdo, cob_id, entries),
     )
 
 

@@ -129,14 +129,15 @@ def _segmented_download(subject: Subject) -> Steps:
         _sent(subject, "the only segment, with the toggle bit set", wrong),
         _aborted(subject, AbortCode.TOGGLE_BIT),
         step.unchanged(each),
+        step.put_back(each),
     )
 
 
 @CHAPTER.clause("7.2.4.3.8", "SDO block download", ctt="2.19 to 2.25", name="in blocks")
 def _block_download(subject: Subject) -> Steps:
     each = _number(subject)
-    written = {**step.put_back(each, transfer="block", optional=codes(*NO_BLOCKS)), "name": "its own value"}
-    yield step.group(f"{title(each)} in blocks", step.save(each), written, step.unchanged(each))
+    written = step.rewritten("its own value", each, transfer="block", optional=codes(*NO_BLOCKS))
+    yield step.group(f"{title(each)} in blocks", step.save(each), written, step.unchanged(each), step.put_back(each))
 
 
 # Aborts
@@ -147,7 +148,7 @@ def _unknown_command(subject: Subject) -> Steps:
     # 0xE0: the one of eight that no request has (CiA 301, 7.2.4.3). It is about an object that there is, so that only
     # the command can be refused.
     sent = _sent(subject, "command specifier 7", initiate(0xE0, subject.probe))
-    return [sent, _aborted(subject, AbortCode.UNKNOWN_COMMAND)]
+    return [sent, _aborted(subject, AbortCode.UNKNOWN_COMMAND, AbortCode.GENERAL)]
 
 
 @CHAPTER.clause("7.2.4.3.17", "SDO abort", group="a client's abort is not answered")
@@ -161,12 +162,12 @@ def _client_aborts(subject: Subject) -> Steps:
 @CHAPTER.clause("7.2.4.3.17", "SDO abort", name="a transfer that is left alone")
 def _unfinished(subject: Subject) -> Steps:
     each = _number(subject)
-    begun, same = (step.save(each), *_begun(subject, each)), step.unchanged(each)
+    begun, same = (step.save(each), *_begun(subject, each)), (step.unchanged(each), step.put_back(each))
     abort = _sent(subject, "abort", wire.aborted(address_of(each), AbortCode.GENERAL))
-    yield step.group("a transfer that the client aborts changes nothing", *begun, abort, same)
+    yield step.group("a transfer that the client aborts changes nothing", *begun, abort, *same)
     # No clause names a time-out; but a client that went away must not keep all later ones out until the next reset.
     left_alone = step.wait(LEFT_ALONE)
-    yield step.group("a transfer that is left alone does not block the server", *begun, left_alone, same)
+    yield step.group("a transfer that is left alone does not block the server", *begun, left_alone, *same)
 
 
 # Numbers of blocks
@@ -221,7 +222,7 @@ def _further_servers(subject: Subject) -> Steps:
     further = [each for each in subject.objects if each.index in SDO_SERVERS[1:] and _known(each)]
     need(further, "the file has no further SDO server (0x1201) with defaults")
     seen = (step.read(title(each), address_of(each), data=_content(each).hex(" ").upper()) for each in further)
-    yield step.group("further servers after reset communication", *fresh(subject), *seen)
+    yield step.group("further servers after reset communication", *fresh(), *seen)
 
 
 # Frames

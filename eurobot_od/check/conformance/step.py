@@ -68,27 +68,42 @@ def codes(*aborts: AbortCode) -> list[str]:
     return [hexadecimal(each, 8) for each in aborts]
 
 
-PRESENT = "{present}"
-"""The value kept: of an integer the number, of anything else the bytes, every one of which has to come back."""
-
-
 def save(variable: ODVariable, kept: str = "present") -> Data:
-    """Keep an object's present value; one that has none now cannot be looked at."""
+    """Keep an object's present value; one that has none now cannot be looked at.
+
+    Of an integer it is the number, of anything else the bytes, every one of which has to come back.
+    """
     as_bytes = {} if data_type(variable).is_integer else {"data": "any"}
     none_now = codes(AbortCode.NO_DATA)
     return read("its present value", address_of(variable), **as_bytes, save=kept, optional=none_now)
 
 
-def put_back(variable: ODVariable, kept: str = "present", **more: object) -> Data:
-    """Give an object the value kept."""
+def undoing(*steps: Data) -> Steps:
+    """Have steps of a group done whatever becomes of the others: they undo what was changed."""
+    return ({**each, "undo": "yes"} for each in steps)
+
+
+def put_back(variable: ODVariable, kept: str = "present") -> Data:
+    """Give an object the value kept, unless it has it."""
+    return {"name": "put back", "sdo": {"restore": label(address_of(variable)), "saved": kept}, "undo": "yes"}
+
+
+def rewritten(name: str, variable: ODVariable, kept: str = "present", bits: int = 0, **more: object) -> Data:
+    """Write the value kept, of a whole number with some more bits set."""
     key = "value" if data_type(variable).is_integer else "data"
-    return write("put back", address_of(variable), **{key: f"{{{kept}}}"}, **more)
+    written = f"{{{kept}|{hexadecimal(bits, 8)}}}" if bits else f"{{{kept}}}"
+    return write(name, address_of(variable), **{key: written}, **more)
 
 
-def unchanged(variable: ODVariable, name: str = "nothing has changed", **more: object) -> Data:
+def booted(within: str, name: str = "boot-up") -> Data:
+    """Wait for the boot-up, which ends a reset."""
+    return {"name": name, "boot-up": "awaited", "within": within}
+
+
+def unchanged(variable: ODVariable, name: str = "nothing has changed", kept: str = "present", **more: object) -> Data:
     """See that an object has the value kept."""
     key = "expect" if data_type(variable).is_integer else "data"
-    return read(name, address_of(variable), **{key: PRESENT}, **more)
+    return read(name, address_of(variable), **{key: f"{{{kept}}}"}, **more)
 
 
 def nmt(command: str) -> Data:

@@ -59,7 +59,8 @@ def _power_on_values(subject: Subject) -> Steps:
     # Both load the communication profile's values of power-on; only the first also those of the maker's and the
     # profile's objects (CiA 301, 7.3.2.2.3).
     for command in ("reset", "reset communication"):
-        yield step.group(f"{title(each)} after {command}", step.save(each), other, *fresh(subject, command), gone)
+        back = step.put_back(each)
+        yield step.group(f"{title(each)} after {command}", step.save(each), other, *fresh(command), gone, back)
 
 
 def _commands(subject: Subject, index: int) -> dict[int, ODVariable]:
@@ -71,7 +72,9 @@ def _commands(subject: Subject, index: int) -> dict[int, ODVariable]:
 
 
 def _of_all(subject: Subject) -> tuple[ODVariable | None, ODVariable | None]:
-    """Return what stores all parameters, and what restores them."""
+    """Return what stores all parameters, and what restores them; raises Lacks if the device would be another node."""
+    moved = subject.dictionary.restored_node_id
+    need(moved is None, f"0x1011 would make the device node {moved}, as its file says")
     store, restore = (_commands(subject, index) for index in (standard.STORE, standard.RESTORE))
     return store.get(standard.ALL_PARAMETERS), restore.get(standard.ALL_PARAMETERS)
 
@@ -105,12 +108,14 @@ def _stored(subject: Subject) -> Steps:
         f"{title(each)} stored and restored",
         step.save(each),
         step.write("another value", address_of(each), value=_other(each)),
-        _signed(store, "stored"),
-        *fresh(subject, "reset"),
-        step.read("it is kept", address_of(each), expect=_other(each)),
-        _signed(restore, "restored"),
-        *fresh(subject, "reset"),
-        step.read("the default is back", address_of(each), expect=subject.number(address_of(each))),
+        step.group(
+            "over a reset",
+            _signed(store, "stored"),
+            *fresh("reset"),
+            step.read("it is kept", address_of(each), expect=_other(each)),
+            *step.undoing(_signed(restore, "restored"), *fresh("reset")),
+            step.read("the default is back", address_of(each), expect=subject.number(address_of(each))),
+        ),
         step.put_back(each),
     )
 
@@ -142,17 +147,20 @@ def kept_over_reset(subject: Subject, name: str, values: Sequence[Kept], *looks:
     refused = codes(*BUSY, *OUTSIDE, AbortCode.GENERAL, AbortCode.UNSUPPORTED_ACCESS)
     return step.group(
         name,
-        *fresh(subject),
+        *fresh(),
         *(each.written(optional=refused) for each in values),
-        _signed(store, "stored"),
-        *fresh(subject),
-        *(step.read(f"{label(at)} is kept", at, expect=value) for at, value in last.items()),
-        *looks,
-        _signed(restore, "restored"),
-        # As near to a power cycle as the bus can bring it: every value of power-on is loaded again (CiA 301,
-        # 7.3.2.2.3).
-        *fresh(subject, "reset"),
-        *(step.read(f"{label(at)} has its default", at, expect=subject.number(at)) for at in last),
+        step.group(
+            "over a reset",
+            _signed(store, "stored"),
+            *fresh(),
+            *(step.read(f"{label(at)} is kept", at, expect=value) for at, value in last.items()),
+            *looks,
+            # As near to a power cycle as the bus can bring it: every value of power-on is loaded again (CiA 301,
+            # 7.3.2.2.3).
+            *step.undoing(_signed(restore, "restored"), *fresh("reset")),
+            *(step.read(f"{label(at)} has its default", at, expect=subject.number(at)) for at in last),
+        ),
+        *step.undoing(*fresh()),
     )
 
 
@@ -186,7 +194,7 @@ def _makers_own(subject: Subject) -> Steps:
     """Restore what the maker has behind the sub-indices that were named."""
     commands, named = _commands(subject, standard.RESTORE), need(subject.restore, "none was named (--restore 4)")
     for each in (commands[sub] for sub in named if sub in commands):
-        yield step.group(f"{title(each)} restored", _signed(each, "restored"), *fresh(subject, "reset"))
+        yield step.group(f"{title(each)} restored", _signed(each, "restored"), *fresh("reset"))
 
 
 def _signed(each: ODVariable, name: str) -> Data:

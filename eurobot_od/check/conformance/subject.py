@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from enum import Enum
 from functools import cached_property
@@ -16,9 +16,9 @@ from eurobot_od.check.conformance.step import Data, Steps
 from eurobot_od.device.device import Device
 from eurobot_od.device.nmt import heartbeat_entry
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.od.objects import address_of, in_limits, members
+from eurobot_od.od.objects import address_of, data_type, in_limits, members
 from eurobot_od.od.pdos import Pdo
-from eurobot_od.od.standard import CONSUMED_HEARTBEATS, DEVICE_TYPE, EMCY, EMCY_INHIBIT_TIME
+from eurobot_od.od.standard import CONSUMED_HEARTBEATS, EMCY, EMCY_INHIBIT_TIME, ERROR_REGISTER
 from eurobot_od.od.values import MOST_SUBS, NODE_IDS, Address, PdoDirection, base_identifier
 from eurobot_od.sdo.wire import ClientCommand, initiate
 
@@ -149,9 +149,18 @@ class Subject:
 
     @property
     def probe(self) -> Address:
-        """An object to ask for, to see whether the device answers: the device type, else the first that is readable."""
-        readable = (address_of(each) for each in self.objects if each.readable)
-        return DEVICE_TYPE if self.find(DEVICE_TYPE) is not None else next(readable, DEVICE_TYPE)
+        """An object to ask for, to see whether the device answers: its error register, else a number that fits a frame.
+
+        Never a text, which may have no value, or need segments.
+        """
+        numbers = (each for each in self.objects if each.readable and 0 < data_type(each).size <= 4)
+        others = (address_of(each) for each in numbers)
+        return ERROR_REGISTER if self.readable(ERROR_REGISTER) is not None else next(others, ERROR_REGISTER)
+
+    def kept(self, addresses: Iterable[Address]) -> list[tuple[ODVariable, str]]:
+        """Return those of some objects that can be put back, each with the name of what keeps its value."""
+        found = filter(None, map(self.settable, addresses))
+        return [(each, f"kept_{each.index:04X}_{each.subindex}") for each in found]
 
     def find(self, address: Address) -> ODVariable | None:
         """Return a variable, None if the file does not have it."""
@@ -213,11 +222,12 @@ class Subject:
 # Steps with it
 
 
-def fresh(subject: Subject, command: str = "reset communication") -> Steps:
+def fresh(command: str = "reset communication") -> Steps:
     """Give the communication the values of power-on by a reset, and wait until the device is in PRE-OPERATIONAL."""
     yield step.nmt(command)
-    # A reset takes as long as the device likes, and what is sent meanwhile is lost.
-    yield awake(subject)
+    # A reset takes as long as the device likes: it may answer meanwhile, and then lose what it was sent. The boot-up
+    # alone ends it (CiA 301, 7.3.2.2.2).
+    yield step.booted(BOOT_TIME)
     yield step.nmt("pre-operational")
 
 

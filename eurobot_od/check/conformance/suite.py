@@ -7,14 +7,14 @@ import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
-from eurobot_od.check.conformance import emcy, error_control, nmt, objects, pdo, sdo, step, storage, sync
-from eurobot_od.check.conformance.clauses import ANSWERS, Chapter
-from eurobot_od.check.conformance.step import Data
-from eurobot_od.check.conformance.subject import Subject, Tier, awake
+from eurobot_od.check.conformance import broadcasts, error_control, nmt, objects, pdo, sdo, step, storage
+from eurobot_od.check.conformance.clauses import ANSWERS, AS_THEY_WERE, Chapter
+from eurobot_od.check.conformance.step import Data, hexadecimal, title
+from eurobot_od.check.conformance.subject import BOOT_TIME, Subject, Tier, awake
 from eurobot_od.errors import LocalError
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.od.standard import RESTORE
-from eurobot_od.od.values import label
+from eurobot_od.od.standard import RESTORE, VERIFY_CONFIGURATION
+from eurobot_od.od.values import NMT_COB_ID, label
 
 BARE = re.compile(r"0x[0-9A-F]+|[0-9]+ ?(?:ms|s)|(?!yes|no|on|off|true|false|null)[a-z]+(?:[- ][a-z]+)*")
 """Texts that need no quotes: hexadecimal numbers, durations, the words of the format."""
@@ -58,7 +58,12 @@ def _inline(value: Any, key: str = "") -> str:
     return text if bare else json.dumps(text, ensure_ascii=False)
 
 
-CHAPTERS = tuple(each.CHAPTER for each in (nmt, objects, sdo, storage, pdo, emcy, error_control, sync))
+CHAPTERS = (
+    *(each.CHAPTER for each in (nmt, objects, sdo, storage, pdo)),
+    broadcasts.EMCY_CHAPTER,
+    error_control.CHAPTER,
+    broadcasts.SYNC_CHAPTER,
+)
 """The suites, in the order in which they are run: what the later ones rely on comes first."""
 
 
@@ -78,16 +83,27 @@ def text(dictionary: Dictionary, tier: Tier = Tier.READING, restore: Sequence[in
 def _suite(subject: Subject, chapter: Chapter[Subject]) -> Data:
     # The reading tier sends no NMT command: it is for a device at work, which a reset would stop.
     resets = subject.tier.allows(Tier.REVERSIBLE)
-    # Of a destructive run it cannot hold: what is stored and restored may well differ from what was there before.
-    proves = not subject.tier.allows(Tier.DESTRUCTIVE)
     reset = {**step.nmt("reset"), "name": "7.3.2.2.3 NMT: reset, for the values of power-on [reversible]"}
     pause = {**step.nmt("pre-operational"), "name": "7.2.8.2.1 NMT: to PRE-OPERATIONAL [reversible]"}
+    # One that sends no boot-up is red for that, and asked for all the rest.
+    up = {**step.booted(BOOT_TIME, "7.2.8.3.3 Boot-up: boot-up after reset [reversible]"), "needed": "no"}
     alive = awake(subject, ANSWERS)
-    before = {"name": "7.4 Values: they are read, to be compared in the end [reading]", "dump": "before"}
-    after = {"name": "7.4 Values: they are as they were [reading]", "dump": "equal"}
+    # A change of the configuration, such as that of 0x1017, makes the device clear this (CiA 301, 7.5.2.23); a master
+    # would take it for one that has not been configured.
+    verified = subject.kept(VERIFY_CONFIGURATION)
+    kept = [{**step.save(*each), "name": f"7.5.2.23 Values: {title(each[0])} [reading]"} for each in verified]
+    named = ((each, f"7.5.2.23 Values: {title(each[0])} is as it was [reading]") for each in verified)
+    back = [{**step.put_back(*each), "name": name} for each, name in named]
+    alone = {"name": "7.2.8.2.1 NMT: nobody else commands [reversible]", "unheard": hexadecimal(NMT_COB_ID, 3)}
+    before = {
+        "name": "7.4 Values: they are read, to be compared in the end [reading]",
+        "dump": "before",
+        "needed": "no",
+    }
+    after = {"name": AS_THEY_WERE, "dump": "equal"}
     return chapter.suite(
         subject,
         "conformance",
-        [*([reset] * resets), alive, *([pause] * resets), *([before] * proves)],
-        [*([reset] * resets), *([alive] * (resets and proves)), *([after] * proves)],
+        [*([reset, up] * resets), alive, *([pause] * resets), *kept, before],
+        [*([reset, up, alive] * resets), *back, after, *([alone] * resets)],
     )

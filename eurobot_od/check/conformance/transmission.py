@@ -12,7 +12,7 @@ from canopen.objectdictionary import ODVariable
 
 from eurobot_od.check.conformance import step
 from eurobot_od.check.conformance.clauses import Chapter, StepsOf
-from eurobot_od.check.conformance.step import BUSY, Data, Steps, codes, hexadecimal
+from eurobot_od.check.conformance.step import BUSY, Data, Steps, codes
 from eurobot_od.check.conformance.subject import Lacks, Subject, Tier, fresh, has, need, or_skipped
 from eurobot_od.device.device import Device
 from eurobot_od.od.objects import address_of, data_type
@@ -121,13 +121,12 @@ def _with(subject: Subject, pdos: Pdos, sub: int, value: int, *steps: Data) -> S
         yield step.save(found, kept)
         yield step.write(f"{each.title}: {what} {value}", address_of(found), value=value, **more)
         back.append(step.put_back(found, kept))
-    yield from (*steps, step.nmt("pre-operational"), *back)
+    yield from (*steps, *step.undoing(step.nmt("pre-operational")), *back)
 
 
-def off(subject: Subject, cob_id: ODVariable) -> Data:
-    """Make a PDO not valid."""
-    value = subject.number(address_of(cob_id)) | NOT_VALID
-    return step.write("1. not valid", address_of(cob_id), value=hexadecimal(value, 8))
+def off(cob_id: ODVariable, kept: str = "present") -> Data:
+    """Make a PDO not valid: the COB-ID that it has, which need not be the file's, with bit 31 set."""
+    return step.rewritten("1. not valid", cob_id, kept, NOT_VALID)
 
 
 def need_off(subject: Subject, pdo: Pdo) -> ODVariable:
@@ -256,7 +255,7 @@ def _by_remote_frame(_: Subject, pdos: Pdos) -> Data:
         step.wait("50 ms"),
         *asked,
         *_none("none in STOPPED", pdos),
-        step.nmt("pre-operational"),
+        *step.undoing(step.nmt("pre-operational")),
     )
 
 
@@ -277,22 +276,27 @@ def _numbered(subject: Subject, pdo: Pdo) -> None:
 @_sent_when("7.5.2.37", "SYNC start value", "3.8", "3.14, 3.20", _numbered, Tier.DESTRUCTIVE)
 def _from_start_value(subject: Subject, pdos: Pdos) -> Data:
     """Have TPDOs begin with the SYNC of a number, and then go with each one."""
-    steps = [*fresh(subject)]
+    kept = subject.kept((SYNC_COUNTER, SYNC_PERIOD))
+    steps = [*fresh(), *(step.save(*each) for each in kept)]
     steps += [step.write("period 0", SYNC_PERIOD, value=0)] if subject.number(SYNC_PERIOD) else []
     steps.append(step.write(f"counter {OVERFLOW}", SYNC_COUNTER, value=OVERFLOW))
+    back: list[Data] = [*step.undoing(*fresh())]
     for each in pdos:
-        cob_id, type_, start = ((each.index, sub) for sub in (COB_ID, TRANSMISSION_TYPE, SYNC_START))
-        value = subject.number(cob_id)
+        parameters = subject.kept((each.index, sub) for sub in (COB_ID, TRANSMISSION_TYPE, SYNC_START))
+        (cob_id, present), (type_, _), (start, _) = parameters
         steps += [
+            *(step.save(*parameter) for parameter in parameters),
             # The start value must not be changed while the PDO exists (CiA 301, 7.5.2.37).
-            step.write(f"{each.title} not valid", cob_id, value=hexadecimal(value | NOT_VALID, 8)),
-            step.write("transmission type 1", type_, value=1, optional=codes(*NO_SUCH_TYPE)),
-            step.write(f"SYNC start value {START}", start, value=START),
-            step.write(f"{each.title} valid", cob_id, value=hexadecimal(value, 8)),
+            off(cob_id, present),
+            step.write("transmission type 1", address_of(type_), value=1, optional=codes(*NO_SUCH_TYPE)),
+            step.write(f"SYNC start value {START}", address_of(start), value=START),
+            step.rewritten(f"{each.title} valid", cob_id, present),
         ]
+        back += [step.put_back(*parameter) for parameter in reversed(parameters)]
     steps += [step.nmt("start"), step.wait("50 ms")]
     for number in range(1, START + 3):
         # The counter is in SYNC's data byte: the tester plays the producer, and counts from 1 (CiA 301, 7.2.5).
         steps.append(sync(subject, bytes([number])))
         steps += [_come("it comes", pdos)] if number >= START else _none(f"not before SYNC {START}", pdos)
-    return step.group(f"{_named(pdos)} from SYNC {START} on", *steps, *fresh(subject))
+    back += [step.put_back(*each) for each in kept]
+    return step.group(f"{_named(pdos)} from SYNC {START} on", *steps, *back)

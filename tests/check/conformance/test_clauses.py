@@ -13,7 +13,7 @@ from eurobot_od.od.standard import HEARTBEAT_TIME
 from tests.eds_text import DEVICE_TYPE, variable
 from tests.rows import rows
 
-CHAPTER = Chapter[Subject]("odd", "odd things", lambda _: [step.wait("1 ms")])
+CHAPTER = Chapter[Subject]("odd", "odd things", fresh=True)
 
 
 @CHAPTER.clause("7.1", "Nothing needed")
@@ -57,7 +57,9 @@ def test_what_a_file_lacks_is_skipped_with_the_reason_in_place_of_all_steps() ->
 def test_a_group_begins_and_ends_as_its_chapter_says() -> None:
     together = made("")[2]
     assert together["name"] == "7.2 A need: together [reading, CTT 2.1]"
-    assert [each["wait"] for each in together["steps"]] == ["1 ms", "4 ms", "1 ms"]
+    reset = ["NMT reset communication", "boot-up", "NMT pre-operational"]
+    assert [each["name"] for each in together["steps"]] == [*reset, "wait 4 ms", *reset]
+    assert [each.get("undo", "") for each in together["steps"]] == ["", "", "", "", "yes", "yes", "yes"]
 
 
 def test_a_tier_that_allows_a_clause_does_it() -> None:

@@ -107,7 +107,7 @@ ASKED_OF_MAKERS = {
     AXIS_DRIVE: [
         "TPDO 1 and TPDO 2 from SYNC 3 on [destructive, CTT 3.14, 3.20]: it comes",
         "further servers after reset communication [reversible, CTT 2.29]: 0x1201:1 COB-ID client to server",
-        "0x1280 [destructive, CTT 2.30]: 0x1280:1 is kept",
+        "0x1280 [destructive, CTT 2.30]: over a reset: 0x1280:1 is kept",
     ],
 }
 

@@ -1,4 +1,4 @@
-"""SDO steps: objects by name and number, values of every type, in the words of the commands `read` and `write`."""
+"""SDO steps: objects by name and number, values of every type, in the words of `read` and `write`."""
 
 from __future__ import annotations
 

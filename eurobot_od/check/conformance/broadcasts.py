@@ -1,7 +1,7 @@
-"""SYNC: the device as its producer and its consumer, the period and the counter (CiA 301, 7.2.5, 7.5.2.5, 7.5.2.22).
+"""What a device tells all others: emergencies and SYNC (CiA 301, 7.2.5, 7.2.7, and their objects in 7.5.2).
 
-Rule of this file: whoever hears SYNC acts on it, so all but reading is destructive; a reset of the communication ends
-each group.
+SYNC is looked at with the device as its producer and as its consumer, its period and its counter. Whoever hears SYNC
+acts on it, so all but reading is destructive there; a reset of the communication ends each of its groups.
 """
 
 from __future__ import annotations
@@ -11,15 +11,114 @@ from eurobot_od.check.conformance.clauses import Chapter, Need, settable
 from eurobot_od.check.conformance.step import BUSY, OUTSIDE, Data, Steps, codes, hexadecimal, title
 from eurobot_od.check.conformance.storage import Kept, kept_over_reset
 from eurobot_od.check.conformance.subject import Subject, Tier, fresh, has, need, or_skipped
-from eurobot_od.check.conformance.transmission import NO_SYNC, frame_of, need_uncounted_sync, sync
+from eurobot_od.check.conformance.transmission import NO_SYNC, NOT_SETTABLE, frame_of, need_uncounted_sync, sync
 from eurobot_od.device.broadcasts import COUNTERS
-from eurobot_od.od.objects import data_type
+from eurobot_od.od.objects import address_of, data_type, in_limits
 from eurobot_od.od.pdos import Pdo
-from eurobot_od.od.standard import SYNC, SYNC_COUNTER, SYNC_PERIOD, SYNC_PRODUCER
-from eurobot_od.od.values import TRANSMISSION_TYPE, PdoDirection
+from eurobot_od.od.standard import (
+    EMCY,
+    ERROR_FIELD,
+    ERROR_REGISTER,
+    SYNC,
+    SYNC_COUNTER,
+    SYNC_PERIOD,
+    SYNC_PRODUCER,
+    ErrorCode,
+)
+from eurobot_od.od.values import TRANSMISSION_TYPE, Address, PdoDirection
 from eurobot_od.sdo.wire import AbortCode
 
-CHAPTER = Chapter("sync", "SYNC", around=fresh)
+# Emergencies
+
+EMCY_CHAPTER: Chapter[Subject] = Chapter("emcy", "emergencies")
+
+HISTORY: Address = (ERROR_FIELD, 0)
+NEWEST: Address = (ERROR_FIELD, 1)
+
+NO_EMCY_FOR, REPORTED_ONCE = "500 ms", "100 ms"
+NO_HISTORY = "the file has no error history (0x1003)"
+
+
+@EMCY_CHAPTER.clause("7.5.2.17", "EMCY", Tier.REVERSIBLE, "5.1", name="its COB-ID")
+def _identifier_of_emcy(subject: Subject) -> Steps:
+    """Read where EMCY is: the file's own value, and not a guess of what is usual."""
+    found = need(subject.readable(EMCY), "the file has no 0x1014 that can be read")
+    content = data_type(found).write(subject.number(EMCY))
+    name = f"its COB-ID is {content[::-1].hex().upper()}"
+    return [step.read(name, EMCY, data=content.hex(" ").upper())]
+
+
+@EMCY_CHAPTER.clause("7.2.7", "EMCY", group="none without an error", needs=[Subject.need_emcy])
+def _silence(_: Subject) -> Steps:
+    return [step.wait("100 ms"), step.never("silent", {"emcy": "any"}, NO_EMCY_FOR)]
+
+
+@EMCY_CHAPTER.clause("7.5.2.4", "Error history", ctt="5.3", name="its number of errors")
+def _remembers(subject: Subject) -> Steps:
+    """Read the history: how many errors it has, and the newest if there is one."""
+    need(subject.readable(HISTORY), NO_HISTORY)
+    yield step.read("its number of errors", HISTORY, data="any")
+    if subject.readable(NEWEST) is not None:
+        # While there is no error the entry may be empty, or not there at all (CiA 301, 7.5.2.4): makers differ.
+        none_now = codes(AbortCode.NO_DATA, AbortCode.NO_SUBINDEX)
+        yield step.read("the newest of them", NEWEST, optional=none_now)
+
+
+@EMCY_CHAPTER.clause("7.5.2.4", "Error history", Tier.DESTRUCTIVE, name="the history")
+def _history(subject: Subject) -> Steps:
+    if not need(subject.find(HISTORY), NO_HISTORY).writable:
+        yield step.skip("the history is cleared", "the file's error history cannot be written")
+        return
+    # 0 clears the history, everything else is not allowed (CiA 301, 7.5.2.4).
+    refused = codes(AbortCode.VALUE, AbortCode.TOO_HIGH)
+    yield step.write("only 0 may be written", HISTORY, value=1, abort=refused)
+    yield step.group("0 clears it", *_cleared("0 is written"))
+
+
+def _cleared(name: str) -> list[Data]:
+    return [step.write(name, HISTORY, data="00"), step.read("no error is left", HISTORY, data="00")]
+
+
+@EMCY_CHAPTER.clause("7.2.7", "EMCY", Tier.DESTRUCTIVE, "5.4 to 5.6", name="an RPDO that is too short")
+def _too_short(subject: Subject) -> Steps:
+    """Send an RPDO that lacks a byte: the device must not take it, and says so."""
+    rpdo, code = subject.rpdo, ErrorCode.PDO_TOO_SHORT
+    subject.need_emcy()
+    said = step.read("the error register says the same", ERROR_REGISTER, expect="{register}")
+    yield step.group(
+        f"RPDO {rpdo.number}, one byte too short",
+        step.nmt("start"),
+        step.wait("50 ms"),
+        # The one error that can be made from outside without doing harm: the device ignores the frame and says 0x8210
+        # (CiA 301, 7.2.7).
+        step.sent("the frame", rpdo.cob_id, bytes(rpdo.length - 1)),
+        {"name": f"EMCY 0x{code:04X}", "emcy": {"code": f"0x{code:04X}", "save": "register"}, "within": "2 s"},
+        step.never("it is reported once", {"emcy": f"0x{code:04X}"}, REPORTED_ONCE),
+        # What the EMCY said of it: whether the device counts this as an error that lasts, is the maker's.
+        *([said] if subject.readable(ERROR_REGISTER) is not None else []),
+        *_remembered(subject, code),
+        *step.undoing(*fresh()),
+    )
+
+
+def _remembered(subject: Subject, code: ErrorCode) -> Steps:
+    history = subject.readable(HISTORY)
+    if history is not None and subject.find(NEWEST) is not None:
+        if in_limits(history, 1):
+            yield step.read("the history has it", HISTORY, expect=">= 1")
+        # Asked for as a frame: an entry has the error code in its lower half, and whatever the maker adds in the upper
+        # one, so that no value can be compared.
+        digits = code.to_bytes(2, "little").hex().upper()
+        yield {"name": "the history is asked", **subject.request(bytes.fromhex("4003100100000000"))}
+        yield step.expect("its newest error is this", subject.answer(f"43031001{digits}????"), "1 s")
+        if history.writable:
+            yield from _cleared("the history is cleared")
+
+
+# SYNC
+
+SYNC_CHAPTER: Chapter[Subject] = Chapter("sync", "SYNC", fresh=True, change=(SYNC, SYNC_COUNTER, SYNC_PERIOD))
+"""The order in which they are put back: a device that sends SYNC, or has a period of it, takes no other counter."""
 PRODUCER = "7.5.2.6", "SYNC producer", Tier.DESTRUCTIVE
 COUNTER = "7.5.2.22", "SYNC counter", Tier.DESTRUCTIVE
 STORED = "7.5.2.13", "SYNC", Tier.DESTRUCTIVE, "6.8, 6.10"
@@ -41,7 +140,7 @@ NO_PRODUCER = (*OUTSIDE, AbortCode.UNSUPPORTED_ACCESS, AbortCode.GENERAL)
 """Aborts of a device that cannot send SYNC (CiA 301, 7.5.2.5)."""
 
 
-@CHAPTER.clause("7.5.2.5", "SYNC", Tier.REVERSIBLE, "6.1", name="its COB-ID")
+@SYNC_CHAPTER.clause("7.5.2.5", "SYNC", Tier.REVERSIBLE, "6.1", name="its COB-ID")
 def _identifier(subject: Subject) -> Steps:
     found = need(subject.readable(SYNC), "the file has no SYNC (0x1005) that can be read")
     content = data_type(found).write(subject.number(SYNC)).hex(" ").upper()
@@ -90,7 +189,7 @@ def _sync(subject: Subject, digits: str = "") -> Data:
     return {"raw": f"{subject.model.sync_cob_id or 0:03X}#{digits}"}
 
 
-@CHAPTER.clause(*PRODUCER, "6.2, 6.6", group="SYNC at its time, without data", needs=[_producer()])
+@SYNC_CHAPTER.clause(*PRODUCER, "6.2, 6.6", group="SYNC at its time, without data", needs=[_producer()])
 def _produced(subject: Subject) -> Steps:
     return [*_configured(subject, 0), _started(subject), step.every(_sync(subject), PERIOD // 1000, 5)]
 
@@ -105,12 +204,16 @@ def _following(subject: Subject, type_: int) -> Pdo:
     return need(found, f"the file has no valid TPDO whose transmission type can be {type_}")
 
 
-def _typed(pdo: Pdo, type_: int) -> Data:
+def _typed(subject: Subject, pdo: Pdo, type_: int, *steps: Data) -> Steps:
+    """Do some steps with another transmission type of a PDO."""
+    found = need(subject.settable((pdo.index, TRANSMISSION_TYPE)), NOT_SETTABLE)
+    yield step.save(found)
     name = f"{pdo.title}: transmission type {type_}"
-    return step.write(name, (pdo.index, TRANSMISSION_TYPE), value=type_, optional=codes(*BUSY, *OUTSIDE))
+    yield step.write(name, address_of(found), value=type_, optional=codes(*BUSY, *OUTSIDE))
+    yield from (*steps, *step.undoing(step.nmt("pre-operational")), step.put_back(found))
 
 
-@CHAPTER.clause(
+@SYNC_CHAPTER.clause(
     "7.2.2.2",
     "SYNC producer",
     Tier.DESTRUCTIVE,
@@ -122,11 +225,11 @@ def _every_second(subject: Subject) -> Steps:
     """Have a TPDO follow the device's own SYNC: with every second one of them."""
     tpdo = _following(subject, 2)
     yield from _configured(subject, 0)
-    yield from (_typed(tpdo, 2), _started(subject), step.nmt("start"))
-    yield step.every(frame_of(tpdo), 2 * PERIOD // 1000, 3)
+    looks = _started(subject), step.nmt("start"), step.every(frame_of(tpdo), 2 * PERIOD // 1000, 3)
+    yield from _typed(subject, tpdo, 2, *looks)
 
 
-@CHAPTER.clause(
+@SYNC_CHAPTER.clause(
     "7.5.2.6",
     "SYNC consumer",
     Tier.DESTRUCTIVE,
@@ -142,13 +245,13 @@ def _without_period(subject: Subject) -> Steps:
     tpdo = _following(subject, 1)
     # 0x1006 is the producer's period and the consumer's watch; a consumer without one follows each SYNC all the same.
     with_each = step.group("with each SYNC", sync(subject), step.expect("it comes", frame_of(tpdo), SOON))
-    return [NO_MORE, _typed(tpdo, 1), step.nmt("start"), {**with_each, "repeat": 3}]
+    return [NO_MORE, *_typed(subject, tpdo, 1, step.nmt("start"), {**with_each, "repeat": 3})]
 
 
 # Counter
 
 
-@CHAPTER.clause(*COUNTER, "6.5, 6.9", name="its values")
+@SYNC_CHAPTER.clause(*COUNTER, "6.5, 6.9", name="its values")
 def _numbers(subject: Subject) -> Steps:
     """Write what the counter cannot be, and change it while SYNC has a period (CiA 301, 7.5.2.22)."""
     need(subject.settable(SYNC_COUNTER), "the file has no SYNC counter (0x1019) that can be written")
@@ -158,7 +261,7 @@ def _numbers(subject: Subject) -> Steps:
     for value in (1, COUNTERS[-1] + 1):
         if subject.number(SYNC_COUNTER) != value:
             steps.append(step.write(f"{value} is refused", SYNC_COUNTER, value=value, abort=refused))
-    yield step.group("only 0 and 2 to 240", *fresh(subject), *steps, *fresh(subject))
+    yield SYNC_CHAPTER.group(subject, "only 0 and 2 to 240", steps)
     yield from or_skipped("not while SYNC has a period", _changed_in_use, subject)
 
 
@@ -167,10 +270,10 @@ def _changed_in_use(subject: Subject) -> Steps:
     need(subject.may_be(SYNC_PERIOD, 0, PERIOD) and subject.may_be(SYNC_COUNTER, other), NO_PERIOD)
     refused = codes(AbortCode.STATE, AbortCode.GENERAL)
     changed = step.write(f"counter {other}", SYNC_COUNTER, value=other, abort=refused)
-    yield step.group("not while SYNC has a period", *fresh(subject), PERIODIC, changed, *fresh(subject))
+    yield SYNC_CHAPTER.group(subject, "not while SYNC has a period", [PERIODIC, changed])
 
 
-@CHAPTER.clause(*COUNTER, "6.7", group=f"a counter up to {OVERFLOW}", needs=[_producer(OVERFLOW)])
+@SYNC_CHAPTER.clause(*COUNTER, "6.7", group=f"a counter up to {OVERFLOW}", needs=[_producer(OVERFLOW)])
 def _counted(subject: Subject) -> Steps:
     yield from _configured(subject, OVERFLOW)
     yield _started(subject)
@@ -185,12 +288,12 @@ def _counted(subject: Subject) -> Steps:
 COUNTED = (Kept(SYNC_PERIOD, 0), Kept(SYNC_COUNTER, OVERFLOW, 2))
 
 
-@CHAPTER.clause(*STORED)
+@SYNC_CHAPTER.clause(*STORED)
 def _counter_stored(subject: Subject) -> Steps:
     return [kept_over_reset(subject, "the counter is stored", COUNTED)]
 
 
-@CHAPTER.clause(*STORED, name="all of it is stored")
+@SYNC_CHAPTER.clause(*STORED, name="all of it is stored")
 def _stored(subject: Subject) -> Steps:
     """Store all of SYNC: after a reset the device sends it by itself."""
     need(subject.model.sync_cob_id is not None, NO_SYNC)
