@@ -6,10 +6,12 @@ import gc
 import sys
 
 from eurobot_od.cli import WORKBENCH, main
+from eurobot_od.support.extras import put_off
 
 
 def run() -> int:
     """Run the command line; Python need not look through all that is left before the process ends (2 ms)."""
+    put_off("asammdf")  # python-can imports it wherever it is, which takes a second
     try:
         return main()
     finally:

@@ -66,6 +66,7 @@ def read_mf4(file: BinaryIO, _: int = LARGEST) -> Entries:
     """Read an MF4 file; raises LocalError if that needs an extra, and ends where python-can gives up."""
     import can
 
+    extras.caught_up("asammdf", "can.io.mf4")
     number, time = 0, 0.0
     try:
         with can.MF4Reader(file.name) as messages:

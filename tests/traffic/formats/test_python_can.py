@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import io
+import os
 import sqlite3
+import subprocess
+import sys
 from contextlib import closing
 from pathlib import Path
 
@@ -116,3 +119,20 @@ def test_a_table_that_cannot_be_written_is_an_oserror_with_the_file(tmp_path: Pa
     file = table(tmp_path)
     with pytest.raises(OSError, match=r"bus\.db: table messages already exists"):
         write_table(file, [])
+
+
+def test_asammdf_is_imported_for_mf4_alone(tmp_path: Path) -> None:
+    (tmp_path / "asammdf.py").write_text("import sys\nprint('asammdf!', file=sys.stderr)\nraise ImportError\n")
+    (tmp_path / "bus.log").write_text("(1.0) can0 705#05\n")
+    (tmp_path / "bus.mf4").write_bytes(b"MDF     4.10    " + bytes(100))
+    said = {}
+    for log in ("bus.log", "bus.mf4"):
+        command = [sys.executable, "-m", "eurobot_od", "--robot", "none", "decode", str(tmp_path / log)]
+        known = os.pathsep.join([str(tmp_path), *sys.path])
+        ended = subprocess.run(command, capture_output=True, text=True, env={**os.environ, "PYTHONPATH": known})
+        said[log] = ended.returncode, ended.stderr
+    assert said["bus.log"] == (0, "")
+    status, words = said["bus.mf4"]
+    assert status == 2
+    assert words.startswith("asammdf!\n")
+    assert "asammdf is not installed; the extra `mf4` brings it" in words
