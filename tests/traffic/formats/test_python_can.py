@@ -127,7 +127,8 @@ def test_asammdf_is_imported_for_mf4_alone(tmp_path: Path) -> None:
     (tmp_path / "bus.mf4").write_bytes(b"MDF     4.10    " + bytes(100))
     said = {}
     for log in ("bus.log", "bus.mf4"):
-        command = [sys.executable, "-m", "eurobot_od", "--robot", "none", "decode", str(tmp_path / log)]
+        eds = Path(__file__).parents[3] / "docs" / "motor.eds"
+        command = [sys.executable, "-m", "eurobot_od", "decode", "--eds", f"5={eds}", str(tmp_path / log)]
         known = os.pathsep.join([str(tmp_path), *sys.path])
         ended = subprocess.run(command, capture_output=True, text=True, env={**os.environ, "PYTHONPATH": known})
         said[log] = ended.returncode, ended.stderr
