@@ -117,7 +117,7 @@ class Decoder:
     """Decodes frames by the EDS files of the nodes on the bus and the catalogue of their messages.
 
     `errors` are words for emergency error codes of single nodes, by node-ID; 0 stands for all nodes. `master` is the
-    name of who leads the network. What is `learned` of devices without files names their PDOs, and nothing else.
+    name of who leads the network. What is `learned` of devices without files says where their PDOs and services are.
     """
 
     def __init__(
@@ -146,7 +146,7 @@ class Decoder:
         """The services by identifier; made late, as many logs have none."""
         from eurobot_od.traffic.services import services
 
-        return services(self.dictionaries, self.errors, self._master)
+        return services(self.dictionaries, self.errors, self._master, self._learned)
 
     @cached_property
     def errors(self) -> ErrorWords:
