@@ -189,6 +189,29 @@ def test_a_reader_that_leaves_is_no_error() -> None:
     assert process.returncode == 0
 
 
+DRIVE = Path(__file__).parents[2] / "eds" / "canopen" / "drive.eds"
+INTERRUPTED_IMPORT = """
+import sys
+class Interrupt:
+    module = sys.argv.pop(1)
+    def find_spec(self, name, *_):
+        if name == self.module:
+            raise KeyboardInterrupt
+sys.meta_path.insert(0, Interrupt())
+from eurobot_od.__main__ import run, workbench
+sys.exit({run}())
+"""
+
+
+@pytest.mark.parametrize("program", ["run", "workbench"])
+@pytest.mark.parametrize("module", ["eurobot_od.cli", "eurobot_od.cli.show", "eurobot_od.od.values", "canopen"])
+def test_ctrl_c_while_something_is_imported_is_an_exit_status_and_no_traceback(program: str, module: str) -> None:
+    code = INTERRUPTED_IMPORT.replace("{run}", program)
+    words = [module, "show", "--eds", str(DRIVE)]
+    done = subprocess.run([sys.executable, "-c", code, *words], capture_output=True, text=True, timeout=60)
+    assert (done.returncode, done.stdout, done.stderr) == (130, "", "")
+
+
 # Standard streams
 
 
