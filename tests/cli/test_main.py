@@ -124,7 +124,7 @@ def test_an_error_becomes_one_line_and_an_exit_status(
     def doctor() -> None:
         raise error
 
-    monkeypatch.setattr("eurobot_od.cli.doctor.doctor", doctor)
+    monkeypatch.setattr("eurobot_od.cli.installation.doctor", doctor)
     said = run(capsys, "doctor")
     assert said.status == status
     assert said.err.startswith(f"eurobot-od: {complaint}" if complaint else "")
@@ -134,7 +134,7 @@ def test_an_error_becomes_one_line_and_an_exit_status(
 def test_an_error_that_is_none_of_ours_is_a_bug_and_shows_its_traceback(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("eurobot_od.cli.doctor.doctor", lambda: 1 // 0)
+    monkeypatch.setattr("eurobot_od.cli.installation.doctor", lambda: 1 // 0)
     with pytest.raises(ZeroDivisionError):
         run(capsys, "doctor")
 
