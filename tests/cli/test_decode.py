@@ -292,6 +292,15 @@ def test_statistics_of_several_logs_and_of_some_messages(tmp_path: Path, capsys:
     assert lines[2].split()[:4] == ["00C", "Goto", "Confirm", "drive"]
 
 
+def test_statistics_of_two_buses_are_apart(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    lines = [f"({number / 20:.2f}) can{number % 2} 00C#\n" for number in range(40, 80)]
+    (file := tmp_path / "two.log").write_text("".join(lines))
+    assert cli.main(["decode", str(file), "--statistics"]) == 0
+    first, _, row, _, second, _, other, _ = capsys.readouterr().out.splitlines()
+    assert (first, second) == ("can0:", "can1:")
+    assert [each.split()[4:7:2] for each in (row, other)] == [["20", "100.00"]] * 2  # count and worst gap
+
+
 def test_statistics_call_the_master_by_the_name_that_the_network_file_gives_it(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
