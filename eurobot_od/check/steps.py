@@ -265,7 +265,10 @@ class Doer:
     @_do.register
     async def _unheard(self, action: suite.Unheard) -> None:
         seen = [each for each in self._trace.frames if each.frame.cob_id == action.cob_id and not each.own]
+        if seen and (suite.Reported.HEARD, action.cob_id) in self._reported:
+            raise Skipped(StepReason("it came again, and was red before"))
         if seen:
+            self._reported.add((suite.Reported.HEARD, action.cob_id))
             what = f"{amount(len(seen), 'frame')} came with the identifier 0x{action.cob_id:03X}"
             raise Failed(StepReason(what, "none", str(seen[0].frame)))
 
@@ -482,13 +485,15 @@ class Doer:
 
         By 0x1029 such a node may refuse that, or leave it again.
         """
-        found = (node for what, node in self._reported if what is suite.Reported.OWN_ERROR)
-        node = next((each for each in found if each.node_id == self._started), None)
-        if node is None or not isinstance(action, (suite.Expect, suite.Period)):
+        nodes = (each for _, each in self._reported if isinstance(each, suite.NodeServices))
+        node = next((each for each in nodes if each.node_id == self._started), None)
+        is_known = node is not None and (suite.Reported.OWN_ERROR, node) in self._reported
+        if node is None or not is_known or not isinstance(action, (suite.Expect, suite.Period)):
             return False
-        with suppress(Aborted, NoAnswer):
+        try:
             return any(await self._run(upload(ERROR_REGISTER, self._timeout), node))
-        return False
+        except (Aborted, NoAnswer) as error:
+            return isinstance(error, NoAnswer)  # it has stayed in STOPPED
 
     async def _run(self, transfer: Transfer, node: suite.NodeServices) -> bytes:
         """Do a transfer and return what it brought; raises NoAnswer, Aborted.

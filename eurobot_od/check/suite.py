@@ -117,9 +117,11 @@ class Reported(Enum):
 
     NO_BOOT_UP = "it sends no boot-up"
     OWN_ERROR = "it reports an error of its own"
+    HEARD = "somebody else sends what nobody should"
 
 
-Report: TypeAlias = "tuple[Reported, NodeServices]"
+Report: TypeAlias = "tuple[Reported, NodeServices | int]"
+"""What was found, and about which node or COB-ID."""
 
 
 class AbortCodes(NamedTuple):

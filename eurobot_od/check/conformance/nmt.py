@@ -95,7 +95,7 @@ def _errors(_: Subject) -> Steps:
 
 
 @CHAPTER.clause("7.2.8.3.3", "Boot-up", Tier.REVERSIBLE, "10.1")
-def _boot_ups(subject: Subject) -> Steps:
+def _boot_ups(_: Subject) -> Steps:
     for command, (state, way) in product(("reset", "reset communication"), WAY_TO.items()):
         there = [step.nmt(each) for each in ("pre-operational", *way)]
         name = f"boot-up after {command} in {state.upper()}"

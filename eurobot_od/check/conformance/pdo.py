@@ -42,6 +42,9 @@ RESTRICTED_ONES = tuple(each.high for each in RESTRICTED if each.high)
 TOO_MANY = (AbortCode.NO_OBJECT, AbortCode.NO_SUBINDEX, AbortCode.NOT_MAPPABLE, AbortCode.MAPPING_TOO_LONG)
 """Aborts for a number of entries that a PDO does not have."""
 
+NO_OBJECT = (AbortCode.NO_OBJECT, AbortCode.GENERAL)
+"""Aborts for a record that is not there, as CiA's test tool takes them."""
+
 MISSING = 0x1FFF
 """An index where mostly nothing is."""
 
@@ -92,7 +95,7 @@ def _scan(subject: Subject, direction: PdoDirection) -> Steps:
     # A master finds out how many PDOs a device has by asking until one is not there.
     missing = next((index for index in records if index not in subject.dictionary.members), None)
     if missing is not None:
-        yield step.read(f"0x{missing:04X} is not there", (missing, COB_ID), abort=codes(AbortCode.NO_OBJECT))
+        yield step.read(f"0x{missing:04X} is not there", (missing, COB_ID), abort=codes(*NO_OBJECT))
 
 
 def _default_mapping(subject: Subject, pdo: Pdo) -> Steps:
