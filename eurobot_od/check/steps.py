@@ -10,9 +10,9 @@ The only clock and the only bus are the bench's.
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from functools import singledispatchmethod
+from functools import partial, singledispatchmethod
 from typing import Any
 
 from eurobot_od.check import suite
@@ -59,6 +59,9 @@ BOOTED = bytes([NmtState.INITIALISING])
 """The data of a boot-up (CiA 301, 7.3.2.2.2)."""
 
 ERROR_CONTROL = range(ERROR_CONTROL_BASE + 1, ERROR_CONTROL_BASE + 0x80)
+
+UNCONFIRMED = 0.02
+"""Seconds that a server is given for a request that it does not answer."""
 
 POLLED = 0.1
 """Seconds for an answer to the question whether a node is there."""
@@ -318,7 +321,7 @@ class Doer:
         self._ask()
         if action.save is not None:
             self._variables.pop(action.save, None)  # what another object had under this name is not this one's
-        begin = block_upload if action.blocks else upload
+        begin = _UPLOADS[action.blocks]
         data = await self._transfer(action, begin(objects.address_of(action.variable), self._longest(action.within)))
         if data is None:
             return
@@ -338,7 +341,7 @@ class Doer:
     @_do.register
     async def _sdo_write(self, action: suite.SdoWrite) -> None:
         self._ask()
-        begin = block_download if action.blocks else download
+        begin = _DOWNLOADS[action.blocks]
         content = action.content(self._variables)
         await self._transfer(action, begin(objects.address_of(action.variable), content, self._longest(action.within)))
 
@@ -506,6 +509,8 @@ class Doer:
             for request in requests:
                 await self._put(Frame(node.sdo_request, request))
             if transfer.done:  # only now: the last request may be an abort of ours, which the node has to get
+                if requests:  # the end of a block or an abort, which no answer confirms: many servers keep one frame
+                    await self._trace.sleep(UNCONFIRMED)
                 break
             number = await self._trace.first(frozenset([node.sdo_answer]), start, transfer.deadline)
             if number is None:
@@ -536,6 +541,18 @@ class Doer:
             if last is None:
                 raise Failed(StepReason(f"no {binding.name} has come yet"))
             self._variables[name] = getattr(self._decoder.protocol.decode(*last), field)
+
+
+_UPLOADS: Mapping[suite.Blocks, Callable[[Address, float], Transfer]] = {
+    suite.Blocks.NONE: upload,
+    suite.Blocks.PLAIN: block_upload,
+    suite.Blocks.WITHOUT_CRC: partial(block_upload, crc=0),
+}
+_DOWNLOADS: Mapping[suite.Blocks, Callable[[Address, bytes, float], Transfer]] = {
+    suite.Blocks.NONE: download,
+    suite.Blocks.PLAIN: block_download,
+    suite.Blocks.WITHOUT_CRC: partial(block_download, crc=0),
+}
 
 
 def _meanwhile(address: Address) -> Iterator[tuple[Address, Callable[[int], int]]]:

@@ -78,6 +78,11 @@ def save(variable: ODVariable, kept: str = "present") -> Data:
     return read("its present value", address_of(variable), **as_bytes, save=kept, optional=none_now)
 
 
+def asking(numbers: str, data: Data) -> Data:
+    """Have a step ask some tests of CiA's tool, by their numbers."""
+    return {**data, "ctt": numbers} if numbers else data
+
+
 def undoing(*steps: Data) -> Steps:
     """Have steps of a group done whatever becomes of the others: they undo what was changed."""
     return ({**each, "undo": "yes"} for each in steps)
