@@ -30,8 +30,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeAlias, TypeVar
 
 from eurobot_od.errors import LocalError, RobotWarning, UnknownName
-from eurobot_od.od import DEFAULT
-from eurobot_od.od.network import Dialects
+from eurobot_od.od import DEFAULT, Dialects
 
 if TYPE_CHECKING:
     from eurobot_od.bus.live import Live, Opener
@@ -47,7 +46,7 @@ if TYPE_CHECKING:
     from eurobot_od.pdo.catalogue import Catalogue
     from eurobot_od.pdo.protocol import Protocol as Messages
     from eurobot_od.season.answers import SeasonReport
-    from eurobot_od.web.panel import Panel
+    from eurobot_od.web.page import Panel
 
     NodeT = TypeVar("NodeT", bound=Node)
 
@@ -189,12 +188,12 @@ class Plugin(NamedTuple):
 
     def all_faults(self) -> Faults:
         """Return the faults of the robot's nodes, and those that any device can have."""
-        from eurobot_od.device.faults import device, drive
+        from eurobot_od.device.faults.device import DRIVE_FAULTS, FAULTS
         from eurobot_od.device.node import Node
         from eurobot_od.device.profiles.devices import SimulatedDrive
 
         own = dict(self.faults())
-        return {**own, Node: {**device.FAULTS, **own.get(Node, {})}, SimulatedDrive: drive.FAULTS}
+        return {**own, Node: {**FAULTS, **own.get(Node, {})}, SimulatedDrive: DRIVE_FAULTS}
 
     def fault_names(self) -> list[str]:
         """Return the names of all faults."""
@@ -345,7 +344,9 @@ def _typed(name: str) -> Plugin:
         from eurobot_od.support import extras
 
         file = Path(name) / FILE
-        return _checked(getattr(extras.load(file), ATTRIBUTE, None), f"{file}: no `{ATTRIBUTE}` in it")
+        loaded = extras.load(file)
+        robot = _checked(getattr(loaded, ATTRIBUTE, None), f"{file}: no `{ATTRIBUTE}` in it")
+        return _guarded(robot, f"robot {name}", loaded.__name__, str(file))
     from importlib.util import find_spec
 
     package = name.partition(".")[0]
@@ -439,7 +440,22 @@ def _imported(target: str, name: str, file: str) -> Plugin:
         found: object = import_module(module)
         for each in (attribute or ATTRIBUTE).split("."):
             found = getattr(found, each, None)
-    return _checked(found, f"robot {name}: {file}: no `{target}` there")
+    robot = _checked(found, f"robot {name}: {file}: no `{target}` there")
+    return robot if target.startswith(OURS) else _guarded(robot, f"robot {name}", module, file)
+
+
+def _guarded(robot: Plugin, what: str, module: str, file: str) -> Plugin:
+    """Return a robot whose parts raise LocalError, with the place: what is imported late can be broken, too."""
+
+    def guarded(part: Callable[..., Any]) -> Callable[..., Any]:
+        def call(*args: Any) -> Any:
+            with blaming(what, module, file):
+                return part(*args)
+
+        return call
+
+    parts: dict[str, Any] = {name: guarded(part) for name, part in robot._asdict().items() if callable(part)}
+    return robot._replace(**parts, nodes={name: guarded(kind) for name, kind in robot.nodes.items()})
 
 
 @contextmanager
@@ -448,7 +464,7 @@ def blaming(what: str, module: str, otherwise: str) -> Iterator[None]:
     try:
         with redirect_stdout(sys.stderr):  # standard output may be a document, such as --json
             yield
-    except KeyboardInterrupt:
+    except (KeyboardInterrupt, LocalError):
         raise
     except BaseException as error:  # SystemExit, and what `pytest.skip` raises, must not end what needs no robot
         from eurobot_od.support import extras

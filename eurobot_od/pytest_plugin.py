@@ -153,7 +153,8 @@ def _fail(steps: Iterable[StepResult]) -> None:
 
 def _network(config: pytest.Config) -> tuple[Path, bool]:
     """Return the network file or folder of the ini file, or else the root folder's, and whether it names devices."""
-    from eurobot_od.od.network import DEFAULT, read_network
+    from eurobot_od.od import DEFAULT
+    from eurobot_od.od.network import read_network
 
     named = config.getini("eurobot_network")
     path = config.rootpath / (named or DEFAULT)

@@ -193,6 +193,35 @@ def test_a_command_of_a_robot_that_cannot_be_loaded_is_one_line(
     assert said.err.count("\n") == 1
 
 
+LATE = """
+from eurobot_od.plugin import Plugin
+def broken(*_):
+    import nothing_at_all
+ROBOT = Plugin("Late", catalogue=broken, nodes={"core": broken}, faults=broken, reports=broken)
+"""
+NEEDS = {
+    # what a command asks of a robot
+    ("faults",): "its faults",
+    ("decode", "a.log"): "its messages",
+    ("query", "season", "--report", "any"): "its reports",
+}
+
+
+@pytest.mark.parametrize("words", NEEDS, ids=" ".join)
+@pytest.mark.parametrize("form", ["installed", "folder"])
+def test_a_part_that_cannot_be_loaded_when_it_is_needed_is_one_line_with_its_place(
+    form: str, words: tuple[str, ...], install: Install, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "a.log").write_text("(0.0) can0 123#\n")
+    (tmp_path / "late").mkdir()
+    (tmp_path / "late" / "robot.py").write_text(LATE)
+    if form == "installed":
+        install("late = late_robot:ROBOT", late_robot=LATE)
+    said = run(capsys, *words, *([] if form == "installed" else ["--robot", "late"]))
+    assert (said.status, said.err.count("\n")) == (2, 1), said
+    assert f"{'late_robot' if form == 'installed' else 'late/robot'}.py:4: ModuleNotFoundError" in said.err
+
+
 WRONG = {
     # what robot.py has, and what is said about it
     "x = 1\n": r"robot.py: no `ROBOT` in it",

@@ -27,14 +27,14 @@ from random import Random
 from statistics import median
 from typing import NamedTuple
 
-from eurobot_od.bus.bits import frame_bits
+from eurobot_od.bus import frame_bits
 from eurobot_od.bus.simulated.network import Simulation
 from eurobot_od.cli.load import of_robot
 from eurobot_od.device.node import Node
 from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.robot.plugin import ROBOT
-from eurobot_od.traffic.load.analysis import MICROSECONDS, MessageSet, PeriodicMessage, analysed
+from eurobot_od.traffic.load import MICROSECONDS, MessageSet, PeriodicMessage, analysed
 
 FINE, WRONG = 0, 1
 

@@ -4,7 +4,7 @@ Each cell of the matrix is a short match in which one thing goes wrong. What is 
 
 - *uncommanded*: how long, and how far, the robot moves while no living core has a goto under way, or the bus is off.
   Braking after an ordinary stop counts, too, so that it is never 0. It has to end within BOUND seconds.
-- *off*: how far from its place the robot truly is when it has arrived.
+- *off*: how far from its place the robot truly is when it has arrived: OFF_PLACE, or what the drive says of its place.
 - *open calls*: calls of the core that have not ended when all is over. There must be none.
 - *went on*: whether another place was reached after it went wrong. Not every match can go on; that is judged only of
   pauses without the navigation, which no match may end with.
@@ -52,6 +52,9 @@ BOUND = 3.0
 OFF_PLACE = 50.0
 """How far from its place, mm, the robot may truly be when it has arrived: more is a drive that has lost its way."""
 
+DEVIATIONS = 3
+"""How many of the standard deviations that the drive tells the robot may be off."""
+
 UNDATED = ("Navi Position Request", "Navi Position Response")
 """Positions say nothing about their time: if they are all late, the drive cannot know, and without them it drifts."""
 
@@ -86,10 +89,10 @@ DOUBLED = "doubled"
 MESSAGE_FATES = (*LOST, *DELAYS, DOUBLED)
 NODE_FATES = ("killed", "rebooted", "frozen 5 s")
 BUS, BUS_FATE = "bus", "off 1 s"
-PAUSES = {f"pause {seconds:g} s, navigation dead": seconds for seconds in (0.2, 0.5, 1.0, 2.0, 3.0)}
+PAUSES = {f"pause {seconds:g} s, navigation dead": seconds for seconds in (0.2, 0.5, 1.0, 2.0, 3.0, 5.0)}
 """What core, drive or bus do after the navigation has died: only the drive knows the place then, and the match has to
-go on. With a pause of 1 s the drive gives up its goto, and the core only hears of no goto. A longer one than 3 s ends
-in Emergency Shutdown, after which a start configuration has to come, whatever the drive still knows."""
+go on. With a pause of 1 s the drive gives up its goto, and the core only hears of no goto. One of 3 s may end
+in Emergency Shutdown, after which a start configuration has to come, in which the drive keeps its place."""
 
 FREEZES = {"frozen 5 s": FROZEN, **PAUSES}
 """How long a node hangs that is itself again afterwards."""
@@ -264,7 +267,9 @@ class Trial:
     def _told(self, event: MatchEvent) -> None:
         if event.kind is EventKind.ARRIVED:
             self.reached.append(event.time)
-            self.off = max(self.off, event.data["distance"])
+            # A drive that says that it knows its place badly has not called anything a good arrival.
+            if event.data["distance"] > DEVIATIONS * (event.data["deviation"] or 0):
+                self.off = max(self.off, event.data["distance"])
 
     async def _run(self) -> bool:
         """Play the match, have it go wrong, and tell whether everything has ended in time."""
@@ -280,11 +285,6 @@ class Trial:
         await asyncio.sleep(BEGIN + self.duration + AFTERWARDS - self.network.now)
         return self.playing.done()
 
-    @property
-    def _is_placeless(self) -> bool:
-        """Whether the drive goes by its wheels alone, or by positions of which it cannot know the time."""
-        return self.cell.what in UNDATED or self.cell.how in PAUSES
-
     def result(self) -> Result:
         """Try the cell."""
         ended = loop.run(self.network, self._run())
@@ -292,7 +292,7 @@ class Trial:
         wrong = {
             "moves at the end": killed != "drive" and self.wheels.moving,
             f"uncommanded for {self.wheels.seconds:.2f} s": self.wheels.seconds > BOUND,
-            f"arrived {self.off:.0f} mm off": self.off > OFF_PLACE and not self._is_placeless,
+            f"arrived {self.off:.0f} mm off": self.off > OFF_PLACE and self.cell.what not in UNDATED,
             "the match does not end": not ended,
             f"{self.core.open_calls} open calls": killed != "core" and self.core.open_calls > 0,
         }

@@ -15,10 +15,10 @@ from typing import Any, ClassVar, NamedTuple
 from eurobot_od.device.profiles.axis import DriveAxis
 from eurobot_od.device.profiles.devices import SimulatedDrive
 from eurobot_od.frame import Frame
+from eurobot_od.od import cia402
+from eurobot_od.od.cia402 import TRANSITIONS, DriveCommand, Mode, State
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.objects import encode
-from eurobot_od.od.profiles import cia402
-from eurobot_od.od.profiles.cia402 import TRANSITIONS, DriveCommand, Mode, State
 from eurobot_od.od.standard import SYNC_PERIOD
 from eurobot_od.sdo.wire import ClientCommand, carrying
 from eurobot_od.support import svg

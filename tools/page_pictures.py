@@ -15,9 +15,9 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))  # the tests' browser
 
 from eurobot_od.frame import Frame  # noqa: E402
-from eurobot_od.robot.match.drawing import draw  # noqa: E402
 from eurobot_od.robot.match.stage import play_simulated  # noqa: E402
 from eurobot_od.robot.model.options import MatchOptions  # noqa: E402
+from eurobot_od.robot.scene.files import draw  # noqa: E402
 from tests.web.browser import Page, running  # noqa: E402
 from tests.web.scene import live_page, robot  # noqa: E402
 

@@ -12,15 +12,15 @@ from math import pi, sin
 from pathlib import Path
 from typing import NamedTuple
 
-from eurobot_od.bus.bits import frame_bits
+from eurobot_od.bus import frame_bits
 from eurobot_od.bus.simulated.network import Simulation
 from eurobot_od.device.nmt import NmtCommand
 from eurobot_od.device.node import Node
 from eurobot_od.device.profiles.axis import DriveAxis
 from eurobot_od.device.profiles.devices import SimulatedDrive, SimulatedModule
 from eurobot_od.frame import Frame
+from eurobot_od.od.cia402 import DriveCommand, Mode
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.od.profiles.cia402 import DriveCommand, Mode
 from eurobot_od.od.values import NMT_COB_ID, SYNC_COB_ID
 
 DOCS = Path(__file__).parents[1] / "docs"

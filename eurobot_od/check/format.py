@@ -18,8 +18,9 @@ from eurobot_od.check.vocabulary import DURATION, NAME, SOME_TIME, Vocabulary
 from eurobot_od.errors import UnknownName
 from eurobot_od.frame import HIGHEST_IDENTIFIER
 from eurobot_od.support import yaml_shapes as shapes
+from eurobot_od.support.declared import Within
 from eurobot_od.support.yaml_places import PlacedText, Problem, Problems, ReadError, place_of, read_all, refuse
-from eurobot_od.support.yaml_shapes import NUMBER, SCALAR, TEXT, Key, Schema, Shape, Within, pairs_of
+from eurobot_od.support.yaml_shapes import NUMBER, SCALAR, TEXT, Key, Schema, Shape, pairs_of
 
 VERSION = 1
 """Value of the key `spec`."""

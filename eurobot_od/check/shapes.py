@@ -55,8 +55,9 @@ from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.catalogue import field_name, plain_name
 from eurobot_od.pdo.kinds import KeyedForm, Kind
 from eurobot_od.support import yaml_shapes as shapes
+from eurobot_od.support.declared import Within
 from eurobot_od.support.yaml_places import NodeReader, PlacedText, Problems, read_all, refuse, refusing, taken
-from eurobot_od.support.yaml_shapes import NUMBER, SCALAR, TEXT, Key, Schema, Shape, Within, converted, pairs_of
+from eurobot_od.support.yaml_shapes import NUMBER, SCALAR, TEXT, Key, Schema, Shape, converted, pairs_of
 
 # Services
 

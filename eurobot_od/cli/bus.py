@@ -17,11 +17,11 @@ from eurobot_od.cli.devices import Access, Devices, Target
 from eurobot_od.cli.options import BusOptions, Json, NoReconnect, Seconds, check_node_id
 from eurobot_od.cli.signature import Option
 from eurobot_od.client import lss as services
-from eurobot_od.client.boot import NodeEvent, NodeWatch, watch_nodes, without_heartbeat
 from eurobot_od.client.description import Found, Identity, described
 from eurobot_od.client.description import scan as scan_nodes
 from eurobot_od.client.lss import LssSteps, perform
 from eurobot_od.client.master import Master, produce, syncs, times
+from eurobot_od.client.watch import NodeEvent, NodeWatch, watch_nodes, without_heartbeat
 from eurobot_od.device.nmt import ALL_NODES, COMMAND_NAMES, STATE_NAMES, NmtCommand, NmtState
 from eurobot_od.device.nmt import TARGET as TARGET_STATES
 from eurobot_od.errors import LocalError, UnknownName

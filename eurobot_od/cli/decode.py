@@ -114,6 +114,9 @@ class Watched(io.RawIOBase):
     def readable(self) -> bool:
         return True
 
+    def seekable(self) -> bool:
+        return stat.S_ISREG(os.fstat(self._descriptor).st_mode)
+
     def readinto(self, buffer: Any) -> int:
         self._on_read(self._read)
         # Gives what a pipe has now; a buffered file would wait until the whole buffer is full.
@@ -183,7 +186,7 @@ def decode(
     decoder = devices.decoder(emcy)
     several = len(logs) > 1
     if statistics:
-        from eurobot_od.traffic.load.seen import TrafficOutput  # the usual case starts without the other ones' modules
+        from eurobot_od.traffic.statistics import TrafficOutput  # the usual case starts without the other ones' modules
 
         output: Output = TrafficOutput(bitrate, devices.promised(decoder), several)
     else:

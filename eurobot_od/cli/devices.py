@@ -15,21 +15,21 @@ from eurobot_od import plugin
 from eurobot_od.cli import RobotName, complain, is_alone
 from eurobot_od.cli.options import BusOptions, Seconds, check_node_id, whole
 from eurobot_od.cli.signature import HelpGroup, Option, Parser, ahead
-from eurobot_od.client import description
-from eurobot_od.client.description import Description, from_file
-from eurobot_od.client.master import Master, RemoteNode
-from eurobot_od.device.broadcasts import ErrorWords
 from eurobot_od.errors import FileError, LocalError, MappingError, RemoteError, UnknownName
-from eurobot_od.od import network
+from eurobot_od.od import DEFAULT, DIALECT_VARIABLE, network
 from eurobot_od.od.dictionary import Dictionary, SdoChannel, moved_server
-from eurobot_od.od.network import DIALECT_VARIABLE, NetworkFile, NodeFile
+from eurobot_od.od.network import NetworkFile, NodeFile
 from eurobot_od.od.objects import all_objects
 from eurobot_od.od.pdos import OnRefused
 from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.plugin import Plugin
+from eurobot_od.support.texts import amount
 
-if TYPE_CHECKING:
-    from eurobot_od.traffic.load.analysis import MessageSet
+if TYPE_CHECKING:  # a command that needs no bus does without
+    from eurobot_od.client.description import Description
+    from eurobot_od.client.master import Master, RemoteNode
+    from eurobot_od.device.broadcasts import ErrorWords
+    from eurobot_od.traffic.load import MessageSet
     from eurobot_od.traffic.meaning import Decoder
 
 
@@ -52,7 +52,7 @@ class Devices:
     patch: patch over a device's file: objects in YAML, or a DCF's values; repeatable
     """
 
-    GROUP = HelpGroup("devices", f"default: {network.DEFAULT} in this folder, else the robot's")
+    GROUP = HelpGroup("devices", f"default: {DEFAULT} in this folder, else the robot's")
 
     eds: Annotated[Sequence[str], Option(metavar="[NODE-ID=]FILE", is_file=True)] = ()
     network: Annotated[str | None, Option(metavar="PATH", is_file=True)] = None
@@ -74,7 +74,7 @@ class Devices:
     @property
     def _file(self) -> str:
         """The network file: what is named on the command line replaces the folder's own; the two are never mixed."""
-        return self.network or ("" if self.eds else network.DEFAULT)
+        return self.network or ("" if self.eds else DEFAULT)
 
     @property
     def _described(self) -> NetworkFile:
@@ -127,6 +127,8 @@ class Devices:
 
     def errors(self, emcy: Iterable[str] = ()) -> ErrorWords:
         """Return the words for these devices' emergency error codes, CiA 301's if there are none; raises as `load`."""
+        from eurobot_od.device.broadcasts import ErrorWords
+
         known = self.load() if self.are_known else ()
         return ErrorWords.of_devices(known, self.robot.catalogue(), error_words(emcy))
 
@@ -135,8 +137,8 @@ class Devices:
 
         Raises as `load`, BusError.
         """
-        from eurobot_od.client.master import Master  # a log is decoded without a bus
-        from eurobot_od.client.remote_pdos import pdo_parameters
+        from eurobot_od.client.configure import pdo_parameters
+        from eurobot_od.client.master import Master
 
         asked = []
         with Master(bus.open()) as master:
@@ -151,11 +153,11 @@ class Devices:
 
     def promised(self, decoder: Decoder) -> MessageSet:
         """Return what a decoder's devices send, and how often; nothing if a period is missing."""
-        from eurobot_od.traffic.load.network_set import network_set  # most commands need no analysis
-        from eurobot_od.traffic.load.seen import NOTHING
+        from eurobot_od.traffic.load import network_set  # most commands need no analysis
+        from eurobot_od.traffic.statistics import NOTHING
 
         try:
-            file = self.network or network.DEFAULT if self.files() else str(self.robot.dialects.network_file())
+            file = self.network or DEFAULT if self.files() else str(self.robot.dialects.network_file())
             rows = network.read_network(file) if os.path.exists(file) else NetworkFile()  # noqa: PTH110
             names = {each.cob_id: each.name for each in decoder.protocol.bindings}
             return network_set(decoder.dictionaries, names, rows, file)
@@ -223,9 +225,10 @@ def complain_of_repairs(dictionaries: Iterable[Dictionary]) -> None:
         # A guess first: what follows may be hidden behind "and 4 more".
         changes = sorted(each.changes, key=lambda change: not change.guessed)
         repaired = [f"line {change.line}: {change.what}" for change in changes]
+        lost = [str(refusal) for refusal in each.left_out]
         for done, found, lister in (
             ("repaired to be read", repaired, "lint --fix"),
-            ("left out", [str(refusal) for refusal in each.left_out], "lint"),
+            (f"{amount(len(lost), 'object')} left out" if len(lost) > 1 else "left out", lost, "lint"),
         ):
             more = f", and {len(found) - 1} more (`{lister}` lists them)" if len(found) > 1 else ""
             if found:
@@ -289,6 +292,8 @@ class Access:
 
     def master(self) -> Master:
         """Open the bus; the context closes it. Raises LocalError, BusError."""
+        from eurobot_od.client.master import Master
+
         return Master(self.bus.open(), self.timeout, unannounced=self.largest)
 
 
@@ -325,6 +330,8 @@ class Target(Access):
         A file named without a node-ID is for the node that is spoken to. Its own comes last because it has to be
         transferred, tens of thousands of bytes.
         """
+        from eurobot_od.client import description
+
         named = self.named_description(node)
         if named is not None:
             return named
@@ -338,6 +345,8 @@ class Target(Access):
 
         From then on the node is spoken to where its file says that its SDO server is.
         """
+        from eurobot_od.client.description import from_file
+
         files = self.devices.files()
         named = files[: len(self.devices.eds)]
         mine = next((each for each in named if each.node_id in (None, node.node_id)), None)
@@ -345,6 +354,7 @@ class Target(Access):
             mine = next((each for each in files if Dictionary.load(*each).node_id == node.node_id), None)
         if mine is None:
             return None
+
         described = from_file(mine.file, node.node_id, mine.modules, mine.patch)
         complain_of_repairs([described.dictionary])
         node.master.follow(described.dictionary)

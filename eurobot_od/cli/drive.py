@@ -12,7 +12,7 @@ from eurobot_od.cli.options import Json, Seconds, whole
 from eurobot_od.cli.signature import Option
 from eurobot_od.client.drive402 import Drive402, DriveStatus
 from eurobot_od.errors import LocalError
-from eurobot_od.od.profiles.cia402 import MODE_WORDS
+from eurobot_od.od.cia402 import MODE_WORDS
 from eurobot_od.support.texts import one_line
 
 LOOK = 0.5

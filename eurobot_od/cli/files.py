@@ -172,9 +172,8 @@ def cdcf(
 def write_concise(node: NodeFile, output: Path | None) -> None:
     """Write or print the concise DCF of a DCF, without PDOs that do not hold; raises DictionaryError, LocalError."""
     from eurobot_od.cli.objects import print_readings
-    from eurobot_od.client.configure import all_writes, check_file, check_whole
+    from eurobot_od.client.configure import all_writes, check_file, check_whole, decoded
     from eurobot_od.client.description import from_file
-    from eurobot_od.client.reading import decoded
     from eurobot_od.od.dcf import pack
     from eurobot_od.od.values import pdo_of
 
@@ -186,9 +185,9 @@ def write_concise(node: NodeFile, output: Path | None) -> None:
             complained(error)
 
         if node.node_id is None:
-            check_file(description, description.dictionary.node_id, leave_out)
+            check_file(description, description.dictionary.node_id, leave_out, leave_out)
         else:  # who names a node-ID takes the file for that node, whichever it was made for
-            check_whole(description, leave_out)
+            check_whole(description, leave_out, leave_out)
     bad = {pdo_of(error.index or 0) for error in refused}
     writes = [each for each in all_writes(description) if pdo_of(each.address[0]) not in bad - {None}]
     if output is None:
@@ -202,8 +201,8 @@ def read_concise(file: str, output: Path | None, eds: str | None, node_id: int |
     """Print a concise DCF, or write the DCF that says the same; raises DictionaryError, LocalError, UnknownName."""
     from eurobot_od.bus.live import BITRATE
     from eurobot_od.cli.objects import print_readings
+    from eurobot_od.client.configure import dcf_of_writes, decoded
     from eurobot_od.client.description import from_file
-    from eurobot_od.client.reading import dcf_of_writes, decoded
     from eurobot_od.od.dcf import Truncated, unpack
 
     try:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import gc
 import sys
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Container, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, TypeAlias
 
@@ -260,7 +260,7 @@ def diff(
         node_id = node or device.node_id  # a DCF says for which node it is, an EDS does not
         if node_id is None:
             raise LocalError("nothing to compare with: name a second file, or a live node with --node")
-        found = compare_live(device, _live_bytes(bus, left, node_id, readable(device)), node_id)
+        found = compare_live(device, *_live(bus, left, node_id, readable(device)))
     if as_json:
         import json
 
@@ -271,15 +271,20 @@ def diff(
     return ExitStatus.FOUND if found else ExitStatus.FINE
 
 
-def _live_bytes(
+def _live(
     bus: BusOptions, file: str, node_id: int, addresses: Iterable[Address]
-) -> Mapping[Address, bytes | int]:
-    """Read objects of a live node: their bytes, or the abort code; raises LocalError, BusError, NoAnswer."""
+) -> tuple[Mapping[Address, bytes | int], int, Container[Address]]:
+    """Read objects of a live node: their bytes, or the abort code; its node-ID; which of them are process data now.
+
+    Raises LocalError, BusError, NoAnswer.
+    """
+    from eurobot_od.client.configure import pdo_numbers, read_bytes
     from eurobot_od.client.master import Master  # two files are compared without a bus
-    from eurobot_od.client.reading import read_bytes
     from eurobot_od.od.dictionary import Dictionary
     from eurobot_od.support.progress import passing
 
     with Master(bus.open()) as master, passing(f"node {node_id}", addresses) as passed:
-        master.follow(Dictionary.load(file, node_id))
-        return read_bytes(master.node(node_id), passed)
+        dictionary = Dictionary.load(file, node_id)
+        master.follow(dictionary)
+        answers = read_bytes(master.node(node_id), passed)
+    return answers, node_id, dictionary.configured(pdo_numbers(answers)).process_data

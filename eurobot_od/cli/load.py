@@ -18,9 +18,7 @@ from eurobot_od.od.network import load as load_files
 from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.plugin import Plugin
 from eurobot_od.support import texts
-from eurobot_od.traffic.load.analysis import ErrorRate, MessageSet
-from eurobot_od.traffic.load.network_set import network_set
-from eurobot_od.traffic.load.report import as_data, chart, load_report, table, too_slow
+from eurobot_od.traffic.load import ErrorRate, MessageSet, as_data, chart, load_report, network_set, table, too_slow
 
 BIT_RATE = 500_000
 """bit/s where neither the option nor the file says it."""

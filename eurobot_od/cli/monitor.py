@@ -25,9 +25,9 @@ from eurobot_od.errors import LocalError
 from eurobot_od.support import extras
 from eurobot_od.support.progress import redraws
 from eurobot_od.traffic.decoding import TextOutput
-from eurobot_od.traffic.load.seen import NOTHING, table
 from eurobot_od.traffic.meaning import Meaning
 from eurobot_od.traffic.monitor import SORTS, BusSource, Controls, LogSource, Traffic, named, plain_table, selected
+from eurobot_od.traffic.statistics import NOTHING, table
 
 Source: TypeAlias = BusSource | LogSource
 Took: TypeAlias = Callable[[float, Meaning], None]
@@ -131,7 +131,7 @@ class Monitor(NamedTuple):
 def _lines(monitor: Monitor) -> Iterator[tuple[Took, Refresh]]:
     """Print each frame as a line."""
     output = TextOutput()
-    write = output.writer("")
+    write = output.line_writer("")
 
     def took(time: float, meaning: Meaning) -> None:
         if not monitor.controls.paused and named(meaning, monitor.controls.part):

@@ -231,7 +231,7 @@ def _all(devices: Devices, about_one: Iterable[str]) -> list[Node]:
 
 def _run_all(nodes: Sequence[Node], bus: BusOptions, duration: float | None) -> None:
     """Run several devices on one bus until the time is over, or an interrupt; raises BusError."""
-    from eurobot_od.bus.live.group import LiveGroup  # one node runs without
+    from eurobot_od.bus.live.live import LiveGroup  # one node runs without
     from eurobot_od.device.station import NodeGroup
 
     for node in nodes:

@@ -14,20 +14,43 @@ from eurobot_od.cli.devices import Target, left_out, object_names
 from eurobot_od.cli.options import EmcyFiles, Json, Output, whole, write_dcf
 from eurobot_od.cli.signature import Option
 from eurobot_od.client import configure as configuring
-from eurobot_od.client.configure import ChangePlan, DictionaryArea, apply, check_file, difference
+from eurobot_od.client.configure import (
+    ChangePlan,
+    DictionaryArea,
+    ObjectReading,
+    apply,
+    check_file,
+    dcf_of_node,
+    difference,
+    parameters,
+    pdo_parameters,
+    process_data,
+    read_all,
+    readable,
+)
 from eurobot_od.client.description import from_file
 from eurobot_od.client.master import RemoteNode
 from eurobot_od.client.program import load
-from eurobot_od.client.reading import ObjectReading, dcf_of_node, parameters, read_all, readable
-from eurobot_od.client.remote_pdos import pdo_parameters
 from eurobot_od.client.streams import History, clear_history, read_history
+from eurobot_od.device.nmt import NmtCommand
 from eurobot_od.errors import LocalError, UnknownName
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.od.objects import address_of, data_type, encode, find, find_one, is_described, label, parse, shown
+from eurobot_od.od.objects import (
+    address_of,
+    data_type,
+    encode,
+    find,
+    find_one,
+    is_described,
+    label,
+    parse,
+    shown,
+    value_text,
+)
 from eurobot_od.od.pdos import Pdo
-from eurobot_od.od.profiles.words import words, written
-from eurobot_od.od.values import MOST_SUBS
+from eurobot_od.od.values import MOST_SUBS, NODE_IDS
 from eurobot_od.od.values import label as place
+from eurobot_od.od.words import words, written
 from eurobot_od.support.files import write_whole
 from eurobot_od.support.progress import bar, passing
 from eurobot_od.support.texts import amount, columns, one_line
@@ -260,7 +283,9 @@ def configure(
     no_reset: do not reset the node to verify what it has stored
     """
     description = from_file(file)  # never the network's: a configuration is for the one device that its DCF names
-    check_file(description, target.node_id)  # the file is judged before a bus is opened
+    with left_out() as refused:
+        check_file(description, target.node_id, by_default=refused)  # the file is judged before a bus is opened
+    complain_of_process_data([each for each in process_data(description.dictionary) if value_text(each)])
     with target.opened() as node:
         node.master.follow(description.dictionary)
         plan = difference(node, description, only)
@@ -275,6 +300,13 @@ def configure(
         kept = "not stored" if no_store else "not stored: the node has no 0x1010"
     print(f"node {node.node_id} configured: {amount(outcome.changed, 'object')} written and read back, {kept}")
     return ExitStatus.FINE
+
+
+def complain_of_process_data(things: Sequence[ODVariable]) -> None:
+    """Say which objects are left out of a configuration as they are process data."""
+    if things:
+        named = (f"0x{each.index:04X} {each.qualname.removesuffix(f'.{each.name}')}" for each in things)
+        complain(f"left out as process data: {', '.join(dict.fromkeys(named))}")
 
 
 def summary(plan: ChangePlan, node_id: int) -> str:
@@ -300,10 +332,15 @@ def restore(target: Target, *, reset: bool = False) -> None:
     reset: reset the node, so that they take effect
     """
     with target.opened() as node:
-        target.named_description(node)
+        described = target.named_description(node)
+        restored = described.dictionary.restored_node_id if described else None
+        if restored is not None:
+            complain(f"the node-ID of node {node.node_id} is a setting, too: from its next reset on it is {restored}")
         configuring.restore(node)
-        if reset:
-            node.reset()
+        if reset and restored not in (None, *NODE_IDS):  # without a node-ID it sends nothing, not even a boot-up
+            node.command(NmtCommand.RESET_NODE)
+        elif reset:
+            node.reset(booting_as=restored)
     when = "has" if reset else "will have, from its next reset on,"
     print(f"node {node.node_id} {when} the defaults of all parameters")
 
@@ -316,10 +353,12 @@ def export_dcf(target: Target, *, output: Output = None) -> ExitStatus:
     """
     with target.opened() as node:
         dictionary = target.needed_description(node).dictionary
+        present = dictionary.configured(pdo_parameters(node, dictionary))
         stem = output.stem if output else dictionary.name
-        with passing(f"node {node.node_id}", parameters(dictionary)) as things:
+        with passing(f"node {node.node_id}", parameters(present)) as things:
             dcf, left_out = dcf_of_node(node, dictionary, (target.bus.bitrate or BITRATE) // 1000, stem, things)
     write_dcf(output, dcf)
+    complain_of_process_data(process_data(present))
     for thing, _, reason in left_out:
         complain(f"left out {label(thing)}: {reason}")
     return ExitStatus.FOUND if left_out else ExitStatus.FINE

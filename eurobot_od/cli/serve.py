@@ -27,9 +27,8 @@ from eurobot_od.support import extras
 from eurobot_od.support.connections import Address
 from eurobot_od.support.connections import parse as parse_address
 from eurobot_od.traffic.meaning import DamageCounts, Decoder
-from eurobot_od.web.page import Columns, described, page, stop_message
-from eurobot_od.web.panel import Panel
-from eurobot_od.web.server import AccessRules, is_local
+from eurobot_od.web.access import AccessRules, is_local
+from eurobot_od.web.page import Columns, Panel, described, page, stop_message
 
 if TYPE_CHECKING:  # with aiohttp, which an extra brings
     from eurobot_od.web.requests import Requests

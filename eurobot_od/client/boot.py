@@ -11,20 +11,16 @@ not for one heartbeat after the other.
 
 from __future__ import annotations
 
-from collections import deque
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from datetime import datetime
 from enum import Enum
-from functools import partial
-from math import inf
-from statistics import median_low
 from typing import NamedTuple
 
 from eurobot_od.client.configure import configure
 from eurobot_od.client.description import Description, Identity
-from eurobot_od.client.master import Guard, Master, Procedure, RemoteNode, unguarded
-from eurobot_od.device.nmt import TOGGLE, NmtCommand, NmtState
+from eurobot_od.client.master import Procedure, RemoteNode
+from eurobot_od.device.nmt import NmtCommand, NmtState
 from eurobot_od.errors import BusError, EurobotError, NoAnswer, NodeRefused, RemoteError
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.standard import (
@@ -35,7 +31,7 @@ from eurobot_od.od.standard import (
     LIFE_TIME_FACTOR,
     VERIFY_CONFIGURATION,
 )
-from eurobot_od.od.values import ERROR_CONTROL_BASE, NODE_IDS
+from eurobot_od.od.values import ERROR_CONTROL_BASE
 from eurobot_od.support.texts import amount
 
 MARGIN = 0.2
@@ -219,189 +215,3 @@ async def _beats(node: RemoteNode, period: int) -> bool:
         await node.download.steps(HEARTBEAT_TIME, period.to_bytes(2, "little"))
         return True
     return False
-
-
-LOST_AFTER = 2.0
-"""A node is lost after this many heartbeat periods without a heartbeat."""
-
-REMEMBERED_INTERVALS = 5
-"""A node's period is the median of this many intervals, so that one long silence does not change it."""
-
-LONGEST_PAUSE = 0.1
-"""Seconds after which `watch_nodes` checks whether it should end."""
-
-
-class Heartbeats:
-    """The heartbeats of a node: `heard` is the time of the last one, None before the first.
-
-    `period` is the expected period in seconds, 0 if unknown. The measured period takes precedence.
-    """
-
-    def __init__(self, period: float = 0.0) -> None:
-        self.period, self.heard = period, None
-        self._last_beat: float | None = None
-        self._intervals: deque[float] = deque(maxlen=REMEMBERED_INTERVALS)
-
-    heard: float | None
-
-    def beat(self, now: float) -> None:
-        """Note a heartbeat."""
-        if self._last_beat is not None:
-            self._intervals.append(now - self._last_beat)
-        self.heard = self._last_beat = now
-
-    def boot(self, now: float) -> None:
-        """Note a boot-up message: the next heartbeat may come at any time in the period."""
-        self.heard, self._last_beat = now, None
-        self._intervals.clear()
-
-    @property
-    def deadline(self) -> float:
-        """When the node is lost unless it is heard before; infinite if no period is known."""
-        # The median: one late or lost heartbeat does not change it.
-        period = median_low(self._intervals) if self._intervals else self.period
-        return self.heard + LOST_AFTER * period if self.heard is not None and period else inf
-
-    def lost(self, now: float) -> bool:
-        """Whether it should have been heard by now."""
-        return now > self.deadline
-
-
-class NodeChange(Enum):
-    """What happens to a node, in words for a person."""
-
-    FOUND = "is there"
-    BOOTED = "has booted"
-    LOST = "is lost"
-    BACK = "is back"
-
-
-class NodeEvent(NamedTuple):
-    """A `change` of a node at a `time` in seconds; `state` is the last one reported, None if there was none."""
-
-    time: float
-    node_id: int
-    change: NodeChange
-    state: NmtState | None
-
-
-class WatchedNode:
-    """One node: its `pulse`, its `state`, and whether it is `lost`."""
-
-    def __init__(self, period: float = 0.0) -> None:
-        self.pulse, self.lost = Heartbeats(period), False
-        self.state: NmtState | None = None
-        self.toggle: int | None = None
-
-
-class NodeWatch:
-    """Watches nodes and calls `report` with each event.
-
-    `periods` are heartbeat periods in seconds by node-ID, where they are known. `expected` nodes are lost if they are
-    not heard within `patience` seconds of the first tick. `guarded` has, by node-ID, the periods in seconds at which
-    nodes are asked by a remote frame: without a heartbeat a node can be watched only in this way.
-    """
-
-    def __init__(
-        self,
-        report: Callable[[NodeEvent], object],
-        periods: Mapping[int, float] = {},
-        expected: Iterable[int] = (),
-        patience: float = LOST_AFTER,
-        guarded: Mapping[int, float] = {},
-    ) -> None:
-        self._report = report
-        self.nodes: dict[int, WatchedNode] = {node_id: WatchedNode(period) for node_id, period in periods.items()}
-        self._expected, self._patience = {*expected, *guarded}, patience
-        self._guarded = dict(guarded)
-        self._next_guard = dict.fromkeys(guarded, -inf)
-        self._started: float | None = None
-
-    def receive(self, node_id: int, data: bytes, now: float) -> None:
-        """Take in an error control frame; anything else is ignored."""
-        state = data[0] & ~TOGGLE if len(data) == 1 else None
-        if state not in set(NmtState):
-            return
-        node = self._node(node_id)
-        # A boot-up is not an answer, and has the toggle bit 0 whatever the last answer had.
-        if state and node_id in self._guarded and data[0] & TOGGLE == node.toggle:
-            return  # an answer heard twice, or a node that is stuck, is not a sign of life
-        # After a boot-up the first answer has the toggle bit 0 (CiA 301, 7.2.8.3.2.1).
-        node.toggle = data[0] & TOGGLE if state and node_id in self._guarded else None
-        first, was_lost = node.pulse.heard is None, node.lost
-        node.state, node.lost = NmtState(state), False
-        (node.pulse.beat if state else node.pulse.boot)(now)
-        change = (
-            NodeChange.BOOTED if not state else NodeChange.BACK if was_lost else NodeChange.FOUND if first else None
-        )
-        if change:
-            self._tell(now, node_id, change)
-
-    def tick(self, now: float) -> list[int]:
-        """Notice which nodes are lost, and return the COB-IDs that have to be asked by remote frames now."""
-        if self._started is None:
-            self._started = now
-        for node_id in sorted({*self.nodes, *self._expected}):
-            node = self._node(node_id)
-            if not node.lost and now > self._deadline(node_id, node):
-                node.lost = True
-                self._tell(now, node_id, NodeChange.LOST)
-        asked = [node_id for node_id, due in self._next_guard.items() if now >= due]
-        # From now, not from when it was due: after a pause, the requests that were missed must not go out at once.
-        self._next_guard |= {node_id: now + self._guarded[node_id] for node_id in asked}
-        return [ERROR_CONTROL_BASE + node_id for node_id in asked]
-
-    @property
-    def next_wakeup(self) -> float:
-        """When to call `tick`, infinite if nothing is planned."""
-        waiting = (self._deadline(node_id, node) for node_id, node in self.nodes.items() if not node.lost)
-        return min([*waiting, *self._next_guard.values()], default=inf)
-
-    def _node(self, node_id: int) -> WatchedNode:
-        return self.nodes.setdefault(node_id, WatchedNode(self._guarded.get(node_id, 0.0)))
-
-    def _deadline(self, node_id: int, node: WatchedNode) -> float:
-        # A node that was never heard has no period yet: all nodes have the same time to boot.
-        if node.pulse.heard is None and node_id in self._expected and self._started is not None:
-            return self._started + self._patience
-        return node.pulse.deadline
-
-    def _tell(self, now: float, node_id: int, change: NodeChange) -> None:
-        self._report(NodeEvent(now, node_id, change, self.nodes[node_id].state))
-
-
-@Procedure
-async def without_heartbeat(master: Master, node_ids: Iterable[int]) -> list[int]:
-    """Return the nodes that do not say that they send a heartbeat (0x1017). Raises BusError.
-
-    A device with a heartbeat does not answer node guarding: it has one or the other (CiA 301, 7.2.8.2.2).
-    """
-    found = []
-    for node_id in node_ids:
-        try:
-            period = await master.node(node_id).upload.steps(HEARTBEAT_TIME)
-        except RemoteError:  # it is not there yet, or does not have the object
-            period = b""
-        if not any(period):
-            found.append(node_id)
-    return found
-
-
-def watch_nodes(master: Master, watch: NodeWatch, end: float = inf, guard: Guard = unguarded) -> None:
-    """Watch the nodes of a bus until its clock is at `end`, each step under the guard. Raises BusError."""
-
-    def received(node_id: int, data: bytes) -> None:
-        watch.receive(node_id, data, master.clock())
-
-    def step() -> None:
-        now = master.clock()
-        for cob_id in watch.tick(now):
-            master.request(cob_id)
-        # At least a millisecond: a deadline at this very moment is not over yet, and the loop would run without a
-        # pause.
-        master.pump(min(max(watch.next_wakeup - now, 0.001), LONGEST_PAUSE, end - now))
-
-    for node_id in NODE_IDS:
-        master.listeners[ERROR_CONTROL_BASE + node_id] = partial(received, node_id)
-    while master.clock() < end:
-        guard(step)

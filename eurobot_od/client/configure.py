@@ -1,5 +1,8 @@
 """Configures a node from a DCF: what differs is written in the order of CiA 301, read back, stored and verified.
 
+And the way back: all objects of a node are read, to list them, to compare them, or to make a DCF of the node as it is.
+After an object that a node refuses, the next one is read; no answer ends the reading.
+
 Rule of this file: a plan is made first, by reading alone; then either all of it is written, or what was written is
 taken back. Nothing is stored before everything reads back as it should, so that a reset undoes whatever is left.
 """
@@ -14,7 +17,7 @@ from typing import NamedTuple, TypeAlias
 
 from canopen.objectdictionary import ODVariable
 
-from eurobot_od.client.description import Description, Identity, read_identity
+from eurobot_od.client.description import Description, Identity, device_name, read_identity
 from eurobot_od.client.master import STORE_WAIT, Procedure, RemoteNode
 from eurobot_od.device.nmt import STATE_NAMES, NmtCommand, NmtState
 from eurobot_od.device.objects import COMMUNICATION_PROFILE
@@ -28,16 +31,24 @@ from eurobot_od.errors import (
     NodeRefused,
 )
 from eurobot_od.od import dcf, values
-from eurobot_od.od.dcf import Write
+from eurobot_od.od.dcf import Dcf, Write, with_contents
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.od.keys import COMMISSIONING
-from eurobot_od.od.objects import address_of, all_objects, at, data_type, encode, is_described, label, shown, value_text
-from eurobot_od.od.pdos import OnRefused, Pdo, fatal
+from eurobot_od.od.document import COMMISSIONING
+from eurobot_od.od.objects import (
+    address_of,
+    all_objects,
+    at,
+    data_type,
+    decode,
+    encode,
+    is_described,
+    label,
+    shown,
+    value_text,
+)
+from eurobot_od.od.pdos import OnRefused, Pdo, fatal, unheard
 from eurobot_od.od.standard import (
     ALL_PARAMETERS,
-    ERROR_FIELD,
-    PROGRAM_CONTROL,
-    PROGRAM_DATA,
     RESTORE,
     SIGNATURES,
     STORE,
@@ -54,6 +65,7 @@ from eurobot_od.od.values import (
     Address,
     MappingEntry,
     TimeOfDay,
+    Value,
     pdo_of,
 )
 from eurobot_od.sdo.wire import EXPEDITED_SIZE, LARGEST, AbortCode
@@ -154,11 +166,6 @@ def _name(dictionary: Dictionary, address: Address) -> str:
     return variable.qualname if variable else ""
 
 
-NOT_CONFIGURATION = frozenset(
-    {ERROR_FIELD, STORE, RESTORE, VERIFY_CONFIGURATION[0][0], 0x1023, 0x1024, PROGRAM_DATA, PROGRAM_CONTROL}
-)
-"""Objects that can be written and are not configuration: a history, a command or our own mark."""
-
 COMMAND_TO: dict[NmtState | None, NmtCommand] = {
     NmtState.OPERATIONAL: NmtCommand.START,
     NmtState.PRE_OPERATIONAL: NmtCommand.ENTER_PRE_OPERATIONAL,
@@ -205,13 +212,14 @@ AREAS: Mapping[DictionaryArea, Container[int]] = {
 class ChangePlan(NamedTuple):
     """What a DCF changes in a node, and the `present` bytes of the PDO parameters that the procedure needs.
 
-    `whole` tells whether it covers the whole DCF.
+    `wanted` is all that the node has to have in the end; `whole` tells whether it covers the whole DCF.
     """
 
     dictionary: Dictionary
     changes: tuple[ChangedObject, ...]
     present: Bytes
     whole: bool = True
+    wanted: tuple[tuple[ODVariable, bytes], ...] = ()
 
     def writes(self) -> list[Write]:
         """Return all writes in their order."""
@@ -260,15 +268,15 @@ async def configure(node: RemoteNode, description: Description, now: datetime) -
 def settings(description: Description) -> list[tuple[ODVariable, bytes]]:
     """Return the objects that a DCF configures, with their bytes: those that have a value and can be written.
 
-    Left out are the entries of a mapping beyond its number of entries. Raises DictionaryError for a value that its
-    object cannot have, and for a file beside the DCF that cannot be read.
+    Left out are process data and the entries of a mapping beyond its number of entries. Raises DictionaryError for a
+    value that its object cannot have, and for a file beside the DCF that cannot be read.
     """
     dictionary, found = description.dictionary, []
     for thing in all_objects(dictionary.objects):
         index, subindex = address_of(thing)
         # What a mapping holds beyond its number of entries is left over from another one.
         count = dictionary.default((index, 0)) if pdo_of(index) not in (None, index) else None
-        if is_parameter(thing) and not (isinstance(count, int) and subindex > count):
+        if dictionary.is_parameter((index, subindex)) and not (isinstance(count, int) and subindex > count):
             data = _configured(dictionary, thing)
             # A DCF may leave a value to the device: what it does not say stays as it is.
             if data is not None:
@@ -298,22 +306,24 @@ def all_writes(description: Description) -> list[Write]:
     return in_order(wanted, {})
 
 
-def is_parameter(thing: ODVariable) -> bool:
-    """Tell whether a configuration may write an object."""
-    return is_described(thing) and thing.writable and thing.index not in NOT_CONFIGURATION
+def check_whole(description: Description, refused: OnRefused = fatal, by_default: OnRefused = unheard) -> None:
+    """Raise DictionaryError unless a DCF is complete.
 
-
-def check_whole(description: Description, refused: OnRefused = fatal) -> None:
-    """Raise DictionaryError unless a DCF is complete; `refused` gets the PDOs whose mappings are wrong."""
+    `refused` gets the PDOs whose mappings are wrong, `by_default` those that are wrong in the device's own EDS already.
+    """
     dictionary = description.dictionary
     absent = dcf.missing(description.text)
     if absent:
         raise DictionaryError(dictionary.file, None, f"incomplete: no section [{absent[0]}]")
-    dictionary.read_pdos(dictionary.default, refused)
+    stock = set[str]()
+    dictionary.read_pdos(dictionary.stock_value, lambda error: stock.add(str(error)))
+    dictionary.read_pdos(dictionary.default, lambda error: by_default(error) if str(error) in stock else refused(error))
 
 
-def check_file(description: Description, node_id: int, refused: OnRefused = fatal) -> None:
-    """Raise DictionaryError unless a DCF is complete and for this node-ID; `refused` gets the PDOs that are wrong."""
+def check_file(
+    description: Description, node_id: int, refused: OnRefused = fatal, by_default: OnRefused = unheard
+) -> None:
+    """Raise DictionaryError unless a DCF is complete and for this node-ID; see `check_whole`."""
     dictionary = description.dictionary
     intended = dictionary.commissioned_node_id
     # CiA 306 puts the node-ID of a DCF into [DeviceComissioning]; without it nobody knows whose the COB-IDs are that
@@ -322,7 +332,7 @@ def check_file(description: Description, node_id: int, refused: OnRefused = fata
         raise DictionaryError(dictionary.file, None, f"incomplete: no NodeID in [{COMMISSIONING}]")
     if intended != node_id:
         raise DictionaryError(dictionary.file, None, f"is for node {intended}, not for node {node_id}")
-    check_whole(description, refused)
+    check_whole(description, refused, by_default)
 
 
 # The difference
@@ -354,6 +364,7 @@ async def difference(
         changes,
         {address: present.get(address) or await node.upload.steps(address) for address in needed},
         whole=set(areas) == set(DictionaryArea),
+        wanted=tuple(wanted),
     )
 
 
@@ -418,7 +429,7 @@ async def apply(
         # A node at work would send PDOs half in the old form and half in the new, and some refuse to be remapped.
         node.command(NmtCommand.ENTER_PRE_OPERATIONAL)
         await _write(node, plan, plan.writes(), done)
-        await read_back.steps(node, plan)
+        await read_back.steps(node, plan.dictionary, ((each.thing, each.after) for each in plan.changes))
         # The mark comes after everything else, as the node clears it when its configuration changes; it is stored as
         # well.
         await _write(node, plan, mark, [])
@@ -433,20 +444,20 @@ async def apply(
             raise
         raise failed from error
     if stored and resets:
-        await _reset(node, plan, mark)
+        await _reset(node, plan)
     else:
         node.command(COMMAND_TO.get(former, NmtCommand.START))
     return Configured(len(plan.changes), stored, stored and resets)
 
 
 @Procedure
-async def read_back(node: RemoteNode, plan: ChangePlan) -> None:
-    """Raise ConfigurationError unless a node has everything that a plan was to write."""
-    for thing, _, after in plan.changes:
+async def read_back(node: RemoteNode, dictionary: Dictionary, wanted: Iterable[tuple[ODVariable, bytes]]) -> None:
+    """Raise ConfigurationError unless a node has the bytes that are wanted of each object."""
+    for thing, after in wanted:
         # What cannot be read cannot be checked; all there is, is the device's confirmation of the write.
         if not thing.readable:
             continue
-        found = await _present(node, plan.dictionary, thing)
+        found = await _present(node, dictionary, thing)
         if found != after:
             reads, wrote = ChangedObject(thing, found, after).texts
             what = f"node {node.node_id}: {label(thing)} reads {reads} after {wrote} was written"
@@ -478,13 +489,11 @@ async def _write(node: RemoteNode, plan: ChangePlan, writes: Iterable[Write], do
             raise
 
 
-async def _reset(node: RemoteNode, plan: ChangePlan, mark: list[Write]) -> None:
+async def _reset(node: RemoteNode, plan: ChangePlan) -> None:
     """Reset a node that has stored its parameters, and check that it still has them."""
     try:
         await node.reset.steps()
-        # If it still has the mark it has all of them, which saves reading every object once more.
-        if not mark or [await node.upload.steps(write.address) for write in mark] != [write.data for write in mark]:
-            await read_back.steps(node, plan)
+        await read_back.steps(node, plan.dictionary, plan.wanted)
     except EurobotError as error:
         what = f"node {node.node_id} was written completely, stored and reset before that"
         raise _failure(error, what, [label(each.thing) for each in plan.changes]) from error
@@ -519,3 +528,123 @@ async def _take_back(
 def _failure(error: BaseException, state: str, written: Iterable[str] = (), left: Iterable[str] = ()) -> EurobotError:
     text = f"{str(error) or 'interrupted'}; {state}"
     return BusError(text) if isinstance(error, BusError) else ConfigurationError(text, written, left)
+
+
+# A node read whole
+
+
+class ObjectReading(NamedTuple):
+    """The `value` of an object in a node, or the text of the `refusal`."""
+
+    thing: ODVariable
+    value: Value = None
+    refusal: str = ""
+
+
+def read_all(node: RemoteNode, things: Iterable[ODVariable]) -> Iterator[ObjectReading]:
+    """Read objects one after the other. Raises NoAnswer, RemoteError, BusError."""
+    for thing in things:
+        try:
+            yield ObjectReading(thing, decode(thing, read_object(node, thing)))
+        except NodeRefused as error:
+            yield ObjectReading(thing, refusal=error.reason)
+
+
+@Procedure
+async def read_bytes(node: RemoteNode, addresses: Iterable[Address]) -> dict[Address, bytes | int]:
+    """Read objects as bytes; the value of one that is refused is its abort code. Raises as `read_all`.
+
+    Once the node has said that an index does not exist, its other sub-indices are not asked for.
+    """
+    found: dict[Address, bytes | int] = {}
+    missing: set[int] = set()
+    for address in addresses:
+        try:
+            found[address] = AbortCode.NO_OBJECT if address[0] in missing else await node.upload.steps(address)
+        except NodeRefused as error:
+            found[address] = error.code
+            missing |= {address[0]} if error.code == AbortCode.NO_OBJECT else set()
+    return found
+
+
+@Procedure
+async def pdo_parameters(node: RemoteNode, dictionary: Dictionary) -> dict[Address, Value]:
+    """Read the numbers in the records of a node's PDOs; those that it refuses are left out.
+
+    Raises NoAnswer, RemoteError, BusError.
+    """
+    return pdo_numbers(
+        await read_bytes.steps(node, (each for each in dictionary.addresses() if pdo_of(each[0]) is not None))
+    )
+
+
+def pdo_numbers(found: Mapping[Address, bytes | int]) -> dict[Address, Value]:
+    """Return the numbers in the records of PDOs, of what `read_bytes` has found."""
+    records = ((address, data) for address, data in found.items() if pdo_of(address[0]) is not None)
+    return {address: int.from_bytes(data, "little") for address, data in records if isinstance(data, bytes)}
+
+
+def readable(dictionary: Dictionary) -> Iterator[ODVariable]:
+    """Yield the objects that can be read, except for files (DOMAIN)."""
+    return (thing for thing in _readable(dictionary) if data_type(thing) != DOMAIN)
+
+
+def parameters(dictionary: Dictionary) -> Iterator[ODVariable]:
+    """Return the objects of a node's configuration: those that can be read and written and are not process data.
+
+    For the mapping that a node has now, `dictionary` is the file's, `configured` with the node's PDO parameters.
+    """
+    return (thing for thing in _readable(dictionary) if dictionary.is_parameter(address_of(thing)))
+
+
+def process_data(dictionary: Dictionary) -> list[ODVariable]:
+    """Return what can be read and written and is not configuration, as it is process data."""
+    return [thing for thing in _readable(dictionary) if thing.writable and address_of(thing) in dictionary.process_data]
+
+
+def _readable(dictionary: Dictionary) -> Iterator[ODVariable]:
+    return (thing for thing in all_objects(dictionary.objects) if thing.readable)
+
+
+def decoded(writes: Iterable[tuple[Address, bytes]], dictionary: Dictionary | None) -> Iterator[ObjectReading]:
+    """Yield objects with the values that their bytes mean."""
+    for address, data in writes:
+        thing = at(address, dictionary.objects if dictionary else None)
+        yield ObjectReading(thing, decode(thing, data))
+
+
+def dcf_of_writes(
+    dictionary: Dictionary, writes: Iterable[tuple[Address, bytes]], baudrate_kbit: int, stem: str
+) -> Dcf:
+    """Return a DCF with the values after all writes; raises UnknownName for an object that the EDS does not have."""
+    return with_contents(dictionary, dict(writes), dictionary.node_id, dictionary.name, baudrate_kbit, stem)
+
+
+def dcf_of_node(
+    node: RemoteNode,
+    dictionary: Dictionary,
+    baudrate_kbit: int,
+    stem: str,
+    things: Iterable[ODVariable] | None = None,
+) -> tuple[Dcf, list[ObjectReading]]:
+    """Return the DCF of a node as it is, and the objects that are left out, with the reasons.
+
+    `things` are the objects to read, by default all `parameters`. Left out are those that the node refuses to give, or
+    gives with fewer bytes than their type has.
+    """
+    contents, left_out = dict[Address, bytes](), list[ObjectReading]()
+    if things is None:
+        things = parameters(dictionary.configured(pdo_parameters(node, dictionary)))
+    for thing in things:
+        try:
+            data = read_object(node, thing)
+        except NodeRefused as error:
+            left_out.append(ObjectReading(thing, refusal=error.reason))
+            continue
+        if len(data) < data_type(thing).size:
+            left_out.append(
+                ObjectReading(thing, refusal=f"{amount(len(data), 'byte')}, too few for {data_type(thing).name}")
+            )
+        else:
+            contents[address_of(thing)] = data
+    return with_contents(dictionary, contents, node.node_id, device_name(node), baudrate_kbit, stem), left_out

@@ -15,10 +15,10 @@ from typing import NamedTuple
 
 from eurobot_od.client.master import RemoteNode, finished
 from eurobot_od.errors import DriveError, LocalError
+from eurobot_od.od import cia402
+from eurobot_od.od.cia402 import METHODS, DriveCommand, Mode, State
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.objects import data_type
-from eurobot_od.od.profiles import cia402
-from eurobot_od.od.profiles.cia402 import METHODS, DriveCommand, Mode, State
 from eurobot_od.od.values import DATA_TYPES, UNSIGNED16, UNSIGNED32, DataType
 
 POLL = 0.01

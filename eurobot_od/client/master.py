@@ -383,13 +383,14 @@ class RemoteNode:
         return self.master.states.get(self.node_id)
 
     @Procedure
-    async def reset(self, command: NmtCommand = NmtCommand.RESET_NODE) -> None:
-        """Reset the node and wait for its boot-up message. Raises NoAnswer."""
-        with self._states_heard() as heard:
+    async def reset(self, command: NmtCommand = NmtCommand.RESET_NODE, booting_as: int | None = None) -> None:
+        """Reset the node and wait for its boot-up message, under another node-ID if it gets one. Raises NoAnswer."""
+        booting = self if booting_as is None else self.master.node(booting_as)
+        with booting._states_heard() as heard:
             self.command(command)
             booted = await self.master.pump.steps(BOOT_WAIT, lambda: NmtState.INITIALISING in heard)
         if not booted:
-            raise NoAnswer(COMMAND_NAMES[command], f"boot-up of node {self.node_id}", 1, BOOT_WAIT, self.node_id)
+            raise NoAnswer(COMMAND_NAMES[command], f"boot-up of node {booting.node_id}", 1, BOOT_WAIT, self.node_id)
 
     async def _transfer(self, verb: str, address: Address, name: str, transfer: Transfer) -> bytes:
         """Carry out a transfer; a failure becomes an error that names this node and the object."""

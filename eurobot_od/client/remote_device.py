@@ -25,8 +25,16 @@ from eurobot_od.client.description import Identity, from_file, read_identity
 from eurobot_od.client.drive402 import AsyncDrive402, Drive402
 from eurobot_od.client.master import Master, RemoteNode, finished
 from eurobot_od.client.program import Loaded
-from eurobot_od.client.remote_pdos import AsyncRemotePdo, AsyncRemotePdos, MappedPdos, RemotePdo, RemotePdos
-from eurobot_od.client.streams import AsyncEmergencyStream, EmergencyStream, HeardEmergencies
+from eurobot_od.client.streams import (
+    AsyncEmergencyStream,
+    AsyncRemotePdo,
+    AsyncRemotePdos,
+    EmergencyStream,
+    HeardEmergencies,
+    MappedPdos,
+    RemotePdo,
+    RemotePdos,
+)
 from eurobot_od.device.nmt import TARGET, NmtCommand, NmtState
 from eurobot_od.errors import HeartbeatLost, LocalError, UnknownName
 from eurobot_od.od.dictionary import Dictionary
@@ -47,8 +55,8 @@ from eurobot_od.od.objects import (
     parse,
     written,
 )
-from eurobot_od.od.profiles.words import with_words, words
 from eurobot_od.od.values import EMCY_BASE, Address, Value, pdo_of
+from eurobot_od.od.words import with_words, words
 from eurobot_od.support.progress import Progress, unwatched
 
 # Objects

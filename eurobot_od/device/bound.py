@@ -1,4 +1,6 @@
-"""Binds objects to the application: reading one asks for what the application measures, writing one commands it.
+"""Objects that are bound to the application: reading one asks for what it measures, writing one commands it.
+
+Or a node has an object as a setting, in its unit.
 
 What an object's sub-indices mean is what the file's own PDO says, even if a master has remapped that PDO since. So an
 SDO, a PDO under any mapping and the answer to a request all carry the bits of one message.

@@ -1,7 +1,8 @@
-"""SYNC and TIME: how a device sends them, and what it does with those it hears (CiA 301, 7.2.5 and 7.2.6).
+"""What a device sends to all: SYNC, TIME and emergencies; and what it does with SYNC and TIME of others.
 
-There is no clock in here. The device's own time comes in, in seconds; for TIME only the difference is kept. When
-several frames of one PDO wait for a SYNC the newest counts, and nothing is kept beyond the next SYNC.
+CiA 301, 7.2.5 to 7.2.7. There is no clock in here. The device's own time comes in, in seconds; for TIME only the
+difference is kept. When several frames of one PDO wait for a SYNC the newest counts, and nothing is kept beyond the
+next SYNC.
 """
 
 from __future__ import annotations
@@ -9,7 +10,6 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Hashable, Iterable, Mapping
 from datetime import datetime, timedelta
-from enum import IntEnum
 from functools import partial
 from math import inf
 from types import MappingProxyType
@@ -20,9 +20,9 @@ from eurobot_od.device.timers import caught_up
 from eurobot_od.frame import Frame
 from eurobot_od.od import values
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.od.profiles.words import profile_words
-from eurobot_od.od.standard import device_profile
+from eurobot_od.od.standard import ErrorCode, device_profile
 from eurobot_od.od.values import DAY, EPOCH, Address, TimeOfDay, Value
+from eurobot_od.od.words import profile_words
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.catalogue import Catalogue, Message
 from eurobot_od.sdo.wire import Abort, Reason
@@ -199,27 +199,6 @@ REGISTER_BITS = (
     "communication", "device profile", "reserved bit 6", "manufacturer specific",
 )  # fmt: skip
 """Names of the bits of the error register, bit 0 first (CiA 301, 7.5.2.2)."""
-
-
-class ErrorCode(IntEnum):
-    """Emergency error codes that any of our devices reports (CiA 301, Table 26).
-
-    CiA 301 has none for a PDO with a value out of range, so that code is one of the device's own.
-    """
-
-    NO_ERROR = 0x0000
-    HARDWARE = 0x5000
-    INTERNAL_SOFTWARE = 0x6100
-    DATA_SET = 0x6300
-    BUS_LOST = 0x8100
-    OVERRUN = 0x8110
-    ERROR_PASSIVE = 0x8120
-    HEARTBEAT_LOST = 0x8130
-    RECOVERED_FROM_BUS_OFF = 0x8140
-    PDO_TOO_SHORT = 0x8210
-    PDO_TOO_LONG = 0x8220
-    PDO_MISSING = 0x8250
-    VALUE_OUT_OF_RANGE = 0xFF00
 
 
 NAMED = frozenset(ErrorCode) - {ErrorCode.VALUE_OUT_OF_RANGE}

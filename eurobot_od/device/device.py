@@ -17,7 +17,6 @@ from eurobot_od.device.broadcasts import (
     Arrival,
     Clock,
     Emergencies,
-    ErrorCode,
     Synchronous,
     SyncProducer,
 )
@@ -51,6 +50,7 @@ from eurobot_od.gatekeeper import Stay
 from eurobot_od.od import standard
 from eurobot_od.od.dictionary import Dictionary, SdoChannel
 from eurobot_od.od.objects import data_type
+from eurobot_od.od.standard import ErrorCode
 from eurobot_od.od.values import (
     BASE_IDENTIFIER,
     ERROR_CONTROL_BASE,
@@ -438,15 +438,19 @@ class Device:
     @property
     def next_wakeup(self) -> float:
         """Time at which to call `tick`, infinite if nothing is planned."""
-        watched = self._consumer.next, self._guarding.next
+        soonest = min(self._next_heartbeat, self._server.deadline, self._consumer.next, self._guarding.next)
         # Whatever the NMT state holds back must not wake anybody: `tick` would do nothing, and be called again at once.
-        pdo = (self._pacing.next, self._deadlines.next) if self.operational else ()
-        broadcast = (self._sync.next, self.time_of_day.next, self.emergencies.next) if self._reports else ()
-        return min(self._next_heartbeat, self._server.deadline, *watched, *pdo, *broadcast)
+        if self.operational:
+            soonest = min(soonest, self._pacing.next, self._deadlines.next)
+        if self._reports:
+            soonest = min(soonest, self._sync.next, self.time_of_day.next, self.emergencies.next)
+        return soonest
 
     def tick(self, now: float) -> Reaction:
         """Do what is due: send heartbeat and TPDOs at their times, and notice nodes that have fallen silent."""
         self._now = now
+        if now < self.next_wakeup:  # the application has set a timer: most ticks of a node that moves
+            return Reaction([])
         frames = []
         if now >= self._next_heartbeat:
             # From its planned time, or each late call would put off all later heartbeats.

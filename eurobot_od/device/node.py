@@ -14,13 +14,13 @@ from math import inf
 from typing import Any, ClassVar
 
 from eurobot_od.device.bound import Application, BoundObject, names_of
-from eurobot_od.device.broadcasts import ErrorCode
 from eurobot_od.device.device import Device, Reaction
 from eurobot_od.device.objects import Store
 from eurobot_od.device.timers import LATE, Call, Timer, TimerAction, Timers
 from eurobot_od.errors import Cause, Refused, StateError
 from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.standard import ErrorCode
 from eurobot_od.od.values import Value
 from eurobot_od.pdo.catalogue import NOTHING, Catalogue, Message, is_flagged
 
@@ -98,8 +98,9 @@ class Node:
 
         A node that has stood still does only once what it has missed, and says so.
         """
-        late = now - min(self._timers.next, self.device.next_wakeup)
-        if late > LATE:
+        # What was planned is never before the plan's soonest, which is at hand.
+        late = now - self.device.plan.soonest
+        if late > LATE and (late := now - min(self._timers.next, self.device.next_wakeup)) > LATE:
             self.alarm(f"stood still for {late:.1f} s; what was due meanwhile is skipped")
 
         def do_due() -> Reaction:

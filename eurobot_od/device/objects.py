@@ -1,4 +1,4 @@
-"""The objects of a running device: present values, access rights, and their form in an SDO.
+"""The objects of a running device: present values, access rights, their form in an SDO, and where they are stored.
 
 A value is checked before it is stored, and a refused one changes nothing. Access type, data type and limits are the
 file's. What an object does beyond keeping its value comes in as a function in `readers` or `writers`.
@@ -35,6 +35,7 @@ from eurobot_od.od.values import (
     Value,
     base_identifier,
     label,
+    pdo_of,
 )
 from eurobot_od.sdo.wire import LARGEST, Abort, Reason
 from eurobot_od.support.files import write_whole
@@ -46,9 +47,6 @@ COMMUNICATION_PROFILE = range(0x1000, 0x2000)
 PARAMETERS = {*COMMUNICATION_PROFILE} - {*COMMANDS, *MAPPINGS}
 """Communication objects to which their present value may always be written, even where the file contradicts itself.
 Mappings are not among them: CiA 301 asks for its procedure whatever is written."""
-
-SETTINGS = ("rw", "wo")
-"""Access types of a device's own settings; what PDOs bring (rww) or carry away (rwr, ro) does not count."""
 
 OnRead = Callable[[int], Value]
 """Gives the value of an object at a sub-index where it is not simply kept; may raise Abort."""
@@ -69,10 +67,9 @@ NO_VALUES: Mapping[Address, Value] = MappingProxyType({})
 TELL_NOBODY: Mapping[Address, OnTold] = MappingProxyType({})
 
 
-def is_configuration(dictionary: Dictionary, address: Address) -> bool:
-    """Tell whether 0x1010 stores an object."""
-    variable = dictionary.variable(address)
-    return address[0] in COMMUNICATION_PROFILE or (variable is not None and variable.access_type in SETTINGS)
+def is_stored(dictionary: Dictionary, address: Address) -> bool:
+    """Tell whether 0x1010 stores an object: every parameter, and the mark that they are verified."""
+    return address in VERIFY_CONFIGURATION or dictionary.is_parameter(address)
 
 
 def out_of_limits(variable: ODVariable, value: Value) -> Reason | None:
@@ -105,6 +102,7 @@ class Objects:
         self._readers, self._writers, self._told = readers, writers, told
         self._defaults = dict(given)
         self._parts: dict[Address, Part | None] = {}
+        self._mapped: tuple[dict[Address, Value], Dictionary] = {}, dictionary
 
     # For the device
 
@@ -171,7 +169,15 @@ class Objects:
 
     def configuration(self) -> dict[Address, Value]:
         """Return the changed configuration, for 0x1010 to store."""
-        return {address: value for address, value in self.values.items() if is_configuration(self.dictionary, address)}
+        in_force = self._in_force()
+        return {address: value for address, value in self.values.items() if is_stored(in_force, address)}
+
+    def _in_force(self) -> Dictionary:
+        """Return the dictionary with the mappings that are in force now."""
+        present = {address: value for address, value in self.values.items() if pdo_of(address[0]) is not None}
+        if present != self._mapped[0]:
+            self._mapped = present, self.dictionary.configured(present)
+        return self._mapped[1]
 
     # For the SDO server
 
@@ -220,8 +226,7 @@ class Objects:
             self._writers.get(address[0], self.put)(address, value)
         except Refused as refused:
             raise Abort(REFUSAL[refused.cause], str(refused)) from refused
-        is_setting = address not in VERIFY_CONFIGURATION and is_configuration(self.dictionary, address)
-        if is_setting and self.kept(address) != before:
+        if self.kept(address) != before and self._in_force().is_parameter(address):
             # Once it is changed, the configuration is no longer the verified one (CiA 301, 7.5.2.23).
             self.values |= {mark: 0 for mark in VERIFY_CONFIGURATION if self.dictionary.variable(mark)}
 
@@ -333,7 +338,7 @@ class FileStore:
             if ours != theirs:
                 what = f"sub {sub} is {theirs!r}, not {ours!r}: the configuration of another device"
                 raise DictionaryError(self.file, index, what)
-        variables = {each: stored.variable(each) for each in stored.addresses() if is_configuration(stored, each)}
+        variables = {each: stored.variable(each) for each in stored.addresses() if is_stored(stored, each)}
         # what the file's own EDS gives only as DefaultValue is not a stored value: a later EDS may have another default
         return {a: v.value for a, v in variables.items() if v is not None and v.writable and v.value is not None}
 

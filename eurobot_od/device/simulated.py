@@ -1,4 +1,4 @@
-"""Anybody's device, run from its file: it has the values that it is given, and sends what changes.
+"""Anybody's device, run from its file: it has the values that it is given, or waveforms, and sends what changes.
 
 Theory of operation. The device itself (`device.Device`) does everything that CANopen asks for. This file adds what an
 application would: where values come from, and when an event-driven TPDO is sent. After each frame and each tick the

@@ -16,11 +16,11 @@ from enum import Enum
 from math import inf
 from typing import Any
 
-from eurobot_od.device.broadcasts import ErrorCode
 from eurobot_od.device.node import Node
 from eurobot_od.errors import DictionaryError, NodeFailed
 from eurobot_od.frame import Frame
 from eurobot_od.gatekeeper import Event, Gatekeeper, Report, Stay
+from eurobot_od.od.standard import ErrorCode
 from eurobot_od.support.connections import Backoff
 
 

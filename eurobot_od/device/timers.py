@@ -1,4 +1,4 @@
-"""Timers, which call a node's functions at a time; deadlines, by which something has to come; and a node's plan.
+"""Timers, which call a node's functions at a time; deadlines; a node's plan; and flows, which ask and wait.
 
 There is no clock in here: the time, in seconds, is what the caller says it is. Timers that are due at the same time are
 called in the order in which they were set. Otherwise a simulated match would not be the same twice.
@@ -161,7 +161,7 @@ class Deadlines(Generic[Awaited]):
     @property
     def next(self) -> float:
         """Time at which the next one is late, infinite if none is awaited."""
-        return min(self._deadlines.values(), default=inf)
+        return min(self._deadlines.values()) if self._deadlines else inf
 
     def overdue(self, now: float) -> list[Awaited]:
         """Return what has not come in time by now, each once."""

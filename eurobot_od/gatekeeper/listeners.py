@@ -1,4 +1,4 @@
-"""Listeners: message queues, which a program reads when it has time, and functions (document 4.1).
+"""Listeners: message queues, which a program reads when it has time, and functions (document 4.1); and reports.
 
 Rule of this file: a listener never raises into the thread that delivers, and what it loses is counted and reported.
 """

@@ -8,8 +8,7 @@ from eurobot_od.lint.file_rules import bit_rates, form_of, up_to
 from eurobot_od.lint.findings import Rule, Rules, Violations
 from eurobot_od.lint.model import TOP, LintedDevice
 from eurobot_od.od import dcf
-from eurobot_od.od.document import Section
-from eurobot_od.od.keys import BIT_RATES
+from eurobot_od.od.document import BIT_RATES, Section
 from eurobot_od.od.modules import CONNECTED, COUNT, SUPPORTED
 from eurobot_od.od.standard import MODULE_LIST
 from eurobot_od.od.values import MOST_SUBS, UNSIGNED32, Number, parse_number

@@ -6,7 +6,7 @@ ParameterValue, or else its DefaultValue. Names count only on request.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Container, Iterable, Iterator, Mapping
 from contextlib import suppress
 from itertools import chain
 from typing import NamedTuple, TypeAlias
@@ -263,7 +263,12 @@ def readable(device: LintedDevice) -> list[Address]:
     return sorted(address for address, each in found if each.access != "wo" and each.type is not values.DOMAIN)
 
 
-def compare_live(device: LintedDevice, answers: Mapping[Address, bytes | int], node_id: int) -> list[EdsDifference]:
+def compare_live(
+    device: LintedDevice,
+    answers: Mapping[Address, bytes | int],
+    node_id: int,
+    process_data: Container[Address] = frozenset(),
+) -> list[EdsDifference]:
     """Compare a file with a node's answers to SDO reads; process data and states only have to be there.
 
     An answer is the object's bytes, or the abort code. A DCF describes one device: an object that it gives no value
@@ -280,7 +285,7 @@ def compare_live(device: LintedDevice, answers: Mapping[Address, bytes | int], n
         }
     missing = [each for address, answer in answers.items() for each in _unread(known[address], address, answer)]
     # The answers as a file of their own: so a live node is compared by the same rules as two files.
-    found = compare(device, _overlaid(device, answers), node_id)
+    found = compare(device, _overlaid(device, answers, process_data), node_id)
     return sorted([*_named(missing, device), *found])
 
 
@@ -296,13 +301,17 @@ def _unread(variable: DescribedVariable, address: Address, answer: bytes | int) 
         yield EdsDifference(address, "bytes", str(variable.type.size), str(len(answer)))
 
 
-def _overlaid(device: LintedDevice, answers: Mapping[Address, bytes | int]) -> LintedDevice:
+def _overlaid(
+    device: LintedDevice, answers: Mapping[Address, bytes | int], process_data: Container[Address]
+) -> LintedDevice:
     """Return the device with the values that were read, where the file has some to compare them with."""
     sections = dict(device.document.sections)
     for (index, sub), variable in variables(device).items():
         text = _read_text(variable, answers.get((index, sub)), device.document.text_encoding)
-        is_configured = not variable.is_mappable and index not in STATE and variable.value_entry is not None
-        if text is not None and is_configured:
+        # What can be mapped and not be written is measured; a setting is one although it can be mapped.
+        is_measured = variable.is_mappable and not variable.is_writable
+        is_configured = not is_measured and index not in STATE and (index, sub) not in process_data
+        if text is not None and is_configured and variable.value_entry is not None:
             whole, section = device.objects[index], variable.section
             entry = Entry("ParameterValue", text, section.line, section.column)
             # a compact object is described by one section: what was read needs one for each sub-index

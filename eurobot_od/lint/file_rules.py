@@ -12,7 +12,7 @@ from itertools import pairwise
 
 from eurobot_od.lint.findings import Rule, Rules, Violations
 from eurobot_od.lint.model import TOP, LintedDevice
-from eurobot_od.od import keys as cia306
+from eurobot_od.od import document as cia306
 from eurobot_od.od import values
 from eurobot_od.od.document import Entry, Odd, Section
 from eurobot_od.od.formats import misspelled
@@ -90,6 +90,10 @@ ELSEWHERE = ("tool", "dynamicchannels", "supportedmodules", "connectedmodules", 
 """First words of further sections that exist (tools, modular devices, older editions) and are not checked."""
 
 
+DEFTYPE = 5
+"""The object code of a type."""
+
+
 @RULES.rule("W116", "CiA 306, all sections")
 def unknown_sections(device: LintedDevice) -> Violations:
     """A section is one of those of CiA 306."""
@@ -98,6 +102,8 @@ def unknown_sections(device: LintedDevice) -> Violations:
         if name in KNOWN_KEYS or name in NUMBERED or looks_like_object(name):
             continue
         is_module = name[:1] == "m" and name[1:2].isdigit()  # of a modular device: M1ModuleInfo, M2SubExt1000
+        if parse_number(device.document.text(name.partition("sub")[0], "objecttype")) == Number(DEFTYPE):
+            continue  # CanFestival's editor describes its own types in [A0], [A0sub1] and so on
         if not name.startswith(ELSEWHERE) and not name.endswith("objectlinks") and not is_module:
             yield section, f"unknown section [{section.name}]"
 

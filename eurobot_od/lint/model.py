@@ -13,9 +13,8 @@ from typing import NamedTuple
 
 from eurobot_od.od import values
 from eurobot_od.od.description import DescribedDevice, DescribedVariable
-from eurobot_od.od.document import Document, Entry, Section
+from eurobot_od.od.document import TYPED, Document, Entry, Section
 from eurobot_od.od.formats import read
-from eurobot_od.od.keys import TYPED
 from eurobot_od.od.modules import Modules, with_modules
 from eurobot_od.od.values import DataType, Number, parse_number
 

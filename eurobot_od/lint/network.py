@@ -17,7 +17,7 @@ from eurobot_od.lint.model import TOP, LintedDevice
 from eurobot_od.lint.object_rules import heartbeats
 from eurobot_od.od import values
 from eurobot_od.od.description import DescribedPdo
-from eurobot_od.od.keys import BIT_RATES
+from eurobot_od.od.document import BIT_RATES
 from eurobot_od.od.standard import SYNC, SYNC_PRODUCER
 from eurobot_od.od.values import Number, PdoDirection, owner
 

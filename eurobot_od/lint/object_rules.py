@@ -19,8 +19,7 @@ from eurobot_od.od.description import (
     ObjectCode,
     parse_section_name,
 )
-from eurobot_od.od.document import Entry, Section
-from eurobot_od.od.keys import LIMITS, OF_VARIABLE, VALUES
+from eurobot_od.od.document import LIMITS, OF_VARIABLE, VALUES, Entry, Section
 from eurobot_od.od.standard import DATA_SUBS, KNOWN, Known
 from eurobot_od.od.values import UNSIGNED8, UNSIGNED32, Number, is_standard_number, parse_number
 
@@ -80,7 +79,8 @@ def undefined_type(device: LintedDevice) -> Violations:
     for section, entry in device.entries["datatype"]:
         number = parse_number(entry.value)
         # Not those below 0x40: CiA 301 defines them itself (PDO, SDO parameter, identity and so on).
-        if number and number.value in COMPLEX_TYPES[1] and number.value not in device.objects:
+        is_there = number and (number.value in device.objects or f"{number.value:x}sub1" in device.document.sections)
+        if number and number.value in COMPLEX_TYPES[1] and not is_there:
             yield entry, f"DataType {entry.value[:20]} of [{section.name}] is defined nowhere; it is taken as bytes"
 
 

@@ -9,13 +9,11 @@ from __future__ import annotations
 import struct
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
-from typing import NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 from eurobot_od.errors import DictionaryError, FieldError, UnknownName
 from eurobot_od.od.description import DescribedDevice, DescribedVariable
-from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.od.document import Document, Rewriting, is_text, parse, read_bytes
-from eurobot_od.od.keys import COMMISSIONING, OBJECT_LISTS
+from eurobot_od.od.document import COMMISSIONING, OBJECT_LISTS, Document, Rewriting, is_text, parse, read_bytes
 from eurobot_od.od.objects import data_type, value_text
 from eurobot_od.od.values import (
     DOMAIN,
@@ -28,6 +26,9 @@ from eurobot_od.od.values import (
     label,
     parse_number,
 )
+
+if TYPE_CHECKING:
+    from eurobot_od.od.dictionary import Dictionary
 
 NOT_SAID = {"NetNumber": 0, "NetworkName": "", "CANopenManager": 0, "LSS_SerialNumber": ""}
 """The other keys of the commissioning, with their values where nothing better is known."""
@@ -127,8 +128,8 @@ def _text_of_bytes(type_: DataType, data: bytes, encoding: str) -> str | None:
             return data.decode(encoding)
         if type_ == UNICODE_STRING:
             text = data.decode(UNICODE_BYTES)
-            # Latin-1 is found out by what is not UTF-8, so a text in it could turn a whole file into UTF-8.
-            return text if text.isascii() or encoding != "latin-1" else None
+            # A code page is found out by what is not UTF-8, so a text in it could turn a whole file into UTF-8.
+            return text if text.isascii() or encoding == "utf-8" else None
     except UnicodeDecodeError:
         return None
     return data.hex().upper()

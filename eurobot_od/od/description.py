@@ -12,8 +12,7 @@ from functools import cached_property
 from typing import NamedTuple
 
 from eurobot_od.od import values
-from eurobot_od.od.document import Document, Entry, Section
-from eurobot_od.od.keys import COMMISSIONING, TYPED
+from eurobot_od.od.document import COMMISSIONING, TYPED, Document, Entry, Section
 from eurobot_od.od.values import MappingEntry, Multiplex, Number, PdoDirection, PdoRecords, parse_number
 
 

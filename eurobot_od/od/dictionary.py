@@ -18,15 +18,24 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple, Self
 
 from eurobot_od.errors import DictionaryError
+from eurobot_od.od import cia401, cia402, values
 from eurobot_od.od import objects as od
-from eurobot_od.od import values
 from eurobot_od.od.description import DescribedDevice
-from eurobot_od.od.document import parse, read_bytes
+from eurobot_od.od.document import read_bytes
 from eurobot_od.od.modules import Module, Modules
 from eurobot_od.od.normal import Change, Normal, Refusal, normal
 from eurobot_od.od.patches import Patch, read_patch
 from eurobot_od.od.pdos import Mapped, OnRefused, Part, Pdo, PdoReader, fatal, part_of
-from eurobot_od.od.standard import IDENTITY, SDO_ANSWERS, SDO_CLIENTS, SDO_REQUESTS, SDO_SERVERS
+from eurobot_od.od.standard import (
+    IDENTITY,
+    NOT_PARAMETERS,
+    SDO_ANSWERS,
+    SDO_CLIENTS,
+    SDO_REQUESTS,
+    SDO_SERVERS,
+    UNCONFIGURED,
+    device_profile,
+)
 from eurobot_od.od.values import (
     NODE_IDS,
     NOT_VALID,
@@ -34,6 +43,7 @@ from eurobot_od.od.values import (
     SDO_RESPONSE_BASE,
     Address,
     Number,
+    PdoDirection,
     Value,
     identifier,
 )
@@ -124,8 +134,8 @@ class Dictionary:
 
     @cached_property
     def device(self) -> DescribedDevice:
-        """The device as the text of the normal form describes it: every variable has a section and a basic type."""
-        return DescribedDevice(parse(self._normal.text))
+        """The device as the normal form describes it; see `Normal.device`."""
+        return self._normal.device
 
     # Which node it is
 
@@ -137,8 +147,11 @@ class Dictionary:
         own = self.device.own_node_id
         settings = [own.number(key) for key in ("parametervalue", "defaultvalue")] if own else []
         commissioned = self.device.commissioned("nodeid")
-        said = [commissioned] if commissioned else settings
-        return next((each.value for each in said if each and not each.relative), None)
+        if commissioned:
+            return None if commissioned.relative else commissioned.value
+        # A setting of 0xFF says that the device has not been given a node-ID yet (CiA 305).
+        said = (each.value for each in settings if each and not each.relative and each.value != UNCONFIGURED)
+        return next(said, None)
 
     def _checked_node_id(self, node_id: int | None) -> int:
         if node_id is None:
@@ -161,6 +174,12 @@ class Dictionary:
         """Where the device keeps its own node-ID among its settings; None if it does not."""
         own = self.device.own_node_id
         return (own.index, own.sub) if own else None
+
+    @property
+    def restored_node_id(self) -> int | None:
+        """The node-ID that the device has once its defaults are restored (0x1011); None if it keeps this one."""
+        stock = self.stock_value(self.node_id_address) if self.node_id_address else None
+        return stock if isinstance(stock, int) and stock != self.node_id else None
 
     # Objects
 
@@ -190,6 +209,12 @@ class Dictionary:
             return self._present[address]
         variable = self.variable(address)
         return None if variable is None else od.default_of(variable)
+
+    def stock_value(self, address: Address) -> Value:
+        """Return what all devices of this kind have there, the DefaultValue; None without one."""
+        variable = self.variable(address)
+        value: Value = None if variable is None else variable.default
+        return value
 
     def has_own_value(self, address: Address) -> bool:
         """Whether a variable's value is this device's own, a ParameterValue, not what all of its kind have."""
@@ -233,7 +258,8 @@ class Dictionary:
         """Return the same device with values that it has at `present` in place of the file's."""
         other = copy(self)
         other._present = {**self._present, **present}
-        other.__dict__.pop("pdos", None)  # made of the values, and kept
+        for made_of_values in ("pdos", "process_data"):
+            other.__dict__.pop(made_of_values, None)
         return other
 
     @cached_property
@@ -257,6 +283,42 @@ class Dictionary:
         """
         named = (index for index in self.members if self.objects.indices[index].name == name)
         return next((index for index in named if index in values.MANUFACTURER), None)
+
+    # Parameters
+
+    def is_parameter(self, address: Address) -> bool:
+        """Whether an object is a setting: what a configuration writes, a device stores and a DCF of it has.
+
+        A setting may be mapped into PDOs; what is not one is `process_data`, a command or a history.
+        """
+        variable = self.variable(address)
+        return (
+            variable is not None
+            and od.is_described(variable)
+            and variable.writable
+            and address[0] not in NOT_PARAMETERS
+            and address not in self.process_data
+        )
+
+    @cached_property
+    def process_data(self) -> frozenset[Address]:
+        """What is process data by its profile (CiA 401, CiA 402), or by the mappings of the PDOs that are valid.
+
+        An RPDO brings it; of what a TPDO carries, only `rwr` is not set by a master.
+        """
+        found = set()
+        for pdo in self.read_pdos(self.default, lambda _: None, listening=True):
+            for each in pdo.mapping if pdo.valid else ():
+                if pdo.direction is PdoDirection.RPDO or each.variable.access_type == "rwr":
+                    part = self.part(each.address)
+                    found |= {each.address, part.whole if part else each.address}
+        of_profile = PROCESS_DATA.get(device_profile(self.number), {})
+        return frozenset(found).union(
+            (index, sub)
+            for index, subs in self.members.items()
+            for sub in subs
+            if sub in of_profile.get(_on_first_axis(index), ())
+        )
 
     # PDOs
 
@@ -282,6 +344,15 @@ class Dictionary:
         """Return what a slice is a part of; None for what is not a slice."""
         variable = self.variable(address)
         return None if variable is None else part_of(self.objects, variable)
+
+
+PROCESS_DATA = {cia401.PROFILE: cia401.PROCESS_DATA, cia402.PROFILE: cia402.PROCESS_DATA}
+
+
+def _on_first_axis(index: int) -> int:
+    """Return the index that an object of CiA 402 has on the first axis; others are there anyway."""
+    first = cia402.FIRST_AXIS
+    return first.start + (index - first.start) % cia402.AXIS_STEP if index >= first.start else index
 
 
 def _imported(file: Path, normal: Normal, node_id: int) -> ObjectDictionary:

@@ -1,14 +1,17 @@
 """Reads the text of an EDS or DCF into sections and entries that know their line and column, whatever the bytes.
 
+At the end are the sections and keys of CiA 306, as it spells them.
+
 Rule of this file: reading never raises, and never skips anything silently. What does not belong in an EDS becomes an
 `Oddity`; lint turns each into a finding, and `normal` refuses a file with those that may hide objects.
 """
 
 from __future__ import annotations
 
+import re
 from bisect import bisect_right
 from codecs import BOM_UTF8
-from collections.abc import Iterator, Sequence
+from collections.abc import Container, Iterator, Sequence
 from enum import Enum
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -17,6 +20,7 @@ from eurobot_od.support.files import read_whole
 
 if TYPE_CHECKING:
     from pathlib import Path
+from collections.abc import Mapping
 
 LONGEST = 254
 """Most characters of a key and its value together (CiA 306: shorter than 255)."""
@@ -45,6 +49,7 @@ class Odd(Enum):
     HASH = "a comment with #"
     INDENTED = "an indented line"
     XML = "no XML of a device description"
+    DISABLED = "an object that its editor has disabled"
 
 
 HIDING = (Odd.BINARY, Odd.HEADER, Odd.XML)
@@ -119,7 +124,7 @@ class Document(NamedTuple):
     @property
     def text_encoding(self) -> str:
         """The encoding in which the file's texts are the bytes of a VISIBLE_STRING: as they stand in the file."""
-        return "latin-1" if self.encoding == "latin-1" else "utf-8"
+        return "utf-8" if self.encoding == "utf-16" else self.encoding
 
     def text(self, section: str, key: str) -> str:
         """Return the value of a key in a section (both in lower case), the empty text if either is missing."""
@@ -154,8 +159,55 @@ def read(data: bytes) -> Document:
     try:
         return _Reader(oddities).read(data.decode(), "utf-8")
     except UnicodeDecodeError:
-        # Latin-1 gives every byte a character, so it cannot fail, and writing gives the same bytes back.
-        return _Reader(oddities).read(data.decode("latin-1"), "latin-1")
+        encoding = code_page(data) or UNKNOWN
+        return _Reader(oddities).read(data.decode(encoding), encoding)
+
+
+UNKNOWN = "latin-1"
+"""Gives every byte a character, so that it cannot fail, and writing gives the same bytes back."""
+
+
+def code_page(data: bytes) -> str | None:
+    """Return the encoding that fits bytes that are not UTF-8, and gives the same bytes again; None for an open one.
+
+    Words tell: in Western ones a letter beyond ASCII stands among ASCII's, Cyrillic ones have none of those, kana has
+    lead bytes that no other text has, and most Chinese characters of GB2312 are among its common ones.
+    """
+    words = re.findall(rb"[\x80-\xFF]+", data)
+    beyond = b"".join(words)
+    first = re.sub(rb"[^\x81-\x9F\xE0-\xFC]|(.)[\x40-\x7E\x80-\xFC]", rb"\1", data, flags=re.DOTALL)
+    leads = b"".join(word[::2] for word in words)
+    mean = len(beyond) / len(words)
+    high, low, control = (_share(beyond, first) for first in (range(0xE0, 0x100), range(0xC0, 0xE0), range(0x80, 0xA0)))
+    is_cyrillic = mean > CYRILLIC_WORD and high + low > MOST_OF
+    fitting = (
+        ("cp932", any(each in KANA for each in first) and _share(first, range(0x80, 0xA0)) > 0.5),
+        ("cp1251", is_cyrillic and high > low),
+        ("koi8-r", is_cyrillic and low > high > 0),  # where the small letters are Windows' capitals
+        ("gb2312", not is_cyrillic and all(len(word) % 2 == 0 for word in words) and _share(leads, HANZI) > 0.5),
+        ("cp1252", mean < WESTERN_WORD and control > 0),
+        ("latin-1", mean < WESTERN_WORD and not control),
+    )
+    return next((name for name, fits in fitting if fits and _is_kept(data, name)), None)
+
+
+def _share(found: Sequence[int], wanted: Container[int]) -> float:
+    return sum(each in wanted for each in found) / len(found)
+
+
+KANA, HANZI = (0x82, 0x83), range(0xB0, 0xD8)
+"""Lead bytes of kana in Shift-JIS, and of the common characters of GB2312."""
+
+MOST_OF = 0.9
+CYRILLIC_WORD, WESTERN_WORD = 2.5, 2.0
+"""Bytes beyond ASCII beside each other, on average: more of them in Cyrillic texts, fewer in Western ones."""
+
+
+def _is_kept(data: bytes, encoding: str) -> bool:
+    try:
+        return data.decode(encoding).encode(encoding) == data
+    except UnicodeError:
+        return False
 
 
 def parse(text: str) -> Document:
@@ -335,3 +387,63 @@ class Rewriting:
 
     def _next_header(self, section: Section) -> int:
         return self._headers[bisect_right(self._headers, section.line)]
+
+
+# The sections and keys of CiA 306, as it spells them. Readers look them up in lower case; other tools need them as
+# they are written here.
+
+
+BIT_RATES = (10, 20, 50, 125, 250, 500, 800, 1000)
+"""Bit rates in kbit/s that have a key in [DeviceInfo] (CiA 306) and a bit timing (CiA 301, Table 1)."""
+
+BIT_RATE_KEYS = tuple(f"BaudRate_{rate}" for rate in BIT_RATES)
+FLAGS = ("SimpleBootUpMaster", "SimpleBootUpSlave", "GroupMessaging", "LSS_Supported")
+IDENTITY = ("VendorNumber", "ProductNumber", "RevisionNumber")
+"""Keys of [DeviceInfo] that say the same as 0x1018 sub 1, 2 and 3."""
+
+FILE_INFO = ("FileName", "FileVersion", "FileRevision")
+TIMES, DATES = ("CreationTime", "ModificationTime"), ("CreationDate", "ModificationDate")
+ORIGIN = ("Description", *TIMES, *DATES, "CreatedBy", "ModifiedBy")
+DEVICE_INFO = ("ProductNumber", "RevisionNumber", "OrderCode", *BIT_RATE_KEYS, *FLAGS, "DynamicChannelsSupported",
+               "NrOfRXPDO", "NrOfTXPDO", "Granularity")  # fmt: skip
+COMMISSIONING_KEYS = ("NodeID", "NodeName", "NodeRefd", "Baudrate", "NetNumber", "NetworkName", "NetRefd",
+                      "CANopenManager", "LSS_SerialNumber")  # fmt: skip
+OBJECT_KEYS = ("SubNumber", "ParameterName", "ObjectType", "DataType", "AccessType", "LowLimit", "HighLimit",
+               "DefaultValue", "PDOMapping", "ObjFlags", "CompactSubObj", "ParameterValue", "UploadFile",
+               "DownloadFile", "Denotation", "ParamRefd")  # fmt: skip
+"""The keys of an object, and of a sub-index."""
+
+LIMITS, VALUES = ("lowlimit", "highlimit"), ("defaultvalue", "parametervalue")
+TYPED = (*LIMITS, *VALUES)
+"""Keys whose text goes by the data type, in lower case."""
+
+OF_VARIABLE = ("datatype", "accesstype", "pdomapping", *TYPED)
+"""Keys of an object with a value, in lower case; an object with sub-indices does not have them."""
+
+SECTION_KEYS: Mapping[str, tuple[str, ...]] = {
+    "FileInfo": (*FILE_INFO, *ORIGIN, "EDSVersion", "LastEDS"),
+    "DeviceInfo": (*dict.fromkeys((*DEVICE_INFO, *IDENTITY)), "VendorName", "ProductName", "CompactPDO",
+                   "ExtendedBootUpMaster", "ExtendedBootUpSlave"),
+    "DeviceComissioning": COMMISSIONING_KEYS,
+    "DummyUsage": tuple(f"Dummy{code:04X}" for code in range(1, 0x20)),
+}  # fmt: skip
+"""The keys of each section with a fixed set of them."""
+
+OBJECT_LISTS = ("MandatoryObjects", "OptionalObjects", "ManufacturerObjects")
+"""The sections that list the objects of a file (CiA 306-1, 4.6.1)."""
+
+COMMISSIONING = "DeviceComissioning"
+"""The section of node-ID and bit rate in a DCF, in the spelling of the standard."""
+
+SECTION_NAMES: Mapping[str, str] = {each.lower(): each for each in (*SECTION_KEYS, "Comments", *OBJECT_LISTS)} | {
+    "devicecommissioning": COMMISSIONING
+}
+"""How the sections that belong to no object are spelled, by their names in lower case."""
+
+SPELLED_OBJECT_KEYS: Mapping[str, str] = {each.lower(): each for each in OBJECT_KEYS}
+SPELLED_KEYS: Mapping[str, Mapping[str, str]] = {
+    **{name.lower(): {each.lower(): each for each in keys} for name, keys in SECTION_KEYS.items()},
+    "comments": {"lines": "Lines", **{f"line{number}": f"Line{number}" for number in range(1, 1000)}},
+    **{name.lower(): {"supportedobjects": "SupportedObjects"} for name in OBJECT_LISTS},
+}
+"""How keys are spelled, by their section and themselves in lower case."""

@@ -2,24 +2,31 @@
 
 `completed` gives what it says in other words than most: its sections under their usual names, PDOs written out. The
 file itself is never changed, and nothing is added that it does not say.
+
+XML is read by expat alone, and every section and entry has the line of the element that says it. A file with a document
+type, and so with any entity, is not read as a device description. Reading never raises; what is not XML becomes an
+`Oddity`.
 """
 
 from __future__ import annotations
 
 import re
 from codecs import BOM_UTF8
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import lru_cache
 from pathlib import Path
 from typing import NamedTuple
+from xml.parsers import expat
 
 from eurobot_od.errors import DictionaryError
-from eurobot_od.od import document, keys, values
+from eurobot_od.od import document as cia306
+from eurobot_od.od import values
 from eurobot_od.od.description import parse_section_name
-from eurobot_od.od.document import WIDE_MARKS, Document, Entry, Section
-from eurobot_od.od.values import NODE_ID, REMEMBERED_NUMBERS, DataType, PdoDirection, parse_number
+from eurobot_od.od.document import WIDE_MARKS, Document, Entry, Odd, Oddity, Section
+from eurobot_od.od.standard import MANDATORY
+from eurobot_od.od.values import NODE_ID, REMEMBERED_NUMBERS, DataType, Number, PdoDirection, parse_number
 
-SUFFIXES = (".xdd", ".eds", ".xdc", ".dcf")
+SUFFIXES = (".xpd", ".xdd", ".eds", ".xdc", ".dcf")
 """Files of devices in a folder; of two with one name the later counts: a DCF is the EDS as it is configured."""
 
 
@@ -34,10 +41,8 @@ def files_in(folder: str | Path) -> list[Path]:
 def read(data: bytes) -> Document:
     """Read the bytes of a file; nothing raises, what is odd is in the document."""
     if not is_xml(data):
-        return document.read(data)
-    from eurobot_od.od import xdd  # most files are not XML
-
-    return xdd.read(data)
+        return cia306.read(data)
+    return read_xml(data)
 
 
 def is_xml(data: bytes) -> bool:
@@ -69,13 +74,39 @@ USUAL_NAME = re.compile(r"[0-9a-f]{4}(?:sub(?:0|[1-9a-f][0-9a-f]?)|name|value|de
 def completed(document: Document) -> Document:
     """Return a document with all objects that it describes under the names that they have in CiA 306."""
     renamed = {name: usual_name(name) for name in document.sections if not name.isalnum() or looks_odd(name)}
-    sections = dict(document.sections)
+    decimal = decimal_subs(document)
+    sections = {
+        decimal.get(name, name).lower(): each._replace(name=decimal[name]) if name in decimal else each
+        for name, each in document.sections.items()
+    }
     for name, usual in renamed.items():
         # Beside the odd one, which lint points at, and not in place of a section that is there in the usual form, too.
         if usual is not None and usual not in sections:
             sections[usual] = sections[name]._replace(name=usual)
     whole = document._replace(sections=sections)
     return whole._replace(sections={**sections, **{each.name.lower(): each for each in _compact_pdos(whole)}})
+
+
+DECIMAL_SUB = re.compile(r"([0-9a-f]{4})sub([0-9]{1,3})")
+
+
+def decimal_subs(document: Document) -> dict[str, str]:
+    """Return the usual names of sub-indices that a file counts in decimal, by their names in lower case.
+
+    `sub9` is followed by `sub10`, there is none with a letter, and sub-index 0 says the highest as a decimal number. As
+    hexadecimal numbers they would be the addresses of other objects, so that anything less clear stays as it is.
+    """
+    found: dict[str, str] = {}
+    for name in [each for each in document.sections if each.endswith("sub10")]:
+        head = name[:4]
+        subs = [each for each in document.sections if each.startswith(f"{head}sub")]
+        numbers = {int(match[2]): each for each in subs if (match := DECIMAL_SUB.fullmatch(each))}
+        zero = document.sections.get(f"{head}sub0")
+        highest = parse_number(zero.text("parametervalue") or zero.text("defaultvalue")) if zero else None
+        is_decimal = sorted(numbers) == list(range(len(subs))) and highest == Number(len(subs) - 1)
+        if is_decimal and len(subs) <= values.MOST_SUBS + 1:
+            found |= {each: f"{head.upper()}sub{number:X}" for number, each in numbers.items() if number > 9}
+    return found
 
 
 def looks_odd(name: str) -> bool:
@@ -100,12 +131,15 @@ class Misspelling(NamedTuple):
 
 def misspelled(document: Document) -> Iterator[Misspelling]:
     """Give the sections and keys that are not spelled as CiA 306 has them."""
+    for name, counted in decimal_subs(document).items():
+        section = document.sections[name]
+        yield Misspelling(section.line, f"section [{section.name}] named [{counted}]: its object counts in decimal")
     for name, section in document.sections.items():
-        usual = keys.SECTION_NAMES.get(name) or _object_name(name, section.name)
+        usual = cia306.SECTION_NAMES.get(name) or _object_name(name, section.name)
         if usual is not None and usual != section.name:
             yield Misspelling(section.line, f"section [{section.name}] named [{usual}]")
         # What is neither a section of CiA 306 nor an object is the maker's own, and so are its keys.
-        spelled = keys.SPELLED_KEYS.get(name, keys.SPELLED_OBJECT_KEYS if usual else {})
+        spelled = cia306.SPELLED_KEYS.get(name, cia306.SPELLED_OBJECT_KEYS if usual else {})
         for key, entry in section.entries.items():
             if entry.key != spelled.get(key, entry.key):
                 yield Misspelling(entry.line, f"key {entry.key} spelled {spelled[key]}")
@@ -135,13 +169,14 @@ def _compact_pdos(document: Document) -> Iterator[Section]:
             yield from _record(info, index, direction.name, mask.value)
             mapping, title = index + values.MAPPING_OFFSET, f"{direction.name} mapping parameter"
             if f"{mapping:04x}" not in document.sections:
-                yield _section(info, f"{mapping:04X}", ParameterName=title, ObjectType="0x9")
+                yield _section(f"{mapping:04X}", info, {"ParameterName": title, "ObjectType": "0x9"})
                 yield _variable(info, f"{mapping:04X}sub0", "Mapped objects", values.UNSIGNED8, "0")
 
 
 def _record(at: Section, index: int, direction: str, mask: int) -> Iterator[Section]:
     present = {sub: each for sub, each in enumerate(PARAMETERS, start=1) if mask >> sub - 1 & 1}
-    yield _section(at, f"{index:04X}", ParameterName=f"{direction} communication parameter", ObjectType="0x9")
+    title = f"{direction} communication parameter"
+    yield _section(f"{index:04X}", at, {"ParameterName": title, "ObjectType": "0x9"})
     yield _variable(at, f"{index:04X}sub0", "Highest sub-index", values.UNSIGNED8, str(max(present, default=0)))
     for sub, (name, type_) in present.items():
         # The first four PDOs have a COB-ID from the pre-defined connection set (CiA 301, 7.3.3), later ones have none.
@@ -154,13 +189,8 @@ def _record(at: Section, index: int, direction: str, mask: int) -> Iterator[Sect
 
 def _variable(at: Section, name: str, title: str, type_: DataType, default: str) -> Section:
     code = f"0x{type_.code:04X}"
-    return _section(at, name, ParameterName=title, DataType=code, AccessType="rw", DefaultValue=default)
-
-
-def _section(at: Section, name: str, **entries: str) -> Section:
-    """Return a section that stands where the file announces it."""
-    said = {key.lower(): Entry(key, value, at.line, at.column) for key, value in entries.items()}
-    return Section(name, at.line, at.column, said)
+    entries = {"ParameterName": title, "DataType": code, "AccessType": "rw", "DefaultValue": default}
+    return _section(name, at, entries)
 
 
 # Numbers and values as every tool reads them, whatever an editor has written
@@ -198,11 +228,44 @@ def plain_value(text: str, type_: DataType) -> str | None:
         return _plain_bytes(text)
     if type_.code in values.TIMES and parse_number(text) is None:
         return _plain_time(text, type_)
-    return _plain_real(text, type_) if type_ in values.REALS else plain_number(text, type_)
+    if type_ in values.REALS:
+        return _plain_real(text, type_) or _plain_real(_without_unit(text), type_)
+    return plain_number(text, type_) or _plain_integer(text, type_)
+
+
+SPELLED = {"TRUE": "1", "FALSE": "0"}
+WHOLE = re.compile(r"(?P<number>[+-]?[0-9]+)\.0*")
+UNIT = re.compile(r"(?P<number>[^\s]+)\s+(?![hHkKMG]$)[^\d\s\x00-\x1f+*,.;:=$-]{1,10}[0-9]?")
+"""A number and its unit; not `10 h`, which may be hexadecimal, nor a factor such as `k`."""
+
+
+def _without_unit(text: str) -> str:
+    """Return what stands before a unit, as in `100 ms`; an empty text without one."""
+    match = UNIT.fullmatch(text)
+    return match["number"] if match else ""
+
+
+def _plain_integer(text: str, type_: DataType) -> str | None:
+    """Write an integer that has one reading, though no number of CiA 306: `20.0`, `+5`, `TRUE`, `100 ms`, `0b101`."""
+    text = SPELLED.get(text.upper(), _without_unit(text) or text)
+    whole = WHOLE.fullmatch(text)
+    text = whole["number"] if whole else text
+    if text[:1] == "+":
+        text = text[1:] if text[1:2].isdecimal() else ""
+    number = plain_number(text, type_)
+    if number is None:
+        try:
+            return str(values.typed_number(text))
+        except ValueError:
+            return None
+    return number
 
 
 def _plain_time(text: str, type_: DataType) -> str | None:
     """Write all the bits of a time as one number; canopen reads no other, and people write `2014-05-28 12:00`."""
+    days, _, milliseconds = (parse_number(each) for each in text.partition(" "))
+    if days and milliseconds and 0 <= days.value <= 0xFFFF and 0 <= milliseconds.value < values.DAY:
+        return f"0x{days.value << 32 | milliseconds.value:X}"  # as Lely writes it
     try:
         return f"0x{int.from_bytes(type_.write(text), 'little'):X}"
     except (ValueError, OverflowError):
@@ -235,3 +298,351 @@ def _plain_real(text: str, type_: DataType) -> str | None:
     except OverflowError:  # more bits than the type has
         pass
     return None
+
+
+# XML
+
+
+MOST_DEPTH = 200
+"""Elements in each other; a device description has about ten."""
+
+
+class XmlElement(NamedTuple):
+    """An element: its name without a namespace, its attributes, its place, what is in it, and its text."""
+
+    tag: str
+    attributes: Mapping[str, str]
+    line: int
+    column: int
+    children: list[XmlElement]
+    texts: list[str]
+
+    @property
+    def text(self) -> str:
+        """Its text, in one line without blanks around it."""
+        return " ".join("".join(self.texts).split())
+
+    def all(self, tag: str) -> Iterator[XmlElement]:
+        """Give all elements of a name in it, in the file's order."""
+        waiting = [self]
+        while waiting:
+            each = waiting.pop()
+            if each.tag == tag:
+                yield each
+            waiting.extend(reversed(each.children))
+
+    def first(self, tag: str) -> XmlElement | None:
+        """Return the first element of a name in it; None without one."""
+        return next(self.all(tag), None)
+
+    def child(self, tag: str) -> XmlElement | None:
+        """Return the first element of a name right in it; None without one."""
+        return next((each for each in self.children if each.tag == tag), None)
+
+
+class _Refused(Exception):
+    """What a device description never has; the text says what."""
+
+
+def read_xml(data: bytes) -> Document:
+    """Read the bytes of an XDD or XDC; what is not XML gives a document without sections."""
+    try:
+        root = parse_xml(data)
+    except expat.ExpatError as error:
+        return Document(
+            {}, [Oddity(Odd.XML, error.lineno, error.offset + 1, expat.ErrorString(error.code))], is_xml=True
+        )
+    except _Refused as error:
+        what, line = error.args
+        return Document({}, [Oddity(Odd.XML, line, 1, what)], is_xml=True)
+    parameters = _Parameters(root)
+    objects = [each for each in root.all("CANopenObject") if _digits(each, "index") is not None]
+    disabled = [each for each in objects if parameters.is_disabled(each)]
+    oddities = [Oddity(Odd.DISABLED, each.line, each.column, f"0x{_digits(each, 'index'):04X}") for each in disabled]
+    sections = _sections(root, [each for each in objects if not parameters.is_disabled(each)], parameters)
+    return Document({each.name.lower(): each for each in sections}, oddities, is_xml=True)
+
+
+def parse_xml(data: bytes) -> XmlElement:
+    """Read XML into its elements; raises ExpatError, _Refused."""
+    parser = expat.ParserCreate()
+    root = XmlElement("", {}, 1, 1, [], [])
+    stack = [root]
+
+    def start(tag: str, attributes: dict[str, str]) -> None:
+        if len(stack) > MOST_DEPTH:
+            raise _Refused(f"more than {MOST_DEPTH} elements in each other", parser.CurrentLineNumber)
+        named = {key.rpartition(":")[2]: value for key, value in attributes.items()}
+        place = parser.CurrentLineNumber, parser.CurrentColumnNumber + 1  # expat counts columns from 0
+        each = XmlElement(tag.rpartition(":")[2], named, *place, [], [])
+        stack[-1].children.append(each)
+        stack.append(each)
+
+    def refuse(*_: object) -> None:
+        # Entities can grow a small file into gigabytes, or name other files: there is no reason to have any.
+        raise _Refused("a document type, which no device description has", parser.CurrentLineNumber)
+
+    parser.StartElementHandler = start
+    parser.EndElementHandler = lambda _: stack.pop()
+    parser.CharacterDataHandler = lambda text: stack[-1].texts.append(text)
+    parser.StartDoctypeDeclHandler = refuse
+    parser.EntityDeclHandler = refuse
+    parser.Parse(data, True)
+    return root
+
+
+# Sections
+
+BODY_INFO = {
+    "fileName": "FileName",
+    "fileCreator": "CreatedBy",
+    "fileModifiedBy": "ModifiedBy",
+    "fileVersion": "FileVersion",
+}
+"""Attributes of a profile's body, and their keys in [FileInfo]."""
+
+DATES = {"fileCreationDate": "CreationDate", "fileModificationDate": "ModificationDate"}
+TIMES = {"fileCreationTime": "CreationTime", "fileModificationTime": "ModificationTime"}
+
+IDENTITY = {
+    "vendorName": "VendorName",
+    "vendorID": "VendorNumber",
+    "productName": "ProductName",
+    "productID": "ProductNumber",
+    "orderNumber": "OrderCode",
+}
+FEATURES = {
+    "granularity": "Granularity",
+    "nrOfRxPDO": "NrOfRXPDO",
+    "nrOfTxPDO": "NrOfTXPDO",
+    "groupMessaging": "GroupMessaging",
+    "bootUpSlave": "SimpleBootUpSlave",
+    "layerSettingServiceSlave": "LSS_Supported",
+    "bootUpMaster": "SimpleBootUpMaster",
+}
+"""Elements of the identity, attributes of general and of a master's features, and their keys in [DeviceInfo]."""
+
+COMMISSIONED = {
+    "nodeID": "NodeID",
+    "nodeName": "NodeName",
+    "actualBaudRate": "Baudrate",
+    "networkNumber": "NetNumber",
+    "networkName": "NetworkName",
+    "cANopenManager": "CANopenManager",
+}
+DUMMY = re.compile(r"(Dummy[0-9A-Fa-f]{4})=([01])")
+BREAKS = re.compile(r"[\x00-\x08\x0a-\x1f\x7f]")
+BOOLEANS = {"true": "1", "false": "0"}
+MAPPED_ACCESS = {("rw", "TPDO"): "rwr", ("rw", "RPDO"): "rww"}
+"""Access types of an EDS by access and mapping, which CiA 311 has apart."""
+
+VALUES = {
+    "lowLimit": "LowLimit",
+    "highLimit": "HighLimit",
+    "defaultValue": "DefaultValue",
+    "actualValue": "ParameterValue",
+    "denotation": "Denotation",
+}
+"""Attributes of an object, and their keys."""
+
+PARAMETER_ACCESS = {
+    "const": "const",
+    "read": "ro",
+    "write": "wo",
+    "readWrite": "rw",
+    "readWriteInput": "rwr",
+    "readWriteOutput": "rww",
+    "noAccess": "",
+}
+"""Access of a parameter of the application process."""
+
+BITS = values.OCTET_STRING.code
+MOST_TEMPLATES = 10
+"""Templates, and derived types, of each other; schemas have one or two."""
+
+SIMPLE_TYPES = {
+    each: code
+    for code, names in (
+        (0x01, "BOOL"), (0x02, "SINT CHAR"), (0x03, "INT"), (0x04, "DINT"), (0x15, "LINT"), (0x05, "USINT BYTE"),
+        (0x06, "UINT WORD"), (0x07, "UDINT DWORD"), (0x1B, "ULINT LWORD"), (0x08, "REAL"), (0x11, "LREAL"),
+        (0x09, "STRING"), (0x0B, "WSTRING"), (0x0A, "BITSTRING"),
+    )
+    for each in names.split()
+}  # fmt: skip
+"""Data types of the application process (IEC 61131-3), and CANopen's."""
+
+
+def _sections(root: XmlElement, objects: Sequence[XmlElement], parameters: _Parameters) -> Iterator[Section]:
+    yield _file_info(root)
+    yield _device_info(root)
+    dummies = [match for each in root.all("dummy") if (match := DUMMY.fullmatch(each.attributes.get("entry", "")))]
+    if dummies:
+        yield _section("DummyUsage", root.first("dummyUsage") or root, {each[1]: each[2] for each in dummies})
+    yield from _lists(root.first("CANopenObjectList") or root, objects)
+    for each in objects:
+        yield from _object(each, parameters)
+    commissioning = root.first("deviceCommissioning")
+    if commissioning:
+        # The schema has `NodeID` beside `nodeName`; many writers have `nodeID`.
+        said = {key[:1].lower() + key[1:]: value for key, value in commissioning.attributes.items()}
+        yield _section(cia306.COMMISSIONING, commissioning, _renamed(said, COMMISSIONED))
+
+
+def _section(name: str, at: XmlElement | Section, entries: Mapping[str, str]) -> Section:
+    """Return a section that stands where the file says what is in it."""
+    # A line end in a value, which XML can have, would make two lines of an EDS.
+    lines = {key: BREAKS.sub(" ", value).strip() for key, value in entries.items()}
+    said = {key.lower(): Entry(key, value, at.line, at.column) for key, value in lines.items()}
+    return Section(name, at.line, at.column, said)
+
+
+def _digits(each: XmlElement, name: str, most: int = 4) -> int | None:
+    """Return the number that an attribute has in hexadecimal digits; None for anything else."""
+    text = each.attributes.get(name, "")
+    return int(text, 16) if 0 < len(text) <= most and not text.strip(values.DIGITS[16]) else None
+
+
+def _renamed(attributes: Mapping[str, str], names: Mapping[str, str]) -> dict[str, str]:
+    """Return attributes under the keys of an EDS, its 0 and 1 for `false` and `true`."""
+    found = ((key, attributes[name]) for name, key in names.items() if name in attributes)
+    return {key: BOOLEANS.get(value, value).removesuffix(" Kbps") for key, value in found}
+
+
+def _file_info(root: XmlElement) -> Section:
+    body = next((each for each in root.all("ProfileBody") if each.first("CANopenObjectList")), None) or root
+    said = _renamed(body.attributes, BODY_INFO)
+    for name, key in DATES.items():
+        year, _, day = body.attributes.get(name, "").partition("-")
+        said |= {key: f"{day}-{year}"} if day else {}  # 2014-05-28 is 05-28-2014 in an EDS
+    for name, key in TIMES.items():
+        hour, _, rest = body.attributes.get(name, "").partition(":")
+        if hour.isdecimal() and len(hour) <= 2 and rest:
+            # 17:05 is 05:05PM in an EDS, and 00:05 is 12:05AM (CiA 306-1).
+            said[key] = f"{(int(hour) + 11) % 12 + 1:02}:{rest[:2]}{'AM' if int(hour) < 12 else 'PM'}"
+    return _section("FileInfo", body, {**said, "EDSVersion": "4.0"})
+
+
+def _device_info(root: XmlElement) -> Section:
+    identity = root.first("DeviceIdentity")
+    said: dict[str, str] = {}
+    for tag, key in IDENTITY.items():
+        each = identity.first(tag) if identity else None
+        said |= {key: each.text} if each and each.text else {}
+    rates = {each.attributes.get("value", "").removesuffix(" Kbps") for each in root.all("supportedBaudRate")}
+    said |= {key: str(int(key.removeprefix("BaudRate_") in rates)) for key in cia306.BIT_RATE_KEYS}
+    for tag in ("CANopenGeneralFeatures", "CANopenMasterFeatures"):
+        features = root.first(tag)
+        said |= _renamed(features.attributes, FEATURES) if features else {}
+    return _section("DeviceInfo", identity or root, said)
+
+
+def _lists(at: XmlElement, objects: Iterable[XmlElement]) -> Iterator[Section]:
+    indices: dict[str, list[int]] = {name: [] for name in cia306.OBJECT_LISTS}
+    for each in objects:
+        index = _digits(each, "index") or 0
+        kind = 0 if index in MANDATORY else 2 if index in values.MANUFACTURER else 1
+        if index >= values.FIRST:  # below are the data types, which no list of CiA 306 has
+            indices[cia306.OBJECT_LISTS[kind]].append(index)
+    for name, found in indices.items():
+        rows = {str(number): f"0x{index:04X}" for number, index in enumerate(found, start=1)}
+        yield _section(name, at, {"SupportedObjects": str(len(found)), **rows})
+
+
+def _object(each: XmlElement, parameters: _Parameters) -> Iterator[Section]:
+    """Give the sections of an object and its sub-indices."""
+    name, subs = f"{_digits(each, 'index') or 0:04X}", [sub for sub in each.children if sub.tag == "CANopenSubObject"]
+    if not subs and "subNumber" not in each.attributes:
+        yield _section(name, each, _entries(each, parameters))
+        return
+    head = {key: text for key, text in _entries(each, parameters).items() if key in ("ParameterName", "ObjectType")}
+    # SubNumber does not count sub-index 0xFF, the structure (CiA 306-1).
+    yield _section(name, each, {**head, "SubNumber": str(sum(_sub(sub) != values.STRUCTURE for sub in subs))})
+    for sub in subs:
+        yield _section(f"{name}sub{_sub(sub):X}", sub, _entries(sub, parameters))
+
+
+def _sub(each: XmlElement) -> int:
+    return _digits(each, "subIndex", 2) or 0
+
+
+def _entries(each: XmlElement, parameters: _Parameters) -> dict[str, str]:
+    """Return what an object, or a sub-index, says, with what the parameter that it refers to says."""
+    said = each.attributes
+    parameter = parameters.said(said.get("uniqueIDRef", ""))
+    entries = {"ParameterName": said.get("name", "")}
+    kind = parse_number(said.get("objectType", ""))
+    entries |= {"ObjectType": f"0x{kind.value:X}"} if kind and kind.value >= 0 else {}
+    entries |= parameter
+    if "dataType" in said:
+        entries["DataType"] = f"0x{said['dataType'].zfill(4).upper()}"
+    mapping = said.get("PDOmapping", "no")
+    access = said.get("accessType") or entries.get("AccessType", "")
+    if access:
+        entries["AccessType"] = MAPPED_ACCESS.get((access, mapping), access)
+    if "PDOmapping" in said or parameter:
+        entries["PDOMapping"] = str(int(mapping != "no"))
+    entries |= {key: said[name] for name, key in VALUES.items() if name in said}
+    if "objFlags" in said:
+        entries["ObjFlags"] = f"0x{said['objFlags']}"
+    # XML writes true and false; an EDS has no such words.
+    if parse_number(entries.get("DataType", "")) == values.Number(values.BOOLEAN.code):
+        entries = {key: BOOLEANS.get(text, text) for key, text in entries.items()}
+    return entries
+
+
+PARAMETER_VALUES = (("defaultValue", "DefaultValue"), ("actualValue", "ParameterValue"))
+RANGE = (("minValue", "LowLimit"), ("maxValue", "HighLimit"))
+
+
+def _disables(each: XmlElement) -> bool:
+    return each.attributes.get("name") == "CO_disabled" and each.attributes.get("value") == "true"
+
+
+class _Parameters:
+    """The parameters of the application process, each read once, whatever refers to it how often."""
+
+    def __init__(self, root: XmlElement) -> None:
+        lists = [each for tag in ("parameterList", "templateList", "dataTypeList") for each in root.all(tag)]
+        self._elements = {each.attributes.get("uniqueID", ""): each for found in lists for each in found.children}
+        self._said: dict[str, dict[str, str]] = {}
+        self._disabled = {name for name, each in self._elements.items() if any(map(_disables, each.children))}
+
+    def said(self, name: str) -> dict[str, str]:
+        """Return type, access and values of a parameter, also by its template; nothing if there is none."""
+        if name not in self._said:
+            parameter = self._elements.get(name)
+            # Without `access` it is `read` (CiA 311, schema 1.1, t_parameter and t_parameterTemplate).
+            access = {"AccessType": "ro"} if parameter else {}
+            self._said[name] = {**access, **self._written(parameter, MOST_TEMPLATES)} if parameter else {}
+        return self._said[name]
+
+    def is_disabled(self, each: XmlElement) -> bool:
+        """Whether an object is one that CANopenEditor keeps for later: it makes no EDS and no device with it."""
+        return each.attributes.get("uniqueIDRef", "") in self._disabled
+
+    def _written(self, parameter: XmlElement, depth: int) -> dict[str, str]:
+        template = self._elements.get(parameter.attributes.get("templateIDRef", ""))
+        said = self._written(template, depth - 1) if template and depth else {}
+        access = PARAMETER_ACCESS.get(parameter.attributes.get("access", ""))
+        said |= {"AccessType": access} if access is not None else {}
+        for at, pairs in ((parameter, PARAMETER_VALUES), (parameter.child("range"), RANGE)):
+            for tag, key in pairs:
+                each = at.child(tag) if at else None
+                if each and "value" in each.attributes:
+                    said[key] = each.attributes["value"]
+        denotation = parameter.child("denotation")
+        label = denotation.child("label") if denotation else None
+        said |= {"Denotation": label.text} if label else {}
+        type_ = self._type(parameter, MOST_TEMPLATES)
+        if type_ == BITS and not said.get("DefaultValue"):
+            type_ = values.DOMAIN.code  # CANopenEditor has one type for both
+        said |= {"DataType": f"0x{type_:04X}"} if type_ is not None else {}
+        return said
+
+    def _type(self, each: XmlElement, depth: int) -> int | None:
+        """Return the simple type of a parameter, or of a type that is derived from one."""
+        simple = next((SIMPLE_TYPES[one.tag] for one in each.children if one.tag in SIMPLE_TYPES), None)
+        named = each.child("dataTypeIDRef")
+        derived = self._elements.get(named.attributes.get("uniqueIDRef", "")) if named else None
+        is_whole = derived is not None and derived.tag not in ("array", "struct")
+        return self._type(derived, depth - 1) if simple is None and derived and is_whole and depth else simple

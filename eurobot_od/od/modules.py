@@ -65,6 +65,12 @@ class Misfit(NamedTuple):
     what: str
 
 
+def _position(key: str) -> tuple[int, str]:
+    """Return what sorts numbers, however long: a file may have thousands of digits."""
+    digits = key.lstrip("0")
+    return len(digits), digits
+
+
 class Modules:
     """The modules that a document describes, by number."""
 
@@ -82,7 +88,7 @@ class Modules:
     def connected(self) -> list[Entry]:
         """The entries of [ConnectedModules] in their positions."""
         section = self.document.sections.get(CONNECTED)
-        return sorted(section.numbered(), key=lambda each: int(each.key)) if section else []
+        return sorted(section.numbered(), key=lambda each: _position(each.key)) if section else []
 
     def find(self, text: str) -> Module | None:
         """Return the module with a number, or else with a name or an order code; None without."""
@@ -123,7 +129,8 @@ class Modules:
         if count is None or (count["subs"] and subs is None):
             return None
         last = parse_number(section.text("objextend"))
-        return Extension(section, subs.value if subs else 0, int(count["bits"] or 0), last.value if last else 0)
+        bits = parse_number(count["bits"] or "0")
+        return Extension(section, subs.value if subs else 0, bits.value if bits else 0, last.value if last else 0)
 
 
 def with_modules(document: Document, texts: Sequence[str] | None = None) -> tuple[Document, list[Misfit]]:

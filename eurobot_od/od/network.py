@@ -6,7 +6,6 @@ the way.
 
 from __future__ import annotations
 
-import os
 import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -15,25 +14,13 @@ from pathlib import Path, PurePath, PureWindowsPath
 from types import MappingProxyType
 from typing import Annotated, NamedTuple
 
-from eurobot_od.errors import DictionaryError, FileError, LocalError, UnknownName
-from eurobot_od.od import DEFAULT as DEFAULT
+from eurobot_od.errors import DictionaryError, FileError, LocalError
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.document import parse
 from eurobot_od.od.formats import files_in
 from eurobot_od.od.values import NODE_IDS, Number, parse_number
+from eurobot_od.support.declared import ByName, OneOrMore, Within
 from eurobot_od.support.files import read_whole
-from eurobot_od.support.yaml_shapes import (
-    PLAIN,
-    SCALAR,
-    TEXT,
-    ByName,
-    OneOrMore,
-    Within,
-    converted,
-    mapping,
-    read_yaml,
-    shape_of,
-)
 
 
 def node_file(text: str) -> NodeFile:
@@ -149,13 +136,12 @@ def _as_in_an_eds(text: str) -> int:
     return number.value
 
 
-NUMBER = converted(SCALAR, _as_in_an_eds, {"type": "integer"})
-NETWORK = shape_of(NetworkFile, {**PLAIN, str: SCALAR, int: NUMBER})
-
-
 def read_network_file(text: str, file: str) -> NetworkFile:
     """Read the text of a network file, its own path `file`; raises YamlError, or FileError if it names no nodes."""
-    network: NetworkFile = read_yaml(text, NETWORK, file)
+    from eurobot_od.support.yaml_shapes import PLAIN, SCALAR, converted, read_yaml, shape_of  # most start without YAML
+
+    number = converted(SCALAR, _as_in_an_eds, {"type": "integer"})
+    network: NetworkFile = read_yaml(text, shape_of(NetworkFile, {**PLAIN, str: SCALAR, int: number}), file)
     if not network.nodes and not network.robot:
         raise FileError(file, "it names no nodes")
     folder = PurePath(file).parent
@@ -175,6 +161,8 @@ KEY = re.compile(r"0x(?P<first>[0-9A-F]{1,4}|[0-9A-F]{2,3}X{1,2})(\.\.0x(?P<last
 
 def read_error_words(file: str | Path) -> dict[int, str]:
     """Return the words by code; of several entries for a code the narrowest counts. Raises FileError."""
+    from eurobot_od.support.yaml_shapes import SCALAR, TEXT, converted, mapping, read_yaml
+
     ranges = read_yaml(read_whole(file).decode("utf-8", "replace"), mapping(TEXT, converted(SCALAR, _codes)), file)
     # The narrowest comes last, and so replaces what wider entries say about its codes.
     widest_first = sorted(ranges.items(), key=lambda each: len(each[0]), reverse=True)
@@ -190,68 +178,6 @@ def _codes(key: str) -> range:
     if not codes:
         raise LocalError(f"{str(key)!r} is not an error code: write 0x7310, 0x73xx or 0x7380..0x738F")
     return codes
-
-
-DIALECT_VARIABLE = "EUROBOT_OD_DIALECT"
-"""Environment variable that names the dialect where a command line does not."""
-
-
-class Dialects(NamedTuple):
-    """The dialects in the folder `root`; `default` is the one that counts where none is named, `` for the first.
-
-    Without a `root` there are none, and a dialect is the path of any folder of EDS files.
-    """
-
-    root: Path | None = None
-    default: str = ""
-
-    def network_file(self) -> Path | None:
-        """Return the network file: what the nodes share, and how often what is sent; None if there is none."""
-        file = None if self.root is None else self.root / "network.yaml"
-        return file if file is not None and file.is_file() else None
-
-    def names(self) -> list[str]:
-        """Return the names of all dialects."""
-        folders = self.root.iterdir() if self.root is not None and self.root.is_dir() else ()
-        return sorted(each.name for each in folders if any(each.glob("*.eds")))
-
-    def folder(self, dialect: str | Path | None = None) -> Path:
-        """Return the folder of a dialect given by name or by path; None is the environment's or the default one.
-
-        Raises UnknownName; LocalError if none is named and there is none.
-        """
-        if not (dialect or self.root):
-            raise LocalError("which devices? Name them by --eds or --network, or a robot by --robot")
-        names = self.names()
-        wanted = dialect or os.environ.get(DIALECT_VARIABLE) or self.default or next(iter(names), None)
-        if wanted is None:
-            raise LocalError(f"which devices? no EDS files in {self.root}/*")
-        # A dialect's name comes before a folder of the same name in the working directory.
-        path = self.root / wanted if self.root is not None and str(wanted) in names else Path(wanted)
-        if not any(path.glob("*.eds")):
-            raise UnknownName("dialect", str(wanted), names)
-        return path
-
-    def load(self, node: str, dialect: str | Path | None = None, node_id: int | None = None) -> Dictionary:
-        """Load the EDS file of one node of a dialect.
-
-        Raises UnknownName for a node or dialect that is not there, DictionaryError for a file that cannot be used.
-        """
-        from eurobot_od.od.dictionary import Dictionary
-
-        file = self.folder(dialect) / f"{node}.eds"
-        if not file.is_file():
-            raise UnknownName("node", node, sorted(each.stem for each in file.parent.glob("*.eds")))
-        return Dictionary.load(file, node_id)
-
-    def load_all(self, dialect: str | Path | None = None) -> tuple[Dictionary, ...]:
-        """Load the EDS files of all nodes of a dialect, ordered by node-ID.
-
-        Raises DictionaryError if two of them have one node-ID.
-        """
-        from eurobot_od.od import network
-
-        return network.load(network.read_network(self.folder(dialect)).nodes)
 
 
 READERS: Mapping[str, Callable[[str, str], NetworkFile]] = {

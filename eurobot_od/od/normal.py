@@ -16,13 +16,14 @@ and the commissioning last, so that a DCF that was cut off has none.
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 from eurobot_od.errors import DictionaryError
-from eurobot_od.od import keys, values
+from eurobot_od.od import document as cia306
+from eurobot_od.od import values
 from eurobot_od.od.description import SIMPLE, DescribedDevice, DescribedObject, DescribedVariable, ObjectCode
-from eurobot_od.od.document import STRAY, Document, Entry, Odd, Section
+from eurobot_od.od.document import STRAY, UNKNOWN, Document, Entry, Odd, Section, code_page, parse
 from eurobot_od.od.formats import (
     BYTES,
     TEXTS,
@@ -87,6 +88,7 @@ class Normal(NamedTuple):
     `text` is that form, `encoding` the one of the file. `changes` is where the form differs from the file,
     `refusals` what cannot be used of it, `dropped` what canopen does not read; `has_modules` says whether connected
     modules have brought objects, `is_xml` whether the file is one in XML, `is_patched` whether patches lie over it.
+    `read` is what the text describes, if the file has been in this form and was read already.
     """
 
     text: str
@@ -97,6 +99,12 @@ class Normal(NamedTuple):
     has_modules: bool = False
     is_xml: bool = False
     is_patched: bool = False
+    read: DescribedDevice | None = None
+
+    @property
+    def device(self) -> DescribedDevice:
+        """The device as the text describes it: every variable has a section and a basic type."""
+        return self.read or DescribedDevice(parse(self.text))
 
     @property
     def usable(self) -> str:
@@ -138,10 +146,20 @@ def in_normal_form(data: bytes, file: object = "") -> tuple[bytes, list[Change]]
     made = normal(data, file)
     ends = "\r\n" if b"\r\n" in data else "\n"
     text = made.text.replace("\n", ends)
-    if made.encoding == "utf-8" or VALUE_BEYOND_ASCII.search(text):
+    is_known = made.encoding != UNKNOWN or code_page(data) is not None
+    if made.encoding == "utf-8" or VALUE_BEYOND_ASCII.search(text) or not is_known:
         return text.encode(made.encoding), made.changes
-    return text.encode(), [Change(1, "Latin-1 written as UTF-8"), *made.changes]
+    return text.encode(), [Change(1, f"{ENCODINGS[made.encoding]} written as UTF-8"), *made.changes]
 
+
+ENCODINGS = {
+    "latin-1": "Latin-1",
+    "cp1252": "Windows-1252",
+    "cp1251": "Windows-1251",
+    "koi8-r": "KOI8-R",
+    "cp932": "Shift-JIS",
+    "gb2312": "GB2312",
+}
 
 VALUE_BEYOND_ASCII = re.compile(r"^(?:Default|Parameter)Value=.*[^\x00-\x7F]", re.MULTILINE)
 
@@ -159,6 +177,7 @@ ODDITIES = {
     Odd.COMMENT_AFTER_VALUE: "comment put on a line of its own",
     Odd.HASH: "comment with ; instead of #",
     Odd.INDENTED: "indent taken off",
+    Odd.DISABLED: "{} left out: its editor has disabled it (CO_disabled)",
     Odd.TWO_ENTRIES: "key {}: the second made a comment",
     Odd.TWO_SECTIONS: "section {}: the second made a comment",
 }
@@ -231,7 +250,7 @@ RAW = {"defaultvalue": "default_raw", "parametervalue": "value_raw"}
 """Where canopen keeps the text of a value, even of one that does not fit its type."""
 
 NUMBERS = ("objecttype", "datatype", "subnumber", "pdomapping", "objflags")
-COMPACT_KEYS = ("compactsubobj", *keys.OF_VARIABLE)
+COMPACT_KEYS = ("compactsubobj", *cia306.OF_VARIABLE)
 """What the section of a compact object says about its sub-indices."""
 
 INFO_TEXTS = ("vendorname", "productname", "ordercode")
@@ -272,11 +291,13 @@ class _Writer:
         for each in device.objects.values():
             self._object(each)
         if device.commissioning:
-            self._known(keys.COMMISSIONING)
+            self._known(cia306.COMMISSIONING)
         left = (line for comments in self._comments for each in comments.values() for line in each)
-        text = "\n".join([*self._out, *left, ""])
-        return Normal(text, device.document.text_encoding, sorted({*self._changes}), self._refusals, self._dropped,
-                      self._has_modules, device.document.is_xml, self._is_patched)  # fmt: skip
+        lines = [*self._out, *left, ""]
+        same = lines == device.document.lines and not device.document.oddities
+        return Normal("\n".join(lines), device.document.text_encoding, sorted({*self._changes}), self._refusals,
+                      self._dropped, self._has_modules, device.document.is_xml, self._is_patched,
+                      device if same else None)  # fmt: skip
 
     # Lines
 
@@ -324,9 +345,9 @@ class _Writer:
 
     def _known(self, name: str) -> None:
         """Write a section with the keys of CiA 306."""
-        section = self._device.commissioning if name == keys.COMMISSIONING else self._device.section(name.lower())
+        section = self._device.commissioning if name == cia306.COMMISSIONING else self._device.section(name.lower())
         self._head(name, section)
-        spelled = keys.SPELLED_KEYS[name.lower()]
+        spelled = cia306.SPELLED_KEYS[name.lower()]
         for key, entry in section.entries.items() if section else ():
             if key == "compactpdo" and section and (parse_number(entry.value) or Number(0)).value > 0:
                 self._changes.append(Change(entry.line, "CompactPDO written out", standard=True))
@@ -378,7 +399,9 @@ class _Writer:
         name = section.name.strip()
         usual = usual_name(name) if looks_odd(name.lower()) else None
         # It has been written already, by its own function or as an object under its usual name.
-        if name.lower() in keys.SECTION_NAMES or (usual and self._device.document.sections[usual].line == section.line):
+        if name.lower() in cia306.SECTION_NAMES or (
+            usual and self._device.document.sections[usual].line == section.line
+        ):
             return
         if name.lower() == CONNECTED and self._has_modules:
             self._as_comment(section, "the objects of the modules are written out")
@@ -392,7 +415,7 @@ class _Writer:
 
     def _lists(self) -> None:
         """Write the lists of objects as they are, or anew where they are not those of the objects there are."""
-        sections = {name: self._device.section(name.lower()) for name in keys.OBJECT_LISTS}
+        sections = {name: self._device.section(name.lower()) for name in cia306.OBJECT_LISTS}
         entries = {name: section.numbered() if section else () for name, section in sections.items()}
         listed = {
             name: [n.value for each in found if (n := parse_number(each.value))] for name, found in entries.items()
@@ -400,7 +423,7 @@ class _Writer:
         there = [index for index, each in self._device.objects.items() if index >= values.FIRST and each.section]
         # Only where they are wrong: in which of the lists a maker puts an object, and in what order, is left alone.
         if sorted(index for indices in listed.values() for index in indices) != sorted(there):
-            listed = {name: sorted(i for i in there if list_of(i) == name) for name in keys.OBJECT_LISTS}
+            listed = {name: sorted(i for i in there if list_of(i) == name) for name in cia306.OBJECT_LISTS}
         for name, section in sections.items():
             indices = listed[name]
             self._head(name, section)
@@ -419,7 +442,11 @@ class _Writer:
 
     def _object(self, each: DescribedObject) -> None:
         section = each.section
-        if section is None:
+        if section is None and each.subs:
+            self._changes.append(Change(each.place.line, f"[{each.index:04X}] added: its sub-indices are there"))
+            head = each.place._replace(name=f"{each.index:04X}", entries={})
+            self._composed(DescribedObject(each.index, head, each.subs, each.lists), head)
+        elif section is None:
             self._refusals.append(
                 Refusal(each.index, None, each.place.line, f"[{each.place.name}] has no object [{each.index:04X}]")
             )
@@ -431,7 +458,7 @@ class _Writer:
                 self._refusals.append(Refusal(each.index, None, section.at("objecttype").line, what))
             self._head(f"{each.index:04X}", section)
             for entry in section.entries.values():
-                self._line(entry, f"{keys.SPELLED_OBJECT_KEYS.get(entry.key.lower(), entry.key)}={entry.value}")
+                self._line(entry, f"{cia306.SPELLED_OBJECT_KEYS.get(entry.key.lower(), entry.key)}={entry.value}")
             for sub in each.subs.values():
                 if sub.section is not section:
                     self._as_comment(sub.section, "its object holds nothing")
@@ -494,17 +521,34 @@ class _Writer:
             what = "no DataType, read as DOMAIN" if is_guessed else f"DataType=0x{type_.code:04X} added"
             self._changes.append(Change(section.line, f"[{name}]: {what}", is_domain, is_guessed))
             self._out.append(f"DataType=0x{type_.code:04X}")
-        if not each.access:
+        access = whole.subs[0].access if whole.compact and 0 in whole.subs else ""
+        if not each.access and access:
+            # A device lets write the entries of a list exactly where it lets write their number (CiA 301, mappings).
+            self._changes.append(Change(section.line, f"[{name}]: AccessType={access} added, that of sub-index 0"))
+            self._out.append(f"AccessType={access}")
+        elif not each.access:
             self._refusals.append(Refusal(each.index, sub, section.line, f"sub {each.sub} has no AccessType"))
         if whole.code is ObjectCode.DOMAIN:
             self._dropped.append(Dropped(each.index, sub, "object_code", ObjectCode.DOMAIN))
         for key, entry in section.entries.items():
             self._entry(each.index, sub, key, entry, type_)
+        for key, entry in self._limits_of_type(each) if each.type is None and type_.is_integer else ():
+            self._entry(each.index, sub, key, entry, type_)
+
+    def _limits_of_type(self, each: DescribedVariable) -> Iterator[tuple[str, Entry]]:
+        """Give the limits of a type of CanFestival's editor, such as INTEGER32[1-100], that a variable itself lacks."""
+        code = each.number("datatype")
+        for sub, key in enumerate(ENTRIES, start=2):
+            section = self._device.document.sections.get(f"{code.value:x}sub{sub}") if code else None
+            entry = section.entries.get("defaultvalue") if section else None
+            if entry and not each.section.text(key):
+                self._changes.append(Change(entry.line, f"{key} {entry.value[:40]} taken to 0x{each.index:04X}", True))
+                yield key, entry
 
     def _entry(self, index: int, sub: int | None, key: str, entry: Entry, type_: DataType | None) -> None:
         """Write what an entry says about an object, or of a variable if there is a type."""
-        text, spelled = entry.value, keys.SPELLED_OBJECT_KEYS.get(key)
-        if type_ is not None and key in keys.TYPED:
+        text, spelled = entry.value, cia306.SPELLED_OBJECT_KEYS.get(key)
+        if type_ is not None and key in cia306.TYPED:
             if key in ENTRIES:
                 limited = type_ if type_.is_integer or type_ in values.REALS else values.UNSIGNED64
                 plain = plain_value(text, limited) if text else None
@@ -578,7 +622,7 @@ def _subs(each: DescribedObject) -> list[DescribedVariable]:
 
 def list_of(index: int) -> str:
     """Return the list that an object belongs to (CiA 306-1, 4.6.1)."""
-    return keys.OBJECT_LISTS[0 if index in MANDATORY else 2 if index in values.MANUFACTURER else 1]
+    return cia306.OBJECT_LISTS[0 if index in MANDATORY else 2 if index in values.MANUFACTURER else 1]
 
 
 def _plain_index(text: str) -> int | None:

@@ -23,7 +23,8 @@ from types import MappingProxyType
 from typing import NamedTuple
 
 from eurobot_od.errors import DictionaryError, LocalError, UnknownName
-from eurobot_od.od import formats, keys, values
+from eurobot_od.od import document as cia306
+from eurobot_od.od import formats, values
 from eurobot_od.od.description import COMPOSED, DescribedDevice, DescribedVariable, ObjectCode
 from eurobot_od.od.document import Document, Entry, Section, is_text, read_bytes
 from eurobot_od.od.formats import completed, plain_number, plain_value
@@ -35,7 +36,7 @@ from eurobot_od.od.values import DATA_TYPES, DataType, label, parse_number
 CONFIGURATIONS = (".dcf", ".xdc")
 """Suffixes of patches that are the configuration of a device; any other patch is YAML."""
 
-COMMISSIONINGS = {keys.COMMISSIONING.lower(), "devicecommissioning"}
+COMMISSIONINGS = {cia306.COMMISSIONING.lower(), "devicecommissioning"}
 SETTINGS = (*COMMISSIONINGS, CONNECTED)
 """Sections of a DCF that count as a whole."""
 
@@ -106,7 +107,7 @@ def _configured(variable: DescribedVariable, file: Path) -> Iterator[Entry]:
         if entry and entry.value:
             text = str(file.parent.absolute() / entry.value) if key in FILES else entry.value
             # A compact object's value has the sub-index as its key.
-            yield entry._replace(key=keys.SPELLED_OBJECT_KEYS[key], value=text)
+            yield entry._replace(key=cia306.SPELLED_OBJECT_KEYS[key], value=text)
 
 
 # Keys: each reader returns how the file would write a text, or None if it cannot be
@@ -145,7 +146,7 @@ KEYS: Mapping[str, PatchKey] = {
     "objflags": PatchKey(plain_number, "a number"),
     **dict.fromkeys(FILES, PatchKey(lambda text: text or None, "a file")),
 }
-"""The keys of which the text alone says whether it can be; those of `keys.TYPED` go by the variable's type."""
+"""The keys of which the text alone says whether it can be; those of `cia306.TYPED` go by the variable's type."""
 
 OF_A_RECORD = ("parametername", "objecttype", "objflags", "denotation")
 """The keys of an object with sub-indices; the others are of its sub-indices."""
@@ -207,12 +208,12 @@ class _Patching:
             entries.pop(key, None)  # a value and a file at once would leave it to each tool which of them counts
         is_record = sub is None and self._is_record(index, own)
         # The type first: the values go by it, wherever it stands.
-        for key, entry in sorted(own.items(), key=lambda pair: pair[0] in keys.TYPED):
+        for key, entry in sorted(own.items(), key=lambda pair: pair[0] in cia306.TYPED):
             if is_record and key not in OF_A_RECORD:
                 what = f"{entry.key}: {each.target} has sub-indices, which are named as 0x{index:04X}:1"
                 raise self._patch.wrong(entry.line, what)
             text = self._text(entry, DescribedVariable(index, sub or 0, section._replace(entries=entries)))
-            spelled = keys.SPELLED_OBJECT_KEYS.get(key, entry.key)
+            spelled = cia306.SPELLED_OBJECT_KEYS.get(key, entry.key)
             line = entries[key].line if key in entries else section.line
             entries[key] = Entry(spelled, text, line, section.column)
             if not text:
@@ -302,14 +303,14 @@ class _Patching:
         key = name.lower()
         if not is_text(text, self._base.text_encoding):
             raise self._patch.wrong(entry.line, f"{name}: a line of an EDS cannot hold {text!r}")
-        if key in keys.TYPED:
+        if key in cia306.TYPED:
             type_ = variable.type or known_type(variable.index, variable.sub)
             plain = _value(text, type_) if type_ and text else text
             allowed = type_.allowed if type_ else ""
         elif key in KEYS:
             plain, allowed = KEYS[key].read(text), KEYS[key].allowed
         else:
-            known = (keys.SPELLED_OBJECT_KEYS[each] for each in (*KEYS, *keys.TYPED))
+            known = (cia306.SPELLED_OBJECT_KEYS[each] for each in (*KEYS, *cia306.TYPED))
             raise self._patch.wrong(entry.line, str(UnknownName("key", name, known)))
         if plain is None:
             raise self._patch.wrong(entry.line, f"{name} {text!r}: expected {allowed}")

@@ -115,6 +115,9 @@ PROGRAM_DATA, PROGRAM_CONTROL, PROGRAM_IDENTIFICATION, FLASH_STATUS = 0x1F50, 0x
 NMT_STARTUP: Address = (0x1F80, 0)
 """What a device does after its boot-up, as a master or by itself (CiA 302-2)."""
 
+NOT_PARAMETERS = frozenset({*COMMANDS, VERIFY_CONFIGURATION[0][0], 0x1023, 0x1024, PROGRAM_DATA, PROGRAM_CONTROL})
+"""Objects that can be written and are not parameters: a history, a command, a master's own mark."""
+
 MANDATORY = (DEVICE_TYPE[0], ERROR_REGISTER[0], IDENTITY)
 """The objects of every device (CiA 301, 7.5.1)."""
 
@@ -198,6 +201,27 @@ def device_profile(number: Callable[[Address], int | None]) -> int:
 def known_type(index: int, sub: int) -> DataType | None:
     """Return the type that the standard gives to a variable; None where it says nothing."""
     return next((each.type for each in KNOWN if index in each.indices and sub in each.subs), None)
+
+
+class ErrorCode(IntEnum):
+    """Emergency error codes that any of our devices reports (CiA 301, Table 26).
+
+    CiA 301 has none for a PDO with a value out of range, so that code is one of the device's own.
+    """
+
+    NO_ERROR = 0x0000
+    HARDWARE = 0x5000
+    INTERNAL_SOFTWARE = 0x6100
+    DATA_SET = 0x6300
+    BUS_LOST = 0x8100
+    OVERRUN = 0x8110
+    ERROR_PASSIVE = 0x8120
+    HEARTBEAT_LOST = 0x8130
+    RECOVERED_FROM_BUS_OFF = 0x8140
+    PDO_TOO_SHORT = 0x8210
+    PDO_TOO_LONG = 0x8220
+    PDO_MISSING = 0x8250
+    VALUE_OUT_OF_RANGE = 0xFF00
 
 
 ANSWERS, REQUESTS = LSS_COB_IDS

@@ -1,4 +1,4 @@
-"""The catalogue: which message type stands for a PDO, by the PDO's name.
+"""The catalogue: which message type stands for a PDO, by the PDO's name, and what a message type is.
 
 The decorator `Catalogue.message` enters a message class. A PDO without a class gets a named tuple made from its
 mapping.

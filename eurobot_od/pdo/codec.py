@@ -1,4 +1,4 @@
-"""A message's two functions, data to message and message to frame, generated from its layout.
+"""Where each bit of a message lies, and its two functions made from that: data to message, and message to frame.
 
 A frame is read as one integer, the word; a field is then a shift and a mask. Interpreting the layout for each frame
 would take several times as long as the shifts. So the few lines for a message are written as source once, and compiled.
@@ -207,12 +207,13 @@ class Unknown(NamedTuple):
 # Source of expressions
 
 
-def _extract(layout: Layout, field: str) -> str:
+def extract(layout: Layout, field: str) -> str:
     """Write the expression that takes a raw value out of `word`; the lowest run needs no shift to its place."""
     runs = layout.runs[field]
     # More than one run only where a file maps a value in slices, or where the controller sends the most significant
     # byte first: the word is then read in the order that needs fewer runs.
-    parts = (f"(word >> {run.offset} & {run.mask:#x})" + (f" << {run.shift}" if run.shift else "") for run in runs)
+    at = {run: f"word >> {run.offset}" if run.offset else "word" for run in runs}
+    parts = (f"({at[run]} & {run.mask:#x})" + (f" << {run.shift}" if run.shift else "") for run in runs)
     bits = " | ".join(f"({part})" for part in parts)
     if field not in layout.signed:
         return bits
@@ -237,7 +238,7 @@ def unpacker(layout: Layout) -> Callable[[bytes], tuple[int, ...]]:
     source = f"""
 def unpack(data):
     word = from_bytes(data, {layout.byte_order!r})
-    return ({"".join(f"{_extract(layout, field)}, " for field in layout.fields)})
+    return ({"".join(f"{extract(layout, field)}, " for field in layout.fields)})
 """
     return compiled("unpack", source, {"from_bytes": int.from_bytes})
 
@@ -277,7 +278,7 @@ def _meaning(layout: Layout, column: Column, number: int) -> tuple[str, str, Any
     name, numbers = f"read{number}", column.numbers
     if column.read is None:
         return name, name, column.default
-    raw = _extract(layout, column.field)
+    raw = extract(layout, column.field)
     # Most fields are plain numbers, for which no function is called at all: this is what makes decoding fast.
     if numbers:
         return f"r if {numbers.start} <= (r := {raw}) < {numbers.stop} else {name}(r)", name, column.read

@@ -15,8 +15,8 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 from eurobot_od.od import values
-from eurobot_od.od.profiles.words import meaning_of, with_words, words
 from eurobot_od.od.values import DataType, Limits, typed_number
+from eurobot_od.od.words import meaning_of, with_words, words
 
 if TYPE_CHECKING:
     from canopen.objectdictionary import ODVariable

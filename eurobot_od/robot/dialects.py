@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from eurobot_od.od.network import Dialects
+from eurobot_od.od import Dialects
 
 
 def eds_folder() -> Path:

@@ -13,7 +13,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from eurobot_od.od.network import Dialects
+from eurobot_od.od import Dialects
 from eurobot_od.plugin import Command, Faults, Plugin
 from eurobot_od.robot import dialects
 
@@ -100,9 +100,9 @@ ROBOT = Plugin(
     },
     faults=partial(_imported, "faults", "FAULTS"),
     suites=HERE / "check" / "suites",
-    partners=partial(_called, "check.drill", "partners"),
+    partners=partial(_called, "check", "partners"),
     panels=lambda: (_imported("scene.panel", "FieldPanel"),),
-    drawings=partial(_called, "model.poses", "drawings"),
+    drawings=partial(_called, "scene.files", "drawings"),
     reports=partial(_imported, "season", "REPORTS"),
     stage=partial(_imported, "commands.node", "NodeOptions"),
     commands={

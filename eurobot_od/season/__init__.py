@@ -2,9 +2,9 @@
 
     logs  ->  batches of columns      `batches`: any format, in streaming
           ->  messages and defects    `columns`: expressions on the data as a 64-bit integer
-          ->  files of a run          `writing`: Parquet, table by table; names in `tables`
+          ->  files of a run          `archive`: Parquet, table by table; names in `season`
           ->  SEASON/TABLE/RUN.parquet   `archive`: whole or not at all, each log once
-    SEASON/  ->  lazy frames and SQL  `season`; ready questions in `reports`, texts and pictures in `answers`
+    SEASON/  ->  lazy frames and SQL  `season`; ready questions, texts and pictures in `answers`
 
 It needs the extra `season`: polars, duckdb and pyarrow. Nothing here knows which devices there are.
 """

@@ -1,4 +1,7 @@
-"""Answers of a season as text: aligned lines, CSV, JSON lines, pictures; and, without a query, a list of its tables."""
+"""Questions to a season that are ready (`REPORTS`), and its answers: aligned lines, CSV, JSON lines, pictures.
+
+Without a question the answer is a list of the season's tables.
+"""
 
 from __future__ import annotations
 

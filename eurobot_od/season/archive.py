@@ -27,7 +27,8 @@ from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.catalogue import Catalogue
-from eurobot_od.season import campaign, tables
+from eurobot_od.season import campaign
+from eurobot_od.season import season as tables
 from eurobot_od.season.batches import FOREIGN, Batch, batches
 from eurobot_od.season.campaign import BLOCK, HERE, Workers
 from eurobot_od.season.columns import FROM_DATA, LENGTH, WORD, MessageChecks, message_columns, of_others, readable

@@ -59,7 +59,7 @@ class Batch(NamedTuple):
 
 
 def batches(file: BinaryIO, form: str | None = None) -> Iterator[Batch]:
-    """Yield the batches of an open log, making the next ones meanwhile; errors as `logs.formats.read`."""
+    """Yield the batches of an open log, making the next ones meanwhile; errors as `formats.read`."""
     suffix, packed = formats.form_of(file, form)
     if suffix == formats.CANDUMP:
         parts = _candump_batches(_unpacked_chunks(file) if packed else _chunks(file))
@@ -216,7 +216,8 @@ def _with_odd(frames: pl.DataFrame, content: bytes, odd: list[int], before: int,
         # One by one, as they are few: whatever the expression for the usual line does not know, candump's own reader
         # does, so that `archive` and `decode` say the same of it.
         for number in odd
-        for _, time, channel, raw in read_lines(BytesIO(lines[number - before - 1]), CandumpFormat(), LARGEST)
+        for part in read_lines(BytesIO(lines[number - before - 1]), CandumpFormat(), LARGEST)
+        for _, time, channel, raw in part.entries()
     )
     unread = pl.col("kind").is_in([Damage.UNREADABLE.value, Damage.CUT_OFF.value])
     of_foreign = batch.foreign.select("line", pl.when(~unread).then("t"))

@@ -1,8 +1,8 @@
 """Long jobs in blocks, on any `concurrent.futures.Executor`: this process, others on this machine, or dask's workers.
 
 An item is what one call does, such as the match of a seed. Items go out in blocks, and results come back in the items'
-order. They may be kept in Parquet files, one for each block, from which a campaign is resumed (`results`). There is no
-scheduler here.
+order. They may be kept in Parquet files, one for each block, from which a campaign is resumed (end of this file).
+There is no scheduler here.
 
 Rule of this file: an item's result depends only on the item. So a block whose worker was lost is repeated, and the
 results are the same on any executor. Nothing is done twice: results that are already there are read.

@@ -25,7 +25,6 @@ from typing import (
     Any,
     Generic,
     Literal,
-    NamedTuple,
     TypeAlias,
     TypeVar,
     Union,
@@ -38,6 +37,7 @@ import yaml
 
 from eurobot_od.errors import LocalError, UnknownName
 from eurobot_od.support import texts
+from eurobot_od.support.declared import ByName, Listed, OneOrMore, Within
 from eurobot_od.support.yaml_places import (
     STRING,
     NodeReader,
@@ -54,34 +54,6 @@ from eurobot_od.support.yaml_places import (
     shown,
     telling,
 )
-
-
-class Within(NamedTuple):
-    """A number from `low` to `high`, both included, in a `unit`; errors write the two in a `form`."""
-
-    low: float
-    high: float
-    unit: str = ""
-    form: str = "{}"
-
-    def __str__(self) -> str:
-        return f"{self.form.format(self.low)}..{self.form.format(self.high)} {self.unit}".rstrip()
-
-
-class Listed:
-    """A named tuple that is written as a list, `[900, 1400]`; each of its fields has one of the `ranges`."""
-
-    def __init__(self, *ranges: Within) -> None:
-        self.ranges = ranges
-
-
-class ByName:
-    """Values that are written as a mapping: each key is the `name` of its value, which does not say it itself."""
-
-
-class OneOrMore:
-    """A list that is written without brackets if it has one item."""
-
 
 T = TypeVar("T")
 S = TypeVar("S")

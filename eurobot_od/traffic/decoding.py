@@ -1,4 +1,4 @@
-"""Turns logs into lines of output, entry by entry, whatever the format of the log and of the output.
+"""Turns logs into lines of output, batch by batch, whatever the format of the log and of the output.
 
 A frame has the meaning that the decoder keeps, and what only the frames before it tell: which transfer an SDO frame
 belongs to, that an answer to a guarding master is not a heartbeat, and how the devices on its channel are set by then.
@@ -10,28 +10,50 @@ from __future__ import annotations
 import csv
 import io
 import json
+from bisect import bisect_right
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import lru_cache
 from typing import Any, BinaryIO, TypeAlias
 
 from eurobot_od.device.nmt import TOGGLE, NmtCommand, NmtState
-from eurobot_od.frame import Frame, identifier_text
-from eurobot_od.od.values import ERROR_CONTROL_BASE, FIRST, MANUFACTURER
+from eurobot_od.frame import Frame, RemoteFrame, identifier_text
+from eurobot_od.od.values import ERROR_CONTROL_BASE, FIRST, MANUFACTURER, NODE_IDS
+from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.catalogue import plain
 from eurobot_od.pdo.in_force import InForce
 from eurobot_od.support.texts import cell, one_line
-from eurobot_od.traffic import formats, words
-from eurobot_od.traffic.entries import LARGEST, REMEMBERED, Damage, Raw
+from eurobot_od.traffic import formats
+from eurobot_od.traffic.entries import LARGEST, REMEMBERED, Batch, Damage, Raw
 from eurobot_od.traffic.filters import Wanted, Window
-from eurobot_od.traffic.meaning import CANOPEN, DamageCounts, Decoder, Defect, Meaning, SdoTransfer, with_defects
-from eurobot_od.traffic.services import GUARDING, HEARTBEAT, NMT, SDO
+from eurobot_od.traffic.meaning import (
+    CANOPEN,
+    OUTSIDE,
+    DamageCounts,
+    Decoder,
+    Defect,
+    Meaning,
+    SdoTransfer,
+    texts_writer,
+    with_defects,
+    words_of,
+)
+from eurobot_od.traffic.services import GUARDING, HEARTBEAT, NMT, SDO, guarding_words
 from eurobot_od.traffic.transfers import Transfers
 
 NAME_WIDTH = 29
 """Width of the column with the messages' names; a longer name pushes its fields to the right."""
 
-LINE = "%s%13.6f  %s  %s\n"
-"""Name of the log, time, channel, row. An f-string would take half as long again for the time."""
+WIDTH = 13
+"""Width of the column with the times."""
+
+Clock: TypeAlias = Callable[[float], "float | None"]
+"""From an entry's time to the time shown, in s, None for one not wanted."""
+
+Rows: TypeAlias = Callable[[Sequence[bytes]], Sequence[Any]]
+"""Makes the rows of frames of one message from their data; None for one that has to be decoded by itself."""
+
+Write: TypeAlias = Callable[[Batch, Sequence[Any], Clock], str]
+"""Makes the lines of a batch from its rows, with their ends; an entry without a row has none."""
 
 WriteLine: TypeAlias = Callable[[int, float, str, Any], str]
 """Makes a line, with its end, from an entry's line number, its time in s, its channel, and the row of its frame."""
@@ -46,9 +68,24 @@ class Output:
         """Write what depends on the frame alone; None for no line."""
         raise NotImplementedError
 
-    def writer(self, log: str) -> WriteLine:
-        """Return the function that writes the lines of a log with this name."""
+    def rows_of(self, binding: Binding) -> Rows | None:
+        """Return what writes the rows of a message's frames; None if they are decoded one by one."""
+        return None
+
+    def line_writer(self, log: str) -> WriteLine:
+        """Return the function that writes a line of a log with this name."""
         raise NotImplementedError
+
+    def writer(self, log: str) -> Write:
+        """Return the function that writes the lines of a log with this name."""
+        line = self.line_writer(log)
+
+        def write(batch: Batch, rows: Sequence[Any], clock: Clock) -> str:
+            shown = map(clock, batch.times)
+            entries = zip(batch.lines, shown, batch.channels, rows)
+            return "".join([line(*each) for each in entries if each[1] is not None and each[3] is not None])  # type: ignore[arg-type]
+
+        return write
 
     def cut(self, transfer: SdoTransfer) -> None:
         """Take in an SDO transfer that the end of a log cuts off."""
@@ -73,9 +110,37 @@ class TextOutput(Output):
             name, text = name or "?", with_defects(meaning)
         return one_line(f"{name.ljust(NAME_WIDTH)} {text}" if text else name)
 
-    def writer(self, log: str) -> WriteLine:
+    def rows_of(self, binding: Binding) -> Rows:
+        head, length, write = f"{binding.name.ljust(NAME_WIDTH)} ", binding.layout.length, texts_writer(binding)
+        alone, head = [one_line(binding.name)], one_line(head)
+
+        def rows(data: Sequence[bytes]) -> Sequence[str | None]:
+            if set(map(len, data)) != {length}:
+                return [rows([each])[0] if len(each) == length else None for each in data]
+            if not binding.limits:
+                return alone * len(data)
+            written = write(head, words_of(binding, data))
+            return [None if OUTSIDE in each else each for each in written] if OUTSIDE in "".join(written) else written
+
+        return rows
+
+    def line_writer(self, log: str) -> WriteLine:
         start, shown = one_line(f"{log}:") if self._several else "", lru_cache(one_line)
-        return lambda _, time, channel, row: LINE % (start, time, shown(channel), row)
+        return lambda _, time, channel, row: f"{start}{time:{WIDTH}.6f}  {shown(channel)}  {row}\n"
+
+    def writer(self, log: str) -> Write:
+        write, start = super().writer(log), one_line(f"{log}:") if self._several else ""
+
+        def at_once(batch: Batch, rows: Sequence[str | None], clock: Clock) -> str:
+            if clock is not float or batch.stamps is None or not batch.is_of_one_channel or None in rows:
+                return write(batch, rows, clock)
+            gap = f"  {one_line(batch.channels[0])}  "
+            (width, *others), head = set(map(len, batch.stamps)), start
+            stamps = [f"{stamp:>{WIDTH}}" for stamp in batch.stamps] if others else batch.stamps
+            head += " " * (0 if others else WIDTH - width)
+            return "".join([f"{head}{stamp}{gap}{row}\n" for stamp, row in zip(stamps, rows)])
+
+        return at_once
 
 
 # Data: a field is a number, nothing (unknown), or the words that a person writes
@@ -94,7 +159,7 @@ class JsonOutput(Output):
             data["damage"] = [{"kind": damage.value, "text": text} for damage, text in meaning.defects]
         return _json(data)[1:]  # the writer opens the object with the place and the time
 
-    def writer(self, log: str) -> WriteLine:
+    def line_writer(self, log: str) -> WriteLine:
         start, quoted = f'{{"log": {_json(log)}, "line":', lru_cache(_json)
         return lambda number, time, channel, row: (
             f'{start} {number}, "time": {time:.6f}, "channel": {quoted(channel)}, {row}\n'
@@ -139,7 +204,7 @@ class CsvOutput(Output):
         head = [known.get(key, "") for key in FRAME]
         return _joined([*head, meaning.text, damage, *(fields.get(field, "") for field in self._fields)])
 
-    def writer(self, log: str) -> WriteLine:
+    def line_writer(self, log: str) -> WriteLine:
         start, quoted = _joined([log]), lru_cache(lambda channel: _joined([channel]))
         return lambda number, time, channel, row: f"{start},{number},{time:.6f},{quoted(channel)},{row}\n"
 
@@ -149,6 +214,12 @@ def _joined(values: Sequence[Any]) -> str:
     csv.writer(text, lineterminator="").writerow(map(cell, values))
     return text.getvalue()
 
+
+HEARTBEATS = range(ERROR_CONTROL_BASE + NODE_IDS[0], ERROR_CONTROL_BASE + NODE_IDS[-1] + 1)
+"""COB-IDs of heartbeats (CiA 301, 7.3.3)."""
+
+RUNNING = frozenset(bytes([state]) for state in NmtState if state is not NmtState.INITIALISING)
+"""Data of heartbeats that change nothing."""
 
 FOLLOWED = (SDO, HEARTBEAT, GUARDING, NMT)
 """The services whose frames are understood by the ones before."""
@@ -171,7 +242,7 @@ class Follower:
     """Takes the frames of FOLLOWED in their order.
 
     `changed` is called with a channel, and with the decoder of its frames from now on, when one of them has shown that
-    its sender is set otherwise than before.
+    its sender is set otherwise than before. `is_guarded` says whether a master has asked for a node's state.
     """
 
     def __init__(self, decoder: Decoder, changed: Changed) -> None:
@@ -180,6 +251,7 @@ class Follower:
         self._shown: dict[str, InForce] = {}
         self._transfers = Transfers()
         self._asked: set[tuple[str, int]] = set()
+        self.is_guarded = False
         self._last: dict[tuple[str, int], Meaning] = {}
 
     def __call__(self, time: float, channel: str, meaning: Meaning) -> Meaning:
@@ -237,9 +309,10 @@ class Follower:
         key = channel, frame.cob_id
         if frame.is_remote:
             self._asked.add(key)
+            self.is_guarded = True
         elif key in self._asked or frame.data[0] & TOGGLE:
             self._asked.discard(key)
-            text = f"{meaning.nodes[0]}, {words.guarding(frame.data)}"
+            text = f"{meaning.nodes[0]}, {guarding_words(frame.data)}"
             return meaning._replace(name=GUARDING, text=text)
         return meaning
 
@@ -268,6 +341,33 @@ Known: TypeAlias = tuple[Any, tuple[Defect, ...], Meaning | None]
 """What is known of a frame without those before it: its row, its defects, its meaning if that may change."""
 
 
+class InUse:
+    """How the frames of a channel are decoded now: `known` one by one, `at_once` those of one identifier together."""
+
+    def __init__(self, decoder: Decoder, output: Output, wanted: Wanted | None) -> None:
+        # Most frames on a bus are requests and confirms without data: what is made from them is kept.
+        @lru_cache(REMEMBERED)
+        def known(raw: Raw) -> Known:
+            meaning = decoder(raw)
+            row = output.row(meaning) if wanted is None or wanted(meaning) else None
+            return row, meaning.defects, meaning if is_followed(meaning) else None
+
+        self.known = known
+        self._bindings = {each.cob_id: each for each in decoder.protocol.bindings} if wanted is None else {}
+        self._rows_of, self._made = output.rows_of, dict[int | Raw, Rows | None]()
+
+    def at_once(self, head: int | Raw) -> Rows | None:
+        """Return what writes the frames of an identifier; None if they are decoded one by one."""
+        try:
+            return self._made[head]
+        except KeyError:
+            if not isinstance(head, int):
+                return None
+            binding = self._bindings.get(head)
+            made = self._made[head] = self._rows_of(binding) if binding else None
+            return made
+
+
 class Decoding:
     """What is asked for: the `output`, the entries `wanted` (None: all), their times; `damage` counts what is wrong."""
 
@@ -275,43 +375,111 @@ class Decoding:
         self, decoder: Decoder, output: Output, wanted: Wanted | None = None, window: Window = EVERYTHING
     ) -> None:
         self.damage = DamageCounts()
-        self._output, self._wanted, self._window = output, wanted, window
-        self._decoder, self._known = decoder, self._remembering(decoder)
-
-    def _row(self, meaning: Meaning) -> Any:
-        return self._output.row(meaning) if self._wanted is None or self._wanted(meaning) else None
-
-    def _remembering(self, decoder: Decoder) -> Callable[[Raw], Known]:
-        row = self._row
-
-        # Most frames on a bus are requests and confirms without data: what is made from them is kept.
-        @lru_cache(REMEMBERED)
-        def known(raw: Raw) -> Known:
-            meaning = decoder(raw)
-            return row(meaning), meaning.defects, meaning if is_followed(meaning) else None
-
-        return known
+        self.output, self.wanted, self._window = output, wanted, window
+        self._decoder, self._first = decoder, InUse(decoder, output, wanted)
 
     def lines(self, file: BinaryIO, log: str, form: str | None = None, largest: int = LARGEST) -> Iterator[str]:
-        """Yield the lines of output for an open log named `log`; errors as `formats.entries`.
+        """Yield the output for an open log named `log`, line by line or many at once; errors as `formats.batches`.
 
         What is wrong in the log is counted, whether it is wanted or not.
         """
-        known, shown_time, write = self._known, self._window.clock(), self._output.writer(log)
-        now: dict[str, Callable[[Raw], Known]] = {}
-        follow = Follower(self._decoder, lambda channel, decoder: now.update({channel: self._remembering(decoder)}))
-        known_now = now.get
-        for number, time, channel, raw in formats.entries(file, form, largest):
-            row, defects, followed = known_now(channel, known)(raw)
-            if followed and (said := follow(time, channel, followed)) is not followed:
-                row, defects = self._row(said), said.defects
-            if defects:
-                self.damage.add(log, number, defects)
-            shown = shown_time(time)
-            if row is not None and shown is not None:
-                yield write(number, shown, channel, row)
-        for last, transfer in follow.unfinished():
-            if self._row(last) is not None:
-                self._output.cut(transfer)
-        if footer := self._output.footer():
+        write, clock = self.output.writer(log), self._window.clock()
+        decoded = DecodedLog(self, self._decoder, self._first)
+        for batch in formats.batches(file, form, largest):
+            rows = decoded.rows(batch)
+            for place, defects in decoded.defects():
+                self.damage.add(log, batch.lines[place], defects)
+            yield write(batch, rows, clock)
+        for last, transfer in decoded.unfinished():
+            if self.wanted is None or self.wanted(last):
+                self.output.cut(transfer)
+        if footer := self.output.footer():
             yield footer
+
+
+class DecodedLog:
+    """Turns the batches of a log into rows.
+
+    The frames of a message are decoded together; services and oddities one by one, in their order.
+    """
+
+    def __init__(self, asked: Decoding, decoder: Decoder, first: InUse) -> None:
+        self._asked, self._first = asked, first
+        self._now: dict[str, InUse] = {}
+        self._follow = Follower(decoder, self._change)
+        self.unfinished = self._follow.unfinished
+        self._defects: dict[int, tuple[Defect, ...]] = {}
+        self._has_changed = False
+
+    def _change(self, channel: str, decoder: Decoder) -> None:
+        self._now[channel] = InUse(decoder, self._asked.output, self._asked.wanted)
+        self._has_changed = True
+
+    def defects(self) -> list[tuple[int, tuple[Defect, ...]]]:
+        """Return what was wrong in the last batch, by the places in it."""
+        found = sorted(self._defects.items()) if self._defects else []
+        self._defects.clear()
+        return found
+
+    def rows(self, batch: Batch) -> list[Any]:
+        """Return the row of each entry, None for one without a line."""
+        rows: list[Any] = [None] * len(batch.heads)
+        for channel in batch.channels[:1] if batch.is_of_one_channel else dict.fromkeys(batch.channels):
+            places: Sequence[int] = range(len(batch.heads))
+            if not batch.is_of_one_channel:
+                places = [place for place, each in enumerate(batch.channels) if each == channel]
+            while places:  # until a frame changes what those after it mean
+                places = places[self._until_a_change(batch, channel, places, rows) :]
+        return rows
+
+    def _until_a_change(self, batch: Batch, channel: str, places: Sequence[int], rows: list[Any]) -> int:
+        """Fill in rows of a channel's entries at these places; return of how many."""
+        in_use = self._now.get(channel, self._first)
+        heads, data, known = batch.heads, batch.data, in_use.known
+        groups: dict[int | Raw, list[int]] = {}
+        for place, head in enumerate(heads) if len(places) == len(heads) else ((each, heads[each]) for each in places):
+            try:
+                groups[head].append(place)
+            except KeyError:
+                groups[head] = [place]
+        is_guarded = self._follow.is_guarded or any(isinstance(head, RemoteFrame) for head in groups)
+        messages: list[tuple[list[int], Rows]] = []
+        others: list[int] = []
+        for head, group in groups.items():
+            if rows_of := in_use.at_once(head):
+                messages.append((group, rows_of))
+                continue
+            if isinstance(head, int) and head in HEARTBEATS and not is_guarded:
+                for running in {data[place] for place in group} & RUNNING:
+                    row, same = known(Frame(head, running))[0], [place for place in group if data[place] == running]
+                    messages.append((same, lambda data, row=row: [row] * len(data)))  # type: ignore[misc]
+                group = [place for place in group if data[place] not in RUNNING]
+            others += group
+        last = self._in_order(batch, channel, sorted(others), rows, in_use)
+        for group, rows_of in messages:
+            if last is not None:
+                group = group[: bisect_right(group, last)]
+            made = rows_of([data[place] for place in group])
+            for place, row in zip(group, made):
+                rows[place] = row
+            if None in made:
+                for place in (place for place, row in zip(group, made) if row is None):
+                    rows[place], self._defects[place], _ = known(batch.raw(place))
+        return len(places) if last is None else bisect_right(places, last)
+
+    def _in_order(
+        self, batch: Batch, channel: str, places: Iterable[int], rows: list[Any], in_use: InUse
+    ) -> int | None:
+        """Fill in rows one by one, and return the place of a frame that changes what those after it mean."""
+        output, wanted, times, known = self._asked.output, self._asked.wanted, batch.times, in_use.known
+        self._has_changed = False
+        for place in places:
+            row, defects, followed = known(batch.raw(place))
+            if followed and (said := self._follow(times[place], channel, followed)) is not followed:
+                row, defects = output.row(said) if wanted is None or wanted(said) else None, said.defects
+            rows[place] = row
+            if defects:
+                self._defects[place] = defects
+            if self._has_changed:
+                return place
+        return None

@@ -1,4 +1,4 @@
-"""What a log holds: entries with a classic frame, or with something else.
+"""What a log holds: entries with a classic frame, or with something else; and many of them at once, by columns.
 
 Nothing in a log is dropped; an entry that is not such a frame gets a name, its Damage. A frame with a 29-bit identifier
 has EXTENDED in its COB-ID.
@@ -6,10 +6,11 @@ has EXTENDED in its COB-ID.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from enum import Enum
+from itertools import chain
 from struct import error as StructError  # noqa: N812 (a class with a small name)
-from typing import BinaryIO, NamedTuple, TypeAlias, TypeVar
+from typing import Any, BinaryIO, NamedTuple, TypeAlias, TypeVar
 
 from eurobot_od.frame import EXTENDED, HIGHEST_EXTENDED, HIGHEST_IDENTIFIER, MOST_BYTES, Frame, RemoteFrame
 
@@ -34,7 +35,6 @@ class Damage(Enum):
     CUT_OFF = "cut off"
     ERROR_FRAME = "error frame"
     FD = "FD frame"
-    EXTENDED = "extended frame"
     UNKNOWN_IDENTIFIER = "unknown identifier"
     SWITCHED_OFF = "switched off"
     INCOMPLETE = "incomplete transfer"
@@ -63,6 +63,95 @@ LogEntry: TypeAlias = tuple[int, float, str, Raw]
 """One entry of a log: its line (or its number, if there are no lines), time in s, channel, and what stands there."""
 
 Entries: TypeAlias = Iterator[LogEntry]
+
+
+class Times(Sequence[float]):
+    """Times in s as they are in a log, read only when they are asked for."""
+
+    def __init__(self, stamps: Sequence[str]) -> None:
+        self._stamps = stamps
+
+    def __len__(self) -> int:
+        return len(self._stamps)
+
+    def __getitem__(self, place: Any) -> Any:
+        return float(self._stamps[place])
+
+
+class Batch(NamedTuple):
+    """Consecutive entries of a log by columns: lines, times in s, channels, and what stands there.
+
+    A data frame has its COB-ID among the `heads`, and its `data`; for anything else the Raw itself is the head.
+    `stamps` are the times as text with six decimals, None where the log does not have them so.
+    """
+
+    lines: Sequence[int]
+    times: Sequence[float]
+    channels: Sequence[str]
+    heads: Sequence[int | Raw]
+    data: Sequence[bytes]
+    stamps: Sequence[str] | None = None
+
+    @classmethod
+    def of(cls, entries: Iterable[LogEntry]) -> Batch:
+        """Return some entries as a batch."""
+        lines, times, channels, raws = tuple(zip(*entries)) or ((), (), (), ())
+        heads = [raw[0] if raw.__class__ is Frame else raw for raw in raws]
+        return cls(lines, times, channels, heads, [raw[1] if raw.__class__ is Frame else b"" for raw in raws])
+
+    @classmethod
+    def joined(cls, parts: Sequence[Batch]) -> Batch:
+        """Return batches that follow each other as one."""
+        if len(parts) == 1:
+            return parts[0]
+        lines, times, channels, heads, data, _ = (
+            list(chain.from_iterable(each)) for each in zip(*map(_stamped, parts))
+        )
+        stamps = [stamp for part in parts for stamp in _stamped(part).stamps or ()]
+        return cls(lines, times, channels, heads, data, stamps)
+
+    def raw(self, place: int) -> Raw:
+        """Return what stands at a place in the batch."""
+        head = self.heads[place]
+        # Without the named tuple's own constructor, which is Python code: a log may have millions of entries.
+        return tuple.__new__(Frame, (head, self.data[place])) if isinstance(head, int) else head
+
+    def entries(self) -> Entries:
+        """Give the entries one by one."""
+        return zip(self.lines, self.times, self.channels, map(self.raw, range(len(self.heads))))
+
+    @property
+    def is_of_one_channel(self) -> bool:
+        """Whether all entries have one channel."""
+        return self.channels.count(self.channels[0]) == len(self.channels)
+
+    @property
+    def is_read(self) -> bool:
+        """Whether some of it is what a bus can carry, and not text that nobody understands."""
+        return any(not isinstance(head, Foreign) or head.is_read for head in self.heads)
+
+
+def _stamped(batch: Batch) -> Batch:
+    return batch if batch.stamps is not None else batch._replace(stamps=[f"{time:.6f}" for time in batch.times])
+
+
+def gathered(entries: Entries, most: int) -> Iterator[Batch]:
+    """Give entries in batches of at most so many, and those before an error before that is raised."""
+    some: list[LogEntry] = []
+    try:
+        for entry in entries:
+            some.append(entry)
+            if len(some) >= most:
+                yield Batch.of(some)
+                some = []
+    except Exception:
+        if some:
+            yield Batch.of(some)
+        raise
+    if some:
+        yield Batch.of(some)
+
+
 Read: TypeAlias = Callable[[BinaryIO, int], Entries]
 """A reader of a format: an open file, and the most bytes of a line or record, in; entries out."""
 

@@ -5,28 +5,29 @@ Rule of this file: nothing raises, whatever the frame; what is wrong with it is 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache, partial
+from struct import unpack
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 from eurobot_od.device.nmt import ALL_NODES
 from eurobot_od.errors import FrameLengthError
-from eurobot_od.frame import EXTENDED, Frame, RemoteFrame
+from eurobot_od.frame import EXTENDED, MOST_BYTES, Frame, RemoteFrame
 from eurobot_od.od import values
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.pdos import OnRefused, fatal
 from eurobot_od.od.values import Address, PdoDirection
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.catalogue import NOTHING, Catalogue, Message, flagged_fields
-from eurobot_od.pdo.codec import compiled
+from eurobot_od.pdo.codec import compiled, extract
 from eurobot_od.pdo.in_force import InForce
 from eurobot_od.pdo.kinds import OutOfRange
 from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.support.texts import amount, one_line
 from eurobot_od.traffic.entries import MASTER, REMEMBERED, Damage, Foreign, Raw
-from eurobot_od.traffic.words import object_words, plain, value_words
+from eurobot_od.traffic.services import object_words, plain, value_words
 
 if TYPE_CHECKING:
     from eurobot_od.device.broadcasts import ErrorWords
@@ -182,6 +183,8 @@ class Decoder:
     def _pdo(self, frame: Frame) -> Meaning:
         """Return the meaning of a frame that is neither a message nor a service, as far as there is one."""
         found = self._unmapped.get(frame.cob_id)
+        if found is None and frame.cob_id & EXTENDED:  # other traffic on the same wire is not damage
+            return Meaning(frame, f"29-bit frame, {amount(len(frame.data), 'byte')}", "", (), None, str(frame))
         damage, why = self._unmapped.defect(frame.cob_id)
         defects = (Defect(damage, f"{frame}{why}"),) if damage else ()
         if found is None or not found.name:
@@ -218,7 +221,7 @@ def _reader(binding: Binding) -> Callable[[Frame], Meaning]:
     name, group, nodes = binding.name, binding.group, (*binding.senders, *binding.receivers)
     sender = next(iter(binding.senders), "")
     # As candump's frames, a Meaning is made without the named tuple's own constructor.
-    length, decode, write, new = binding.layout.length, binding.decode, _fields_writer(binding), tuple.__new__
+    length, decode, write, new = binding.layout.length, binding.decode, texts_writer(binding), tuple.__new__
     allowed = lru_cache(None)(lambda field: binding.kinds[field].allowed(binding.limits[field]))
 
     def read(frame: Frame) -> Meaning:
@@ -232,39 +235,84 @@ def _reader(binding: Binding) -> Callable[[Frame], Meaning]:
         # Asked of every message, and hardly ever true: so a look at the types in C, and not at each field.
         if len(data) > length or OutOfRange in map(type, message):
             defects = tuple(_defects(frame, message, binding, allowed))
-        return new(Meaning, (frame, name, group, nodes, message, write(message), defects, None, sender))
+        (text,) = write("", words_of(binding, [binding.complete(data)]))
+        return new(Meaning, (frame, name, group, nodes, message, text.replace(OUTSIDE, ""), defects, None, sender))
 
     return read
 
 
-def _fields_writer(binding: Binding) -> Callable[[Any], str]:
-    """Generate `write(message) -> text`, the mapped fields for a person.
+OUTSIDE = "\0"
+"""Marks a text with a value that is out of range; no text has it otherwise."""
 
-    Nearly all values are plain numbers, seldom the same twice; they are written without a call. Other values, such as
-    an enum's or an unknown angle, take several calls, but there are few of them: their texts are kept. Goto XY's
-    function is, shortened to two fields:
+LISTED_BITS = 12
+"""The texts of fields up to this wide are all kept, once they were needed."""
 
-        def write(message):
-            v0, v4, = message
-            return f"{f'{name0}{v0}{unit0}' if type(v0) is int else text0(v0)}, {text4(v4)}"
+
+class FieldTexts(dict[int, str]):
+    """The texts of a field by its raw values, each made when it first comes."""
+
+    def __init__(self, text: Callable[[int], str]) -> None:
+        self._text = text
+
+    def __missing__(self, raw: int) -> str:
+        made = self[raw] = self._text(raw)
+        return made
+
+
+def words_of(binding: Binding, data: Sequence[bytes]) -> tuple[int, ...]:
+    """Return frames' data of the whole length as the integers that a message's fields are parts of."""
+    layout = binding.layout
+    rest, order = bytes(MOST_BYTES - layout.length), layout.byte_order
+    filled = rest.join(data) + rest if order == "little" else rest + rest.join(data)
+    return unpack(f"{'<' if order == 'little' else '>'}{len(data)}Q", filled)
+
+
+def texts_writer(binding: Binding) -> Callable[[str, Sequence[int]], list[str]]:
+    """Generate `write(head, words) -> [head and the mapped fields for a person, ...]`.
+
+    Nearly all values are plain numbers, or few; neither takes a call. Goto XY's function is, shortened to two fields:
+
+        def write(head, words):
+            return [f"{head}{text0[word & 0xfff]}, {text4(word >> 42 & 0xffff)}" for word in words]
     """
-    if not binding.kinds:
-        return lambda _: ""
+    unknown = binding.unknown
     names: dict[str, Any] = {}
-    parts = []
-    for n, (field, kind) in enumerate(binding.kinds.items()):
+    parts: list[str] = []
+    nothing: list[str] = []
+    for field, kind in binding.kinds.items():
         if field in binding.limits:
-            is_plain = kind.numbers(binding.limits[field]) and not kind.says_more
-            number = f"f'{{name{n}}}{{v{n}}}{{unit{n}}}' if type(v{n}) is int else "
-            parts.append(f"{{{number if is_plain else ''}text{n}(v{n})}}")
-            text = lru_cache(REMEMBERED)(partial(lambda field, kind, value: f"{field}={kind.text(value)}", field, kind))
-            names |= {f"name{n}": f"{field}=", f"unit{n}": f" {kind.unit}".rstrip(), f"text{n}": text}
-    source = f"""
-def write(message):
-    {"".join(f"v{n}, " for n in range(len(binding.kinds)))} = message
-    return f"{", ".join(parts)}"
-"""
-    return compiled("write", source, names)
+            is_unknown = unknown is not None and field in unknown.codes
+            parts.append(_field_text(binding, field, len(parts), names))
+            names[f"nothing{len(nothing)}"] = one_line(f"{field}={kind.text(None)}") if is_unknown else ""
+            nothing.append(f"{{nothing{len(nothing)}}}" if is_unknown else parts[-1])
+    row = f'f"{{head}}{", ".join(parts)}"'
+    if unknown is not None:  # one comparison for all that are unknown together, as in the codec
+        row += f' if word & {unknown.mask} != {unknown.code} else f"{{head}}{", ".join(nothing)}"'
+    # Safe although it is compiled: only numbers and names of our own are in it, and texts of kinds.
+    return compiled("write", f"def write(head, words):\n    return [{row} for word in words]\n", names)  # type: ignore[return-value]
+
+
+def _field_text(binding: Binding, field: str, number: int, names: dict[str, Any]) -> str:
+    """Write the expression of a field's text, in braces, and add to the `names` what it needs."""
+    kind, limits, raw = binding.kinds[field], binding.limits[field], extract(binding.layout, field)
+
+    numbers = range(0) if kind.says_more else kind.numbers(limits)
+    name, unit = one_line(f"{field}="), one_line(f" {kind.unit}".rstrip())
+
+    def text(raw: int) -> str:
+        if raw in numbers:
+            return f"{name}{raw}{unit}"
+        value = kind.read(raw, limits)
+        return name + one_line(kind.text(value)) + OUTSIDE * isinstance(value, OutOfRange)
+
+    if binding.layout.widths[field] <= LISTED_BITS:
+        names[f"text{number}"] = FieldTexts(text)
+        return f"{{text{number}[{raw}]}}"
+    names |= {f"text{number}": lru_cache(REMEMBERED)(text), f"name{number}": name, f"unit{number}": unit}
+    if not numbers:
+        return f"{{text{number}({raw})}}"
+    plain = f"f'{{name{number}}}{{raw}}{{unit{number}}}'"
+    return f"{{{plain} if {numbers.start} <= (raw := {raw}) < {numbers.stop} else text{number}(raw)}}"
 
 
 def _defects(frame: Frame, message: Message, binding: Binding, allowed: Callable[[str], str]) -> Iterator[Defect]:
@@ -393,7 +441,7 @@ class Unmapped:
         """Return what is wrong with the frames of an identifier, None for nothing, and why."""
         if found := self.get(cob_id):
             return found.damage, found.why
-        return (Damage.EXTENDED if cob_id & EXTENDED else Damage.UNKNOWN_IDENTIFIER), ""
+        return (None if cob_id & EXTENDED else Damage.UNKNOWN_IDENTIFIER), ""
 
 
 MPDO_LENGTH = values.MAX_BITS // 8

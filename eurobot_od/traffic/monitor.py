@@ -1,7 +1,8 @@
 """What is on a bus, message by message: how often, how regularly, with which values, and what is wrong.
 
-There is no clock, bus or screen in here: frames go in with their times. A frame costs the same however many came
-before, and memory does not grow with them.
+`Traffic` counts: frames go in with their times. A frame costs the same however many came before, and memory does not
+grow with them. Then come the table and its keys, where the frames are from (`BusSource`, `LogSource`), and at the end
+the screen of a terminal, which alone needs rich.
 """
 
 from __future__ import annotations
@@ -15,12 +16,8 @@ from itertools import pairwise
 from statistics import fmean, pstdev
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
-from rich.console import Group, JustifyMethod, RenderableType
-from rich.table import Table
-from rich.text import Text
-
 from eurobot_od.bus.live import FrameReader, Opener
-from eurobot_od.client.boot import Heartbeats
+from eurobot_od.client.watch import Heartbeats
 from eurobot_od.device.nmt import STATE_NAMES, NmtState
 from eurobot_od.errors import BusError
 from eurobot_od.frame import Frame, identifier_text
@@ -29,13 +26,16 @@ from eurobot_od.support.texts import GAP, amount, columns, one_line
 from eurobot_od.traffic.decoding import Following
 from eurobot_od.traffic.entries import Damage, Foreign, LogEntry, Raw, shortened
 from eurobot_od.traffic.formats.python_can import of_message
-from eurobot_od.traffic.load.analysis import MessageSet
-from eurobot_od.traffic.load.seen import NOTHING, SeenTraffic
+from eurobot_od.traffic.load import MessageSet
 from eurobot_od.traffic.meaning import CANOPEN, REQUEST, DamageCounts, Decoder, Meaning, with_defects
 from eurobot_od.traffic.services import EMCY_NAME, GUARDING, HEARTBEAT
+from eurobot_od.traffic.statistics import NOTHING, SeenTraffic
 
 if TYPE_CHECKING:
     import can
+    from rich.console import JustifyMethod, RenderableType
+    from rich.table import Table
+    from rich.text import Text
 
 
 REMEMBERED_TIMES = 33
@@ -471,6 +471,9 @@ def screen(
     traffic: Traffic, controls: Controls, now: float, load: tuple[float, float], size: Size, notes: Sequence[str] = ()
 ) -> RenderableType:
     """Return everything that is shown on a terminal of a size, with the last of the `notes`."""
+    from rich.console import Group  # an extra
+    from rich.text import Text
+
     rows = selected(traffic.rows.values(), controls.sort, controls.part)
     room = max(size.height - 8, 1)
     top = controls.within(len(rows) - room)
@@ -485,6 +488,8 @@ def screen(
 
 
 def _top(traffic: Traffic, load: tuple[float, float]) -> Text:
+    from rich.text import Text
+
     share, rate = load
     filled = min(round(share * BAR_WIDTH), BAR_WIDTH)
     colour = WRONG if share >= HEAVY_LOAD else "green"
@@ -498,6 +503,9 @@ def _top(traffic: Traffic, load: tuple[float, float]) -> Text:
 
 
 def _table(rows: list[MonitorRow], now: float, colours: Mapping[str, str], width: int) -> Table:
+    from rich.table import Table
+    from rich.text import Text
+
     table = Table(box=None, pad_edge=False, header_style="bold", expand=True, padding=(0, len(GAP), 0, 0))
     lines = [cells(row, now) for row in rows]
     columns = fitting(lines, width)
@@ -515,6 +523,8 @@ def _table(rows: list[MonitorRow], now: float, colours: Mapping[str, str], width
 
 
 def _bottom(controls: Controls, hidden: int, notes: Sequence[str]) -> Text:
+    from rich.text import Text
+
     text = Text("\n", no_wrap=True, overflow="ellipsis")
     if controls.paused:
         text.append("PAUSED", "bold reverse").append("   ")

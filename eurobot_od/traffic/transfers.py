@@ -45,8 +45,7 @@ from eurobot_od.support.texts import amount
 from eurobot_od.support.texts import text as duration
 from eurobot_od.traffic.entries import shortened
 from eurobot_od.traffic.meaning import SdoTransfer
-from eurobot_od.traffic.services import SdoEnd
-from eurobot_od.traffic.words import object_words, value_words
+from eurobot_od.traffic.services import SdoEnd, object_words, value_words
 
 KEPT = 4096
 """Bytes of a content that are kept for its value; of a longer one only size and CRC are said."""

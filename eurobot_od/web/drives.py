@@ -14,11 +14,11 @@ from eurobot_od.client.drive402 import Drive402
 from eurobot_od.client.master import Master
 from eurobot_od.errors import EurobotError, LocalError, UnknownName
 from eurobot_od.frame import Frame
+from eurobot_od.od import cia402
+from eurobot_od.od.cia402 import MODE_WORDS, TRANSITIONS, State
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.od.profiles import cia402
-from eurobot_od.od.profiles.cia402 import MODE_WORDS, TRANSITIONS, State
-from eurobot_od.od.profiles.words import profile_of
 from eurobot_od.od.values import UNSIGNED16
+from eurobot_od.od.words import profile_of
 from eurobot_od.sdo.wire import ClientCommand, carrying
 
 HELD = 0.6

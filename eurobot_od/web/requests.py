@@ -24,9 +24,9 @@ from eurobot_od.device.nmt import ALL_NODES, COMMAND_NAMES, NmtCommand
 from eurobot_od.errors import EurobotError, LocalError, RemoteError, UnknownName
 from eurobot_od.frame import Frame
 from eurobot_od.od import objects
-from eurobot_od.od.profiles.words import with_words, words
 from eurobot_od.od.standard import REVISION
 from eurobot_od.od.values import DOMAIN, NMT_COB_ID, NODE_IDS, Value, label
+from eurobot_od.od.words import with_words, words
 from eurobot_od.pdo.binding import parse
 from eurobot_od.pdo.catalogue import Message
 from eurobot_od.web.drives import LOOK, AxisAddress, Drives, quick_stops

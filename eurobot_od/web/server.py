@@ -6,81 +6,19 @@ Rule of this file: a browser is sent only what it has room for. Nothing in here 
 from __future__ import annotations
 
 import asyncio
-import hmac
 import logging
-from collections.abc import AsyncIterator, Awaitable, Callable, Coroutine, Mapping, Sequence
+from collections.abc import AsyncIterator, Awaitable, Callable, Coroutine
 from contextlib import asynccontextmanager, suppress
 from functools import partial
-from http import HTTPStatus
-from ipaddress import ip_address
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from aiohttp import WSMsgType, web
 
 from eurobot_od.errors import LocalError
+from eurobot_od.web.access import TOKEN, AccessRules
 from eurobot_od.web.page import NOTHING, policy_of
 from eurobot_od.web.requests import Requests
-
-TOKEN = "token"
-"""Name of the token in the first address, and of the cookie that keeps it."""
-
-LOCAL_NAME = "localhost"
-
-EVERYWHERE = {"0.0.0.0": "127.0.0.1", "::": "::1"}
-"""The name to print for a server that listens at all addresses."""
-
-
-class Denial(NamedTuple):
-    """Why a request is not answered: the status, and one line."""
-
-    status: HTTPStatus
-    why: str
-
-
-class AccessRules(NamedTuple):
-    """What a request must match: the `host` that the server listens at, and its `token`, if it has one."""
-
-    host: str = "127.0.0.1"
-    token: str = ""
-
-    def address(self, listening: Sequence[Any]) -> str:
-        """Return the address to type into a browser for a server at a socket's address."""
-        host, port, *_ = listening  # IPv6 has two more numbers
-        host = EVERYWHERE.get(host, host)
-        named = f"[{host}]" if ":" in host else host
-        return f"http://{named}:{port}/" + (f"?{TOKEN}={self.token}" if self.token else "")
-
-    def refusal(self, headers: Mapping[str, str], shown: str, upgrade: bool = False) -> Denial | None:
-        """Return why a request is refused, None if it is not; `shown` is the token that came with it.
-
-        A websocket (`upgrade`) needs an Origin: browsers always send it.
-        """
-        host, origin = headers.get("Host", ""), headers.get("Origin")
-        name = host.rpartition(":")[0] if host.rpartition(":")[2].isdecimal() else host
-        # Any address will do: another page's host name can be made to resolve to this machine, an address cannot.
-        if name.lower() not in (LOCAL_NAME, self.host.lower()) and not _is_address(name.strip("[]")):
-            return Denial(HTTPStatus.FORBIDDEN, f"Host {host[:60]!r} is not this server: use the printed address")
-        if origin != f"http://{host}" and (upgrade or origin is not None):
-            return Denial(HTTPStatus.FORBIDDEN, f"Origin {(origin or '')[:60]!r} is another page, not http://{host}")
-        # In constant time: the time it takes must not tell how much of the token was right.
-        if self.token and not hmac.compare_digest(shown.encode(errors="replace"), self.token.encode()):
-            return Denial(HTTPStatus.UNAUTHORIZED, "the token is missing or wrong: use the address that was printed")
-        return None
-
-
-def _is_address(text: str) -> bool:
-    try:
-        ip_address(text)
-    except ValueError:
-        return False
-    return True
-
-
-def is_local(host: str) -> bool:
-    """Tell whether only this machine can reach a server that listens at a host."""
-    return host == LOCAL_NAME or (_is_address(host) and ip_address(host).is_loopback)
-
 
 PERIOD = 0.05
 """Seconds between two snapshots, and between two looks at the bus."""

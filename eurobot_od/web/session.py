@@ -26,8 +26,7 @@ from eurobot_od.traffic.entries import Damage, Raw
 from eurobot_od.traffic.meaning import Decoder
 from eurobot_od.traffic.monitor import BusSource, Traffic
 from eurobot_od.traffic.recorder import recording
-from eurobot_od.web.page import defects, event_data, values
-from eurobot_od.web.panel import PageEvent, Panel, service_events
+from eurobot_od.web.page import PageEvent, Panel, defects, event_data, service_events, values
 
 # A second bus on one adapter, for a master that asks nodes while the session takes every frame
 

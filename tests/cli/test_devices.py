@@ -141,15 +141,15 @@ def test_a_patch_is_for_one_device_and_a_wrong_line_of_it_is_named(
 
 
 def test_what_is_left_out_of_a_file_is_said_in_one_line(capsys: pytest.CaptureFixture[str], folder: Path) -> None:
-    flawed = "[2100]\nParameterName=Flawed\nDataType=5\n\n[2200sub1]\nParameterName=Lost\n"
+    flawed = "[2100]\nParameterName=Flawed\nDataType=5\n\n[2200sub1]\nParameterName=Lost\nDataType=5\n"
     (folder / "motor.eds").write_text(f"{MOTOR}see the manual\n{flawed}")
     said = run(capsys, "show", *BOTH)
     line = MOTOR.count("\n") + 1
     assert said.status == ExitStatus.FINE
     assert [each for each in said.err.splitlines() if "motor.eds" in each][:2] == [
-        "eurobot-od: motor.eds: repaired to be read: line 1: lists of objects added, and 1 more "
+        "eurobot-od: motor.eds: repaired to be read: line 1: lists of objects added, and 4 more "
         "(`lint --fix` lists them)",
-        f"eurobot-od: motor.eds: left out: line {line + 1}: 0x2100: sub 0 has no AccessType, and 1 more "
+        f"eurobot-od: motor.eds: 2 objects left out: line {line + 1}: 0x2100: sub 0 has no AccessType, and 1 more "
         "(`lint` lists them)",
     ]
 

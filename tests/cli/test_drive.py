@@ -10,7 +10,7 @@ import pytest
 
 from eurobot_od.bus.live import Live
 from eurobot_od.cli import drive as command
-from eurobot_od.device.faults.drive import FAULTS
+from eurobot_od.device.faults.device import DRIVE_FAULTS
 from eurobot_od.device.profiles.devices import SimulatedDrive
 from tests.cli.console import Said, run
 from tests.cli.processes import PATIENCE, line, node, serve_bus
@@ -50,7 +50,7 @@ def test_a_jog_ends_with_a_halt(capsys: pytest.CaptureFixture[str], channel: str
 
 def test_a_fault_is_said_and_reset(capsys: pytest.CaptureFixture[str]) -> None:
     channel = new_channel()
-    with Live.node(open_bus(channel), FAULTS["encoder-lost"].given_to(SimulatedDrive)(SERVO)):
+    with Live.node(open_bus(channel), DRIVE_FAULTS["encoder-lost"].given_to(SimulatedDrive)(SERVO)):
         moved = said(capsys, channel, "move", "9000")
         assert moved.status == 1
         assert moved.err == "eurobot-od: the drive of node 5: move: it has a fault, error code 0x7305\n"

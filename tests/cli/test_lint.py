@@ -21,8 +21,8 @@ CALLS = [
     # (arguments, exit status, part of the output)
     (["lint", CLEAN], 0, "1 file: nothing found"),
     (["lint", *OWN], 0, "3 files: 139 infos (-v lists infos)"),
-    (["lint", *OWN, "-v"], 0, "drive.eds:491:14: I607"),
-    (["lint", *OWN, "--select", "I607"], 0, "drive.eds:491:14: I607"),
+    (["lint", *OWN, "-v"], 0, "drive.eds:493:14: I607"),
+    (["lint", *OWN, "--select", "I607"], 0, "drive.eds:493:14: I607"),
     (["lint", OLD, "--select", "E999"], 2, ""),
     (["lint", OLD, "--ignore", "W,E3,X"], 2, ""),
     (["lint", OLD], 1, f"{OLD}:1:1: E202 EDSVersion is missing"),

@@ -179,7 +179,7 @@ STEPS = {
     ),
     "a key of another action": (
         "  - send: Stop Drive\n    within: 1 s\n",
-        "6:5: unknown key next to send 'within'; known: name, repeat, needed",
+        "6:5: unknown key next to send 'within'; known: name, repeat, needed, undo",
     ),
     "a message with a slip": (
         "  - send: Stop Drve\n",

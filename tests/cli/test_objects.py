@@ -12,7 +12,6 @@ import pytest
 
 from eurobot_od.bus.live import Live
 from eurobot_od.cli import main
-from eurobot_od.device.broadcasts import ErrorCode
 from eurobot_od.device.node import Node
 from eurobot_od.device.simulated import SimulatedDevice
 from eurobot_od.od import dcf
@@ -20,8 +19,9 @@ from eurobot_od.od.description import DescribedDevice
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.document import parse
 from eurobot_od.od.normal import in_normal_form
+from eurobot_od.od.standard import ErrorCode
 from tests.cli.console import Terminal
-from tests.client.peers import DRIVE, new_channel, robot, stock_drive
+from tests.client.peers import DRIVE, new_channel, open_bus, robot, stock_drive
 from tests.eds_text import DEVICE_TYPE, pdo, record, variable
 from tests.rows import rows
 
@@ -379,9 +379,11 @@ def test_a_file_for_another_node_is_refused_before_the_bus_is_opened(
 
 def test_the_dcf_of_a_live_node(run: Run, drive: str, tmp_path: Path) -> None:
     file = tmp_path / "live.dcf"
-    assert run(drive, "export-dcf", "2", "-o", str(file)) == (0, "", "")
+    names = "0x2000 Goto XY, 0x2001 Emergency stop, 0x2010 Navi position, 0x2020 Start configuration"
+    said = f"eurobot-od: left out as process data: {names}\n"
+    assert run(drive, "export-dcf", "2", "-o", str(file)) == (0, "", said)
     assert Dictionary.load(file).default((0x1017, 0)) == 10
-    assert run(drive, "export-dcf", "2") == (0, file.read_text(), "")
+    assert run(drive, "export-dcf", "2") == (0, file.read_text(), said)
     assert run(drive, "configure", "2", str(file), "--dry-run")[0] == 0
 
 
@@ -529,3 +531,26 @@ def test_the_concise_dcfs_of_a_network_are_written_into_a_folder(
     assert [each for each in capsys.readouterr().out.splitlines() if each.endswith(":")] == ["left:", "right:"]
     assert main(["export", "cdcf", str(network), "--node-id", "5"]) == 2
     assert "--node-id is for one file" in capsys.readouterr().err
+
+
+NODE_ID_IS_A_SETTING = DEVICE_TYPE + "".join(
+    (
+        record(0x1011, "Restore", (0, "UNSIGNED8", "1"), (1, "UNSIGNED32", "1")),
+        record(0x5900, "CANopen setup", (0, "UNSIGNED8", "1")),
+        variable("5900sub1", "Node-ID", "UNSIGNED8", "1"),
+    )
+).replace("SubNumber=1\n", "SubNumber=2\n")
+
+
+def test_a_node_with_restored_defaults_is_waited_for_where_it_will_be(run: Run, tmp_path: Path) -> None:
+    file = tmp_path / "mover.eds"
+    file.write_bytes(in_normal_form(NODE_ID_IS_A_SETTING.encode())[0])
+    channel = new_channel()
+    with Live.node(open_bus(channel), SimulatedDevice(Dictionary.load(file, 5))):
+        words = ("restore", "5", "--reset", "--eds", f"5={file}")
+        assert run(channel, *words) == (
+            0,
+            "node 5 has the defaults of all parameters\n",
+            "eurobot-od: the node-ID of node 5 is a setting, too: from its next reset on it is 1\n",
+        )
+        assert run(channel, "read", "1", "0x5900:1", "--eds", f"1={file}")[1].split()[-1] == "1"

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from eurobot_od.cli.show import picture
-from eurobot_od.od.network import DIALECT_VARIABLE
+from eurobot_od.od import DIALECT_VARIABLE
 from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.robot import dialects
 from eurobot_od.robot.protocol import EurobotProtocol

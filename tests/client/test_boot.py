@@ -12,22 +12,17 @@ import pytest
 
 from eurobot_od.client.boot import (
     BootedSlave,
-    Heartbeats,
-    NodeChange,
-    NodeEvent,
-    NodeWatch,
     boot_slave,
     hear_slave,
     order_start,
     prepare_slave,
     start_slave,
     started_state,
-    watch_nodes,
-    without_heartbeat,
 )
 from eurobot_od.client.description import described
 from eurobot_od.client.master import RemoteNode
 from eurobot_od.client.network import SimulatedNetwork
+from eurobot_od.client.watch import Heartbeats, NodeChange, NodeEvent, NodeWatch, watch_nodes, without_heartbeat
 from eurobot_od.device.nmt import NmtState
 from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary

@@ -1,22 +1,43 @@
-"""Mapping objects into a PDO of a node: in CiA 301's order, read back, and what cannot be mapped is refused here."""
+"""Mapping objects into a PDO of a node, and reading all of a node."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from datetime import datetime
 from pathlib import Path
 
 import pytest
 
-from eurobot_od.client.configure import map_objects, mapping_entries
-from eurobot_od.client.network import SimulatedNetwork
+from eurobot_od.client.configure import (
+    Configured,
+    ObjectReading,
+    configure,
+    dcf_of_node,
+    difference,
+    map_objects,
+    mapping_entries,
+    parameters,
+    pdo_parameters,
+    read_all,
+    readable,
+    settings,
+)
+from eurobot_od.client.description import described, from_file
+from eurobot_od.client.network import SimulatedNetwork, simulated
 from eurobot_od.client.remote_device import RemoteDevice
-from eurobot_od.client.remote_pdos import pdo_parameters
-from eurobot_od.errors import ConfigurationError, LocalError
+from eurobot_od.device.device import Device
+from eurobot_od.errors import ConfigurationError, LocalError, NoAnswer
+from eurobot_od.od import dcf
+from eurobot_od.od.dcf import with_contents
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.od.objects import find_one
+from eurobot_od.od.objects import address_of, find_one
 from eurobot_od.od.pdos import Pdo
-from eurobot_od.od.values import Address
+from eurobot_od.od.standard import VERIFY_CONFIGURATION
+from eurobot_od.od.values import MAPPINGS, Address
+from tests.client.peers import DRIVE, master_on, new_channel, robot, stock_drive
+from tests.client.servo import EDS
 from tests.eds_text import DEVICE_TYPE, pdo, variable
+from tests.rows import rows
 
 TEXT = (
     DEVICE_TYPE
@@ -83,3 +104,155 @@ def test_what_cannot_be_mapped_is_refused_before_anything_is_written(names: list
     with pytest.raises(LocalError) as error:
         mapping_entries(TPDO, [find_one(each, DICTIONARY.objects) for each in names])
     assert str(error.value) == words
+
+
+# Reading all of a node: what it refuses is reported and left out, and its DCF makes another node like it.
+
+
+DESCRIPTION = from_file(DRIVE)
+WRITTEN = {(0x1017, 0): b"\xf4\x01", (0x2101, 1): b"\x84\x03"}
+
+
+def test_everything_that_can_be_read_is_read() -> None:
+    with robot("drive") as channel, master_on(channel) as master:
+        readings = {address_of(each.thing): each for each in read_all(master.node(2), readable(DESCRIPTION.dictionary))}
+    assert readings[0x1008, 0].value == "Eurobot 2014 drive"
+    assert readings[0x1403, 1].value == 8
+    assert readings[0x1003, 1] == ObjectReading(readings[0x1003, 1].thing, None, "No data available")
+    assert (0x1021, 0) not in readings  # the EDS itself is not a value to look at
+
+
+def test_parameters_are_what_can_be_set_and_is_no_process_data() -> None:
+    addresses = {address_of(thing) for thing in parameters(DESCRIPTION.dictionary)}
+    assert {(0x1017, 0), (0x1403, 1), (0x1603, 0), (0x2101, 1)} <= addresses
+    assert not {(0x1018, 1), (0x1010, 1), (0x1003, 0), (0x1020, 1), (0x2000, 1)} & addresses
+
+
+def test_the_dcf_of_one_drive_makes_another_like_it(tmp_path: Path) -> None:
+    file = tmp_path / "drive.dcf"
+    with robot("drive") as channel, master_on(channel) as master:
+        for address, data in WRITTEN.items():
+            master.node(2).download(address, data)
+        made, left_out = dcf_of_node(master.node(2), DESCRIPTION.dictionary, 500, "drive")
+    assert (left_out, made.files) == ([], {})
+    assert dcf.missing(made.content.decode()) == []
+    file.write_bytes(made.content)
+    with robot("drive") as channel, master_on(channel) as master:
+        node = master.node(2)
+        assert {address_of(each.thing): each.after for each in difference(node, from_file(file)).changes} == WRITTEN
+        configure(node, from_file(file), datetime(2014, 5, 28))
+        assert [node.upload(address) for address in WRITTEN] == [*WRITTEN.values()]
+
+
+def test_what_the_node_refuses_is_left_out_and_told() -> None:
+    with stock_drive() as (channel, node), master_on(channel) as master:
+        del node.object_dictionary[0x2101]
+        made, left_out = dcf_of_node(master.node(2), DESCRIPTION.dictionary, 500, "drive")
+    assert {address_of(each.thing)[0] for each in left_out} == {0x2101}
+    assert {each.refusal for each in left_out} == {"Object does not exist"}
+    assert b"ParameterValue=1000" in made.content
+
+
+def test_a_node_that_does_not_answer_ends_the_reading() -> None:
+    with master_on(new_channel(), 0.01) as master, pytest.raises(NoAnswer):
+        dcf_of_node(master.node(2), DESCRIPTION.dictionary, 500, "drive")
+
+
+# Settings, although they can be mapped
+
+SETTINGS: dict[Address, int] = {
+    (0x6065, 0): 3000,
+    (0x6067, 0): 44,
+    (0x607C, 0): -1200,
+    (0x607D, 1): -90000,
+    (0x607D, 2): 91000,
+    (0x6081, 0): 1200,
+    (0x6083, 0): 7100,
+    (0x6084, 0): 7200,
+    (0x6098, 0): 35,
+    (0x6099, 1): 321,
+}
+
+
+def test_a_drive_is_cloned_to_the_byte_whatever_of_it_can_be_mapped(tmp_path: Path) -> None:
+    text = EDS.read_text().replace("PDOMapping=0", "PDOMapping=1")
+    eds, made = tmp_path / "drive.eds", tmp_path / "clone.dcf"
+    eds.write_text(text, encoding="ascii")
+    dictionary = Dictionary.load(eds, 5)
+    assert all(dictionary.objects.get_variable(*each).pdo_mappable for each in SETTINGS)  # type: ignore[union-attr]
+    with simulated(eds, node_id=5) as first:
+        for address, value in SETTINGS.items():
+            first[5][address].value = value
+        first[5][0x6040].value = 0
+        dcf, left_out = dcf_of_node(first[5]._node, dictionary, 500, "clone")
+        made.write_bytes(dcf.content)
+        wanted = [each.value for each in read_all(first[5]._node, parameters(dictionary))]
+    assert left_out == []
+    with simulated(eds, node_id=5) as second:
+        assert second[5].configure(made) == Configured(len(SETTINGS), stored=True, verified=True)
+        second[5]._node.reset()
+        assert [each.value for each in read_all(second[5]._node, parameters(dictionary))] == wanted
+        assert {address: second[5][address].raw for address in SETTINGS} == SETTINGS
+
+
+DRIVE_402 = DEVICE_TYPE.replace("DefaultValue=0", "DefaultValue=0x20192")
+MODULE_401 = DEVICE_TYPE.replace("DefaultValue=0", "DefaultValue=0x30191")
+RPDO = pdo(0x1400, "0x20000008", cob_id="0x205")
+TPDO_OF_2000 = pdo(0x1800, "0x20000008", cob_id="0x185")
+OFF = pdo(0x1400, "0x20000008", cob_id="0x80000205")
+
+
+@rows(
+    "head, index, access, is_one",
+    [
+        (DRIVE_402, "6081", "rw", True),  # a profile velocity, which many drives let map
+        (DRIVE_402, "6081", "rww", True),
+        (DRIVE_402, "6881", "rww", True),  # ... of the second axis
+        (DRIVE_402, "6040", "rww", False),  # a controlword
+        (DRIVE_402, "6840", "rww", False),
+        (DRIVE_402, "607A", "rw", False),  # a target
+        (DRIVE_402, "6064", "rw", False),  # an actual value
+        (DEVICE_TYPE, "6040", "rww", True),  # not a drive: anything may be there
+        (MODULE_401, "6200", "rww", True),  # sub-index 0 is a count, not an output
+        (DEVICE_TYPE, "2000", "rww", True),  # nothing maps it
+        (DEVICE_TYPE + RPDO, "2000", "rw", False),
+        (DEVICE_TYPE + RPDO, "2000", "rww", False),
+        (DEVICE_TYPE + OFF, "2000", "rww", True),  # the mapping is not in force
+        (DEVICE_TYPE + TPDO_OF_2000, "2000", "rw", True),  # a setting that the device also sends
+        (DEVICE_TYPE + TPDO_OF_2000, "2000", "rwr", False),
+        (DEVICE_TYPE, "2000", "ro", False),
+    ],
+)
+def test_a_setting_is_one_unless_its_profile_or_a_mapping_in_force_says_otherwise(
+    head: str, index: str, access: str, is_one: bool
+) -> None:
+    text = head + variable(index, "Value", "UNSIGNED8", "1").replace("AccessType=rw", f"AccessType={access}")
+    assert Dictionary.read(text.encode(), Path("a.eds"), 5).is_parameter((int(index, 16), 0)) is is_one
+
+
+def test_what_a_master_has_mapped_is_process_data_from_then_on() -> None:
+    eds = DEVICE_TYPE + RPDO + variable("2000", "One", "UNSIGNED8", "1") + variable("2001", "Two", "UNSIGNED8", "1")
+    dictionary = Dictionary.read(eds.encode(), Path("a.eds"), 5)
+    changed = dictionary.configured({(0x1600, 1): 0x20010008})
+    assert [{*each.process_data} for each in (dictionary, changed)] == [{(0x2000, 0)}, {(0x2001, 0)}]
+
+
+@pytest.mark.parametrize("file", sorted(EDS.parent.glob("*.eds")), ids=lambda file: file.stem)
+def test_a_device_stores_what_a_dcf_of_it_has(file: Path, tmp_path: Path) -> None:
+    dictionary = Dictionary.load(file, 5)
+    device = Device(dictionary)
+    device.objects.values = {each: dictionary.default(each) for each in dictionary.addresses()}
+    stored = {each for each in device.objects.configuration() if each not in VERIFY_CONFIGURATION}
+    shown = {each for each in stored if dictionary.members[each[0]][each[1]].readable}
+    assert {address_of(each) for each in parameters(dictionary)} == shown
+    contents = {address: device.objects.read(address) for address in shown}
+    made = with_contents(dictionary, contents, 5, "", 500, "any")
+    set_by = settings(described(Dictionary.read(made.content, tmp_path / "any.dcf")))
+    entries = {each for each in shown if is_unused_entry(dictionary, each) or not contents[each]}
+    assert {address_of(each) for each, _ in set_by} == shown - entries
+
+
+def is_unused_entry(dictionary: Dictionary, address: Address) -> bool:
+    """Whether it is an entry of a mapping beyond their number: a configuration leaves those alone."""
+    count = dictionary.number((address[0], 0)) if address[0] in MAPPINGS else None
+    return count is not None and address[1] > count

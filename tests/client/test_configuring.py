@@ -10,7 +10,7 @@ import canopen
 import pytest
 from canopen.sdo.exceptions import SdoAbortedError
 
-from eurobot_od.client.configure import Configured, DictionaryArea, apply, configure, difference, is_parameter
+from eurobot_od.client.configure import Configured, DictionaryArea, apply, check_file, configure, difference
 from eurobot_od.client.description import Description, from_file
 from eurobot_od.client.master import Procedure, RemoteNode
 from eurobot_od.device.nmt import NmtCommand, NmtState
@@ -20,7 +20,7 @@ from eurobot_od.od import dcf
 from eurobot_od.od.description import DescribedDevice
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.document import parse
-from eurobot_od.od.objects import address_of, at
+from eurobot_od.od.objects import address_of
 from eurobot_od.od.values import Address, Value
 from eurobot_od.robot.model.messages import GotoConfirm, GotoXY
 from eurobot_od.robot.protocol import EurobotProtocol
@@ -238,23 +238,16 @@ VERIFY: Address = (0x1020, 1)
 WITHOUT_MARK = DRIVE.read_text().replace("=0x1020\n", "=0x5020\n").replace("[1020", "[5020")
 
 
-@pytest.mark.parametrize(
-    ("eds", "lost"),
-    [
-        (DRIVE.read_text(), []),
-        (DRIVE.read_text(), [SPEED]),  # its own mark says that it has all: nothing else is read once more
-        (WITHOUT_MARK, []),
-    ],
-)
-def test_a_node_that_booted_with_what_it_stored_is_configured(
-    make: Callable[..., Description], eds: str, lost: list[Address]
-) -> None:
+@pytest.mark.parametrize("eds", [DRIVE.read_text(), WITHOUT_MARK])
+def test_a_node_that_booted_with_what_it_stored_is_configured(make: Callable[..., Description], eds: str) -> None:
     with stock_drive() as (channel, node), master_on(channel) as master:
-        boots(node, *lost)
+        boots(node)
         assert configure(master.node(2), make(NEW, eds), NOW) == Configured(len(NEW), stored=True, verified=True)
 
 
-@pytest.mark.parametrize(("eds", "lost"), [(DRIVE.read_text(), [VERIFY, SPEED]), (WITHOUT_MARK, [SPEED])])
+@pytest.mark.parametrize(
+    ("eds", "lost"), [(DRIVE.read_text(), [SPEED]), (DRIVE.read_text(), [VERIFY, SPEED]), (WITHOUT_MARK, [SPEED])]
+)
 def test_a_node_that_did_not_store_is_told(make: Callable[..., Description], eds: str, lost: list[Address]) -> None:
     with stock_drive() as (channel, node), master_on(channel) as master:
         boots(node, *lost)
@@ -293,14 +286,14 @@ def test_a_node_that_did_not_store_is_told(make: Callable[..., Description], eds
 def test_a_configuration_writes_parameters_alone(tmp_path: Path, index: int, is_one: bool) -> None:
     file = tmp_path / "arm.eds"
     file.write_text(DEVICE_TYPE + variable(f"{index:04X}", "Anything", "UNSIGNED32"))
-    assert is_parameter(at((index, 0), Dictionary.load(file, 5).objects)) is is_one
+    assert Dictionary.load(file, 5).is_parameter((index, 0)) is is_one
 
 
 def test_what_cannot_be_written_is_no_parameter(tmp_path: Path) -> None:
     file = tmp_path / "arm.eds"
     file.write_text(DEVICE_TYPE)
-    assert not is_parameter(at((0x1000, 0), Dictionary.load(file, 5).objects))
-    assert not is_parameter(at((0x2000, 0), Dictionary.load(file, 5).objects))
+    assert not Dictionary.load(file, 5).is_parameter((0x1000, 0))
+    assert not Dictionary.load(file, 5).is_parameter((0x2000, 0))
 
 
 # The file is wrong
@@ -335,6 +328,17 @@ def test_a_file_that_does_not_fit_is_refused_before_anything_is_written(
         assert told in str(refused.value)
         assert str(refused.value).startswith(make({}).dictionary.file.as_posix())
         assert writes.addresses == []
+
+
+def test_a_pdo_that_is_wrong_in_the_devices_own_eds_does_not_stop_the_rest(make: Callable[..., Description]) -> None:
+    eds = with_entry(DRIVE.read_text(), "1603sub1", "DefaultValue", "0x30000110")
+    with stock_drive() as (channel, node), master_on(channel) as master:
+        boots(node)
+        described = make({SPEED: 900}, eds)
+        told = list[str]()
+        check_file(described, 2, by_default=lambda error: told.append(error.what))
+        assert told == ["maps 0x3000 sub 1, which is missing"]
+        assert configure(master.node(2), described, NOW).changed == 1
 
 
 def test_an_object_that_the_node_does_not_have_is_the_files_fault(make: Callable[..., Description]) -> None:

@@ -11,17 +11,17 @@ import pytest
 
 from eurobot_od.bus.live import Live
 from eurobot_od.client.network import AsyncNetwork, SimulatedNetwork, simulated
-from eurobot_od.device.faults.drive import FAULTS
+from eurobot_od.device.faults.device import DRIVE_FAULTS
 from eurobot_od.device.profiles.devices import SimulatedDrive
 from eurobot_od.errors import DriveError, LocalError, NodeRefused
-from eurobot_od.od.profiles.cia402 import State
+from eurobot_od.od.cia402 import State
 from tests.client.peers import new_channel, open_bus
 from tests.client.servo import SERVO
 
 
 @contextmanager
 def drive(fault: str | None = None, **options: Any) -> Iterator[SimulatedNetwork]:
-    kind = FAULTS[fault].given_to(SimulatedDrive) if fault else SimulatedDrive
+    kind = DRIVE_FAULTS[fault].given_to(SimulatedDrive) if fault else SimulatedDrive
     with simulated(kind(SERVO, **options)) as network:
         yield network
 

@@ -13,10 +13,10 @@ import can
 import canopen
 import pytest
 
-from eurobot_od.client.boot import NodeChange
 from eurobot_od.client.description import Identity
 from eurobot_od.client.network import AsyncNetwork, Network, NetworkLss, SimulatedNetwork, simulated
 from eurobot_od.client.remote_device import AsyncRemoteDevice, NodeNmt, RemoteDevice
+from eurobot_od.client.watch import NodeChange
 from eurobot_od.device.nmt import NmtState
 from eurobot_od.device.simulated import ObjectName, SimulatedDevice
 from eurobot_od.errors import (

@@ -8,8 +8,8 @@ from itertools import islice
 import can
 import pytest
 
-from eurobot_od.client.boot import NodeEvent, NodeWatch, watch_nodes
 from eurobot_od.client.master import Master, Reconnecting, produce, syncs
+from eurobot_od.client.watch import NodeEvent, NodeWatch, watch_nodes
 from eurobot_od.errors import BusError
 from tests.client.test_boot import Beating, beats
 from tests.client.wired import WiredBus

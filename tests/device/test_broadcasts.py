@@ -7,10 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from eurobot_od.device.broadcasts import HISTORY, PASSING, WAITING, Emergencies, ErrorCode, ErrorWords, error_words
+from eurobot_od.device.broadcasts import HISTORY, PASSING, WAITING, Emergencies, ErrorWords, error_words
 from eurobot_od.device.nmt import NmtCommand
 from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.standard import ErrorCode
 from eurobot_od.robot.model.messages import CATALOGUE, GotoXY
 from tests.device.master import wired
 from tests.eds_text import DEVICE_TYPE, pdo

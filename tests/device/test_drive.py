@@ -7,14 +7,14 @@ from collections.abc import Iterator
 import pytest
 
 from eurobot_od.client.network import SimulatedNetwork, simulated
-from eurobot_od.device.faults.drive import FAULTS
+from eurobot_od.device.faults.device import DRIVE_FAULTS
 from eurobot_od.device.nmt import NmtCommand, NmtState
 from eurobot_od.device.profiles.devices import SimulatedDrive, simulated_kind
 from eurobot_od.device.simulated import SimulatedDevice
 from eurobot_od.errors import NodeRefused
 from eurobot_od.frame import Frame
+from eurobot_od.od.cia402 import State, state_of
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.od.profiles.cia402 import State, state_of
 from tests.client.servo import DOCS, EDS, SERVO
 from tests.device.master import NodeWire
 
@@ -199,7 +199,7 @@ def test_a_mode_of_the_makers_is_refused_with_the_reason(network: SimulatedNetwo
 
 def seen(fault: str) -> tuple[State | None, int, bool, bool]:
     """Return the state, the error code, whether the target is reached, and whether EMCY came."""
-    wire = wired(FAULTS[fault].given_to(SimulatedDrive))
+    wire = wired(DRIVE_FAULTS[fault].given_to(SimulatedDrive))
     enable(wire)
     wire.send(set_point(0x1F, 9000))
     wire.run(3)
@@ -230,7 +230,7 @@ def test_a_healthy_drive_shows_none_of_them() -> None:
 
 
 def faulty(fault: str) -> NodeWire:
-    wire = wired(FAULTS[fault].given_to(SimulatedDrive))
+    wire = wired(DRIVE_FAULTS[fault].given_to(SimulatedDrive))
     enable(wire)
     return wire
 
@@ -261,11 +261,11 @@ def test_homing_stuck() -> None:
 
 
 def test_enables_at_once() -> None:
-    wire = wired(FAULTS["enables-at-once"].given_to(SimulatedDrive))
+    wire = wired(DRIVE_FAULTS["enables-at-once"].given_to(SimulatedDrive))
     wire.write(0x6040, 0, 0x0F, size=2)
     assert state(wire) is State.ENABLED
 
 
 def test_every_fault_has_its_test() -> None:
     own = {"quick-stop-ignored", "fault-reset-ignored", "homing-stuck", "enables-at-once"}
-    assert {*SEEN, *own} == {*FAULTS}
+    assert {*SEEN, *own} == {*DRIVE_FAULTS}

@@ -13,8 +13,8 @@ from eurobot_od.device.profiles.devices import SimulatedModule, simulated_kind
 from eurobot_od.device.simulated import Waveform, ramp, square, steps
 from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.od.profiles.words import words
 from eurobot_od.od.values import Address
+from eurobot_od.od.words import words
 from tests.device.master import NodeWire
 from tests.eds_text import pdo, record, variable
 

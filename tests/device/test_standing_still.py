@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from eurobot_od.device.broadcasts import ErrorCode
 from eurobot_od.device.node import Node
 from eurobot_od.device.timers import LATE
 from eurobot_od.frame import Frame
+from eurobot_od.od.standard import ErrorCode
 from eurobot_od.robot import dialects
 from eurobot_od.robot.nodes import Core, Drive
 

@@ -17,9 +17,9 @@ from mcap.reader import make_reader
 from eurobot_od.export.mcap import Written, write
 from eurobot_od.frame import Frame
 from eurobot_od.robot.model import messages
-from eurobot_od.robot.model.poses import drawings
 from eurobot_od.robot.model.values import GotoFault, Source
 from eurobot_od.robot.protocol import decoder
+from eurobot_od.robot.scene.files import drawings
 from eurobot_od.traffic.entries import Damage, Foreign, LogEntry
 
 DECODER = decoder()

@@ -11,7 +11,6 @@ from typing import TypeAlias
 
 from canopen.objectdictionary import ODVariable
 
-from eurobot_od.device.broadcasts import ErrorCode
 from eurobot_od.device.faults import device, hooks
 from eurobot_od.device.faults.hooks import Caught, Fault, FrameChange, Mixin
 from eurobot_od.device.nmt import ALL_NODES, NmtCommand, NmtState, error_control
@@ -32,6 +31,7 @@ from eurobot_od.od.standard import (
     SYNC_COUNTER,
     SYNC_PERIOD,
     VERIFY_CONFIGURATION,
+    ErrorCode,
 )
 from eurobot_od.od.values import (
     BASE_IDENTIFIER,

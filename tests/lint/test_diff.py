@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from eurobot_od.client.reading import read_bytes
+from eurobot_od.client.configure import read_bytes
 from eurobot_od.errors import NoAnswer
 from eurobot_od.lint.diff import compare, compare_live, read_device, readable
 from eurobot_od.lint.model import LintedDevice, load

@@ -17,8 +17,7 @@ from eurobot_od.od import dcf
 from eurobot_od.od.dcf import Truncated, pack, unpack
 from eurobot_od.od.description import DescribedDevice
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.od.document import parse
-from eurobot_od.od.keys import COMMISSIONING
+from eurobot_od.od.document import COMMISSIONING, parse
 from eurobot_od.od.values import Address, Value
 from eurobot_od.robot import dialects
 from tests.rows import rows

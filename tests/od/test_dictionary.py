@@ -20,6 +20,7 @@ from eurobot_od.od.objects import data_type
 from eurobot_od.od.pdos import Pdo
 from eurobot_od.od.values import UNSIGNED8, UNSIGNED16, Limits, PdoDirection, Value
 from eurobot_od.robot.protocol import EurobotProtocol
+from tests.eds_text import DEVICE_TYPE, variable
 from tests.rows import rows
 
 ROOT = Path(__file__).parents[2]
@@ -53,6 +54,16 @@ def test_another_node_id_moves_what_depends_on_it(node_id: int) -> None:
     assert dictionary.node_id == node_id
     assert dictionary.default((0x1014, 0)) == 0x80 + node_id  # COB-ID EMCY, $NODEID+0x80 in the file
     assert dictionary.default((0x1403, 1)) == DRIVE.default((0x1403, 1))
+
+
+@rows("said, node_id", [("0xFF", None), ("127", 127), ("$NODEID", None)])
+def test_a_setting_of_no_node_id_is_not_one(said: str, node_id: int | None) -> None:
+    text = (DEVICE_TYPE + variable("2000", "Node-ID", "UNSIGNED8", said)).encode()
+    if node_id is None:
+        with pytest.raises(DictionaryError, match="the file names no node-ID"):
+            Dictionary.read(text, Path("a.eds"))
+    else:
+        assert Dictionary.read(text, Path("a.eds")).node_id == node_id
 
 
 def test_gives_objects_by_address_and_by_name() -> None:

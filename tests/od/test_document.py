@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from eurobot_od.od.document import Entry, Odd, read
+from eurobot_od.od.normal import in_normal_form
 from tests.rows import rows
 
 PLACES = [
@@ -59,3 +60,29 @@ def test_a_missing_key_points_at_its_section() -> None:
     section = read(b"\n[A]\n").sections["a"]
     assert (section.at("key").line, section.text("key")) == (2, "")
     assert not isinstance(section.at("key"), Entry)
+
+
+# Code pages
+
+NAMES = {
+    "cp1251": "Скорость профиля",
+    "koi8-r": "Скорость профиля",
+    "cp932": "速度設定モード",
+    "gb2312": "目标速度",
+    "latin-1": "Länge in µm",
+    "cp1252": "Température – déjà",
+}
+
+
+@rows("encoding, name", NAMES.items())
+def test_a_name_in_a_code_page_is_read_and_fixed_as_what_it_is(encoding: str, name: str) -> None:
+    data = f"[FileInfo]\nFileName=a.eds\nCreatedBy={name}\n".encode(encoding)
+    document = read(data)
+    assert (document.encoding, document.text("fileinfo", "createdby")) == (encoding, name)
+    assert f"CreatedBy={name}" in in_normal_form(data)[0].decode()
+
+
+@rows("text", ["СКОРОСТЬ".encode("cp1251"), "目標位置".encode("cp932"), bytes(range(0x80, 0x100))])
+def test_a_text_that_no_code_page_fits_for_certain_keeps_its_bytes(text: bytes) -> None:
+    fixed, _ = in_normal_form(b"[FileInfo]\nFileName=a.eds\nCreatedBy=" + text + b"\n")
+    assert b"CreatedBy=" + text in fixed

@@ -400,8 +400,6 @@ LEFT_OUT: list[tuple[str, str, str, list[Address], list[str]]] = [
      ["line 79: 0x2001: sub 0: DataType 'text' is not a number"]),
     ("an unknown kind of object", "ObjectType=0x8", "ObjectType=0x1", [(0x2000, 0), ADDRESS_1, ADDRESS_2],
      ["line 52: 0x2000: ObjectType '0x1' is not one of CiA 301"]),
-    ("sub-indices without their object", "[2000]", "[2003]", [(0x2000, 0), ADDRESS_1, ADDRESS_2],
-     ["line 55: 0x2000: [2000sub0] has no object [2000]"]),
 ]  # fmt: skip
 
 

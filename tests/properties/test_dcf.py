@@ -8,9 +8,8 @@ from pathlib import Path
 from hypothesis import given
 from hypothesis import strategies as st
 
-from eurobot_od.client.configure import difference, read_back
+from eurobot_od.client.configure import dcf_of_node, difference, read_back
 from eurobot_od.client.description import from_file
-from eurobot_od.client.reading import dcf_of_node
 from eurobot_od.device.device import Device
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.values import DOMAIN, OCTET_STRING, UNICODE_STRING, VISIBLE_STRING, Address
@@ -79,5 +78,5 @@ def test_a_device_s_dcf_makes_another_like_it(each: tuple[bytes, ...], comment: 
         plan = difference(other, from_file(Path(folder) / "any.dcf"))
         for write in plan.writes():
             other.download(*write)
-        read_back(other, plan)
+        read_back(other, plan.dictionary, plan.wanted)
         assert {address: other.upload(address) for address in wanted} == wanted

@@ -14,7 +14,7 @@ import pytest
 
 from eurobot_od import cli
 from eurobot_od.errors import DictionaryError, UnknownName
-from eurobot_od.od.network import DIALECT_VARIABLE
+from eurobot_od.od import DIALECT_VARIABLE
 from eurobot_od.robot import dialects
 from eurobot_od.robot.model.messages import GotoXY, KalmanPositionResponse
 from eurobot_od.robot.model.values import Barriers, Direction, Source

@@ -15,7 +15,7 @@ from eurobot_od.frame import Frame
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.kinds import ColumnForm, Kind, OutOfRange, words_of
 from eurobot_od.pdo.protocol import Protocol
-from eurobot_od.season import tables
+from eurobot_od.season import season as tables
 from eurobot_od.season.archive import Archiver, DecodedNetwork
 
 Timed = tuple[float, Frame]

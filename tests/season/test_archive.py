@@ -19,8 +19,7 @@ from eurobot_od.robot import dialects
 from eurobot_od.robot.model.messages import CATALOGUE
 from eurobot_od.season.archive import BEGUN, Archived, Archiver, DecodedNetwork, _begun, archive
 from eurobot_od.season.campaign import local
-from eurobot_od.season.season import Season
-from eurobot_od.season.tables import is_whole, table_names
+from eurobot_od.season.season import Season, is_whole, table_names
 from eurobot_od.traffic import formats
 from eurobot_od.traffic.meaning import Decoder
 from tests.eds_text import DEVICE_TYPE, pdo, variable
@@ -154,7 +153,7 @@ def test_remote_frames_and_those_with_29_bits_have_the_decoders_words(tmp_path: 
             for defect in decoder(raw).defects
         ]
     assert table(tmp_path / "season", "damage").select("line", "kind", "text").rows() == said
-    assert {kind for _, kind, _ in said} == {"wrong length", "switched off", "unknown identifier", "extended frame"}
+    assert {kind for _, kind, _ in said} == {"wrong length", "switched off", "unknown identifier"}
     remote = table(tmp_path / "season", "frames").filter(remote=True)["line"].to_list()
     assert remote == [number for number, each in enumerate(ODD_FRAMES, 1) if "#R" in each]
 

@@ -9,6 +9,7 @@ from typing import Annotated, Any, Literal, NamedTuple
 import pytest
 
 from eurobot_od.errors import LocalError, YamlError
+from eurobot_od.support.declared import ByName, Listed, OneOrMore, Within
 from eurobot_od.support.yaml_places import Place, PlacedNumber, PlacedText
 from eurobot_od.support.yaml_shapes import (
     ASCII,
@@ -17,11 +18,7 @@ from eurobot_od.support.yaml_shapes import (
     PLAIN,
     SCALAR,
     TEXT,
-    ByName,
-    Listed,
-    OneOrMore,
     Shape,
-    Within,
     filled,
     listing,
     longer_than_0,

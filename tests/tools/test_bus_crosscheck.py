@@ -8,9 +8,9 @@ import bus_crosscheck
 import pytest
 from bus_crosscheck import attempt, crosscheck, random_set, summary, worst_frame, wrong
 
-from eurobot_od.bus import bits
-from eurobot_od.bus.bits import frame_bits, longest_frame
-from eurobot_od.traffic.load import analysis
+from eurobot_od import bus
+from eurobot_od.bus import frame_bits, longest_frame
+from eurobot_od.traffic.load import Analysis
 from tests.rows import rows
 
 
@@ -22,7 +22,7 @@ def test_nothing_is_later_than_its_bound_and_something_is_near_it(number: int) -
 
 
 def test_a_bound_that_is_too_low_is_seen(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(bits, "STUFFABLE", 26)  # a byte less than a frame has
+    monkeypatch.setattr(bus, "STUFFABLE", 26)  # a byte less than a frame has
     messages, bit_rate = random_set(Random("set 4"))
     outcome = crosscheck("set 4", messages, bit_rate, 500)
     assert wrong(outcome)
@@ -32,7 +32,7 @@ def test_a_bound_that_is_too_low_is_seen(monkeypatch: pytest.MonkeyPatch) -> Non
 
 def test_mailboxes_are_needed_in_the_analysis(monkeypatch: pytest.MonkeyPatch) -> None:
     """At its critical instant a message does wait for a mailbox on the simulated bus."""
-    monkeypatch.setattr(analysis.Analysis, "rivals", lambda *_: [])
+    monkeypatch.setattr(Analysis, "rivals", lambda *_: [])
     assert attempt(0, 500).over
 
 

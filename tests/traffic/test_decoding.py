@@ -5,14 +5,17 @@ from __future__ import annotations
 import csv
 import io
 import json
+import random
+from collections.abc import Iterator
 from typing import Any
 
 import pytest
 
-from eurobot_od.frame import Frame
+from eurobot_od.frame import EXTENDED, Frame
 from eurobot_od.robot import dialects
 from eurobot_od.robot.protocol import decoder as robot_decoder
-from eurobot_od.traffic.decoding import CsvOutput, Decoding, JsonOutput, Output, TextOutput
+from eurobot_od.traffic import formats
+from eurobot_od.traffic.decoding import CsvOutput, Decoding, Following, JsonOutput, Output, TextOutput
 from eurobot_od.traffic.entries import Damage, Foreign, Raw
 from eurobot_od.traffic.filters import Window, by_name
 from eurobot_od.traffic.meaning import Decoder
@@ -54,6 +57,36 @@ def decoder() -> Decoder:
 
 def decoded(decoding: Decoding, log: str, name: str = "bus.log") -> str:
     return "".join(decoding.lines(io.BytesIO(log.encode()), name, "log"))
+
+
+def one_by_one(decoder: Decoder, log: str) -> str:
+    """Decode a log as a bus is decoded, and write each line by itself."""
+    output, following = TextOutput(), Following(decoder)
+    write = output.line_writer("bus.log")
+    entries = formats.read(io.BytesIO(log.encode()), "log")
+    return "".join(write(n, time, ch, output.row(following(time, ch, raw))) for n, time, ch, raw in entries)
+
+
+def made_up(decoder: Decoder, seed: int) -> Iterator[str]:
+    """Give lines with frames of all messages and lengths, services, guarding, and what is not a frame."""
+    chance = random.Random(seed)
+    for number in range(3000):
+        known = chance.choice(decoder.protocol.bindings)
+        length = chance.choice([known.layout.length] * 9 + [*range(9)])
+        message = f"{known.cob_id:03X}#{chance.randbytes(length).hex().upper()}"
+        state = chance.choice(["00", "05", "7F", "85", "05", "R1"] if number > 2000 else ["05"])
+        others = [f"70{chance.choice('123')}#{state}"] * 2 + ["602#4018100100000000", "7FE#01"]
+        text = chance.choice([message] * 12 + others)
+        yield f"({number / 8:.6f}) {chance.choice(['can0', 'can1'])} {text}\n" if number % 500 else "not a frame\n"
+
+
+@pytest.mark.parametrize("dialect", dialects.names())
+def test_frames_that_are_decoded_together_say_what_each_says_by_itself(dialect: str) -> None:
+    decoder = robot_decoder(dialect)
+    for log in ("".join(made_up(decoder, 1)), "".join(made_up(decoder, 2)).replace("can1", "can0")):
+        decoding = Decoding(decoder, TextOutput())
+        assert decoded(decoding, log) == one_by_one(decoder, log)
+        assert decoding.damage.counts[Damage.UNREADABLE].number == 6
 
 
 @rows(
@@ -104,7 +137,6 @@ def test_regular_lines_in_any_of_their_forms(decoder: Decoder, log: str, reason:
         ("x" * 50_000 + "\n", UNREADABLE, "xxx..."),
         # frames of another kind, of no message, of another length
         (SECOND.replace("010#", "20000080#"), "error frame", "20000080#"),
-        (SECOND.replace("010#", "00000010#"), "extended frame", "00000010#"),
         (SECOND.replace("010#", "7FE#"), "unknown identifier", "7FE#"),
         (SECOND.replace("010#", "010#00"), "wrong length", "1 bytes of data, expected 0; read all the same"),
         (FIRST.replace("#1B", "#"), "wrong length", "4 bytes of data, expected 5"),
@@ -170,11 +202,12 @@ ENTRIES: list[tuple[Raw, dict[str, Any]]] = [
     (Frame(0x702, b"\0"), {"message": "Heartbeat", "protocol": "CANopen", "text": "drive, boot-up"}),
     (Frame(0x7FE), {"id": "0x7FE", "text": "7FE#", "damage": [{"kind": "unknown identifier", "text": "7FE#"}]}),
     (Foreign(Damage.FD, "008##1AA"), {"message": "CAN FD, 1 byte", "text": "008##1AA"}),
+    (Frame(EXTENDED | 0x10), {"message": "29-bit frame, 0 bytes", "text": "00000010#"}),
 ]
 
 
 def line(output: Output, raw: Raw) -> str:
-    return output.writer('a "log", 1')(7, 1.5, "can,0", output.row(DECODER(raw)))
+    return output.line_writer('a "log", 1')(7, 1.5, "can,0", output.row(DECODER(raw)))
 
 
 @pytest.mark.parametrize(("raw", "expected"), ENTRIES)
@@ -188,7 +221,7 @@ def test_json(raw: Raw, expected: dict[str, Any]) -> None:
 )
 def test_json_is_for_people_unless_a_terminal_might_act_on_it(name: str, written: str) -> None:
     output = JsonOutput()
-    assert written in output.writer(name)(7, 1.5, "can0", output.row(DECODER(Frame(0x00C))))
+    assert written in output.line_writer(name)(7, 1.5, "can0", output.row(DECODER(Frame(0x00C))))
 
 
 @pytest.mark.parametrize(("raw", "expected"), ENTRIES)

@@ -68,7 +68,7 @@ DAMAGED: list[tuple[str, Callable[[Protocol], Raw], list[tuple[Damage, str]], bo
         [(Damage.OUT_OF_RANGE, "angle = 360"), (Damage.OUT_OF_RANGE, "speed = 101, allowed: 0..100 %")],
         True,
     ),
-    ("extended", lambda _: Foreign(Damage.EXTENDED, "18FF0001#"), [(Damage.EXTENDED, "18FF0001#")], False),
+    ("error", lambda _: Foreign(Damage.ERROR_FRAME, "20000080#"), [(Damage.ERROR_FRAME, "20000080#")], False),
     (
         "no data where there is some",
         lambda _: Frame(0x100),

@@ -9,7 +9,7 @@ from time import monotonic
 import can
 import pytest
 
-from eurobot_od.bus.bits import frame_bits
+from eurobot_od.bus import frame_bits
 from eurobot_od.errors import BusError
 from eurobot_od.frame import EXTENDED, Frame, RemoteFrame
 from eurobot_od.robot import dialects
@@ -94,12 +94,12 @@ def test_load_before_any_time_has_passed(traffic: Traffic) -> None:
 
 
 def test_faults_are_counted_by_row_and_in_all(traffic: Traffic) -> None:
-    traffic.take(1.0, Foreign(Damage.EXTENDED, "18FF0001#"))
+    traffic.take(1.0, Foreign(Damage.ERROR_FRAME, "20000080#"))
     traffic.take(2.0, Frame(0x123))
     traffic.take(3.0, Frame(0x008, b"\0"))
     traffic.take(4.0, GOTO)
     assert {row.name: row.wrong for row in traffic.rows.values()} == {
-        "extended frame": 1,
+        "error frame": 1,
         "unknown identifier": 1,
         "Goto XY": 1,
     }

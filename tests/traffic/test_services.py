@@ -88,6 +88,7 @@ BROADCAST = [
     (0x080, "07", "SYNC", "counter 7"),
     (0x100, "00 00 00 00 00 00", "TIME", "1984-01-01 00:00:00.000"),
     (0x100, "FF 5B 26 F5 C8 3C", "TIME", "2026-08-08 23:59:59.999"),  # the four reserved bits do not count
+    (0x100, "FF 5B 26 05 C8 3C 00 00", "TIME", "2026-08-08 23:59:59.999"),  # as real devices fill it up
     (0x100, "00 5C 26 05 01 00", "TIME", "no time: 00 5c 26 05 01 00"),
     # safety, flying masters
     (0x001, "", "GFC", "all devices into their safe state"),
@@ -156,7 +157,7 @@ def test_answers_to_a_guarding_master(decoder: Decoder) -> None:
 
 
 @pytest.mark.parametrize(
-    ("cob_id", "data", "expected"), [(0x080, "01 02", "0 or 1"), (0x100, "00", "6"), (1, "0", "0")]
+    ("cob_id", "data", "expected"), [(0x080, "01 02", "0 or 1"), (0x100, "00", "6 or 8"), (1, "0", "0")]
 )
 def test_a_broadcast_service_of_another_length(cob_id: int, data: str, expected: str) -> None:
     (defect,) = Decoder(())(Frame(cob_id, bytes.fromhex(data.zfill(2)))).defects

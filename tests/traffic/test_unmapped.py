@@ -62,7 +62,8 @@ def test_a_pdo_with_a_29_bit_identifier_is_a_message(decoder: Decoder) -> None:
 
 
 def test_an_11_bit_identifier_is_another_one(decoder: Decoder) -> None:
-    assert decoder(Frame(EXTENDED | 0x185, bytes(2))).defects == ((Damage.EXTENDED, "00000185#0000"),)
+    other = decoder(Frame(EXTENDED | 0x185, bytes(2)))
+    assert (other.name, other.text, other.defects) == ("29-bit frame, 2 bytes", "00000185#0000", ())
     assert decoder(Frame(0x185, bytes(2))).defects == ()
 
 

@@ -23,10 +23,10 @@ from eurobot_od.robot.scene.panel import FieldPanel
 from eurobot_od.robot.world import World
 from eurobot_od.robot.world.instruments import assemble
 from eurobot_od.traffic.meaning import Decoder
-from eurobot_od.web.page import described, page, stop_message
-from eurobot_od.web.panel import Panel
+from eurobot_od.web.access import AccessRules
+from eurobot_od.web.page import Panel, described, page, stop_message
 from eurobot_od.web.requests import Requests
-from eurobot_od.web.server import AccessRules, served
+from eurobot_od.web.server import served
 from eurobot_od.web.session import Session
 
 LONG = 20.0

@@ -13,12 +13,12 @@ import pytest
 from eurobot_od.bus.live import Live, open_bus
 from eurobot_od.bus.simulated.network import ON_TIME
 from eurobot_od.client.network import SimulatedNetwork, simulated
-from eurobot_od.device.faults.drive import FAULTS
+from eurobot_od.device.faults.device import DRIVE_FAULTS
 from eurobot_od.device.profiles.devices import SimulatedDrive
 from eurobot_od.errors import NoAnswer
 from eurobot_od.frame import Frame
+from eurobot_od.od.cia402 import State
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.od.profiles.cia402 import State
 from eurobot_od.traffic.meaning import Decoder
 from eurobot_od.web.drives import HELD, AxisAddress, Drives, axes_of
 from tests.bus.live.loose import until
@@ -57,7 +57,7 @@ class Bench(NamedTuple):
 
 @contextmanager
 def bench(tmp_path: Path, control: bool = True, fault: str = "") -> Iterator[Bench]:
-    kind = FAULTS[fault].given_to(SimulatedDrive) if fault else SimulatedDrive
+    kind = DRIVE_FAULTS[fault].given_to(SimulatedDrive) if fault else SimulatedDrive
     name, drive = channel(), kind(SERVO)
     with (
         Live.node(open_bus("virtual", name), drive),

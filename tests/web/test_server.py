@@ -24,7 +24,8 @@ from eurobot_od.robot import dialects
 from eurobot_od.robot.model.values import TeamColour
 from eurobot_od.robot.nodes import ROLES, Core
 from eurobot_od.web import server
-from eurobot_od.web.server import MOST_BROWSERS, MOST_OWED, AccessRules, is_local
+from eurobot_od.web.access import AccessRules, is_local
+from eurobot_od.web.server import MOST_BROWSERS, MOST_OWED
 from tests.rows import rows
 from tests.web.scene import LONG, Served, channel, live_page, robot
 

@@ -23,7 +23,7 @@ from eurobot_od.robot.model.messages import StopDrive
 from eurobot_od.robot.protocol import decoder
 from eurobot_od.robot.scene.panel import FieldPanel
 from eurobot_od.web import session as module
-from eurobot_od.web.panel import PageEvent, Panel
+from eurobot_od.web.page import PageEvent, Panel
 from eurobot_od.web.session import Session
 from tests.web.scene import channel
 

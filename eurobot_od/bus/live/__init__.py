@@ -9,7 +9,7 @@ A `Live` has one bus, one gatekeeper, perhaps one node, and three threads. Progr
 - The **reader** (reader.py) waits for frames. It delivers each to the node and into the message queues, and sends the
   node's answer itself: to wake another thread for it takes as long as a frame on the bus. Functions of users do not run
   here; the reader only lines up their calls.
-- The **function thread** (functions.py) makes these calls one after the other, in the order in which the messages came.
+- The **function thread** (reader.py) makes these calls one after the other, in the order in which the messages came.
   A function that is slow or hangs delays other functions, and nothing else. The line is bounded: when it is full, the
   oldest call makes room, is counted for its listener and reported.
 - The **keeper** (live.py) does everything that is due at a time: the node's timers, dropping frames that have waited
@@ -42,7 +42,7 @@ When something fails
 --------------------
 A listener's exception ends in the gatekeeper, a node's in its station, which reports it, stops the node, and ends or
 restarts it. A driver that fails is reported once. If a `Live` knows how to open the bus again, the reader does so after
-growing pauses (connection.py). Until it is back, the mailboxes keep stops and nothing else, and the node is notified: a
+growing pauses (buses.py). Until it is back, the mailboxes keep stops and nothing else, and the node is notified: a
 drive brakes, a core gives up its goto. Without an opener reading ends with `Live.failure`. Sending is tried again
 either way, so that a stop leaves when the driver is back. Ctrl-C may hit the thread that has the turn anywhere; it
 gives the turn back, its frame stays loaded.

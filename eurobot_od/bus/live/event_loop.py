@@ -1,4 +1,7 @@
-"""Runs coroutines of users to their end, whatever they do, and then the tasks that they leave behind."""
+"""Runs coroutines of users to their end, whatever they do, and then the tasks that they leave behind.
+
+A watchdog sees whether the code of a coroutine hangs, says where, and ends it.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A gatekeeper and its node on a python-can bus, with real time and real threads.
+"""A gatekeeper and its node on a python-can bus, with real time and real threads; or a group of nodes in one thread.
 
 The package's docstring explains the threads, the locks and who wakes whom.
 
@@ -16,24 +16,26 @@ from contextlib import suppress
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from eurobot_od.bus.live.buses import Connection, Driver, Gaps, Opener, failure, shut_down
+from eurobot_od.bus.live.buses import Connection, Driver, Gaps, Opener, Sender, failure, shut_down
 from eurobot_od.bus.live.reader import POLL, FunctionThread, Reader
-from eurobot_od.bus.live.sender import Sender
-from eurobot_od.device.broadcasts import ErrorCode
 from eurobot_od.errors import BusError, NodeFailed, StateError
-from eurobot_od.frame import Data
+from eurobot_od.frame import HIGHEST_IDENTIFIER, MOST_BYTES, Data, Frame, RemoteFrame
 from eurobot_od.gatekeeper import Event, Gatekeeper, Report
+from eurobot_od.od.standard import ErrorCode
 from eurobot_od.pdo.catalogue import Message
 
 if TYPE_CHECKING:
     import can
 
     from eurobot_od.device.node import Node
-    from eurobot_od.device.station import Station
+    from eurobot_od.device.station import NodeGroup, Station
 
 PATIENCE = 1.0
 """Seconds that the end waits for each thread."""
 
+
+TAKEN_WITHIN = 1.0
+"""Seconds in which a driver has to take a frame."""
 
 ERROR_FRAMES = (
     (0x004, 0x03, ErrorCode.OVERRUN),
@@ -374,3 +376,59 @@ class Live:
         elif expiry is not None and not self._sender.busy:
             return now  # frames wait that no thread is at: submitted after the sender has looked
         return min(looks)
+
+
+class LiveGroup:
+    """A group of nodes on one bus, in one thread: a whole network of simulated devices.
+
+    A bus that fails ends it; a single node (`Live`) is the one that goes on when its bus comes back. `sent` and
+    `received` count frames. A context manager, which shuts the bus down.
+    """
+
+    def __init__(self, bus: can.BusABC, group: NodeGroup, clock: Callable[[], float] = time.perf_counter) -> None:
+        self.group, self.clock, self.name = group, clock, str(bus.channel_info)
+        self.sent = self.received = 0
+        self._driver = Driver(bus)
+
+    def run(self, end: float) -> None:
+        """Switch the nodes on, and run them until a time of the clock. Raises BusError."""
+        self._send(self.group.start(self.clock()))
+        while (now := self.clock()) < end:
+            if self.group.next_wakeup <= now:
+                self._send(self.group.tick(now))
+            frame = self._received(min(self.group.next_wakeup, end, now + POLL) - self.clock())
+            if frame is not None:
+                self.received += 1
+                self._send(self.group.receive(frame, self.clock()))
+
+    def _received(self, wait: float) -> Frame | None:
+        """Wait for a frame up to some seconds; None for none, and for one that is not classic CAN with 11 bits."""
+        bus = self._driver.bus
+        try:
+            message = bus.recv(max(wait, 0.0))
+        except Exception as error:  # drivers raise OSError, CanError, ctypes' errors, ...
+            raise failure(bus, error) from error
+        if message is None or message.is_extended_id or message.is_error_frame or message.is_fd:
+            return None
+        if len(message.data) > MOST_BYTES or not 0 <= message.arbitration_id <= HIGHEST_IDENTIFIER:
+            return None
+        if message.is_remote_frame:
+            return RemoteFrame(message.arbitration_id, bytes(message.dlc))
+        return Frame(message.arbitration_id, bytes(message.data))
+
+    def _send(self, frames: list[Frame]) -> None:
+        for frame in frames:
+            tried = self.clock()
+            while not self._driver.send(frame):  # its queue is full until the bus has taken a frame
+                if self.clock() - tried > TAKEN_WITHIN:
+                    raise self._driver.stuck(TAKEN_WITHIN)
+            self.sent += 1
+
+    def __enter__(self) -> LiveGroup:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        try:
+            shut_down(self._driver.bus)
+        except Exception as error:
+            raise BusError(f"the bus {self.name} cannot be shut down: {error}") from error

@@ -1,4 +1,4 @@
-"""Reading a bus in a thread: the loop that every received frame goes through."""
+"""Reading a bus in a thread: the loop that every received frame goes through, and the thread that calls functions."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 """Stations on a simulated CAN bus: who hears what and when, what goes wrong on demand, and the order of all events.
 
-Events happen one after the other, each at its time. What the bus makes of the frames is in `bus`: the lowest COB-ID in
+Events happen one after the other, each at its time. Of the frames that wait for a `Bus`, the lowest COB-ID in
 all mailboxes wins, and frames that are equal to the bit go out as one.
 
 A frame's way: its node leaves it to the mailboxes; it wins the arbitration; after its bits it has ended. At that moment
@@ -27,9 +27,10 @@ from math import inf
 from random import Random
 from typing import NamedTuple, Protocol, TypeAlias
 
-from eurobot_od.bus.bits import INTERMISSION, frame_bits
+from eurobot_od.bus import INTERMISSION, frame_bits
 from eurobot_od.device.node import Node
 from eurobot_od.device.station import Station
+from eurobot_od.device.timers import Plan
 from eurobot_od.frame import Frame
 from eurobot_od.gatekeeper import Report
 from eurobot_od.gatekeeper.mailboxes import Mailboxes
@@ -110,9 +111,13 @@ class Bus:
         """Let those who have frames begin, if the bus is free."""
         if not self.is_free(now):
             return
-        here = [each for each in self.controllers if each.silent_until <= now]
-        offers = {each: frame for each in here if (frame := each.source.urgent()) is not None}
+        offers = {
+            each: frame
+            for each in self.controllers
+            if each.silent_until <= now and (frame := each.source.urgent()) is not None
+        }
         if offers:
+            here = [each for each in self.controllers if each.silent_until <= now]
             # Frames compare by their identifier first, so the least one wins the arbitration.
             frame = min(offers.values())
             # Two nodes with the same identifier and data win together, and nobody notices: their bits are equal.
@@ -158,6 +163,7 @@ class Attachment:
     """A station's place on the bus; it looks at a frame `processing` seconds after that came."""
 
     station: Station
+    plan: Plan
     mailboxes: Mailboxes
     controller: Controller
     processing: float
@@ -165,7 +171,7 @@ class Attachment:
     @property
     def wakeup(self) -> float:
         """When the station may want to tick, in seconds: not before it says, and not while it is silent."""
-        return max(self.station.plan.soonest, self.controller.silent_until)
+        return max(self.plan.soonest, self.controller.silent_until)
 
     def ask(self) -> float:
         """Ask the node when it wants to tick, which holds until something comes or it plans something sooner."""
@@ -207,7 +213,7 @@ class Simulation:
         mailboxes = station.gatekeeper.mailboxes
         # Silent until it has started: a node that is off does not acknowledge either.
         controller = Controller(mailboxes, silent_until=inf)
-        self._places[station] = Attachment(station, mailboxes, controller, processing)
+        self._places[station] = Attachment(station, station.plan, mailboxes, controller, processing)
         self._stations[controller] = station
         self._whole.controllers.append(controller)
         self.plan(start, partial(self._start, station))
@@ -306,17 +312,23 @@ class Simulation:
     @property
     def next_event(self) -> float:
         """Time of the next event, infinite if nothing will ever happen."""
-        times = [place.wakeup for place in self._places.values()]
-        times += [bus.next_event for bus in self._buses]
-        times += [time for time, _, _ in self._queue[:1]]
-        waiting = [place for place in self._places.values() if place.mailboxes.waits]
-        # Asked at each event; nearly always no frame waits, and the buses need not be looked at.
-        for bus in self._buses if waiting else ():
+        # Asked at each event, so in one loop, and without a call for each place that has nothing to do.
+        soonest, waiting = self._queue[0][0] if self._queue else inf, list[Attachment]()
+        for place in self._places.values():
+            if place.plan.soonest < soonest:
+                soonest = min(soonest, place.wakeup)
+            if place.mailboxes.waits:
+                waiting.append(place)
+        for bus in self._buses:
+            if bus.next_event < soonest:
+                soonest = bus.next_event
+            if not waiting:  # nearly always
+                continue
             # A frame was submitted from outside, between two events, and may be sent now.
             awake = [place.controller for place in waiting if place.controller.silent_until <= self.now]
             if bus.is_free(self.now) and not set(awake).isdisjoint(bus.controllers):
-                times.append(self.now)
-        return max(min(times, default=inf), self.now)
+                soonest = self.now
+        return max(soonest, self.now)
 
     def advance(self, until: float) -> bool:
         """Run the next event if it is due by `until`; otherwise let the time pass and return False."""
@@ -327,11 +339,12 @@ class Simulation:
         self.now = event
         # A copy: an observer of a frame that ends may split the bus, or join it.
         for bus in tuple(self._buses):
-            bus.advance(event)
+            if bus.next_event <= event:
+                bus.advance(event)
         while self._queue and self._queue[0][0] <= event:  # also what becomes due meanwhile
             heapq.heappop(self._queue)[-1]()
         for place in tuple(self._places.values()):
-            if place.wakeup <= event:
+            if place.plan.soonest <= event and place.wakeup <= event:
                 place.station.tick(event)
                 place.ask()
         for place in self._places.values():
@@ -339,7 +352,8 @@ class Simulation:
                 place.mailboxes.load(event)
         # Last of all, so that what the nodes have just sent takes part in this arbitration.
         for bus in self._buses:
-            bus.arbitrate(event)
+            if bus.next_event == inf:
+                bus.arbitrate(event)
         return True
 
     def run(self, until: float) -> None:

@@ -12,7 +12,7 @@ from eurobot_od.check.conformance.step import BUSY, OUTSIDE, Data, Steps, codes,
 from eurobot_od.check.conformance.storage import Kept, kept_over_reset
 from eurobot_od.check.conformance.subject import Subject, Tier, fresh, has, need, or_skipped
 from eurobot_od.check.conformance.transmission import NO_SYNC, NOT_SETTABLE, frame_of, need_uncounted_sync, sync
-from eurobot_od.device.broadcasts import COUNTERS, ErrorCode
+from eurobot_od.device.broadcasts import COUNTERS
 from eurobot_od.od.objects import address_of, data_type, in_limits
 from eurobot_od.od.pdos import Pdo
 from eurobot_od.od.standard import (
@@ -24,6 +24,7 @@ from eurobot_od.od.standard import (
     SYNC_PERIOD,
     SYNC_PRODUCER,
     TIME,
+    ErrorCode,
 )
 from eurobot_od.od.values import RESTRICTED, TRANSMISSION_TYPE, Address, PdoDirection
 from eurobot_od.sdo.wire import AbortCode

@@ -16,9 +16,9 @@ from eurobot_od.check.conformance.step import Data, Steps, hexadecimal, title
 from eurobot_od.check.conformance.subject import Subject, Tier, awake, need
 from eurobot_od.check.conformance.suite import documents
 from eurobot_od.device.nmt import NmtState
+from eurobot_od.od import cia402
+from eurobot_od.od.cia402 import ARROWS, POWERED, DriveCommand, Mode, State
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.od.profiles import cia402
-from eurobot_od.od.profiles.cia402 import ARROWS, POWERED, DriveCommand, Mode, State
 from eurobot_od.od.standard import CONSUMED_HEARTBEATS
 from eurobot_od.od.values import ERROR_CONTROL_BASE
 from eurobot_od.sdo.wire import ClientCommand, initiate

@@ -18,9 +18,9 @@ from eurobot_od.check.conformance.clauses import ANSWERS, Chapter
 from eurobot_od.check.conformance.step import Data, Steps, hexadecimal, title
 from eurobot_od.check.conformance.subject import Subject, Tier, awake
 from eurobot_od.check.conformance.suite import documents
+from eurobot_od.od import cia401
+from eurobot_od.od.cia401 import AnalogueInputs, AnalogueOutputs, DigitalInputs, DigitalOutputs
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.od.profiles import cia401
-from eurobot_od.od.profiles.cia401 import AnalogueInputs, AnalogueOutputs, DigitalInputs, DigitalOutputs
 from eurobot_od.od.standard import DEVICE_TYPE
 from eurobot_od.od.values import Address, label
 

@@ -82,7 +82,9 @@ def _commands(subject: Subject, index: int) -> dict[int, ODVariable]:
 
 
 def _of_all(subject: Subject) -> tuple[ODVariable | None, ODVariable | None]:
-    """Return what stores all parameters, and what restores them."""
+    """Return what stores all parameters, and what restores them; raises Lacks if the device would be another node."""
+    moved = subject.dictionary.restored_node_id
+    need(moved is None, f"0x1011 would make the device node {moved}, as its file says")
     store, restore = (_commands(subject, index) for index in (standard.STORE, standard.RESTORE))
     return store.get(standard.ALL_PARAMETERS), restore.get(standard.ALL_PARAMETERS)
 

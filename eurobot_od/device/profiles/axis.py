@@ -13,10 +13,9 @@ from math import copysign, inf
 from typing import NamedTuple
 
 from eurobot_od.device.profiles.modes import MODES, Homing, ModeOfOperation
-from eurobot_od.device.profiles.motion import STEP, Demand, Motor, Plant, Units
-from eurobot_od.device.profiles.values import AxisValues
-from eurobot_od.od.profiles import cia402
-from eurobot_od.od.profiles.cia402 import ARROWS, POWERED, DriveCommand, Mode, Ramp, State, Transition
+from eurobot_od.device.profiles.motion import STEP, AxisValues, Demand, Motor, Plant, Units
+from eurobot_od.od import cia402
+from eurobot_od.od.cia402 import ARROWS, POWERED, DriveCommand, Mode, Ramp, State, Transition
 
 MOST_STEPS = 1000
 """Most steps that are made up for; an axis that was not asked for longer than that has stood still meanwhile."""

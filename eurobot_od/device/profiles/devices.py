@@ -1,7 +1,7 @@
 """Simulated devices that have a profile, made from their files: modules of CiA 401 and drives of CiA 402.
 
 They connect a device to its profile and decide nothing themselves: what an input or output does stands in
-`inputs_outputs`, what an axis does in `axis`. Whatever its objects hold then goes out as any other value does.
+`Outputs` and `Inputs`, what an axis does in `axis`. Whatever its objects hold then goes out as any other value does.
 """
 
 from __future__ import annotations
@@ -16,18 +16,17 @@ from eurobot_od.device.nmt import NmtState
 from eurobot_od.device.objects import OnTold
 from eurobot_od.device.profiles.axis import DriveAxis
 from eurobot_od.device.profiles.modes import MODES
-from eurobot_od.device.profiles.motion import STEP, Plant
-from eurobot_od.device.profiles.values import AxisValues, ProfileValues
+from eurobot_od.device.profiles.motion import STEP, AxisValues, Plant, ProfileValues
 from eurobot_od.device.simulated import SimulatedDevice, fitted
 from eurobot_od.errors import Cause, Refused
 from eurobot_od.frame import Frame
+from eurobot_od.od import cia401, cia402
+from eurobot_od.od.cia401 import AnalogueInputs, AnalogueOutputs, DigitalInputs, DigitalOutputs
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.objects import data_type
-from eurobot_od.od.profiles import cia401, cia402
-from eurobot_od.od.profiles.cia401 import AnalogueInputs, AnalogueOutputs, DigitalInputs, DigitalOutputs
-from eurobot_od.od.profiles.words import profile_of
 from eurobot_od.od.standard import SYNC_PERIOD
 from eurobot_od.od.values import Address, DataType, Value
+from eurobot_od.od.words import profile_of
 from eurobot_od.pdo.binding import Binding
 
 BLOCKS = range(1, 255)

@@ -9,10 +9,9 @@ from collections.abc import Iterator, Mapping
 from math import inf, sqrt
 from typing import ClassVar, NamedTuple, Protocol
 
-from eurobot_od.device.profiles.motion import ROUND, STEP, Demand, Motor, Units
-from eurobot_od.device.profiles.values import AxisValues
-from eurobot_od.od.profiles import cia402
-from eurobot_od.od.profiles.cia402 import BIT_12, BIT_13, LIMITS, TARGET_REACHED, Mode, Seek
+from eurobot_od.device.profiles.motion import ROUND, STEP, AxisValues, Demand, Motor, Units
+from eurobot_od.od import cia402
+from eurobot_od.od.cia402 import BIT_12, BIT_13, LIMITS, TARGET_REACHED, Mode, Seek
 
 
 class Leads(Protocol):

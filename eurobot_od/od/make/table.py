@@ -13,10 +13,11 @@ from typing import Annotated, TypeAlias
 
 import yaml
 
-from eurobot_od.od.keys import BIT_RATES
+from eurobot_od.od.document import BIT_RATES
 from eurobot_od.od.pdos import RESERVED, carries_nothing
 from eurobot_od.od.values import BASE_IDENTIFIER, MAX_BITS, NODE_ID, NODE_IDS
 from eurobot_od.support import texts, yaml_places
+from eurobot_od.support.declared import Within
 from eurobot_od.support.files import read_whole
 from eurobot_od.support.yaml_places import Place, PlacedNumber, PlacedText, Problem, Problems, refuse, telling
 from eurobot_od.support.yaml_shapes import (
@@ -25,7 +26,6 @@ from eurobot_od.support.yaml_shapes import (
     PLAIN,
     SCALAR,
     Plain,
-    Within,
     filled,
     matching,
     shape_of,

@@ -25,7 +25,7 @@ import yaml
 from canopen.objectdictionary import ODArray, ODVariable
 
 from eurobot_od.od.description import ObjectCode
-from eurobot_od.od.keys import BIT_RATES, OBJECT_LISTS
+from eurobot_od.od.document import BIT_RATES, OBJECT_LISTS
 from eurobot_od.od.make.objects import DictionaryObject, object_dictionary
 from eurobot_od.od.make.table import NodeRow, Table
 from eurobot_od.od.normal import list_of

@@ -1,1 +1,113 @@
-"""The check suites that come with the robot, and what its nodes do while they are checked."""
+"""The check suites that come with the robot, and what its nodes need when they are checked in simulation.
+
+That is their world, and for the core something to do.
+
+The drill is what a core does when it is checked alone, with a tester in the place of the drive and the navigation. It
+is a fixed programme, and goes on whatever the others answer, as far as the protocol lets it: each step of a check gets
+something to look at.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import replace
+from functools import partial
+
+from eurobot_od.device.timers import Call
+from eurobot_od.errors import NoAnswer, StateError
+from eurobot_od.plugin import Program
+from eurobot_od.robot.model.messages import GotoXY
+from eurobot_od.robot.model.options import NOISE_ONLY, MatchOptions
+from eurobot_od.robot.model.values import Barriers, Obstacle, Passage, TeamColour
+from eurobot_od.robot.nodes import Core, Drive, Navigation, Node
+from eurobot_od.robot.nodes.flows import NotStanding, Standstill
+from eurobot_od.robot.world.instruments import assemble
+
+BEFORE = 10.0
+"""Seconds from the start configuration to the first goto: time to look at the position polling."""
+
+UNDER_WAY = 1.0
+"""Seconds that a goto lasts before something comes in between."""
+
+MATCH = 1.0
+"""Seconds that a match lasts."""
+
+BETWEEN = 1.5
+"""Seconds from one stop to the next goto: time to look whether anything is sent that should not be."""
+
+ENEMY_DIAMETER = 30
+"""cm."""
+
+UNDISTURBED = (
+    GotoXY(1300, 1750, 90, 100, Barriers.of({2: Passage.FORCED})),
+    GotoXY(700, 1150, 225, 60),
+    GotoXY(1500, 900, 0, 80),
+)
+"""Gotos that the drive may bring to their end."""
+
+STOPPED: tuple[tuple[GotoXY, Callable[[Core], Call[Standstill]]], ...] = (
+    (GotoXY(1500, 1300, 90, 90), lambda core: core.emergency_stop(Obstacle.OBJECT)),
+    (GotoXY(1250, 400, 180, 70), lambda core: core.emergency_stop(Obstacle.ENEMY)),
+    (GotoXY(2000, 400, 0, 70), lambda core: core.stop()),
+)
+AFTER_THE_MATCH: tuple[tuple[GotoXY, Callable[[Core], Call[Standstill]]], ...] = (
+    (GotoXY(600, 600, 0, 50), lambda core: core.stop()),
+    (GotoXY(420, 1650, 180, 100), lambda core: core.emergency_shutdown()),
+)
+"""Gotos that are stopped under way, and how."""
+
+
+async def drill(core: Core) -> None:
+    """Do the startup (document 5.1), then all gotos one after the other, and one too many after the shutdown.
+
+    Ends early if a node does not answer during the startup: that blocks it. A stop is watched until the robot stands.
+    """
+    with suppress(NoAnswer):
+        await core.check_nodes()
+        await core.configure_start(TeamColour.RED, enemies=1, confederates=1, enemy_1_diameter=ENEMY_DIAMETER)
+        await asyncio.sleep(BEFORE)
+        for goto in UNDISTURBED:
+            await _attempt(core, goto)
+        await _stop_on_the_way(core, STOPPED)
+        # A match that ends on the way to a place; the next goto comes too late, and the match after it is open.
+        core.start_match(MATCH)
+        await _attempt(core, GotoXY(900, 600, 0, 60))
+        await _attempt(core, GotoXY(1500, 900, 0, 80))
+        await asyncio.sleep(BETWEEN)
+        core.start_match()
+        await _stop_on_the_way(core, AFTER_THE_MATCH)
+        await _attempt(core, UNDISTURBED[0])  # after the shutdown: it must not leave
+
+
+async def _stop_on_the_way(core: Core, ways: Sequence[tuple[GotoXY, Callable[[Core], Call[Standstill]]]]) -> None:
+    for goto, stop in ways:
+        stopped = asyncio.ensure_future(_attempt(core, goto))
+        await asyncio.sleep(UNDER_WAY)
+        with suppress(NotStanding, StateError):
+            await stop(core)
+        await stopped
+        await asyncio.sleep(BETWEEN)
+
+
+async def _attempt(core: Core, goto: GotoXY) -> None:
+    """Send a goto and wait for its end, also for one that is nobody's fault or not allowed."""
+    with suppress(NoAnswer, StateError):
+        await core.goto(*goto)
+
+
+# The surroundings of nodes that are checked
+
+
+ON_A_BENCH = MatchOptions(errors=NOISE_ONLY, falling=False, solid=False)
+"""Where nodes are checked: suites send the robot from place to place as if nothing stood there."""
+
+
+def partners(nodes: Sequence[Node], seed: int, clock: Callable[[], float]) -> Mapping[str, Program]:
+    """Put nodes that are checked into their world, and return what the core does there."""
+    # A core that is checked drives nothing, and would only be stopped by the robots that come along.
+    moving = [node for node in nodes if isinstance(node, Drive | Navigation)]
+    if moving:
+        assemble(moving, replace(ON_A_BENCH, seed=seed), clock)
+    return {node.name: partial(drill, node) for node in nodes if isinstance(node, Core)}

@@ -21,7 +21,7 @@ from eurobot_od.cli.signature import HelpGroup, Option
 from eurobot_od.errors import LocalError
 from eurobot_od.frame import Frame
 from eurobot_od.plugin import Plugin
-from eurobot_od.robot.commands.common import Sides, WorldErrors, status_of
+from eurobot_od.robot.commands import Sides, WorldErrors, status_of
 from eurobot_od.robot.match import MatchEvent, stage
 from eurobot_od.robot.match.referee import StrategyFiles
 from eurobot_od.robot.model.options import UNITS, Errors, MatchOptions
@@ -190,7 +190,7 @@ def _run_one(asked: AskedMatch, options: MatchOptions) -> ExitStatus:
                 bit_rate = asked.bus.bitrate or live.BITRATE
                 found, world = stage.play_live(options, show, watch, _bus(asked), players.ours, complain, bit_rate)
         if asked.field is not None:
-            from eurobot_od.robot.match.drawing import draw
+            from eurobot_od.robot.scene.files import draw
 
             draw(asked.field, frames, options, world)
         if asked.as_json:
@@ -206,7 +206,7 @@ def _run_one(asked: AskedMatch, options: MatchOptions) -> ExitStatus:
 
 def _keep_truth(log: Path, world: World, began: float) -> None:
     """Write what only the world knows beside the log; without it the match is a match all the same."""
-    from eurobot_od.robot.match.drawing import truth_of
+    from eurobot_od.robot.scene.files import truth_of
     from eurobot_od.robot.scene.recording import write_truth
 
     try:
@@ -227,7 +227,7 @@ def _bus(asked: AskedMatch) -> Callable[[], can.BusABC]:
 def too_slow(robot: Plugin, dialect: str | None, bit_rate: int) -> str:
     """Say of a bit rate, bit/s, at which a stop or another message can be late that it is too slow; '' of others."""
     from eurobot_od.cli.load import of_robot
-    from eurobot_od.traffic.load.report import load_report, summary
+    from eurobot_od.traffic.load import load_report, summary
 
     found = load_report(of_robot(robot, dialect), bit_rate)
     return "" if found.holds else f"this bus is too slow: {summary(found)}; see `load -b {bit_rate}`"
@@ -295,9 +295,8 @@ def _run_many(asked: AskedMatch, seeds: range, options: MatchOptions) -> ExitSta
 
 def _compare(asked: AskedMatch, options: MatchOptions) -> ExitStatus:
     """Play all seeds with each strategy and print them side by side; status 1 if something went wrong in a match."""
-    from eurobot_od.robot.match.comparison import picture, report
     from eurobot_od.robot.match.referee import StrategyFiles
-    from eurobot_od.robot.match.seeds import play_many
+    from eurobot_od.robot.match.seeds import compared, picture_of, play_many
 
     asked.refuse(("speed", "seed", "strategy", "log", *OF_A_BUS), "does not go with --compare")
     if asked.campaign.results is not None:
@@ -316,7 +315,7 @@ def _compare(asked: AskedMatch, options: MatchOptions) -> ExitStatus:
     if asked.as_json:
         print(json.dumps({name: [match.as_data() for match in matches] for name, matches in played.items()}))
     else:
-        print(*report(played), sep="\n")
+        print(*compared(played), sep="\n")
     if asked.field is not None:
-        write(asked.field, picture(played) + "\n")
+        write(asked.field, picture_of(played) + "\n")
     return ExitStatus.FOUND if any(match.wrong for matches in played.values() for match in matches) else ExitStatus.FINE

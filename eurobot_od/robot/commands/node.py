@@ -17,7 +17,7 @@ from eurobot_od.device.node import Node
 from eurobot_od.errors import LocalError
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.plugin import NodeRun
-from eurobot_od.robot.commands.common import status_of
+from eurobot_od.robot.commands import status_of
 from eurobot_od.robot.model.options import MatchOptions, WorldAddress, facts_for, facts_given
 from eurobot_od.robot.model.values import TeamColour
 from eurobot_od.robot.nodes import Core
@@ -163,7 +163,7 @@ def _lead(core: Core, options: NodeOptions, left: Callable[[], float]) -> None:
         seconds = core.configure_start(options.team).result()
         print(f"start configuration confirmed after {seconds * 1000:.1f} ms", flush=True)
     if options.drill:
-        from eurobot_od.robot.check.drill import drill
+        from eurobot_od.robot.check import drill
 
         with suppress(TimeoutError):
             # Cancelled and not left alone: the goto under way has to end as well, with the robot standing.

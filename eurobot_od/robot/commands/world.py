@@ -16,13 +16,13 @@ from eurobot_od.cli import RobotName
 from eurobot_od.cli.devices import Dialect
 from eurobot_od.cli.options import Json, Seconds, assigned
 from eurobot_od.cli.signature import Option
-from eurobot_od.robot.commands.common import Sides, WorldErrors
+from eurobot_od.robot.commands import Sides, WorldErrors
 from eurobot_od.robot.match import MatchEvent
 from eurobot_od.robot.model.options import Errors, MatchOptions, WorldAddress, facts_given
 from eurobot_od.robot.world import World
 from eurobot_od.robot.world.server import Channel, Server
 from eurobot_od.robot.world.world import OURS
-from eurobot_od.web.server import is_local
+from eurobot_od.web.access import is_local
 
 HERE = WorldAddress.parse("127.0.0.1:2014")
 """Where it listens by default: only this machine reaches it."""

@@ -99,8 +99,11 @@ class Observer:
         self.errors.append(error)
         off = {"error": round(error, 1), "distance": round(truth.distance(Point(goto.x, goto.y)), 1)}
         details = f"confirmed after {(report.confirmed or 0) * 1000:.1f} ms, position error {error:.0f} mm"
+        if report.deviation is not None and report.deviation > self._core.arrival_distance:
+            details += f", place known to {report.deviation} mm only"
         text = f"after {seconds:.2f} s ({details})"
-        self._timeline.tell(EventKind.ARRIVED, text, seconds=seconds, confirmed=report.confirmed, **off)
+        told = off | {"confirmed": report.confirmed, "deviation": report.deviation}
+        self._timeline.tell(EventKind.ARRIVED, text, seconds=seconds, **told)
 
 
 # The referee

@@ -391,8 +391,7 @@ def _rehearse(
     switch_on(nodes, network, options.seed)
     with ExitStack() as stack:
         if picture is not None:
-            from eurobot_od.robot.match.drawing import draw
-            from eurobot_od.robot.scene.files import form
+            from eurobot_od.robot.scene.files import draw, form
 
             form(Path(picture))  # raises for a suffix before anything is played
             frames: list[tuple[float, Frame]] = []

@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass, field
 from enum import Enum
 from typing import Any, NamedTuple
 
-from eurobot_od.bus.bits import frame_bits
+from eurobot_od.bus import frame_bits
 from eurobot_od.device.nmt import NmtState
 from eurobot_od.errors import UnknownIdentifier
 from eurobot_od.frame import Frame

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from eurobot_od.od.values import Limits, typed_number
 from eurobot_od.pdo.kinds import ColumnForm, KeyedForm, Kind, whole_number, words_of
-from eurobot_od.robot.model.robot_file import Facts
 from eurobot_od.robot.model.values import Barriers, GotoFault, Passage
+
+if TYPE_CHECKING:
+    from eurobot_od.robot.model.robot_file import Facts
 
 
 class Angle(Kind):

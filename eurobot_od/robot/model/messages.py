@@ -9,8 +9,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Annotated, NamedTuple, TypeAlias
 
-from eurobot_od.device.broadcasts import ErrorCode
 from eurobot_od.errors import FieldError
+from eurobot_od.od.standard import ErrorCode
 from eurobot_od.pdo.catalogue import Catalogue, Message
 from eurobot_od.pdo.kinds import Choice, Kind, OutOfRange, words_of
 from eurobot_od.robot.model.kinds import Angle, BarrierFlags, Coordinate, Heading, Remaining

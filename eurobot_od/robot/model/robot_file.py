@@ -9,7 +9,7 @@ import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
-from functools import lru_cache
+from functools import cache, lru_cache
 from pathlib import Path
 from typing import Annotated, Literal, NamedTuple, TypeAlias
 
@@ -19,9 +19,10 @@ from eurobot_od.errors import LocalError, UnknownName
 from eurobot_od.robot import dialects
 from eurobot_od.robot.model.places import Point, Pose, normalise
 from eurobot_od.robot.model.values import FLAGGED, Barriers, Passage, Source, TeamColour
+from eurobot_od.support.declared import ByName, Listed, Within
 from eurobot_od.support.files import read_whole
 from eurobot_od.support.yaml_places import STRING, Problems, ReadError, compose, refuse, refuse_aliases, shown, telling
-from eurobot_od.support.yaml_shapes import ByName, Listed, Shape, Within, shape_of
+from eurobot_od.support.yaml_shapes import Shape, shape_of
 
 SIDE, ANGLE = Within(0, 100_000, "mm"), Within(0, 359, "degrees")
 """Places on a side of the largest field, and headings."""
@@ -328,7 +329,7 @@ def parse(source: str, file: str, changes: Changes = ()) -> Facts:
     with telling(file) as problems:
         root = compose(source, problems)
         refuse_aliases(root, problems)
-        facts = FACTS.read(root, problems)
+        facts = _shape().read(root, problems)
     for name, value in changes:
         # One at a time, reading everything anew: a change that contradicts the file is refused by its own name.
         facts = _changed(root, name, value)
@@ -349,7 +350,7 @@ def _changed(root: yaml.Node, name: str, value: str) -> Facts:
         entries, given = _entries(node, problems), compose(value, problems)
         entries[key] = yaml.ScalarNode(STRING, key, given.start_mark, given.end_mark), given
         node.value = [*entries.values()]
-        return FACTS.read(root, problems)
+        return _shape().read(root, problems)
     except ReadError as error:
         raise LocalError(f"{name}={value}: {problems[0].what}") from error
 
@@ -433,4 +434,6 @@ def _facts(
     return Facts(body, field, barriers, {each.name: each for each in tasks}, others, match.duration)
 
 
-FACTS: Shape[Facts] = shape_of(_facts)
+@cache
+def _shape() -> Shape[Facts]:
+    return shape_of(_facts)  # takes longer than the rest of this file: not before a robot.yaml is read

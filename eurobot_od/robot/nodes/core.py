@@ -1,10 +1,10 @@
 """The core node: checks the nodes, configures the start, polls positions, sends the drive to places, stops it.
 
-Theory of operation. What takes time is a flow (see `device.flow`): `check_nodes`, `configure_start`, `goto`, `position`
-and the stops each begin one and return its call at once. The flow takes its first step in the next `tick`, and every
-further one when its answer comes or its wait ends. So any number of flows run at the same time without threads of their
-own: a strategy may ask for the position while its goto is under way. There is only one goto, one start configuration
-and one watched stop at a time, though; a newer one ends the older one with an error thrown into its flow.
+Theory of operation. What takes time is a flow (see `device.timers`): `check_nodes`, `configure_start`, `goto`,
+`position` and the stops each begin one and return its call at once. The flow takes its first step in the next `tick`,
+and every further one when its answer comes or its wait ends. So any number of flows run at the same time without
+threads of their own: a strategy may ask for the position while its goto is under way. There is only one goto, one start
+configuration and one watched stop at a time, though; a newer one ends the older one with an error thrown into its flow.
 
 The robot stands whenever nobody can command it. A goto is left alone only if it arrived, was replaced, or was given up
 by the drive itself. If anything else ends it (no answer, a caller who has gone, a lost node), Stop Drive is sent. A
@@ -71,7 +71,9 @@ from eurobot_od.robot.nodes.flows import (
     until_standing,
 )
 from eurobot_od.robot.nodes.node import (
+    DEVIATION,
     LEAVING,
+    UNKNOWN,
     Actuators,
     Approach,
     CallingNode,
@@ -161,6 +163,8 @@ class Core(CallingNode, CoreSettings):
         self._lost = ""
         self._twins = Twins()
         self._place: Place | None = None
+        self._deviation: int | None = None
+        self._tells_deviation = True
         self._astray = False
         self._match: Timer | None = None
         self._match_end: float | None = None
@@ -237,9 +241,9 @@ class Core(CallingNode, CoreSettings):
     def recover(self) -> Call[messages.KalmanPositionResponse]:
         """Let the robot go on after an Emergency Shutdown: checks, start configuration, a look at where it is.
 
-        The result is the place, which the navigation has seen twice. Raises the errors of `check_nodes` and
-        `configure_start`, and StateError before the first start configuration or if the drive is not where it was last
-        seen.
+        The result is the place. A drive that knows it is told to keep it (object 0x210A); any other one begins at its
+        start place, until the navigation has seen it twice. Raises the errors of `check_nodes` and `configure_start`,
+        and StateError before the first start configuration or if the drive is not where it was last seen.
         """
         with self.guard:
             self.check_present()
@@ -445,9 +449,16 @@ class Core(CallingNode, CoreSettings):
 
     # Flows
 
-    def _configure_start(self, configuration: messages.StartConfigurationSet, watched: bool) -> Script[float]:
-        """Configure the start; if that fails, a stop that was `watched` until then is watched again."""
+    def _configure_start(
+        self, configuration: messages.StartConfigurationSet, watched: bool, in_place: bool = False
+    ) -> Script[float]:
+        """Configure the start, `in_place`: where the drive knows that it is.
+
+        If that fails, a stop that was `watched` until then is watched again.
+        """
         try:
+            if in_place:
+                yield from flows.keep_place(self)
             seconds = yield from self._configure(configuration)
         except BaseException:  # nothing has changed: what had to be stopped still has to be
             if self.shut_down:
@@ -467,7 +478,7 @@ class Core(CallingNode, CoreSettings):
         except BaseException:
             self._lost = self._lost or before
             raise
-        self.configuration, self.shut_down = configuration, False
+        self.configuration, self.shut_down, self._tells_deviation = configuration, False, True
         # The safe state is over, so a late goto is answered with a plain stop again.
         self._stopped = None if self._stopped is None else messages.StopDrive()
         self.clear_error(Standstill)
@@ -493,6 +504,7 @@ class Core(CallingNode, CoreSettings):
         for frame in self.device.first_heartbeat():  # from now on the drive has to miss us
             self.put(frame)
         started, confirmed = self.now, None
+        self._deviation = None
 
         def run_out_of_time(_: float) -> None:
             self._stop(messages.StopDrive(), Outcome.TIMED_OUT)
@@ -504,6 +516,8 @@ class Core(CallingNode, CoreSettings):
             yield Ask(goto, messages.GotoConfirm, self.confirm_wait, self.transmissions)
             confirmed = self.now - started
             end = yield from until_ended(self, goto)
+            if end.outcome is Outcome.ARRIVED:
+                self._deviation = yield from self._ask_deviation()
         except _Ended as ended:  # whoever ended it has dealt with the drive
             end = ended.end
         except BaseException:  # no answer, or nobody waits for the goto any more
@@ -516,7 +530,16 @@ class Core(CallingNode, CoreSettings):
         finally:
             limit.cancel()
             self._look_away()
-        return GotoReport(goto, end.outcome, confirmed, self.now - started, end.why)
+        return GotoReport(goto, end.outcome, confirmed, self.now - started, end.why, self._deviation)
+
+    def _ask_deviation(self) -> Script[int | None]:
+        if not self._tells_deviation:
+            return None
+        try:
+            return (yield from flows.arrival_deviation(self))
+        except NoAnswer:
+            self._tells_deviation = False  # a drive without SDO would cost each goto this wait
+            return None
 
     @property
     def _has_to_recover(self) -> bool:
@@ -553,7 +576,7 @@ class Core(CallingNode, CoreSettings):
     ) -> Script[messages.KalmanPositionResponse]:
         # Kept, although the configuration forgets it: the robot has not been moved to its start.
         there = self._place
-        yield from self._configure_start(configuration, watched)
+        yield from self._configure_start(configuration, watched, in_place=True)
         self._place, self._astray = there, True
         return (yield from self._find_place(configuration, there))
 
@@ -744,6 +767,9 @@ class Core(CallingNode, CoreSettings):
         "Enemy 1 position": BoundObject(write=messages.Enemy1PositionResponse),
         "Enemy 2 position": BoundObject(write=messages.Enemy2PositionResponse),
         "Confederate position": BoundObject(write=messages.ConfederatePositionResponse),
+    }
+    MEASURED: ClassVar[Mapping[str, Callable[[Any], int]]] = {
+        DEVIATION: lambda core: UNKNOWN if core._deviation is None else core._deviation,
     }
     HANDLERS: ClassVar[Handlers] = {
         messages.GotoConfirm: lambda core, _: core._stop_late_goto(),

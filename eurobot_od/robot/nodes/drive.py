@@ -36,7 +36,7 @@ from eurobot_od.robot.nodes.motion import (
     find_route,
 )
 from eurobot_od.robot.nodes.navigation import Fix
-from eurobot_od.robot.nodes.node import FollowingNode, Handlers, Objects
+from eurobot_od.robot.nodes.node import DEVIATION, KEEP_PLACE, UNKNOWN, FollowingNode, Handlers, Objects
 
 LATE = 0.1
 """How late a control step may be, in seconds, and still be made up for: as long as a busy computer may take."""
@@ -50,9 +50,6 @@ HELD = 0.1
 
 PUSHED_AWAY = 2.0
 """The remaining time rises by more than this, in seconds, or not at all: repeating the last millimetres takes less."""
-
-UNKNOWN = 0xFFFF
-"""The value of the object `Position deviation` while the place is unknown."""
 
 
 class Drive(FollowingNode):
@@ -91,6 +88,7 @@ class Drive(FollowingNode):
         turning=scaled("Estimate.Turning deviation", 0.1),
     )
     largest_deviation = setting("Estimate.Largest deviation")
+    keep_place = setting(KEEP_PLACE)
 
     def __init__(
         self,
@@ -225,10 +223,12 @@ class Drive(FollowingNode):
     def heartbeat_lost(self, node_id: int) -> None:
         """Brake when the core has fallen silent, as nobody can stop the robot any more; a new goto moves it again."""
         self._stop(messages.StopDrive())
+        self._start_over_next()
 
     def booted(self, node_id: int) -> None:
         """Brake when the core has booted, as it has forgotten the goto."""
         self._stop(messages.StopDrive())
+        self._start_over_next()
 
     # Motion
 
@@ -313,14 +313,23 @@ class Drive(FollowingNode):
         return messages.KalmanPositionResponse(x, y, round(pose.angle) % 360, Source.INTERNAL)
 
     def configure(self, configuration: messages.StartConfigurationSet) -> Message:
-        """Start over from the team's start place (document 2.3); raises Refused for a contradictory configuration."""
+        """Start over from the team's start place (document 2.3); raises Refused for a contradictory configuration.
+
+        A place that is known is kept, once, if the object 0x210A says so: the core has not been put at its start.
+        """
         confirm = super().configure(configuration)
         self._stop(messages.StopDrive())
         # The stop was part of configuring, and is not a reason.
         self.stopped_by = None
-        self.estimate = Estimate(self.tuning, self.facts.start(configuration.team_colour))
-        self.clear_error(Estimate)
+        if not self.keep_place or self.estimate.pose is None:
+            self.estimate = Estimate(self.tuning, self.facts.start(configuration.team_colour))
+            self.clear_error(Estimate)
+        self._start_over_next()
         return confirm
+
+    def _start_over_next(self) -> None:
+        # Whoever wanted it otherwise has had it, or is gone.
+        self.device.objects.put(self.device.dictionary.address(KEEP_PLACE), 0)
 
     FACTS: ClassVar[Mapping[str, Callable[[Facts], int]]] = {
         "Body.Robot radius": lambda facts: math.ceil(facts.body.radius),
@@ -336,6 +345,7 @@ class Drive(FollowingNode):
     MEASURED: ClassVar[Mapping[str, Callable[[Any], int]]] = {
         "Position deviation.X deviation": lambda self: self._deviation("x", 1.0),
         "Position deviation.Y deviation": lambda self: self._deviation("y", 1.0),
+        DEVIATION: lambda self: self._deviation("worst", 1.0),
         "Position deviation.Heading deviation": lambda self: self._deviation("heading", 0.1),
     }
     HANDLERS: ClassVar[Handlers] = {

@@ -1,4 +1,6 @@
-"""The drive's estimate of its own pose, from what its wheels and the navigation report (document 4.2.2).
+"""Where robots are, as far as is known: the core's sightings of all, and the drive's estimate of its own pose.
+
+The estimate is made of what the wheels and the navigation report (document 4.2.2).
 
 Rule of this file: what is not known is None, never a guess, as the robot would drive by a guess. The caller has the
 clock.

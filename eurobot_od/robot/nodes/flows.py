@@ -1,4 +1,4 @@
-"""The startup of the robot (document 2.3, 5.1): node checks, the start configuration, and dialects.
+"""What the core's flows are made of: startup, goto, stop, recovery (document 2.1 to 2.3, 4.2.2, 5.1).
 
 Confirms of the start configuration have one identifier and may merge on the wire, so one of them may be anybody's. That
 is why a configuration ends with a second check of both nodes.
@@ -21,12 +21,13 @@ from eurobot_od.errors import DictionaryError, NoAnswer, RemoteError, StateError
 from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.standard import REVISION
+from eurobot_od.od.values import Address
 from eurobot_od.pdo.catalogue import Message
 from eurobot_od.robot import dialects
 from eurobot_od.robot.model import messages
 from eurobot_od.robot.model.places import Place, is_near
 from eurobot_od.robot.model.values import FAULT_OUTCOME, GotoFault, Outcome
-from eurobot_od.robot.nodes.node import CoreSettings
+from eurobot_od.robot.nodes.node import DEVIATION, KEEP_PLACE, UNKNOWN, CoreSettings
 from eurobot_od.sdo.client import TransferError, download, upload
 
 # The dialect of another node
@@ -78,9 +79,9 @@ class SdoClientParameter(NamedTuple):
             return None
         return cls(*(device.number((index, subindex)) for subindex in (1, 2, 3)))
 
-    def ask(self) -> Frame:
-        """Return the request for the revision number."""
-        (request,) = upload(REVISION, inf).start(0.0)
+    def ask(self, address: Address) -> Frame:
+        """Return the request for an object's value."""
+        (request,) = upload(address, inf).start(0.0)
         return Frame(self.request, request)
 
     def order(self, dictionary: Dictionary, name: str, value: int) -> Frame:
@@ -94,11 +95,11 @@ class SdoClientParameter(NamedTuple):
         return Frame(self.request, request)
 
 
-def revision_in(answer: Frame) -> int | None:
-    """Return the revision number in an answer, None if it says something else."""
+def number_in(answer: Frame, address: Address) -> int | None:
+    """Return the number in the answer to a request for an object, None if it says something else."""
     # Only one answer is awaited and only the question is sent, so the transfer needs no time and goes no further: a
-    # node that would send its number in segments, or an odd answer, has not told its revision.
-    question = upload(REVISION, inf)
+    # node that would send its number in segments, or an odd answer, has not told it.
+    question = upload(address, inf)
     question.start(0.0)
     question.receive(answer.data, 0.0)
     try:
@@ -167,8 +168,8 @@ def _compare(core: CoreSettings, node: str) -> Script[None]:
     if channel is None:
         return
     with suppress(NoAnswer):  # the 2014 robot's own nodes do not have SDO
-        answer = yield Ask(channel.ask(), channel.answer, core.identity_wait, 1)
-        theirs, ours = revision_in(answer), core.device.number(REVISION)
+        answer = yield Ask(channel.ask(REVISION), channel.answer, core.identity_wait, 1)
+        theirs, ours = number_in(answer, REVISION), core.device.number(REVISION)
         if theirs is not None and theirs != ours:
             raise DialectMismatch(node, channel.node_id, theirs, ours)
 
@@ -232,7 +233,8 @@ def tell_navigation(core: CoreSettings, configuration: messages.StartConfigurati
 class GotoReport(NamedTuple):
     """The result of a goto, and `why` if the outcome does not say it.
 
-    Times are in seconds from its first transmission; `confirmed` is None if it was never confirmed.
+    Times are in seconds from its first transmission; `confirmed` is None if it was never confirmed. `deviation` is how
+    well a drive that has arrived knows its place, as a standard deviation in mm; None if it does not say.
     """
 
     goto: messages.GotoXY
@@ -240,6 +242,7 @@ class GotoReport(NamedTuple):
     confirmed: float | None
     ended: float
     why: str = ""
+    deviation: int | None = None
 
 
 class End(NamedTuple):
@@ -274,6 +277,17 @@ def until_ended(core: CoreSettings, goto: messages.GotoXY) -> Script[End]:
             odd.clear()
         yield Pause(core.state_request_period)
     return End(Outcome.LOST, odd[-1])
+
+
+def arrival_deviation(core: CoreSettings) -> Script[int | None]:
+    """Ask the drive how well it knows its place, mm; None if it does not know. Raises NoAnswer: it has no SDO."""
+    channel = SdoClientParameter.to("drive", core.device)
+    if channel is None:
+        return None
+    address = core.device.dictionary.address(DEVIATION)
+    answer = yield Ask(channel.ask(address), channel.answer, core.identity_wait, 1)
+    deviation = number_in(answer, address)
+    return None if deviation == UNKNOWN else deviation
 
 
 def drive_position(core: CoreSettings) -> Script[messages.KalmanPositionResponse]:
@@ -356,6 +370,23 @@ LOOKS = 3
 and one of them may be unknown or wrong."""
 
 LOST_PLACE = "the drive has lost its place"
+
+
+def keep_place(core: CoreSettings) -> Script[None]:
+    """Have the drive keep the place that it knows when it is configured next. One without SDO will start over.
+
+    Raises NoAnswer if the drive does not answer at all: configured now, it might forget what it knows.
+    """
+    yield START
+    channel = SdoClientParameter.to("drive", core.device)
+    if channel is None or not core.keeps_place:
+        return
+    order = channel.order(core.device.dictionary, KEEP_PLACE, 1)
+    for _ in range(core.transmissions):
+        with suppress(NoAnswer):
+            yield Ask(order, channel.answer, core.identity_wait, 1)
+            return
+        yield from drive_position(core)  # raises NoAnswer: a drive that is not there is not one without SDO
 
 
 class PlaceLost(StateError):

@@ -1,4 +1,4 @@
-"""The drive's motion: how a differential drive follows way points, brakes, and how long it still takes.
+"""The drive's motion: its route round barriers, how it follows way points, brakes, and how long it still takes.
 
 Theory of operation. The drive calls `step` once in each control period, with the pose that it believes in, and gets the
 command for the wheels until the next step. There is no clock in here, no true position and no plan: every step decides

@@ -1,4 +1,7 @@
-"""The common part of the robot's nodes, which speak the messages of Table 5 of the document; and nodes with calls."""
+"""The common part of the robot's nodes, which speak the messages of Table 5 of the document.
+
+Besides: nodes with calls, the core's settings and equipment, and what follows the core's commands.
+"""
 
 from __future__ import annotations
 
@@ -140,6 +143,14 @@ class RobotNode(Node):
         return code
 
 
+KEEP_PLACE = "Place.Keep place"
+"""The object by which the core has the drive keep its place in the next start configuration."""
+
+
+DEVIATION, UNKNOWN = "Arrival deviation.Deviation", 0xFFFF
+"""The object by which the drive says how well it knows its place, mm; its value while the place is unknown."""
+
+
 class CoreSettings(RobotNode):
     """The settings of the core, for its scripts; what a master writes counts from the next question on."""
 
@@ -167,6 +178,7 @@ class CoreSettings(RobotNode):
     standstill_distance = setting("Standstill.Standstill distance")  # mm
     standstill_turn = setting("Standstill.Standstill turn")
     displacement = setting("Recovery.Displacement")  # mm
+    keeps_place = setting(KEEP_PLACE)
 
     def ask_drive(self, request: Message, answer: type[Message]) -> Ask:
         """Ask the drive as often, and wait as long, as the settings of the goto handshake say."""
@@ -213,7 +225,7 @@ def make(kind: type[Node], dictionary: Dictionary, store: Store | None, facts: F
     return kind(dictionary, store=store)
 
 
-# A node with calls: what takes time is a flow (see `device.flow`), and its caller gets a `Call`
+# A node with calls: what takes time is a flow (see `device.timers`), and its caller gets a `Call`
 
 
 LEAVING = "the core is being switched off"

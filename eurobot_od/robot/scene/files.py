@@ -1,16 +1,31 @@
-"""A match as a file to look at: SVG or PNG, the picture; HTML, the page that plays it; by the file's suffix."""
+"""A match as a file: the picture as SVG or PNG, the page that plays it as HTML; and poses for programs that draw.
+
+The suffix of the file tells its form.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from math import cos, radians, sin
 from pathlib import Path
 from types import ModuleType
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+from eurobot_od import plugin
 from eurobot_od.errors import UnknownName
+from eurobot_od.export.mcap import Drawing
+from eurobot_od.frame import Frame
+from eurobot_od.pdo.catalogue import Message
+from eurobot_od.pdo.kinds import OutOfRange
+from eurobot_od.pdo.protocol import Protocol
+from eurobot_od.robot.model.messages import SOURCES, GotoXY
+from eurobot_od.robot.model.options import MatchOptions
+from eurobot_od.robot.model.places import Point, Pose
 from eurobot_od.robot.model.robot_file import Facts
-from eurobot_od.robot.scene.recording import NOTHING, Recording, Truth, record
+from eurobot_od.robot.scene.recording import NOTHING, PathPoint, Recording, ScoredTask, TouchMark, Truth, record
 from eurobot_od.robot.scene.sheet import PAGE, sheet
+from eurobot_od.robot.world import World
+from eurobot_od.robot.world.world import OURS
 from eurobot_od.support import extras
 from eurobot_od.support.files import write_whole
 from eurobot_od.traffic.meaning import Decoder, Meaning
@@ -81,3 +96,83 @@ def form(file: Path) -> Callable[[SeenMatch, str], bytes]:
 def save(match: SeenMatch, file: Path, title: str) -> None:
     """Draw a match into a file; raises UnknownName for its suffix, LocalError for a PNG without the extra."""
     write_whole(file, form(file)(match, title))
+
+
+# A match that was played here: what was on the bus, and what only the simulated world knows
+
+
+STEP = 0.1
+"""Seconds between two places of the true path: a tenth of what a robot is wide at its top speed."""
+
+
+def seen_match(frames: Iterable[tuple[float, Frame]], options: MatchOptions, world: World) -> SeenMatch:
+    """Return what to draw of a match, from its frames with their times by the world's clock."""
+    robot = plugin.find(options.robot)
+    decode = Decoder(robot.dialects.load_all(options.dialect), robot.catalogue())
+    return SeenMatch([(time, decode(frame)) for time, frame in frames], decode, world.facts, truth_of(world))
+
+
+def draw(file: Path, frames: Iterable[tuple[float, Frame]], options: MatchOptions, world: World) -> None:
+    """Draw a match into a file; raises OSError, UnknownName for its suffix, LocalError for a PNG without the extra."""
+    save(seen_match(frames, options, world), file, f"Match, seed {options.seed}")
+
+
+def truth_of(world: World) -> Truth:
+    """Return what nobody could see on the bus: where our robot was, what it touched, how it made its points."""
+    ours = [touch for touch in world.touches if OURS in (touch.robot, touch.thing)]
+    touches = [TouchMark(each.time, Point(each.x, each.y), str(each), each.is_fault_of(OURS)) for each in ours]
+    return Truth([*_thinned(world.path)], touches, [ScoredTask(*score) for score in world.game.scores])
+
+
+def _thinned(path: Iterable[tuple[float, Pose]]) -> Iterator[PathPoint]:
+    last = float("-inf")
+    for time, pose in path:
+        if time - last >= STEP:
+            last = time
+            yield PathPoint(time, *pose)
+
+
+# Poses in messages: Foxglove's PoseInFrame, in metres, the angle as a quaternion around the upright axis
+
+
+FRAME = "field"
+"""The playing field, with its origin at the lower left."""
+
+MILLIMETRES = 1000
+
+NUMBER = {"type": "number"}
+TIME = {"type": "object", "title": "time", "properties": {"sec": {"type": "integer"}, "nsec": {"type": "integer"}}}
+
+
+def _numbers(*names: str) -> dict[str, Any]:
+    return {"type": "object", "properties": dict.fromkeys(names, NUMBER)}
+
+
+PROPERTIES: Mapping[str, Any] = {
+    "timestamp": TIME,
+    "frame_id": {"type": "string"},
+    "pose": {
+        "type": "object",
+        "properties": {"position": _numbers("x", "y", "z"), "orientation": _numbers("x", "y", "z", "w")},
+    },
+}
+
+
+def pose(message: Message, time: dict[str, int]) -> dict[str, Any] | None:
+    """Return the pose in a message; None if it has no place. An unknown heading is drawn as 0."""
+    x, y, angle = (getattr(message, name) for name in ("x", "y", "angle"))
+    if x is None or y is None or OutOfRange in map(type, (x, y, angle)):
+        return None
+    # A quaternion holds half the angle: (0, 0, sin a/2, cos a/2) turns by a around the upright axis.
+    half = radians(angle or 0) / 2
+    position = {"x": x / MILLIMETRES, "y": y / MILLIMETRES, "z": 0.0}
+    orientation = {"x": 0.0, "y": 0.0, "z": sin(half), "w": cos(half)}
+    return {"timestamp": time, "frame_id": FRAME, "pose": {"position": position, "orientation": orientation}}
+
+
+POSE = Drawing("foxglove.PoseInFrame", PROPERTIES, pose)
+
+
+def drawings(protocol: Protocol) -> dict[str, Drawing]:
+    """Return the drawing for each message with a pose, by the names of the loaded files."""
+    return {each.name: POSE for each in protocol.bindings if each.type in (GotoXY, *SOURCES)}

@@ -1,6 +1,6 @@
 """The solid bodies on the field, which are round and cannot be in the same place, and the border around them.
 
-This is geometry without time. A body that is moved into another one is pushed out of it along the line of their
+Contact is geometry without time. A body that is moved into another one is pushed out of it along the line of their
 centres, so that it slides off when they meet at an angle, and stands still when they meet head on.
 """
 
@@ -99,8 +99,8 @@ class RobotBody(Body):
 
     def gap(self, pose: Pose, other: Body) -> float:
         """Return the gap between it at a pose and another body, edge to edge, mm; negative if they overlap."""
-        contact = self._contact(pose, other)
-        return gap(pose.point, self.radius, other) if contact is None else contact.gap
+        contact = self._contact(pose, other) if self.shape or other.shape else None
+        return gap(pose, self.radius, other) if contact is None else contact.gap
 
     def out_of(self, pose: Pose, other: Body) -> Point:
         """Return the nearest place to a pose where it merely touches a body that it overlaps."""
@@ -137,8 +137,6 @@ class RobotBody(Body):
 
     def _contact(self, pose: Pose, other: Body) -> Contact | None:
         """Return how it would meet a body at a pose if either has an outline; with two, the other counts as round."""
-        if self.shape is None and other.shape is None:  # as is nearly always the case
-            return None
         if corners := self.corners(pose):
             return Contact.of(corners, other.point, other.radius)
         if isinstance(other, RobotBody) and (corners := other.corners(other.pose)):
@@ -180,7 +178,7 @@ def contains(corners: list[Point], point: Point) -> bool:
     return sum(x > point.x for x in crossings) % 2 == 1
 
 
-def gap(point: Point, radius: float, other: Body) -> float:
+def gap(point: Point | Pose, radius: float, other: Body) -> float:
     """Return the gap between a disc and a body, edge to edge, mm; negative if they overlap."""
     return math.hypot(point.x - other.point.x, point.y - other.point.y) - radius - other.radius
 

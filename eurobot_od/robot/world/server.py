@@ -1,4 +1,4 @@
-"""Serves a world to the nodes of other processes, over TCP and in real time (see `channel` for the requests).
+"""Serves a world to the nodes of other processes, over TCP and in real time (see `REQUESTS`).
 
 One thread does it all, and never waits for a client: if one hangs, or does not read its answers, nothing more is read
 from it until it does.

@@ -5,7 +5,7 @@ robot by a `Vehicle`. A robot that is driven by nodes moves when its wheels say 
 others, on their rounds, are brought up to the present in steps of PACE whenever anybody asks for anything: the world
 needs neither a thread nor a timer, and where nobody looks nothing is computed.
 
-What bodies do to each other is in `contact`, what a robot has ahead of it in `bodies`.
+What bodies do to each other, and what a robot has ahead of it, is in `bodies`.
 
 A patrol goes along its way points and back again. It stops for a robot ahead, waits for it to go, and then turns round,
 as it does for anything that holds it up. A careless one does not look out, and stops only when it has driven into

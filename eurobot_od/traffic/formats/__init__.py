@@ -6,15 +6,15 @@ A log is opened once, read forwards, and never held in memory.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from importlib import import_module
+from itertools import chain
 from pathlib import PurePath
 from typing import Any, BinaryIO, NoReturn, cast
 
 from eurobot_od.errors import LocalError, UnknownName
-from eurobot_od.frame import Frame
-from eurobot_od.traffic.entries import LARGEST, Damage, Entries, Foreign, Read
+from eurobot_od.traffic.entries import LARGEST, Batch, Damage, Entries, Foreign, gathered
 from eurobot_od.traffic.formats.lines import read_lines
 
 STANDARD_INPUT = CANDUMP = "log"
@@ -69,30 +69,49 @@ BEGINNING = 1024
 """Number of first bytes that are looked at."""
 
 
-def read(file: BinaryIO, form: str | None = None, largest: int = LARGEST) -> Entries:
-    """Yield the entries of an open log; of a line or record with more than `largest` bytes the rest is not read.
+MANY = 1 << 11
+"""Entries of a batch, where a format has no lines."""
 
-    `form` is the suffix of its format; left out, the first bytes decide, or else the name. Raises UnknownName for a
-    suffix that stands for no format, LocalError for a pipe where only a file will do.
+
+def batches(file: BinaryIO, form: str | None = None, largest: int = LARGEST) -> Iterator[Batch]:
+    """Yield the entries of an open log in batches; what a line or record has beyond `largest` bytes is not read.
+
+    `form` is the suffix of its format; left out, the first bytes decide, or else the name. What a pipe has is yielded
+    before more is waited for. Raises UnknownName for a suffix that stands for no format, LocalError for a pipe where
+    only a file will do, and, at its end, for a log that has entries of which none can be read.
     """
-    name, beginning = getattr(file, "name", None), _beginning(file)
-    if beginning.startswith(PACKED):
-        return _read_packed(file, form, name, largest)
-    return _reader(form or _said_by(beginning, name), name)(file, largest)
+    words, found = likely(_beginning(file)), _batches(file, form, largest)
+    return _read_at_all(found, words, getattr(file, "name", None))
 
 
 def entries(file: BinaryIO, form: str | None = None, largest: int = LARGEST) -> Entries:
-    """Yield the entries of a log as `read` does; raises LocalError, at its end, if it has some and none can be read."""
-    words, found = likely(_beginning(file)), read(file, form, largest)
+    """Yield the entries of an open log one by one; errors as `batches`."""
+    return chain.from_iterable(map(Batch.entries, batches(file, form, largest)))
+
+
+def read(file: BinaryIO, form: str | None = None, largest: int = LARGEST) -> Entries:
+    """Yield the entries of a log as `entries` does, also of one of which nothing can be read."""
+    return chain.from_iterable(map(Batch.entries, _batches(file, form, largest)))
+
+
+def _batches(file: BinaryIO, form: str | None, largest: int) -> Iterator[Batch]:
+    name, beginning = getattr(file, "name", None), _beginning(file)
+    most = MANY if file.seekable() else 1
+    if beginning.startswith(PACKED):
+        return _read_packed(file, form, name, largest)
+    return _reader(form or _said_by(beginning, name), name, most)(file, largest)
+
+
+def _read_at_all(found: Iterator[Batch], words: str, name: object) -> Iterator[Batch]:
     has_some = False
-    for entry in found:
-        yield entry
-        if isinstance(entry[3], Frame) or entry[3].is_read:
+    for batch in found:
+        yield batch
+        if batch.is_read:
             break
         has_some = True
     else:
         if has_some:
-            refuse(getattr(file, "name", None), words)
+            refuse(name, words)
     yield from found
 
 
@@ -144,18 +163,21 @@ def _said_by(beginning: bytes, name: object) -> str:
     return "".join(suffixes[:-1][-1:] if suffixes[-1:] == [".gz"] else suffixes[-1:]).lstrip(".")
 
 
-def _reader(suffix: str, name: object) -> Read:
+def _reader(suffix: str, name: object, most: int = MANY) -> Callable[[BinaryIO, int], Iterator[Batch]]:
+    """Return the function that reads a format; of one without lines in batches of at most `most` entries."""
     if suffix not in FORMATS:
         raise UnknownName("log format", suffix or str(name), FORMATS)
     if suffix in BY_NAME and not isinstance(name, str):  # SQLite and asammdf open the file themselves
         raise LocalError(f"a log in the format {suffix} must be a file")
     module, function = FORMATS[suffix]
     found: Any = getattr(import_module(f"eurobot_od.traffic.formats.{module}"), function)
-    return (lambda file, largest: read_lines(file, found(), largest)) if isinstance(found, type) else found
+    if isinstance(found, type):
+        return lambda file, largest: read_lines(file, found(), largest)
+    return lambda file, largest: gathered(found(file, largest), most)
 
 
-def _read_packed(file: BinaryIO, form: str | None, name: object, largest: int) -> Entries:
-    """Read a packed log; if it cannot be unpacked to its end, the last entry says so. Errors as `read`."""
+def _read_packed(file: BinaryIO, form: str | None, name: object, largest: int) -> Iterator[Batch]:
+    """Read a packed log; if it cannot be unpacked to its end, the last entry says so. Errors as `batches`."""
     import gzip
     import zlib
 
@@ -169,10 +191,11 @@ def _read_packed(file: BinaryIO, form: str | None, name: object, largest: int) -
     return _until_it_breaks(_reader(form or _said_by(beginning, name), name)(content, largest), unpacking)
 
 
-def _until_it_breaks(entries: Entries, unpacking: tuple[type[Exception], ...]) -> Entries:
+def _until_it_breaks(found: Iterator[Batch], unpacking: tuple[type[Exception], ...]) -> Iterator[Batch]:
     line, time = 0, 0.0
     try:
-        for line, time, channel, raw in entries:
-            yield line, time, channel, raw
+        for batch in found:
+            yield batch
+            line, time = batch.lines[-1], batch.times[-1]
     except unpacking as error:
-        yield line + 1, time, "", Foreign(Damage.CUT_OFF, str(error))
+        yield Batch.of([(line + 1, time, "", Foreign(Damage.CUT_OFF, str(error)))])

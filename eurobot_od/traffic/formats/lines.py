@@ -9,14 +9,30 @@ from __future__ import annotations
 import re
 from binascii import a2b_hex
 from codecs import BOM_UTF8
+from collections.abc import Iterator
 from contextlib import suppress
 from datetime import UTC, datetime, timedelta
-from functools import cache, partial
-from itertools import chain
-from typing import BinaryIO
+from functools import cache
+from typing import TYPE_CHECKING, BinaryIO, cast
 
 from eurobot_od.frame import MOST_BYTES, Frame
-from eurobot_od.traffic.entries import BAD, LATEST, Damage, Entries, Foreign, Raw, foreign, frame, seconds, shortened
+from eurobot_od.traffic.entries import (
+    BAD,
+    LATEST,
+    Batch,
+    Damage,
+    Entries,
+    Foreign,
+    Raw,
+    Times,
+    foreign,
+    frame,
+    seconds,
+    shortened,
+)
+
+if TYPE_CHECKING:
+    from io import BufferedReader
 
 
 class LineFormat:
@@ -33,28 +49,74 @@ class LineFormat:
         """Return time in s, channel, and what stands there."""
         raise NotImplementedError
 
+    def parts(self, piece: bytes) -> Iterator[Batch | bytes]:
+        """Give whole lines in their order: batches of those that are read at once, counted from 1, and all others."""
+        yield piece
 
-def read_lines(file: BinaryIO, form: LineFormat, largest: int) -> Entries:
-    """Read a log of lines; what cannot be read is Foreign, with the time of the entry before.
+
+PIECE = 1 << 16
+"""Bytes of a log that are read at once, if they are there: some thousand lines."""
+
+
+def read_lines(file: BinaryIO, form: LineFormat, largest: int) -> Iterator[Batch]:
+    """Read a log of lines, those that are there at once; what cannot be read is Foreign, with the time before it.
 
     Of a line longer than `largest` bytes the start is kept and the rest skipped.
     """
-    entry, time, read = form.entry, 0.0, partial(file.readline, largest)
-    first = read().removeprefix(BOM_UTF8)
-    for number, line in enumerate(chain([first] if first else (), iter(read, b"")), 1):
+    before, time = 0, 0.0
+    for piece in _pieces(file, largest):
+        batches: list[Batch] = []
+        for part in form.parts(piece):
+            if isinstance(part, Batch):
+                made = part._replace(lines=range(before + 1, before + 1 + len(part.heads)))
+                before += len(part.heads)
+            else:
+                made = Batch.of(_entries(part, form, before, time))
+                before += part.count(b"\n")
+            if made.heads:
+                batches.append(made)
+                time = made.times[-1]
+        if batches:
+            yield Batch.joined(batches)
+
+
+def _pieces(file: BinaryIO, largest: int) -> Iterator[bytes]:
+    """Yield whole lines as soon as they are there, at last what stands behind the last line end."""
+    source, left = cast("BufferedReader", file), b""
+    first = True
+    while block := source.read1(PIECE):
+        block, first = block.removeprefix(BOM_UTF8) if first else block, False
+        lines, end, rest = block.rpartition(b"\n")
+        if end:
+            yield _shortened(left + lines + end, largest)
+            left = rest
+        elif len(left) <= largest:
+            left += rest
+    if left:
+        yield left[:largest]
+
+
+def _shortened(lines: bytes, largest: int) -> bytes:
+    """Take off what is too much of lines that are too long."""
+    if len(lines) <= largest:
+        return lines
+    return b"".join(each[:largest] + b"\n" for each in lines[:-1].split(b"\n"))
+
+
+def _entries(piece: bytes, form: LineFormat, before: int, time: float) -> Entries:
+    """Read lines one by one; there are so many lines before them, and so late it is."""
+    lines = piece.split(b"\n")
+    ends = [b"\n"] * (len(lines) - 1) + [b""]
+    for number, (line, end) in enumerate(zip(lines, ends), before + 1):
         try:
-            time, channel, raw = entry(line)
+            time, channel, raw = form.entry(line)
         except BAD:
             # Asked only now: nearly every line is an entry.
             with suppress(*BAD):
                 if form.comment(line):
                     continue
-            rest = line
-            while len(rest) == largest and not rest.endswith(b"\n"):  # too long: on to its end
-                rest = file.readline(largest)
             # Only the last line may have no line end: then the log was cut off there.
-            damage = Damage.UNREADABLE if rest.endswith(b"\n") else Damage.CUT_OFF
-            yield number, time, "", Foreign(damage, shortened(line))
+            yield number, time, "", Foreign(Damage.UNREADABLE if end else Damage.CUT_OFF, shortened(line))
         else:
             yield number, time, channel, raw
 
@@ -85,8 +147,33 @@ CANDUMP_FOREIGN = (
 """What is not a classic frame, the first that fits; an error frame has bit 29 of its identifier set."""
 
 
+USUAL = re.compile(
+    rb"(?:\((?:[1-7][0-9]{9}|[1-9][0-9]{0,8}|0)\.[0-9]{6}\) [!-\"$-'*-~]++ [0-7][0-9A-Fa-f]{2}#[0-9A-Fa-f]{0,16}+\n)*+"
+)
+"""Lines with classic base data frames whose times are as we write them: a float of these has six decimals exactly."""
+
+BLANKS, BRACKETS = bytes.maketrans(b"#\n", b"  "), b"()"
+"""What stands between the columns of usual lines, and what around one."""
+
+ENDS = (b" R\n", b" T\n", b"\r\n")
+"""What may stand in place of a plain line end."""
+
+
 class CandumpFormat(LineFormat):
     """Reads one log of candump."""
+
+    def parts(self, piece: bytes) -> Iterator[Batch | bytes]:
+        plain, place = piece, 0
+        for end in ENDS:
+            if end in plain:
+                plain = plain.replace(end, b"\n")
+        while place < len(plain):
+            end_of_usual = USUAL.match(plain, place).end()  # type: ignore[union-attr]  # it matches nothing, too
+            if end_of_usual > place:
+                yield _usual(plain[place:end_of_usual])
+            place = plain.find(b"\n", end_of_usual) + 1 or len(plain)
+            if place > end_of_usual:
+                yield plain[end_of_usual:place]
 
     def entry(self, line: bytes) -> tuple[float, str, Raw]:
         words = line.split()
@@ -104,6 +191,29 @@ class CandumpFormat(LineFormat):
             raise ValueError(line)
         # Without the named tuple's own constructor, which is Python code: a log may have millions of lines.
         return time, channel.decode(), tuple.__new__(Frame, (cob_id, data))
+
+
+def _usual(lines: bytes) -> Batch | bytes:
+    """Return the columns of usual lines; the lines themselves if some have half a byte."""
+    words = lines.translate(BLANKS, BRACKETS).decode().split(" ")
+    stamps = words[0:-1:4]  # behind the last line end is an empty word
+    identifiers = list(map(IDENTIFIERS.__getitem__, words[2::4]))
+    try:
+        data = list(map(a2b_hex, words[3::4]))
+    except ValueError:
+        return lines
+    return Batch(range(1, len(stamps) + 1), Times(stamps), words[1::4], identifiers, data, stamps)
+
+
+class _Identifiers(dict[str, int]):
+    """Identifiers by their text; there are few: each is read once."""
+
+    def __missing__(self, text: str) -> int:
+        self[text] = number = int(text, 16)
+        return number
+
+
+IDENTIFIERS = _Identifiers()
 
 
 def _other_candump(rest: bytes) -> Raw:

@@ -14,7 +14,7 @@ from pathlib import Path
 import can
 import pytest
 
-from eurobot_od.bus.live.group import LiveGroup
+from eurobot_od.bus.live.live import LiveGroup
 from eurobot_od.client.boot import boot_slave, start_slave
 from eurobot_od.client.description import described
 from eurobot_od.device.nmt import NmtState

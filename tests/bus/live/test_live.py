@@ -14,8 +14,8 @@ import pytest
 from can.interfaces.virtual import VirtualBus
 
 from eurobot_od.bus.live import FrameReader, Live, open_bus
+from eurobot_od.bus.live.buses import FIRST_PAUSE, LONGEST_PAUSE
 from eurobot_od.bus.live.reader import ENDURED, POLL
-from eurobot_od.bus.live.sender import FIRST_PAUSE, LONGEST_PAUSE
 from eurobot_od.device.simulated import SimulatedDevice
 from eurobot_od.errors import BusError, FieldError, StateError
 from eurobot_od.frame import Frame

@@ -11,8 +11,8 @@ import pytest
 from can.interfaces.virtual import VirtualBus
 
 from eurobot_od.bus.live import Live
-from eurobot_od.device.broadcasts import ErrorCode
 from eurobot_od.gatekeeper import Event
+from eurobot_od.od.standard import ErrorCode
 from eurobot_od.robot import dialects
 from eurobot_od.robot.nodes import Drive
 from eurobot_od.traffic.monitor import BusSource

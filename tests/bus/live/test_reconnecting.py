@@ -7,9 +7,9 @@ import pytest
 from can.interfaces.virtual import VirtualBus
 
 from eurobot_od.bus.live import Driver, Live
-from eurobot_od.device.broadcasts import ErrorCode
 from eurobot_od.errors import BusError
 from eurobot_od.gatekeeper import Event, Gatekeeper
+from eurobot_od.od.standard import ErrorCode
 from eurobot_od.robot import dialects
 from eurobot_od.robot.model.messages import (
     CheckDriveRequest,

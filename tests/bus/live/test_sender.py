@@ -13,8 +13,8 @@ import can
 import pytest
 
 from eurobot_od.bus.live import Driver
-from eurobot_od.bus.live import sender as sender_module
-from eurobot_od.bus.live.sender import FIRST_PAUSE, LONGEST_PAUSE, STUCK_AFTER, Sender
+from eurobot_od.bus.live import buses as buses_module
+from eurobot_od.bus.live.buses import FIRST_PAUSE, LONGEST_PAUSE, STUCK_AFTER, Sender
 from eurobot_od.errors import BusError
 from eurobot_od.frame import Frame
 from eurobot_od.gatekeeper import Mailboxes, Report, Stay
@@ -140,7 +140,7 @@ def test_what_the_kernel_says_tells_a_full_buffer_from_a_lost_bus(scene: Scene, 
 class Interrupt:
     """Raises KeyboardInterrupt at a line of the sender or the mailboxes, counted from the first one that is run."""
 
-    FILES = (sender_module.__file__, mailboxes_module.__file__)
+    FILES = (buses_module.__file__, mailboxes_module.__file__)
 
     def __init__(self, line: int) -> None:
         self.left = line

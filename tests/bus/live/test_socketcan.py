@@ -17,8 +17,8 @@ import can
 import pytest
 
 from eurobot_od.bus.live import Live, open_bus
-from eurobot_od.device.broadcasts import ErrorCode
 from eurobot_od.gatekeeper import Event, Gatekeeper
+from eurobot_od.od.standard import ErrorCode
 from eurobot_od.od.values import SYNC_COB_ID
 from eurobot_od.robot import dialects
 from eurobot_od.robot.model.messages import CheckDriveRequest, CheckDriveResponse, StopDrive

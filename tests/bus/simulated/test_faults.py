@@ -6,10 +6,10 @@ from typing import NamedTuple
 
 import pytest
 
-from eurobot_od.bus.bits import INTERMISSION, frame_bits
+from eurobot_od.bus import INTERMISSION, frame_bits
 from eurobot_od.bus.simulated.network import Simulation
-from eurobot_od.device.broadcasts import ErrorCode
 from eurobot_od.frame import Frame
+from eurobot_od.od.standard import ErrorCode
 from eurobot_od.robot.nodes import ROLES
 from tests.robot.nodes.harness import DICTIONARIES, Peer
 

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from eurobot_od.bus.bits import INTERMISSION, frame_bits
+from eurobot_od.bus import INTERMISSION, frame_bits
 from eurobot_od.bus.simulated.network import ON_TIME, PROCESSING_TIMES, Bus, Controller, Simulation, processing_time
 from eurobot_od.device.station import Station
 from eurobot_od.frame import Frame

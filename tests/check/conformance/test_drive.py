@@ -10,7 +10,7 @@ from eurobot_od.check.conformance import drive
 from eurobot_od.check.conformance.drive import MotionBounds
 from eurobot_od.check.report import Status
 from eurobot_od.check.suite import Suite
-from eurobot_od.device.faults.drive import FAULTS
+from eurobot_od.device.faults.device import DRIVE_FAULTS
 from eurobot_od.device.profiles.devices import SimulatedDrive
 from eurobot_od.device.simulated import SimulatedDevice
 from eurobot_od.od.dictionary import Dictionary
@@ -33,8 +33,8 @@ def test_a_healthy_drive_is_green() -> None:
 
 @pytest.mark.long
 def test_the_first_red_step_is_the_one_that_a_fault_names() -> None:
-    red = {name: first_red(suite(), fault.given_to(SimulatedDrive)) for name, fault in FAULTS.items()}
-    assert {name: step for name, step in red.items() if not step.startswith(FAULTS[name].caught_by.step)} == {}
+    red = {name: first_red(suite(), fault.given_to(SimulatedDrive)) for name, fault in DRIVE_FAULTS.items()}
+    assert {name: step for name, step in red.items() if not step.startswith(DRIVE_FAULTS[name].caught_by.step)} == {}
 
 
 def test_a_device_that_does_not_move_is_red() -> None:

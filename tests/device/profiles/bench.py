@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from eurobot_od.device.profiles.axis import DriveAxis
-from eurobot_od.device.profiles.motion import Plant
-from eurobot_od.device.profiles.values import AxisValues
-from eurobot_od.od.profiles.cia402 import State, state_of
+from eurobot_od.device.profiles.motion import AxisValues, Plant
+from eurobot_od.od.cia402 import State, state_of
 from eurobot_od.od.values import Address
 
 TURN = 1000

@@ -8,7 +8,7 @@ import pytest
 from canopen.profiles.p402 import State402
 
 from eurobot_od.device.profiles.motion import Plant
-from eurobot_od.od.profiles.cia402 import TRANSITIONS, DriveCommand, State
+from eurobot_od.od.cia402 import TRANSITIONS, DriveCommand, State
 from tests.device.profiles.bench import Bench
 from tests.rows import rows
 

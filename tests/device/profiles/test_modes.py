@@ -7,7 +7,7 @@ from math import sqrt
 import pytest
 
 from eurobot_od.device.profiles.motion import Plant
-from eurobot_od.od.profiles.cia402 import METHODS, State
+from eurobot_od.od.cia402 import METHODS, State
 from tests.device.profiles.bench import TURN, Bench
 from tests.rows import rows
 

@@ -6,8 +6,7 @@ from collections.abc import Mapping
 
 import pytest
 
-from eurobot_od.device.profiles.motion import TURN, Units
-from eurobot_od.device.profiles.values import AxisValues
+from eurobot_od.device.profiles.motion import TURN, AxisValues, Units
 from eurobot_od.od.values import Address
 from tests.device.profiles.bench import Shelf
 from tests.rows import rows

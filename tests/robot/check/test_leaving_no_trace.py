@@ -14,7 +14,7 @@ from eurobot_od.check.runner import RunOptions
 from eurobot_od.check.suite import Suite
 from eurobot_od.device.nmt import NmtState
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.robot.check.drill import drill
+from eurobot_od.robot.check import drill
 from eurobot_od.robot.nodes import Core, Drive, Node
 from eurobot_od.robot.plugin import ROBOT
 from tests.rows import rows

@@ -71,7 +71,7 @@ SENTENCES = (
     # 5 System
     ("können jederzeit vorkommen", "drive", "5 System: messages for others are neither answered nor acted on"),
     ("Blockieren des Systems", "core", "5.1 Startup: a node that does not answer blocks the startup"),
-    ("Ablauf Startup", "startup", "5.1 Startup: the start is configured and confirmed"),
+    ("Ablauf Startup", "match", "5.1 Startup: the start is configured and confirmed"),
     ("ELP-Polling nach wie vor", "match", "5.2 Match: positions are polled meanwhile"),
     ("dazu GTP-Befehle", "flows", "5.2 Match: gotos and position polling do not disturb each other"),
 )

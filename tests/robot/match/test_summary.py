@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from eurobot_od.bus.bits import frame_bits
+from eurobot_od.bus import frame_bits
 from eurobot_od.frame import Frame
 from eurobot_od.robot.match.summary import FrameCounter, Summary
 from eurobot_od.robot.model.messages import GotoXY, StopDrive

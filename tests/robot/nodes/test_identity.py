@@ -9,9 +9,10 @@ import pytest
 from eurobot_od.bus.simulated.loop import run
 from eurobot_od.bus.simulated.network import Simulation
 from eurobot_od.frame import Frame
+from eurobot_od.od.standard import REVISION
 from eurobot_od.robot import dialects
 from eurobot_od.robot.nodes import Core, Drive, Navigation, Node
-from eurobot_od.robot.nodes.flows import DialectMismatch, revision_in
+from eurobot_od.robot.nodes.flows import DialectMismatch, number_in
 
 BOOTED = 0.1
 ONE, OTHER = dialects.names()[:2]
@@ -91,4 +92,4 @@ def test_a_node_that_speaks_no_sdo_is_believed() -> None:
     ],
 )
 def test_the_revision_in_an_answer(data: str, revision: int | None) -> None:
-    assert revision_in(Frame(0x582, bytes.fromhex(data))) == revision
+    assert number_in(Frame(0x582, bytes.fromhex(data)), REVISION) == revision

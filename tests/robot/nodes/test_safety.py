@@ -43,13 +43,22 @@ from eurobot_od.robot.model.messages import (
     StopDrive,
 )
 from eurobot_od.robot.model.places import Pose
-from eurobot_od.robot.model.values import Barriers, GotoFault, Obstacle, Outcome, Passage, RobotError, Source
+from eurobot_od.robot.model.values import (
+    Barriers,
+    GotoFault,
+    Obstacle,
+    Outcome,
+    Passage,
+    RobotError,
+    Source,
+    TeamColour,
+)
 from eurobot_od.robot.nodes import ROLES, Core, Drive, Navigation
 from eurobot_od.robot.nodes.estimate import Estimate
-from eurobot_od.robot.nodes.flows import GotoReport, NotStanding, Standstill
+from eurobot_od.robot.nodes.flows import GotoReport, NotStanding, PlaceLost, Standstill
 from eurobot_od.robot.nodes.motion import Odometry, WheelCommand
 from eurobot_od.robot.nodes.navigation import Fix
-from eurobot_od.robot.nodes.node import Handlers
+from eurobot_od.robot.nodes.node import DEVIATION, Handlers
 from tests.client.peers import new_channel, open_bus
 from tests.robot.nodes.harness import DICTIONARIES, PROTOCOL, RED, TUNING, Bench, put
 from tests.rows import rows
@@ -1048,6 +1057,24 @@ def test_18_arrived_is_within_the_tolerances(
         assert report.why.startswith("the drive has arrived at (")
 
 
+def test_18_a_drive_that_has_arrived_by_its_wheels_alone_says_how_badly_it_knows_its_place() -> None:
+    bench = match_under_way()
+    there = bench.core.goto(*FAR)
+    bench.run(10.0)
+    bench.network.detach(bench.stations["navigation"])
+    back = bench.core.goto(*NEAR)
+    bench.run(10.0)
+    sure, unsure = there.result(0), back.result(0)
+    assert (sure.outcome, unsure.outcome) == (Outcome.ARRIVED, Outcome.ARRIVED)
+    assert sure.deviation is not None
+    assert unsure.deviation is not None
+    assert sure.deviation < 10 < 25 < unsure.deviation
+    deviations = bench.drive.estimate.deviations
+    assert deviations is not None
+    assert unsure.deviation == round(deviations.worst)
+    assert bench.core.device.number(bench.core.device.dictionary.address(DEVIATION)) == unsure.deviation
+
+
 def test_18_an_answer_about_the_goto_before_is_tolerated(half: Bench) -> None:
     call = half.core.goto(*GOAL)
     half.run(0.002)
@@ -1111,6 +1138,90 @@ def test_20_a_drive_that_knows_its_place_is_not_configured_again(bench: Bench, p
     bench.run(20.0)
     assert call.result(0).outcome is Outcome.ARRIVED
     assert StartConfigurationSet not in {type(each) for each in bench.messages()[begun:]}
+
+
+def lose_for(bench: Bench, what: str, seconds: float) -> None:
+    """Freeze a node, or have the bus off, for so long, and give the core time to find out."""
+    end = bench.now + seconds
+    if what == "bus":
+        bench.network.cut(end)
+    else:
+        bench.network.freeze(bench.stations[what], end)
+    bench.run(seconds + 3.0)
+
+
+def shut_down_far_off(bench: Bench) -> None:
+    """Have the robot shut down far from its start, when only the drive knows where it is."""
+    true_robot(bench)
+    bench.core.start_match(90.0)
+    drive_off(bench)
+    bench.network.detach(bench.stations["navigation"])
+    bench.run(3.0)
+    bench.core.emergency_shutdown()
+    bench.run(1.0)
+
+
+@pytest.mark.parametrize("what", ["drive", "bus"])
+def test_20_a_loss_that_ends_in_a_shutdown_leaves_the_drive_its_place(bench: Bench, what: str) -> None:
+    """A start configuration alone ends the safe state, and only the drive knows where the robot is."""
+    true_robot(bench)
+    bench.core.start_match(90.0)
+    drive_off(bench)
+    bench.network.detach(bench.stations["navigation"])
+    bench.run(3.0)
+    drive_off(bench, GotoXY(500, 500, 0, 50))
+    lose_for(bench, what, 5.0)
+    assert bench.core.shut_down
+    there = bench.pose()
+    recovered = bench.core.recover()
+    bench.run(15.0)
+    assert recovered.result(0)[:2] == tuple(round(each) for each in there.point)
+    call = bench.core.goto(*FAR)
+    bench.run(20.0)
+    assert call.result(0).outcome is Outcome.ARRIVED
+
+
+def test_20_a_drive_that_does_not_answer_is_not_configured_in_a_recovery(bench: Bench) -> None:
+    """Unasked to keep its place, it would forget it."""
+    shut_down_far_off(bench)
+    begun = len(bench.log)
+    bench.network.freeze(bench.stations["drive"], bench.now + 10.0)
+    recovered = bench.core.recover()
+    bench.run(6.0)
+    assert isinstance(recovered.exception(0), NoAnswer)
+    assert bench.core.shut_down
+    assert StartConfigurationSet not in {type(each) for each in bench.messages()[begun:]}
+
+
+@rows(
+    "done, kept",
+    [
+        (lambda _: None, True),
+        (lambda bench: bench.drive.heartbeat_lost(CORE_ID), False),  # whoever wanted it kept is gone
+        (lambda bench: bench.drive.booted(CORE_ID), False),
+        (lambda bench: bench.drive.configure(RED), False),  # it has been kept once
+        (lambda bench: bench.drive.reset(), False),  # there is no place to keep
+    ],
+)
+def test_20_the_place_is_kept_once_and_for_the_core_that_asked(done: Callable[[Bench], object], kept: bool) -> None:
+    bench = ready()
+    shut_down_far_off(bench)
+    there = bench.pose()
+    put(bench.drive, "Place.Keep place", 1)
+    done(bench)
+    bench.drive.configure(RED)
+    assert (bench.drive.estimate.pose == there) is kept
+    assert bench.drive.estimate.pose == (there if kept else bench.drive.facts.start(TeamColour.RED))
+    assert not bench.drive.keep_place
+
+
+def test_20_a_recovery_that_is_to_start_over_does(bench: Bench) -> None:
+    shut_down_far_off(bench)
+    put(bench.core, "Place.Keep place", 0)
+    recovered = bench.core.recover()
+    bench.run(15.0)
+    assert isinstance(recovered.exception(0), PlaceLost)
+    assert bench.pose() == bench.drive.facts.start(TeamColour.RED)
 
 
 def test_19_a_match_lasts_as_long_as_the_setting_says(bench: Bench) -> None:
@@ -1406,6 +1517,7 @@ def test_a_recovery_without_a_navigation_that_sees_the_robot_is_refused() -> Non
     bench.run(2.0)
     bench.core.position()
     bench.run(0.5)
+    bench.drive.reset()  # it knows no place any more, and begins at its start
     recovered = bench.core.recover()
     bench.run(2.0)
     assert "the drive has lost its place" in str(recovered.exception(0))

@@ -14,7 +14,7 @@ import struct
 import sys
 import time
 
-from eurobot_od.bus.bits import frame_bits
+from eurobot_od.bus import frame_bits
 from eurobot_od.frame import Frame
 from eurobot_od.robot.protocol import EurobotProtocol
 

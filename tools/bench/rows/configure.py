@@ -20,10 +20,9 @@ import canopen
 from bench.measure import Claim, Contender, Figures, Quantity, Scale, Series, Way
 from bench.shared import new_bus, new_channel
 from eurobot_od.bus.live import Live
-from eurobot_od.client.configure import all_writes, configure
+from eurobot_od.client.configure import all_writes, configure, parameters
 from eurobot_od.client.description import Description, from_file
 from eurobot_od.client.master import Master
-from eurobot_od.client.reading import parameters
 from eurobot_od.od import dcf
 from eurobot_od.od.dcf import Write
 from eurobot_od.od.objects import address_of, default_of, limits

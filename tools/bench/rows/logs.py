@@ -1,12 +1,14 @@
 """Whole logs decoded by whole processes: `eurobot-od decode` beside `cantools decode`, time and memory.
 
-The traffic is random (see `traffic`); both write to a file. After every run the output must have a line for
+The traffic is random (see `traffic`); all write to a file. A log of candump is also read by tshark, where there is one,
+and by thirty lines over cantools' API. After every run the output must have a line for
 each frame, and a sample of the lines must have the values that the peer's line has.
 """
 
 from __future__ import annotations
 
 import re
+import shutil
 import tempfile
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -27,6 +29,8 @@ SAMPLES = 1000
 """Lines whose values are compared, all over a log."""
 
 OUR_FIELDS, PEER_FIELDS = re.compile(r"(\w+)=([^,\s]*)"), re.compile(r"(\w+): ([^,\s)]*)")
+TSHARK = shutil.which("tshark")
+
 UNKNOWN = ":: Unknown frame id"
 """What cantools says of CANopen's own services."""
 
@@ -83,6 +87,8 @@ def candump(traffic: Traffic, full: int, scale: Scale) -> Iterator[Mapping[str, 
         write_candump(log, traffic(count))
         yield {
             "cantools": partial(run, [*CANTOOLS, "decode", "-s", dbc], log, peer),
+            "loop": partial(run, [PYTHON, PROGRAMS / "peer_loop.py", log, dbc], target=folder / "loop"),
+            **({"tshark": partial(run, [TSHARK, "-r", log], target=folder / "tshark")} if TSHARK else {}),
             "ours": partial(decoded, log, peer, count),
         }
 
@@ -147,9 +153,17 @@ def other_format(suffix: str, scale: Scale) -> Iterator[Mapping[str, Contender]]
 # Rows
 
 
-def _candump(name: str, count: int, wanted: float | None = None, traffic: Traffic = random_traffic) -> Series:
+def _candump(
+    name: str,
+    count: int,
+    wanted: float | None = None,
+    traffic: Traffic = random_traffic,
+    ahead: float | None = None,
+) -> Series:
     claims = (
         Claim(f"{name}: cantools decode", "ours", "cantools", Way.TIMES_AS_FAST, wanted),
+        Claim(f"{name}: thirty lines over cantools' API", "ours", "loop", Way.TIMES_AS_FAST, ahead),
+        *([Claim(f"{name}: tshark", "ours", "tshark", Way.TIMES_AS_FAST, ahead)] if TSHARK else []),
         Claim(f"{name}, memory", "ours", "cantools", Way.RATIO, None, Quantity.MEMORY),
     )
     return Series("logs", name, partial(candump, traffic, count), claims)
@@ -157,13 +171,13 @@ def _candump(name: str, count: int, wanted: float | None = None, traffic: Traffi
 
 def _other(suffix: str) -> Series:
     name = f"decode 100 000 frames of {suffix}"
-    claim = Claim(f"{name}: python-can and cantools", "ours", "peer", Way.TIMES_AS_FAST, 1)
+    claim = Claim(f"{name}: python-can and cantools", "ours", "peer", Way.TIMES_AS_FAST, 2)
     return Series("logs", name, partial(other_format, suffix), (claim,))
 
 
 SERIES = (
     _candump("decode 1000 lines", 1000),
-    _candump("decode 100 000 lines", 100_000),
+    _candump("decode 100 000 lines", 100_000, ahead=1),
     _candump("decode 1 000 000 lines", 1_000_000, 6),
     _candump("decode 100 000 lines of one match repeated", 100_000, traffic=recorded_traffic),
     Series(

@@ -20,8 +20,8 @@ from bench.eds import make_eds
 from bench.measure import Claim, Contender, Figures, Quantity, Scale, Series, Way
 from bench.process import OURS, PROGRAMS, PYTHON, run, until_first_line
 from bench.traffic import recorded_traffic, write_candump
+from eurobot_od.client.configure import parameters
 from eurobot_od.client.description import from_file
-from eurobot_od.client.reading import parameters
 from eurobot_od.od import dcf
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.objects import address_of

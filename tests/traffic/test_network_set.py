@@ -14,8 +14,7 @@ from eurobot_od.od.values import BASE_IDENTIFIER
 from eurobot_od.robot import dialects
 from eurobot_od.robot.plugin import ROBOT
 from eurobot_od.robot.protocol import EurobotProtocol
-from eurobot_od.traffic.load.analysis import MessageSet
-from eurobot_od.traffic.load.network_set import network_set
+from eurobot_od.traffic.load import MessageSet, network_set
 from tests.eds_text import DEVICE_TYPE, pdo, record, variable
 from tests.robot.document import NAMES
 

@@ -6,8 +6,8 @@ from xml.etree import ElementTree
 
 import pytest
 
-from eurobot_od.robot.match.comparison import interval, picture, report
 from eurobot_od.robot.match.played import PlayedMatch
+from eurobot_od.robot.match.seeds import compared, interval, picture_of
 from eurobot_od.robot.match.summary import Summary
 from eurobot_od.robot.world.world import OURS
 
@@ -29,7 +29,7 @@ def test_a_mean_and_its_interval(values: list[float], expected: tuple[float, flo
 
 
 def test_a_line_for_each_seed_and_the_differences_at_the_same_seeds() -> None:
-    lines = [*report(PLAYED)]
+    lines = [*compared(PLAYED)]
     assert lines[0].split() == ["points", "touches", "our", "fault", "driven,", "m"]
     assert lines[2].split()[:4] == ["1", "5", "8", "6"]
     assert "quick against slow: points +3.25 ± 0.49; more at 4 seeds, fewer at 0" in lines
@@ -37,7 +37,7 @@ def test_a_line_for_each_seed_and_the_differences_at_the_same_seeds() -> None:
 
 
 def test_the_picture_has_a_dot_for_each_match_and_says_whose() -> None:
-    drawing = ElementTree.fromstring(picture(PLAYED))
+    drawing = ElementTree.fromstring(picture_of(PLAYED))
     _, *words = [each.text for each in drawing.iter("{http://www.w3.org/2000/svg}title")]  # the picture's, the dots'
     assert len(words) == 12
     assert "quick, seed 4: 24" in words

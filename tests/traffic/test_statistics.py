@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from eurobot_od.bus.bits import frame_bits
+from eurobot_od.bus import frame_bits
 from eurobot_od.frame import Frame
-from eurobot_od.traffic.load.analysis import MessageSet, PeriodicMessage
-from eurobot_od.traffic.load.report import load_report
-from eurobot_od.traffic.load.seen import SeenTraffic, table
+from eurobot_od.traffic.load import MessageSet, PeriodicMessage, load_report
+from eurobot_od.traffic.statistics import SeenTraffic, table
 
 RATE = 125_000
 ASK, ANSWER = Frame(0x010), Frame(0x011, bytes(8))

@@ -81,6 +81,11 @@ ANALOGUE_OUTPUTS = (
     AnalogueOutputs(0x6412, 0x6443, 0x6444, 0x6446, 0x6447),
 )
 
+PROCESS_DATA: Mapping[int, range] = {
+    each.value: range(1, 255) for each in (*DIGITAL_INPUTS, *DIGITAL_OUTPUTS, *ANALOGUE_INPUTS, *ANALOGUE_OUTPUTS)
+}
+"""Sub-indices of inputs and outputs, by index."""
+
 ANALOGUE_INTERRUPT_ENABLE = 0x6423
 """Whether analogue inputs cause TPDOs at all; they do not without it being written (CiA 401-1)."""
 

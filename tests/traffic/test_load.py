@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from eurobot_od.traffic.load.analysis import HORIZON, INSTANCES, Analysis, ErrorRate, PeriodicMessage
-from tests.traffic.load.sets import FAR, message, sets
+from eurobot_od.traffic.load import HORIZON, INSTANCES, Analysis, ErrorRate, PeriodicMessage
+from tests.traffic.sets import FAR, message, sets
 
 
 def responses(analysis: Analysis) -> list[int | None]:

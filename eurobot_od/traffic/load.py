@@ -1,4 +1,13 @@
-"""Worst-case response times on a CAN bus, in bit times.
+"""How much a CAN bus carries, and how late each message can be: worst-case response times that are proved.
+
+The file has the messages (`MessageSet`), the analysis in bit times, its results in usual units (`LoadReport`), and at
+the end what makes a MessageSet of EDS files and a network file (`network_set`): a TPDO with an event timer or a SYNC
+falls due by itself, no more often than its inhibit time; so do heartbeats (0x1017), SYNC (0x1006), and EMCY with an
+inhibit time (0x1015). All else has a row in the network file's `traffic`. A message without a known period is refused,
+as no bound holds without it.
+
+Rule of this file: times are whole numbers, microseconds where people give them and bit times in the analysis, and
+everything is rounded to the worse side: periods and deadlines down, jitter up.
 
 Source: Davis, Burns, Bril, Lukkien, "Controller Area Network (CAN) schedulability analysis: refuted, revisited and
 revised", Real-Time Systems 35, 2007. The test of 1994 looks at one instance of a message; as a frame cannot be
@@ -36,19 +45,26 @@ the moment the request fell due.
 
 There are only bit times and whole numbers, and every sum grows with every jitter; so the loop over all of them starts
 from the messages' own jitter and ends at the least solution. If there is none, there is "no bound": a bus that is full,
-a time over `HORIZON`, more than `INSTANCES` in a busy period, and a jitter that still grows after `ROUNDS`.
-"""
+a time over `HORIZON`, more than `INSTANCES` in a busy period, and a jitter that still grows after `ROUNDS`."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from fractions import Fraction
 from functools import cached_property
-from math import lcm
+from math import ceil, floor, lcm, log10
 from types import MappingProxyType
-from typing import NamedTuple, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
-from eurobot_od.bus.bits import longest_frame
+from eurobot_od.bus import longest_frame
+from eurobot_od.errors import DictionaryError, FileError, LocalError
+from eurobot_od.od import standard, values
+from eurobot_od.od.dictionary import Dictionary, SdoChannel
+from eurobot_od.od.network import NetworkFile, TrafficEntry
+from eurobot_od.od.pdos import Pdo
+from eurobot_od.od.values import PdoDirection
+from eurobot_od.support import svg, texts
+from eurobot_od.support.texts import columns
 
 # What is sent on a bus. Times are whole microseconds; the analysis takes the same messages with times in bit times.
 
@@ -390,3 +406,355 @@ def _or_never(time: int | None) -> int:
 
 def _ceil(dividend: int, divisor: int) -> int:
     return -(-dividend // divisor)
+
+
+NO_BOUND = "no bound"
+MISSED = "MISSED"
+
+
+class BoundRow(NamedTuple):
+    """A message and what is proved of it, times in us: `response` is None without a bound.
+
+    `blocking` names the less urgent message that can hold the bus, `inversion` the one of its own node that can keep it
+    out of the mailboxes; empty if there is none.
+    """
+
+    message: PeriodicMessage
+    response: int | None
+    blocking: str
+    inversion: str
+
+    @property
+    def margin(self) -> int | None:
+        """What is left of the deadline, us; negative if it can be missed, None without a bound."""
+        return None if self.response is None else self.message.deadline - self.response
+
+    @property
+    def holds(self) -> bool:
+        """Whether the deadline is always met."""
+        return self.margin is not None and self.margin >= 0
+
+
+class LoadReport(NamedTuple):
+    """A set at a bit rate, bit/s: share `load` of the bus, longest `busy` period in us, None if it has no end."""
+
+    bit_rate: int
+    load: Fraction
+    busy: int | None
+    rows: tuple[BoundRow, ...]
+
+    @property
+    def holds(self) -> bool:
+        """Whether all deadlines are always met."""
+        return all(row.holds for row in self.rows)
+
+
+def load_report(messages: MessageSet, bit_rate: int) -> LoadReport:
+    """Analyse a set at a bit rate in bit/s."""
+    analysis = analysed(messages, bit_rate)
+
+    def name(place: int | None) -> str:
+        return "" if place is None else messages.messages[place].name
+
+    def microseconds(bits: int | None) -> int | None:
+        # Rounded up: a bound must not get shorter on its way.
+        return None if bits is None else -(-bits * MICROSECONDS // bit_rate)
+
+    rows = tuple(
+        BoundRow(message, microseconds(bound.response), name(bound.blocking), name(bound.inversion))
+        for message, bound in zip(messages.messages, analysis.bounds)
+    )
+    periods = [bound.busy for bound in analysis.bounds]
+    longest = None if None in periods else max((each for each in periods if each is not None), default=0)
+    return LoadReport(bit_rate, analysis.load, microseconds(longest), rows)
+
+
+# As text
+
+HEADINGS = ("ID", "message", "from", "period", "response", "deadline", "margin", "held up by")
+
+
+def table(report: LoadReport) -> Iterator[str]:
+    """Write a line for each message, times in ms, and what is to be said about all of them."""
+    lines: list[tuple[str, ...]] = [HEADINGS]
+    for row in report.rows:
+        message, left = row.message, row.margin
+        lines.append(
+            (
+                f"{message.identifier:03X}",
+                message.name,
+                message.node,
+                ms(message.period),
+                NO_BOUND if row.response is None else ms(row.response),
+                ms(message.deadline),
+                MISSED if left is None else f"{MISSED} {ms(left)}" if left < 0 else ms(left),
+                held_up_by(row),
+            )
+        )
+    yield from columns(lines, "lllrrrr")
+    yield ""
+    yield summary(report)
+
+
+def summary(report: LoadReport) -> str:
+    """Say in one line how full the bus is, and whether all deadlines are met."""
+    missed = sum(not row.holds for row in report.rows)
+    verdict = f"{missed} of {len(report.rows)} deadlines can be missed" if missed else "all deadlines are met"
+    busy = "without end" if report.busy is None else f"at most {ms(report.busy)} ms at a stretch"
+    return f"{report.bit_rate / 1000:g} kbit/s, load {float(report.load):.1%}, busy {busy}: {verdict}"
+
+
+def too_slow(messages: MessageSet) -> Iterator[str]:
+    """Say of each bit rate that the EDS files offer, and at which deadlines can be missed, what is missed."""
+    for report in (load_report(messages, each) for each in messages.offered):
+        if not report.holds:
+            yield f"the EDS files offer a bit rate that is too slow: {summary(report)}"
+
+
+def held_up_by(row: BoundRow) -> str:
+    """Say which less urgent frames a message may have to wait for."""
+    parts = [row.blocking] if row.blocking else []
+    parts += [f"{row.inversion} in the mailboxes"] if row.inversion else []
+    return ", ".join(parts)
+
+
+def ms(microseconds: int) -> str:
+    """Write microseconds as milliseconds."""
+    return f"{microseconds / 1000:.2f}"
+
+
+# As data
+
+
+def as_data(report: LoadReport) -> dict[str, Any]:
+    """Return all of it as plain data; times in us."""
+    return {
+        "bit_rate": report.bit_rate,
+        "load": round(float(report.load), 6),
+        "busy_us": report.busy,
+        "deadlines_met": report.holds,
+        "messages": [
+            {
+                "name": row.message.name,
+                "identifier": row.message.identifier,
+                "node": row.message.node,
+                "length": row.message.length,
+                "bits": row.message.bits,
+                "period_us": row.message.period,
+                "jitter_us": row.message.jitter,
+                "answers": row.message.answers or None,
+                "deadline_us": row.message.deadline,
+                "response_us": row.response,
+                "margin_us": row.margin,
+                "blocking": row.blocking or None,
+                "inversion": row.inversion or None,
+                "reason": row.message.reason,
+            }
+            for row in report.rows
+        ],
+    }
+
+
+# As a chart: a bar for each message, up to its bound, and a mark at its deadline, on a log scale
+
+LEFT, TOP, ROW, PLOT, RIGHT, BOTTOM = 320, 76, 20, 620, 84, 44
+"""Margins, height of a row, width of the plot; one unit is a pixel of a screen."""
+
+BAR = 12
+
+LEGEND = "bar: worst-case response time; upright mark: deadline"
+
+
+def decades(report: LoadReport) -> range:
+    """Return the powers of ten of the microseconds that the chart reaches from and to, one line each."""
+    times = [t for row in report.rows for t in (row.response, row.message.deadline) if t]
+    low = floor(log10(min(times, default=1) / 2))  # so that the shortest bar can be seen
+    return range(low, max(ceil(log10(max(times, default=1))), low + 1) + 1)
+
+
+def chart(report: LoadReport, title: str) -> str:
+    """Return the chart as an SVG document."""
+    powers, bottom = decades(report), TOP + ROW * len(report.rows)
+    scale = svg.Axis(powers[0], powers[-1], LEFT, LEFT + PLOT)
+    return svg.document(
+        title,
+        svg.heading(title),
+        svg.text((20, 50), summary(report), font_size=svg.TEXT, fill=svg.PALE),
+        *svg.axis_across(((scale.at(power), f"{10**power / 1000:g} ms") for power in powers), TOP, bottom),
+        svg.text((LEFT, bottom + 38), LEGEND, font_size=svg.TEXT, fill=svg.PALE),
+        *(_row(row, scale, TOP + ROW * place) for place, row in enumerate(report.rows)),
+        width=LEFT + PLOT + RIGHT,
+        height=bottom + BOTTOM,
+    )
+
+
+def _row(row: BoundRow, scale: svg.Axis, y: int) -> str:
+    message, colour = row.message, svg.BLUE if row.holds else svg.RED
+    end = LEFT + PLOT if row.response is None else scale.at(log10(row.response))  # no bound: as far as there is room
+    deadline, foot = scale.at(log10(message.deadline)), y + BAR
+    words = f"{message.identifier:03X}  {message.name}"
+    response = NO_BOUND if row.response is None else f"{ms(row.response)} ms"
+    return svg.group(
+        svg.title(f"{words}: response {response}, deadline {ms(message.deadline)} ms"),
+        svg.text((LEFT - 10, foot - 1), words, font_size=svg.TEXT, fill=svg.INK, text_anchor="end"),
+        svg.rectangle((LEFT, y), max(end - LEFT, 1.0), BAR, fill=colour),
+        svg.line((deadline, y - 3), (deadline, y + BAR + 3), stroke=svg.INK, stroke_width=2),
+        svg.text((LEFT + PLOT + 8, foot - 1), response, font_size=svg.TEXT, fill=colour),
+    )
+
+
+SERVER_NODE_ID = 3
+"""Sub-index of an SDO client's record (CiA 301, 7.5.2.34)."""
+MAILBOXES = "Transmit.Mailboxes"
+"""A setting of a device that says how many mailboxes it has."""
+
+MS, INHIBIT_UNIT = 1000, 100
+"""Microseconds of a millisecond, and of the unit of inhibit times."""
+
+
+def network_set(
+    dictionaries: Iterable[Dictionary], names: Mapping[int, str], network: NetworkFile, file: str
+) -> MessageSet:
+    """Return the messages of some devices; `names` are those of the PDOs by COB-ID, `file` is the network file's name.
+
+    Raises FileError for a row of the network file that does not hold, LocalError for messages without a period.
+    """
+    devices = tuple(dictionaries)
+    reader = _Rows(devices, network.traffic, file)
+    pdos = [_pdo(device, each, names) for device in devices for each in _sent_pdos(device)]
+    services = [each for device in devices for each in _services(device, devices)]
+    rows = [*((each.name, each) for each in pdos), *services]
+    reader.refuse_unknown({row for row, _ in rows})
+    by_itself = [each for device in devices for each in _by_itself(device, devices, names)]
+    by_rows = [each for row, message in rows for each in reader.sent(row, message)]
+    known = {(each.identifier, each.node) for each in (*by_itself, *by_rows)}
+    missing = dict.fromkeys(each.name for each in pdos if (each.identifier, each.node) not in known)
+    if missing:
+        raise LocalError(f"no period is known of {', '.join(missing)}; say it in `traffic` of the network file")
+    mailboxes = {device.name: count for device in devices if (count := _mailboxes(device))}
+    bit_rate = None if network.bit_rate is None else network.bit_rate * 1000
+    rates = [set(device.objects.device_information.allowed_baudrates) for device in devices]
+    offered = tuple(sorted(set.intersection(*rates))) if rates else ()
+    # What several nodes send by one name is told apart by the node.
+    sent = [each.name for each in by_rows]
+    apart = [e._replace(name=f"{e.name} {e.node}") if sent.count(e.name) > 1 else e for e in by_rows]
+    urgent_first = sorted([*by_itself, *apart], key=lambda each: each.identifier)
+    return MessageSet(tuple(urgent_first), mailboxes, bit_rate=bit_rate, offered=offered)
+
+
+def _mailboxes(device: Dictionary) -> int | None:
+    try:
+        return device.number(device.address(MAILBOXES))
+    except DictionaryError:  # no device has to have such a setting
+        return None
+
+
+# What the EDS files say
+
+
+def _sent_pdos(device: Dictionary) -> Iterator[Pdo]:
+    return (each for each in device.pdos if each.direction is PdoDirection.TPDO and each.valid)
+
+
+def _pdo(device: Dictionary, pdo: Pdo, names: Mapping[int, str]) -> PeriodicMessage:
+    name = names.get(pdo.cob_id, f"{device.name}.{pdo.name}")
+    return PeriodicMessage.of(name, pdo.cob_id, pdo.length, device.name)
+
+
+def _by_itself(
+    device: Dictionary, devices: Iterable[Dictionary], names: Mapping[int, str]
+) -> Iterator[PeriodicMessage]:
+    """Give what a device sends by timer or SYNC, or whenever its inhibit time allows."""
+    cycle = next((number for each in devices if (number := each.number(standard.SYNC_PERIOD))), 0)
+    for pdo in _sent_pdos(device):
+        message, inhibit = _pdo(device, pdo, names), pdo.inhibit_time * INHIBIT_UNIT
+        if pdo.is_synchronous and cycle:  # type 0, with the next SYNC if it has changed, may be as often as type 1
+            yield message.every(cycle * max(pdo.transmission_type, 1), f"transmission type {pdo.transmission_type}")
+        elif inhibit:  # before the event timer, which only says how seldom it may be sent
+            yield message.every(inhibit, "inhibit time")
+        elif pdo.event_timer:
+            yield message.every(pdo.event_timer * MS, "event timer")
+    if heartbeat := device.number(standard.HEARTBEAT_TIME):
+        identifier = values.ERROR_CONTROL_BASE + device.node_id
+        message = PeriodicMessage.of(f"Heartbeat {device.name}", identifier, 1, device.name)
+        yield message.every(heartbeat * MS, "0x1017")
+    if (device.number(standard.SYNC) or 0) & standard.SYNC_PRODUCER and (own := device.number(standard.SYNC_PERIOD)):
+        yield PeriodicMessage.of("SYNC", values.SYNC_COB_ID, 0, device.name).every(own, "0x1006")
+    if pause := device.number(standard.EMCY_INHIBIT_TIME):
+        yield _emcy(device).every(pause * INHIBIT_UNIT, "0x1015")
+
+
+def _emcy(device: Dictionary) -> PeriodicMessage:
+    identifier = device.cob_id(standard.EMCY, values.EMCY_BASE)
+    return PeriodicMessage.of(f"EMCY {device.name}", identifier, 8, device.name)
+
+
+def _services(device: Dictionary, devices: Iterable[Dictionary]) -> Iterator[tuple[str, PeriodicMessage]]:
+    """Give the services with the names of their rows: EMCY without an inhibit time, SDO if a client is there."""
+    if not device.number(standard.EMCY_INHIBIT_TIME):
+        yield "EMCY", _emcy(device)
+    for client in devices:
+        if any(client.number((index, SERVER_NODE_ID)) == device.node_id for index in standard.SDO_CLIENTS):
+            at, request = SdoChannel.of(device), f"SDO request {device.name}"
+            yield "SDO", PeriodicMessage.of(request, at.requests, 8, client.name)
+            yield "SDO", PeriodicMessage.of(f"SDO answer {device.name}", at.answers, 8, device.name, request)
+
+
+# What the network file says
+
+
+class _Rows:
+    """The rows of a network file's traffic, with the settings of the devices."""
+
+    def __init__(self, devices: tuple[Dictionary, ...], rows: Mapping[str, TrafficEntry], file: str) -> None:
+        self._devices, self._rows, self._file = devices, rows, file
+
+    def refuse_unknown(self, known: set[str]) -> None:
+        """Refuse a row of a message that no node sends."""
+        for name in self._rows:
+            if name not in known:
+                raise self._error(name, f"traffic of {name!r}, which no node sends")
+
+    def sent(self, name: str, message: PeriodicMessage) -> Iterator[PeriodicMessage]:
+        """Give a message as its row says, if there is one."""
+        row = self._rows.get(name)
+        if row is not None:
+            sent = message.every(self._period(name, row), row.reason)
+            yield sent._replace(
+                deadline=self._time(row.deadline, message.node) if row.deadline else sent.period,
+                jitter=self._time(row.jitter, message.node) if row.jitter else 0,
+                answers=row.answers or message.answers,
+            )
+
+    def _period(self, name: str, row: TrafficEntry) -> int:
+        met = {name}
+        while row.answers:  # an answer is as frequent as what it answers; in a circle nothing has a period
+            if row.answers in met or row.answers not in self._rows:
+                raise self._error(row.answers, f"{name!r} answers {row.answers!r}, which has no period")
+            met.add(row.answers)
+            row = self._rows[row.answers]
+        period = self._time(row.every, "") if row.every else 0
+        if not period:
+            raise self._error(
+                row.every or name, f"{name!r} has a period of 0" if row.every else f"{name!r} has no period"
+            )
+        return period
+
+    def _time(self, text: str, node: str) -> int:
+        """Return the us of a duration, or of a setting in ms: the node's own before another's."""
+        if texts.is_duration(text):
+            return texts.microseconds(text)
+        for device in sorted(self._devices, key=lambda each: each.name != node):
+            try:
+                number = device.number(device.address(text))
+            except DictionaryError:
+                continue
+            if number is not None:
+                return number * MS
+        raise self._error(text, f"{text!r} is neither a duration nor a setting of a device")
+
+    def _error(self, at: str, what: str) -> FileError:
+        """Return the error at a text of the network file, which knows its place."""
+        known = next((name for name in self._rows if name == at), at)  # the file's own text, with its place
+        place = getattr(at, "place", None) or getattr(known, "place", None)
+        return FileError(f"{self._file}:{place.line}:{place.column}" if place else self._file, what)

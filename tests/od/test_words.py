@@ -7,7 +7,7 @@ import pytest
 from eurobot_od.frame import Frame
 from eurobot_od.od import objects as od
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.od.profiles.words import OF_PROFILES, profile_words, words, written
+from eurobot_od.od.words import OF_PROFILES, profile_words, words, written
 from eurobot_od.traffic.meaning import Decoder
 from tests.client.servo import DOCS, SERVO, servo
 from tests.rows import rows

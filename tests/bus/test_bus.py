@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from eurobot_od.bus.bits import frame_bits, longest_frame
+from eurobot_od.bus import frame_bits, longest_frame
 from eurobot_od.frame import EXTENDED, Frame
 
 GENERATOR = 0b1100010110011001

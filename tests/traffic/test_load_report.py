@@ -7,8 +7,7 @@ from xml.etree import ElementTree
 
 import pytest
 
-from eurobot_od.traffic.load.analysis import MessageSet, PeriodicMessage
-from eurobot_od.traffic.load.report import LoadReport, as_data, chart, decades, load_report, table
+from eurobot_od.traffic.load import LoadReport, MessageSet, PeriodicMessage, as_data, chart, decades, load_report, table
 
 RATE = 100_000
 """bit/s: 10 us for a bit."""

@@ -7,11 +7,11 @@ from itertools import pairwise
 
 import pytest
 
-from eurobot_od.robot.match.drawing import STEP as STEP_OF_PATH
-from eurobot_od.robot.match.drawing import truth_of
 from eurobot_od.robot.model.options import MatchOptions
 from eurobot_od.robot.model.places import Point, Pose
 from eurobot_od.robot.nodes.motion import Odometry
+from eurobot_od.robot.scene.files import STEP as STEP_OF_PATH
+from eurobot_od.robot.scene.files import truth_of
 from eurobot_od.robot.scene.recording import ScoredTask
 from eurobot_od.robot.world import World
 from eurobot_od.robot.world.world import OURS, RIVAL, Score

@@ -9,13 +9,12 @@ from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from eurobot_od.bus.bits import frame_bits
+from eurobot_od.bus import frame_bits
 from eurobot_od.frame import Frame, identifier_text
 from eurobot_od.sdo.wire import code_and_reason
 from eurobot_od.support.texts import amount, columns, one_line, text
 from eurobot_od.traffic.decoding import Output, WriteLine
-from eurobot_od.traffic.load.analysis import MICROSECONDS, MessageSet
-from eurobot_od.traffic.load.report import BoundRow, load_report
+from eurobot_od.traffic.load import MICROSECONDS, BoundRow, MessageSet, load_report
 from eurobot_od.traffic.meaning import Meaning, SdoTransfer
 
 NOTHING = MessageSet(())
@@ -140,7 +139,7 @@ class TrafficOutput(Output):
     def row(self, meaning: Meaning) -> Meaning | None:
         return meaning if isinstance(meaning.raw, Frame) else None
 
-    def writer(self, log: str) -> WriteLine:
+    def line_writer(self, log: str) -> WriteLine:
         self._heading = [one_line(f"{log}:")] if self._several else []
         self._seen = seen = SeenTraffic(self._bit_rate, self._promised)
         self._transfers = transfers = TransferCounts()

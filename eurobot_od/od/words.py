@@ -9,9 +9,9 @@ from collections.abc import Callable, Mapping
 from types import MappingProxyType
 from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
+from eurobot_od.od import cia401, cia402
 from eurobot_od.od import objects as od
-from eurobot_od.od.profiles import cia401, cia402
-from eurobot_od.od.profiles.cia402 import DriveCommand, Mode, State
+from eurobot_od.od.cia402 import DriveCommand, Mode, State
 from eurobot_od.od.standard import DEVICE_TYPE
 from eurobot_od.od.values import Address, Value
 

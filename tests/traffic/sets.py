@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from hypothesis import strategies as st
 
-from eurobot_od.traffic.load.analysis import PeriodicMessage
+from eurobot_od.traffic.load import PeriodicMessage
 
 FAR = 10**9
 """A deadline that is never missed."""
