@@ -8,7 +8,6 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import groupby
 from typing import Generic, NamedTuple, TypeAlias, TypeVar
 
 from eurobot_od.check.conformance import step
@@ -180,6 +179,8 @@ class Chapter(list[Clause[SubjectT]]):
             "tags": [tag, self.word],
             "setup": before,
             # Clauses that say the same of themselves are left out with one line.
-            "steps": [each for each, _ in groupby(steps)],
+            "steps": [
+                *{each["name"] if "skip" in each else number: each for number, each in enumerate(steps)}.values()
+            ],
             **({"teardown": after} if after else {}),
         }
