@@ -140,10 +140,10 @@ def never(name: str, pattern: object, span: str) -> Data:
     return {"name": name, "never": pattern, "for": span}
 
 
-def every(message: Data, milliseconds: int, count: int) -> Data:
+def every(message: Data, milliseconds: int, count: int, tolerance: str = PRECISION) -> Data:
     """See that a frame comes again and again at its time."""
-    period = {"message": message, "every": f"{milliseconds} ms", "tolerance": PRECISION, "count": count}
-    return {"name": f"every {milliseconds} ms", "period": period}
+    period = {"message": message, "every": f"{milliseconds} ms", "tolerance": tolerance, "count": count}
+    return {"name": f"{count} times every {milliseconds} ms", "period": period}
 
 
 def sent(name: str, cob_id: int, data: bytes = b"") -> Data:
