@@ -18,7 +18,7 @@ from steps import Step, python, run
 MADE = (
     "tests/test_layers.py",
     "tests/test_public_names.py",
-    "tests/cli/test_completion.py",
+    "tests/cli/test_installation.py",
     "tests/sdo/test_wire.py",
     "tests/tools/test_broken.py",
 )

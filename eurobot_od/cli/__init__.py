@@ -88,6 +88,7 @@ MODULES = {
     **dict.fromkeys(("configure", "store", "restore", "export-dcf", "program"), "objects"),
     **dict.fromkeys(("archive", "query"), "season"),
     **dict.fromkeys(("export", "make-eds"), "files"),
+    **dict.fromkeys(("doctor", "completion"), "installation"),
     **dict.fromkeys(("compare", "replay"), "decode"),
     "diff": "lint",
     "faults": "node",

@@ -32,6 +32,7 @@ from eurobot_od.season import season as tables
 from eurobot_od.season.batches import FOREIGN, Batch, batches
 from eurobot_od.season.campaign import BLOCK, HERE, Workers
 from eurobot_od.season.columns import FROM_DATA, LENGTH, WORD, MessageChecks, message_columns, of_others, readable
+from eurobot_od.support.texts import encodable
 from eurobot_od.traffic import formats
 from eurobot_od.traffic.decoding import Follower, is_followed
 from eurobot_od.traffic.entries import Damage
@@ -421,7 +422,7 @@ class Archiver:
             ):
                 return Archived(str(log), run, True, size)
             file.seek(0)
-            row = self._put(file, {"run": run, "log": str(log), "format": form, "bytes": size})
+            row = self._put(file, {"run": run, "log": encodable(str(log)), "format": form, "bytes": size})
         return Archived(str(log), run, False, size, row["frames"], row["damage"])
 
     def _put(self, file: BinaryIO, known: dict[str, Any]) -> dict[str, Any]:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import hmac
 from math import inf
 from typing import NamedTuple
 
 from eurobot_od.errors import LocalError
+from eurobot_od.support.texts import encodable
 
 
 class Address(NamedTuple):
@@ -24,6 +26,11 @@ def parse(text: str) -> Address:
     if not host or not port.isdecimal() or int(port) > 0xFFFF:
         raise LocalError(f"{text} is not HOST:PORT, such as 127.0.0.1:2014")
     return Address(host.strip("[]"), int(port))
+
+
+def is_token(shown: str, token: str) -> bool:
+    """Whether a peer has shown the token, in constant time: the duration must not tell how much of it was right."""
+    return hmac.compare_digest(encodable(shown).encode(), token.encode())
 
 
 FIRST_PAUSE, LONGEST_PAUSE = 0.1, 5.0

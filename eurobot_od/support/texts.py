@@ -22,6 +22,11 @@ def one_line(text: str) -> str:
     return "".join(each if each.isprintable() else ascii(each)[1:-1] for each in text)
 
 
+def encodable(text: str) -> str:
+    r"""Return a text that UTF-8 can hold: half a surrogate pair, as in a file's name that is not UTF-8, as `\udcff`."""
+    return text.encode(errors="backslashreplace").decode()
+
+
 def amount(number: int, thing: str, things: str = "") -> str:
     """Say how many there are of a thing: `1 frame`, `2 frames`; `things` is a plural that has more than an s."""
     return f"{number} {thing if number == 1 else things or thing + 's'}"

@@ -7,11 +7,12 @@ configured name, and the Origin, which a page cannot forge, must be this page.
 
 from __future__ import annotations
 
-import hmac
 from collections.abc import Mapping, Sequence
 from http import HTTPStatus
 from ipaddress import ip_address
 from typing import Any, NamedTuple
+
+from eurobot_od.support.connections import is_token
 
 TOKEN = "token"
 """Name of the token in the first address, and of the cookie that keeps it."""
@@ -54,8 +55,7 @@ class AccessRules(NamedTuple):
             return Denial(HTTPStatus.FORBIDDEN, f"Host {host[:60]!r} is not this server: use the printed address")
         if origin != f"http://{host}" and (upgrade or origin is not None):
             return Denial(HTTPStatus.FORBIDDEN, f"Origin {(origin or '')[:60]!r} is another page, not http://{host}")
-        # In constant time: the time it takes must not tell how much of the token was right.
-        if self.token and not hmac.compare_digest(shown.encode(errors="replace"), self.token.encode()):
+        if self.token and not is_token(shown, self.token):
             return Denial(HTTPStatus.UNAUTHORIZED, "the token is missing or wrong: use the address that was printed")
         return None
 

@@ -25,6 +25,7 @@ from eurobot_od.od.standard import IDENTITY
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.catalogue import Message, kinds
 from eurobot_od.pdo.protocol import Protocol
+from eurobot_od.support.texts import encodable
 from eurobot_od.traffic.entries import Damage
 from eurobot_od.traffic.meaning import Decoder, Meaning
 from eurobot_od.traffic.monitor import MonitorRow
@@ -333,7 +334,7 @@ def page(
         "content": json.dumps(content, separators=(",", ":"), ensure_ascii=False).replace("<", "\\u003c"),
     }
     # In one pass: a content with `{{title}}` in it stays as it is.
-    return PART.sub(lambda found: parts[found[1]], _read(FILES / "page.html"))
+    return encodable(PART.sub(lambda found: parts[found[1]], _read(FILES / "page.html")))
 
 
 def policy_of(text: str) -> str:

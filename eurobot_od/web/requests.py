@@ -1,7 +1,7 @@
 """What the page may ask for: each request is a row of a table, checked as the command line would check it.
 
-Rule of this file: whatever comes from a browser is answered, and never raises. A request that acts on the bus is done
-only if the server was started with control.
+Rule of this file: whatever comes from a browser is answered, and never raises. A request that acts on the bus, or on
+this machine's disk, is done only if the server was started with control.
 """
 
 from __future__ import annotations
@@ -291,7 +291,7 @@ class Way(Enum):
 
 
 class PageRequest(NamedTuple):
-    """The function of a request, how it is done, and whether it acts on the bus, which takes control."""
+    """The function of a request, how it is done, and whether it acts on bus or disk, which takes control."""
 
     function: Callable[[Requests, Arguments], Any]
     way: Way = Way.ASKS
@@ -299,8 +299,8 @@ class PageRequest(NamedTuple):
 
 
 REQUESTS: Mapping[str, PageRequest] = {
-    "record": PageRequest(Requests.record, Way.AT_ONCE),
-    "stop recording": PageRequest(Requests.stop_recording, Way.AT_ONCE),
+    "record": PageRequest(Requests.record, Way.AT_ONCE, acts=True),
+    "stop recording": PageRequest(Requests.stop_recording, Way.AT_ONCE, acts=True),
     "objects": PageRequest(Requests.list_objects),
     "read": PageRequest(Requests.read),
     "history": PageRequest(Requests.history),

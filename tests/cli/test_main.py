@@ -124,7 +124,7 @@ def test_an_error_becomes_one_line_and_an_exit_status(
     def doctor() -> None:
         raise error
 
-    monkeypatch.setattr("eurobot_od.cli.doctor.doctor", doctor)
+    monkeypatch.setattr("eurobot_od.cli.installation.doctor", doctor)
     said = run(capsys, "doctor")
     assert said.status == status
     assert said.err.startswith(f"eurobot-od: {complaint}" if complaint else "")
@@ -134,7 +134,7 @@ def test_an_error_becomes_one_line_and_an_exit_status(
 def test_an_error_that_is_none_of_ours_is_a_bug_and_shows_its_traceback(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("eurobot_od.cli.doctor.doctor", lambda: 1 // 0)
+    monkeypatch.setattr("eurobot_od.cli.installation.doctor", lambda: 1 // 0)
     with pytest.raises(ZeroDivisionError):
         run(capsys, "doctor")
 
@@ -187,6 +187,29 @@ def test_a_reader_that_leaves_is_no_error() -> None:
         process.stdout.close()
         assert process.stderr.read() == ""
     assert process.returncode == 0
+
+
+DRIVE = Path(__file__).parents[2] / "eds" / "canopen" / "drive.eds"
+INTERRUPTED_IMPORT = """
+import sys
+class Interrupt:
+    module = sys.argv.pop(1)
+    def find_spec(self, name, *_):
+        if name == self.module:
+            raise KeyboardInterrupt
+sys.meta_path.insert(0, Interrupt())
+from eurobot_od.__main__ import run, workbench
+sys.exit({run}())
+"""
+
+
+@pytest.mark.parametrize("program", ["run", "workbench"])
+@pytest.mark.parametrize("module", ["eurobot_od.cli", "eurobot_od.cli.show", "eurobot_od.od.values", "canopen"])
+def test_ctrl_c_while_something_is_imported_is_an_exit_status_and_no_traceback(program: str, module: str) -> None:
+    code = INTERRUPTED_IMPORT.replace("{run}", program)
+    words = [module, "show", "--eds", str(DRIVE)]
+    done = subprocess.run([sys.executable, "-c", code, *words], capture_output=True, text=True, timeout=60)
+    assert (done.returncode, done.stdout, done.stderr) == (130, "", "")
 
 
 # Standard streams

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import os
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -88,6 +89,17 @@ def log(tmp_path: Path) -> Path:
 def test_channels_and_names_of_logs(log: Path, form: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     said = decoded(capsys, *form, str(log), str(log))
     assert all(line.isprintable() for line in said.split("\n"))
+
+
+@pytest.mark.parametrize("command", [["field", "-o", "match.html"], ["archive", "-o", "season"]], ids=str)
+def test_a_log_whose_name_is_not_utf_8(
+    command: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    log = Path(os.fsdecode(b"a\xff.log"))
+    log.write_text("(1.000000) can0 008#D27423592C01C3A5\n")
+    assert cli.main([*command, str(log)]) == 0
+    assert "\udcff" not in capsys.readouterr().err
 
 
 def test_csv(log: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -47,7 +47,7 @@ ENDS = {
 
 @pytest.mark.parametrize(("error", "wrong"), ENDS.values(), ids=ENDS)
 def test_what_is_wrong_with_an_end(monkeypatch: pytest.MonkeyPatch, error: BaseException, wrong: list[str]) -> None:
-    monkeypatch.setattr("eurobot_od.cli.doctor.doctor", fails(error))
+    monkeypatch.setattr("eurobot_od.cli.installation.doctor", fails(error))
     assert file_fuzz.judge(["doctor"]) == wrong
 
 

@@ -248,15 +248,18 @@ def test_a_request_that_is_too_long_ends_the_connection_and_nothing_else(local: 
         {"do": "nmt", "command": "stop", "node": "all"},
         {"do": "stop"},
         {"do": "write", "node": "drive", "object": "1017", "value": "100"},
+        {"do": "record"},
+        {"do": "stop recording"},
     ],
     ids=lambda words: words["do"],
 )
-def test_without_control_nothing_gets_on_the_bus(tmp_path: Path, words: dict[str, str]) -> None:
+def test_without_control_nothing_gets_on_the_bus_or_the_disk(tmp_path: Path, words: dict[str, str]) -> None:
     name = channel()
     with open_bus("virtual", name) as other, live_page(name, tmp_path, control=False) as served:
         said = talk(served, lambda opened: answer(opened, json.dumps({"id": 1, **words})))
         assert said["error"] == "this page is read-only: start the server with --control"
         assert other.recv(0) is None
+        assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize(

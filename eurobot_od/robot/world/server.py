@@ -7,7 +7,6 @@ from it until it does.
 from __future__ import annotations
 
 import asyncio
-import hmac
 import json
 import re
 from collections.abc import Callable, Mapping
@@ -19,7 +18,7 @@ from eurobot_od.robot.model.options import MatchOptions, WorldAddress
 from eurobot_od.robot.model.values import Source
 from eurobot_od.robot.nodes.motion import Odometry
 from eurobot_od.robot.world.world import OURS, EventKind, LocalVehicle, MatchEvent, World
-from eurobot_od.support.connections import Address
+from eurobot_od.support.connections import Address, is_token
 
 VERSION = 1
 """The version of requests and answers; a client refuses any other."""
@@ -132,8 +131,7 @@ class Channel:
         try:
             given = _parsed(line)
             name, robot, token = given.pop(REQUEST, None), given.pop(ROBOT, OURS), str(given.pop(TOKEN, ""))
-            # In constant time: the duration of a comparison would tell how much of a guessed token is right.
-            if self._token and not hmac.compare_digest(token.encode(), self._token.encode()):
+            if self._token and not is_token(token, self._token):
                 raise LocalError("the token is missing or wrong: give the address as the world printed it")
             # In a tuple, as JSON may bring a list, which is not hashable.
             if name not in tuple(REQUESTS):

@@ -830,6 +830,7 @@ function statusLine() {
     troubled = state.recording.trouble;
     say(load, `load ${(100 * state.load).toFixed(1)} %, ${state.rate.toFixed(0)} frames/s, ${state.frames} frames`);
     say(skipped, state.skipped ? `${state.skipped} snapshots skipped` : "");
+    show(record, connection.control);
     say(record, state.recording.on ? `Stop (${state.recording.frames})` : "Record");
     record.setAttribute("aria-label", state.recording.on ? "stop recording" : "record");
     record.classList.toggle("recording", state.recording.on);
