@@ -29,6 +29,7 @@ QUIET = "200 ms"
 LEFT_ALONE = "3 s"
 """How long a transfer is left alone: longer than servers wait for the next request."""
 
+NOTHING_SHORT = "the file has no number of up to 4 bytes that can be read"
 NO_SEGMENTS = "the file has no object of more than 4 bytes whose value is known"
 NO_NUMBER = "the file has no number of up to 4 bytes that can be written and whose value is known"
 NO_BLOCKS = (AbortCode.UNKNOWN_COMMAND, AbortCode.UNSUPPORTED_ACCESS)
@@ -211,6 +212,7 @@ def _unfinished(subject: Subject) -> Steps:
 @CHAPTER.clause("7.2.4.3.12", "SDO block upload", ctt="2.26", group="a block of 128 segments is refused")
 def _block_size(subject: Subject) -> Steps:
     """Ask for blocks of one segment more than there are."""
+    need(subject.readable(_usual(subject)), NOTHING_SHORT)
     # 127 is the most that seven bits can number (CiA 301, 7.2.4.3.12).
     size = bytes([wire.BLOCK_SEGMENTS + 1])
     yield _sent(subject, "128 segments", initiate(ClientCommand.BLOCK_UPLOAD << 5, _usual(subject), size))
@@ -220,6 +222,7 @@ def _block_size(subject: Subject) -> Steps:
 @CHAPTER.clause("7.2.4.3.13", "SDO block upload", ctt="2.27", group="an acknowledgement of 128 segments is refused")
 def _sequence_number(subject: Subject) -> Steps:
     """Acknowledge more segments than a block can have."""
+    need(subject.readable(_usual(subject)), NOTHING_SHORT)
     upload, most = ClientCommand.BLOCK_UPLOAD << 5, wire.BLOCK_SEGMENTS
     yield step.read("blocks are there", _usual(subject), data="any", transfer="block", optional=codes(*NO_BLOCKS))
     yield _sent(subject, "the first request", initiate(upload, _usual(subject), bytes([most])))

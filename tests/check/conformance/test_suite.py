@@ -160,6 +160,12 @@ def made(*records: str) -> str:
     return suite.text(Dictionary.read(text.encode(), Path("device.eds"), NODE_ID))
 
 
+def test_a_device_without_a_number_to_ask_for_is_green() -> None:
+    name = variable("2000", "Name", "VISIBLE_STRING", None)
+    dictionary = Dictionary.read(name.encode(), Path("nameless.eds"), NODE_ID)
+    assert red(steps(suites_of(dictionary, Tier.DESTRUCTIVE))) == []
+
+
 def test_an_identity_without_a_default_is_that_of_the_device_info() -> None:
     identity = record(0x1018, "Identity", (0, "UNSIGNED8", "1"), (1, "UNSIGNED32", None))
     step = 'Identity: 0x1018:1 Entry 1 [reading]", sdo: {read: "0x1018:1", data: "42 00 00 00"}'
