@@ -109,6 +109,8 @@ class Devices:
         """Load the devices, and say which of the files that are named had to be repaired to be read."""
         loaded = self.load()
         if self.files():  # the dialects' files need no repair, and to look for one takes as long as loading
+            for line in network.not_understood(self._file) if self.network else ():
+                complain(line)
             complain_of_repairs(loaded)
         return loaded
 

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import os
+import re
+from collections.abc import Sequence
 from io import BytesIO
 from pathlib import Path
-from typing import Annotated, Literal, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
 
 from eurobot_od import plugin
-from eurobot_od.cli import ExitStatus
+from eurobot_od.cli import ExitStatus, complain
 from eurobot_od.cli.decode import Log, Reading, entries
 from eurobot_od.cli.devices import Devices, complain_of_repairs, left_out
 from eurobot_od.cli.options import EmcyFiles, Output, write, write_dcf
@@ -20,6 +23,10 @@ from eurobot_od.od.values import NODE_IDS
 from eurobot_od.support import extras
 from eurobot_od.support.files import check_writable, read_whole, write_whole
 from eurobot_od.support.texts import amount
+
+if TYPE_CHECKING:
+    from eurobot_od.od.dcf import Write
+    from eurobot_od.od.values import Address
 
 # Other forms
 
@@ -123,12 +130,15 @@ def xdd(
         return
     if output is None:
         raise LocalError("of a network -o names the folder that the files are written to")
-    output.mkdir(exist_ok=True)
+    texts: dict[str, str] = {}
     for each in read_network(source).nodes:
         # Any node-ID will do, as values keep `$NODEID`; the node's modules and patches belong to the device.
         dictionary = Dictionary.load(*each._replace(node_id=each.node_id or NODE_IDS[0]))
         complain_of_repairs([dictionary])
-        write(output / f"{each.name or Path(each.file).stem}.xdd", xdd_text(dictionary))
+        texts[f"{each.name or Path(each.file).stem}.xdd"] = xdd_text(dictionary)
+    output.mkdir(exist_ok=True)  # only now: what fails leaves no empty folder
+    for name, text in texts.items():
+        write(output / name, text)
 
 
 def cdcf(
@@ -155,26 +165,24 @@ def cdcf(
         nodes = read_network(source).nodes
         if node_id is not None:
             raise LocalError("--node-id is for one file; a network says the node-IDs itself")
+        made = {each.name or Path(each.file).stem: concise(each) for each in nodes}
         if output is not None:
-            output.mkdir(exist_ok=True)
-        for each in nodes:
-            name = each.name or Path(each.file).stem
+            output.mkdir(exist_ok=True)  # only now: what fails leaves no empty folder
+        for name, each in made.items():
             if output is None:
                 print(f"{name}:")
-            write_concise(each, output / f"{name}.cdcf" if output else None)
+            write_concise(*each, output / f"{name}.cdcf" if output else None)
     elif Path(source).suffix.lower() in SUFFIXES:
         node = node_file(source)
-        write_concise(node if node_id is None else node._replace(node_id=node_id), output)
+        write_concise(*concise(node if node_id is None else node._replace(node_id=node_id)), output)
     else:
         read_concise(source, output, eds, node_id)
 
 
-def write_concise(node: NodeFile, output: Path | None) -> None:
-    """Write or print the concise DCF of a DCF, without PDOs that do not hold; raises DictionaryError, LocalError."""
-    from eurobot_od.cli.objects import print_readings
-    from eurobot_od.client.configure import all_writes, check_file, check_whole, decoded
+def concise(node: NodeFile) -> tuple[list[Write], Dictionary]:
+    """Return the writes of a DCF, without PDOs that do not hold, and its dictionary; raises DictionaryError."""
+    from eurobot_od.client.configure import all_writes, check_file, check_whole
     from eurobot_od.client.description import from_file
-    from eurobot_od.od.dcf import pack
     from eurobot_od.od.values import pdo_of
 
     description, refused = from_file(node.file, node.node_id, node.modules, node.patch), list[MappingError]()
@@ -190,11 +198,20 @@ def write_concise(node: NodeFile, output: Path | None) -> None:
             check_whole(description, leave_out, leave_out)
     bad = {pdo_of(error.index or 0) for error in refused}
     writes = [each for each in all_writes(description) if pdo_of(each.address[0]) not in bad - {None}]
+    return writes, description.dictionary
+
+
+def write_concise(writes: Sequence[Write], dictionary: Dictionary, output: Path | None) -> None:
+    """Write a concise DCF, or print what it says."""
+    from eurobot_od.cli.objects import print_readings
+    from eurobot_od.client.configure import decoded
+    from eurobot_od.od.dcf import pack
+
     if output is None:
-        print_readings(decoded(writes, description.dictionary), as_json=False)
+        print_readings(decoded(writes, dictionary), as_json=False)
     else:
         write_whole(output, pack(writes))
-        print(f"{output}: {len(writes)} writes for node {description.dictionary.node_id}")
+        print(f"{output}: {len(writes)} writes for node {dictionary.node_id}")
 
 
 def read_concise(file: str, output: Path | None, eds: str | None, node_id: int | None) -> None:
@@ -220,9 +237,34 @@ def read_concise(file: str, output: Path | None, eds: str | None, node_id: int |
         print(f"{output}: for node {description.dictionary.node_id}")
 
 
+def bus(*, network: Annotated[str, Option(metavar="PATH", is_file=True)], output: Output = None) -> None:
+    """Write a network as the YAML of dcfgen and ros2_canopen (`bus.yml`): nodes, files, and what a master writes.
+
+    network: network file or folder
+    """
+    from eurobot_od.od.bus_file import bus_text
+    from eurobot_od.od.objects import at, data_type, label
+
+    described, folder = read_network(network), output.parent if output else Path()
+    nodes: dict[str, tuple[int, str, list[tuple[Address, int]]]] = {}
+    for each in described.nodes:
+        writes, dictionary = concise(each)
+        numbers: list[tuple[Address, int]] = []
+        for address, data in writes:
+            variable = at(address, dictionary.objects)
+            value = data_type(variable).read(data)
+            if isinstance(value, int):
+                numbers.append((address, int(value)))
+            else:
+                complain(f"left out {label(variable)}: such a file has only whole numbers")
+        name = re.sub(r"\W", "_", each.name or Path(each.file).stem)
+        nodes[name] = (dictionary.node_id, Path(os.path.relpath(each.file, folder)).as_posix(), numbers)
+    write(output, bus_text(nodes, described.bit_rate))
+
+
 export = Forms(
-    "Turn EDS and DCF files into C, DBC, documents, a Wireshark dissector, XDD or concise DCF, and logs into MCAP.",
-    {"c": c, "dbc": dbc, "docs": docs, "wireshark": wireshark, "mcap": mcap, "xdd": xdd, "cdcf": cdcf},
+    "Turn EDS and DCF files into C, DBC, documents, a Wireshark dissector, XDD, concise DCF, bus.yml; logs into MCAP.",
+    {"c": c, "dbc": dbc, "docs": docs, "wireshark": wireshark, "mcap": mcap, "xdd": xdd, "cdcf": cdcf, "bus": bus},
 )
 
 

@@ -33,10 +33,8 @@ from eurobot_od.support.files import read_whole
 from eurobot_od.support.texts import one_line
 
 if TYPE_CHECKING:
-    pass
-
-if TYPE_CHECKING:
     from eurobot_od.bus.live import Live
+    from eurobot_od.bus.live.buses import Opener
     from eurobot_od.device.faults.hooks import Fault
 
 FARTHEST = 1_000_000
@@ -134,7 +132,8 @@ def node(
             "--values": device.values,
             "--verbose": verbose,
         }
-        _run_all(_all(devices, [option for option, value in about_one.items() if value]), bus, duration)
+        made_all = _all(devices, device, [option for option, value in about_one.items() if value])
+        _run_all(made_all, bus, duration, bus.reopener(no_reconnect))
         return None
     dictionary, robot = _dictionary(devices, name, node_id), devices.robot
     role = robot.role_of(dictionary)
@@ -217,7 +216,7 @@ def _show(node: Node, frame: Frame, now: float) -> None:
 # Several devices
 
 
-def _all(devices: Devices, about_one: Iterable[str]) -> list[Node]:
+def _all(devices: Devices, options: DeviceOptions, about_one: Iterable[str]) -> list[Node]:
     """Make all the devices of the files that are named; raises LocalError for an option about one, DictionaryError."""
     loaded, robot = devices.load_and_complain(), devices.robot
     names = ", ".join(each.name for each in loaded)
@@ -226,10 +225,10 @@ def _all(devices: Devices, about_one: Iterable[str]) -> list[Node]:
     for each in loaded:
         if robot.role_of(each):
             raise LocalError(f"{each.name} is one of the robot's nodes, which run alone: name one of {names}")
-    return [robot.kind("")(each) for each in loaded]
+    return [robot.kind("", device=options.kind(each))(each, **options.values_of(each)) for each in loaded]
 
 
-def _run_all(nodes: Sequence[Node], bus: BusOptions, duration: float | None) -> None:
+def _run_all(nodes: Sequence[Node], bus: BusOptions, duration: float | None, opener: Opener | None) -> None:
     """Run several devices on one bus until the time is over, or an interrupt; raises BusError."""
     from eurobot_od.bus.live.live import LiveGroup  # one node runs without
     from eurobot_od.device.station import NodeGroup
@@ -237,7 +236,8 @@ def _run_all(nodes: Sequence[Node], bus: BusOptions, duration: float | None) -> 
     for node in nodes:
         node.alarm = partial(_alarm, node)
     signal.signal(signal.SIGTERM, signal.default_int_handler)
-    with LiveGroup(bus.open(), NodeGroup(nodes)) as live:
+    report = partial(print, flush=True)
+    with LiveGroup(bus.open(), NodeGroup(nodes), opener=opener, report=report) as live:
         for node in nodes:
             node.device.time_of_day.set(datetime.now(), live.clock())
         names = ", ".join(f"{node.name} ({node.device.node_id})" for node in nodes)

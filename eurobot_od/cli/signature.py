@@ -208,11 +208,29 @@ def told(function: Callable[..., Any]) -> dict[str, str]:
 def describe(parser: Parser, command: Command) -> Call:
     """Describe a command on its parser; return what calls it."""
     if not isinstance(command, Forms):
-        return _describe(parser, parser, command)
+        call = _describe(parser, parser, command)
+
+        def careful(given: Namespace) -> Any:
+            keep_inputs(parser.described, given)
+            return call(given)
+
+        return careful
     forms, calls = parser.add_subparsers(dest="form", metavar="FORM", required=True), dict[str, Call]()
     for name, each in command.functions.items():
         calls[name] = describe(forms.add_parser(name, help=summary(each), description=summary(each)), each)
     return lambda given: calls[given.form](given)
+
+
+def keep_inputs(described: Mapping[str, Option], given: Namespace) -> None:
+    """Raise LocalError if a file that is read is the one that -o names: it would be gone if anything is wrong."""
+    outputs = [name for name, option in described.items() if option.flag == "-o"]
+    for output in (str(found) for name in outputs if (found := getattr(given, name, None)) is not None):
+        for name in (name for name, option in described.items() if option.is_file and name not in outputs):
+            found = getattr(given, name, None) or ()
+            for word in [found] if isinstance(found, (str, Path)) else found:
+                read = str(word).rpartition("=")[2]  # `5=drive.eds`
+                if os.path.isfile(output) and os.path.exists(read) and os.path.samefile(output, read):  # noqa: PTH110, PTH113, PTH121
+                    raise LocalError(f"-o {output} is the file that is read: name another one")
 
 
 def ahead(parser: Parser, function: Callable[..., Any]) -> Any:

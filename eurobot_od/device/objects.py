@@ -260,10 +260,16 @@ def predefined(dictionary: Dictionary) -> dict[Address, int]:
     # Only where the file is silent: an identifier that it gives counts, even if it is not valid.
     silent = (each for each in identifiers if each[1] in dictionary.members.get(each[0], ()))
     identity = {(IDENTITY, sub): number for sub, number in enumerate(dictionary.identity, start=1) if number}
+    # An identity of another width than CiA 301's keeps what its own object says.
+    identity = {at: number for at, number in identity.items() if _fits(dictionary.variable(at), number)}
     given = {address: identifiers[address] for address in silent if dictionary.default(address) is None}
     # What counts is where the server really is, even where the file's own identifiers are not followed.
     server = zip((SDO_REQUESTS, SDO_ANSWERS), SdoChannel.of(dictionary), strict=True)
     return identity | given | {address: cob_id for address, cob_id in server if dictionary.variable(address)}
+
+
+def _fits(variable: ODVariable | None, number: int) -> bool:
+    return variable is not None and number <= data_type(variable).high
 
 
 KIND: tuple[Address, ...] = tuple((IDENTITY, sub) for sub in (1, 2, 3))

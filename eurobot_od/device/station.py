@@ -209,6 +209,20 @@ class NodeGroup:
         self._waiting.append((None, frame))
         return self._settled(now)
 
+    def bus_lost(self, now: float) -> None:
+        """Tell the nodes that the bus is lost; what waits for it now, nobody waits for after the gap."""
+        self._waiting.clear()
+        for node in self.nodes:
+            self._waiting.extend((node, frame) for frame in node.bus_lost(now))
+            self._note(node)
+
+    def bus_back(self, now: float) -> list[Frame]:
+        """Tell the nodes that the bus is back, and return the frames to send."""
+        for node in self.nodes:
+            node.bus_error(ErrorCode.BUS_LOST, now)
+            self._note(node)
+        return self.tick(now)
+
     def tick(self, now: float) -> list[Frame]:
         """Do what is due by now and return the frames to send."""
         for node in [node for node, due in self._wakeups.items() if due <= now]:

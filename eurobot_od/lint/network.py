@@ -519,7 +519,8 @@ def one_of(index: int, bit: int, what: str) -> Callable[[LintedNetwork], Conflic
 def nobody_sends_sync(network: LintedNetwork) -> Conflicts:
     """Synchronous PDOs have a node that sends SYNC."""
     ports = [each for identifier in network.identifiers for each in network.ports(identifier)]
-    for each in ports if not _with_bit(network, SYNC[0], SYNC_PRODUCER) else ():
+    is_sent = network.has_foreign_master or _with_bit(network, SYNC[0], SYNC_PRODUCER)
+    for each in ports if not is_sent else ():
         type_ = each.pdo.value(2)
         if type_ and type_.value in values.SYNCHRONOUS:
             yield _spot(each.node, each.pdo, 2), f"{each.name} is synchronous, but no node sends SYNC"

@@ -175,14 +175,19 @@ class _Built:
         self._modules, self._there, self._from_file = modules, modules.document.sections, from_file
         self._fixed: dict[str, Section] = {}
         self._arrays: dict[int, _Array] = {}
+        self._first_with_room: dict[tuple[int, int], int] = {}
+        self._described = DescribedDevice(modules.document).objects
+        self._fixed_modules: set[int] = set()
         self.numbers: list[int] = []
         self.misfits: list[Misfit] = []
 
     def connect(self, module: Module) -> None:
         """Add the objects of one more module."""
         self.numbers.append(module.number)
-        for index in self._modules.indices(module.number, "fixedobjects"):
-            self._fix(module.number, index)
+        if module.number not in self._fixed_modules:
+            self._fixed_modules.add(module.number)
+            for index in self._modules.indices(module.number, "fixedobjects"):
+                self._fix(module.number, index)
         for entry in self._modules.listed(module.number, "subextends"):
             number = parse_number(entry.value)
             extension = self._modules.extension(module.number, number.value) if number else None
@@ -226,10 +231,11 @@ class _Built:
 
     def _array_with_room(self, index: int, extension: Extension) -> _Array | None:
         """Return the array that takes the next sub-index: that at the index, or the one after it (ObjExtend)."""
-        last = extension.last or values.MOST_SUBS
+        last, asked = extension.last or values.MOST_SUBS, index
+        index = self._first_with_room.get((asked, last), asked)
         while index <= 0xFFFF:
             if index not in self._arrays:
-                whole = DescribedDevice(self._modules.document).objects.get(index)
+                whole = self._described.get(index)
                 subs = [each.sub for each in whole.variables()] if whole else []
                 self._arrays[index] = _Array(max(subs, default=0) + 1, whole.section if whole else None)
             array = self._arrays[index]
@@ -238,6 +244,8 @@ class _Built:
             if not extension.last:
                 return None
             index += 1
+            if not extension.bits:  # whole sub-indices never come free again: the full ones are passed once
+                self._first_with_room[asked, last] = index
         return None
 
     def sections(self) -> dict[str, Section]:

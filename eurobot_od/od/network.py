@@ -18,6 +18,7 @@ from eurobot_od.errors import DictionaryError, FileError, LocalError
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.document import parse
 from eurobot_od.od.formats import files_in
+from eurobot_od.od.patches import BUS_FILES, NODE_OF_BUS
 from eurobot_od.od.values import NODE_IDS, Number, parse_number
 from eurobot_od.support.declared import ByName, OneOrMore, Within
 from eurobot_od.support.files import read_whole
@@ -121,10 +122,13 @@ def read_nodelist(text: str, file: str) -> NetworkFile:
     for number in numbers:
         if parse_number(topology.text(f"node{number}present")) == Number(0):
             continue
-        dcf = topology.text(f"node{number}dcfname")
-        if not dcf:
+        dcf, eds = topology.text(f"node{number}dcfname"), topology.text("edsbasename")
+        if not dcf and not eds:
             raise DictionaryError(file, None, f"line {topology.line}: node {number} has no Node{number}DCFName")
         path = PurePath(file).parent / PureWindowsPath(dcf)  # both kinds of slashes are in use
+        if eds and not (dcf and Path(path).is_file()):
+            # CANfestival and Beremiz: the node's EDS, in a folder of all EDS files.
+            path = PurePath(file).parent / PureWindowsPath(eds) / (dcf or f"{topology.text(f'node{number}name')}.eds")
         nodes.append(NodeFile(str(path), number, topology.text(f"node{number}name")))
     return NetworkFile(nodes)
 
@@ -136,10 +140,29 @@ def _as_in_an_eds(text: str) -> int:
     return number.value
 
 
-def read_network_file(text: str, file: str) -> NetworkFile:
-    """Read the text of a network file, its own path `file`; raises YamlError, or FileError if it names no nodes."""
-    from eurobot_od.support.yaml_shapes import PLAIN, SCALAR, converted, read_yaml, shape_of  # most start without YAML
+def not_understood(path: str | Path) -> Sequence[str]:
+    """Return a line for each key of a bus file that says something nobody knows; raises as `read_network`."""
+    if Path(path).suffix.lower() not in BUS_FILES:
+        return ()
+    from eurobot_od.od import bus_file  # most start without YAML
 
+    text = read_whole(path).decode("utf-8", "replace")
+    return bus_file.read_bus(text, str(path)).unread if bus_file.is_bus(text) else ()
+
+
+def read_network_file(text: str, file: str) -> NetworkFile:
+    """Read the text of a network file, its own path `file`; raises YamlError, or FileError if it names no nodes.
+
+    It may also be a bus file, the YAML of dcfgen and ros2_canopen (see `bus_file`).
+    """
+    from eurobot_od.od import bus_file  # most start without YAML
+    from eurobot_od.support.yaml_shapes import PLAIN, SCALAR, converted, read_yaml, shape_of
+
+    if bus_file.is_bus(text):
+        bus = bus_file.read_bus(text, file)
+        named = ((each, f"{file}{NODE_OF_BUS}{each.name}") for each in bus.nodes)
+        nodes = [NodeFile(str(each.file), each.node_id, each.name, patch=(patch,)) for each, patch in named]
+        return NetworkFile(nodes, bit_rate=bus.bit_rate, master=bus_file.MASTER)
     number = converted(SCALAR, _as_in_an_eds, {"type": "integer"})
     network: NetworkFile = read_yaml(text, shape_of(NetworkFile, {**PLAIN, str: SCALAR, int: number}), file)
     if not network.nodes and not network.robot:
@@ -181,8 +204,7 @@ def _codes(key: str) -> range:
 
 
 READERS: Mapping[str, Callable[[str, str], NetworkFile]] = {
-    ".yaml": read_network_file,
-    ".yml": read_network_file,
+    **dict.fromkeys(BUS_FILES, read_network_file),
     ".cpj": read_nodelist,
 }
 """Readers of a network file's text by its suffix."""

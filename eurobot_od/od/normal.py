@@ -144,6 +144,8 @@ def in_normal_form(data: bytes, file: object = "") -> tuple[bytes, list[Change]]
     those are what the device serves.
     """
     made = normal(data, file)
+    if not AN_OBJECT.search(made.text):
+        raise DictionaryError(str(file), None, "not an EDS: it describes no object")
     ends = "\r\n" if b"\r\n" in data else "\n"
     text = made.text.replace("\n", ends)
     is_known = made.encoding != UNKNOWN or code_page(data) is not None
@@ -161,6 +163,7 @@ ENCODINGS = {
     "gb2312": "GB2312",
 }
 
+AN_OBJECT = re.compile(r"^\[[0-9A-Fa-f]{4}\]$", re.MULTILINE)
 VALUE_BEYOND_ASCII = re.compile(r"^(?:Default|Parameter)Value=.*[^\x00-\x7F]", re.MULTILINE)
 
 

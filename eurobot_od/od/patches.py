@@ -69,10 +69,33 @@ class Patch(NamedTuple):
 
 def read_patch(file: str | Path) -> Patch:
     """Read a patch; raises DictionaryError with the line of the first fault."""
+    bus, _, node = str(file).rpartition(NODE_OF_BUS)
+    if Path(bus).suffix.lower() in BUS_FILES:
+        return _of_bus(bus, node)
     data = read_bytes(file)
     if Path(file).suffix.lower() in CONFIGURATIONS:
         return _of_configuration(data, Path(file))
     return _of_yaml(data.decode("utf-8", "replace"), str(file))
+
+
+BUS_FILES = (".yaml", ".yml")
+
+NODE_OF_BUS = "#"
+"""Before the name of the node whose patch is a part of a bus file: `bus.yml#drive`."""
+
+
+def _of_bus(file: str, name: str) -> Patch:
+    from eurobot_od.od.bus_file import load_bus
+
+    _, writes = load_bus(file).writes(name)
+    last = {each.address: each for each in writes}  # what is written later counts
+    return Patch(
+        file,
+        [
+            ObjectPatch(label(address), each.line, [Entry("ParameterValue", str(each.value), each.line, 1)])
+            for address, each in last.items()
+        ],
+    )
 
 
 def _of_yaml(text: str, file: str) -> Patch:

@@ -11,6 +11,7 @@ import pytest
 
 from eurobot_od import cli
 from eurobot_od.cli.files import export
+from eurobot_od.od.network import load, read_network
 from eurobot_od.robot import dialects
 from tests.cli.console import run
 from tests.od.make.tables import TABLE
@@ -210,3 +211,28 @@ def test_a_folder_that_cannot_be_written(table: Path, capsys: pytest.CaptureFixt
 
 def test_a_command_without_folder_is_wrong_usage(table: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert run(capsys, "make-eds", str(table)).status == 2
+
+
+@pytest.mark.parametrize("form", ["xdd", "cdcf"])
+def test_a_failed_export_leaves_no_folder(tmp_path: Path, form: str) -> None:
+    network, output = tmp_path / "network.yaml", tmp_path / "out"
+    good = Path(__file__).parents[2] / "docs" / "servo.dcf"
+    (tmp_path / "bad.eds").write_text("nothing\n")
+    network.write_text(f"nodes:\n  good: {{file: '{good}', node_id: 5}}\n  bad: {{file: bad.eds, node_id: 6}}\n")
+    assert cli.main(["export", form, "--network", str(network), "-o", str(output)]) == 2
+    assert not output.exists()
+
+
+def test_a_network_as_bus_yml_means_the_same(tmp_path: Path) -> None:
+    docs = Path(__file__).parents[2] / "docs"
+    network, output = tmp_path / "network.yaml", tmp_path / "bus.yml"
+    network.write_text(
+        f"nodes:\n  servo: {{file: '{docs / 'servo.dcf'}'}}\n  motor: {{file: '{docs / 'motor.eds'}', node_id: 7}}\n"
+    )
+    assert cli.main(["export", "bus", "--network", str(network), "-o", str(output)]) == 0
+    ours, theirs = (load(read_network(each).nodes) for each in (network, output))
+    for one, other in zip(ours, theirs, strict=True):
+        assert (one.name, one.node_id) == (other.name, other.node_id)
+        assert {each: one.default(each) for each in one.addresses()} == {
+            each: other.default(each) for each in other.addresses()
+        }

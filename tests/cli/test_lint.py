@@ -191,3 +191,12 @@ def test_a_log_for_code_scanning_says_each_cause_once(capsys: pytest.CaptureFixt
         return [each["ruleId"] for each in json.loads(capsys.readouterr().out)["runs"][0]["results"]]
 
     assert len(results()) < len(results("-v")) == 139
+
+
+@pytest.mark.parametrize("text", ["(1.5) can0 123#00\n(1.6) can0 124#01\n", "[FileInfo]\nFileName=a.eds\n", ""])
+def test_what_is_not_an_eds_is_not_fixed(capsys: pytest.CaptureFixture[str], tmp_path: Path, text: str) -> None:
+    file = tmp_path / "candump.log"
+    file.write_text(text)
+    assert main(["lint", "--fix", str(file)]) == 2
+    assert capsys.readouterr() == ("", f"eurobot-od: {file}: not an EDS: it describes no object\n")
+    assert file.read_text() == text

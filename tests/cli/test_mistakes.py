@@ -25,6 +25,8 @@ def _elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 # The command line: words, exit status, and the one line that is printed
 
+READ = "-o drive.eds is the file that is read: name another one"
+
 MISTAKES = {
     "a command with a slip": ("decod|run.log", 2, "unknown command 'decod'; did you mean decode?"),
     "a message with a slip": (
@@ -56,6 +58,21 @@ MISTAKES = {
         "--interface socketcan goes with --speed real only: in simulated time there is no such bus",
     ),
     "a picture in no folder": ("match|--field|nowhere/x.svg", 3, "nowhere/x.svg: No such file or directory"),
+    "the input as the output": (
+        "export|xdd|drive.eds|-o|drive.eds",
+        2,
+        "-o drive.eds is the file that is read: name another one",
+    ),
+    "... of an option": (
+        "export|docs|--eds|5=drive.eds|-o|./drive.eds",
+        2,
+        "-o drive.eds is the file that is read: name another one",
+    ),
+    "... of a repair": (
+        "lint|--fix|drive.eds|-o|drive.eds",
+        2,
+        "-o drive.eds is the file that is read: name another one",
+    ),
     "a rule with a slip": ("lint|--select|E3008|drive.eds", 2, "unknown rule 'E3008'; did you mean E308?"),
     "a log that is not there": ("decode|nowhere.log", 3, "nowhere.log: No such file or directory"),
     "a file that is no log": (

@@ -15,6 +15,8 @@ import pytest
 
 from eurobot_od import cli
 from eurobot_od.bus.live import Live, open_bus
+from eurobot_od.device.node import Node
+from eurobot_od.device.profiles.devices import SimulatedDrive
 from eurobot_od.device.simulated import SimulatedDevice
 from eurobot_od.frame import Frame
 from eurobot_od.robot import dialects
@@ -300,6 +302,18 @@ def test_of_several_devices_each_says_where_its_sdo_server_was_moved_to(
     ).out.splitlines()
     assert "a (5), b (6); Ctrl-C" in said[0]
     assert said[1:] == ["b: its SDO server is at 0x650, answers at 0x5D5, as its file says (0x1200)"]
+
+
+def test_several_devices_are_drives_as_one_is(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    made: list[Node] = []
+    monkeypatch.setattr("eurobot_od.cli.node._run_all", lambda nodes, *_: made.extend(nodes))
+    file = Path(__file__).parents[2] / "docs" / "servo.eds"
+    for words, kinds in (((), [SimulatedDrive] * 2), (("--profile", "none"), [SimulatedDevice] * 2)):
+        made.clear()
+        assert run(capsys, "node", "--eds", f"5={file}", "--eds", f"6={file}", *words).status == 0
+        assert [type(each) for each in made] == kinds
 
 
 @pytest.mark.usefixtures("eds")

@@ -259,6 +259,14 @@ def test_a_node_that_did_not_store_is_told(make: Callable[..., Description], eds
     )
 
 
+def test_a_value_that_was_right_before_and_is_lost_at_the_reset_is_told(make: Callable[..., Description]) -> None:
+    with stock_drive() as (channel, node), master_on(channel) as master:
+        node.set_data(*SPEED, (NEW[SPEED]).to_bytes(2, "little"))  # type: ignore[union-attr]
+        boots(node, SPEED)
+        with pytest.raises(ConfigurationError, match=r"0x2101:1 Motion\.Maximum speed reads 800 after 900 was written"):
+            configure(master.node(2), make(NEW), NOW)
+
+
 # Which objects
 
 

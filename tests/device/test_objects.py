@@ -22,7 +22,7 @@ from eurobot_od.robot import dialects
 from eurobot_od.sdo.wire import Abort, AbortCode, Reason
 from tests.device import io_module
 from tests.device.master import wired
-from tests.eds_text import record, variable
+from tests.eds_text import DEVICE_TYPE, record, variable
 from tests.rows import rows
 
 UNREADABLE: list[tuple[Address, AbortCode, str]] = [
@@ -412,3 +412,12 @@ def test_in_memory_settings_last_as_long_as_the_store() -> None:
     assert store.load() == {(0x2100, 1): 5}
     store.save({(0x2100, 2): 6}, 1)
     assert store.load() == {(0x2100, 2): 6}
+
+
+@rows("type_, found", [("UNSIGNED16", 7), ("UNSIGNED32", 0x0502F014)])
+def test_an_identity_too_wide_for_its_object_stays_what_the_object_says(type_: str, found: int) -> None:
+    info = "[DeviceInfo]\nProductNumber=0x0502F014\n"
+    default = "7" if type_ == "UNSIGNED16" else "0"
+    identity = record(0x1018, "Identity", (0, "UNSIGNED8", "2"), (1, "UNSIGNED32", "1"), (2, type_, default))
+    device = Device(Dictionary.read((info + DEVICE_TYPE + identity).encode(), Path("a.eds"), 5))
+    assert int.from_bytes(device.objects.read((0x1018, 2)), "little") == found

@@ -251,6 +251,16 @@ def test_a_master_without_a_file_may_send_and_receive_anything(tmp_path: Path, m
     assert {each.code for each in found} & {"W803", "W804"} == codes
 
 
+@pytest.mark.parametrize(("master", "codes"), [("", {"W826"}), ("master: PC\n", set())])
+def test_a_master_without_a_file_may_send_sync(tmp_path: Path, master: str, codes: set[str]) -> None:
+    (tmp_path / "drive.eds").write_text(
+        entry("1400sub2", "DefaultValue", "1")((ROOT / "eds" / "canopen" / "drive.eds").read_text())
+    )
+    file = tmp_path / "network.yaml"
+    file.write_text(f"nodes: {{drive: {{file: drive.eds, node_id: 2}}}}\n{master}")
+    assert {each.code for each in lint_network(read_network([str(file)]))} & {"W826"} == codes
+
+
 def test_a_node_is_checked_with_the_patches_over_its_file(tmp_path: Path) -> None:
     for name, text in our_texts().items():
         (tmp_path / f"{name}.eds").write_text(text)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from eurobot_od.od.document import Entry, Odd, read
 from eurobot_od.od.normal import in_normal_form
+from tests.eds_text import DEVICE_TYPE
 from tests.rows import rows
 
 PLACES = [
@@ -76,7 +77,7 @@ NAMES = {
 
 @rows("encoding, name", NAMES.items())
 def test_a_name_in_a_code_page_is_read_and_fixed_as_what_it_is(encoding: str, name: str) -> None:
-    data = f"[FileInfo]\nFileName=a.eds\nCreatedBy={name}\n".encode(encoding)
+    data = f"[FileInfo]\nFileName=a.eds\nCreatedBy={name}\n{DEVICE_TYPE}".encode(encoding)
     document = read(data)
     assert (document.encoding, document.text("fileinfo", "createdby")) == (encoding, name)
     assert f"CreatedBy={name}" in in_normal_form(data)[0].decode()
@@ -84,5 +85,5 @@ def test_a_name_in_a_code_page_is_read_and_fixed_as_what_it_is(encoding: str, na
 
 @rows("text", ["СКОРОСТЬ".encode("cp1251"), "目標位置".encode("cp932"), bytes(range(0x80, 0x100))])
 def test_a_text_that_no_code_page_fits_for_certain_keeps_its_bytes(text: bytes) -> None:
-    fixed, _ = in_normal_form(b"[FileInfo]\nFileName=a.eds\nCreatedBy=" + text + b"\n")
+    fixed, _ = in_normal_form(b"[FileInfo]\nFileName=a.eds\nCreatedBy=" + text + b"\n" + DEVICE_TYPE.encode())
     assert b"CreatedBy=" + text in fixed

@@ -23,6 +23,7 @@ from eurobot_od.frame import HIGHEST_IDENTIFIER, MOST_BYTES, Data, Frame, Remote
 from eurobot_od.gatekeeper import Event, Gatekeeper, Report
 from eurobot_od.od.standard import ErrorCode
 from eurobot_od.pdo.catalogue import Message
+from eurobot_od.support.connections import Backoff
 
 if TYPE_CHECKING:
     import can
@@ -381,18 +382,38 @@ class Live:
 class LiveGroup:
     """A group of nodes on one bus, in one thread: a whole network of simulated devices.
 
-    A bus that fails ends it; a single node (`Live`) is the one that goes on when its bus comes back. `sent` and
+    A bus that fails is opened again by `opener`, if there is one, and the nodes go on; `report` is told. `sent` and
     `received` count frames. A context manager, which shuts the bus down.
     """
 
-    def __init__(self, bus: can.BusABC, group: NodeGroup, clock: Callable[[], float] = time.perf_counter) -> None:
+    def __init__(
+        self,
+        bus: can.BusABC,
+        group: NodeGroup,
+        clock: Callable[[], float] = time.perf_counter,
+        opener: Opener | None = None,
+        report: Callable[[Report], object] = lambda _: None,
+    ) -> None:
         self.group, self.clock, self.name = group, clock, str(bus.channel_info)
+        self._opener, self._report, self._backoff = opener, report, Backoff()
         self.sent = self.received = 0
         self._driver = Driver(bus)
 
     def run(self, end: float) -> None:
         """Switch the nodes on, and run them until a time of the clock. Raises BusError."""
-        self._send(self.group.start(self.clock()))
+        first: Callable[[float], list[Frame]] = self.group.start
+        while self.clock() < end:
+            try:
+                self._send(first(self.clock()))
+                self._exchange(end)
+            except BusError as why:
+                if self._opener is None:
+                    raise
+                self._reopen(why, self._opener, end)
+                first = self.group.bus_back
+
+    def _exchange(self, end: float) -> None:
+        """Run the nodes until the end or the bus's failure, which raises BusError."""
         while (now := self.clock()) < end:
             if self.group.next_wakeup <= now:
                 self._send(self.group.tick(now))
@@ -400,6 +421,21 @@ class LiveGroup:
             if frame is not None:
                 self.received += 1
                 self._send(self.group.receive(frame, self.clock()))
+
+    def _reopen(self, why: BusError, opener: Opener, end: float) -> None:
+        """Open the bus again, trying until the end."""
+        lost_at = self.clock()
+        self._report(Report(Event.BUS_FAILED, self.name, f"{why}; it is opened again", lost_at))
+        self.group.bus_lost(lost_at)
+        while (now := self.clock()) < end:
+            time.sleep(min(self._backoff.pause(now), end - now))
+            try:
+                self._driver.replace(opener)
+            except BusError:
+                continue
+            gap = self.clock() - lost_at
+            self._report(Report(Event.BUS_BACK, self.name, f"after a gap of {gap:.1f} s", self.clock()))
+            return
 
     def _received(self, wait: float) -> Frame | None:
         """Wait for a frame up to some seconds; None for none, and for one that is not classic CAN with 11 bits."""

@@ -21,6 +21,7 @@ from eurobot_od.device.nmt import NmtState
 from eurobot_od.device.simulated import SimulatedDevice
 from eurobot_od.device.station import NodeGroup
 from eurobot_od.errors import BusError
+from eurobot_od.gatekeeper import Event, Report
 from eurobot_od.od.dictionary import Dictionary
 from tests.client.peers import master_on, new_channel, open_bus
 from tests.eds_text import DEVICE_TYPE, variable
@@ -124,3 +125,36 @@ def test_a_driver_that_takes_no_frame_for_a_second_ends_it() -> None:
         pytest.raises(BusError, match=r"has taken no frame for 1\.0 s: no room"),
     ):
         live.run(inf)
+
+
+class Once(Lost):
+    """A bus that works, and takes all frames to a list."""
+
+    channel_info = "once"
+
+    def __init__(self, sent: list[int]) -> None:
+        super().__init__()
+        self.sent = sent
+
+    def send(self, msg: can.Message, timeout: float | None = None) -> None:
+        self.sent.append(msg.arbitration_id)
+
+    def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
+        return None, False
+
+
+def test_a_bus_that_fails_is_opened_again_and_the_devices_go_on() -> None:
+    sent, told, tries = list[int](), list[Report](), count()
+
+    def opener() -> can.BusABC:
+        if next(tries) == 0:
+            raise BusError("not yet")
+        return Once(sent)
+
+    group = NodeGroup([SimulatedDevice(Dictionary.read(BEATING.encode(), Path("a.eds"), 5))])
+    seconds = count(0.0, 0.05)
+    with LiveGroup(Lost(), group, lambda: next(seconds), opener=opener, report=told.append) as live:
+        live.run(5.0)
+    assert [each.event for each in told] == [Event.BUS_FAILED, Event.BUS_BACK]
+    assert str(told[0]).endswith("No such device; it is opened again")
+    assert sent.count(0x705) > 1  # its heartbeat
