@@ -362,6 +362,70 @@ def test_the_numbers_of_the_axes_are_off_the_border(page: Page, width: int) -> N
     assert min(gaps) >= 2
 
 
+def test_a_match_has_the_window_with_its_clock_points_nodes_and_words(
+    window: Page, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    strategy, file = tmp_path / "talks.py", tmp_path / "match.html"
+    strategy.write_text("""async def play(core):
+        core.say("to the <b>frescos</b>")
+        while (await core.goto(1400, 1800, 90, 80)).outcome.value != "arrived":
+            pass
+        await core.act("frescos")
+    """)
+    words = [
+        "--strategy",
+        str(strategy),
+        "--duration",
+        "12",
+        "--enemies",
+        "0",
+        "--confederates",
+        "0",
+        "--set",
+        "tasks.frescos.chance=1",
+    ]
+    assert cli.main(["match", *words, "--field", str(file)]) == 0
+    assert "says       to the <b>frescos</b>\n" in capsys.readouterr().out
+    window.size(1400)
+    window.open(file.as_uri())
+    assert window.run("document.querySelector('svg.field').clientWidth") > 1300
+    begin = float(window.run("sources[0].sortedEvents().find(each => each.kind === 'said').time"))
+    for time, shown in ((begin + 1, "to the <b>frescos</b>"), (begin + 11.5, "")):
+        window.run(f"clock.seek({time})")
+        window.wait(f"Number(document.body.dataset.time) === {round(time, 3)}")
+        assert window.text(".board .caption") == (f"ours: {shown}" if shown else "")
+    points = "sources[0].sortedEvents().filter(each => each.kind === 'points').map(each => each.data.points)"
+    made = sum(window.run(points))
+    assert made
+    assert window.text(".board .points") == f"ours {made}"
+    assert [each in window.text(".board") for each in ("core operational", "drive operational")] == [True, True]
+
+
+def test_names_of_robots_do_not_cover_each_other(page: Page) -> None:
+    # Our confederate where we are: both names would stand at the same place.
+    page.run("""(() => {
+        const [ours, other] = ['Kalman', 'Confederate'].map(each => sources[0].row(`${each} Position Response`));
+        other.columns = other.columns.map((column, place) => column.map((_, each) =>
+            place < 2 ? ours.columns[place][Math.min(each, ours.times.length - 1)] : column[each]));
+    })()""")
+    covered = page.run("""(async () => {
+        let covered = 0;
+        for (let time = 0; time < clock.end; time += 0.5) {
+            clock.seek(time);
+            await new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)));
+            const boxes = [...document.querySelectorAll('.field .names text')]
+                .filter(each => each.textContent && each.getAttribute('visibility') === 'visible')
+                .map(each => each.getBoundingClientRect());
+            boxes.forEach((one, place) => boxes.slice(place + 1).forEach(other => {
+                const beside = one.left >= other.right || other.left >= one.right;
+                if (!beside && one.top + 4 < other.bottom && other.top + 4 < one.bottom) covered += 1;
+            }));
+        }
+        return covered;
+    })()""")
+    assert covered == 0
+
+
 @pytest.mark.long
 def test_a_served_log_has_what_lies_beside_it(logs: list[Path], window: Page, served_logs: str) -> None:
     assert [each.with_name(f"{each.name}.truth.json").is_file() for each in logs] == [True, True]

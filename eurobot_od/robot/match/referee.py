@@ -48,6 +48,7 @@ class Observer:
         self.errors: list[float] = []
         self._core, self._timeline, self._truth = core, timeline, truth
         core.observe = self._began
+        core.told.append(partial(timeline.tell, EventKind.SAID))
 
     def _began(self, what: GotoXY | str, call: Call[Any]) -> None:
         begin = self._timeline.clock()

@@ -47,7 +47,7 @@ from eurobot_od.robot.world import World
 from eurobot_od.robot.world.bodies import Touch
 from eurobot_od.robot.world.instruments import equip
 from eurobot_od.robot.world.remote import RemoteVehicle
-from eurobot_od.robot.world.world import OURS, RIVAL, EventKind, MatchEvent, Timeline
+from eurobot_od.robot.world.world import OURS, RIVAL, Caption, EventKind, MatchEvent, Timeline
 from eurobot_od.traffic.recorder import recording
 
 # Settings: values in a node's object dictionary that replace those of its EDS file
@@ -134,7 +134,9 @@ def cast_for(options: MatchOptions, files: EdsFiles, world: World, name: str = O
     # The rival's instruments have random streams of their own: with ours, both robots would slip at the same moments.
     seed = str(options.seed) if name == OURS else f"{options.seed} {name}"
     equip(nodes, world.vehicle(name), options.errors, seed)
-    return cast(Core, nodes[0]), nodes
+    core = cast(Core, nodes[0])
+    core.told.append(lambda words: world.captions.append(Caption(world.clock(), name, words)))
+    return core, nodes
 
 
 class Performance:

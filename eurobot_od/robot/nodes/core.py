@@ -84,6 +84,7 @@ from eurobot_od.robot.nodes.node import (
     Loss,
     Objects,
 )
+from eurobot_od.support.texts import one_line
 
 POLLED_POSITIONS: tuple[tuple[Message, Setting[float], Source], ...] = (
     (messages.NaviPositionRequest(), seconds("Position polling.Navi offset"), Source.INTERNAL),
@@ -128,7 +129,7 @@ class Core(CallingNode, CoreSettings):
     a new start configuration, `match_over` from the end of a match until the next one is started. `is_commanding` tells
     whether a goto is under way. `sensor` and `actuators` are the robot's equipment besides the bus, None if it has
     none. `observe` is called with each goto and each task, and its call, when it begins; `at_match_end` when a match is
-    over and a stop has gone out.
+    over and a stop has gone out; each of `told` with what the strategy says.
     """
 
     def __init__(
@@ -144,6 +145,7 @@ class Core(CallingNode, CoreSettings):
         self.sensor, self.actuators = sensor, actuators
         self.observe: Callable[[messages.GotoXY | str, Call[Any]], None] = lambda _what, _call: None
         self.at_match_end: Callable[[], object] = lambda: None
+        self.told: list[Callable[[str], object]] = []
         self._losses: list[Call[str]] = []
         self._forget()
         for part in self.COMPONENTS.values():
@@ -385,6 +387,14 @@ class Core(CallingNode, CoreSettings):
         with self.guard:
             self._check_free(message)
             super().send(message)
+
+    def say(self, words: object) -> None:
+        """Say something to whoever watches: a line of the match's timeline, and a caption on its field.
+
+        Nothing of it is on the bus.
+        """
+        for each in self.told:
+            each(one_line(str(words)))
 
     def ask(self, request: Message, answer: type[MessageT], timeout: float = ANSWER_WAIT) -> Call[MessageT]:
         """Send a message, and wait up to `timeout` seconds for one that answers it.

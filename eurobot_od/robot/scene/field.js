@@ -7,6 +7,7 @@
 panel("field", (setup, source) => {
   const TRAIL = 20, LONGEST_GAP = 2;        // s of the path that is drawn; s between sightings that still belong together
   const KEPT = 60;                          // s that a mark is shown
+  const SAID = 5;                           // s that a caption is shown
   const OLD = 2, FRESH = 0.5;               // a place is stale after so many of its periods, and after s at the soonest
   const across = y => setup.height - y;
   function drawn(text) {                    // SVG as text; what it has of other people's texts is escaped there
@@ -22,8 +23,9 @@ panel("field", (setup, source) => {
   // The drawing's units are mm, and a name has to be read at any width: the style says how large a pixel is.
   let letter = 38;                          // mm that a line of text is high
   new ResizeObserver(() => {
-    const width = drawing.clientWidth, pixel = drawing.viewBox.baseVal.width / width;
-    if (!width) return;
+    const {clientWidth: width, clientHeight: height} = drawing, box = drawing.viewBox.baseVal;
+    if (!width || !height) return;
+    const pixel = Math.max(box.width / width, box.height / height);
     drawing.style.setProperty("--pixel", pixel);
     letter = Math.max(38, 11 * pixel);
     stale = true;
@@ -37,6 +39,7 @@ panel("field", (setup, source) => {
     layers.trails.append(s("g", {class: "trail"}, trail, doubted));
     return {name, message, body, label, group, trail, doubted};
   });
+  const board = h("p", {class: "board", role: "status", "aria-live": "off"});
   const list = h("p", {class: "where", role: "status", "aria-live": "off"});
   const legend = h("p", {class: "legend hint"}, ...setup.legend.map(([words, sample]) => h("span", {},
     s("svg", {class: "field sample", viewBox: "-50 -50 100 100", "aria-hidden": "true"}, drawn(sample)), words)));
@@ -152,10 +155,30 @@ panel("field", (setup, source) => {
     robot.trail.parentNode.style.color = look.colour;
     robot.trail.setAttribute("stroke-dasharray", look.dashes || "none");
     say(robot.label, look.trail ? age ? `${robot.name}, ${age.toFixed(0)} s ago` : robot.name : "");
-    const isBelow = across(place.y) < look.radius + 20 + letter;   // above it there is the border
-    robot.label.setAttribute("y", isBelow ? look.radius + 20 + letter : -look.radius - 20);
+    name(robot.label, place, look.radius + 20);
     return `${robot.name} ${place.x.toFixed(0)}, ${place.y.toFixed(0)} mm`
       + (place.angle === null ? "" : `, ${Math.round(place.angle + 360) % 360}°`) + (age ? `, seen ${age.toFixed(1)} s ago` : "");
+  }
+  let named = [];                           // the boxes of the names that stand already: mm, on the drawing
+  function name(label, place, away) {       // above its robot, or below, or further off where another name stands
+    const half = label.textContent.length * letter * 0.3, middle = across(place.y);
+    const box = y => ({left: place.x - half, right: place.x + half, top: middle + y - letter, bottom: middle + y});
+    const isFree = one => one.top > 0 && named.every(other => one.right < other.left || other.right < one.left
+      || one.bottom < other.top || other.bottom < one.top);
+    const tried = [0, 1, 2, 3].flatMap(each => [-away - each * letter, away + (each + 1) * letter]);
+    const y = tried.find(each => isFree(box(each))) ?? tried[middle < away + letter ? 1 : 0];
+    if (label.textContent) named.push(box(y));
+    label.setAttribute("y", y);
+  }
+  function boardAt(time) {                  // the match's clock, the points so far, and how each node is
+    const points = new Map(), events = source.sortedEvents(), start = events.findLast(each => each.kind === "start" && each.time <= time);
+    for (const {data} of events.filter(each => each.kind === "points")) points.set(data.robot, 0);
+    for (const {data} of events.filter(each => each.kind === "points" && each.time <= time)) points.set(data.robot, points.get(data.robot) + data.points);
+    const nodes = source.nodes.map(node => [node.name, nodeNow(source, node, time)]).filter(([, now]) => now.state || now.lost);
+    return [h("b", {class: "clock"}, start ? `${Math.max(time - start.time, 0).toFixed(1)} s since the start` : "before the start"),
+      ...[...points].map(([robot, sum]) => h("b", {class: "points"}, `${robot} ${sum}`)),
+      h("i", {class: "caption"}, events.findLast(each => each.kind === "said" && each.time <= time && time - each.time < SAID)?.text ?? ""),
+      ...nodes.map(([node, now]) => h("span", {class: now.lost ? "is-wrong" : ""}, `${node} ${now.lost ? "lost" : now.state}`))];
   }
   const within = (row, from, to) => [...Array(Math.max(to - from, 0)).keys()].map(each => from + each).filter(each => sighting(row, each));
   function trailOf(row, time, place) {
@@ -182,9 +205,11 @@ panel("field", (setup, source) => {
   }
   return {
     begins,
-    element: h("div", {class: "field-panel"}, drawing, list, form, legend),
+    element: h("div", {class: "field-panel"}, board, drawing, list, form, legend),
     show(time) {
       const looks = looksAt(time);
+      named = [];
+      board.replaceChildren(...boardAt(time));
       say(list, robots.map((robot, place) => showRobot(robot, looks[place], time)).filter(Boolean).join(" · ") || "no robot seen yet");
       showItems(time);
       show(form, connection.control);

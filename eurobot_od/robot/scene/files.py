@@ -121,7 +121,7 @@ def truth_of(world: World) -> Truth:
     """Return what nobody could see on the bus: where our robot was, what it touched, how it made its points."""
     ours = [touch for touch in world.touches if OURS in (touch.robot, touch.thing)]
     touches = [TouchMark(each.time, Point(each.x, each.y), str(each), each.is_fault_of(OURS)) for each in ours]
-    return Truth([*_thinned(world.path)], touches, [ScoredTask(*score) for score in world.game.scores])
+    return Truth([*_thinned(world.path)], touches, [ScoredTask(*score) for score in world.game.scores], world.captions)
 
 
 def _thinned(path: Iterable[tuple[float, Pose]]) -> Iterator[PathPoint]:

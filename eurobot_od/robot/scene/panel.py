@@ -209,7 +209,10 @@ def truth_events(truth: Truth, facts: Facts) -> Iterator[PageEvent]:
         yield PageEvent(name, "touch", touch.time, touch.words, None, "✶", touch.at_fault, data)
     for number, score in enumerate(truth.scores):
         text = f"{score.robot}: {score.task} +{score.points}"
-        yield PageEvent(f"points {number}", "points", score.time, text, mark=f"+{score.points}")
+        made = {"robot": score.robot, "points": score.points}
+        yield PageEvent(f"points {number}", "points", score.time, text, mark=f"+{score.points}", data=made)
+    for number, said in enumerate(truth.captions):
+        yield PageEvent(f"said {number}", "said", said.time, f"{said.robot}: {said.words}")
 
 
 def true_path(truth: Truth) -> list[dict[str, Any]]:

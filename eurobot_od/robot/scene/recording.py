@@ -18,6 +18,7 @@ from eurobot_od.pdo.catalogue import Message, is_flagged, kinds
 from eurobot_od.robot.model import messages
 from eurobot_od.robot.model.places import Point
 from eurobot_od.robot.model.values import FAULT_OUTCOME, GotoFault, Outcome, TeamColour
+from eurobot_od.robot.world.world import Caption
 from eurobot_od.support.files import read_whole, write_whole
 
 
@@ -94,11 +95,14 @@ class ScoredTask(NamedTuple):
 
 
 class Truth(NamedTuple):
-    """What nobody can see on the bus, with times by its clock: our true poses, touches, and who made which points."""
+    """What nobody can see on the bus, with times by its clock: our true poses, touches, who made which points, and what
+    the strategies said.
+    """
 
     path: Sequence[PathPoint] = ()
     touches: Sequence[TouchMark] = ()
     scores: Sequence[ScoredTask] = ()
+    captions: Sequence[Caption] = ()
 
     def later(self, by: float) -> Truth:
         """Return the same `by` s later: by another clock."""
@@ -294,4 +298,5 @@ def _truth(data: Any) -> Truth:
         [PathPoint(*map(float, place)) for place in data["path"]],
         [TouchMark(float(time), Point(*place), str(words), bool(ours)) for time, place, words, ours in data["touches"]],
         [ScoredTask(float(time), str(robot), str(task), int(points)) for time, robot, task, points in data["scores"]],
+        [Caption(float(time), str(robot), str(words)) for time, robot, words in data.get("captions", ())],
     )

@@ -153,7 +153,7 @@ NARROW = 48
 def timeline(recording: Recording) -> str:
     """Draw the time from left to right: the path's colours, the gotos as bars, the stops."""
     # A log of one frame has no length, and everything on the line is divided by it.
-    end, (_, touches, scores) = max(recording.end, 1.0), recording.truth
+    end, (_, touches, scores, _) = max(recording.end, 1.0), recording.truth
     x = svg.Axis(0, end, 0, WIDTH).at
     ours = "; line: our points" if scores else ""
     other = ", dashed: the other robot's" if any(each.robot != OURS for each in scores) else ""

@@ -54,6 +54,7 @@ class EventKind(Enum):
     ARRIVED = "arrived"
     GIVEN_UP = "given up"
     TASK = "task"
+    SAID = "says"
     TOUCH = "touch"
     STOP = "stop"
     EMERGENCY = "emergency"
@@ -105,6 +106,14 @@ class Score(NamedTuple):
     robot: str
     task: str
     points: int
+
+
+class Caption(NamedTuple):
+    """What a robot's strategy said, and when, in s."""
+
+    time: float
+    robot: str
+    words: str
 
 
 class Game:
@@ -269,6 +278,7 @@ class World:
         self.facts = options.facts() if facts is None else facts
         self.game = Game(options.seed)
         self.touches: list[Touch] = []
+        self.captions: list[Caption] = []
         self.watchers: list[Callable[[Touch], None]] = []
         self.things = standing(self.facts.barriers)
         self.robots: dict[str, RobotBody] = {}

@@ -883,21 +883,19 @@ function start() {
     h("main", {class: panels.length ? "with-panel" : ""}, ...sections), h("footer", {}, line && line.element, stop), toastLine);
   const alarms = h("div", {id: "alarms", class: "heard-only", role: "alert"});
   document.body.append(alarms);
-  let current = all[0];
   const wide = matchMedia("(min-width: 1200px)");
   function choose(view) {
     current = view;
     history.replaceState(null, "", `#${view.name}`);
     layout();
   }
-  function layout() {                       // on a wide screen a panel stands beside the other views
-    const beside = wide.matches && panels.length > 0;
-    if (beside && current.panel) current = views[0];
+  function layout() {                       // a panel has the whole window, or stands beside another view if there is room
+    const beside = wide.matches && panels.length > 0 && !current.panel;
     all.forEach((view, place) => {
       const chosen = view === current;
       tabs[place].setAttribute("aria-selected", String(chosen));
       tabs[place].tabIndex = chosen ? 0 : -1;
-      show(tabs[place], !(beside && view.panel) && !(view.control && !connection.control));
+      show(tabs[place], !(view.control && !connection.control));
       show(sections[place], chosen || (beside && view.panel === true));
     });
     document.body.classList.toggle("beside", beside);
@@ -905,7 +903,7 @@ function start() {
     stale = true;
   }
   wide.addEventListener("change", layout);
-  current = all.find(view => `#${view.name}` === location.hash) || current;
+  let current = all.find(view => `#${view.name}` === location.hash) || (live && wide.matches ? views[0] : all[0]);
   layout();
   keyboard(tabs);
   let drawn = 0, controlled = false;

@@ -42,6 +42,7 @@ from eurobot_od.robot.scene.recording import (
     truth_file,
     write_truth,
 )
+from eurobot_od.robot.world.world import Caption
 
 PROTOCOL = EurobotProtocol.load()
 ONE, TWO = GotoXY(1000, 500, 0, 50), GotoXY(2000, 500, 90, 50)
@@ -140,8 +141,11 @@ def test_team() -> None:
 
 def test_what_the_world_knows_has_the_clock_of_the_messages() -> None:
     touch, score = TouchMark(101.0, Point(5, 6), "ours touched fire 1", True), ScoredTask(102.0, OURS, "tree 1", 3)
-    recording = record([(100.0, ONE)], Truth([PathPoint(100.5, 1, 2, 3)], [touch], [score]))
-    assert recording.truth == ([(0.5, 1, 2, 3)], [touch._replace(time=1.0)], [score._replace(time=2.0)])
+    said = Caption(103.0, OURS, "done")
+    recording = record([(100.0, ONE)], Truth([PathPoint(100.5, 1, 2, 3)], [touch], [score], [said]))
+    assert recording.truth.path == [(0.5, 1, 2, 3)]
+    later = touch._replace(time=1.0), score._replace(time=2.0), said._replace(time=3.0)
+    assert recording.truth[1:] == tuple([each] for each in later)
 
 
 def test_frames_that_are_not_messages_are_left_out() -> None:
@@ -171,6 +175,7 @@ TRUTH = Truth(
     [PathPoint(10.0, 1.0, 2.0, 3.0), PathPoint(10.5, 4.0, 5.0, 6.0)],
     [TouchMark(11.0, Point(7.0, 8.0), "ours and enemy 1", True)],
     [ScoredTask(12.5, "ours", "fruit", 4)],
+    [Caption(10.25, "ours", "to the tree")],
 )
 
 
