@@ -17,6 +17,7 @@ from typing import NamedTuple
 
 import polars as pl
 import pyarrow as pa
+import pyarrow.compute as pc
 
 from eurobot_od.errors import shown_identifier
 from eurobot_od.frame import identifier_text
@@ -152,7 +153,12 @@ class _Field:
 
     def scaled(self) -> pl.Expr:
         """Return the raw value's number of units where it is a number."""
-        return self.number() / self.kind.per_unit
+
+        def divided(raws: pl.Series) -> pl.Series:
+            # By Arrow: Polars multiplies by 1 / 10, and 3 steps of 0.1 would be 0.30000000000000004.
+            return pl.Series(raws.name, pc.divide(raws.to_arrow(), self.kind.per_unit))
+
+        return self.number().cast(pl.Float64).map_batches(divided, return_dtype=pl.Float64)
 
     def word(self) -> pl.Expr:
         """Return the words for the raw values."""

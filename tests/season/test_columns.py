@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from enum import IntEnum
 from pathlib import Path
+from typing import Annotated, NamedTuple
 
 import pytest
 
@@ -15,7 +17,8 @@ import pyarrow.parquet as pq
 from eurobot_od.errors import EurobotError
 from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.pdo.catalogue import NOTHING
+from eurobot_od.pdo.catalogue import NOTHING, Catalogue
+from eurobot_od.pdo.kinds import Quantity
 from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.robot import dialects
 from eurobot_od.robot.match import MatchOptions
@@ -94,6 +97,42 @@ def test_every_type_at_any_offset_is_what_the_protocol_says(tmp_path: Path) -> N
     frames = [each for each in random_frames(5000, protocol) if not _is_nan(protocol, each)]
     season = archived(write_log(tmp_path / "random.log", frames), network)
     assert_equal_to_protocol(season, frames, network)
+
+
+class Reading(IntEnum):
+    """What a sensor sends instead of a number."""
+
+    NOTHING = 60
+    TOO_NEAR = -30
+
+
+def test_steps_of_a_unit_and_codes_are_what_the_protocol_says(tmp_path: Path) -> None:
+    catalogue = Catalogue()
+
+    @catalogue.message()
+    class Tenths(NamedTuple):
+        """Steps of 0.1 mm, and two codes."""
+
+        value: Annotated[float | Reading, Quantity("mm", step=0.1, within=(-2.5, 5), codes=Reading)]
+
+    @catalogue.message()
+    class Whole(NamedTuple):
+        """Whole millimetres, and a code below them."""
+
+        value: Annotated[int | Reading, Quantity("mm", within=(0, 50), codes=Reading)]
+
+    text, file = DEVICE_TYPE, tmp_path / "sensor.eds"
+    for number, name in enumerate(("Tenths", "Whole")):
+        text += variable(f"{0x2000 + number:X}", "value", "INTEGER8", more="LowLimit=-30\nHighLimit=60\n")
+        text += pdo(0x1800 + number, f"0x{0x2000 + number:04X}0008", cob_id=f"0x{0x181 + number:X}", name=name)
+    file.write_text(text)
+    network = DecodedNetwork((Dictionary.load(file, 5),), catalogue)
+    frames = [(raw / 100, Frame(0x181 + number, bytes([raw]))) for raw in range(256) for number in (0, 1)]
+    season = archived(write_log(tmp_path / "all.log", frames), network)
+    assert_equal_to_protocol(season, frames, network)
+    tenths = table(season, "tenths")
+    assert tenths.row(3, named=True)["value"] == 0.3
+    assert tenths["value_flag"].drop_nulls().value_counts().height > 100, "what is out of range is flagged"
 
 
 def _is_nan(protocol: Protocol, timed: Timed) -> bool:
