@@ -16,6 +16,7 @@ from tests.rows import rows
 
 REFUSED = "is not allowed; allowed: whole numbers"
 BEAT = "0..65535 ms"
+HEART = "did you mean heartbeat or heartbeat_timeout?"
 WAIT = "bits: 16, range: [1, 0xFFFF]"
 KEYS = (
     "known: file, vendor, serial_number, hardware_version, software_version, bit_rate, bit_rates, heartbeat, "
@@ -28,7 +29,7 @@ INVALID = {
     "two documents": ("dialects:", "^---\ndialects:", "a second document, where one is all there can be"),
     "control character": ("name: Somebody", "name: Some^\x07body", "special characters are not allowed"),
     # keys
-    "unknown key": ("heartbeat: 1000", "^heart: 5\nheartbeat: 1000", f"unknown key 'heart'; {KEYS}"),
+    "unknown key": ("heartbeat: 1000", "^heart: 5\nheartbeat: 1000", f"unknown key 'heart'; {HEART}"),
     "missing key": ("{name: Somebody, number: 0}", "^{name: Somebody}", "key 'number' is missing"),
     "key twice": ("serial_number: 1", "serial_number: 1\n^serial_number: 1", "key 'serial_number' is given twice"),
     "name twice": ("  drive:\n", "  ^core: *core\n  drive:\n", "key 'core' is given twice"),
