@@ -356,9 +356,10 @@ def read_xml(data: bytes) -> Document:
         what, line = error.args
         return Document({}, [Oddity(Odd.XML, line, 1, what)], is_xml=True)
     parameters = _Parameters(root)
-    objects = [each for each in root.all("CANopenObject") if _digits(each, "index") is not None]
+    objects, lost = _addressed(root.all("CANopenObject"), "index")
+    oddities = lost + [oddity for each in objects for oddity in _addressed(_subs(each), "subIndex")[1]]
     disabled = [each for each in objects if parameters.is_disabled(each)]
-    oddities = [Oddity(Odd.DISABLED, each.line, each.column, f"0x{_digits(each, 'index'):04X}") for each in disabled]
+    oddities += [Oddity(Odd.DISABLED, each.line, each.column, f"0x{_digits(each, 'index'):04X}") for each in disabled]
     sections = _sections(root, [each for each in objects if not parameters.is_disabled(each)], parameters)
     return Document({each.name.lower(): each for each in sections}, oddities, is_xml=True)
 
@@ -496,9 +497,25 @@ def _section(name: str, at: XmlElement | Section, entries: Mapping[str, str]) ->
     return Section(name, at.line, at.column, said)
 
 
-def _digits(each: XmlElement, name: str, most: int = 4) -> int | None:
-    """Return the number that an attribute has in hexadecimal digits; None for anything else."""
-    text = each.attributes.get(name, "")
+DIGITS = {"index": 4, "subIndex": 2}
+"""Most hexadecimal digits of an object's address."""
+
+
+def _addressed(elements: Iterable[XmlElement], name: str) -> tuple[list[XmlElement], list[Oddity]]:
+    """Return those of some elements that have an address, and what is to be said of the others: they are lost."""
+    found, lost = list[XmlElement](), list[Oddity]()
+    for each in elements:
+        if _digits(each, name) is None:
+            what = f"{name} {each.attributes.get(name, '')!r} of {each.attributes.get('name', '')!r} is not a number"
+            lost.append(Oddity(Odd.ADDRESS, each.line, each.column, what))
+        else:
+            found.append(each)
+    return found, lost
+
+
+def _digits(each: XmlElement, name: str) -> int | None:
+    """Return the number that an address has in hexadecimal digits, some editors with 0x; None for anything else."""
+    text, most = each.attributes.get(name, "").removeprefix("0x"), DIGITS[name]
     return int(text, 16) if 0 < len(text) <= most and not text.strip(values.DIGITS[16]) else None
 
 
@@ -550,7 +567,7 @@ def _lists(at: XmlElement, objects: Iterable[XmlElement]) -> Iterator[Section]:
 
 def _object(each: XmlElement, parameters: _Parameters) -> Iterator[Section]:
     """Give the sections of an object and its sub-indices."""
-    name, subs = f"{_digits(each, 'index') or 0:04X}", [sub for sub in each.children if sub.tag == "CANopenSubObject"]
+    name, subs = f"{_digits(each, 'index') or 0:04X}", _addressed(_subs(each), "subIndex")[0]
     if not subs and "subNumber" not in each.attributes:
         yield _section(name, each, _entries(each, parameters))
         return
@@ -561,8 +578,12 @@ def _object(each: XmlElement, parameters: _Parameters) -> Iterator[Section]:
         yield _section(f"{name}sub{_sub(sub):X}", sub, _entries(sub, parameters))
 
 
+def _subs(each: XmlElement) -> list[XmlElement]:
+    return [sub for sub in each.children if sub.tag == "CANopenSubObject"]
+
+
 def _sub(each: XmlElement) -> int:
-    return _digits(each, "subIndex", 2) or 0
+    return _digits(each, "subIndex") or 0
 
 
 def _entries(each: XmlElement, parameters: _Parameters) -> dict[str, str]:

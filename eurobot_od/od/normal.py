@@ -278,7 +278,8 @@ class _Writer:
             if each.kind in ODDITIES
         ]
         self._changes += (Change(*each) for each in misspelled(document))
-        self._refusals = [Refusal(NO_OBJECT, None, *each) for each in self.misfits]
+        lost = ((each.line, each.text) for each in document.oddities if each.kind is Odd.ADDRESS)
+        self._refusals = [Refusal(NO_OBJECT, None, *each) for each in (*self.misfits, *lost)]
         self._dropped: list[Dropped] = []
         self._out: list[str] = []
 
