@@ -97,9 +97,13 @@ def decimal_subs(document: Document) -> dict[str, str]:
     hexadecimal numbers they would be the addresses of other objects, so that anything less clear stays as it is.
     """
     found: dict[str, str] = {}
-    for name in [each for each in document.sections if each.endswith("sub10")]:
-        head = name[:4]
-        subs = [each for each in document.sections if each.startswith(f"{head}sub")]
+    parts: dict[str, list[str]] = {}
+    for name in document.sections:
+        if name[4:7] == "sub":
+            parts.setdefault(name[:4], []).append(name)
+    for head, subs in parts.items():
+        if f"{head}sub10" not in subs:
+            continue
         numbers = {int(match[2]): each for each in subs if (match := DECIMAL_SUB.fullmatch(each))}
         zero = document.sections.get(f"{head}sub0")
         highest = parse_number(zero.text("parametervalue") or zero.text("defaultvalue")) if zero else None
