@@ -201,7 +201,9 @@ def _variable(at: Section, name: str, title: str, type_: DataType, default: str)
 
 
 TEXTS = (values.VISIBLE_STRING, values.UNICODE_STRING)
-BYTES = (values.OCTET_STRING, values.DOMAIN)
+UNKNOWN_TYPE = values.DOMAIN._replace(name="a number, and of an unknown type")
+"""Stands for a type that nobody knows: its values are bytes."""
+BYTES = (values.OCTET_STRING, values.DOMAIN, UNKNOWN_TYPE)
 
 
 @lru_cache(maxsize=REMEMBERED_NUMBERS)
@@ -226,6 +228,9 @@ PLAIN_RELATIVE = re.compile(r"\$NODEID\+(?:0[xX][0-9A-Fa-f]+|0|[1-9][0-9]*)")
 @lru_cache(maxsize=REMEMBERED_NUMBERS)
 def plain_value(text: str, type_: DataType) -> str | None:
     """Write a value of a data type as every tool reads it; None if it does not fit the type."""
+    number = parse_number(text) if type_ is UNKNOWN_TYPE and PLAIN.fullmatch(text) else None
+    if number and number.value >= 0:  # as whoever knows the type reads it, least significant byte first
+        return number.value.to_bytes(-(-number.value.bit_length() // 8) or 1, "little").hex()
     if type_ in TEXTS:
         return text
     if type_ in BYTES:
