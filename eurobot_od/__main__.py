@@ -19,7 +19,9 @@ def run(name: str = "") -> int:
     """
     try:
         from eurobot_od.cli import main
+        from eurobot_od.support.extras import put_off
 
+        put_off("asammdf")  # python-can imports it wherever it is, which takes a second
         sys.argv[0] = name or sys.argv[0]
         return main()
     except KeyboardInterrupt:

@@ -221,12 +221,13 @@ class Plugin(NamedTuple):
 
     def shipped_suites(self) -> dict[str, Path]:
         """Return the files of the robot's suites by name."""
-        return {file.stem: file for file in sorted(self.suites.glob("*.yaml"))} if self.suites else {}
+        files = sorted(self.suites.glob("*.yaml")) if self.suites else ()
+        return {file.stem.removesuffix(".check"): file for file in files}
 
     def suite(self, text: str) -> Path:
         """Return the file that is meant by a path or by the name of one of the robot's suites; raises UnknownName."""
         shipped, path = self.shipped_suites(), Path(text)
-        if text in shipped and not path.is_file():  # a file that lies here is what was meant, whatever it is called
+        if text in shipped:  # a file of this name is a program, or a folder of one: `./lift` names it
             return shipped[text]
         if not path.is_file() and path.suffix not in (".yaml", ".yml"):
             raise UnknownName("suite", text, shipped)

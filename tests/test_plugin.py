@@ -319,3 +319,20 @@ def test_a_robot_without_anything_is_the_workbench_alone() -> None:
     with pytest.raises(LocalError, match="which devices"):
         NO_ROBOT.dialects.load_all()
     assert NO_ROBOT.fault_names() == [name for name in ROBOT.fault_names() if name in NO_ROBOT.fault_names()]
+
+
+def test_a_suite_has_the_name_of_its_file_and_a_program_of_that_name_is_no_suite(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("lift.check.yaml", "arm.yaml", "notes.txt"):
+        (tmp_path / name).touch()
+    robot = Plugin(suites=tmp_path)
+    assert robot.shipped_suites() == {"arm": tmp_path / "arm.yaml", "lift": tmp_path / "lift.check.yaml"}
+    here = tmp_path / "here"
+    here.mkdir()
+    monkeypatch.chdir(here)
+    (here / "lift").touch()  # compiled
+    assert robot.suite("lift") == tmp_path / "lift.check.yaml"
+    assert robot.suite("./lift") == Path("lift")
+    with pytest.raises(UnknownName, match="unknown suite 'lft'"):
+        robot.suite("lft")

@@ -5,20 +5,16 @@ Lengths are in bit times: exactly, and at most.
 
 from __future__ import annotations
 
-import re
-from functools import lru_cache
+from collections import Counter
+from collections.abc import Iterable
+from functools import cache, lru_cache
+from typing import NamedTuple
 
-from eurobot_od.frame import EXTENDED, HIGHEST_EXTENDED, Frame
+from eurobot_od.frame import EXTENDED, HIGHEST_EXTENDED, MOST_BYTES, Frame
 
 # x^15 + x^14 + x^10 + x^8 + x^7 + x^4 + x^3 + 1, its highest power left out (ISO 11898-1).
 CRC_POLYNOMIAL = 0x4599
 CRC_BITS = 15
-
-STUFFED = re.compile("0{5}(?:1{4}0{4})*(?:1{4})?|1{5}(?:0{4}1{4})*(?:0{4})?")
-"""Bits with stuff bits among them: one behind five equal bits, and behind each four of the other level from then on.
-
-A stuff bit has the other level, and begins the next run itself.
-"""
 
 END_OF_FRAME = 7
 INTERMISSION = 3
@@ -35,12 +31,16 @@ KNOWN = 1 << 11
 @lru_cache(maxsize=KNOWN)
 def frame_bits(frame: Frame) -> int:
     """Return the bit times from the start of frame to the end of the intermission behind it."""
-    bits = _identifier_bits(frame) + f"{len(frame.data):04b}"
-    if not frame.is_remote:  # a remote frame has the length of the answer, and no data
-        bits += "".join(f"{byte:08b}" for byte in frame.data)
-    bits += f"{crc(bits):0{CRC_BITS}b}"
-    stuffed = sum((len(each) - 1) // 4 for each in STUFFED.findall(bits))
-    return len(bits) + stuffed + ACKNOWLEDGE_BITS + END_OF_FRAME + INTERMISSION
+    head = _head(frame.cob_id, frame.is_remote, len(frame.data))
+    return _bits(
+        head, b"" if frame.is_remote else frame.data
+    )  # a remote frame has the length of the answer, and no data
+
+
+def bits_together(cob_id: int, data: Iterable[bytes]) -> int:
+    """Return the bit times of data frames with one identifier, as `frame_bits` of each."""
+    heads = [_head(cob_id, False, length) for length in range(MOST_BYTES + 1)]
+    return sum(number * _bits(heads[len(each)], each) for each, number in Counter(data).items())
 
 
 def longest_frame(length: int) -> int:
@@ -53,21 +53,81 @@ def longest_frame(length: int) -> int:
     return stuffable + (stuffable - 1) // 4 + ACKNOWLEDGE_BITS + END_OF_FRAME + INTERMISSION
 
 
-def _identifier_bits(frame: Frame) -> str:
-    """Return the bits from the start of frame to the length."""
-    remote = int(frame.is_remote)
-    if not frame.cob_id & EXTENDED:  # after the identifier RTR, IDE 0 for 11 bits, and a reserved bit
-        return f"0{frame.cob_id:011b}{remote}00"
-    bits = f"{frame.cob_id & HIGHEST_EXTENDED:029b}"  # between its parts SRR and IDE, both 1; two reserved bits behind
-    return f"0{bits[:11]}11{bits[11:]}{remote}00"
+# Byte by byte, with a table: how many stuff bits there are in it depends on the run of equal bits before it
 
 
-def crc(bits: str) -> int:
-    """Return the CRC over bits. Byte by byte: zeros in front change nothing, as it begins with zero."""
+class _Head(NamedTuple):
+    """A frame up to its length: all bits but stuff bits, CRC register, run at its end, and stuff bits so far."""
+
+    bits: int
+    register: int
+    run: int
+    stuffed: int
+
+
+LONGEST_RUN = 5
+"""Behind so many equal bits comes one of the other level, which begins the next run itself."""
+
+
+@cache
+def _head(cob_id: int, is_remote: bool, length: int) -> _Head:
+    bits = _identifier_bits(cob_id, is_remote) + f"{length:04b}"
     register = 0
-    for byte in int(bits, 2).to_bytes((len(bits) + 7) // 8, "big"):
-        register = (register << 8 ^ CRC_OF_BYTE[register >> (CRC_BITS - 8) ^ byte]) & (1 << CRC_BITS) - 1
-    return register
+    for byte in int(bits, 2).to_bytes((len(bits) + 7) // 8, "big"):  # zeros in front change nothing: it begins with 0
+        register = _crc(register, byte)
+    run, stuffed = _stuffed(0, bits)
+    fixed = len(bits) + CRC_BITS + ACKNOWLEDGE_BITS + END_OF_FRAME + INTERMISSION
+    return _Head(fixed, register, run << 8, stuffed)
+
+
+def _bits(head: _Head, data: bytes) -> int:
+    bits, register, run, stuffed = head
+    runs, stuff_bits, last = _runs()
+    crc_of_byte = CRC_OF_BYTE
+    for byte in data:
+        register = (register << 8 ^ crc_of_byte[register >> 7 ^ byte]) & 0x7FFF  # as `_crc`, without a call
+        place = run | byte
+        run = runs[place]
+        stuffed += stuff_bits[place]
+    place = run | register >> 7
+    return bits + 8 * len(data) + stuffed + stuff_bits[place] + last[runs[place] | register & 0x7F]
+
+
+def _crc(register: int, byte: int) -> int:
+    return (register << 8 ^ CRC_OF_BYTE[register >> (CRC_BITS - 8) ^ byte]) & (1 << CRC_BITS) - 1
+
+
+def _stuffed(run: int, bits: str) -> tuple[int, int]:
+    """Return the run at the end of bits, and how many stuff bits are among them.
+
+    A run is twice the number of equal bits and their level; 0 at the start of a frame, where the bus is idle.
+    """
+    length, level, stuffed = run >> 1, run & 1, 0
+    for bit in map(int, bits):
+        length, level = (length + 1 if bit == level else 1), bit
+        if length == LONGEST_RUN:
+            length, level, stuffed = 1, 1 - bit, stuffed + 1
+    return length << 1 | level, stuffed
+
+
+@cache
+def _runs() -> tuple[list[int], list[int], list[int]]:
+    """Return what `_stuffed` gives for each run and byte: runs, 256 times their number, and stuff bits.
+
+    At last the stuff bits for each run and the 7 bits of the CRC that are not a byte.
+    """
+    found = [_stuffed(run, f"{byte:08b}") for run in range(2 * LONGEST_RUN) for byte in range(256)]
+    last = [_stuffed(run, f"{bits & 0x7F:07b}")[1] for run in range(2 * LONGEST_RUN) for bits in range(256)]
+    return [run << 8 for run, _ in found], [stuffed for _, stuffed in found], last
+
+
+def _identifier_bits(cob_id: int, is_remote: bool) -> str:
+    """Return the bits from the start of frame to the length."""
+    remote = int(is_remote)
+    if not cob_id & EXTENDED:  # after the identifier RTR, IDE 0 for 11 bits, and a reserved bit
+        return f"0{cob_id:011b}{remote}00"
+    bits = f"{cob_id & HIGHEST_EXTENDED:029b}"  # between its parts SRR and IDE, both 1; two reserved bits behind
+    return f"0{bits[:11]}11{bits[11:]}{remote}00"
 
 
 def _crc_of_byte(byte: int) -> int:

@@ -96,6 +96,7 @@ class Format:
             "send": ActionRow(frames.sent, suite.Send, "send a message or a raw frame"),
             "answer": ActionRow(frames.answers, suite.Answer, "from now on answer messages, as a node would"),
             "expect": ActionRow(frames.patterns, suite.Expect, "wait for a frame, or several", within),
+            "await": ActionRow(frames.pattern, suite.Await, "take the next frames until one is as wanted", within),
             "never": ActionRow(
                 frames.pattern,
                 lambda pattern, **keys: suite.Never(pattern, keys["for"]),  # a word of Python's: no name of a parameter

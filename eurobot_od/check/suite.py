@@ -63,6 +63,16 @@ class Expect(NamedTuple):
         return f"expect {self.expected}"
 
 
+class Await(NamedTuple):
+    """Take what comes from now on, until a frame is as wanted, `within` seconds at most."""
+
+    pattern: Pattern
+    within: float | None = None
+
+    def __str__(self) -> str:
+        return f"await {self.pattern}"
+
+
 class Never(NamedTuple):
     """See that no such frame comes for `span` seconds."""
 
@@ -117,9 +127,11 @@ class Reported(Enum):
 
     NO_BOOT_UP = "it sends no boot-up"
     OWN_ERROR = "it reports an error of its own"
+    HEARD = "somebody else sends what nobody should"
 
 
-Report: TypeAlias = "tuple[Reported, NodeServices]"
+Report: TypeAlias = "tuple[Reported, NodeServices | int]"
+"""What was found, and about which node or COB-ID."""
 
 
 class AbortCodes(NamedTuple):
@@ -135,6 +147,14 @@ class AbortCodes(NamedTuple):
         return "abort " + (" or ".join(map(code_and_reason, self.codes)) or "with any code")
 
 
+class Blocks(Enum):
+    """How an object is transferred in blocks."""
+
+    NONE = "by segments"
+    PLAIN = "block"
+    WITHOUT_CRC = "block without CRC"
+
+
 class SdoRead(NamedTuple):
     """Read an object: its value is `expected`, or the node aborts with `abort`; may be saved in a variable.
 
@@ -147,7 +167,7 @@ class SdoRead(NamedTuple):
     expected: Expected | None = None
     abort: AbortCodes | None = None
     optional: AbortCodes | None = None
-    blocks: bool = False
+    blocks: Blocks = Blocks.NONE
     save: str | None = None
     within: float | None = None
 
@@ -163,7 +183,7 @@ class SdoWrite(NamedTuple):
     value: Operand
     abort: AbortCodes | None = None
     optional: AbortCodes | None = None
-    blocks: bool = False
+    blocks: Blocks = Blocks.NONE
     within: float | None = None
 
     def content(self, variables: Variables) -> bytes:
@@ -299,7 +319,7 @@ class Group(NamedTuple):
 
 
 Action: TypeAlias = (
-    "Send | Answer | Expect | Never | Poll | Period "
+    "Send | Answer | Expect | Await | Never | Poll | Period "
     "| SdoRead | SdoWrite | SdoRestore | BootUp | Unheard | Dump | SelfReported | Nmt | Save | Wait | Skip | Group"
 )
 

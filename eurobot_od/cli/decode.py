@@ -23,7 +23,7 @@ from eurobot_od.errors import LocalError, UnknownName
 from eurobot_od.frame import Frame
 from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.support import progress
-from eurobot_od.support.texts import amount
+from eurobot_od.support.texts import amount, one_line
 from eurobot_od.traffic import formats
 from eurobot_od.traffic.decoding import Decoding, Output, TextOutput
 from eurobot_od.traffic.entries import LARGEST, LogEntry
@@ -240,13 +240,17 @@ def compare(
     fields, wanted = tolerances(tolerance, decoder.protocol), filters.wanted(decoder)
     # Both are read whole, as the distance between their clocks is found from frames of both.
     expected, found = (
-        [(at, raw) for _, (_, at, _, raw) in entries([log], reading) if wanted is None or wanted(decoder(raw))]
+        [(at, raw, ch) for _, (_, at, ch, raw) in entries([log], reading) if wanted is None or wanted(decoder(raw))]
         for log in (first, second)
     )
+    if all(len({channel for *_, channel in log}) < 2 for log in (expected, found)):  # one bus, whatever its name
+        expected, found = ([(at, raw, "") for at, raw, _ in log] for log in (expected, found))
     differences = differences_of(expected, found, decoder, Tolerances(time, fields))
     for each in differences:
-        line = f"{each.time:13.6f}  {each.kind.value:<8} {each.name:<29} {each.text}".rstrip()
-        print(json.dumps(each._asdict() | {"kind": each.kind.value}) if as_json else line)
+        channel = f"{one_line(each.channel)}  " if each.channel else ""
+        data = {key: value for key, value in each._asdict().items() if key != "channel" or value}
+        line = f"{each.time:13.6f}  {channel}{each.kind.value:<8} {each.name:<29} {each.text}".rstrip()
+        print(json.dumps(data | {"kind": each.kind.value}) if as_json else line)
     if not as_json:
         kinds = Counter(each.kind.value for each in differences)
         counts = ", ".join(f"{count} {kind}" for kind, count in kinds.items()) or "no difference"

@@ -27,7 +27,7 @@ from eurobot_od.support.progress import redraws
 from eurobot_od.traffic.decoding import TextOutput
 from eurobot_od.traffic.meaning import Meaning
 from eurobot_od.traffic.monitor import SORTS, BusSource, Controls, LogSource, Traffic, named, plain_table, selected
-from eurobot_od.traffic.statistics import NOTHING, table
+from eurobot_od.traffic.statistics import NOTHING, tables
 
 Source: TypeAlias = BusSource | LogSource
 Took: TypeAlias = Callable[[float, Meaning], None]
@@ -92,7 +92,7 @@ def monitor(
     rows = selected(traffic.rows.values(), controls.sort, controls.part)
     print("\n".join(plain_table(rows, source.now)))
     if statistics:
-        print("\n".join(table(traffic.seen)))
+        print("\n".join(tables(traffic.buses)))
     sys.stderr.writelines(f"{line}\n" for line in (*traffic.damage.report(), *source.notes))
 
 
@@ -112,7 +112,7 @@ class Monitor(NamedTuple):
         with keys() as wait:
             while self.controls.running and not self.source.ended:
                 for time, raw in self.source.poll():
-                    took(time, self.traffic.take(time, raw, self.source.place))
+                    took(time, self.traffic.take(time, raw, self.source.place, self.source.channel))
                 # A key may be the one that ends the pause, or that scrolls in it.
                 if pressed or not self.controls.paused:
                     refresh()

@@ -13,9 +13,7 @@ from asyncio import CancelledError
 from collections.abc import Collection, Container, Iterable, Iterator, Mapping, Sequence
 from datetime import datetime
 from enum import Enum
-from typing import NamedTuple, TypeAlias
-
-from canopen.objectdictionary import ODVariable
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 from eurobot_od.client.description import Description, Identity, device_name, read_identity
 from eurobot_od.client.master import STORE_WAIT, Procedure, RemoteNode
@@ -70,6 +68,9 @@ from eurobot_od.od.values import (
 )
 from eurobot_od.sdo.wire import EXPEDITED_SIZE, LARGEST, AbortCode
 from eurobot_od.support.texts import amount
+
+if TYPE_CHECKING:
+    from canopen.objectdictionary import ODVariable
 
 # The order of writes
 
@@ -312,7 +313,7 @@ def check_whole(description: Description, refused: OnRefused = fatal, by_default
     `refused` gets the PDOs whose mappings are wrong, `by_default` those that are wrong in the device's own EDS already.
     """
     dictionary = description.dictionary
-    absent = dcf.missing(description.text)
+    absent = dcf.missing(dictionary.document)
     if absent:
         raise DictionaryError(dictionary.file, None, f"incomplete: no section [{absent[0]}]")
     stock = set[str]()

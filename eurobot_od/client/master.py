@@ -53,10 +53,10 @@ from eurobot_od.od.values import (
 from eurobot_od.sdo.client import (
     UNANNOUNCED,
     Aborted,
-    OddAnswer,
     Room,
     Silence,
     Transfer,
+    TransferError,
     block_download,
     block_upload,
     download,
@@ -395,15 +395,15 @@ class RemoteNode:
     async def _transfer(self, verb: str, address: Address, name: str, transfer: Transfer) -> bytes:
         """Carry out a transfer; a failure becomes an error that names this node and the object."""
         await self.run.steps(transfer)
-        request, where = f"{verb} {label(address, name)}", NamedObject(self.node_id, address, name)
         try:
             return transfer.result()
-        except Aborted as error:
-            raise NodeRefused(self.node_id, request, error.code, reason(error.code), where) from error
-        except Silence as error:
-            answer = f"answer from node {self.node_id}"
-            raise NoAnswer(request, answer, 1, transfer.wait, self.node_id, where) from error
-        except OddAnswer as error:
+        except TransferError as error:
+            request, where = f"{verb} {label(address, name)}", NamedObject(self.node_id, address, name)
+            if isinstance(error, Aborted):
+                raise NodeRefused(self.node_id, request, error.code, reason(error.code), where) from error
+            if isinstance(error, Silence):
+                answer = f"answer from node {self.node_id}"
+                raise NoAnswer(request, answer, 1, transfer.wait, self.node_id, where) from error
             raise WrongAnswer(request, str(error), where) from error
 
     @Procedure

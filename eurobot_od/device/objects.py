@@ -11,9 +11,7 @@ import zlib
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, Protocol
-
-from canopen.objectdictionary import ODVariable
+from typing import TYPE_CHECKING, Any, Protocol
 
 from eurobot_od.errors import Cause, DamagedFile, DictionaryError, FieldError, Refused, UnknownName
 from eurobot_od.od import dcf
@@ -39,6 +37,9 @@ from eurobot_od.od.values import (
 )
 from eurobot_od.sdo.wire import LARGEST, Abort, Reason
 from eurobot_od.support.files import write_whole
+
+if TYPE_CHECKING:
+    from canopen.objectdictionary import ODVariable
 
 COMMUNICATION_PROFILE = range(0x1000, 0x2000)
 """Indices of communication objects, which are configuration; a reset of the communication restores them (CiA 301,
@@ -275,10 +276,6 @@ def _fits(variable: ODVariable | None, number: int) -> bool:
 KIND: tuple[Address, ...] = tuple((IDENTITY, sub) for sub in (1, 2, 3))
 """Vendor-ID, product code and revision number: these must be the same in a configuration and its device."""
 
-ANY_BYTES = "latin-1"
-"""An encoding that keeps every byte of an EDS as it is; CiA 306 asks for ASCII, which is part of it."""
-
-
 CHECKSUM = re.compile(rb"; CRC-32 of all that follows: 0x([0-9A-F]{8})\n")
 """The first line of a stored file: a comment, so that every tool still reads the file as a DCF."""
 
@@ -334,8 +331,8 @@ class FileStore:
             raise DamagedFile(self.file, None, what)
         stored = Dictionary.load(self.file)
         # Its DCF cannot have what the EDS itself leaves out; any other missing section has been cut off.
-        never_there = dcf.missing(self._dictionary.content.decode(ANY_BYTES))
-        for section in dcf.missing(stored.content.decode(ANY_BYTES)):
+        never_there = dcf.missing(self._dictionary.document)
+        for section in dcf.missing(stored.document):
             if section not in never_there:
                 raise DictionaryError(self.file, None, f"incomplete: [{section}] is missing")
         # The serial number does not count: a device that replaces a broken one takes over its configuration.

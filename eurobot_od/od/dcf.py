@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 from eurobot_od.errors import DictionaryError, FieldError, UnknownName
 from eurobot_od.od.description import DescribedDevice, DescribedVariable
-from eurobot_od.od.document import COMMISSIONING, OBJECT_LISTS, Document, Rewriting, is_text, parse, read_bytes
+from eurobot_od.od.document import COMMISSIONING, OBJECT_LISTS, Document, Rewriting, is_text, read_bytes
 from eurobot_od.od.objects import data_type, value_text
 from eurobot_od.od.values import (
     DOMAIN,
@@ -173,9 +173,8 @@ def _become_dcf(rewriting: Rewriting, device: DescribedDevice) -> None:
         rewriting.drop(device.commissioning)
 
 
-def missing(text: str) -> list[str]:
+def missing(document: Document) -> list[str]:
     """Return the sections that an EDS or DCF announces and does not have: listed objects and counted sub-indices."""
-    document = parse(text)
     members = Counter(name.partition("sub")[0] for name in document.sections if "sub" in name)
     wanted = [name for each in OBJECT_LISTS for name in _listed(document, each)]
     counts = [(name, parse_number(document.text(name.lower(), "subnumber"))) for name in wanted]

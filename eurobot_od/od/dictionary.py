@@ -21,7 +21,7 @@ from eurobot_od.errors import DictionaryError
 from eurobot_od.od import cia401, cia402, values
 from eurobot_od.od import objects as od
 from eurobot_od.od.description import DescribedDevice
-from eurobot_od.od.document import read_bytes
+from eurobot_od.od.document import Document, parse, read_bytes
 from eurobot_od.od.modules import Module, Modules
 from eurobot_od.od.normal import Change, Normal, Refusal, normal
 from eurobot_od.od.patches import Patch, read_patch
@@ -136,6 +136,12 @@ class Dictionary:
     def device(self) -> DescribedDevice:
         """The device as the normal form describes it; see `Normal.device`."""
         return self._normal.device
+
+    @cached_property
+    def document(self) -> Document:
+        """The file as it was written, with the lists of objects that it has itself."""
+        read = self._normal.read
+        return read.document if read else parse(self.content.decode("latin-1"))  # which decodes all
 
     # Which node it is
 

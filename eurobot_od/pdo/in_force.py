@@ -99,9 +99,12 @@ def _said(device: Dictionary | None) -> Any:
 
 # A device without a file
 
+UNSIGNED8, UNSIGNED32 = 5, 7
+"""Codes of data types (CiA 301, Table 44)."""
+
 
 def _made(node_id: int, shown: Mapping[Address, int]) -> Dictionary | None:
-    """Return a dictionary of the PDOs that are shown with their whole mapping; None if there is none."""
+    """Return a dictionary of the services and the PDOs that are shown with their whole mapping; None without any."""
     text = "".join(_sections(shown))
     if not text:
         return None
@@ -113,6 +116,12 @@ def _made(node_id: int, shown: Mapping[Address, int]) -> Dictionary | None:
 
 
 def _sections(shown: Mapping[Address, int]) -> Iterator[str]:
+    for index in dict.fromkeys(index for index, _ in SERVICES):
+        kept = {sub: shown[index, sub] for at, sub in SERVICES if at == index and (index, sub) in shown}
+        if list(kept) == [0]:
+            yield _variable(f"{index:X}", f"0x{index:04X}", UNSIGNED32, f"DefaultValue={kept[0]}\n")
+        elif kept:
+            yield _record(index, f"0x{index:04X}", {0: max(kept)} | kept)
     objects: dict[Address, int] = {}
     for direction, records in values.COMMUNICATION_RECORDS.items():
         for index in records:
@@ -133,7 +142,7 @@ def _sections(shown: Mapping[Address, int]) -> Iterator[str]:
 
 def _record(index: int, name: str, subs: Mapping[int, int]) -> str:
     members = "".join(
-        _variable(f"{index:X}sub{sub:X}", f"{sub}", 5 if sub == 0 else 7, f"DefaultValue={value}\n")
+        _variable(f"{index:X}sub{sub:X}", f"{sub}", UNSIGNED8 if sub == 0 else UNSIGNED32, f"DefaultValue={value}\n")
         for sub, value in subs.items()
     )
     return f"[{index:X}]\nParameterName={name}\nObjectType=9\nSubNumber={len(subs)}\n{members}"

@@ -43,15 +43,19 @@ def own_robot(
 
     The `folder` has the EDS files in `eds/`, with `robot.yaml` and the table, check suites in `checks/`, and what it
     plays in `strategy.py`. The `catalogue` is a copy of ours with the team's messages in it; each message in it that is
-    none of ours can have faults. `nodes` are the classes of its own nodes by their EDS files' names.
+    none of ours can have faults. `nodes` are the classes of its own nodes by their EDS files' names; one with a
+    `COMPONENT` is part of the start (see `robot.nodes.node.Component`).
     """
     home = Path(folder)
     dialects_here = Dialects(home / "eds")
 
+    parts = {name: part for name, kind in nodes.items() if (part := getattr(kind, "COMPONENT", None)) is not None}
+
     @cache
     def speaking(role: str) -> type[Node]:
         kind = ROBOT.nodes[role]()
-        return type(kind.__name__, (kind,), {"CATALOGUE": catalogue, "__doc__": kind.__doc__})
+        own = {"CATALOGUE": catalogue, "COMPONENTS": parts, "__doc__": kind.__doc__}
+        return type(kind.__name__, (kind,), own)
 
     kinds: dict[str, Callable[[], type[Node]]] = {role: partial(speaking, role) for role in ROBOT.nodes}
     kinds |= {role: partial(_itself, kind) for role, kind in nodes.items()}

@@ -29,7 +29,7 @@ from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.catalogue import Catalogue
 from eurobot_od.season import campaign
 from eurobot_od.season import season as tables
-from eurobot_od.season.batches import FOREIGN, Batch, batches
+from eurobot_od.season.batches import FOREIGN, ColumnBatch, batches
 from eurobot_od.season.campaign import BLOCK, HERE, Workers
 from eurobot_od.season.columns import FROM_DATA, LENGTH, WORD, MessageChecks, message_columns, of_others, readable
 from eurobot_od.support.texts import encodable
@@ -254,7 +254,7 @@ class RunTables:
         last = next(reversed(self._now.values()), self._first).decoding
         return {"network": last.network, "eds": last.eds, **self._counts, **self._ends}
 
-    def take(self, batch: Batch) -> None:
+    def take(self, batch: ColumnBatch) -> None:
         """Decode and write a batch."""
         frames = batch.frames.with_columns(self._constant, *FROM_DATA)
         self._frames.write(frames)

@@ -47,7 +47,7 @@ FRAMES = pl.Schema({**ENTRY, "cob_id": pl.UInt32(), "data": pl.Binary(), "remote
 FOREIGN = pl.Schema({**ENTRY, "kind": pl.String(), "text": pl.String()})
 
 
-class Batch(NamedTuple):
+class ColumnBatch(NamedTuple):
     """Consecutive entries of a log: the `frames`, and the `foreign` entries that are not frames; `size` in bytes.
 
     `size` is how much of the log was read for it, 0 if that is unknown.
@@ -58,7 +58,7 @@ class Batch(NamedTuple):
     size: int = 0
 
 
-def batches(file: BinaryIO, form: str | None = None) -> Iterator[Batch]:
+def batches(file: BinaryIO, form: str | None = None) -> Iterator[ColumnBatch]:
     """Yield the batches of an open log, making the next ones meanwhile; errors as `formats.read`."""
     suffix, packed = formats.form_of(file, form)
     if suffix == formats.CANDUMP:
@@ -69,7 +69,7 @@ def batches(file: BinaryIO, form: str | None = None) -> Iterator[Batch]:
     return _ahead(_joined(_read_at_all(parts, file)))
 
 
-def _read_at_all(parts: Iterator[Batch], file: BinaryIO) -> Iterator[Batch]:
+def _read_at_all(parts: Iterator[ColumnBatch], file: BinaryIO) -> Iterator[ColumnBatch]:
     """Yield batches; raises LocalError at the end of a log that has entries, and none that can be read."""
     unread = (Damage.UNREADABLE.value, Damage.CUT_OFF.value)
     has_some = is_read = False
@@ -82,9 +82,9 @@ def _read_at_all(parts: Iterator[Batch], file: BinaryIO) -> Iterator[Batch]:
         formats.refuse(file.name, formats.likely(file.read(formats.BEGINNING)))
 
 
-def _joined(parts: Iterator[Batch]) -> Iterator[Batch]:
+def _joined(parts: Iterator[ColumnBatch]) -> Iterator[ColumnBatch]:
     """Join small batches into batches of about ROWS entries."""
-    taken, rows = list[Batch](), 0
+    taken, rows = list[ColumnBatch](), 0
     for part in parts:
         taken.append(part)
         rows += len(part.frames) + len(part.foreign)
@@ -95,12 +95,12 @@ def _joined(parts: Iterator[Batch]) -> Iterator[Batch]:
         yield _one(taken)
 
 
-def _one(parts: list[Batch]) -> Batch:
+def _one(parts: list[ColumnBatch]) -> ColumnBatch:
     frames, foreign, sizes = zip(*parts)
-    return Batch(pl.concat(frames), pl.concat(foreign), sum(sizes))
+    return ColumnBatch(pl.concat(frames), pl.concat(foreign), sum(sizes))
 
 
-def _ahead(made: Iterator[Batch]) -> Iterator[Batch]:
+def _ahead(made: Iterator[ColumnBatch]) -> Iterator[ColumnBatch]:
     """Yield batches; a thread makes the next ones while the caller works on the last one."""
     with ThreadPoolExecutor(1) as thread:  # one: the batches come out of one generator
         coming = deque(thread.submit(next, made, None) for _ in range(AHEAD))
@@ -112,7 +112,7 @@ def _ahead(made: Iterator[Batch]) -> Iterator[Batch]:
 # Entries one by one
 
 
-def _batch(entries: Iterable[LogEntry]) -> Batch:
+def _batch(entries: Iterable[LogEntry]) -> ColumnBatch:
     frames: list[tuple[Any, ...]] = []
     foreign: list[tuple[Any, ...]] = []
     for line, time, channel, raw in entries:
@@ -120,7 +120,7 @@ def _batch(entries: Iterable[LogEntry]) -> Batch:
             frames.append((line, time, channel, raw.cob_id, raw.data, raw.is_remote))
         else:
             foreign.append((line, time, channel, raw.damage.value, raw.text))
-    return Batch(
+    return ColumnBatch(
         pl.DataFrame(frames, FRAMES, orient="row"),
         pl.DataFrame(foreign, FOREIGN, orient="row"),
     )
@@ -167,7 +167,7 @@ def _unpacked_chunks(file: BinaryIO) -> Iterator[_Chunk]:
     yield _Chunk(rest, cut)
 
 
-def _candump_batches(chunks: Iterator[_Chunk]) -> Iterator[Batch]:
+def _candump_batches(chunks: Iterator[_Chunk]) -> Iterator[ColumnBatch]:
     lines, time = 0, 0.0
     for content, cut in chunks:
         batch = _of_lines(content, lines, time)
@@ -182,7 +182,7 @@ def _candump_batches(chunks: Iterator[_Chunk]) -> Iterator[Batch]:
         yield batch
 
 
-def _of_lines(content: bytes, before: int, time: float) -> Batch:
+def _of_lines(content: bytes, before: int, time: float) -> ColumnBatch:
     """Parse lines; `before` is the number of lines ahead of them, `time` that of the entry ahead of them."""
     # What is not ASCII is not candump: replaced, it goes to the reader of odd lines.
     text = content.removesuffix(b"\n").decode("ascii", "replace")
@@ -203,12 +203,12 @@ def _of_lines(content: bytes, before: int, time: float) -> Batch:
         pl.lit(value=False).alias("remote"),
     )
     if len(usual) == len(found) or not content:  # no content is one line without text
-        return Batch(frames, pl.DataFrame(schema=FOREIGN), len(content))
+        return ColumnBatch(frames, pl.DataFrame(schema=FOREIGN), len(content))
     odd = found.filter(pl.col("hex").is_null())["line"].to_list()
     return _with_odd(frames, content, odd, before, time)
 
 
-def _with_odd(frames: pl.DataFrame, content: bytes, odd: list[int], before: int, time: float) -> Batch:
+def _with_odd(frames: pl.DataFrame, content: bytes, odd: list[int], before: int, time: float) -> ColumnBatch:
     """Add the lines that need candump's own reader; a line that cannot be read gets the time of the line above it."""
     lines = BytesIO(content).readlines()
     batch = _batch(
@@ -224,4 +224,4 @@ def _with_odd(frames: pl.DataFrame, content: bytes, odd: list[int], before: int,
     timed = pl.concat([frames.select("line", "t"), batch.frames.select("line", "t"), of_foreign])
     known = timed.sort("line").with_columns(pl.col("t").fill_null(strategy="forward").fill_null(time))
     foreign = batch.foreign.drop("t").join(known, on="line", how="left").select(FOREIGN.names())
-    return Batch(pl.concat([frames, batch.frames]).sort("line"), foreign, len(content))
+    return ColumnBatch(pl.concat([frames, batch.frames]).sort("line"), foreign, len(content))

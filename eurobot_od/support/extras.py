@@ -14,6 +14,7 @@ import traceback
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, redirect_stdout
 from functools import partial
+from importlib import import_module, reload
 from pathlib import Path
 from types import FrameType, ModuleType
 from typing import NamedTuple
@@ -25,6 +26,18 @@ OF_AN_EXTRA = re.compile(r"(?P<package>[^;]+?)\s*;.*\bextra\s*==\s*['\"](?P<extr
 
 NAMED = re.compile(r"(?P<name>[A-Za-z0-9._-]+)(\[(?P<extra>[^\]]+)\])?")
 """Which package a requirement is about, and which extra of it."""
+
+
+def put_off(module: str) -> None:
+    """Let a module be imported by nobody until `caught_up`: a library imports it only because it is there."""
+    sys.modules.setdefault(module, None)  # type: ignore[arg-type]  # of which an import is an ImportError
+
+
+def caught_up(module: str, importer: str) -> None:
+    """Let a module be imported that was put off, by the library's module that does it."""
+    if module in sys.modules and sys.modules[module] is None:
+        del sys.modules[module]
+        reload(import_module(importer))
 
 
 @contextmanager

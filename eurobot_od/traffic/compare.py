@@ -19,15 +19,18 @@ from itertools import islice
 from operator import attrgetter
 from statistics import median_low
 from types import MappingProxyType
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 from eurobot_od.frame import Frame, identifier_text
 from eurobot_od.pdo.catalogue import kinds
 from eurobot_od.traffic.entries import REMEMBERED, Raw
 from eurobot_od.traffic.meaning import Decoder, Meaning, with_defects
 
-Timed = tuple[float, Raw]
+Timed: TypeAlias = tuple[float, Raw]
 """A time in s, and what came then."""
+
+Entry: TypeAlias = Timed | tuple[float, Raw, str]
+"""The same, and the channel, where there are several."""
 
 AHEAD = 8
 """How many of the next frames decide which explanation is taken."""
@@ -52,13 +55,15 @@ class DifferenceKind(Enum):
 class Difference(NamedTuple):
     """One difference: `time` in s since the beginning, the message's `name`, and what it is in words.
 
-    The time is that of the frame in the first log; of one that is extra, that in the second.
+    The time is that of the frame in the first log; of one that is extra, that in the second. `channel` is empty where
+    there is one bus.
     """
 
     time: float
     kind: DifferenceKind
     name: str
     text: str
+    channel: str = ""
 
 
 class Tolerances(NamedTuple):
@@ -77,14 +82,14 @@ class Tolerances(NamedTuple):
 
 
 def compare(
-    first: Sequence[Timed], second: Sequence[Timed], decode: Decoder, tolerances: Tolerances
+    first: Sequence[Entry], second: Sequence[Entry], decode: Decoder, tolerances: Tolerances
 ) -> list[Difference]:
     """Return how the second log differs from the first, in the order of time."""
     comparison = _Comparison(lru_cache(REMEMBERED)(decode), tolerances)
     rows, others = _by_identifier(first, 0.0), _by_identifier(second, _apart(first, second))
     begin = min((row[0].time for row in (*rows.values(), *others.values())), default=0.0)
     found = [
-        difference._replace(time=round(difference.time - begin, 6))
+        difference._replace(time=round(difference.time - begin, 6), channel="".join(key[1:]))
         for key in rows.keys() | others.keys()
         for difference in comparison.differences(rows.get(key, []), others.get(key, []))
     ]
@@ -99,15 +104,15 @@ class _Seen(NamedTuple):
 _time = attrgetter("time")
 
 
-def _by_identifier(entries: Iterable[Timed], apart: float) -> dict[object, list[_Seen]]:
-    """Return the entries by identifier, or by their damage; `apart` is what their clock is ahead."""
-    rows: dict[object, list[_Seen]] = {}
-    for time, raw in entries:
-        rows.setdefault(raw[0], []).append(_Seen(time - apart, raw))
+def _by_identifier(entries: Iterable[Entry], apart: float) -> dict[tuple[Any, ...], list[_Seen]]:
+    """Return the entries by identifier, or by their damage, and by channel; `apart` is what their clock is ahead."""
+    rows: dict[tuple[Any, ...], list[_Seen]] = {}
+    for time, raw, *channel in entries:
+        rows.setdefault((raw[0], *channel), []).append(_Seen(time - apart, raw))
     return rows
 
 
-def _apart(first: Sequence[Timed], second: Sequence[Timed]) -> float:
+def _apart(first: Sequence[Entry], second: Sequence[Entry]) -> float:
     """Return how far the second log's clock is ahead of the first one's, s."""
     begins, others = _first_times(first), _first_times(second)
     common = islice((others[raw] - time for raw, time in begins.items() if raw in others), ALIGNED_BY)
@@ -116,10 +121,10 @@ def _apart(first: Sequence[Timed], second: Sequence[Timed]) -> float:
     return median_low(differences) if differences else 0.0
 
 
-def _first_times(entries: Iterable[Timed]) -> dict[Raw, float]:
-    found: dict[Raw, float] = {}
-    for time, raw in entries:
-        found.setdefault(raw, time)
+def _first_times(entries: Iterable[Entry]) -> dict[tuple[Any, ...], float]:
+    found: dict[tuple[Any, ...], float] = {}
+    for time, raw, *channel in entries:
+        found.setdefault((raw, *channel), time)
     return found
 
 

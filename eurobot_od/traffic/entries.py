@@ -65,14 +65,17 @@ LogEntry: TypeAlias = tuple[int, float, str, Raw]
 Entries: TypeAlias = Iterator[LogEntry]
 
 
-class Times(Sequence[float]):
-    """Times in s as they are in a log, read only when they are asked for."""
+class Stamps(Sequence[float]):
+    """Stamps in s as they are in a log, read only when they are asked for."""
 
     def __init__(self, stamps: Sequence[str]) -> None:
         self._stamps = stamps
 
     def __len__(self) -> int:
         return len(self._stamps)
+
+    def __iter__(self) -> Iterator[float]:
+        return map(float, self._stamps)
 
     def __getitem__(self, place: Any) -> Any:
         return float(self._stamps[place])
@@ -196,6 +199,25 @@ def frame(identifier: int, data: bytes, extended: object = False, remote_length:
     if remote_length is not None:  # a DLC of 9 to 15 means 8 bytes, too (ISO 11898-1)
         return RemoteFrame(bit | identifier, bytes(min(remote_length, MOST_BYTES)))
     return tuple.__new__(Frame, (bit | identifier, data))
+
+
+def recorded(
+    identifier: int,
+    data: bytes,
+    length: int,
+    extended: object,
+    remote: object,
+    error: object,
+    is_fd: bool = False,
+) -> Raw:
+    """Return what python-can has recorded; raises ValueError for a length that its data does not have."""
+    if length != len(data) and not (remote or error):
+        raise ValueError(f"{identifier:03X}#{data.hex().upper()} with length {length}")
+    if error:
+        return foreign(Damage.ERROR_FRAME, identifier, data)
+    if is_fd or len(data) > MOST_BYTES:  # its tables do not say that a frame is one of CAN FD; its length does
+        return foreign(Damage.FD, identifier, data)
+    return frame(identifier, data, extended, length if remote else None)
 
 
 def foreign(damage: Damage, identifier: int, data: bytes) -> Foreign:

@@ -47,6 +47,21 @@ class Defect(NamedTuple):
     damage: Damage
     text: str
 
+    @property
+    def reason(self) -> str:
+        """The likely reason, empty if there are too many."""
+        return ""
+
+
+class Contradiction(Defect):
+    """A frame of a length that its PDO's mapping cannot have."""
+
+    __slots__ = ()
+
+    @property
+    def reason(self) -> str:
+        return "the device is likely mapped otherwise than its file says: `pdo NODE` or `monitor --ask` shows how"
+
 
 class SdoTransfer(NamedTuple):
     """An SDO transfer that has ended: the object, what happened to it, how, and how much it was in how many seconds.
@@ -102,7 +117,7 @@ class Decoder:
     """Decodes frames by the EDS files of the nodes on the bus and the catalogue of their messages.
 
     `errors` are words for emergency error codes of single nodes, by node-ID; 0 stands for all nodes. `master` is the
-    name of who leads the network. What is `learned` of devices without files names their PDOs, and nothing else.
+    name of who leads the network. What is `learned` of devices without files says where their PDOs and services are.
     """
 
     def __init__(
@@ -131,7 +146,7 @@ class Decoder:
         """The services by identifier; made late, as many logs have none."""
         from eurobot_od.traffic.services import services
 
-        return services(self.dictionaries, self.errors, self._master)
+        return services(self.dictionaries, self.errors, self._master, self._learned)
 
     @cached_property
     def errors(self) -> ErrorWords:
@@ -229,7 +244,7 @@ def _reader(binding: Binding) -> Callable[[Frame], Meaning]:
         try:
             message = decode(data)
         except FrameLengthError as error:
-            defect = Defect(Damage.WRONG_LENGTH, str(error))
+            defect = Contradiction(Damage.WRONG_LENGTH, str(error))
             return Meaning(frame, name, group, nodes, None, str(error), (defect,), sender=sender)
         defects: tuple[Defect, ...] = ()
         # Asked of every message, and hardly ever true: so a look at the types in C, and not at each field.
@@ -318,7 +333,7 @@ def _field_text(binding: Binding, field: str, number: int, names: dict[str, Any]
 def _defects(frame: Frame, message: Message, binding: Binding, allowed: Callable[[str], str]) -> Iterator[Defect]:
     if len(frame.data) > binding.layout.length:
         error = FrameLengthError(binding.name, frame.cob_id, len(frame.data), str(binding.layout.length))
-        yield Defect(Damage.WRONG_LENGTH, f"{error}; read all the same")
+        yield Contradiction(Damage.WRONG_LENGTH, f"{error}; read all the same")
     for field in flagged_fields(message):
         value = int(getattr(message, field))
         yield Defect(Damage.OUT_OF_RANGE, f"{binding.name}: {field} = {value}, allowed: {allowed(field)}")
@@ -327,13 +342,18 @@ def _defects(frame: Frame, message: Message, binding: Binding, allowed: Callable
 # The count of what is wrong
 
 
+SEVERAL = 3
+"""From so many on a defect is taken to have the likely reason, and not to be chance."""
+
+
 @dataclass
 class DamageCount:
-    """How often one kind of damage was met, in which log and line first, and what exactly was wrong there."""
+    """How often one kind of damage was met, in which log and line first, what exactly was wrong there, and why."""
 
     log: str
     line: int
     text: str
+    reason: str
     number: int = 0
 
 
@@ -345,10 +365,10 @@ class DamageCounts:
 
     def add(self, log: str, line: int, defects: Iterable[Defect]) -> None:
         """Count what is wrong with the entry at a line of a log."""
-        for damage, text in defects:
-            count = self.counts.get(damage)
+        for each in defects:
+            count = self.counts.get(each.damage)
             if count is None:
-                count = self.counts[damage] = DamageCount(log, line, text)
+                count = self.counts[each.damage] = DamageCount(log, line, each.text, each.reason)
             count.number += 1
 
     @property
@@ -357,12 +377,14 @@ class DamageCounts:
         return sum(count.number for count in self.counts.values())
 
     def report(self) -> Iterator[str]:
-        """Yield one line for each kind of damage that was met, worst first."""
+        """Yield one line for each kind of damage that was met, worst first, and one for its likely reason."""
         for damage in Damage:
             if damage in self.counts:
                 count = self.counts[damage]
                 where = one_line(f"{count.log}:{count.line}: {count.text}")
                 yield f"{count.number:8} x {damage.value:18} first at {where}"
+                if count.number >= SEVERAL and count.reason:
+                    yield f"{'':11}{count.reason}"
 
 
 DEFAULT_PDOS = tuple(each for each in values.PREDEFINED if each.is_per_node)

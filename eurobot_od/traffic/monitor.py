@@ -41,6 +41,7 @@ if TYPE_CHECKING:
 REMEMBERED_TIMES = 33
 """Period and jitter are those of the last 32 intervals."""
 
+TWO = 2
 LOAD_SPAN = 1.0
 """The bus load is that of the last second."""
 
@@ -54,10 +55,14 @@ class MeanPeriod(NamedTuple):
 
 @dataclass
 class MonitorRow:
-    """One message, service or kind of damage: `meaning` is the last frame's, `wrong` counts frames with damage."""
+    """One message, service or kind of damage: `meaning` is the last frame's, `wrong` counts frames with damage.
+
+    It has a `channel` where there are several.
+    """
 
     identifier: int | None
     meaning: Meaning
+    channel: str = ""
     count: int = 0
     wrong: int = 0
     times: deque[float] = field(default_factory=lambda: deque(maxlen=REMEMBERED_TIMES))
@@ -92,16 +97,17 @@ class NodeHealth:
 
 
 class Traffic:
-    """The traffic on a bus of `bitrate` bit/s; `rows` by identifier, or by kind of damage where there is none.
+    """The traffic on a bus of `bitrate` bit/s, or on several; `rows` by identifier, or by damage where there is none.
 
-    `groups` are those of the messages that may come; `seen` is what came beside what is `promised`.
+    Those of a second bus are by its channel, too. `groups` are those of the messages that may come; `buses` are, by
+    channel, what came beside what is `promised`.
     """
 
     def __init__(self, decoder: Decoder, bitrate: int, promised: MessageSet = NOTHING) -> None:
         self.bitrate, self._promised = bitrate, promised
-        self.seen = SeenTraffic(bitrate, promised)
+        self.buses: dict[str, SeenTraffic] = {}
         self.groups = decoder.protocol.catalogue.groups
-        self.rows: dict[int | Damage, MonitorRow] = {}
+        self.rows: dict[int | Damage | tuple[str, int | Damage], MonitorRow] = {}
         periods = {each.name: (each.number(HEARTBEAT_TIME) or 0) / 1000 for each in decoder.dictionaries}
         self.nodes = {name: NodeHealth(Heartbeats(period)) for name, period in periods.items()}
         self.damage = DamageCounts()
@@ -111,25 +117,53 @@ class Traffic:
         self._marks: deque[tuple[float, int, int]] = deque()
         self._following = Following(decoder)
 
-    def take(self, time: float, raw: Raw, place: tuple[str, int] | None = None) -> Meaning:
-        """Take in a frame, with the log and the line where it stands, and return what it means."""
-        meaning = self._following(time, "", raw)
+    @property
+    def seen(self) -> SeenTraffic:
+        """What came on the first bus."""
+        return next(iter(self.buses.values())) if self.buses else self._bus("")
+
+    def _bus(self, channel: str) -> SeenTraffic:
+        """Return what came on a bus; from the second one on the rows say on which they are."""
+        found = self.buses.get(channel)
+        if found is None:
+            found = self.buses[channel] = SeenTraffic(self.bitrate, self._promised)
+            for row in self.rows.values() if len(self.buses) == TWO else ():
+                row.channel = next(iter(self.buses))
+        return found
+
+    def take(self, time: float, raw: Raw, place: tuple[str, int] | None = None, channel: str = "") -> Meaning:
+        """Take in a frame of a channel, with the log and the line where it stands, and return what it means."""
+        meaning = self._following(time, channel, raw)
         self.now = time
         self.frames += 1
-        row = self.rows.get(raw[0])  # by COB-ID or Damage: both kinds of entry have it first
+        bus = self._bus(channel)
+        # By COB-ID or Damage: both kinds of entry have it first.
+        key = raw[0] if bus is self.seen else (channel, raw[0])
+        row = self.rows.get(key)
         if row is None:
-            row = self.rows[raw[0]] = MonitorRow(raw.cob_id if isinstance(raw, Frame) else None, meaning)
+            identifier = raw.cob_id if isinstance(raw, Frame) else None
+            row = self.rows[key] = MonitorRow(identifier, meaning, channel if len(self.buses) >= TWO else "")
         row.meaning = meaning
         row.count += 1
         row.times.append(time)
         if isinstance(raw, Frame):
-            self._bits += self.seen.take(time, raw, row.name, meaning.sender)
+            self._bits += bus.take(time, raw, row.name, meaning.sender)
         if meaning.defects:
             row.wrong += 1
             self.damage.add(*(place or ("frame", self.frames)), meaning.defects)
         if meaning.name in (HEARTBEAT, GUARDING, EMCY_NAME) and meaning.is_read:
             self._note_health(time, meaning)
+        if (ended := meaning.transfer) and ended.address == HEARTBEAT_TIME and ended.content:
+            self._note_period(time, meaning.nodes[0], int.from_bytes(ended.content, "little") / 1000)
         return meaning
+
+    def _note_period(self, time: float, node: str, period: float) -> None:
+        """Take in the heartbeat time that a node has from now on, s."""
+        health = self.nodes.setdefault(node, NodeHealth())
+        is_known = health.pulse.heard is not None
+        health.pulse = Heartbeats(period)
+        if is_known:
+            health.pulse.boot(time)
 
     def _note_health(self, time: float, meaning: Meaning) -> None:
         health = self.nodes.setdefault(meaning.nodes[0], NodeHealth())  # also one that no file describes
@@ -144,11 +178,13 @@ class Traffic:
         """Forget what was counted."""
         # Not the frames and bits of all: the load is a difference between two of their counts.
         self.rows.clear()
-        self.seen = SeenTraffic(self.bitrate, self._promised)
+        self.buses.clear()
         self.damage = DamageCounts()
 
     def load(self, now: float) -> tuple[float, float]:
-        """Return bus load (share of 1, stuff bits counted) and frames per second since the last second's mark.
+        """Return bus load (share of 1, stuff bits counted, mean of the buses) and frames per second.
+
+        Both are since the last second's mark.
 
         Called at every refresh; between two calls the traffic is assumed to be even.
         """
@@ -160,7 +196,7 @@ class Traffic:
         span = now - since
         if span <= 0:
             return 0.0, 0.0
-        return (self._bits - bits) / span / self.bitrate, (self.frames - frames) / span
+        return (self._bits - bits) / span / self.bitrate / max(len(self.buses), 1), (self.frames - frames) / span
 
 
 # What is shown
@@ -218,7 +254,14 @@ def cells(row: MonitorRow, now: float) -> tuple[str, ...]:
     period = row.period
     every = f"{period.mean * 1000:.1f} ± {period.jitter * 1000:.1f}" if period else ""
     age = f"{max(now - row.last, 0.0):.1f}"  # the clocks of driver and computer do not run alike
-    return identifier, one_line(row.name), str(row.count), every, age, one_line(values(row))
+    return (
+        f"{one_line(row.channel)} {identifier}".strip(),
+        one_line(row.name),
+        str(row.count),
+        every,
+        age,
+        one_line(values(row)),
+    )
 
 
 def values(row: MonitorRow) -> str:
@@ -313,6 +356,7 @@ class BusSource:
 
     ended = False
     place: Place | None = None
+    channel = ""
 
     def __init__(
         self, bus: can.BusABC, clock: Callable[[], float] = time.monotonic, opener: Opener | None = None
@@ -401,7 +445,7 @@ class BusSource:
 class LogSource:
     """Entries of logs, with the logs' names, played `speed` times faster than they were recorded.
 
-    `place` is where the entry stands that `poll` gave last.
+    `place` is where the entry stands that `poll` gave last, and `channel` on which it came.
     """
 
     notes: Sequence[str] = ()
@@ -414,6 +458,7 @@ class LogSource:
     ) -> None:
         self.ended = False
         self.place: Place | None = None
+        self.channel = ""
         self._entries, self._speed, self._clock = entries, speed, clock
         self._started = clock()
         self._next = next(entries, None)
@@ -440,7 +485,7 @@ class LogSource:
         for _ in range(AT_ONCE):
             if self._next is None or self._next[1][1] > until:
                 break
-            log, (line, self._last, _, raw) = self._next
+            log, (line, self._last, self.channel, raw) = self._next
             self.place = log, line
             yield self._last, raw
             self._next = next(self._entries, None)

@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from eurobot_od.errors import LocalError
+from eurobot_od.support import extras
 
 if TYPE_CHECKING:
     from can.io.generic import MessageWriter
@@ -77,6 +78,8 @@ def _opened(file: Path, ends: bool, tell: Callable[[str], object]) -> tuple[Line
 def _writer(file: Path) -> MessageWriter:
     import can
 
+    if file.suffix.lower() == ".mf4":
+        extras.caught_up("asammdf", "can.io.mf4")
     try:
         return can.Logger(file)
     except (ValueError, NotImplementedError) as error:

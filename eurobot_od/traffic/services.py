@@ -384,10 +384,16 @@ class KnownNode(NamedTuple):
 Services = dict[int, CanopenService]
 
 
-def services(dictionaries: Iterable[Dictionary], errors: ErrorWords = NO_WORDS, master: str = MASTER) -> Services:
+def services(
+    dictionaries: Iterable[Dictionary],
+    errors: ErrorWords = NO_WORDS,
+    master: str = MASTER,
+    learned: Iterable[Dictionary] = (),
+) -> Services:
     """Return the services by identifier: the predefined ones of all node-IDs, then what the EDS files say.
 
-    `errors` are the words for the devices' emergency error codes, `master` is the name of who leads the network.
+    `errors` are the words for the devices' emergency error codes, `master` is the name of who leads the network. What
+    is `learned` of devices without files says where their services are, and nothing else.
     """
     known = {each.node_id: KnownNode(each.node_id, each.name, each) for each in dictionaries}
     found = _broadcast({node_id: node.name for node_id, node in known.items()}, master)
@@ -400,7 +406,7 @@ def services(dictionaries: Iterable[Dictionary], errors: ErrorWords = NO_WORDS, 
         found[values.ERROR_CONTROL_BASE + node_id] = CanopenService(
             HEARTBEAT, node.name, (1,), heartbeat_words, node.name
         )
-    devices = [each.dictionary for each in known.values() if each.dictionary]
+    devices = [*(each.dictionary for each in known.values() if each.dictionary), *learned]
     for device in devices:  # after the predefined ones: what a node's file says is what it does
         found |= _moved(device, found, emcy[device.node_id]) | _safety(device)
     for device in devices:  # after all have said where SYNC and TIME are: a producer names itself

@@ -6,16 +6,22 @@ There is no clock in here: frames go in with their times. Memory grows with the 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import islice
+from operator import sub
+from typing import Any, NamedTuple
 
-from eurobot_od.bus import frame_bits
+from eurobot_od.bus import bits_together, frame_bits
 from eurobot_od.frame import Frame, identifier_text
+from eurobot_od.pdo.binding import Binding
 from eurobot_od.sdo.wire import code_and_reason
 from eurobot_od.support.texts import amount, columns, one_line, text
-from eurobot_od.traffic.decoding import Output, WriteLine
+from eurobot_od.traffic.decoding import Clock, Output, Rows, TextOutput, Write
+from eurobot_od.traffic.entries import Batch, Raw
 from eurobot_od.traffic.load import MICROSECONDS, BoundRow, MessageSet, load_report
 from eurobot_od.traffic.meaning import Meaning, SdoTransfer
+from eurobot_od.traffic.services import HEARTBEAT, SDO
 
 NOTHING = MessageSet(())
 
@@ -25,7 +31,8 @@ class SeenMessage:
     """The frames of one identifier: how many, their bits with stuff bits, and the gaps between them, s.
 
     `period` is the promised one and `bound` that of its response time, s; None if they are not known. `answered` is the
-    longest time from the end of the latest request to the end of its answer.
+    longest time from the end of the latest request to the end of its answer. A gap that is negative is not one: of
+    those `backwards` is the number.
     """
 
     identifier: int
@@ -39,16 +46,19 @@ class SeenMessage:
     shortest: float | None = None
     longest: float | None = None
     answered: float | None = None
+    backwards: int = 0
 
-    def take(self, time: float, bits: int, asked: float | None) -> None:
-        """Count a frame; `asked` is when the request for it had ended, None without a request."""
-        if self.last is not None:
-            gap = time - self.last
-            self.shortest = gap if self.shortest is None else min(self.shortest, gap)
-            self.longest = gap if self.longest is None else max(self.longest, gap)
-        if asked is not None:
-            self.answered = max(self.answered or 0.0, time - asked)
-        self.count, self.bits, self.last = self.count + 1, self.bits + bits, time
+    def take(self, times: Sequence[float], bits: int) -> None:
+        """Count frames that ended at these times, and took so many bits together."""
+        marks = times if self.last is None else [self.last, *times]
+        gaps = list(map(sub, islice(marks, 1, None), marks))
+        if gaps and min(gaps) < 0:
+            self.backwards += sum(gap < 0 for gap in gaps)
+            gaps = [gap for gap in gaps if gap >= 0]
+        if gaps:
+            self.shortest = min(gaps) if self.shortest is None else min(self.shortest, *gaps)
+            self.longest = max(gaps) if self.longest is None else max(self.longest, *gaps)
+        self.count, self.bits, self.last = self.count + len(times), self.bits + bits, times[-1]
 
     @property
     def jitter(self) -> float | None:
@@ -61,7 +71,8 @@ class SeenMessage:
 class SeenTraffic:
     """What was seen on a bus of `bit_rate` bit/s, `promised` what should be.
 
-    `messages` are by identifier and whether they are remote frames: those have another sender.
+    `messages` are by identifier and whether they are remote frames: those have another sender. `asking` are the
+    identifiers of messages that answer others, and of those.
     """
 
     def __init__(self, bit_rate: int, promised: MessageSet = NOTHING) -> None:
@@ -75,27 +86,47 @@ class SeenTraffic:
             self._promised[row.message.identifier] = row
             if row.message.answers in identifiers:
                 self._answers.setdefault(identifiers[row.message.answers], set()).add(row.message.identifier)
+        self.asking = frozenset(self._answers).union(*self._answers.values())
         self._asked: dict[int, float] = {}
         self.begin: float | None = None
-        self.end = 0.0
+        self.end = float("-inf")
 
     def take(self, time: float, frame: Frame, name: str, node: str) -> int:
         """Count a frame that ended at a time in s, of a message of `node`; return how many bits it took."""
-        identifier, bits = frame.cob_id, frame_bits(frame)
-        key = identifier, frame.is_remote
+        bits = frame_bits(frame)
+        self.take_all(frame.cob_id, [time], bits, name, node, frame.is_remote)
+        if not frame.is_remote and frame.cob_id in self.asking:
+            self.take_asked([(time, frame.cob_id)])
+        return bits
+
+    def take_all(
+        self, identifier: int, times: Sequence[float], bits: int, name: str, node: str, is_remote: bool = False
+    ) -> None:
+        """Count frames with one identifier in their order, of so many bits together; not who answers whom."""
+        key = identifier, is_remote
         seen = self.messages.get(key)
         if seen is None:
-            row = None if frame.is_remote else self._promised.get(identifier)
+            row = None if is_remote else self._promised.get(identifier)
             seen = self.messages[key] = SeenMessage(identifier, name, row.message.node if row else node)
             if row is not None:
                 seen.period = row.message.period / MICROSECONDS
                 # Of an answer only: when another message fell due, its frame does not say.
                 seen.bound = row.response / MICROSECONDS if row.message.answers and row.response is not None else None
-        seen.take(time, bits, self._asked.pop(identifier, None))
-        for answer in self._answers.get(identifier, ()):
-            self._asked[answer] = time
-        self.begin, self.end = time if self.begin is None else self.begin, time
-        return bits
+        seen.take(times, bits)
+        self.begin = min(times) if self.begin is None else min(self.begin, *times)
+        self.end = max(self.end, *times)
+
+    def take_asked(self, frames: Iterable[tuple[float, int]]) -> None:
+        """Take in, in their order, when frames of `asking` ended, after they were counted, and their identifiers."""
+        asked, answers = self._asked, self._answers
+        for time, identifier in frames:
+            if identifier in asked:
+                took, seen = time - asked.pop(identifier), self.messages[identifier, False]
+                if seen.answered is None or took > seen.answered:
+                    seen.answered = took
+            if identifier in answers:
+                for answer in answers[identifier]:
+                    asked[answer] = time
 
     def load(self, bits: int) -> float:
         """Return the share of the bus that a number of bits took; 0 before any time has passed."""
@@ -121,43 +152,101 @@ def table(seen: SeenTraffic) -> Iterator[str]:
         nodes[each.node or "?"] = nodes.get(each.node or "?", 0) + each.bits
     parts = [f"{node} {seen.load(bits):.2%}" for node, bits in sorted(nodes.items())]
     whole = f"all {seen.load(sum(nodes.values())):.2%}"
+    if backwards := sum(each.backwards for each in messages):
+        yield f"time runs backwards: {amount(backwards, 'frame')} with a time before the last one's; not in the gaps"
     yield one_line(f"load of {seen.bit_rate / 1000:g} kbit/s: {', '.join([*parts, whole])}")
+
+
+def tables(buses: Mapping[str, SeenTraffic]) -> Iterator[str]:
+    """Write the table of each bus, with its channel above where there are several."""
+    for channel, seen in sorted(buses.items()):
+        if len(buses) > 1:
+            yield one_line(f"{channel}:")
+        yield from table(seen)
 
 
 # As a form of output: no lines of entries, but after each log a table of its traffic
 
 
-class TrafficOutput(Output):
-    """Load, gaps, jitter and response times of each log, at `bit_rate` in bit/s, beside what is `promised`.
+class CountedRow(NamedTuple):
+    """What is counted of a frame: the message's name, who sends it, the transfer that it ends."""
 
-    With `several` logs the name of the log is above its table.
+    name: str
+    sender: str
+    transfer: SdoTransfer | None = None
+
+
+class TrafficOutput(Output):
+    """Load, gaps, jitter and response times of each bus in a log, at `bit_rate` in bit/s, beside what is `promised`.
+
+    With `several` logs the name of the log is above its tables, with several buses the channel above each.
     """
 
     def __init__(self, bit_rate: int, promised: MessageSet, several: bool = False) -> None:
         self._bit_rate, self._promised, self._several = bit_rate, promised, several
+        self._text = TextOutput()
 
-    def row(self, meaning: Meaning) -> Meaning | None:
-        return meaning if isinstance(meaning.raw, Frame) else None
+    def row(self, meaning: Meaning) -> CountedRow | None:
+        counted = CountedRow(meaning.name or "?", meaning.sender, meaning.transfer)
+        return counted if isinstance(meaning.raw, Frame) else None
 
-    def line_writer(self, log: str) -> WriteLine:
+    def rows_of(self, binding: Binding) -> Rows:
+        row, texts_of = CountedRow(binding.name, next(iter(binding.senders), "")), self._text.rows_of(binding)
+
+        def rows(data: Sequence[bytes]) -> Sequence[CountedRow | None]:
+            texts = texts_of(data)  # that is how it is known which of them are in order
+            return [None if text is None else row for text in texts] if None in texts else [row] * len(data)
+
+        return rows
+
+    def writer(self, log: str) -> Write:
         self._heading = [one_line(f"{log}:")] if self._several else []
-        self._seen = seen = SeenTraffic(self._bit_rate, self._promised)
-        self._transfers = transfers = TransferCounts()
+        self._seen: dict[str, SeenTraffic] = {}
+        self._transfers = TransferCounts()
 
-        def take(_line: int, time: float, _channel: str, meaning: Meaning) -> str:
-            assert isinstance(meaning.raw, Frame)  # see `row`
-            seen.take(time, meaning.raw, meaning.name or "?", meaning.sender)
-            if meaning.transfer:
-                transfers.add(meaning.transfer)
+        def write(batch: Batch, rows: Sequence[CountedRow | None], clock: Clock) -> str:
+            times = list(batch.times if clock is float else map(clock, batch.times))
+            is_whole = batch.is_of_one_channel and None not in rows and None not in times
+            for channel in batch.channels[:1] if is_whole else dict.fromkeys(batch.channels):
+                groups: dict[int | Raw, list[int]] = {}
+                for place, head in enumerate(batch.heads):
+                    if is_whole or (batch.channels[place] == channel and None not in (rows[place], times[place])):
+                        try:
+                            groups[head].append(place)
+                        except KeyError:
+                            groups[head] = [place]
+                self._take(batch, channel, groups, rows, times)
             return ""
 
-        return take
+        return write
+
+    def _take(
+        self, batch: Batch, channel: str, groups: Mapping[int | Raw, list[int]], rows: Sequence[Any], times: list[Any]
+    ) -> None:
+        """Count the frames of a channel, by what is in the batch at the same places."""
+        seen = self._seen.get(channel)
+        if seen is None:
+            seen = self._seen[channel] = SeenTraffic(self._bit_rate, self._promised)
+        for head, places in groups.items():
+            ended, first = [times[place] for place in places], rows[places[0]]
+            if isinstance(head, int):
+                bits = bits_together(head, [batch.data[place] for place in places])
+                seen.take_all(head, ended, bits, first.name, first.sender)
+            elif isinstance(head, Frame):
+                bits = len(places) * frame_bits(head)
+                seen.take_all(head.cob_id, ended, bits, first.name, first.sender, head.is_remote)
+            if first.name in (SDO, HEARTBEAT):
+                for transfer in filter(None, (rows[place].transfer for place in places)):
+                    self._transfers.add(transfer)
+        asking = sorted(place for head in groups.keys() & seen.asking for place in groups[head])
+        seen.take_asked([(times[place], batch.heads[place]) for place in asking])  # type: ignore[misc]  # data frames
 
     def cut(self, transfer: SdoTransfer) -> None:
         self._transfers.add(transfer)
 
     def footer(self) -> str:
-        return "".join(f"{line}\n" for line in (*self._heading, *table(self._seen), *self._transfers.report()))
+        buses = self._seen or {"": SeenTraffic(self._bit_rate, self._promised)}
+        return "".join(f"{line}\n" for line in (*self._heading, *tables(buses), *self._transfers.report()))
 
 
 class TransferCounts:

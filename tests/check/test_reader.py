@@ -22,7 +22,7 @@ GOTO = "{Goto XY: {x: 1, y: 2, angle: 3, speed: 4}}"
 # Each row: a step, with ^ before the place of the problem, and what is said about it.
 WRONG_STEPS = {
     # keys
-    "no action": ("- ^{name: nothing}", "no action; a step has one of send, answer, expect, never"),
+    "no action": ("- ^{name: nothing}", "no action; a step has one of send, answer, expect, await, never"),
     "unknown action": ("- ^snd: Stop Drive", "unknown action 'snd'; did you mean send?"),
     "two actions": ("- {send: Stop Drive, ^wait: 1 s}", "a step has one action, and 'send' is one already"),
     "key of another action": ("- {send: Stop Drive, ^within: 1 s}", "unknown key next to send 'within'"),

@@ -17,6 +17,7 @@ START = """
 - expect: Start Configuration Confirm
 """
 GOTO = "- send: {Goto XY: {x: 700, y: 1750, angle: 0, speed: 100}}\n"
+PERIODIC = "- sdo: {write: Goto State Response.Event timer, value: 50}\n- await: Goto State Response\n"
 ALL = HEAD.replace("node: drive\n", "node: [drive, navigation]\n")
 
 # Each row: steps, and how they end: + green, - red.
@@ -76,6 +77,19 @@ CASES = {
     "never with other fields": (
         "- send: Kalman Position Request\n- never: {Kalman Position Response: {x: 5}}\n  for: 50 ms",
         "++",
+    ),
+    # await
+    "what came before is not awaited": (
+        "- send: Check Drive Request\n- wait: 10 ms\n- await: Check Drive Response",
+        "++-",
+    ),
+    "awaited among others that come by themselves": (
+        PERIODIC + START + GOTO + "- await: {Goto State Response: {time: 0}}\n  within: 10 s",
+        "++++++",
+    ),
+    "awaited in vain": (
+        PERIODIC + START + GOTO + "- await: {Goto State Response: {time: blocked}}\n  within: 1 s",
+        "+++++-",
     ),
     # poll
     "polled until it is there": (

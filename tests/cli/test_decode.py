@@ -209,7 +209,7 @@ def test_relative_time(good: Path, capsys: pytest.CaptureFixture[str]) -> None:
 WRONG = [
     (["no-such-file.log"], 3, "No such file"),
     (["log.xyz"], 2, "unknown log format 'xyz'; known: log, candump, console, busmaster"),
-    (["log.log", "--message", "Goto"], 2, "unknown message 'Goto'; known: Emergency Shutdown"),
+    (["log.log", "--message", "Goto"], 2, "unknown message 'Goto'; did you mean Goto XY or Goto Confirm"),
     (["log.log", "--node", "Antrieb"], 2, "unknown node 'Antrieb'; known: core, drive, navigation"),
     (["log.log", "--where", "speed>fast"], 2, "Goto XY: speed = 'fast' is not allowed; allowed: 0..100 %"),
     (["log.log", "--where", "fast"], 2, "'fast' is not a comparison"),
@@ -290,6 +290,15 @@ def test_statistics_of_several_logs_and_of_some_messages(tmp_path: Path, capsys:
     lines = capsys.readouterr().out.splitlines()
     assert [lines[0], lines[4]] == [f"{file}:" for file in files]
     assert lines[2].split()[:4] == ["00C", "Goto", "Confirm", "drive"]
+
+
+def test_statistics_of_two_buses_are_apart(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    lines = [f"({number / 20:.2f}) can{number % 2} 00C#\n" for number in range(40, 80)]
+    (file := tmp_path / "two.log").write_text("".join(lines))
+    assert cli.main(["decode", str(file), "--statistics"]) == 0
+    first, _, row, _, second, _, other, _ = capsys.readouterr().out.splitlines()
+    assert (first, second) == ("can0:", "can1:")
+    assert [each.split()[4:7:2] for each in (row, other)] == [["20", "100.00"]] * 2  # count and worst gap
 
 
 def test_statistics_call_the_master_by_the_name_that_the_network_file_gives_it(

@@ -159,15 +159,24 @@ print(sorted({"can", "canopen", "numpy", "yaml"} & set(sys.modules)))
     assert python(code) == "[]"
 
 
-def test_show_needs_no_bus() -> None:
-    code = """
+@pytest.mark.parametrize(
+    ("words", "without"),
+    [
+        ("show", "yaml rich eurobot_od.bus.live eurobot_od.client.master"),  # messages, from the EDS files alone
+        ("decode -", "yaml rich eurobot_od.bus.live eurobot_od.client.master"),  # a log needs no bus
+        ("monitor --plain --speed max -", "rich eurobot_od.client.configure"),  # plain lines, and nothing is asked
+    ],
+)
+def test_a_command_imports_only_what_it_needs(words: str, without: str) -> None:
+    code = f"""
 import contextlib, io, sys
 from eurobot_od import cli
+sys.stdin = io.TextIOWrapper(io.BytesIO())
 with contextlib.redirect_stdout(io.StringIO()):
-    cli.main(["show"])
-print("eurobot_od.bus.live" in sys.modules)
+    cli.main({words.split()!r})
+print(sorted(set({without.split()!r}) & set(sys.modules)))
 """
-    assert python(code) == "False"
+    assert python(code) == "[]"
 
 
 def test_the_package_runs_as_a_program() -> None:

@@ -81,7 +81,7 @@ def test_an_object_that_the_eds_lacks_is_refused(address: Address) -> None:
 
 @rows("file", FILES)
 def test_other_readers_find_values_and_commissioning(file: Path, tmp_path: Path) -> None:
-    assert dcf.missing(file.read_text()) == []
+    assert dcf.missing(parse(file.read_text())) == []
     written = tmp_path / "node.dcf"
     values: dict[Address, Value] = {(0x1017, 0): 500, (0x1014, 0): 0x99, (0x2100, 1): 5}
     written.write_text(dcf.with_values(DescribedDevice(parse(file.read_text())), values, 5, "somebody", 250))
@@ -243,17 +243,17 @@ def test_a_text_that_a_line_cannot_hold_is_refused(text: Value) -> None:
     ],
 )
 def test_what_is_announced_and_not_there_is_named(text: str, missing: list[str]) -> None:
-    assert dcf.missing(text) == missing
+    assert dcf.missing(parse(text)) == missing
 
 
 def test_a_number_of_members_that_is_none_counts_as_none() -> None:
-    assert dcf.missing(DRIVE.replace("SubNumber=6", "SubNumber=six")) == []
+    assert dcf.missing(parse(DRIVE.replace("SubNumber=6", "SubNumber=six"))) == []
 
 
 @rows("line", range(0, drive_dcf(VALUES).count("\n") - 8, 97))  # the last section has 8 lines
 def test_a_dcf_cut_off_anywhere_misses_something(line: int) -> None:
     cut = "\n".join(drive_dcf(VALUES).split("\n")[:line])
-    assert dcf.missing(cut) or f"[{COMMISSIONING}]" not in cut
+    assert dcf.missing(parse(cut)) or f"[{COMMISSIONING}]" not in cut
 
 
 ENTRIES = [((0x1017, 0), b"\xf4\x01"), ((0x1403, 1), b"\x18\0\0\0")]

@@ -164,3 +164,10 @@ def test_unknown_is_near_no_number() -> None:
 @pytest.mark.parametrize(("first", "second"), [([], []), ([], ROW), (ROW, [])])
 def test_logs_may_be_empty(first: list[Timed], second: list[Timed]) -> None:
     assert len(compare(first, second, DECODER, EXACT)) == abs(len(first) - len(second))
+
+
+def test_frames_of_another_bus_are_other_frames() -> None:
+    first = [(time, raw, "can0") for time, raw in ROW] + [(time, raw, "can1") for time, raw in ROW]
+    second = [each for each in first if each[2] == "can0" or each[0] > ROW[0][0]]
+    (missing,) = compare(first, second, DECODER, EXACT)
+    assert (missing.kind, missing.channel) == (DifferenceKind.MISSING, "can1")

@@ -237,3 +237,22 @@ def test_csv(raw: Raw, expected: dict[str, Any]) -> None:
     assert found["damage"] == "; ".join(f"{each['kind']}: {each['text']}" for each in expected.get("damage", []))
     assert found["time"] == (expected.get("fields", {}).get("time") or "")
     assert found["x"] == ""
+
+
+@rows(
+    "written, confirmed, frame, meaning",
+    [
+        ("23141000A5000000", "6014100000000000", "0A5#0010010000000000", "EMCY node 5, 0x1000 generic error"),
+        ("23051000A0000000", "6005100000000000", "0A0#", "SYNC"),
+        ("23121000A1000000", "6012100000000000", "0A1#000000000000", "TIME 1984-01-01"),
+        ("23001201A6060000", "6000120100000000", "6A6#4017100000000000", "SDO node 5, read 0x1017:00"),
+    ],
+)
+def test_a_service_that_is_moved_on_the_bus_is_followed_without_a_file(
+    written: str, confirmed: str, frame: str, meaning: str
+) -> None:
+    frames = (f"605#{written}", f"585#{confirmed}", frame, "705#00", frame)
+    log = "".join(f"({number}.0) can0 {each}\n" for number, each in enumerate(frames))
+    *_, moved, _, back = decoded(Decoding(Decoder(()), TextOutput()), log).splitlines()
+    assert " ".join(moved.split()[2:]).startswith(meaning)
+    assert not " ".join(back.split()[2:]).startswith(meaning)

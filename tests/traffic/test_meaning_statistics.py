@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from eurobot_od.traffic.entries import Damage
-from eurobot_od.traffic.meaning import DamageCounts, Defect
+from eurobot_od.traffic.meaning import Contradiction, DamageCounts, Defect
 
 
 def test_each_kind_is_counted_and_has_its_first_place() -> None:
@@ -16,3 +16,11 @@ def test_each_kind_is_counted_and_has_its_first_place() -> None:
         ["1", "x", "unreadable", "first", "at", "two.log:1:", "z"],
         ["2", "x", "out", "of", "range", "first", "at", "one.log:3:", "x"],
     ]
+
+
+def test_a_length_that_the_mapping_cannot_have_again_and_again_has_a_likely_reason_once() -> None:
+    counts = DamageCounts()
+    for number in range(3):
+        assert not any("mapped otherwise" in line for line in counts.report()), number
+        counts.add("one.log", number, [Contradiction(Damage.WRONG_LENGTH, "too short")])
+    assert [line.strip() for line in counts.report()][1:] == [Contradiction(Damage.WRONG_LENGTH, "").reason]

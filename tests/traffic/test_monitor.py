@@ -24,6 +24,7 @@ from eurobot_od.traffic.monitor import (
     MeanPeriod,
     Timed,
     Traffic,
+    cells,
     health,
     plain_table,
     selected,
@@ -286,3 +287,21 @@ def test_a_bus_that_is_opened_again_is_read_on_and_the_gap_noted() -> None:
     assert source.notes[0] == "the bus driver failed: pulled out; it is opened again"
     assert source.notes[1].startswith("the bus is back after a gap of 0.")
     source.close()
+
+
+def test_two_buses_are_not_one(traffic: Traffic) -> None:
+    for number in range(10):
+        traffic.take(number / 20, REQUEST, channel=f"can{number % 2}")
+    assert [each.period and each.period.mean for each in traffic.rows.values()] == pytest.approx([0.1, 0.1])
+    assert [cells(each, 1.0)[0] for each in traffic.rows.values()] == ["can0 0C0", "can1 0C0"]
+    assert [seen.messages[REQUEST.cob_id, False].count for seen in traffic.buses.values()] == [5, 5]
+
+
+def test_a_heartbeat_time_that_is_written_counts_from_then_on(traffic: Traffic) -> None:
+    for number in range(10):
+        traffic.take(number / 10, Frame(0x702, b"\x05"))
+    assert traffic.nodes["drive"].pulse.lost(2.0)
+    traffic.take(1.0, Frame(0x602, bytes.fromhex("2B17100010270000")))  # 10 s
+    assert traffic.nodes["drive"].pulse.lost(2.0)  # not confirmed yet
+    traffic.take(1.01, Frame(0x582, bytes.fromhex("6017100000000000")))
+    assert not traffic.nodes["drive"].pulse.lost(2.0)

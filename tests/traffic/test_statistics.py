@@ -86,3 +86,14 @@ def test_of_two_senders_of_one_identifier_the_one_that_may_be_later_counts() -> 
     seen = SeenTraffic(RATE, PROMISED._replace(messages=(*PROMISED.messages, later)))
     seen.take(1.0, ANSWER, "", "")
     assert seen.messages[0x011, False].node == "c"
+
+
+def test_a_time_before_the_last_one_is_not_a_gap() -> None:
+    seen = SeenTraffic(RATE)
+    for time in (2.0, 1.0, 1.1, 0.5):
+        seen.take(time, ASK, "Ask", "a")
+    ask = seen.messages[0x010, False]
+    assert (ask.backwards, ask.count) == (2, 4)
+    assert ask.longest == pytest.approx(0.1)
+    assert "time runs backwards: 2 frames with a time before the last one's; not in the gaps" in table(seen)
+    assert 0 < seen.load(ask.bits) < 1

@@ -13,6 +13,7 @@ from bench.rows import (
     codec,
     configure,
     echo,
+    growth,
     lint,
     logs,
     match,
@@ -40,4 +41,5 @@ GROUPS: tuple[Sequence[Series], ...] = (
     sdo.SERIES,
     bus.SERIES,
     match.SERIES,
+    growth.SERIES,
 )

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import re
+import shlex
+import shutil
+import sys
 from collections.abc import Iterator
 from importlib.util import find_spec
 from keyword import iskeyword
@@ -61,7 +64,9 @@ def new_robot(
         (folder / file).write_text(text, encoding="utf-8")
         print(folder / file)
     steps = [f"cd {folder}", *(["pip install -e ."] if package else [])]
-    steps += [f"{PROGRAM} match --field match.svg{'' if package else ' --robot .'}"]
+    # pip puts the program on the PATH; before, it may be nowhere but in this Python.
+    program = PROGRAM if package or shutil.which(PROGRAM) else shlex.join((sys.executable, "-m", "eurobot_od"))
+    steps += [f"{program} match --field match.svg{'' if package else ' --robot .'}"]
     print("\ntry it:", *steps, sep="\n  ")
 
 

@@ -8,6 +8,8 @@ with the place in its file.
 from __future__ import annotations
 
 import asyncio
+import os
+import threading
 import traceback
 from collections.abc import Callable, Coroutine
 from concurrent.futures import CancelledError, Future
@@ -121,6 +123,9 @@ MOMENT = 0.001
 FIRST_POSITION = 5.0
 """Seconds within which the first position should have come: the polling's start delay, and several periods."""
 
+UNENDED = 0.5
+"""Seconds by which a core may be late to end the match."""
+
 SETTLED = 1.0
 """Seconds after a stop within which the robot stands still."""
 
@@ -156,6 +161,48 @@ async def _played(strategy: Strategy, core: Core) -> None:
         raise ProgramFailed(exited(end)).with_traceback(end.__traceback__) from None
 
 
+class Elsewhere:
+    """Where a strategy fails besides its coroutine: in a task that nobody awaits, in a thread, by `os._exit`.
+
+    A context manager; `errors` are what was raised in the block while `counts` said so.
+    """
+
+    def __init__(self, counts: Callable[[], bool]) -> None:
+        self.errors: list[BaseException] = []
+        self._counts = counts
+        self._process = os.getpid()
+
+    def __enter__(self) -> Elsewhere:
+        self._loop = asyncio.get_running_loop()
+        self._before = self._loop.get_exception_handler(), threading.excepthook, os._exit
+        self._loop.set_exception_handler(self._in_task)
+        threading.excepthook = self._in_thread
+        os._exit = self._at_exit  # type: ignore[assignment]
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        handler, threading.excepthook, os._exit = self._before
+        self._loop.set_exception_handler(handler)
+
+    def _in_task(self, loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
+        error = context.get("exception")
+        if isinstance(context.get("future"), asyncio.Task) and error is not None and self._counts():
+            self.errors.append(error)
+        else:
+            loop.default_exception_handler(context)
+
+    def _in_thread(self, raised: threading.ExceptHookArgs) -> None:
+        if raised.exc_value is not None and self._counts():
+            self.errors.append(raised.exc_value)
+        else:
+            self._before[1](raised)
+
+    def _at_exit(self, status: int) -> None:
+        if os.getpid() != self._process:  # a process that it has forked has to end so
+            self._before[2](status)
+        raise ProgramFailed(f"os._exit({status}) ends the whole program: write `return`")
+
+
 class Referee:
     """A match that a strategy plays with `core`; what happens goes into `timeline`.
 
@@ -172,11 +219,13 @@ class Referee:
             raise LocalError(text)
         self._end = inf
         self._over = False
+        self._elsewhere = Elsewhere(lambda: not self.core.match_over)  # afterwards every call of the core's is refused
 
     async def play(self, strategy: Strategy) -> None:
         """Play the match from the node checks to its end; raises NoAnswer if a node does not answer."""
         await self._start_up()
-        await self._let_play(strategy)
+        with self._elsewhere:
+            await self._let_play(strategy)
         await self._stand_still()
 
     async def _start_up(self) -> None:
@@ -229,19 +278,26 @@ class Referee:
                     self.core.emergency_shutdown()
                     self.timeline.tell(EventKind.EMERGENCY, "emergency shutdown: the mushroom was hit")
                 await self._look_at(playing)
+                if self.clock() >= self._end + UNENDED:
+                    await self._give_up("the core does not end the match")
         finally:
             self.core.at_match_end = lambda: None
             await self._end_strategy(playing)
 
     async def _look_at(self, playing: asyncio.Future[Any]) -> None:
         """If the strategy has raised, stop the robot and keep what a team needs to find the cause."""
-        if not playing.done() or playing.cancelled() or (error := playing.exception()) is None:
+        has_ended = playing.done() and not playing.cancelled()
+        error = next(iter(self._elsewhere.errors), None) or (playing.exception() if has_ended else None)
+        if error is None or self.failure:
             return
-        self._over = True
         hangs = isinstance(error, Hang)
-        self.failure = f"the strategy hangs: {error}" if hangs else _last_lines(error)
         what = "hangs" if hangs else f"raised {type(error).__name__}"
-        self.timeline.tell(EventKind.FAILED, f"the strategy {what}: {error}")
+        await self._give_up(f"the strategy {what}: {error}", None if hangs else _last_lines(error))
+
+    async def _give_up(self, why: str, lines: str | None = None) -> None:
+        """End the match because of a failure: `why`, and the lines that show it if they say more."""
+        self._over, self.failure = True, lines or why
+        self.timeline.tell(EventKind.FAILED, why)
         try:
             await self.core.stop()
         except (RemoteError, StateError) as unseen:

@@ -258,6 +258,8 @@ def spread(figure: Figure, matches: Iterable[PlayedMatch]) -> Spread | None:
 
 # In words
 
+NO_TASKS = "no task was done in any match: `await core.act(task)` does one of those in robot.yaml"
+
 
 def report(matches: Sequence[PlayedMatch], marks: str = BLOCKS) -> Iterator[str]:
     """Yield lines that sum up the matches, at least one; `marks` are the characters of the histogram."""
@@ -286,6 +288,8 @@ def report(matches: Sequence[PlayedMatch], marks: str = BLOCKS) -> Iterator[str]
 
 def _to_look_at(matches: Sequence[PlayedMatch]) -> Iterator[str]:
     """Name the seeds in which something went wrong, and those with the fewest points."""
+    if not any(match.tasks for match in matches):
+        yield NO_TASKS
     bad = [match for match in matches if match.wrong]
     for match in bad[:MOST_LISTED]:
         first, *others = match.wrong
@@ -312,17 +316,18 @@ NORMAL = 1.96
 
 
 class Measure(NamedTuple):
-    """A measure that is compared: its name with the unit, and its value in a match."""
+    """A measure that is compared: its name with the unit, its value in a match, and its digits after the point."""
 
     name: str
     of: Callable[[PlayedMatch], float]
+    digits: int = 0
 
 
 MEASURES = (
     Measure("points", lambda match: match.points),
     Measure("touches", lambda match: len(match.touches)),
     Measure("our fault", lambda match: sum(touch.is_wrong for touch in match.touches)),
-    Measure("driven, m", lambda match: match.driven),
+    Measure("driven, m", lambda match: match.driven, 2),
 )
 POINTS = MEASURES[0]
 
@@ -339,8 +344,8 @@ def compared(played: Played) -> Iterator[str]:
     yield f"{'':<6}" + "".join(f"{measure.name:>{width * len(names)}}" for measure in MEASURES)
     yield f"{'seed':<6}" + "".join(f"{name:>{width}}" for _ in MEASURES for name in names)
     for row in zip(*played.values()):
-        cells = (measure.of(match) for measure in MEASURES for match in row)
-        yield f"{row[0].seed:<6}" + "".join(f"{cell:>{width}.4g}" for cell in cells)
+        cells = (f"{measure.of(match):.{measure.digits}f}" for measure in MEASURES for match in row)
+        yield f"{row[0].seed:<6}" + "".join(f"{cell:>{width}}" for cell in cells)
     means = (interval([measure.of(each) for each in played[name]]) for measure in MEASURES for name in names)
     yield f"{'mean':<6}" + "".join(f"{f'{mean:.1f} ± {half:.1f}':>{width}}" for mean, half in means)
     yield ""

@@ -81,6 +81,7 @@ from eurobot_od.robot.nodes.node import (
     Detection,
     DistanceSensor,
     Handlers,
+    Loss,
     Objects,
 )
 
@@ -143,7 +144,11 @@ class Core(CallingNode, CoreSettings):
         self.sensor, self.actuators = sensor, actuators
         self.observe: Callable[[messages.GotoXY | str, Call[Any]], None] = lambda _what, _call: None
         self.at_match_end: Callable[[], object] = lambda: None
+        self._losses: list[Call[str]] = []
         self._forget()
+        for part in self.COMPONENTS.values():
+            if part.confirm is not None:
+                self.on(part.confirm, lambda confirm: self.readiness.confirms.add(type(confirm)))
 
     def _forget(self) -> None:
         self.configuration: messages.StartConfigurationSet | None = None
@@ -159,7 +164,8 @@ class Core(CallingNode, CoreSettings):
         self._missing: Flow[None] | None = None
         self._looking: Timer | None = None
         self._stopped: messages.StopMessage | None = None
-        self.readiness = flows.Readiness()
+        self.readiness = flows.Readiness(self.COMPONENTS)
+        self._absent: dict[str, Flow[None]] = {}
         self._lost = ""
         self._twins = Twins()
         self._place: Place | None = None
@@ -175,9 +181,15 @@ class Core(CallingNode, CoreSettings):
         """Give up whatever is going on and forget everything, as after power-on; a goto under way is stopped."""
         driving = self.is_commanding
         super().reset()
+        self._tell_losses(lambda call: call.set_exception(StateError("the core was reset")))
         self._forget()
         if driving:
             self._halt(messages.StopDrive())
+
+    def switched_off(self) -> None:
+        """End all calls, as nobody else would."""
+        super().switched_off()
+        self._tell_losses(lambda call: call.set_exception(StateError(LEAVING)))
 
     @property
     def is_commanding(self) -> bool:
@@ -193,9 +205,14 @@ class Core(CallingNode, CoreSettings):
         return self._tracks[whom].last
 
     @property
+    def open_calls(self) -> int:
+        """The number of calls that have not ended, without the flows that nobody has called for."""
+        return super().open_calls - len(self._absent)
+
+    @property
     def without(self) -> tuple[str, ...]:
-        """The nodes that the robot does without: the navigation, while it is lost in a match."""
-        return ("navigation",) if self._taking_back is not None else ()
+        """The nodes that the robot does without: the navigation, while it is lost in a match; a team's own."""
+        return (*(("navigation",) if self._taking_back is not None else ()), *sorted(self._absent))
 
     # Calls
 
@@ -203,7 +220,7 @@ class Core(CallingNode, CoreSettings):
         """Check the drive, then the navigation; the result is the seconds that each took to answer (document 2.3).
 
         NoAnswer names the node check that nobody answered: the start is then blocked (document 5.1). DialectMismatch
-        names a node that is loaded from the EDS of another dialect.
+        names a node that is loaded from the EDS of another dialect. A team's own nodes come after the two.
         """
         return self.begin(flows.check_nodes(self, self.readiness.checked)).call
 
@@ -311,6 +328,14 @@ class Core(CallingNode, CoreSettings):
     def position(self) -> Call[messages.KalmanPositionResponse]:
         """Ask the drive for the filtered position of our robot (document 4.2.2 Position); raises NoAnswer."""
         return self.begin_ask(self.ask_drive(messages.KalmanPositionRequest(), messages.KalmanPositionResponse))
+
+    def loss(self) -> Call[str]:
+        """Wait for the loss of a team's own node, or its reboot; the result is the node's name (see `COMPONENTS`)."""
+        call: Call[str] = Call()
+        with self.guard:
+            self.check_present()
+            self._losses.append(call)
+        return call
 
     def obstacle(self) -> Call[Detection | None]:
         """Read the distance sensor: what it sees ahead; None if it sees nothing, or there is no sensor."""
@@ -555,8 +580,8 @@ class Core(CallingNode, CoreSettings):
         # its place is left alone.
         if here.x is None or not self.readiness.configured:
             yield from self._configure(configuration)
-        elif "navigation" not in self.without:
-            yield from flows.tell_navigation(self, configuration)
+        else:
+            yield from flows.tell_others(self, configuration, self.without)
         self._lost = ""
         yield from self._find_place(configuration, self._place)
 
@@ -593,7 +618,7 @@ class Core(CallingNode, CoreSettings):
 
     def _take_navigation_back(self, configuration: messages.StartConfigurationSet) -> Script[None]:
         try:
-            yield from flows.take_back(self, configuration, self.readiness.checked)
+            yield from flows.take_back(self, "navigation", flows.NAVIGATION, configuration, self.readiness.checked)
         except DialectMismatch as error:
             self.alarm(str(error))
             # A navigation with another dialect is of no use: the next goto begins with the checks, which say so.
@@ -601,6 +626,15 @@ class Core(CallingNode, CoreSettings):
         else:
             self._heard = self.now
             self.alarm("the navigation is back")
+
+    def _take_part_back(self, node: str, configuration: messages.StartConfigurationSet) -> Script[None]:
+        try:
+            yield from flows.take_back(self, node, self.COMPONENTS[node], configuration, self.readiness.checked)
+            self.alarm(f"the {node} is back")
+        except DialectMismatch as error:
+            self.alarm(str(error))
+        finally:
+            self._absent.pop(node, None)
 
     # Sensor and actuators
 
@@ -654,6 +688,8 @@ class Core(CallingNode, CoreSettings):
         if self._taking_back is not None:  # no longer asked for: the next goto recovers it first
             self._lost = "the navigation is lost"
             self.end(self._taking_back, StateError(MATCH_OVER))
+        for flow in [*self._absent.values()]:
+            self.end(flow, StateError(MATCH_OVER))
         self.end(self._acting, StateError(MATCH_OVER))
         self._stop(messages.StopDrive(), Outcome.STOPPED, MATCH_OVER)
         self.at_match_end()
@@ -689,6 +725,8 @@ class Core(CallingNode, CoreSettings):
         if self._goes_on_without(node_id, why):
             return
         self._lost = why
+        if self.is_commanding and self._part(node_id):  # it has forgotten what it was told
+            self._stop(messages.StopDrive(), Outcome.LOST, self._lost)
         # A booting navigation forgets nothing that the drive needs; a drive forgets goto, place and configuration.
         if self.is_commanding and self._is("drive", node_id):
             self._stop(messages.StopDrive(), Outcome.LOST, self._lost)
@@ -701,10 +739,27 @@ class Core(CallingNode, CoreSettings):
     def _goes_on_without(self, node_id: int, why: str) -> bool:
         """Cancel a node's check; tell whether it is the navigation, and the robot goes on without it."""
         self.readiness.checked -= {node for node in self.readiness.checked if self._is(node, node_id)}
+        if part := self._part(node_id):
+            self._tell_losses(lambda call: call.set_result(part))
+            if self._is_in_match and self.COMPONENTS[part].loss is Loss.GO_ON:
+                self.alarm(f"the {part} is lost, and the robot goes on without it: {why}")
+                if part not in self._absent and self.configuration is not None:
+                    self._absent[part] = self.begin(self._take_part_back(part, self.configuration))
+                return True
         if not self._is_in_match or not self._is("navigation", node_id):
             return False
         self._do_without_navigation(why)
         return True
+
+    def _tell_losses(self, tell: Callable[[Call[str]], object]) -> None:
+        calls, self._losses = self._losses, []
+        for call in calls:
+            if call.set_running_or_notify_cancel():  # False if its caller has given it up
+                tell(call)
+
+    def _part(self, node_id: int) -> str:
+        """Return the name of a team's own node that is part of the start; '' for any other."""
+        return next((node for node in self.COMPONENTS if self._is(node, node_id)), "")
 
     @property
     def _is_in_match(self) -> bool:

@@ -10,7 +10,7 @@ answers with another revision speaks another dialect, and is not driven.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Iterable
 from contextlib import suppress
 from math import inf
 from typing import NamedTuple
@@ -27,7 +27,7 @@ from eurobot_od.robot import dialects
 from eurobot_od.robot.model import messages
 from eurobot_od.robot.model.places import Place, is_near
 from eurobot_od.robot.model.values import FAULT_OUTCOME, GotoFault, Outcome
-from eurobot_od.robot.nodes.node import DEVIATION, KEEP_PLACE, UNKNOWN, CoreSettings
+from eurobot_od.robot.nodes.node import DEVIATION, KEEP_PLACE, UNKNOWN, Component, CoreSettings
 from eurobot_od.sdo.client import TransferError, download, upload
 
 # The dialect of another node
@@ -117,24 +117,29 @@ NODE_CHECKS: tuple[tuple[str, Message, type[Message]], ...] = (
 )
 """The nodes in the order in which they are checked (2014 robot: drive first)."""
 
+CONFIRMING = 0.01
+"""How often it is looked whether a team's own node has confirmed, s."""
+
 CONFIGURED = ("Team colour", "Enemies", "Confederates", "Enemy 1 diameter", "Enemy 2 diameter")
 """The sub-indices of the object `Start configuration`, in the order of the message's fields."""
 
 
 class Readiness:
-    """What has to be there before the first goto: both nodes checked, a start configuration confirmed.
+    """What has to be there before the first goto: all `nodes` checked, a start configuration confirmed.
 
     `checked` has the nodes that have answered in the dialect of this core, and have neither booted nor been lost since.
-    `configured` tells whether the latest start configuration was confirmed.
+    `configured` tells whether the latest start configuration was confirmed, `confirms` by which messages of a team's.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, nodes: Iterable[str] = ()) -> None:
+        self.nodes = (*(node for node, *_ in NODE_CHECKS), *nodes)
         self.checked: set[str] = set()
+        self.confirms: set[type[Message]] = set()
         self.configured = False
 
     def missing(self, without: Collection[str] = ()) -> str:
         """Say what is missing and what to call, '' if nothing is; nodes to do `without` need no check."""
-        unchecked = [f"the {node}" for node, *_ in NODE_CHECKS if node not in {*self.checked, *without}]
+        unchecked = [f"the {node}" for node in self.nodes if node not in {*self.checked, *without}]
         texts = [f"{' and '.join(unchecked)} must answer a check: call check_nodes()"] if unchecked else []
         texts += [] if self.configured else ["a start configuration must be confirmed: call configure_start()"]
         return "; ".join(texts)
@@ -150,16 +155,30 @@ def check_nodes(core: CoreSettings, checked: set[str], without: Collection[str] 
     # Before anything is asked: a node that does not answer now must not count as checked from before.
     checked.clear()
     yield START
-    for node, request, answer in NODE_CHECKS:
+    for node, request, answer in (*NODE_CHECKS, *((node, *part[:2]) for node, part in core.COMPONENTS.items())):
         if node in without:
             continue
         # Answers are told apart by their identifiers: in 2014 either node's answer satisfied either check.
         asked = core.now
-        yield Ask(request, answer, core.check_wait, core.check_attempts)
+        yield _check_of(core, node, request, answer)
         took[node] = core.now - asked
         yield from _compare(core, node)
         checked.add(node)
     return took
+
+
+def _check_of(core: CoreSettings, node: str, request: Message | None, answer: type[Message] | None) -> Ask:
+    if request is None or answer is None:
+        channel = _channel(core, node)
+        return Ask(channel.ask(REVISION), channel.answer, core.check_wait, core.check_attempts)
+    return Ask(request, answer, core.check_wait, core.check_attempts)
+
+
+def _channel(core: CoreSettings, node: str) -> SdoClientParameter:
+    channel = SdoClientParameter.to(node, core.device)
+    if channel is None:
+        raise StateError(f"the core cannot ask the {node} by SDO: name it in `asks` of the core in the protocol table")
+    return channel
 
 
 def _compare(core: CoreSettings, node: str) -> Script[None]:
@@ -187,6 +206,7 @@ def configure(
     yield START
     # Until the confirm, nobody knows which configuration the nodes use.
     readiness.configured = False
+    readiness.confirms.clear()
     yield Ask(
         configuration,
         messages.StartConfigurationConfirm,
@@ -194,40 +214,73 @@ def configure(
         core.configuration_transmissions,
     )
     confirmed = core.now
+    for node, part in core.COMPONENTS.items():
+        if part.confirm is not None and node not in without:
+            yield from _confirmed_by(core, node, part.confirm, configuration, readiness)
     # One confirm may be anybody's, and two equal ones merge on the wire, so both nodes are asked once more.
     yield from check_nodes(core, readiness.checked, without)
     readiness.configured = True
     return confirmed
 
 
-def take_back(core: CoreSettings, configuration: messages.StartConfigurationSet, checked: set[str]) -> Script[None]:
-    """Ask a lost navigation until it answers, and configure it, while the drive keeps driving.
+def _confirmed_by(
+    core: CoreSettings,
+    node: str,
+    confirm: type[Message],
+    configuration: messages.StartConfigurationSet,
+    readiness: Readiness,
+) -> Script[None]:
+    """Wait until a team's own node has confirmed the start configuration; raises NoAnswer."""
+    end = core.now + core.configuration_wait
+    while confirm not in readiness.confirms and core.now < end:
+        yield Pause(CONFIRMING)
+    if confirm not in readiness.confirms:
+        # By SDO, as a second Start Configuration Set would have the drive start over once more.
+        yield from tell(core, node, configuration)
 
-    Raises DialectMismatch.
-    """
-    node, request, answer = NODE_CHECKS[1]
+
+NAVIGATION = Component(*NODE_CHECKS[1][1:])
+"""How the navigation is checked."""
+
+
+def take_back(
+    core: CoreSettings, node: str, part: Component, configuration: messages.StartConfigurationSet, checked: set[str]
+) -> Script[None]:
+    """Ask a lost node until it answers, and configure it, while the drive keeps driving; raises DialectMismatch."""
     yield START
     while True:
         with suppress(NoAnswer):
-            yield Ask(request, answer, core.check_wait, core.check_attempts)
+            yield _check_of(core, node, part.check, part.answer)
             break
     yield from _compare(core, node)
-    yield from tell_navigation(core, configuration)
+    # No SDO, or a file that has the configuration in other pieces.
+    with suppress(NoAnswer, StateError, DictionaryError):
+        yield from tell(core, node, configuration)
     checked.add(node)
 
 
-def tell_navigation(core: CoreSettings, configuration: messages.StartConfigurationSet) -> Script[None]:
-    """Configure the navigation alone.
+def tell_others(
+    core: CoreSettings, configuration: messages.StartConfigurationSet, without: Collection[str]
+) -> Script[None]:
+    """Configure all nodes that take a start configuration but the drive."""
+    if "navigation" not in without:
+        # No SDO, or a file that has the configuration in other pieces.
+        with suppress(NoAnswer, StateError, DictionaryError):
+            yield from tell(core, "navigation", configuration)
+    for node, part in core.COMPONENTS.items():
+        if part.confirm is not None and node not in without:
+            yield from tell(core, node, configuration)
 
-    A Start Configuration Set would take the drive's estimate back to its start place, so each sub-index is written by
-    SDO; a navigation without SDO does without.
+
+def tell(core: CoreSettings, node: str, configuration: messages.StartConfigurationSet) -> Script[None]:
+    """Configure one node alone; raises NoAnswer, and StateError if there is no way to it by SDO.
+
+    A Start Configuration Set would take the drive's estimate back to its start place, so each sub-index is written.
     """
-    channel = SdoClientParameter.to("navigation", core.device)
-    if channel is not None:
-        with suppress(NoAnswer, DictionaryError):  # no SDO, or a file that has the configuration in other pieces
-            for name, value in zip(CONFIGURED, configuration):
-                order = channel.order(core.device.dictionary, f"Start configuration.{name}", int(value))
-                yield Ask(order, channel.answer, core.identity_wait, 1)
+    channel = _channel(core, node)
+    for name, value in zip(CONFIGURED, configuration):
+        order = channel.order(core.device.dictionary, f"Start configuration.{name}", int(value))
+        yield Ask(order, channel.answer, core.identity_wait, 1)
 
 
 class GotoReport(NamedTuple):

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections import defaultdict, deque
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future
+from enum import Enum
 from typing import Any, ClassVar, NamedTuple, Protocol, TypeAlias
 
 from eurobot_od.device.bound import Application, BoundObject, period, seconds, setting
@@ -83,6 +84,28 @@ Objects: TypeAlias = Mapping[str, BoundObject]
 """What a node's objects are bound to, by their ParameterNames."""
 
 
+class Loss(Enum):
+    """What the core does when a team's own node is lost in a match; `await core.loss()` tells the strategy."""
+
+    STOP = "stop"
+    """The goto ends as LOST; the next one begins with the node's check, and is not sent without its answer."""
+    GO_ON = "go on"
+    """The robot goes on without it. Meanwhile it is asked for; once it answers, it is configured and there again."""
+
+
+class Component(NamedTuple):
+    """A team's own node as a part of the start (document 5.1: a component that deviates blocks the system).
+
+    It has to answer `check` with `answer`; if there is no such message, it has to answer by SDO, with the revision
+    number of the table. It answers the start configuration with `confirm`, or is not asked to, None.
+    """
+
+    check: Message | None = None
+    answer: type[Message] | None = None
+    confirm: type[Message] | None = None
+    loss: Loss = Loss.STOP
+
+
 class RobotNode(Node):
     """A node of the robot; `facts` are those of the robot and its match, by default from the file beside the EDS.
 
@@ -152,7 +175,12 @@ DEVIATION, UNKNOWN = "Arrival deviation.Deviation", 0xFFFF
 
 
 class CoreSettings(RobotNode):
-    """The settings of the core, for its scripts; what a master writes counts from the next question on."""
+    """The settings of the core, for its scripts; what a master writes counts from the next question on.
+
+    `COMPONENTS` are a team's own nodes that are part of the start, by the names of their EDS files.
+    """
+
+    COMPONENTS: ClassVar[Mapping[str, Component]] = {}
 
     check_wait = seconds("Node check.Check wait")
     check_attempts = setting("Node check.Check attempts")

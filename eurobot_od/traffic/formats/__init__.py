@@ -27,8 +27,9 @@ FORMATS = {
     "console": ("lines", "ConsoleFormat"),
     "busmaster": ("lines", "BusmasterFormat"),
     "gvret": ("lines", "GvretFormat"),
+    "ixxat": ("lines", "IxxatFormat"),
     "asc": ("lines", "AscFormat"),
-    "csv": ("python_can", "read_csv"),
+    "csv": ("lines", "CsvFormat"),
     "trc": ("lines", "TrcFormat"),
     "blf": ("binary", "read_blf"),
     "db": ("python_can", "read_table"),
@@ -47,7 +48,8 @@ CONTENT = re.compile(
     rb"|(?:\xef\xbb\xbf)?(?:[ \t]*(?:#[^\n]*)?\r?\n)*(?:(?P<log>\(\d+\.\d+\) \S+ +[0-9A-Fa-f]+#)"
     rb"|(?P<console>\s*(?:\([-:. \d]+\)\s+)?\S+\s+(?:[RT]X [-B] [-E]\s+)?[0-9A-F]{3,8}\s+[\[{][0-9A-F]{1,2}[\]}])"
     rb"|(?P<asc>date |base +(?:hex|dec))|(?P<trc>;\$)|(?P<csv>timestamp,)"
-    rb"|(?P<busmaster>\*{3}BUSMASTER)|(?P<gvret>Time Stamp,))"
+    rb"|(?P<busmaster>\*{3}BUSMASTER)|(?P<gvret>Time Stamp,)"
+    rb"|(?P<ixxat>ASCII Trace IXXAT))"
 )
 """First bytes that identify a format; blank lines and comments may stand before those of text."""
 
@@ -56,7 +58,7 @@ LIKELY = (
     (rb"PK\x03\x04", "it is a zip archive: unpack it first"),
     (rb"BZh|\xfd7zXZ|\x28\xb5\x2f\xfd", "it is packed: `bunzip2`, `unxz` or `unzstd` unpacks it (gzip is read)"),
     (rb"\s*<\?xml", "it is XML: export the frames as ASC or BLF from the program that made it"),
-    (rb".*(?i:ascii trace|ixxat|canalyser)", "it looks like IXXAT's: export it as ASC, or convert it with SavvyCAN"),
+    (rb".*(?i:canalyser)", "it looks like IXXAT's canAnalyser: export it as ASC, or convert it with SavvyCAN"),
 )
 """How logs begin that are of formats not read here."""
 

@@ -1,4 +1,4 @@
-"""Logs that consist of lines: candump's, Vector's ASC, PEAK's TRC, BUSMASTER's, and SavvyCAN's GVRET.
+"""Logs that consist of lines: candump, Vector's ASC, PEAK's TRC, BUSMASTER, SavvyCAN's GVRET, IXXAT, python-can's CSV.
 
 A format turns a line into an entry or says why it cannot. A line that cannot be read is an entry like any other, and
 does not spoil its neighbours.
@@ -7,13 +7,13 @@ does not spoil its neighbours.
 from __future__ import annotations
 
 import re
-from binascii import a2b_hex
+from binascii import a2b_base64, a2b_hex
 from codecs import BOM_UTF8
 from collections.abc import Iterator
 from contextlib import suppress
 from datetime import UTC, datetime, timedelta
 from functools import cache
-from typing import TYPE_CHECKING, BinaryIO, cast
+from typing import TYPE_CHECKING, BinaryIO, ClassVar, cast
 
 from eurobot_od.frame import MOST_BYTES, Frame
 from eurobot_od.traffic.entries import (
@@ -24,9 +24,10 @@ from eurobot_od.traffic.entries import (
     Entries,
     Foreign,
     Raw,
-    Times,
+    Stamps,
     foreign,
     frame,
+    recorded,
     seconds,
     shortened,
 )
@@ -155,8 +156,8 @@ USUAL = re.compile(
 BLANKS, BRACKETS = bytes.maketrans(b"#\n", b"  "), b"()"
 """What stands between the columns of usual lines, and what around one."""
 
-ENDS = (b" R\n", b" T\n", b"\r\n")
-"""What may stand in place of a plain line end."""
+ENDS = {b" R\n": False, b" T\n": False, b"\r\n": True}
+"""What may stand in place of a plain line end, and whether a line with nothing else is an empty one."""
 
 
 class CandumpFormat(LineFormat):
@@ -164,8 +165,8 @@ class CandumpFormat(LineFormat):
 
     def parts(self, piece: bytes) -> Iterator[Batch | bytes]:
         plain, place = piece, 0
-        for end in ENDS:
-            if end in plain:
+        for end, may_be_alone in ENDS.items():
+            if end in plain and (may_be_alone or not (plain.startswith(end) or b"\n" + end in plain)):
                 plain = plain.replace(end, b"\n")
         while place < len(plain):
             end_of_usual = USUAL.match(plain, place).end()  # type: ignore[union-attr]  # it matches nothing, too
@@ -202,7 +203,7 @@ def _usual(lines: bytes) -> Batch | bytes:
         data = list(map(a2b_hex, words[3::4]))
     except ValueError:
         return lines
-    return Batch(range(1, len(stamps) + 1), Times(stamps), words[1::4], identifiers, data, stamps)
+    return Batch(range(1, len(stamps) + 1), Stamps(stamps), words[1::4], identifiers, data, stamps)
 
 
 class _Identifiers(dict[str, int]):
@@ -355,7 +356,7 @@ class AscFormat(LineFormat):
         _, _, dlc, length, *words = rest if rest[0] in ASC_BITS else rest[1:]
         data = bytes([int(octet, 16) for octet in words[: int(length)]])
         flags = int(words[int(length) + 2], 16)
-        if flags & ASC_FD_FLAG:
+        if flags & ASC_FD_FLAG or len(data) > MOST_BYTES:  # some lines have no flags
             return foreign(Damage.FD, number, data)
         return frame(number, data, extended, int(dlc, 16) if flags & ASC_REMOTE_FLAG else None)
 
@@ -513,10 +514,50 @@ class GvretFormat(LineFormat):
     def entry(self, line: bytes) -> tuple[float, str, Raw]:
         stamp, identifier, extended, *rest = line.strip().rstrip(b",").split(b",")
         channel, length, *octets = rest[1:] if self._has_direction else rest
-        data, number = bytes([int(octet, 16) for octet in octets]), int(identifier, 16)
+        # An old log has eight octets in each line.
+        data, number = bytes([int(octet, 16) for octet in octets[: int(length)]]), int(identifier, 16)
         time = seconds(int(stamp) / 1e6)
         if len(data) > MOST_BYTES:
             return time, channel.decode(), foreign(Damage.FD, number, data)
         if len(data) != int(length):
             raise ValueError(line)
         return time, channel.decode(), frame(number, data, extended.lower() in GVRET_TRUE)
+
+
+# IXXAT's trace, `"00:02:20.66";"703";"Std";"";"7F "`, as MiniMon writes it; times are since its start
+
+
+class IxxatFormat(LineFormat):
+    """Reads one trace of IXXAT's MiniMon."""
+
+    KINDS: ClassVar = {b"std": False, b"ext": True}
+
+    def comment(self, line: bytes) -> bool:
+        return not line.startswith(b'"') or b"Identifier" in line
+
+    def entry(self, line: bytes) -> tuple[float, str, Raw]:
+        stamp, identifier, kind, flags, text = re.split(rb'"[;,]"', line.strip()[1:-1])
+        hours, minutes, second = stamp.replace(b",", b".").split(b":")
+        time, number = int(hours) * 3600 + int(minutes) * 60 + seconds(second), int(identifier, 16)
+        extended = self.KINDS[kind.strip().lower()]
+        if b"rtr" in flags.lower():  # and as its data `Remote request  DLC = 1`
+            return time, "", frame(number, b"", extended, int(text.rpartition(b"=")[2]))
+        data = bytes.fromhex(text.decode())
+        if len(data) > MOST_BYTES:
+            return time, "", foreign(Damage.FD, number, data)
+        return time, "", frame(number, data, extended)
+
+
+# CSV, `1396.123456,0x8,0,0,0,8,0nQjWSwBw6U=`, as python-can writes it: identifier, flags, length, data in base 64
+
+
+class CsvFormat(LineFormat):
+    """Reads one log of python-can's CSV."""
+
+    def comment(self, line: bytes) -> bool:
+        return super().comment(line) or line.startswith(b"timestamp,")
+
+    def entry(self, line: bytes) -> tuple[float, str, Raw]:
+        stamp, identifier, extended, remote, error, length, data = line.strip().split(b",")
+        octets, flags = a2b_base64(data), (each == b"1" for each in (extended, remote, error))
+        return seconds(stamp), "", recorded(int(identifier, 16), octets, int(length), *flags)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shlex
 import shutil
 import subprocess
 import sys
@@ -29,9 +30,10 @@ def command(
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("newcomer")
-    said = command(folder, ["new-robot", "mine", "--name", "My robot"])
+    said = command(folder, ["new-robot", "mine", "--name", "My robot"], PATH="")
     assert (said.returncode, said.stderr) == (0, "")
-    assert "eurobot-od match --field match.svg --robot .\n" in said.stdout
+    # As it can be typed: there is no program on the PATH.
+    assert f"  {shlex.join([sys.executable, '-m', 'eurobot_od'])} match --field match.svg --robot .\n" in said.stdout
     return folder / "mine"
 
 
@@ -44,7 +46,7 @@ def mine(made: Path, tmp_path: Path) -> Path:
 WORKS = [
     # what is typed beside the folder, and what is printed
     (["match", "--duration", "10", "--log", "a.log", "--field", "a.svg"], "Lift State Response "),
-    (["decode", "a.log"], "height=170 mm, speed=100 %"),
+    (["decode", "a.log"], "height=167 mm, speed=100 %"),
     (["field", "a.log", "-o", "b.svg"], ""),
     (["check", "--simulate"], "1 suite: 20 ok"),
     (["check", "--conformance", "--simulate", "--tag", "emcy"], "4 suites"),
@@ -173,10 +175,10 @@ def test_its_checks_find_the_faults_of_its_messages(fault: str, printed: str, ma
 
 
 @pytest.mark.long
-def test_a_match_with_a_faulty_lift_ends_with_what_the_strategy_got(made: Path) -> None:
+def test_a_match_goes_on_without_a_faulty_lift_and_says_so(made: Path) -> None:
     said = command(made, ["match", "--duration", "3", "--fault", "lift-confirm-not-sent", "--robot", "."])
-    assert said.returncode == 1
-    assert said.stderr.endswith("NoAnswer: no LiftConfirm within 500 ms after LiftSet\n")
+    assert (said.returncode, said.stderr) == (0, "")
+    assert "without the lift: no LiftConfirm within 500 ms after LiftSet\n" in said.stdout
 
 
 MISTAKES = [
@@ -186,16 +188,16 @@ MISTAKES = [
         "LiftStop: stop",
         "LiftConfirm: stop",
         ["match"],
-        "lift.py:10: Lift handles LiftConfirm without an RPDO for it in mine/eds/canopen/lift.eds",
+        "lift.py:20: Lift handles LiftConfirm without an RPDO for it in mine/eds/canopen/lift.eds",
     ),
     (
         "lift.py",
         '"Lift state":',
         '"Lift stat":',
         ["match"],
-        "lift.py:10: Lift binds 'Lift stat', which is not an object in mine/eds/canopen/lift.eds",
+        "lift.py:20: Lift binds 'Lift stat', which is not an object in mine/eds/canopen/lift.eds",
     ),
-    ("lift.py", "class Lift(Node):", "class Lift(Nod):", ["match"], "mine/lift.py:10: NameError"),
+    ("lift.py", "class Lift(Node):", "class Lift(Nod):", ["match"], "mine/lift.py:20: NameError"),
     (
         "own_messages.py",
         "height: Annotated",

@@ -3,16 +3,23 @@
 from __future__ import annotations
 
 import asyncio
+import os
+import threading
+from contextlib import suppress
 from dataclasses import replace
 
 import pytest
 
+from eurobot_od.errors import RemoteError, StateError
 from eurobot_od.robot.match import EventKind, MatchEvent, MatchOptions, Summary
+from eurobot_od.robot.match import strategy as shipped
 from eurobot_od.robot.match.referee import Strategy
 from eurobot_od.robot.match.stage import play_simulated
 from eurobot_od.robot.model.values import Source
 from eurobot_od.robot.nodes import Core
+from eurobot_od.robot.plugin import ROBOT
 from eurobot_od.robot.world import World
+from tests.rows import rows
 
 ALONE = MatchOptions(enemies=0, confederates=0, duration=8.0, falling=False)
 FAR = (1500, 1300, 0, 50)
@@ -119,6 +126,76 @@ def test_an_exception_ends_the_match_with_the_robot_standing(strategy: Strategy)
 # The mushroom
 
 
+def broken(*_: object) -> None:
+    raise ValueError("broken")
+
+
+async def break_later(core: Core) -> None:
+    await core.goto(600, 1700, 90, 60)
+    broken()
+
+
+async def in_a_task(core: Core) -> None:
+    task = asyncio.ensure_future(break_later(core))
+    await asyncio.sleep(5.0)
+    assert task.done()
+
+
+async def in_a_thread(core: Core) -> None:
+    await core.goto(600, 1700, 90, 60)
+    thread = threading.Thread(target=broken)
+    thread.start()
+    thread.join()
+    await asyncio.Event().wait()
+
+
+async def by_an_exit(core: Core) -> None:
+    await core.goto(600, 1700, 90, 60)
+    os._exit(0)
+
+
+@pytest.mark.parametrize(
+    ("strategy", "said"),
+    [
+        (in_a_task, "ValueError: broken"),
+        (in_a_thread, "ValueError: broken"),
+        (by_an_exit, "os._exit(0) ends the whole program: write `return`"),
+    ],
+)
+def test_a_strategy_that_fails_elsewhere_is_a_failed_match(strategy: Strategy, said: str) -> None:
+    before = threading.excepthook, os._exit
+    events, summary, world = play(strategy)
+    assert summary.failure is not None
+    assert summary.failure.endswith(said)
+    assert f'File "{__file__}", line ' in summary.failure
+    assert [each for each in kinds(events) if each is EventKind.FAILED] == [EventKind.FAILED]
+    assert events[-1].kind is EventKind.END
+    assert stands(world)
+    assert (threading.excepthook, os._exit) == before
+
+
+async def until_refused(core: Core) -> None:
+    async def drive() -> None:
+        while True:
+            await core.goto(600, 1700, 90, 60)
+            await core.goto(900, 1700, 90, 60)
+
+    asyncio.ensure_future(drive())  # noqa: RUF006 (nobody awaits it)
+    await asyncio.Event().wait()
+
+
+def test_a_task_that_goes_on_until_the_match_is_over_has_not_failed() -> None:
+    _, summary, _ = play(until_refused)
+    assert summary.failure is None
+
+
+def test_a_core_that_does_not_end_the_match_is_a_failed_match() -> None:
+    events, summary, world = play(wait, replace(ALONE, faults=("match-without-end",)))
+    assert summary.failure == "the core does not end the match"
+    assert events[-1].time < 13.0
+    assert stands(world)
+
+
 def test_the_mushroom_ends_everything() -> None:
     events, summary, world = play(to_and_fro, replace(ALONE, emergency_at=4.0))
     emergency = next(event for event in events if event.kind is EventKind.EMERGENCY)
@@ -135,3 +212,13 @@ async def to_and_fro(core: Core) -> None:
     while True:
         await core.goto(*FAR)
         await core.goto(500, 1700, 0, 50)
+
+
+@pytest.mark.long
+@rows("name", ROBOT.fault_names())
+def test_a_match_with_any_fault_has_an_end(name: str) -> None:
+    """Some faults block the start: then NoAnswer, or another error, says so."""
+    with suppress(RemoteError, StateError):
+        events, *_ = play(shipped.play, replace(ALONE, enemies=2, confederates=1, faults=(name,)))
+        assert events[-1].kind is EventKind.END
+        assert events[-1].time < 60.0

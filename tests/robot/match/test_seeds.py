@@ -18,6 +18,7 @@ from eurobot_od.robot.match.seeds import (
     FIGURES,
     FORCED,
     MOST_LISTED,
+    NO_TASKS,
     EndingCount,
     Figure,
     Spread,
@@ -242,6 +243,8 @@ def test_the_report_ends_with_the_seeds_to_look_at() -> None:
         "fewest points: seed 3 with 4, seed 2 with 10, seed 1 with 20",
         "4 matches, seeds 1 to 4: something went wrong in 2",
     ]
+    assert NO_TASKS in report([FINE, STOPPED])
+    assert NO_TASKS not in report([FINE, replace(STOPPED, tasks=[PlayedTask(1.0, "fire 1", 0)])])
     assert list(report([FINE, STOPPED]))[-1] == "2 matches, seeds 1 to 2: nothing went wrong"
     assert list(report([FAILED]))[-2:] == ["seed 4: no answer", "1 match, seeds 4 to 4: something went wrong in 1"]
 

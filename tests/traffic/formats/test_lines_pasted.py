@@ -118,6 +118,33 @@ def test_one_frame_is_enough_to_go_on() -> None:
     assert len(read("hello\n(1.0) can0 123##1AB\n")) == 2
 
 
+IXXAT = """ASCII Trace IXXAT MiniMon V3  Version: 1.0.0.1271
+Date: 28.01.2025
+Baudrate: 500 kbit/s
+"Time"{0}"Identifier (hex)"{0}"Format"{0}"Flags"{0}"Data (hex)"
+"""
+
+
+@pytest.mark.parametrize("separator", [";", ","])
+@pytest.mark.parametrize(
+    ("entry", "time", "raw"),
+    [
+        ("00:02:20.66;70A;Std;;00 ", 140.66, BOOT),
+        ("01:00:00,5;80;Std;;", 3600.5, Frame(0x080)),
+        ("00:00:01.0;18FF0001;Ext;;AA BB ", 1.0, Frame(EXTENDED | 0x18FF0001, b"\xaa\xbb")),
+        ("00:00:01.0;70A;Std;Rtr ;Remote request  DLC = 1 ", 1.0, RemoteFrame(0x70A, b"\0")),
+    ],
+)
+def test_ixxat(separator: str, entry: str, time: float, raw: Raw) -> None:
+    line = separator.join(f'"{each}"' for each in entry.split(";"))
+    assert read(f"{IXXAT.format(separator)}{line}\n") == [(time, "", raw)]
+
+
+def test_an_old_log_of_savvycan_has_eight_octets_in_each_line() -> None:
+    header = "Time Stamp,ID,Extended,Bus,LEN,D1,D2,D3,D4,D5,D6,D7,D8\n"
+    assert read(f"{header}1000000,0000070A,false,0,1,00,01,02,03,04,05,06,07,\n") == [(1.0, "0", BOOT)]
+
+
 # ASC
 
 
@@ -133,6 +160,7 @@ ON_FD = "0.01 CANFD 1 Rx {} 120000 120 {flags} 1234 46500250 460a0250 20011736 2
         ("18FF0001x 0 0 2 2 aa bb", "200000", Frame(EXTENDED | 0x18FF0001, b"\xaa\xbb")),
         ("705 0 0 1 0", "200010", RemoteFrame(0x705, b"\0")),
         ("123 1 0 9 12 00 01 02 03 04 05 06 07 08 09 0a 0b", "303000", Damage.FD),
+        ("123 1 0 9 12 00 01 02 03 04 05 06 07 08 09 0a 0b", "0", Damage.FD),  # its length says so
     ],
 )
 def test_asc_of_hardware_for_can_fd(words: str, flags: str, raw: Raw | Damage) -> None:

@@ -1,9 +1,12 @@
-"""What python-can reads: rows of an SQLite table, lines of CSV, and how reading ends where its reader gives up."""
+"""What python-can writes: rows of an SQLite table, and lines of CSV."""
 
 from __future__ import annotations
 
 import io
+import os
 import sqlite3
+import subprocess
+import sys
 from contextlib import closing
 from pathlib import Path
 
@@ -65,31 +68,31 @@ def test_a_row_of_another_length_than_its_data_is_unreadable_and_counted(tmp_pat
 
 HEADER, LINE = "timestamp,arbitration_id,extended,remote,error,dlc,data\n", "1.5,0x14,0,0,0,2,AQI=\n"
 
-GIVEN_UP = {
-    "no columns": "garbage\n",
-    "no time": "late,0x14,0,0,0,2,AQI=\n",
-    "no identifier": "1.5,20x,0,0,0,2,AQI=\n",
-    "more digits than Python reads": f"1.5,0x14,0,0,0,{'9' * 4400},AQI=\n",
-    "a line over the bound": f"1.5,0x14,0,0,0,2,{'A' * 2000}\n",
-}
 
-
-@pytest.mark.parametrize("line", GIVEN_UP.values(), ids=GIVEN_UP)
-def test_csv_ends_with_an_entry_that_says_so_where_python_can_gives_up(line: str) -> None:
-    content = io.BytesIO((HEADER + LINE + line + LINE).encode())
-    first, *_, (number, time, _, last) = formats.read(content, "csv", 1000)
-    assert first == (1, 1.5, "", Frame(0x014, b"\x01\x02"))
-    assert isinstance(last, Foreign)
-    assert (time, last.damage) == (1.5, Damage.CUT_OFF)
-    assert last.text.startswith("python-can reads no further: ")
-    assert number <= 3
+@rows(
+    "line, reason",
+    [
+        ("garbage", "no columns"),
+        ("late,0x14,0,0,0,2,AQI=", "no time"),
+        ("1.5,20x,0,0,0,2,AQI=", "no identifier"),
+        (f"1.5,0x14,0,0,0,{'9' * 4400},AQI=", "more digits than Python reads"),
+        (f"1.5,0x14,0,0,0,2,{'A' * 2000}", "a line over the bound"),
+        ("1.5,0x14,0,0,0,2,A", "half of its data"),
+    ],
+)
+def test_a_line_of_csv_that_cannot_be_read_costs_no_other(line: str, reason: str) -> None:
+    content = io.BytesIO((HEADER + LINE + f"{line}\n" + LINE).encode())
+    first, (number, time, _, bad), last = formats.read(content, "csv", 1000)
+    assert first[1:] == last[1:] == (1.5, "", Frame(0x014, b"\x01\x02")), reason
+    assert isinstance(bad, Foreign)
+    assert (number, time, bad.damage) == (3, 1.5, Damage.UNREADABLE)
 
 
 def test_a_line_of_csv_with_another_length_than_its_data_costs_no_other() -> None:
     content = io.BytesIO((HEADER + LINE + LINE.replace(",2,", ",3,") + LINE).encode())
     assert [raw for *_, raw in formats.read(content, "csv")] == [
         Frame(0x014, b"\x01\x02"),
-        Foreign(Damage.UNREADABLE, "014#0102 with length 3"),
+        Foreign(Damage.UNREADABLE, "1.5,0x14,0,0,0,3,AQI="),
         Frame(0x014, b"\x01\x02"),
     ]
 
@@ -116,3 +119,21 @@ def test_a_table_that_cannot_be_written_is_an_oserror_with_the_file(tmp_path: Pa
     file = table(tmp_path)
     with pytest.raises(OSError, match=r"bus\.db: table messages already exists"):
         write_table(file, [])
+
+
+def test_asammdf_is_imported_for_mf4_alone(tmp_path: Path) -> None:
+    (tmp_path / "asammdf.py").write_text("import sys\nprint('asammdf!', file=sys.stderr)\nraise ImportError\n")
+    (tmp_path / "bus.log").write_text("(1.0) can0 705#05\n")
+    (tmp_path / "bus.mf4").write_bytes(b"MDF     4.10    " + bytes(100))
+    said = {}
+    for log in ("bus.log", "bus.mf4"):
+        eds = Path(__file__).parents[3] / "docs" / "motor.eds"
+        command = [sys.executable, "-m", "eurobot_od", "decode", "--eds", f"5={eds}", str(tmp_path / log)]
+        known = os.pathsep.join([str(tmp_path), *sys.path])
+        ended = subprocess.run(command, capture_output=True, text=True, env={**os.environ, "PYTHONPATH": known})
+        said[log] = ended.returncode, ended.stderr
+    assert said["bus.log"] == (0, "")
+    status, words = said["bus.mf4"]
+    assert status == 2
+    assert words.startswith("asammdf!\n")
+    assert "asammdf is not installed; the extra `mf4` brings it" in words

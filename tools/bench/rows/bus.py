@@ -11,6 +11,8 @@ from contextlib import contextmanager
 from functools import partial
 
 from bench.measure import Claim, Contender, Figures, Quantity, Scale, Series, Way, Wrong
+from bench.process import PYTHON, run
+from bench.rows.startup import ALL, LOADING, eds_files
 from eurobot_od.bus.simulated.network import Bus, Controller
 from eurobot_od.frame import Frame
 
@@ -63,9 +65,9 @@ def carried(count: int) -> Figures:
 
 @contextmanager
 def bare(scale: Scale) -> Iterator[Mapping[str, Contender]]:
-    """Give the bus."""
+    """Give the bus, and canopen that reads three EDS files, as a measure of the machine."""
     count = scale.of(FRAMES, 100)
-    yield {"calm": partial(carried, count)}
+    yield {"peer": partial(run, [PYTHON, "-c", LOADING, *eds_files(ALL)]), "calm": partial(carried, count)}
 
 
 SERIES = (
@@ -73,6 +75,6 @@ SERIES = (
         "bus",
         "simulated bus",
         bare,
-        (Claim("100 000 frames on the simulated bus", "calm", None, Way.ALONE),),
+        (Claim("100 000 frames on the simulated bus: canopen reading 3 EDS", "calm", "peer", Way.RATIO),),
     ),
 )

@@ -171,7 +171,7 @@ def _candump(
 
 def _other(suffix: str) -> Series:
     name = f"decode 100 000 frames of {suffix}"
-    claim = Claim(f"{name}: python-can and cantools", "ours", "peer", Way.TIMES_AS_FAST, 2)
+    claim = Claim(f"{name}: python-can and cantools", "ours", "peer", Way.TIMES_AS_FAST, 1)
     return Series("logs", name, partial(other_format, suffix), (claim,))
 
 

@@ -17,6 +17,8 @@ from bench.rows.startup import ALL, LOADING, eds_files
 
 JOBS = 2
 SHORT = ("--duration", "5")
+MORE, FURTHER = 4, 0.7
+"""So many matches, of which each after the first is to take at most this share of the first one's time."""
 
 
 @contextmanager
@@ -40,6 +42,13 @@ def many(scale: Scale) -> Iterator[Mapping[str, Contender]]:
     yield {f"{jobs} jobs": partial(run, [*words, str(jobs)]) for jobs in (1, JOBS)}
 
 
+@contextmanager
+def more(scale: Scale) -> Iterator[Mapping[str, Contender]]:
+    """Give one match, and some in one process: the start and what is worked out once count only for the first."""
+    words = [*OURS, "match", *SHORT * scale.short]
+    yield {"one": partial(run, words), "ours": partial(run, [*words, "--seeds", str(MORE), "--jobs", "1"])}
+
+
 SERIES = (
     Series(
         "match",
@@ -52,5 +61,11 @@ SERIES = (
         "match --seeds",
         many,
         (Claim("match --seeds 8 on 2 cores: on 1", "2 jobs", "1 jobs", Way.TIMES_AS_FAST, 1.6),),
+    ),
+    Series(
+        "match",
+        "match, seeds after the first",
+        more,
+        (Claim(f"match --seeds {MORE}: a match of 90 s", "ours", "one", Way.RATIO, 1 + (MORE - 1) * FURTHER),),
     ),
 )

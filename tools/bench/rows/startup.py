@@ -202,18 +202,17 @@ def opened(command: Command, files: Mapping[str, Path]) -> set[str]:
     return set(report.read_text().split("\n")) - {""}
 
 
-BEYOND_PYTHON = 0.080
-"""Seconds more than a bare Python that a command may take which starts without canopen."""
+BARE_PYTHONS = 8.0
+"""How many times as long as a bare Python a command may take which starts without canopen: 80 ms more, where that takes
+11 ms.
+"""
 
 SERIES = (
     Series(
         "startup",
         "start without canopen",
         bare,
-        tuple(
-            Claim(f"{name} beyond python -c pass", name, "pass", Way.DIFFERENCE, BEYOND_PYTHON)
-            for name in ("--help", "lint")
-        ),
+        tuple(Claim(f"{name}: python -c pass", name, "pass", Way.RATIO, BARE_PYTHONS) for name in ("--help", "lint")),
     ),
     Series(
         "startup",
