@@ -17,7 +17,7 @@ from eurobot_od.check.report import CheckedSeed, StepResult, SuiteResult
 from eurobot_od.check.runner import Interrupt, RunOptions
 from eurobot_od.check.suite import Report, Suite
 from eurobot_od.cli import ExitStatus, version
-from eurobot_od.cli.devices import Devices, complain_of_repairs, left_out
+from eurobot_od.cli.devices import Devices, complain_of_repairs, completeness, left_out
 from eurobot_od.cli.options import BusOptions, Campaign, Faults, Json, Output, counted, whole, write
 from eurobot_od.cli.signature import HelpGroup, Option
 from eurobot_od.errors import LocalError
@@ -146,7 +146,9 @@ def check(
         return ExitStatus.INTERRUPTED
     if any(result.error for result in results):
         return ExitStatus.TROUBLE
-    return ExitStatus.FOUND if any(result.failed for result in results) else ExitStatus.FINE
+    if any(result.failed for result in results):
+        return ExitStatus.FOUND
+    return completeness(each for suite in suites for each in suite.dictionaries.values())
 
 
 def _refuse_what_does_not_go_together(checks: Checks, of_made: Mapping[str, object]) -> None:

@@ -12,7 +12,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, TypeAlias
 
 from eurobot_od import plugin
-from eurobot_od.cli import RobotName, complain, is_alone
+from eurobot_od.cli import ExitStatus, RobotName, complain, is_alone
 from eurobot_od.cli.options import BusOptions, Seconds, check_node_id, whole
 from eurobot_od.cli.signature import HelpGroup, Option, Parser, ahead
 from eurobot_od.errors import FileError, LocalError, MappingError, RemoteError, UnknownName
@@ -114,10 +114,10 @@ class Devices:
             complain_of_repairs(loaded)
         return loaded
 
-    def protocol(self) -> Protocol:
-        """Return the messages of these devices; complains of PDOs that are left out. Raises as `load`."""
+    def protocol(self, known: Iterable[Dictionary] = ()) -> Protocol:
+        """Return the messages of these devices, or of `known`; complains of PDOs left out. Raises as `load`."""
         with left_out() as refused:
-            return Protocol.of_devices(self.load_and_complain(), self.robot.catalogue(), refused)
+            return Protocol.of_devices(known or self.load_and_complain(), self.robot.catalogue(), refused)
 
     def decoder(self, emcy: Iterable[str] = ()) -> Decoder:
         """Return the decoder of these devices' frames, of CiA 301's without any; complains of PDOs that are left out.
@@ -241,6 +241,11 @@ def complain_of_repairs(dictionaries: Iterable[Dictionary]) -> None:
             complain(
                 f"{file}: none of its modules is connected; --module takes {', '.join(map(str, each.idle_modules))}"
             )
+
+
+def completeness(dictionaries: Iterable[Dictionary]) -> ExitStatus:
+    """Return FOUND if objects of a file are left out: what is printed, or green, is not the whole device."""
+    return ExitStatus.FOUND if any(each.left_out for each in dictionaries) else ExitStatus.FINE
 
 
 def decoder_of(

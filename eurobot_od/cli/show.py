@@ -13,7 +13,8 @@ from pathlib import Path
 from string import ascii_letters
 from typing import TYPE_CHECKING, Annotated, Any
 
-from eurobot_od.cli.devices import Devices, object_names
+from eurobot_od.cli import ExitStatus
+from eurobot_od.cli.devices import Devices, completeness, object_names
 from eurobot_od.cli.options import Json
 from eurobot_od.cli.signature import Option
 from eurobot_od.errors import LocalError, UnknownName
@@ -33,8 +34,10 @@ def show(
     objects: Annotated[str | None, Option(metavar="NAME", bare="", suggest=object_names)] = None,
     as_json: Json = False,
     devices: Devices,
-) -> None:
+) -> ExitStatus:
     """Show the messages as the EDS files map them, one message's bits as a picture, or the objects of the devices.
+
+    Exit status 1 if a file has objects that are left out.
 
     message: name of a message, such as 'Goto XY' (default: all)
     objects: list the devices' objects, or those of a name or index, such as Motor or 0x1018
@@ -43,10 +46,11 @@ def show(
         raise LocalError(f"{message} is a file, not a message: name it by --eds")
     if message and objects is not None:
         raise LocalError("either a message or --objects, not both")
+    known = devices.load_and_complain()
     if objects is not None:
-        _show_objects(devices.load_and_complain(), objects, as_json)
-        return
-    protocol = devices.protocol()
+        _show_objects(known, objects, as_json)
+        return completeness(known)
+    protocol = devices.protocol(known)
     chosen = [protocol.binding(message)] if message else protocol.bindings
     if as_json:
         print(json.dumps([as_data(each) for each in chosen], indent=2))
@@ -54,6 +58,7 @@ def show(
         print("\n".join(map(one_line, picture(chosen[0]))))
     else:
         print("\n".join(map(one_line, table(chosen))))
+    return completeness(known)
 
 
 # Objects

@@ -56,6 +56,7 @@ ODDITIES = (
     ("E111", "An entry has a key.", Odd.NO_KEY, "an entry without a key"),
     ("E112", "A key and its value together have fewer than 255 characters.", Odd.TOO_LONG, "{}; 254 is the most"),
     ("E123", "A device description in XML is well-formed, without a document type.", Odd.XML, "no XML: {}"),
+    ("E124", "An object of a file in XML has an index, a sub-object a sub-index.", Odd.ADDRESS, "{}: it is lost"),
     ("W122", "A file ends with its last line.", Odd.END_MARK,
      "Ctrl-Z or NUL at the end, which most tools take for an entry"),
     ("W114", "A comment starts with a semicolon.", Odd.HASH, "a comment with #, which only some tools skip"),

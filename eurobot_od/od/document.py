@@ -50,6 +50,7 @@ class Odd(Enum):
     INDENTED = "an indented line"
     XML = "no XML of a device description"
     DISABLED = "an object that its editor has disabled"
+    ADDRESS = "an object without an address"
 
 
 HIDING = (Odd.BINARY, Odd.HEADER, Odd.XML)

@@ -97,9 +97,13 @@ def decimal_subs(document: Document) -> dict[str, str]:
     hexadecimal numbers they would be the addresses of other objects, so that anything less clear stays as it is.
     """
     found: dict[str, str] = {}
-    for name in [each for each in document.sections if each.endswith("sub10")]:
-        head = name[:4]
-        subs = [each for each in document.sections if each.startswith(f"{head}sub")]
+    parts: dict[str, list[str]] = {}
+    for name in document.sections:
+        if name[4:7] == "sub":
+            parts.setdefault(name[:4], []).append(name)
+    for head, subs in parts.items():
+        if f"{head}sub10" not in subs:
+            continue
         numbers = {int(match[2]): each for each in subs if (match := DECIMAL_SUB.fullmatch(each))}
         zero = document.sections.get(f"{head}sub0")
         highest = parse_number(zero.text("parametervalue") or zero.text("defaultvalue")) if zero else None
@@ -197,7 +201,9 @@ def _variable(at: Section, name: str, title: str, type_: DataType, default: str)
 
 
 TEXTS = (values.VISIBLE_STRING, values.UNICODE_STRING)
-BYTES = (values.OCTET_STRING, values.DOMAIN)
+UNKNOWN_TYPE = values.DOMAIN._replace(name="a number, and of an unknown type")
+"""Stands for a type that nobody knows: its values are bytes."""
+BYTES = (values.OCTET_STRING, values.DOMAIN, UNKNOWN_TYPE)
 
 
 @lru_cache(maxsize=REMEMBERED_NUMBERS)
@@ -222,6 +228,9 @@ PLAIN_RELATIVE = re.compile(r"\$NODEID\+(?:0[xX][0-9A-Fa-f]+|0|[1-9][0-9]*)")
 @lru_cache(maxsize=REMEMBERED_NUMBERS)
 def plain_value(text: str, type_: DataType) -> str | None:
     """Write a value of a data type as every tool reads it; None if it does not fit the type."""
+    number = parse_number(text) if type_ is UNKNOWN_TYPE and PLAIN.fullmatch(text) else None
+    if number and number.value >= 0:  # as whoever knows the type reads it, least significant byte first
+        return number.value.to_bytes(-(-number.value.bit_length() // 8) or 1, "little").hex()
     if type_ in TEXTS:
         return text
     if type_ in BYTES:
@@ -356,9 +365,10 @@ def read_xml(data: bytes) -> Document:
         what, line = error.args
         return Document({}, [Oddity(Odd.XML, line, 1, what)], is_xml=True)
     parameters = _Parameters(root)
-    objects = [each for each in root.all("CANopenObject") if _digits(each, "index") is not None]
+    objects, lost = _addressed(root.all("CANopenObject"), "index")
+    oddities = lost + [oddity for each in objects for oddity in _addressed(_subs(each), "subIndex")[1]]
     disabled = [each for each in objects if parameters.is_disabled(each)]
-    oddities = [Oddity(Odd.DISABLED, each.line, each.column, f"0x{_digits(each, 'index'):04X}") for each in disabled]
+    oddities += [Oddity(Odd.DISABLED, each.line, each.column, f"0x{_digits(each, 'index'):04X}") for each in disabled]
     sections = _sections(root, [each for each in objects if not parameters.is_disabled(each)], parameters)
     return Document({each.name.lower(): each for each in sections}, oddities, is_xml=True)
 
@@ -496,9 +506,25 @@ def _section(name: str, at: XmlElement | Section, entries: Mapping[str, str]) ->
     return Section(name, at.line, at.column, said)
 
 
-def _digits(each: XmlElement, name: str, most: int = 4) -> int | None:
-    """Return the number that an attribute has in hexadecimal digits; None for anything else."""
-    text = each.attributes.get(name, "")
+DIGITS = {"index": 4, "subIndex": 2}
+"""Most hexadecimal digits of an object's address."""
+
+
+def _addressed(elements: Iterable[XmlElement], name: str) -> tuple[list[XmlElement], list[Oddity]]:
+    """Return those of some elements that have an address, and what is to be said of the others: they are lost."""
+    found, lost = list[XmlElement](), list[Oddity]()
+    for each in elements:
+        if _digits(each, name) is None:
+            what = f"{name} {each.attributes.get(name, '')!r} of {each.attributes.get('name', '')!r} is not a number"
+            lost.append(Oddity(Odd.ADDRESS, each.line, each.column, what))
+        else:
+            found.append(each)
+    return found, lost
+
+
+def _digits(each: XmlElement, name: str) -> int | None:
+    """Return the number that an address has in hexadecimal digits, some editors with 0x; None for anything else."""
+    text, most = each.attributes.get(name, "").removeprefix("0x"), DIGITS[name]
     return int(text, 16) if 0 < len(text) <= most and not text.strip(values.DIGITS[16]) else None
 
 
@@ -550,7 +576,7 @@ def _lists(at: XmlElement, objects: Iterable[XmlElement]) -> Iterator[Section]:
 
 def _object(each: XmlElement, parameters: _Parameters) -> Iterator[Section]:
     """Give the sections of an object and its sub-indices."""
-    name, subs = f"{_digits(each, 'index') or 0:04X}", [sub for sub in each.children if sub.tag == "CANopenSubObject"]
+    name, subs = f"{_digits(each, 'index') or 0:04X}", _addressed(_subs(each), "subIndex")[0]
     if not subs and "subNumber" not in each.attributes:
         yield _section(name, each, _entries(each, parameters))
         return
@@ -561,8 +587,12 @@ def _object(each: XmlElement, parameters: _Parameters) -> Iterator[Section]:
         yield _section(f"{name}sub{_sub(sub):X}", sub, _entries(sub, parameters))
 
 
+def _subs(each: XmlElement) -> list[XmlElement]:
+    return [sub for sub in each.children if sub.tag == "CANopenSubObject"]
+
+
 def _sub(each: XmlElement) -> int:
-    return _digits(each, "subIndex", 2) or 0
+    return _digits(each, "subIndex") or 0
 
 
 def _entries(each: XmlElement, parameters: _Parameters) -> dict[str, str]:

@@ -34,6 +34,9 @@ EXTENSION_KEYS = ("count", "objextend")
 COUNT = re.compile(r"(?:0\s*;\s*(?P<bits>[1-9]\d*)|(?P<subs>0[xX][0-9A-Fa-f]+|\d+))")
 """Count: sub-indices of each module, or bits of it after `0;`."""
 
+FIXED = re.compile(r"(m[0-9]+fixed[0-9a-f]{4})((?:sub.*)?)")
+"""A section of a fixed object, and the rest of its name."""
+
 
 class Module(NamedTuple):
     """A module that a file describes: its number, and what it is called."""
@@ -117,6 +120,16 @@ class Modules:
         parts = ("fixedobjects", "subextends")
         return frozenset(each for number in self.supported for part in parts for each in self.indices(number, part))
 
+    @cached_property
+    def fixed(self) -> dict[str, list[tuple[str, Section]]]:
+        """The sections of fixed objects by module and index, such as `m1fixed2000`, with the rest of their names."""
+        found: dict[str, list[tuple[str, Section]]] = {}
+        for name, section in self.document.sections.items():
+            match = FIXED.fullmatch(name)
+            if match:
+                found.setdefault(match[1], []).append((match[2], section))
+        return found
+
     def extension(self, module: int, index: int) -> Extension | None:
         """Return what a module adds to the array at an index; None if no section describes it, or no Count fits."""
         section = self.document.sections.get(f"m{module}subext{index:04x}") or self.document.sections.get(
@@ -199,12 +212,10 @@ class _Built:
 
     def _fix(self, module: int, index: int) -> None:
         """Add an object that is there once, whatever the number of modules."""
-        head = f"m{module}fixed{index:04x}"
-        for name, section in self._there.items():
-            if name == head or name.startswith(f"{head}sub"):
-                own = f"{index:04X}{name[len(head) :]}"
-                if own.lower() not in self._there:
-                    self._fixed.setdefault(own.lower(), section._replace(name=own))
+        for tail, section in self._modules.fixed.get(f"m{module}fixed{index:04x}", ()):
+            own = f"{index:04X}{tail}"
+            if own.lower() not in self._there:
+                self._fixed.setdefault(own.lower(), section._replace(name=own))
 
     def _extend(self, module: Module, index: int, extension: Extension) -> None:
         if extension.bits:

@@ -27,6 +27,7 @@ from eurobot_od.od.document import STRAY, UNKNOWN, Document, Entry, Odd, Section
 from eurobot_od.od.formats import (
     BYTES,
     TEXTS,
+    UNKNOWN_TYPE,
     completed,
     looks_odd,
     misspelled,
@@ -278,7 +279,8 @@ class _Writer:
             if each.kind in ODDITIES
         ]
         self._changes += (Change(*each) for each in misspelled(document))
-        self._refusals = [Refusal(NO_OBJECT, None, *each) for each in self.misfits]
+        lost = ((each.line, each.text) for each in document.oddities if each.kind is Odd.ADDRESS)
+        self._refusals = [Refusal(NO_OBJECT, None, *each) for each in (*self.misfits, *lost)]
         self._dropped: list[Dropped] = []
         self._out: list[str] = []
 
@@ -520,7 +522,7 @@ class _Writer:
             self._out.append("ParameterName=")
         if not section.text("datatype"):
             is_domain = whole.code is ObjectCode.DOMAIN
-            is_guessed = type_ is values.DOMAIN and not is_domain
+            is_guessed = type_ is UNKNOWN_TYPE
             what = "no DataType, read as DOMAIN" if is_guessed else f"DataType=0x{type_.code:04X} added"
             self._changes.append(Change(section.line, f"[{name}]: {what}", is_domain, is_guessed))
             self._out.append(f"DataType=0x{type_.code:04X}")
@@ -600,16 +602,17 @@ class _Writer:
         CanFestival's editor makes types of its own, and describes each as an object whose sub-index 1 is the basic
         type. One that is left out is the standard's, or that of the array. Any other type is taken as DOMAIN: bytes.
         """
+        unknown = values.DOMAIN if whole.code is ObjectCode.DOMAIN else UNKNOWN_TYPE
         if each.type:
             return each.type
         if each.section.text("datatype"):
             code = each.number("datatype")
             basic = parse_number(self._device.document.text(f"{code.value:x}sub1", "defaultvalue")) if code else None
-            return values.DATA_TYPES.get(basic.value, values.DOMAIN) if basic else values.DOMAIN
+            return values.DATA_TYPES.get(basic.value, unknown) if basic else unknown
         if each.sub == 0 and whole.code not in SIMPLE:
             return values.UNSIGNED8  # CiA 301: sub-index 0 always is
         first = whole.subs.get(1) if whole.code is ObjectCode.ARRAY else None
-        return known_type(each.index, each.sub) or (first.type if first else None) or values.DOMAIN
+        return known_type(each.index, each.sub) or (first.type if first else None) or unknown
 
 
 CANOPENS_KEYS = {each.lower(): each for each in ("Factor", "Unit", "Description", "StorageLocation")}

@@ -145,7 +145,9 @@ def test_what_is_left_out_of_a_file_is_said_in_one_line(capsys: pytest.CaptureFi
     (folder / "motor.eds").write_text(f"{MOTOR}see the manual\n{flawed}")
     said = run(capsys, "show", *BOTH)
     line = MOTOR.count("\n") + 1
-    assert said.status == ExitStatus.FINE
+    assert said.status == ExitStatus.FOUND
+    checked = run(capsys, "check", "--simulate", "--conformance", "--step", "device type", *BOTH)
+    assert (checked.status, "fail" in checked.out) == (ExitStatus.FOUND, False)
     assert [each for each in said.err.splitlines() if "motor.eds" in each][:2] == [
         "eurobot-od: motor.eds: repaired to be read: line 1: lists of objects added, and 4 more "
         "(`lint --fix` lists them)",

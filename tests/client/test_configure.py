@@ -20,23 +20,20 @@ from eurobot_od.client.configure import (
     pdo_parameters,
     read_all,
     readable,
-    settings,
 )
-from eurobot_od.client.description import described, from_file
+from eurobot_od.client.description import from_file
 from eurobot_od.client.network import SimulatedNetwork, simulated
 from eurobot_od.client.remote_device import RemoteDevice
-from eurobot_od.device.device import Device
 from eurobot_od.errors import ConfigurationError, LocalError, NoAnswer
 from eurobot_od.od import dcf
-from eurobot_od.od.dcf import with_contents
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.document import parse
 from eurobot_od.od.objects import address_of, find_one
 from eurobot_od.od.pdos import Pdo
-from eurobot_od.od.standard import VERIFY_CONFIGURATION
-from eurobot_od.od.values import MAPPINGS, Address
+from eurobot_od.od.values import Address
 from tests.client.peers import DRIVE, master_on, new_channel, robot, stock_drive
 from tests.client.servo import EDS
+from tests.client.wired import agree_on_parameters
 from tests.eds_text import DEVICE_TYPE, pdo, variable
 from tests.rows import rows
 
@@ -239,21 +236,5 @@ def test_what_a_master_has_mapped_is_process_data_from_then_on() -> None:
 
 
 @pytest.mark.parametrize("file", sorted(EDS.parent.glob("*.eds")), ids=lambda file: file.stem)
-def test_a_device_stores_what_a_dcf_of_it_has(file: Path, tmp_path: Path) -> None:
-    dictionary = Dictionary.load(file, 5)
-    device = Device(dictionary)
-    device.objects.values = {each: dictionary.default(each) for each in dictionary.addresses()}
-    stored = {each for each in device.objects.configuration() if each not in VERIFY_CONFIGURATION}
-    shown = {each for each in stored if dictionary.members[each[0]][each[1]].readable}
-    assert {address_of(each) for each in parameters(dictionary)} == shown
-    contents = {address: device.objects.read(address) for address in shown}
-    made = with_contents(dictionary, contents, 5, "", 500, "any")
-    set_by = settings(described(Dictionary.read(made.content, tmp_path / "any.dcf")))
-    entries = {each for each in shown if is_unused_entry(dictionary, each) or not contents[each]}
-    assert {address_of(each) for each, _ in set_by} == shown - entries
-
-
-def is_unused_entry(dictionary: Dictionary, address: Address) -> bool:
-    """Whether it is an entry of a mapping beyond their number: a configuration leaves those alone."""
-    count = dictionary.number((address[0], 0)) if address[0] in MAPPINGS else None
-    return count is not None and address[1] > count
+def test_a_device_stores_what_a_dcf_of_it_has(file: Path) -> None:
+    agree_on_parameters(Dictionary.load(file, 5))

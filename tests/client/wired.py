@@ -5,13 +5,21 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Iterable
 from math import inf
+from pathlib import Path
 from typing import Any, Protocol
 
 import can
 
+from eurobot_od.client.configure import parameters, settings
+from eurobot_od.client.description import described
 from eurobot_od.client.master import Master
 from eurobot_od.device.device import Device
 from eurobot_od.frame import Frame
+from eurobot_od.od.dcf import with_contents
+from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.objects import address_of
+from eurobot_od.od.standard import VERIFY_CONFIGURATION
+from eurobot_od.od.values import MAPPINGS, Address
 
 
 class Station(Protocol):
@@ -104,3 +112,24 @@ def wired(*stations: Station, **options: Any) -> Master:
     """Return a master on a bus with these stations."""
     bus = WiredBus(*stations)
     return Master(bus, clock=lambda: bus.now, **options)
+
+
+def agree_on_parameters(dictionary: Dictionary) -> None:
+    """Check that what a device stores, what is read of it for a DCF, and what that DCF configures are the same."""
+    device = Device(dictionary)
+    device.objects.values = {each: dictionary.default(each) for each in dictionary.addresses()}
+    stored = {each for each in device.objects.configuration() if each not in VERIFY_CONFIGURATION}
+    shown = {each for each in stored if dictionary.members[each[0]][each[1]].readable}
+    assert {address_of(each) for each in parameters(dictionary)} == shown
+    contents = {address: device.objects.read(address) for address in shown}
+    made = with_contents(dictionary, contents, dictionary.node_id, "", 500, "any")
+    set_by = settings(described(Dictionary.read(made.content, Path("any.dcf"))))
+    left = {each for each in shown if is_unused_entry(dictionary, each) or not contents[each]}
+    assert {address_of(each) for each, _ in set_by if address_of(each) in shown} == shown - left
+    assert {address_of(each) for each, _ in set_by} <= stored
+
+
+def is_unused_entry(dictionary: Dictionary, address: Address) -> bool:
+    """Whether it is an entry of a mapping beyond their number: a configuration leaves those alone."""
+    count = dictionary.number((address[0], 0)) if address[0] in MAPPINGS else None
+    return count is not None and address[1] > count

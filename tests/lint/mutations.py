@@ -60,6 +60,7 @@ def _configured(text: str) -> str:
 
 
 XML = xdd_text(load_any(Path(__file__).parent / "samples" / "clean.eds")).replace("made.xdd", "clean.xdd")
+XML_2007 = next(number for number, line in enumerate(XML.splitlines(), start=1) if 'index="2007"' in line)
 XML_END = next(number for number, line in enumerate(XML.splitlines(), start=1) if "</ApplicationLayers>" in line)
 COUPLER = (Path(__file__).parents[1] / "od" / "samples" / "coupler.eds").read_text("ascii")
 
@@ -130,6 +131,8 @@ DEFECTS = (
     Defect("I113", "a comment after a value", "2007", "DefaultValue=-5", "DefaultValue=-5 ; minus five"),
     Defect("W114", "a comment with #", "2008", "PDOMapping=0", "PDOMapping=0\n# old style", at="# old style"),
     Defect("E123", "a tag that is not closed", "", "</dummyUsage>", "", base="xdd", at=f"line {XML_END}"),
+    Defect("E124", "an index that is not a number", "", 'index="2007"', 'index="20G7"', base="xdd",
+           at=f"line {XML_2007}"),
     Defect("W122", "Ctrl-Z at the end", "2008", "PDOMapping=0\n", "PDOMapping=0\n\x1a",
            at=f"line {CLEAN.count(chr(10)) + 1}"),
     Defect("W115", "an indented line", "2008", "PDOMapping=0", "  PDOMapping=0", at="  PDOMapping=0"),

@@ -338,6 +338,21 @@ def test_any_encoding_of_xml_is_read(encoding: str) -> None:
     assert Dictionary.read(text.encode(encoding), Path("a.xdd"), 5).address("Sollwert ü") == (0x2007, 0)
 
 
+@rows(
+    "address, lost",
+    [
+        ('index="0x2000"', []),  # as some editors have it
+        ('index="20G0"', ["index '20G0' of 'Value' is not a number"]),
+        ("", ["index '' of 'Value' is not a number"]),
+    ],
+)
+def test_an_object_without_an_address_is_lost_and_counted(address: str, lost: list[str]) -> None:
+    made = process("", 'dataType="0005" accessType="rw"').replace(b'index="2000"', address.encode())
+    dictionary = Dictionary.read(made, Path("a.xdd"), 5)
+    assert [each.what for each in dictionary.left_out] == lost
+    assert ((0x2000, 0) in dictionary.addresses()) is not bool(lost)
+
+
 def test_lint_points_at_the_element() -> None:
     wrong = XDD.replace('defaultValue="-5"', 'defaultValue="-500"')
     (found,) = [each for each in lint(wrong.encode(), "clean.xdd") if each.code[0] == "E"]

@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 import logging
+import re
+import sys
+from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
 
@@ -10,6 +14,8 @@ import canopen
 import pytest
 
 from eurobot_od.errors import DictionaryError
+from eurobot_od.export.xdd import xdd_text
+from eurobot_od.lint.rules import lint
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.normal import in_normal_form
 from eurobot_od.od.objects import data_type
@@ -264,7 +270,7 @@ VARIATIONS = [
     Variation("a compact record", "[2001]", f"{COMPACT_RECORD}\n[2001]",
               {(0x2002, 0): 2, (0x2002, 1): 10, (0x2002, 2): None}),
     Variation("a compact array without a type", "[2001]", COMPACT_ARRAY.replace("DataType=4\n", "") + "\n[2001]",
-              {(0x2002, 0): 2, (0x2002, 1): None, (0x2002, 2): None}),
+              {(0x2002, 0): 2, (0x2002, 1): b"\x01", (0x2002, 2): b"\x09"}),
     Variation("a compact array of the standard without a type", "[2001]", f"{COMPACT_HEARTBEATS}\n[2001]",
               {(0x1016, 0): 2, (0x1016, 1): 7, (0x1016, 2): 7}),
 ]  # fmt: skip
@@ -471,3 +477,89 @@ def test_compact_pdos_are_those_that_are_not_described() -> None:
         ("Own", 0x300),
         ("a.RPDO2", 0x305),
     ]
+
+
+# A type that nobody knows, large files, and numbers without end
+
+
+@rows("type_", ["DataType=0x0099\n", ""])
+@rows(
+    "text, kept",
+    [
+        ("5", b"\x05"),
+        ("12", b"\x0c"),
+        ("0x12345", b"\x45\x23\x01"),
+        ("0", b"\0"),
+        ("0102", b"\x01\x02"),  # not how a number is written
+        ("hello", None),
+    ],
+)
+def test_a_number_of_an_unknown_type_is_kept_as_its_bytes(type_: str, text: str, kept: bytes | None) -> None:
+    eds = f"[2000]\nParameterName=Any\n{type_}AccessType=rw\nDefaultValue={text}\n".encode()
+    fixed, changes = in_normal_form(eds)
+    for each in (eds, fixed):
+        assert Dictionary.read(each, Path("a.eds"), NODE_ID).default((0x2000, 0)) == kept
+    assert any(text in each.what for each in changes) is (kept is None or text != kept.hex())
+
+
+def calls_to_read(data: bytes) -> int:
+    """Return how many functions are called to read a file: a measure of time that does not vary."""
+    calls = 0
+
+    def count(*_: object) -> None:
+        nonlocal calls
+        calls += 1
+
+    sys.setprofile(count)
+    try:
+        Dictionary.read(data, Path("a.eds"), NODE_ID)
+    finally:
+        sys.setprofile(None)
+    return calls
+
+
+def large_eds(count: int) -> bytes:
+    """An EDS of many records with twenty sub-indices."""
+    heads = (f"[{0x2000 + n:X}]\nParameterName=R\nObjectType=9\nSubNumber=20\n" for n in range(count))
+    subs = "".join(f"[{{0:X}}sub{sub:X}]\nParameterName=V{sub}\nDataType=6\nAccessType=rw\n" for sub in range(20))
+    return "".join(head + subs.format(0x2000 + n) for n, head in enumerate(heads)).encode()
+
+
+def large_modules(count: int) -> bytes:
+    """A modular device with a kind of module for each place."""
+    kinds = (
+        f"[M{n}ModuleInfo]\nProductName=K{n}\n[M{n}FixedObjects]\nNrOfEntries=1\n1=0x{0x2000 + n:X}\n"
+        f"[M{n}Fixed{0x2000 + n:X}]\nParameterName=F\nDataType=6\nAccessType=rw\n"
+        for n in range(1, count + 1)
+    )
+    places = "".join(f"{n}={n}\n" for n in range(1, count + 1))
+    return f"{BASE}\n[SupportedModules]\nNrOfEntries={count}\n[ConnectedModules]\n{places}{''.join(kinds)}".encode()
+
+
+def large_xdd(count: int) -> bytes:
+    """The EDS as an XDD."""
+    return xdd_text(Dictionary.read(large_eds(count), Path("a.eds"), NODE_ID)).encode()
+
+
+@rows("made", [large_eds, large_modules, large_xdd])
+def test_time_grows_with_size(made: Callable[[int], bytes]) -> None:
+    calls_to_read(made(1))
+    few, many = (calls_to_read(made(count)) for count in (8, 32))
+    assert few < many < few * 4.2
+
+
+DIGITS = "9" * 5000
+NUMBER = re.compile(r"(\w+)=\"?((?:0x)?[0-9A-Fa-f]+)\b")
+
+
+@rows("digits", [DIGITS, f"0x{DIGITS}", f"$NODEID+{DIGITS}"])
+@rows("file", [large_modules(1).decode(), large_xdd(1).decode()])
+def test_a_number_without_end_is_a_finding(file: str, digits: str) -> None:
+    places = {each[1].strip("0123456789"): each for each in NUMBER.finditer(file)}
+    assert len(places) > 5
+    for each in places.values():
+        with suppress(DictionaryError):
+            text = f"{file[: each.start(2)]}{digits}{file[each.end(2) :]}"
+            dictionary = Dictionary.read(text.encode(), Path("a.eds"), NODE_ID)
+            dictionary.read_pdos(dictionary.default, str)
+    assert lint(NUMBER.sub(lambda each: each[0].replace(each[2], digits), file).encode(), "a.eds")

@@ -119,7 +119,7 @@ WRONG = [
     ("0x2000:1: {AccessType: }", "1: AccessType '': expected ro, wo, rw, rwr, rww, const"),
     ("0x2000:1: {PDOMapping: yes}", "1: PDOMapping 'yes': expected 0 or 1"),
     ("0x2000:1: {DataType: INT}", "1: DataType 'INT': expected a basic data type, such as UNSIGNED16 or 0x0006"),
-    ("0x2000:1: {Default: 1}", "1: unknown key 'Default'; known: ParameterName, "),
+    ("0x2000:1: {Default: 1}", "1: unknown key 'Default'; did you mean DefaultValue?"),
     ("0x2000:1: {LowLimit: 1, lowlimit: 2}", "1: key 'lowlimit' is given twice"),
     ("0x2000: {DefaultValue: 1}", "1: DefaultValue: 0x2000 has sub-indices, which are named as 0x2000:1"),
     ("0x2000: {ObjectType: ARRAY}", "1: ObjectType: 0x2000 is there; only a new one has it"),

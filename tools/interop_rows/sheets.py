@@ -10,14 +10,19 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
+from environment import ROOT
+
 from eurobot_od.lint.diff import compare, read_device
 from eurobot_od.lint.findings import Severity
 from eurobot_od.lint.rules import lint
 from eurobot_od.od import dcf
 from eurobot_od.od import dcf as cdcf
+from eurobot_od.od.bus_file import load_bus
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.document import read_bytes
+from eurobot_od.od.values import Address
 from eurobot_od.robot import dialects
+from eurobot_od.support.texts import amount
 from interop_rows.row import Answer, Differs, agree
 from interop_rows.tools import ODG, run
 
@@ -105,6 +110,86 @@ def generate_c_device(folder: Path) -> Answer:
         missing = [index for index in Dictionary.load(file).objects if f"0x{index:04x}" not in text]
         agree(f"objects missing in the C of {label(file)}", missing, [])
     return Answer("C with every object of every EDS, after its strings were put in quotes", AS_TEXT)
+
+
+# The devices of the documentation, and networks of them
+
+EXAMPLES = ("io", "motor", "servo")
+UNDERSTOOD = (
+    ("DefaultValue=20.0", "DefaultValue=0x41A00000"),
+    *((f"{key}=", f";{key}=") for key in ("Unit", "Factor")),
+)
+"""What dcf-tools and objdictgen refuse in the examples, and what they take."""
+
+REFUSED = (
+    "they take neither the keys `Unit` and `Factor` (`servo.eds`), which canopen and the tools behind it have, nor, "
+    "dcf-tools alone, a REAL in decimal (`motor.eds`, `DefaultValue=20.0`), which is CiA 306's form. `dcfgen "
+    "--no-strict` takes the keys; of a copy make the keys comments, and the REAL its bits, `0x41A00000`"
+)
+
+BUS_YAML = """\
+master: {node_id: 1, baudrate: 500, heartbeat_producer: 100}
+servo:
+  dcf: servo.eds
+  node_id: 2
+  heartbeat_producer: 250
+  heartbeat_consumer: true
+  sdo:
+    - {index: 0x6081, sub_index: 0, value: 1000}
+    - {index: 0x6081, sub_index: 0, value: 1200}
+    - {index: 0x607C, sub_index: 0, value: -3}
+  tpdo:
+    1: {cob_id: auto, transmission: 1, mapping: [{index: 0x6041, sub_index: 0}, {index: 0x6064, sub_index: 0}]}
+    2: {enabled: false, cob_id: 0x300}
+  rpdo:
+    1: {transmission: 0xfe, mapping: [{index: 0x6040, sub_index: 0}]}
+"""
+
+
+def _example(name: str, folder: Path) -> Path:
+    """Copy an example, with what the tools understand in place of what they refuse."""
+    file, text = folder / f"{name}.eds", (ROOT / "docs" / f"{name}.eds").read_text()
+    for old, new in UNDERSTOOD:
+        text = re.sub(f"(?m)^{re.escape(old)}", new, text)
+    file.write_text(text)
+    return file
+
+
+def check_examples(folder: Path) -> Answer:
+    """Let dcfchk and dcfgen take the examples."""
+    for name in EXAMPLES:
+        dcfchk(_example(name, folder))
+        (folder / "bus.yml").write_text(f"master: {{node_id: 1}}\n{name}: {{dcf: {name}.eds, node_id: 2}}\n")
+        accept(sys.executable, "-m", "dcfgen.cli", "bus.yml", folder=folder)
+    return Answer(f"{amount(len(EXAMPLES), 'file')} accepted without a message", REFUSED)
+
+
+def list_examples(folder: Path) -> Answer:
+    """Let `odg list` print the examples."""
+    for name in EXAMPLES:
+        accept(ODG, "--no-color", "list", _example(name, folder))
+    return Answer(f"{amount(len(EXAMPLES), 'file')} listed", REFUSED)
+
+
+def generate_networks(folder: Path) -> Answer:
+    """Let dcfgen write a node's configuration from a bus.yml, and from ours of the same; compare with what we read."""
+    eds = _example("servo", folder)
+    (folder / "bus.yml").write_text(BUS_YAML)
+    theirs = _generated(folder, "bus.yml")
+    read = {each.address: each.value for each in load_bus(folder / "bus.yml").writes("servo")[1]}
+    stock = Dictionary.load(eds, 2)
+    # dcfgen leaves out what the EDS says already.
+    agree("what is written", {**{each: stock.default(each) for each in read}, **theirs}, read)
+    accept(sys.executable, "-m", "eurobot_od", "export", "bus", "--network", "bus.yml", "-o", "ours.yml", folder=folder)
+    agree("what our bus.yml has written", {**read, **_generated(folder, "ours.yml")}, read)
+    return Answer("a `bus.yml` of PDOs, SDO and heartbeats, and ours of the same (`export bus`): the same values")
+
+
+def _generated(folder: Path, file: str) -> dict[Address, int]:
+    """Return what dcfgen has the master write to the servo; of two writes the later counts."""
+    accept(sys.executable, "-m", "dcfgen.cli", file, folder=folder)
+    writes = cdcf.unpack((folder / "servo.bin").read_bytes())
+    return {address: int.from_bytes(data, "little", signed=address == (0x607C, 0)) for address, data in writes}
 
 
 # objdictgen

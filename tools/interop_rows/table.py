@@ -23,8 +23,11 @@ from interop_rows.row import Row
 ROWS = (
     Row(tools.DCF_TOOLS, "dcfchk: check every EDS and a DCF", sheets.check_files),
     Row(tools.DCF_TOOLS, "dcfgen: make a slave's concise DCF", sheets.generate_concise_dcf),
+    Row(tools.DCF_TOOLS, "dcfchk, dcfgen: take the documentation's devices", sheets.check_examples),
+    Row(tools.DCF_TOOLS, "dcfgen: a bus.yml, and ours of the same", sheets.generate_networks),
     Row(tools.DCF_TOOLS, "dcf2dev: make C of every EDS", sheets.generate_c_device),
     Row(tools.OBJDICTGEN, "odg list: list every EDS", sheets.odg_list),
+    Row(tools.OBJDICTGEN, "odg list: the documentation's devices", sheets.list_examples),
     Row(tools.OBJDICTGEN, "odg convert: every EDS to .od and back", sheets.odg_round_trip),
     Row(tools.CANOPEN, "as master: SDO, EDS upload, blocks", peers.sdo_by_stock_master),
     Row(tools.CANOPEN, "as master: NMT, heartbeat, EMCY", peers.services_by_stock_master),
