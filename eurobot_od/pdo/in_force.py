@@ -14,7 +14,7 @@ from typing import Any
 from eurobot_od.errors import DictionaryError
 from eurobot_od.od import standard, values
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.od.values import Address, MappingEntry
+from eurobot_od.od.values import ALL_NODES, Address, MappingEntry
 
 RECORDS = (*values.COMMUNICATION_RECORDS.values(), *values.MAPPING_RECORDS.values())
 
@@ -23,8 +23,6 @@ SERVICES = (standard.SYNC, standard.TIME, standard.EMCY, standard.SDO_REQUESTS, 
 
 SETTINGS = (standard.SYNC_PERIOD, standard.HEARTBEAT_TIME)
 """Objects that say how often something comes."""
-
-ALL_NODES = 0
 
 
 def is_followed(address: Address) -> bool:

@@ -12,25 +12,23 @@ from struct import unpack
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
-from eurobot_od.device.nmt import ALL_NODES
 from eurobot_od.errors import FrameLengthError
 from eurobot_od.frame import EXTENDED, MOST_BYTES, Frame, RemoteFrame
 from eurobot_od.od import values
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.pdos import OnRefused, fatal
-from eurobot_od.od.values import Address, PdoDirection
+from eurobot_od.od.values import ALL_NODES, Address, PdoDirection
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.catalogue import NOTHING, Catalogue, Message, flagged_fields
 from eurobot_od.pdo.codec import compiled, extract
 from eurobot_od.pdo.in_force import InForce
 from eurobot_od.pdo.kinds import OutOfRange
-from eurobot_od.pdo.protocol import Protocol
+from eurobot_od.pdo.protocol import ErrorWords, Protocol
 from eurobot_od.support.texts import amount, one_line
 from eurobot_od.traffic.entries import MASTER, REMEMBERED, Damage, Foreign, Raw
 from eurobot_od.traffic.services import object_words, plain, value_words
 
 if TYPE_CHECKING:
-    from eurobot_od.device.broadcasts import ErrorWords
     from eurobot_od.traffic.services import CanopenService
 
 
@@ -151,15 +149,11 @@ class Decoder:
     @cached_property
     def errors(self) -> ErrorWords:
         """The words for the devices' emergency error codes."""
-        from eurobot_od.device.broadcasts import ErrorWords
-
         return ErrorWords.of_devices(self.dictionaries, self.protocol.catalogue, self._own_errors)
 
     @cached_property
     def _unmapped(self) -> Unmapped:
         """What PDOs there are besides the messages; asked only for what is neither a message nor a service."""
-        from eurobot_od.traffic.meaning import Unmapped
-
         return Unmapped.of(self.dictionaries)
 
     def __call__(self, raw: Raw) -> Meaning:

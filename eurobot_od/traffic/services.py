@@ -10,8 +10,7 @@ from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 from typing import NamedTuple, TypeAlias
 
-from eurobot_od.device.broadcasts import ErrorWords
-from eurobot_od.device.nmt import ALL_NODES, COMMAND_NAMES, STATE_NAMES, TOGGLE
+from eurobot_od.device.nmt import COMMAND_NAMES, STATE_NAMES, TOGGLE
 from eurobot_od.od import standard, values
 from eurobot_od.od.dictionary import Dictionary, sdo_channels
 from eurobot_od.od.objects import data_type
@@ -34,9 +33,10 @@ from eurobot_od.od.standard import (
     LssState,
     refusal_words,
 )
-from eurobot_od.od.values import Address
+from eurobot_od.od.values import ALL_NODES, Address
 from eurobot_od.od.values import text as time_text
 from eurobot_od.od.words import with_words, words
+from eurobot_od.pdo.protocol import ErrorWords
 from eurobot_od.sdo.wire import (
     ANSWER_SUB_COMMAND,
     BLOCK_SIZE_GIVEN,
