@@ -127,3 +127,24 @@ def test_news_are_only_what_changes_other_frames() -> None:
     assert shown.show(1, (0x1800, 1), (cob_id | 1 << 31).to_bytes(4, "little"))
     assert shown.start(1)
     assert not shown.start(0)
+
+
+def test_a_device_without_a_file_is_made_once_for_each_pdo(monkeypatch: pytest.MonkeyPatch) -> None:
+    """At each of the writes that map a PDO, 64 PDOs took half a minute."""
+    made: list[int] = []
+    read = Dictionary.read
+    monkeypatch.setattr(Dictionary, "read", lambda *of: (made.append(1), read(*of))[1])
+    shown = InForce([])
+    for number in range(8):
+        for address, value in (
+            ((0x1800 + number, 1), 0x80000000),
+            ((0x1A00 + number, 0), 0),
+            ((0x1A00 + number, 1), 0x20000110 + (number << 16)),
+            ((0x1A00 + number, 2), 0x20000210 + (number << 16)),
+            ((0x1A00 + number, 0), 2),
+            ((0x1800 + number, 1), 0x181 + number),
+        ):
+            is_news = shown.show(1, address, value.to_bytes(4, "little"))
+        assert is_news
+    assert len(made) == 8
+    assert shown.show(1, (0x1A00, 0), b"\xff\xff\xff\xff")  # more than was shown of it: its mapping is not known
