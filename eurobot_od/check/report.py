@@ -103,6 +103,11 @@ class CheckedSeed(NamedTuple):
     suites: tuple[SuiteResult, ...]
 
 
+AS_THEY_WERE = "7.4 Values: they are as they were [reading]"
+"""The name of the step by which each conformance suite ends."""
+
+HOW_TO_RESTORE = "Write them back with `write`; what was not stored is also gone with a reset or with the power"
+
 COLOURS = {Status.PASSED: 32, Status.FAILED: 31, Status.BUS_FAILED: 31, Status.SKIPPED: 33, Status.INTERRUPTED: 33}
 """Terminal colours of steps."""
 
@@ -172,6 +177,17 @@ def summary(results: Sequence[SuiteResult]) -> str:
     steps = ", ".join(f"{count} {status.value}" for status, count in counts.items() if count)
     seconds = sum(result.seconds for result in results)
     return f"{amount(len(results), 'suite')}: {steps or 'no steps'} in {seconds:.1f} s of bus time"
+
+
+def changed(results: Iterable[SuiteResult]) -> Iterator[str]:
+    """Yield a line for each suite behind which a node does not have what it had before, with how to restore it."""
+    for result in results:
+        for step in result.steps:
+            if step.status is Status.FAILED and step.name == AS_THEY_WERE and step.reason is not None:
+                objects = "; ".join(
+                    f"{each.what} was {each.expected}, is {each.came}" for each in step.reason.mismatches
+                )
+                yield one_line(f"{result.file.stem}: LEFT CHANGED by {result.name}: {objects}. {HOW_TO_RESTORE}")
 
 
 # Annotations

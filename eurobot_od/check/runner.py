@@ -21,6 +21,7 @@ from eurobot_od.device.nmt import NmtState, error_control
 from eurobot_od.errors import BusError, LocalError, RemoteError
 from eurobot_od.od.standard import EMCY
 from eurobot_od.od.values import base_identifier
+from eurobot_od.support.yaml_places import Place
 
 AFTER_SKIPPED = StepReason("it belongs to a step that is skipped")
 """Why the rest of a group is skipped after one of its steps."""
@@ -121,7 +122,8 @@ class Runner:
         self._results: list[StepResult] = []
         self._stopped = False
         self._error = ""
-        self._undo: dict[str, Step] = {}
+        self._undo: dict[tuple[str, Place], Step] = {}
+        self._gone = False
 
     async def run(self, how: str) -> SuiteResult:
         """Run the suite, its teardown in any case; `how` names the bench for reports."""
@@ -135,8 +137,10 @@ class Runner:
         has_worked = any(result.status is Status.PASSED for result in self._results)
         recovers = bool(suite.teardown) and has_worked
         self._stopped = bool(self._error) and not (recovers and await self._bench.recover())
+        # Of other nodes something may be left to be put back.
+        self._stopped = self._stopped or (self._gone and len(suite.nodes) == 1)
         # What an interrupt has left of a group first: the teardown may look whether all is as it was.
-        for name, step in [*self._undo.items()]:
+        for (name, _), step in [*self._undo.items()]:
             if not self._stopped:
                 await self._step(SuitePart.TEARDOWN, step, True, name)
         # Also after a red step of it: the next one may be the one that stops the node.
@@ -187,14 +191,14 @@ class Runner:
             heading = f"{name} {turn}/{step.repeat}" if step.repeat > 1 else name
             why = None if why is AFTER_SKIPPED else why
             titled = [(f"{heading}: {each.name}", each) for each in group.steps]
-            self._undo |= {title: each for title, each in titled if each.undo}
+            self._undo |= {(title, each.place): each for title, each in titled if each.undo}
             for title, each in titled:
                 if why is not None and not each.undo:
                     now = self._since_start
                     self._tell(StepResult(section, title, each.place, Status.SKIPPED, now, 0.0, why))
                 elif not self._stopped:
-                    self._undo.pop(title, None)
                     found = await self._step(section, each, keep_going, title)
+                    self._undo.pop((title, each.place), None)  # only now: an interrupt may come in the middle of it
                     why = why if each.undo else found
         return None if why is AFTER_SKIPPED else why
 
@@ -210,7 +214,8 @@ class Runner:
             status, reason = Status.FAILED, failed.reason
             if await self._doer.follows_from_own_error(step.action):
                 return Status.SKIPPED, StepReason(f"{reason.what}: {OWN_ERROR}")
-            self._stopped = self._stopped or isinstance(failed, Gone)
+            self._gone = self._gone or isinstance(failed, Gone)
+            self._stopped = self._stopped or self._gone
         except (LocalError, RemoteError) as error:
             status, reason = Status.FAILED, StepReason(str(error))
         except BusError as error:

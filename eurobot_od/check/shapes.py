@@ -29,6 +29,7 @@ from eurobot_od.check.patterns import (
 from eurobot_od.check.suite import (
     AbortCodes,
     Action,
+    Blocks,
     BootUp,
     Dump,
     FieldOf,
@@ -83,6 +84,8 @@ def _or_any(shape: Shape[T], instead: T) -> Shape[T]:
     )
 
 
+TRANSFERS = {each.value: each for each in (Blocks.PLAIN, Blocks.WITHOUT_CRC)}
+
 ABORTS = _or_any(converted(shapes.one_or_more(NUMBER), AbortCodes), AbortCodes(()))
 
 
@@ -124,7 +127,7 @@ class ServiceShapes:
             "expect": Key(SCALAR, "the value to be read"),
             "abort": Key(ABORTS, "the abort code, or one of several, or any, with which the node has to refuse"),
             "optional": Key(ABORTS, "abort codes that mean that the node lacks this: the step is skipped"),
-            "transfer": Key(shapes.named({"block": True}, "transfer"), "transferred in blocks"),
+            "transfer": Key(shapes.named(TRANSFERS, "transfer"), "transferred in blocks, with a CRC or without"),
             "save": Key(NAME, "variable that gets the value"),
             "node": Key(self._node, "whose object; default: the node under test"),
         }
@@ -194,7 +197,7 @@ class ServiceShapes:
         variable = taken(where, problems, lambda _: _looked_at(named, given, dictionary))
         scale, service = self._words.scale(ObjectValues(variable)), NodeServices.of(dictionary)
         refusals = {"abort": given.get("abort"), "optional": given.get("optional")}
-        blocks: bool = given.get("transfer", False)
+        blocks: Blocks = given.get("transfer", Blocks.NONE)
         if verb == "restore":
             return SdoRestore(service, objects.changed(named, min=None, max=None), str(given["saved"]))
         if verb == "read":

@@ -10,9 +10,9 @@ The only clock and the only bus are the bench's.
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from functools import singledispatchmethod
+from functools import partial, singledispatchmethod
 from typing import Any
 
 from eurobot_od.check import suite
@@ -60,6 +60,9 @@ BOOTED = bytes([NmtState.INITIALISING])
 """The data of a boot-up (CiA 301, 7.3.2.2.2)."""
 
 ERROR_CONTROL = range(ERROR_CONTROL_BASE + 1, ERROR_CONTROL_BASE + 0x80)
+
+UNCONFIRMED = 0.02
+"""Seconds that a server is given for a request that it does not answer."""
 
 POLLED = 0.1
 """Seconds for an answer to the question whether a node is there."""
@@ -278,7 +281,10 @@ class Doer:
     @_do.register
     async def _unheard(self, action: suite.Unheard) -> None:
         seen = [each for each in self._trace.frames if each.frame.cob_id == action.cob_id and not each.own]
+        if seen and (suite.Reported.HEARD, action.cob_id) in self._reported:
+            raise Skipped(StepReason("it came again, and was red before"))
         if seen:
+            self._reported.add((suite.Reported.HEARD, action.cob_id))
             what = f"{amount(len(seen), 'frame')} came with the identifier 0x{action.cob_id:03X}"
             raise Failed(StepReason(what, "none", str(seen[0].frame)))
 
@@ -328,7 +334,7 @@ class Doer:
         self._ask()
         if action.save is not None:
             self._variables.pop(action.save, None)  # what another object had under this name is not this one's
-        begin = block_upload if action.blocks else upload
+        begin = _UPLOADS[action.blocks]
         data = await self._transfer(action, begin(objects.address_of(action.variable), self._longest(action.within)))
         if data is None:
             return
@@ -348,7 +354,7 @@ class Doer:
     @_do.register
     async def _sdo_write(self, action: suite.SdoWrite) -> None:
         self._ask()
-        begin = block_download if action.blocks else download
+        begin = _DOWNLOADS[action.blocks]
         content = action.content(self._variables)
         await self._transfer(action, begin(objects.address_of(action.variable), content, self._longest(action.within)))
 
@@ -495,13 +501,15 @@ class Doer:
 
         By 0x1029 such a node may refuse that, or leave it again.
         """
-        found = (node for what, node in self._reported if what is suite.Reported.OWN_ERROR)
-        node = next((each for each in found if each.node_id == self._started), None)
-        if node is None or not isinstance(action, (suite.Expect, suite.Period)):
+        nodes = (each for _, each in self._reported if isinstance(each, suite.NodeServices))
+        node = next((each for each in nodes if each.node_id == self._started), None)
+        is_known = node is not None and (suite.Reported.OWN_ERROR, node) in self._reported
+        if node is None or not is_known or not isinstance(action, (suite.Expect, suite.Period)):
             return False
-        with suppress(Aborted, NoAnswer):
+        try:
             return any(await self._run(upload(ERROR_REGISTER, self._timeout), node))
-        return False
+        except (Aborted, NoAnswer) as error:
+            return isinstance(error, NoAnswer)  # it has stayed in STOPPED
 
     async def _run(self, transfer: Transfer, node: suite.NodeServices) -> bytes:
         """Do a transfer and return what it brought; raises NoAnswer, Aborted.
@@ -514,6 +522,8 @@ class Doer:
             for request in requests:
                 await self._put(Frame(node.sdo_request, request))
             if transfer.done:  # only now: the last request may be an abort of ours, which the node has to get
+                if requests:  # the end of a block or an abort, which no answer confirms: many servers keep one frame
+                    await self._trace.sleep(UNCONFIRMED)
                 break
             number = await self._trace.first(frozenset([node.sdo_answer]), start, transfer.deadline)
             if number is None:
@@ -544,6 +554,18 @@ class Doer:
             if last is None:
                 raise Failed(StepReason(f"no {binding.name} has come yet"))
             self._variables[name] = getattr(self._decoder.protocol.decode(*last), field)
+
+
+_UPLOADS: Mapping[suite.Blocks, Callable[[Address, float], Transfer]] = {
+    suite.Blocks.NONE: upload,
+    suite.Blocks.PLAIN: block_upload,
+    suite.Blocks.WITHOUT_CRC: partial(block_upload, crc=0),
+}
+_DOWNLOADS: Mapping[suite.Blocks, Callable[[Address, bytes, float], Transfer]] = {
+    suite.Blocks.NONE: download,
+    suite.Blocks.PLAIN: block_download,
+    suite.Blocks.WITHOUT_CRC: partial(block_download, crc=0),
+}
 
 
 def _meanwhile(address: Address) -> Iterator[tuple[Address, Callable[[int], int]]]:

@@ -127,9 +127,11 @@ class Reported(Enum):
 
     NO_BOOT_UP = "it sends no boot-up"
     OWN_ERROR = "it reports an error of its own"
+    HEARD = "somebody else sends what nobody should"
 
 
-Report: TypeAlias = "tuple[Reported, NodeServices]"
+Report: TypeAlias = "tuple[Reported, NodeServices | int]"
+"""What was found, and about which node or COB-ID."""
 
 
 class AbortCodes(NamedTuple):
@@ -145,6 +147,14 @@ class AbortCodes(NamedTuple):
         return "abort " + (" or ".join(map(code_and_reason, self.codes)) or "with any code")
 
 
+class Blocks(Enum):
+    """How an object is transferred in blocks."""
+
+    NONE = "by segments"
+    PLAIN = "block"
+    WITHOUT_CRC = "block without CRC"
+
+
 class SdoRead(NamedTuple):
     """Read an object: its value is `expected`, or the node aborts with `abort`; may be saved in a variable.
 
@@ -157,7 +167,7 @@ class SdoRead(NamedTuple):
     expected: Expected | None = None
     abort: AbortCodes | None = None
     optional: AbortCodes | None = None
-    blocks: bool = False
+    blocks: Blocks = Blocks.NONE
     save: str | None = None
     within: float | None = None
 
@@ -173,7 +183,7 @@ class SdoWrite(NamedTuple):
     value: Operand
     abort: AbortCodes | None = None
     optional: AbortCodes | None = None
-    blocks: bool = False
+    blocks: Blocks = Blocks.NONE
     within: float | None = None
 
     def content(self, variables: Variables) -> bytes:

@@ -84,7 +84,7 @@ class CheckReport:
             for each in checks.made.device_runs(checks.devices.load(), results, ""):
                 print(each.dictionary.name, *lines(each.tests), sep="\n")
         else:
-            sys.stdout.writelines(f"{line}\n" for line in report.failures(results))
+            sys.stdout.writelines(f"{line}\n" for line in (*report.changed(results), *report.failures(results)))
             print(report.summary(results))
             sys.stdout.writelines(f"{line}\n" for line in report.github(results) if self.format)
         if self.junit is not None:

@@ -55,8 +55,10 @@ from eurobot_od.od.values import (
     BASE_IDENTIFIER,
     ERROR_CONTROL_BASE,
     NMT_COB_ID,
+    RESTRICTED,
     Address,
     Value,
+    owner,
 )
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.catalogue import NOTHING, Catalogue, Message
@@ -194,6 +196,8 @@ class Device:
             ),
             **{index: self._followed(write) for index, write in self._pdos.writers().items()},
         }
+        for index, _ in (standard.SYNC, standard.TIME, standard.EMCY):
+            writers[index] = self._unrestricted(writers.get(index, self.objects.put))
 
     def _configure(self) -> None:
         """Listen to the services as they are configured now."""
@@ -306,6 +310,18 @@ class Device:
         def written(address: Address, value: Value) -> None:
             write(address, value)
             self._configure()
+
+        return written
+
+    def _unrestricted(self, write: OnWrite) -> OnWrite:
+        """Return a function that gives a service no new COB-ID that another one has for good (CiA 301, 7.3.5)."""
+
+        def written(address: Address, value: Value) -> None:
+            cob_id = value & BASE_IDENTIFIER if isinstance(value, int) else 0
+            is_new = cob_id and cob_id != self.objects.raw(address) & BASE_IDENTIFIER
+            if is_new and owner(cob_id, RESTRICTED):
+                raise Abort(Reason.COB_ID_TAKEN)
+            write(address, value)
 
         return written
 

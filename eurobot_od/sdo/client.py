@@ -173,14 +173,17 @@ def block_upload(
     segments: int = wire.BLOCK_SEGMENTS,
     progress: Progress = unwatched,
     room: Room = ANY_OBJECT,
+    crc: int = wire.BLOCK_CRC,
 ) -> Transfer:
-    """Read an object in blocks of up to 127 segments. A server without block transfer aborts."""
-    return Transfer(address, _block_upload(address, segments, progress, room), wait)
+    """Read an object in blocks of up to 127 segments. A server without block transfer aborts; without `crc` it is 0."""
+    return Transfer(address, _block_upload(address, segments, progress, room, crc), wait)
 
 
-def block_download(address: Address, content: bytes, wait: float, progress: Progress = unwatched) -> Transfer:
+def block_download(
+    address: Address, content: bytes, wait: float, progress: Progress = unwatched, crc: int = wire.BLOCK_CRC
+) -> Transfer:
     """Write an object in blocks as long as the server wants them. A server without block transfer aborts."""
-    return Transfer(address, _block_download(address, content, progress), wait)
+    return Transfer(address, _block_download(address, content, progress, crc), wait)
 
 
 # Expedited and segmented
@@ -218,10 +221,10 @@ def _download(address: Address, content: bytes, progress: Progress) -> ClientSte
 # Blocks
 
 
-def _block_upload(address: Address, segments: int, progress: Progress, room: Room) -> ClientSteps:
+def _block_upload(address: Address, segments: int, progress: Progress, room: Room, crc: int) -> ClientSteps:
     # The byte after the block size, the protocol switch threshold, stays 0: the server must not go on by segments
     # instead (CiA 301, 7.2.4.3.12). A caller that wants to fall back starts another transfer, and knows that it did.
-    answer = yield [wire.initiate(ClientCommand.BLOCK_UPLOAD << 5 | wire.BLOCK_CRC, address, bytes([segments]))]
+    answer = yield [wire.initiate(ClientCommand.BLOCK_UPLOAD << 5 | crc, address, bytes([segments]))]
     initiated = _initiated(answer, ServerCommand.BLOCK_UPLOAD, address)
     size = initiated.number if initiated.command & wire.BLOCK_SIZE_GIVEN else None
     most = room.of(answer, size)
@@ -242,7 +245,7 @@ def _block_upload(address: Address, segments: int, progress: Progress, room: Roo
     # The last segment is filled up to 7 bytes; the end says how many of them are unused (CiA 301, 7.2.4.3.15).
     del content[len(content) - wire.unused_in(end) :]
     _check_size(end, content, size, complete=True)
-    if initiated.command & wire.BLOCK_CRC and crc_hqx(content, 0) != wire.crc_in(end):
+    if initiated.command & crc and crc_hqx(content, 0) != wire.crc_in(end):
         raise OddAnswer(end, f"the end of what came, whose CRC is 0x{crc_hqx(content, 0):04X}", AbortCode.CRC)
     return Ended(bytes(content), [wire.plain(ClientCommand.BLOCK_UPLOAD << 5 | Block.END)])
 
@@ -272,9 +275,9 @@ def _receive_block(
     return arrived, complete, latest
 
 
-def _block_download(address: Address, content: bytes, progress: Progress) -> ClientSteps:
+def _block_download(address: Address, content: bytes, progress: Progress, crc: int) -> ClientSteps:
     # The optional size is given, so that a server with little memory can refuse before the first segment.
-    command = ClientCommand.BLOCK_DOWNLOAD << 5 | wire.BLOCK_CRC | wire.BLOCK_SIZE_GIVEN
+    command = ClientCommand.BLOCK_DOWNLOAD << 5 | crc | wire.BLOCK_SIZE_GIVEN
     answer = yield [wire.initiate(command, address, len(content).to_bytes(4, "little"))]
     initiated = _initiated(answer, ServerCommand.BLOCK_DOWNLOAD, address)
     place, segments, fruitless = 0, _block_size(answer, initiated.rest[0]), 0
@@ -289,7 +292,7 @@ def _block_download(address: Address, content: bytes, progress: Progress) -> Cli
             raise OddAnswer(answer, f"about {len(sent)} segments that were sent", AbortCode.SEQUENCE_NUMBER)
         place += arrived * wire.SEGMENT_SIZE  # the next block begins with the first segment that did not arrive
         progress(min(place, len(content)), len(content))
-    answer = yield [wire.block_end(ClientCommand.BLOCK_DOWNLOAD, content, crc_hqx(content, 0))]
+    answer = yield [wire.block_end(ClientCommand.BLOCK_DOWNLOAD, content, crc_hqx(content, 0) if crc else 0)]
     _check(answer, ServerCommand.BLOCK_DOWNLOAD, Block.END)
     return Ended(b"", [])
 

@@ -289,7 +289,7 @@ class Reason(Enum):
     SYNC_PERIOD = AbortCode.STATE, "0x1019 is written while 0x1006 is not 0", "7.5.2.22"
     PDO_VALID = AbortCode.STATE, "the PDO is valid: set bit 31 of its COB-ID first", "7.5.2.35 to 7.5.2.38"
     PDO_COB_ID = AbortCode.VALUE, "the COB-ID of a PDO has more than 11 bits", "7.5.2.35, 7.5.2.37"
-    COB_ID_TAKEN = AbortCode.VALUE, "the COB-ID of a PDO belongs to a CANopen service", "7.3.5"
+    COB_ID_TAKEN = AbortCode.VALUE, "the COB-ID belongs to another CANopen service", "7.3.5"
     TRANSMISSION_TYPE = (
         AbortCode.VALUE,
         "the transmission type is reserved, or needs SYNC or remote frames that the PDO does not have",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -131,9 +132,14 @@ def test_news_are_only_what_changes_other_frames() -> None:
 
 def test_a_device_without_a_file_is_made_once_for_each_pdo(monkeypatch: pytest.MonkeyPatch) -> None:
     """At each of the writes that map a PDO, 64 PDOs took half a minute."""
-    made: list[int] = []
+    made: list[Dictionary] = []
     read = Dictionary.read
-    monkeypatch.setattr(Dictionary, "read", lambda *of: (made.append(1), read(*of))[1])
+
+    def counted(*of: Any) -> Dictionary:
+        made.append(read(*of))
+        return made[-1]
+
+    monkeypatch.setattr(Dictionary, "read", counted)
     shown = InForce([])
     for number in range(8):
         for address, value in (

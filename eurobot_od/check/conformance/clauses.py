@@ -8,7 +8,6 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import groupby
 from typing import Generic, NamedTuple, TypeAlias, TypeVar
 
 from eurobot_od.check.conformance import step
@@ -21,6 +20,9 @@ NAME = re.compile(
     r"(?P<clause>[\d.]+|0x[0-9A-F]{4}) (?P<topic>[^:]+): (?P<what>.*?)"
     r" \[(?P<tier>[a-z]+)(?:, CTT (?P<ctt>[\d., to]+))?\](?:(?: \d+/\d+)?: (?P<inside>.*))?"
 )
+
+
+OWN_NUMBERS = re.compile(r" \[CTT (?P<ctt>[\d., to]+)\]$")
 
 
 class StepName(NamedTuple):
@@ -46,9 +48,10 @@ class StepName(NamedTuple):
 
     @property
     def numbers(self) -> tuple[str, ...]:
-        """The numbers of CiA's tool, each by itself."""
+        """The numbers of CiA's tool, each by itself; a step of a group may have its own."""
         numbers: list[str] = []
-        for part in filter(None, self.ctt.split(", ")):
+        own = OWN_NUMBERS.search(self.inside)
+        for part in filter(None, (own["ctt"] if own else self.ctt).split(", ")):
             first, _, last = part.partition(" to ")
             chapter, _, number = first.partition(".")
             end = last.partition(".")[2] or number
@@ -58,9 +61,6 @@ class StepName(NamedTuple):
 
 ANSWERS = "7.2.4.3.5 SDO: the device answers [reading]"
 """The name of the step by which each suite begins."""
-
-AS_THEY_WERE = "7.4 Values: they are as they were [reading]"
-"""The name of the step by which each suite ends."""
 
 SubjectT = TypeVar("SubjectT", bound=Subject)
 
@@ -74,6 +74,18 @@ Need: TypeAlias = Callable[[SubjectT], object]
 def settable(address: Address, *values: int, lack: str) -> Need[Subject]:
     """Need an object that can have some values, and be put back; `lack` is the reason."""
     return lambda subject: need(subject.may_be(address, *values), lack)
+
+
+def _noted(data: Data) -> Data:
+    """Have the numbers of CiA's tool that steps inside a step ask stand in their names."""
+    noted: dict[str, object] = {key: value for key, value in data.items() if key != "ctt"}
+    if "steps" in data:
+        inside = (
+            ({**each, "name": f"{each['name']} [CTT {each['ctt']}]"} if "ctt" in each else each)
+            for each in data["steps"]
+        )
+        noted["steps"] = [_noted(each) for each in inside]
+    return noted
 
 
 @dataclass(frozen=True)
@@ -98,8 +110,8 @@ class Clause(Generic[SubjectT]):
         left_out = [step.skip("not done", f"only with --{self.tier.value}")]
         allowed = subject.tier.allows(self.tier)
         for each in or_skipped(self.name, self._made, subject) if allowed else left_out:
-            name = StepName(self.number, self.topic, each["name"], self.tier.value, self.ctt)
-            yield {**each, "name": str(name)}
+            name = StepName(self.number, self.topic, each["name"], self.tier.value, each.get("ctt", self.ctt))
+            yield {**_noted(each), "name": str(name)}
 
     def _made(self, subject: SubjectT) -> Steps:
         for needed in self.needs:
@@ -167,6 +179,8 @@ class Chapter(list[Clause[SubjectT]]):
             "tags": [tag, self.word],
             "setup": before,
             # Clauses that say the same of themselves are left out with one line.
-            "steps": [each for each, _ in groupby(steps)],
+            "steps": [
+                *{each["name"] if "skip" in each else number: each for number, each in enumerate(steps)}.values()
+            ],
             **({"teardown": after} if after else {}),
         }

@@ -111,7 +111,7 @@ def _other_identifier(subject: Subject) -> Steps:
     return [CHAPTER.group(subject, NOT_ITS_OWN, [*_no_heartbeat(subject), asked, silent])]
 
 
-LIFE_GUARDING = "7.5.2.12", "Life guarding", Tier.DESTRUCTIVE, "7.5, 7.6"
+LIFE_GUARDING = "7.5.2.12", "Life guarding", Tier.DESTRUCTIVE
 GUARDING_FOR_LIFE = (
     _guarding,
     settable(GUARD_TIME, GUARD, lack=NOT_WRITTEN),
@@ -129,14 +129,14 @@ def _missed(name: str, span: str) -> Data:
     return step.never(name, {"emcy": hexadecimal(ErrorCode.HEARTBEAT_LOST)}, span)
 
 
-@CHAPTER.clause(*LIFE_GUARDING, group="both are written", needs=GUARDING_FOR_LIFE)
+@CHAPTER.clause(*LIFE_GUARDING, "7.5", group="both are written", needs=GUARDING_FOR_LIFE)
 def _both_times(subject: Subject) -> Steps:
     yield from _life_times(subject)
     yield step.read("guard time", GUARD_TIME, expect=GUARD)
     yield step.read("life time factor", LIFE_TIME_FACTOR, expect=FACTOR)
 
 
-@CHAPTER.clause(*LIFE_GUARDING, group="the master is missed", needs=GUARDING_FOR_LIFE)
+@CHAPTER.clause(*LIFE_GUARDING, "7.6", group="the master is missed", needs=GUARDING_FOR_LIFE)
 def _life_guarding(subject: Subject) -> Steps:
     yield from _life_times(subject)
     yield _missed("not before its first remote frame", ONCE)

@@ -12,7 +12,7 @@ from eurobot_od.check.conformance.step import Data, Steps
 from eurobot_od.check.conformance.subject import BOOT_TIME, Lacks, Subject, Tier, awake, fresh, need
 from eurobot_od.device.nmt import STATE_NAMES, boot_state
 from eurobot_od.od.objects import in_limits, limits
-from eurobot_od.od.standard import HEARTBEAT_TIME, NMT_STARTUP
+from eurobot_od.od.standard import GUARD_TIME, HEARTBEAT_TIME, NMT_STARTUP
 from eurobot_od.od.values import NMT_COB_ID
 from eurobot_od.sdo.wire import ClientCommand, initiate
 
@@ -51,6 +51,9 @@ WALK = (
     ("pre-operational", "pre-operational"),
 )
 """Commands one after the other, from PRE-OPERATIONAL on, and the state after each: every way from state to state."""
+
+ASKED_BY = {"pre-operational": "10.2", "start": "10.3", "stop": "10.4"}
+"""Numbers of CiA's tool by command."""
 
 WAY_TO = {"pre-operational": (), "operational": ("start",), "stopped": ("stop",)}
 """Commands that lead to a state from PRE-OPERATIONAL."""
@@ -95,7 +98,7 @@ def _errors(_: Subject) -> Steps:
 
 
 @CHAPTER.clause("7.2.8.3.3", "Boot-up", Tier.REVERSIBLE, "10.1")
-def _boot_ups(subject: Subject) -> Steps:
+def _boot_ups(_: Subject) -> Steps:
     for command, (state, way) in product(("reset", "reset communication"), WAY_TO.items()):
         there = [step.nmt(each) for each in ("pre-operational", *way)]
         name = f"boot-up after {command} in {state.upper()}"
@@ -107,7 +110,7 @@ def _boot_ups(subject: Subject) -> Steps:
 # Heartbeat
 
 
-@CHAPTER.clause("7.5.2.20", "Heartbeat time", ctt="7.101 to 7.103, 7.204", name="it can be changed")
+@CHAPTER.clause("7.5.2.20", "Heartbeat time", name="it can be changed")
 def _heartbeat_times(subject: Subject) -> Steps:
     time = _heartbeat_time(subject)
     beat, kept, back = _allowed(time, BEAT), step.save(time), step.put_back(time)
@@ -115,16 +118,19 @@ def _heartbeat_times(subject: Subject) -> Steps:
     faster = step.write(f"{beat} ms", HEARTBEAT_TIME, value=beat)
     # From a long time to a short one: a device that first lets the old time run out takes up to 5 s.
     first = {**step.heartbeat("any", f"{beat + 100} ms"), "name": "a heartbeat after the new time"}
-    yield step.group("a change counts at once", kept, slower, step.wait("20 ms"), faster, first, back)
-    yield step.group("heartbeats come at their time", kept, faster, step.every(ANY, beat, 5), back)
+    change = step.group("a change counts at once", kept, slower, step.wait("20 ms"), faster, first, back)
+    yield step.asking("7.101", change)
+    beats = step.group("heartbeats come at their time", kept, faster, step.every(ANY, beat, 5), back)
+    unguarded = subject.find(GUARD_TIME) is not None and not subject.number(GUARD_TIME)
+    yield step.asking("7.102, 7.204" if unguarded else "7.102", beats)
     # 0 means no heartbeat (CiA 301, 7.5.2.20), but a maker may forbid it by LowLimit: then there is nothing to look at.
     if in_limits(time, 0):
         none = step.write("0: no heartbeat", HEARTBEAT_TIME, value=0)
         silent = step.never("silent", ANY, QUIET)
-        yield step.group("0 ends it", kept, faster, none, step.wait("20 ms"), silent, back)
+        yield step.asking("7.103", step.group("0 ends it", kept, faster, none, step.wait("20 ms"), silent, back))
 
 
-@CHAPTER.clause("7.2.8.3.2", "Heartbeat", Tier.REVERSIBLE, "7.102", group="as the file says")
+@CHAPTER.clause("7.2.8.3.2", "Heartbeat", Tier.REVERSIBLE, group="as the file says")
 def _heartbeat_of_the_file(subject: Subject) -> Steps:
     period = subject.number(HEARTBEAT_TIME)
     # Two periods are measured, and a suite is to end: a device with one beat a minute is not worth two minutes here.
@@ -132,7 +138,7 @@ def _heartbeat_of_the_file(subject: Subject) -> Steps:
     return [*fresh("reset"), step.every(ANY, period, 2)]
 
 
-@CHAPTER.clause("7.3.2.2", "NMT state", Tier.REVERSIBLE, "9.1")
+@CHAPTER.clause("7.3.2.2", "NMT state", Tier.REVERSIBLE)
 def _first_state(subject: Subject) -> Steps:
     # By itself means PRE-OPERATIONAL, unless 0x1F80 of the file says that the device starts on its own (CiA 302-2).
     state = STATE_NAMES[boot_state(subject.dictionary.default(NMT_STARTUP))]
@@ -144,14 +150,15 @@ def _first_state(subject: Subject) -> Steps:
 # Commands
 
 
-@CHAPTER.clause("7.2.8.2.1", "NMT commands", Tier.REVERSIBLE, "10.2 to 10.4")
+@CHAPTER.clause("7.2.8.2.1", "NMT commands", Tier.REVERSIBLE)
 def _walk(subject: Subject) -> Steps:
     before = "pre-operational"
     for command, state in WALK:
         commands = [*map(step.nmt, WAY_TO[before]), step.nmt(command), step.heartbeat(state, SOON)]
         # An SDO server is silent in STOPPED (CiA 301, 7.3.2.2.4): the heartbeat time could be neither set nor put back.
         back = [] if state == "pre-operational" else step.undoing(step.nmt("pre-operational"))
-        yield _beating(subject, f"{command} in {before.upper()}", *commands, *back)
+        walked = _beating(subject, f"{command} in {before.upper()}", *commands, *back)
+        yield step.asking(ASKED_BY[command], walked)
         before = state
 
 
@@ -176,13 +183,14 @@ def _other_commands(subject: Subject) -> Steps:
 # Services
 
 
-@CHAPTER.clause("7.3.2.2.4", "NMT state", Tier.REVERSIBLE, "9.2 to 9.4")
+@CHAPTER.clause("7.3.2.2.4", "NMT state", Tier.REVERSIBLE)
 def _services(subject: Subject) -> Steps:
     # An upload: whatever a device in STOPPED makes of it, nothing is written.
     request = {"name": "a request", **subject.request(initiate(ClientCommand.UPLOAD << 5, subject.probe))}
     answered = awake(subject, "an SDO is answered")
-    yield step.group("SDO in PRE-OPERATIONAL", answered)
+    yield step.asking("9.2", step.group("SDO in PRE-OPERATIONAL", answered))
     (pause,) = step.undoing(step.nmt("pre-operational"))
-    yield step.group("SDO in OPERATIONAL", step.nmt("start"), answered, pause)
+    yield step.asking("9.3", step.group("SDO in OPERATIONAL", step.nmt("start"), answered, pause))
     silent = step.never("no answer", subject.answer("?" * 16), QUIET)
-    yield step.group("no SDO in STOPPED", step.nmt("stop"), step.wait("50 ms"), request, silent, pause, answered)
+    stopped = step.nmt("stop"), step.wait("50 ms"), request, silent, pause, answered
+    yield step.asking("9.4", step.group("no SDO in STOPPED", *stopped))

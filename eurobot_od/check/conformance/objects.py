@@ -25,10 +25,13 @@ from eurobot_od.od.standard import (
 )
 from eurobot_od.od.values import COMMUNICATIONS, MAPPINGS, MOST_SUBS, NOT_SCANNED, Address, label
 from eurobot_od.sdo.wire import AbortCode
+from eurobot_od.support.texts import amount
 
 CHAPTER: Chapter[Subject] = Chapter("objects", "objects")
 
-FREE = (0x1004, 0x1FFF, 0x5FFF, 0x9FFF, 0xBFFF)
+GIVEN_UP = 0x1004
+
+FREE = (GIVEN_UP, 0x1FFF, 0x5FFF, 0x9FFF, 0xBFFF)
 """Indices where mostly nothing is: one that CiA 301 has given up, and one in each area."""
 
 FIXED = (DEVICE_TYPE[0], DEVICE_NAME[0])
@@ -65,10 +68,11 @@ def _tried(subject: Subject) -> Iterator[ODVariable]:
     return (each for each in _writable(subject) if not subject.dictionary.flags(address_of(each)))
 
 
-@CHAPTER.clause("7.2.4.3.17", "Unknown object", ctt="2.6")
+@CHAPTER.clause("7.2.4.3.17", "Unknown object")
 def _unknown_objects(subject: Subject) -> Steps:
     for address in _free(subject):
-        yield step.read(f"read {label(address)}", address, abort=codes(*NO_OBJECT))
+        asked = "2.6" if address[0] == GIVEN_UP else ""
+        yield step.asking(asked, step.read(f"read {label(address)}", address, abort=codes(*NO_OBJECT)))
 
 
 @CHAPTER.clause("7.2.4.3.17", "Unknown object", Tier.REVERSIBLE)
@@ -81,14 +85,15 @@ def _free(subject: Subject) -> Iterator[Address]:
     return ((index, 0) for index in FREE if index not in subject.dictionary.members)
 
 
-@CHAPTER.clause("7.2.4.3.17", "Unknown sub-index", ctt="2.5")
+@CHAPTER.clause("7.2.4.3.17", "Unknown sub-index")
 def _unknown_subindices(subject: Subject) -> Steps:
     for index, members in subject.dictionary.members.items():
         # The one after the last: a device that does not check its sub-indices reads what lies behind the record.
         free = max(members, default=MOST_SUBS) + 1
         if free <= MOST_SUBS:
             address: Address = index, free
-            yield step.read(f"read {label(address)}", address, abort=codes(*NO_SUBINDEX))
+            asked = "2.5" if index == DEVICE_TYPE[0] else ""
+            yield step.asking(asked, step.read(f"read {label(address)}", address, abort=codes(*NO_SUBINDEX)))
 
 
 # Identity
@@ -168,17 +173,18 @@ def _write_only(subject: Subject) -> Steps:
 
 
 @CHAPTER.clause("7.4.5", "Read-only", Tier.DESTRUCTIVE, "4.3", only=MAKERS)
-@CHAPTER.clause("7.4.5", "Read-only", Tier.REVERSIBLE, "2.3, 4.3", only=COMMUNICATION_PROFILE)
+@CHAPTER.clause("7.4.5", "Read-only", Tier.REVERSIBLE, "4.3", only=COMMUNICATION_PROFILE)
 def _read_only(subject: Subject) -> Steps:
     for each in subject.objects:
         if not each.writable:
             # Of the right length, so that only the access can be refused; and zeros, should it be taken after all: they
             # do the least.
             zeros = bytes(data_type(each).size or 1).hex(" ")
-            yield step.write(title(each), address_of(each), data=zeros, abort=codes(*READ_ONLY))
+            asked = "2.3, 4.3" if address_of(each) == DEVICE_TYPE else "4.3"
+            yield step.asking(asked, step.write(title(each), address_of(each), data=zeros, abort=codes(*READ_ONLY)))
 
 
-@CHAPTER.clause("7.4.5", "Writable", Tier.REVERSIBLE, "2.2, 4.9")
+@CHAPTER.clause("7.4.5", "Writable", Tier.REVERSIBLE, "4.9")
 def _own_values(subject: Subject) -> Steps:
     """Write what is there already, and read it again."""
     for each in _writable(subject):
@@ -194,7 +200,9 @@ def _own_values(subject: Subject) -> Steps:
             # Some stacks refuse with 0x06090030 whatever is written to a PDO's record while it is valid.
             refused = BUSY if _has_value(each) and each.index not in SET_BY_DEVICE else (*BUSY, *OUTSIDE)
             written = step.rewritten("it is written", each, optional=codes(*refused))
-            yield step.group(f"{title(each)}: the value it has", step.save(each), written, step.unchanged(each))
+            asked = "2.2, 4.9" if each.index in COMMUNICATION_PROFILE else "4.9"
+            own = step.group(f"{title(each)}: the value it has", step.save(each), written, step.unchanged(each))
+            yield step.asking(asked, own)
 
 
 def _has_value(each: ODVariable) -> bool:
@@ -206,21 +214,23 @@ def _has_value(each: ODVariable) -> bool:
 # Refusals
 
 
-@CHAPTER.clause("7.2.4.3.17", "Wrong length", Tier.DESTRUCTIVE, "2.8, 2.9", only=MAKERS)
-@CHAPTER.clause("7.2.4.3.17", "Wrong length", Tier.REVERSIBLE, "2.8, 2.9", only=COMMUNICATION_PROFILE)
+@CHAPTER.clause("7.2.4.3.17", "Wrong length", Tier.DESTRUCTIVE, only=MAKERS)
+@CHAPTER.clause("7.2.4.3.17", "Wrong length", Tier.REVERSIBLE, only=COMMUNICATION_PROFILE)
 def _wrong_lengths(subject: Subject) -> Steps:
     for each in _tried(subject):
         size = data_type(each).size
         # Downloaded in one frame or by segments, as the length asks for: what is to be refused is the length, not the
         # transfer.
-        sizes = [(size + 1, "too long")] * bool(size) + [(size - 1, "too short")] * (size > 1)
+        longer = 4 if size in (1, 2) else size + 1
+        sizes = [(longer, "many", "2.8" * (longer == 4))] * bool(size)
+        sizes += [(1, "few", "2.9" * (size in (2, 4)))] * (size > 1)
         if sizes:
             yield _refused(each, [_of_length(each, *wrong) for wrong in sizes])
 
 
-def _of_length(each: ODVariable, size: int, what: str) -> Data:
-    content = bytes(size).hex(" ")
-    return step.write(f"{size} bytes are {what}", address_of(each), data=content, abort=codes(*WRONG_LENGTH))
+def _of_length(each: ODVariable, size: int, what: str, asked: str) -> Data:
+    content, name = bytes(size).hex(" "), f"{amount(size, 'byte')}, too {what}"
+    return step.asking(asked, step.write(name, address_of(each), data=content, abort=codes(*WRONG_LENGTH)))
 
 
 def _refused(each: ODVariable, refused: Sequence[Data]) -> Data:
@@ -230,8 +240,8 @@ def _refused(each: ODVariable, refused: Sequence[Data]) -> Data:
     return step.group(title(each), *steps)
 
 
-@CHAPTER.clause("7.2.4.3.17", "Limits", Tier.DESTRUCTIVE, "2.10, 2.11, 4.6", only=MAKERS)
-@CHAPTER.clause("7.2.4.3.17", "Limits", Tier.REVERSIBLE, "2.10, 2.11, 4.6", only=COMMUNICATION_PROFILE)
+@CHAPTER.clause("7.2.4.3.17", "Limits", Tier.DESTRUCTIVE, only=MAKERS)
+@CHAPTER.clause("7.2.4.3.17", "Limits", Tier.REVERSIBLE, only=COMMUNICATION_PROFILE)
 def _limits(subject: Subject) -> Steps:
     for each in _tried(subject):
         refused = list(_outside(each))
@@ -244,18 +254,15 @@ def _outside(each: ODVariable) -> Steps:
     type_, range_ = data_type(each), limits(each)
     if range_ is None or not type_.is_integer:
         return
-    for value, what, code in (
-        (range_.low - 1, "too low", AbortCode.TOO_LOW),
-        (range_.high + 1, "too high", AbortCode.TOO_HIGH),
+    for value, what, code, asked in (
+        (range_.low - 1, "too low", AbortCode.TOO_LOW, "2.11, 4.6"),
+        (range_.high + 1, "too high", AbortCode.TOO_HIGH, "2.10, 4.6"),
     ):
         # A value that its type cannot carry would be refused by our own encoding, and never get to the device.
         if type_.low <= value <= type_.high:
-            yield step.write(
-                f"{value} is {what}",
-                address_of(each),
-                value=value,
-                abort=codes(code, AbortCode.VALUE, AbortCode.GENERAL),
-            )
+            refused = codes(code, AbortCode.VALUE, AbortCode.GENERAL)
+            written = step.write(f"{value} is {what}", address_of(each), value=value, abort=refused)
+            yield step.asking(asked, written)
 
 
 # Other values: destructive

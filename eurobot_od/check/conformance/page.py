@@ -165,6 +165,10 @@ LINT = "1.0"
 
 NOT_ASKED = "no step of this run asks it"
 
+NO_EVENT = "what an event is, is the maker's: nobody can cause one over the bus"
+NEVER_ASKED = {"3.7": NO_EVENT, "3.13": NO_EVENT, "3.19": NO_EVENT}
+"""Tests that no step of ours asks, and why."""
+
 
 class Verdict(Enum):
     """What became of a test; the value is the word in reports."""
@@ -189,16 +193,26 @@ class CttResult(NamedTuple):
 
 def results_of(results: Iterable[SuiteResult], file_errors: Sequence[str]) -> list[CttResult]:
     """Return what a run says about each test; `file_errors` are lint's errors in the device's file."""
-    steps = [(StepName.of(step.name), step) for result in results for step in result.steps]
-    found: dict[str, dict[Verdict, str]] = {
-        LINT: {Verdict.FAILED: file_errors[0]} if file_errors else {Verdict.PASSED: ""}
-    }
-    for name, step in steps:
-        verdict = VERDICTS.get(step.status)
-        for number in name.numbers if name and verdict else ():
+    lint: dict[Verdict, str] = {Verdict.FAILED: file_errors[0]} if file_errors else {Verdict.PASSED: ""}
+    # What one group asks of it, by the group: a group that was not done to its end has not asked.
+    found: dict[str, dict[object, dict[Verdict, str]]] = {LINT: {LINT: lint}}
+    for step in (step for result in results for step in result.steps):
+        name, verdict = StepName.of(step.name), VERDICTS.get(step.status, Verdict.SKIPPED)
+        for number in name.numbers if name else ():
             why = step.reason.what if step.reason and verdict is Verdict.SKIPPED else step.name
-            found.setdefault(number, {}).setdefault(verdict, why)  # type: ignore[arg-type]  # None has no numbers
-    return [_judged(number, found.get(number, {})) for number in ASKS]
+            group = name and (name.clause, name.topic, name.what)
+            found.setdefault(number, {}).setdefault(group, {}).setdefault(verdict, why)
+    asked = {
+        number: {verdict: why for group in groups.values() for verdict, why in [_of_group(group)]}
+        for number, groups in found.items()
+    }
+    return [_judged(number, asked.get(number, {})) for number in ASKS]
+
+
+def _of_group(verdicts: Mapping[Verdict, str]) -> tuple[Verdict, str]:
+    """Return what becomes of a group: red if a step is, and asked only if all of it was."""
+    verdict = next(each for each in (Verdict.FAILED, Verdict.SKIPPED, Verdict.PASSED) if each in verdicts)
+    return verdict, verdicts[verdict]
 
 
 VERDICTS: Mapping[Status, Verdict] = {
@@ -216,7 +230,7 @@ def _judged(number: str, verdicts: Mapping[Verdict, str]) -> CttResult:
             # more than what was skipped.
             why = "" if verdict is Verdict.PASSED else verdicts[verdict]
             return CttResult(number, verdict, why)
-    return CttResult(number, Verdict.SKIPPED, NOT_ASKED)
+    return CttResult(number, Verdict.SKIPPED, NEVER_ASKED.get(number, NOT_ASKED))
 
 
 def score(tests: Sequence[CttResult]) -> str:
@@ -317,6 +331,7 @@ def blocks(run: DeviceRun) -> Iterator[DocBlock]:
     yield DocHeading(1, f"Conformance of {run.dictionary.name}")
     passed = sum(each.count(Status.PASSED) for each in run.results)
     red = f"{amount(len(run.red), 'step')} red" if run.red else "no step red"
+    yield from map(Paragraph, report.changed(run.results))
     yield Paragraph(f"{amount(passed, 'step')} green, {red}.")
     yield DocTable(("", ""), run.facts, words=("",))
     yield DocHeading(2, "Score by chapter")

@@ -12,6 +12,7 @@ from functools import partial
 from canopen.objectdictionary import ODVariable
 
 from eurobot_od.check.conformance import step, transmission
+from eurobot_od.check.conformance.broadcasts import RESTRICTED_ONES
 from eurobot_od.check.conformance.clauses import Chapter
 from eurobot_od.check.conformance.step import OUTSIDE, Steps, codes, hexadecimal, title
 from eurobot_od.check.conformance.subject import Subject, Tier, need, or_skipped
@@ -28,7 +29,6 @@ from eurobot_od.od.values import (
     MAX_BITS,
     NO_RTR,
     NOT_SCANNED,
-    RESTRICTED,
     PdoDirection,
     label,
 )
@@ -36,11 +36,11 @@ from eurobot_od.sdo.wire import Abort, AbortCode
 
 CHAPTER: Chapter[Subject] = Chapter("pdo", "PDOs")
 
-RESTRICTED_ONES = tuple(each.high for each in RESTRICTED if each.high)
-"""An identifier of each range that no PDO may have but NMT's: some devices take 0 for one that is not valid."""
-
 TOO_MANY = (AbortCode.NO_OBJECT, AbortCode.NO_SUBINDEX, AbortCode.NOT_MAPPABLE, AbortCode.MAPPING_TOO_LONG)
 """Aborts for a number of entries that a PDO does not have."""
+
+NO_OBJECT = (AbortCode.NO_OBJECT, AbortCode.GENERAL)
+"""Aborts for a record that is not there, as CiA's test tool takes them."""
 
 MISSING = 0x1FFF
 """An index where mostly nothing is."""
@@ -92,7 +92,7 @@ def _scan(subject: Subject, direction: PdoDirection) -> Steps:
     # A master finds out how many PDOs a device has by asking until one is not there.
     missing = next((index for index in records if index not in subject.dictionary.members), None)
     if missing is not None:
-        yield step.read(f"0x{missing:04X} is not there", (missing, COB_ID), abort=codes(AbortCode.NO_OBJECT))
+        yield step.read(f"0x{missing:04X} is not there", (missing, COB_ID), abort=codes(*NO_OBJECT))
 
 
 def _default_mapping(subject: Subject, pdo: Pdo) -> Steps:
@@ -144,19 +144,21 @@ def _remapped(subject: Subject, pdo: Pdo, cob_id: ODVariable) -> Steps:
     subs = range(1, len(pdo.mapping) + 1)
     yield from (step.save(cob_id), *(step.save(*each) for each in _mapping_of(subject, pdo, subs)))
     if pdo.valid:
-        yield step.write("sub-index 0 while it is valid", (record, 0), value=0, abort="any")
+        yield step.asking("3.24", step.write("sub-index 0 while it is valid", (record, 0), value=0, abort="any"))
     yield off(cob_id)
     if pdo.mapping:
         entry = hexadecimal(subject.number((record, 1)), 8)
         # Otherwise a PDO could go out half in the old mapping and half in the new one (CiA 301, 7.5.2.36).
-        yield step.write("an entry while sub-index 0 is not 0", (record, 1), value=entry, abort="any")
+        early = step.write("an entry while sub-index 0 is not 0", (record, 1), value=entry, abort="any")
+        yield step.asking("3.23", early)
     yield step.write("2. sub-index 0 is 0", (record, 0), value=0)
     yield from _refused_entries(subject, pdo)
     yield from _other_entries(subject, pdo)
     count = _room(subject, pdo) + 1
     if 1 < count <= MAX_BITS:
         aborts = codes(*TOO_MANY, *OUTSIDE)
-        yield step.write(f"{count} entries are too many", (record, 0), value=count, abort=aborts)
+        too_many = step.write(f"{count} entries are too many", (record, 0), value=count, abort=aborts)
+        yield step.asking("3.25", too_many)
     yield from _mapped_again(subject, pdo, cob_id, subs)
 
 
@@ -164,7 +166,7 @@ def _mapped_again(subject: Subject, pdo: Pdo, cob_id: ODVariable, subs: range) -
     """Give a PDO that is not valid, and whose sub-index 0 is 0, the entries and the COB-ID that it had."""
     number, *entries = _mapping_of(subject, pdo, subs)
     yield from (step.rewritten(f"3. entry {each.subindex}", each, kept) for each, kept in entries)
-    yield step.rewritten("4. sub-index 0 is as it was", *number)
+    yield step.asking("3.22", step.rewritten("4. sub-index 0 is as it was", *number))
     # Whatever came before: its COB-ID last, for with bit 31 cleared the PDO is there at once.
     yield from (step.put_back(*each) for each in (*entries, number))
     yield {**step.put_back(cob_id), "name": "5. as it was"}
@@ -189,7 +191,7 @@ def _at_most(subject: Subject, pdo: Pdo, cob_id: ODVariable) -> Steps:
     entries = range(1, count + 1)
     settable = all(subject.settable((record, sub)) for sub in entries)
     need(settable and not _unmapped(subject, pdo, entries), "its spare entries could not be put back")
-    too_long = codes(AbortCode.MAPPING_TOO_LONG)
+    too_long, bits = codes(AbortCode.MAPPING_TOO_LONG), data_type(wide).bits
     yield step.group(
         f"{pdo.title} takes {MAX_BITS} bits at most",
         step.save(cob_id),
@@ -197,7 +199,7 @@ def _at_most(subject: Subject, pdo: Pdo, cob_id: ODVariable) -> Steps:
         off(cob_id),
         step.write("2. sub-index 0 is 0", (record, 0), value=0),
         *(step.write(f"entry {sub} of too many", (record, sub), value=_entry(wide)) for sub in entries),
-        step.write(f"{count * data_type(wide).bits} bits", (record, 0), value=count, abort=too_long),
+        step.asking("3.26", step.write(f"{count * bits} bits", (record, 0), value=count, abort=too_long)),
         step.write("2. sub-index 0 is 0 again", (record, 0), value=0),
         *_mapped_again(subject, pdo, cob_id, entries),
     )
@@ -210,15 +212,20 @@ def _refused_entries(subject: Subject, pdo: Pdo) -> Steps:
     fixed = next((each for each in unmapped if data_type(each).size in (1, 2, 4)), None)
     if fixed is not None:
         value = _entry(fixed)
-        yield step.write(
-            f"{title(fixed)} cannot be mapped", entry, value=value, abort=codes(AbortCode.NOT_MAPPABLE, *OUTSIDE)
-        )
+        refused = codes(AbortCode.NOT_MAPPABLE, *OUTSIDE)
+        unmappable = step.write(f"{title(fixed)} cannot be mapped", entry, value=value, abort=refused)
+        yield step.asking(UNMAPPABLE[pdo.direction], unmappable)
     if MISSING not in subject.dictionary.members:
         # Of 8 bits, so that it can only be refused because the object is not there.
         missing = hexadecimal(MISSING << 16 | 8, 8)
         aborts = codes(AbortCode.NO_OBJECT, AbortCode.NOT_MAPPABLE, *OUTSIDE)
         yield step.write("an object that is not there", entry, value=missing, abort=aborts)
 
+
+UNMAPPABLE = {PdoDirection.RPDO: "3.29", PdoDirection.TPDO: "3.32"}
+OWN_ACCESS = {PdoDirection.RPDO: "3.27", PdoDirection.TPDO: "3.30"}
+OTHER_ACCESS = {PdoDirection.RPDO: "3.28", PdoDirection.TPDO: "3.31"}
+"""Numbers of CiA's tool by direction: what cannot be mapped, and access types of this direction and of the other."""
 
 DIRECTED = {PdoDirection.RPDO: ("rww", "wo"), PdoDirection.TPDO: ("rwr", "ro")}
 """Access types of what may be mapped in this direction, and not in the other one (CiA 301, Table 42)."""
@@ -231,22 +238,22 @@ def _other_entries(subject: Subject, pdo: Pdo) -> Steps:
     for access in DIRECTED[pdo.direction]:
         each = next((each for each in mapped if each.access_type == access), None)
         if each is not None and _may_be_tried(subject, pdo, int(_entry(each), 16)):
-            yield step.write(f"{title(each)} is {access}: it may be mapped", entry, value=_entry(each))
+            allowed = step.write(f"{title(each)} is {access}: it may be mapped", entry, value=_entry(each))
+            yield step.asking(OWN_ACCESS[pdo.direction], allowed)
     # A TPDO takes `rwr` out of the device, an RPDO puts `rww` into it: in the other PDO neither means anything.
     (opposite,) = {*DIRECTED} - {pdo.direction}
     other = next((each for each in mapped if each.access_type in DIRECTED[opposite]), None)
     if other is not None:
         refused = codes(AbortCode.NOT_MAPPABLE, AbortCode.UNSUPPORTED_ACCESS, *OUTSIDE)
-        yield step.write(
-            f"{title(other)} is {other.access_type}: it may not", entry, value=_entry(other), abort=refused
-        )
+        what = f"{title(other)} is {other.access_type}: it may not"
+        yield step.asking(OTHER_ACCESS[pdo.direction], step.write(what, entry, value=_entry(other), abort=refused))
     # Dummies fill an RPDO whose sender has more than this device wants; [DummyUsage] says which ones it takes (CiA
     # 306).
     usage = partial(subject.dictionary.device.document.text, "dummyusage")
     dummies = (each << 16 | DATA_TYPES[each].bits for each in DUMMIES if usage(f"dummy{each:04x}") == "1")
     dummy = next((each for each in dummies if _may_be_tried(subject, pdo, each)), None)
     if dummy is not None:
-        yield step.write("a dummy may be mapped", entry, value=hexadecimal(dummy, 8))
+        yield step.asking("3.33", step.write("a dummy may be mapped", entry, value=hexadecimal(dummy, 8)))
     yield step.write("the file's entry", entry, value=hexadecimal(subject.number(entry), 8))
 
 
@@ -284,7 +291,7 @@ _enter(TPDO, _default_mapping, "7.5.2.38", "TPDO mapping", ctt="3.21")
 _enter(RPDO, _restricted, "7.3.5", "RPDO identifier", Tier.REVERSIBLE, "8.10", RESTRICTED_NAME)
 _enter(TPDO, _restricted, "7.3.5", "TPDO identifier", Tier.REVERSIBLE, "8.10", RESTRICTED_NAME)
 _enter(RPDO, _communication, "7.5.2.35", "RPDO communication", Tier.REVERSIBLE)
-_enter(RPDO, _mapping, "7.5.2.36", "RPDO mapping", Tier.REVERSIBLE, "3.22 to 3.29, 3.33")
+_enter(RPDO, _mapping, "7.5.2.36", "RPDO mapping", Tier.REVERSIBLE)
 _enter(TPDO, _communication, "7.5.2.37", "TPDO communication", Tier.REVERSIBLE)
-_enter(TPDO, _mapping, "7.5.2.38", "TPDO mapping", Tier.REVERSIBLE, "3.22 to 3.26, 3.30 to 3.32")
+_enter(TPDO, _mapping, "7.5.2.38", "TPDO mapping", Tier.REVERSIBLE)
 CHAPTER.extend(transmission.CHAPTER)

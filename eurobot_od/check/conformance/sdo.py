@@ -12,9 +12,10 @@ from eurobot_od.check.conformance.clauses import Chapter
 from eurobot_od.check.conformance.objects import ACTING, CONFIGURED, FIXED
 from eurobot_od.check.conformance.step import Data, Steps, codes, title
 from eurobot_od.check.conformance.subject import NO_DEVICE_TYPE, Subject, Tier, awake, fresh, need
+from eurobot_od.check.suite import Blocks
 from eurobot_od.od.objects import address_of, data_type, default_bytes
-from eurobot_od.od.standard import DEVICE_TYPE, HEARTBEAT_TIME, SDO_ANSWERS, SDO_CLIENTS, SDO_REQUESTS
-from eurobot_od.od.values import SDO_REQUEST_BASE, SDO_RESPONSE_BASE
+from eurobot_od.od.standard import DEVICE_TYPE, GUARD_TIME, HEARTBEAT_TIME, SDO_ANSWERS, SDO_CLIENTS, SDO_REQUESTS
+from eurobot_od.od.values import SDO_REQUEST_BASE, SDO_RESPONSE_BASE, Address
 from eurobot_od.sdo import wire
 from eurobot_od.sdo.wire import AbortCode, ClientCommand, initiate
 
@@ -28,6 +29,7 @@ QUIET = "200 ms"
 LEFT_ALONE = "3 s"
 """How long a transfer is left alone: longer than servers wait for the next request."""
 
+NOTHING_SHORT = "the file has no number of up to 4 bytes that can be read"
 NO_SEGMENTS = "the file has no object of more than 4 bytes whose value is known"
 NO_NUMBER = "the file has no number of up to 4 bytes that can be written and whose value is known"
 NO_BLOCKS = (AbortCode.UNKNOWN_COMMAND, AbortCode.UNSUPPORTED_ACCESS)
@@ -71,21 +73,27 @@ def _number(subject: Subject) -> ODVariable:
     return need(min(found, key=lambda each: address_of(each) != HEARTBEAT_TIME, default=None), NO_NUMBER)
 
 
+def _usual(subject: Subject) -> Address:
+    """Return the object that frames are about which have to be refused: that of CiA's tool."""
+    return DEVICE_TYPE if subject.readable(DEVICE_TYPE) is not None else subject.probe
+
+
 # Uploads
 
 
-@CHAPTER.clause("7.2.4.3.6", "SDO upload", ctt="2.1", group="the device type in one answer")
+# The official tool reads 0x1000 once expedited and once "segmented"; of 4 bytes both are the same frames.
+@CHAPTER.clause("7.2.4.3.6", "SDO upload", ctt="2.1, 2.13", group="the device type in one answer")
 def _expedited_upload(subject: Subject) -> Steps:
     need(subject.find(DEVICE_TYPE), NO_DEVICE_TYPE)
     answer = step.expect("4 bytes", subject.answer("43001000????????"), WITHIN)
     return [_asked(subject, ClientCommand.UPLOAD << 5, DEVICE_TYPE), answer]
 
 
-@CHAPTER.clause("7.2.4.3.7", "SDO upload", ctt="2.13, 2.15 to 2.18", name="by segments")
+@CHAPTER.clause("7.2.4.3.7", "SDO upload", name="by segments")
 def _segmented_upload(subject: Subject) -> Steps:
     each = need(_long(subject), NO_SEGMENTS)
-    yield step.read(f"{title(each)} by segments", address_of(each), data="any")
-    yield step.group(
+    yield step.asking("2.16, 2.18", step.read(f"{title(each)} by segments", address_of(each), data="any"))
+    wrong = step.group(
         "a wrong toggle bit is refused",
         _asked(subject, ClientCommand.UPLOAD << 5, address_of(each)),
         step.expect("it begins", subject.answer(f"4?{_multiplexer(each)}????????"), WITHIN),
@@ -93,33 +101,59 @@ def _segmented_upload(subject: Subject) -> Steps:
         _sent(subject, "the first segment, asked for with the toggle bit set", wire.plain(0x70)),
         _aborted(subject, AbortCode.TOGGLE_BIT),
     )
+    yield step.asking("2.17", wrong)
 
 
-@CHAPTER.clause("7.2.4.3.12", "SDO block upload", ctt="2.19 to 2.25")
+WITH_CRC, WITHOUT_CRC = Blocks.PLAIN.value, Blocks.WITHOUT_CRC.value
+
+
+@CHAPTER.clause("7.2.4.3.12", "SDO block upload")
 def _block_upload(subject: Subject) -> Steps:
-    each = _long(subject) or subject.find(DEVICE_TYPE)
-    if each is not None and default_bytes(each) is not None:
-        # Block transfer is optional; a server without it refuses the first request, and nothing else is wrong with it.
-        again = step.unchanged(each, "in blocks it is the same", transfer="block", optional=codes(*NO_BLOCKS))
-        yield step.group(f"{title(each)} in blocks", step.save(each), again)
+    # Block transfer is optional; a server without it refuses the first request, and nothing else is wrong with it.
+    device_type, long = subject.find(DEVICE_TYPE), _long(subject)
+    for each, transfer, asked in (
+        (device_type, WITHOUT_CRC, "2.19"),
+        (long, WITHOUT_CRC, "2.22"),
+        (long, WITH_CRC, "2.23"),
+    ):
+        if each is not None and default_bytes(each) is not None:
+            again = step.unchanged(each, "in blocks it is the same", transfer=transfer, optional=codes(*NO_BLOCKS))
+            yield step.asking(asked, step.group(f"{title(each)}, {transfer}", step.save(each), again))
 
 
 # Downloads
 
 
-@CHAPTER.clause("7.2.4.3.4", "SDO download", ctt="2.14, 2.17", name="by segments")
+def _downloaded(subject: Subject) -> dict[str, ODVariable]:
+    """Return the objects that are downloaded, and which of the tool's: its guard time, and its heartbeat time."""
+    number = _number(subject)
+    guard = subject.settable(GUARD_TIME) if subject.tier.allows(Tier.REVERSIBLE) else None
+    return {"guard": guard, "heartbeat": number} if guard is not None else {"heartbeat": number}
+
+
+DOWNLOADS = {"guard": ("2.14", "2.20", "2.24"), "heartbeat": ("2.15", "2.21", "2.25")}
+"""The tool's numbers: by segments, in blocks without a CRC, and with one."""
+
+
+def _number_of(each: ODVariable, which: str, place: int) -> str:
+    own = address_of(each) in (GUARD_TIME, HEARTBEAT_TIME)
+    return DOWNLOADS[which][place] if own else ""
+
+
+@CHAPTER.clause("7.2.4.3.4", "SDO download", name="by segments")
 def _segmented_download(subject: Subject) -> Steps:
-    each = _number(subject)
-    content = _content(each)
-    yield step.group(
-        f"{title(each)} by segments",
-        step.save(each),
-        *_begun(subject, each),
-        _sent(subject, "the only segment", wire.segment(ClientCommand.DOWNLOAD_SEGMENT, 0, content, last=True)),
-        step.expect("it is taken", subject.answer(f"20{'?' * 14}"), WITHIN),
-        step.read("it has the value", address_of(each), data=content.hex(" ")),
-        step.put_back(each),
-    )
+    for which, each in _downloaded(subject).items():
+        content = _content(each)
+        whole = step.group(
+            f"{title(each)} by segments",
+            step.save(each),
+            *_begun(subject, each),
+            _sent(subject, "the only segment", wire.segment(ClientCommand.DOWNLOAD_SEGMENT, 0, content, last=True)),
+            step.expect("it is taken", subject.answer(f"20{'?' * 14}"), WITHIN),
+            step.read("it has the value", address_of(each), data=content.hex(" ")),
+            step.put_back(each),
+        )
+        yield step.asking(_number_of(each, which, 0), whole)
     # With its own value: a server that does not look at the bit writes what is there already.
     wrong = wire.segment(ClientCommand.DOWNLOAD_SEGMENT, wire.TOGGLE, content, last=True)
     yield step.group(
@@ -133,11 +167,13 @@ def _segmented_download(subject: Subject) -> Steps:
     )
 
 
-@CHAPTER.clause("7.2.4.3.8", "SDO block download", ctt="2.19 to 2.25", name="in blocks")
+@CHAPTER.clause("7.2.4.3.8", "SDO block download", name="in blocks")
 def _block_download(subject: Subject) -> Steps:
-    each = _number(subject)
-    written = step.rewritten("its own value", each, transfer="block", optional=codes(*NO_BLOCKS))
-    yield step.group(f"{title(each)} in blocks", step.save(each), written, step.unchanged(each), step.put_back(each))
+    for which, each in _downloaded(subject).items():
+        for place, transfer in ((1, WITHOUT_CRC), (2, WITH_CRC)):
+            written = step.rewritten("its own value", each, transfer=transfer, optional=codes(*NO_BLOCKS))
+            steps = step.save(each), written, step.unchanged(each), step.put_back(each)
+            yield step.asking(_number_of(each, which, place), step.group(f"{title(each)}, {transfer}", *steps))
 
 
 # Aborts
@@ -147,7 +183,7 @@ def _block_download(subject: Subject) -> Steps:
 def _unknown_command(subject: Subject) -> Steps:
     # 0xE0: the one of eight that no request has (CiA 301, 7.2.4.3). It is about an object that there is, so that only
     # the command can be refused.
-    sent = _sent(subject, "command specifier 7", initiate(0xE0, subject.probe))
+    sent = _sent(subject, "command specifier 7", initiate(0xE0, _usual(subject)))
     return [sent, _aborted(subject, AbortCode.UNKNOWN_COMMAND, AbortCode.GENERAL)]
 
 
@@ -176,18 +212,20 @@ def _unfinished(subject: Subject) -> Steps:
 @CHAPTER.clause("7.2.4.3.12", "SDO block upload", ctt="2.26", group="a block of 128 segments is refused")
 def _block_size(subject: Subject) -> Steps:
     """Ask for blocks of one segment more than there are."""
+    need(subject.readable(_usual(subject)), NOTHING_SHORT)
     # 127 is the most that seven bits can number (CiA 301, 7.2.4.3.12).
     size = bytes([wire.BLOCK_SEGMENTS + 1])
-    yield _sent(subject, "128 segments", initiate(ClientCommand.BLOCK_UPLOAD << 5, subject.probe, size))
+    yield _sent(subject, "128 segments", initiate(ClientCommand.BLOCK_UPLOAD << 5, _usual(subject), size))
     yield _aborted(subject, AbortCode.BLOCK_SIZE, AbortCode.GENERAL, *NO_BLOCKS)
 
 
 @CHAPTER.clause("7.2.4.3.13", "SDO block upload", ctt="2.27", group="an acknowledgement of 128 segments is refused")
 def _sequence_number(subject: Subject) -> Steps:
     """Acknowledge more segments than a block can have."""
+    need(subject.readable(_usual(subject)), NOTHING_SHORT)
     upload, most = ClientCommand.BLOCK_UPLOAD << 5, wire.BLOCK_SEGMENTS
-    yield step.read("blocks are there", subject.probe, data="any", transfer="block", optional=codes(*NO_BLOCKS))
-    yield _sent(subject, "the first request", initiate(upload, subject.probe, bytes([most])))
+    yield step.read("blocks are there", _usual(subject), data="any", transfer="block", optional=codes(*NO_BLOCKS))
+    yield _sent(subject, "the first request", initiate(upload, _usual(subject), bytes([most])))
     yield step.expect("it begins", subject.answer(f"C?{'?' * 14}"), WITHIN)
     yield _sent(subject, "start", wire.plain(upload | wire.Block.START))
     yield step.expect("the first segment", subject.answer(f"?1{'?' * 14}"), WITHIN)
@@ -200,7 +238,7 @@ def _sequence_number(subject: Subject) -> Steps:
 # Servers
 
 
-@CHAPTER.clause("7.5.2.33", "SDO server", ctt="2.12, 2.28")
+@CHAPTER.clause("7.5.2.33", "SDO server")
 def _servers(subject: Subject) -> Steps:
     """Read where each server is; the first has the identifiers of the predefined connection set."""
     for index in subject.dictionary.members:
@@ -211,7 +249,14 @@ def _servers(subject: Subject) -> Steps:
                 yield step.skip(title(found), f"the file itself has another one than 0x{usual:X}")
             elif found.readable:
                 data = "any" if usual is None else data_type(found).write(usual).hex(" ").upper()
-                yield step.read(title(found), address_of(found), data=data)
+                asked = "2.12" if address_of(found) in SDO_BASES else "2.28"
+                yield step.asking(asked, step.read(title(found), address_of(found), data=data))
+    second = SDO_SERVERS[1]
+    if second not in subject.dictionary.members:
+        absent = step.read(
+            f"0x{second:04X} is not there", (second, 1), abort=codes(AbortCode.NO_OBJECT, AbortCode.GENERAL)
+        )
+        yield step.asking("2.28", absent)
     if SDO_REQUESTS[0] not in subject.dictionary.members:
         yield step.skip("0x1200", "the file has no SDO server (0x1200)")
 

@@ -78,6 +78,11 @@ def save(variable: ODVariable, kept: str = "present") -> Data:
     return read("its present value", address_of(variable), **as_bytes, save=kept, optional=none_now)
 
 
+def asking(numbers: str, data: Data) -> Data:
+    """Have a step ask some tests of CiA's tool, by their numbers."""
+    return {**data, "ctt": numbers} if numbers else data
+
+
 def undoing(*steps: Data) -> Steps:
     """Have steps of a group done whatever becomes of the others: they undo what was changed."""
     return ({**each, "undo": "yes"} for each in steps)
@@ -135,10 +140,10 @@ def never(name: str, pattern: object, span: str) -> Data:
     return {"name": name, "never": pattern, "for": span}
 
 
-def every(message: Data, milliseconds: int, count: int) -> Data:
+def every(message: Data, milliseconds: int, count: int, tolerance: str = PRECISION) -> Data:
     """See that a frame comes again and again at its time."""
-    period = {"message": message, "every": f"{milliseconds} ms", "tolerance": PRECISION, "count": count}
-    return {"name": f"every {milliseconds} ms", "period": period}
+    period = {"message": message, "every": f"{milliseconds} ms", "tolerance": tolerance, "count": count}
+    return {"name": f"{count} times every {milliseconds} ms", "period": period}
 
 
 def sent(name: str, cob_id: int, data: bytes = b"") -> Data:

@@ -11,7 +11,7 @@ from canopen.objectdictionary import ODVariable
 from eurobot_od.check.conformance import step
 from eurobot_od.check.conformance.clauses import Chapter
 from eurobot_od.check.conformance.step import BUSY, OUTSIDE, Data, Steps, codes, hexadecimal, title
-from eurobot_od.check.conformance.subject import Subject, Tier, fresh, need
+from eurobot_od.check.conformance.subject import Subject, Tier, fresh, need, or_skipped
 from eurobot_od.od import standard
 from eurobot_od.od.objects import address_of, data_type, default_of, in_limits
 from eurobot_od.od.values import NOT_VALID, SDO_REQUEST_BASE, SDO_RESPONSE_BASE, UNSIGNED32, Address, label
@@ -21,6 +21,15 @@ CHAPTER: Chapter[Subject] = Chapter("storage", "store and restore")
 
 KEPT: tuple[Address, ...] = (standard.HEARTBEAT_TIME, standard.EMCY_INHIBIT_TIME, standard.SYNC_PERIOD)
 """Parameters that show what is stored: numbers in which nothing else of the communication hangs."""
+
+WRONG_SIGNATURE = {
+    (standard.STORE, 1): "8.1",
+    (standard.RESTORE, 1): "8.3",
+    (standard.STORE, 2): "8.5",
+    (standard.RESTORE, 2): "8.7",
+}
+RIGHT_SIGNATURE = {1: "8.2, 8.4", 2: "8.6, 8.8"}
+"""Numbers of CiA's tool for the signatures that are refused, and those that store and restore."""
 
 REFUSED = (AbortCode.NOT_TRANSFERRED, AbortCode.LOCAL_CONTROL, AbortCode.STATE, AbortCode.NO_DATA)
 """Aborts for a wrong signature (CiA 301, 7.5.2.13: 0x0800002x)."""
@@ -49,7 +58,7 @@ def _other(each: ODVariable) -> int:
     return next((present + offset for offset in OFFSETS if in_limits(each, present + offset)), present - 1)
 
 
-@CHAPTER.clause("7.3.2.2.3", "Values", Tier.REVERSIBLE, "9.1", name="a reset")
+@CHAPTER.clause("7.3.2.2.3", "Values", Tier.REVERSIBLE, name="a reset")
 def _power_on_values(subject: Subject) -> Steps:
     """See that what was not stored is gone with a reset."""
     lack = "the file has none of 0x1006, 0x1015 and 0x1017 that can be read, written and put back"
@@ -60,7 +69,8 @@ def _power_on_values(subject: Subject) -> Steps:
     # profile's objects (CiA 301, 7.3.2.2.3).
     for command in ("reset", "reset communication"):
         back = step.put_back(each)
-        yield step.group(f"{title(each)} after {command}", step.save(each), other, *fresh(command), gone, back)
+        done = step.group(f"{title(each)} after {command}", step.save(each), other, *fresh(command), gone, back)
+        yield step.asking("9.1" if command == "reset" else "", done)
 
 
 def _commands(subject: Subject, index: int) -> dict[int, ODVariable]:
@@ -87,25 +97,33 @@ def _signatures(index: int) -> Callable[[Subject], Steps]:
         # Zeros are what an empty program writes, and the letters backwards what one with the wrong byte order does.
         for each, wrong in product(commands.values(), (bytes(4), standard.SIGNATURES[index][::-1])):
             name = f"{title(each)} wants its signature, not {wrong.hex(' ').upper()}"
-            yield step.write(name, address_of(each), data=wrong.hex(" "), abort=codes(*REFUSED, *OUTSIDE))
+            refused = step.write(name, address_of(each), data=wrong.hex(" "), abort=codes(*REFUSED, *OUTSIDE))
+            yield step.asking(WRONG_SIGNATURE.get(address_of(each), ""), refused)
 
     return steps
 
 
 for _index, _head in (
-    (standard.STORE, ("7.5.2.13", "Store", Tier.DESTRUCTIVE, "8.1, 8.3, 8.5, 8.7")),
-    (standard.RESTORE, ("7.5.2.14", "Restore", Tier.DESTRUCTIVE, "8.2, 8.4, 8.6, 8.8")),
+    (standard.STORE, ("7.5.2.13", "Store", Tier.DESTRUCTIVE)),
+    (standard.RESTORE, ("7.5.2.14", "Restore", Tier.DESTRUCTIVE)),
 ):
     CHAPTER.clause(*_head, name="the signature")(_signatures(_index))
 
 
-@CHAPTER.clause("7.5.2.13", "Store", Tier.DESTRUCTIVE, "8.1, 8.2", name="store and restore")
+@CHAPTER.clause("7.5.2.13", "Store", Tier.DESTRUCTIVE, name="store and restore")
 def _stored(subject: Subject) -> Steps:
-    """Store another value, see that it survives a reset, and restore the file's."""
-    lack = "the file lacks 0x1010:1, 0x1011:1 or a parameter to be stored"
-    each, store, restore = (need(found, lack) for found in (_shown_by(subject), *_of_all(subject)))
+    """Store another value, see that it survives a reset, and restore the file's: all parameters, and by themselves."""
+    for sub, asked in RIGHT_SIGNATURE.items():
+        lack = f"the file lacks 0x1010:{sub}, 0x1011:{sub} or a parameter to be stored"
+        name = "store and restore" if sub == 1 else "store and restore of the communication"
+        yield from (step.asking(asked, each) for each in or_skipped(name, _stored_by, subject, sub, lack))
+
+
+def _stored_by(subject: Subject, sub: int, lack: str) -> Steps:
+    signed = (_commands(subject, index).get(sub) for index in (standard.STORE, standard.RESTORE))
+    each, store, restore = (need(found, lack) for found in (_shown_by(subject), *signed))
     yield step.group(
-        f"{title(each)} stored and restored",
+        f"{title(each)} stored and restored by sub-index {sub}",
         step.save(each),
         step.write("another value", address_of(each), value=_other(each)),
         step.group(

@@ -8,9 +8,10 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 from eurobot_od.check.conformance import broadcasts, error_control, nmt, objects, pdo, sdo, step, storage
-from eurobot_od.check.conformance.clauses import ANSWERS, AS_THEY_WERE, Chapter
+from eurobot_od.check.conformance.clauses import ANSWERS, Chapter
 from eurobot_od.check.conformance.step import Data, hexadecimal, title
 from eurobot_od.check.conformance.subject import BOOT_TIME, Subject, Tier, awake
+from eurobot_od.check.report import AS_THEY_WERE
 from eurobot_od.errors import LocalError
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.standard import RESTORE, VERIFY_CONFIGURATION

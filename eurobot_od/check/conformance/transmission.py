@@ -168,7 +168,10 @@ def _by_event_timer(subject: Subject, pdos: Pdos) -> Data:
         step.wait("50 ms"),
         *_none("none in STOPPED", pdos),
     )
-    return step.group(f"{_named(pdos)} by event timer", *_with(subject, pdos, EVENT_TIMER, EVENT_TIME, *steps))
+    group = step.group(f"{_named(pdos)} by event timer", *_with(subject, pdos, EVENT_TIMER, EVENT_TIME, *steps))
+    # CiA's tool asks for type 254 as an event; with another default only the timer is asked.
+    only_timer = "3.5" if len(pdos) == 1 else "3.11, 3.17"
+    return step.asking("" if all(each.transmission_type == EVENT_TYPES[0] for each in pdos) else only_timer, group)
 
 
 # By SYNC
@@ -216,7 +219,7 @@ def _acyclic(subject: Subject, pdo: Pdo) -> None:
     need(subject.may_be((pdo.index, TRANSMISSION_TYPE), 0), f"the transmission type of {pdo.title} cannot be 0")
 
 
-@_sent_when("7.2.2.2", "TPDO transmission", "3.7", "3.13, 3.19", _acyclic)
+@_sent_when("7.2.2.2", "TPDO transmission", "", "", _acyclic)
 def _by_acyclic_sync(subject: Subject, pdos: Pdos) -> Data:
     """With type 0 a TPDO goes with the SYNC after an event: with none else, and without SYNC never."""
     steps = (

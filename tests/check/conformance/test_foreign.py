@@ -1,0 +1,257 @@
+"""Devices as other makers build them: what the standard lets them do is green, and one cause is one red step."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from math import inf
+
+import pytest
+
+from eurobot_od.check.conformance.subject import Tier
+from eurobot_od.check.on_bus import NodeUnderTest, run_simulated
+from eurobot_od.check.report import Status, StepResult
+from eurobot_od.check.runner import Interrupt, RunOptions
+from eurobot_od.check.suite import Report
+from eurobot_od.device.nmt import NmtCommand, NmtState, error_control
+from eurobot_od.device.node import Node
+from eurobot_od.device.simulated import SimulatedDevice
+from eurobot_od.frame import Frame
+from eurobot_od.od.standard import ERROR_REGISTER, VERIFY_CONFIGURATION
+from eurobot_od.od.values import NMT_COB_ID, SDO_REQUEST_BASE, Address, Value
+from eurobot_od.sdo.wire import ABORT, AbortCode, Initiate
+from tests.kit.devices import MODULE, NODE_ID, of_kind, suites
+from tests.kit.faults import CONFORMANCE
+
+RESETS = (NmtCommand.RESET_NODE, NmtCommand.RESET_COMMUNICATION)
+
+
+class LateReset(SimulatedDevice):
+    """Resets 213 ms after the command, and answers until then."""
+
+    LATE = 0.213
+    _loses = -1.0
+
+    def receive(self, frame: Frame, now: float) -> list[Frame]:
+        if frame.cob_id == NMT_COB_ID and frame.data[0] in RESETS and frame.data[1] == NODE_ID:
+            self._command = frame
+            self.at(now + self.LATE, lambda _: None)
+            self._loses = now + self.LATE
+            return []
+        return super().receive(frame, now)
+
+    def tick(self, now: float) -> list[Frame]:
+        frames = super().tick(now)
+        if 0 <= self._loses <= now:
+            self._loses = -1.0
+            frames += super().receive(self._command, now)
+        return frames
+
+
+class Answering(SimulatedDevice):
+    """Gives another answer to some requests of its SDO server."""
+
+    def receive(self, frame: Frame, now: float) -> list[Frame]:
+        frames = super().receive(frame, now)
+        if frame.cob_id != SDO_REQUEST_BASE + NODE_ID or len(frame.data) != 8:
+            return frames
+        return [each for answer in frames for each in self.said(frame.data, answer)]
+
+    def said(self, request: bytes, answer: Frame) -> list[Frame]:
+        return [answer]
+
+
+class GeneralError(Answering):
+    """Refuses with 08000000 where CiA's test tool lets it."""
+
+    INSTEAD = (AbortCode.NO_OBJECT, AbortCode.NO_SUBINDEX, AbortCode.READ_ONLY, AbortCode.WRITE_ONLY,
+               AbortCode.TOO_LONG, AbortCode.TOO_SHORT, AbortCode.TOO_LOW, AbortCode.TOO_HIGH)  # fmt: skip
+
+    def said(self, request: bytes, answer: Frame) -> list[Frame]:
+        # Not for mappings; and what is not there by default, such as an empty history, is another question.
+        is_one = answer.data[0] == ABORT and Initiate.of(answer.data).number in self.INSTEAD
+        if not is_one or request[2] in (0x16, 0x1A) or request[1:3] == b"\x03\x10":
+            return [answer]
+        return [Frame(answer.cob_id, answer.data[:4] + AbortCode.GENERAL.to_bytes(4, "little"))]
+
+
+class Commanding(SimulatedDevice):
+    """Sends garbage on 0x000 whenever it boots."""
+
+    def outgoing(self, frames: list[Frame]) -> list[Frame]:
+        booted = error_control(NODE_ID, NmtState.INITIALISING)
+        return [each for frame in frames for each in ([Frame(0, b"\0\0"), frame] if frame == booted else [frame])]
+
+
+class OwnError(SimulatedDevice):
+    """Has an error of its own, and does not become OPERATIONAL with it."""
+
+    def reset(self) -> None:
+        super().reset()
+        self.raise_error(0x5000, OwnError)
+
+    def receive(self, frame: Frame, now: float) -> list[Frame]:
+        started = frame.cob_id == NMT_COB_ID and frame.data == bytes([NmtCommand.START, NODE_ID])
+        return [] if started else super().receive(frame, now)
+
+
+class NoBootUp(SimulatedDevice):
+    """Sends no boot-up."""
+
+    def outgoing(self, frames: list[Frame]) -> list[Frame]:
+        return [frame for frame in frames if frame != error_control(NODE_ID, NmtState.INITIALISING)]
+
+
+class Elsewhere(SimulatedDevice):
+    """Comes back with another node-ID, where nobody asks it."""
+
+    _moved = False
+
+    def receive(self, frame: Frame, now: float) -> list[Frame]:
+        if self._moved:
+            return []
+        frames = super().receive(frame, now)
+        if frame.cob_id == NMT_COB_ID and frame.data[0] in RESETS:
+            self._moved = True
+            return [Frame(0x700 + NODE_ID + 1, b"\0")]
+        return frames
+
+    @property
+    def next_wakeup(self) -> float:
+        return inf if self._moved else super().next_wakeup
+
+
+def done(kind: type[Node], tier: Tier = Tier.REVERSIBLE, *chapters: str) -> Iterator[StepResult]:
+    """Run the suites of a tier, as one run does."""
+    reported = set[Report]()
+    for each in suites(MODULE, tier):
+        if not chapters or each.tags[-1] in chapters:
+            result = run_simulated(each, RunOptions(keep_going=True, reported=reported), of_kind(kind))
+            yield from result.steps
+            if result.ended:
+                return
+
+
+def red(steps: Iterable[StepResult]) -> list[str]:
+    return [each.name for each in steps if each.status is Status.FAILED]
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("kind", [LateReset, GeneralError])
+def test_what_the_standard_lets_a_device_do_is_green(kind: type[Node]) -> None:
+    assert red(done(kind, Tier.DESTRUCTIVE)) == []
+
+
+def test_a_reset_that_takes_its_time_is_green() -> None:
+    assert red(done(LateReset, Tier.REVERSIBLE, "nmt", "storage")) == []
+
+
+NO_BOOT_UP = "7.2.8.3.3 Boot-up: boot-up after reset [reversible]"
+ONE_CAUSE: dict[type[Node], str] = {
+    OwnError: "7.5.2.2 Error register: the device reports no error itself [reading, CTT 5.2]",
+    Elsewhere: NO_BOOT_UP,
+    NoBootUp: NO_BOOT_UP,
+    Commanding: "7.2.8.2.1 NMT: nobody else commands [reversible]",
+}
+
+
+@pytest.mark.parametrize("kind", ONE_CAUSE)
+def test_one_cause_is_one_red_step(kind: type[Node]) -> None:
+    assert red(done(kind, Tier.REVERSIBLE, "nmt", "storage", "emcy")) == [ONE_CAUSE[kind]]
+
+
+def test_a_device_that_sends_no_boot_up_is_asked_for_the_rest() -> None:
+    assert sum(each.status is Status.PASSED for each in done(NoBootUp, Tier.REVERSIBLE, "nmt")) > 60
+
+
+def test_a_device_that_comes_back_elsewhere_is_said_to() -> None:
+    (failed,) = [each for each in done(Elsewhere, Tier.REVERSIBLE, "nmt") if each.status is Status.FAILED]
+    assert failed.reason is not None
+    assert failed.reason.what == (
+        "no boot-up 705#00 within 10 s from the reset (node 6 booted instead), "
+        "and no answer to an SDO request as long again"
+    )
+
+
+def test_what_an_error_of_its_own_leaves_undone_says_so() -> None:
+    skipped = [each for each in done(OwnError, Tier.REVERSIBLE, "nmt") if each.status is Status.SKIPPED]
+    reasons = [each.reason.what for each in skipped if each.reason]
+    assert any("the node has an error of its own (0x1001), which is red" in each for each in reasons)
+
+
+# Put back
+
+
+def kept(device: SimulatedDevice) -> dict[Address, Value]:
+    changing = {ERROR_REGISTER, (0x1003, 0)}
+    return {at: device.device.objects.kept(at) for at in device.device.dictionary.addresses() if at not in changing}
+
+
+def stubborn(fault: type[SimulatedDevice]) -> type[SimulatedDevice]:
+    """Return a device whose resets restore nothing, and which takes what a fault has it take."""
+
+    class Stubborn(fault):  # type: ignore[misc, valid-type]
+        def receive(self, frame: Frame, now: float) -> list[Frame]:
+            before = dict(self.device.objects.values)
+            frames: list[Frame] = super().receive(frame, now)
+            if frame.cob_id == NMT_COB_ID and frame.data[0] in RESETS:
+                self.device.objects.values |= before
+            return frames
+
+    return Stubborn
+
+
+TAKEN = {
+    # what it takes, and the chapter that tries it
+    "too-long-taken": "objects",
+    "too-short-taken": "objects",
+    "inhibit-time-changed-while-valid": "pdo",
+    "identifier-changed-while-valid": "pdo",
+    "restricted-identifier-taken": "pdo",
+    "mapping-changed-while-valid": "pdo",
+}
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(each, marks=pytest.mark.long) if TAKEN[each] == "objects" else each for each in TAKEN]
+)
+def test_a_device_that_takes_wrong_values_and_keeps_them_gets_back_what_it_had(name: str) -> None:
+    device = stubborn(CONFORMANCE[name].given_to(SimulatedDevice)).load(MODULE, NODE_ID)
+    (asked,) = suites(MODULE, Tier.REVERSIBLE, TAKEN[name])
+    before = kept(device)
+    assert run_simulated(asked, RunOptions(keep_going=True), lambda *_: [NodeUnderTest(device)]).failed
+    assert kept(device) == before
+
+
+@pytest.mark.parametrize("chapter", ["nmt", "pdo"])
+@pytest.mark.parametrize("number", [*range(40, 46), *range(200, 206)])
+def test_an_interrupt_anywhere_puts_back_what_was_changed(chapter: str, number: int) -> None:
+    """The device keeps all over resets: only what is written back is as it was."""
+    (asked,) = suites(MODULE, Tier.REVERSIBLE, chapter)
+    device, interrupt = stubborn(SimulatedDevice).load(MODULE, NODE_ID), Interrupt()
+    before, seen = kept(device), list[StepResult]()
+
+    def show(step: StepResult) -> None:
+        seen.append(step)
+        if len(seen) == number:
+            interrupt.request()
+
+    options = RunOptions(keep_going=True, interrupt=interrupt, show=show)
+    run_simulated(asked, options, lambda *_: [NodeUnderTest(device)])
+    assert kept(device) == before, seen[-12:]
+
+
+@pytest.mark.parametrize("chapter", ["nmt", "sdo"])
+def test_a_check_behind_a_configuration_leaves_0x1020(chapter: str) -> None:
+    """The device clears 0x1020 with each change of 0x1017, as CiA 301, 7.5.2.23, has it."""
+    marks = dict(zip(VERIFY_CONFIGURATION, (9000, 36_000_000), strict=True))
+    device = SimulatedDevice.load(MODULE, NODE_ID)
+    (asked,) = suites(MODULE, Tier.READING, chapter)
+
+    def configured(*_: object) -> list[NodeUnderTest]:
+        device.device.objects.values |= marks
+        return [NodeUnderTest(device)]
+
+    result = run_simulated(asked, RunOptions(keep_going=True), configured)
+    assert not result.failed
+    assert result.count(Status.PASSED) > 10
+    assert {at: device.device.objects.raw(at) for at in marks} == marks
