@@ -350,9 +350,17 @@ class Following:
         self._decode = lru_cache(REMEMBERED)(decoder)
         self._decode_now: dict[str, Callable[[Raw], Meaning]] = {}
         self._follow = Follower(decoder, self._change)
+        self._messages = {each.cob_id for each in decoder.protocol.bindings}
 
     def _change(self, channel: str, decoder: Decoder) -> None:
         self._decode_now[channel] = lru_cache(REMEMBERED)(decoder)
+
+    def at(self, time: float, channel: str, raw: Raw) -> Callable[[Raw], Meaning]:
+        """Take in an entry, and return what decodes it: for one that may never be decoded."""
+        decode = self._decode_now.get(channel, self._decode)
+        if raw[0] not in self._messages:
+            self(time, channel, raw)
+        return decode
 
     def __call__(self, time: float, channel: str, raw: Raw) -> Meaning:
         """Return what an entry means; the time is in s, the channel that of a log."""
