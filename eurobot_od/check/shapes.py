@@ -44,13 +44,21 @@ from eurobot_od.check.suite import (
 )
 from eurobot_od.check.values import FieldValues, ObjectValues, Operand, Scale, ValueProblem, expectation
 from eurobot_od.check.vocabulary import NAME, Vocabulary
-from eurobot_od.device.nmt import ALL_NODES, COMMAND_NAMES, STATE_NAMES, NmtCommand
+from eurobot_od.device.nmt import COMMAND_NAMES, STATE_NAMES, NmtCommand
 from eurobot_od.errors import LocalError, UnknownName
 from eurobot_od.frame import Frame, RemoteFrame
 from eurobot_od.od import objects
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.standard import COMMANDS, EMCY
-from eurobot_od.od.values import BASE_IDENTIFIER, DOMAIN, ERROR_CONTROL_BASE, NOT_SCANNED, NOT_VALID, parse_number
+from eurobot_od.od.values import (
+    ALL_NODES,
+    BASE_IDENTIFIER,
+    DOMAIN,
+    ERROR_CONTROL_BASE,
+    NOT_SCANNED,
+    NOT_VALID,
+    parse_number,
+)
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.catalogue import field_name, plain_name
 from eurobot_od.pdo.kinds import KeyedForm, Kind

@@ -20,7 +20,7 @@ from eurobot_od.check.bench import Bench, SeenFrame
 from eurobot_od.check.patterns import EmergencyPattern, Mismatch, Pattern, Sent, is_final
 from eurobot_od.check.report import StepReason
 from eurobot_od.check.values import ValueProblem
-from eurobot_od.device.broadcasts import HISTORY, REGISTER_BITS, error_words
+from eurobot_od.device.broadcasts import HISTORY, REGISTER_BITS
 from eurobot_od.device.nmt import NmtCommand, NmtState
 from eurobot_od.errors import BusError, NoAnswer
 from eurobot_od.frame import Frame
@@ -39,6 +39,7 @@ from eurobot_od.od.values import (
     Address,
     label,
 )
+from eurobot_od.od.words import error_words
 from eurobot_od.sdo.client import (
     Aborted,
     OddAnswer,

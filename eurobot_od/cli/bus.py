@@ -22,13 +22,13 @@ from eurobot_od.client.description import scan as scan_nodes
 from eurobot_od.client.lss import LssSteps, perform
 from eurobot_od.client.master import Master, produce, syncs, times
 from eurobot_od.client.watch import NodeEvent, NodeWatch, watch_nodes, without_heartbeat
-from eurobot_od.device.nmt import ALL_NODES, COMMAND_NAMES, STATE_NAMES, NmtCommand, NmtState
+from eurobot_od.device.nmt import COMMAND_NAMES, STATE_NAMES, NmtCommand, NmtState
 from eurobot_od.device.nmt import TARGET as TARGET_STATES
 from eurobot_od.errors import LocalError, UnknownName
 from eurobot_od.od import network
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.standard import UNCONFIGURED, LssState
-from eurobot_od.od.values import BASE_IDENTIFIER, NMT_COB_ID, SYNC_COB_ID, TIME_COB_ID, parse_number
+from eurobot_od.od.values import ALL_NODES, BASE_IDENTIFIER, NMT_COB_ID, SYNC_COB_ID, TIME_COB_ID, parse_number
 from eurobot_od.support import texts
 from eurobot_od.support.progress import SHORT, Unit, bar
 from eurobot_od.support.texts import columns, one_line

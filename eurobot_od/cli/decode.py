@@ -233,18 +233,24 @@ def compare(
     tolerance: tolerance of a field, such as x=5 or 'Goto State Response.time=20'; repeatable
     as_json: one JSON object per difference
     """
-    from eurobot_od.traffic.compare import Tolerances
+    from eurobot_od.traffic.compare import ComparedEntry, Tolerances
     from eurobot_od.traffic.compare import compare as differences_of
+    from eurobot_od.traffic.decoding import Following
 
     decoder = devices.decoder(emcy)
     fields, wanted = tolerances(tolerance, decoder.protocol), filters.wanted(decoder)
+
+    def seen(log: str) -> Iterator[ComparedEntry]:
+        following = Following(decoder)
+        for _, (_, at, channel, raw) in entries([log], reading):
+            decode = following.at(at, channel, raw)
+            if wanted is None or wanted(decode(raw)):
+                yield ComparedEntry(at, raw, channel, decode)
+
     # Both are read whole, as the distance between their clocks is found from frames of both.
-    expected, found = (
-        [(at, raw, ch) for _, (_, at, ch, raw) in entries([log], reading) if wanted is None or wanted(decoder(raw))]
-        for log in (first, second)
-    )
-    if all(len({channel for *_, channel in log}) < 2 for log in (expected, found)):  # one bus, whatever its name
-        expected, found = ([(at, raw, "") for at, raw, _ in log] for log in (expected, found))
+    expected, found = list(seen(first)), list(seen(second))
+    if all(len({each.channel for each in log}) < 2 for log in (expected, found)):  # one bus, whatever its name
+        expected, found = ([each._replace(channel="") for each in log] for log in (expected, found))
     differences = differences_of(expected, found, decoder, Tolerances(time, fields))
     for each in differences:
         channel = f"{one_line(each.channel)}  " if each.channel else ""

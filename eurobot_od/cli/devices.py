@@ -21,14 +21,13 @@ from eurobot_od.od.dictionary import Dictionary, SdoChannel, moved_server
 from eurobot_od.od.network import NetworkFile, NodeFile
 from eurobot_od.od.objects import all_objects
 from eurobot_od.od.pdos import OnRefused
-from eurobot_od.pdo.protocol import Protocol
+from eurobot_od.pdo.protocol import ErrorWords, Protocol
 from eurobot_od.plugin import Plugin
 from eurobot_od.support.texts import amount
 
 if TYPE_CHECKING:  # a command that needs no bus does without
     from eurobot_od.client.description import Description
     from eurobot_od.client.master import Master, RemoteNode
-    from eurobot_od.device.broadcasts import ErrorWords
     from eurobot_od.traffic.load import MessageSet
     from eurobot_od.traffic.meaning import Decoder
 
@@ -129,8 +128,6 @@ class Devices:
 
     def errors(self, emcy: Iterable[str] = ()) -> ErrorWords:
         """Return the words for these devices' emergency error codes, CiA 301's if there are none; raises as `load`."""
-        from eurobot_od.device.broadcasts import ErrorWords
-
         known = self.load() if self.are_known else ()
         return ErrorWords.of_devices(known, self.robot.catalogue(), error_words(emcy))
 

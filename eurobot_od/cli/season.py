@@ -92,7 +92,8 @@ def query(
 ) -> None:
     """Query a season: by SQL, with a view for each message, or by a ready report. Without a query: list its tables.
 
-    DuckDB's SQL; tables are `runs`, `frames`, `damage`, `messages`, and one for each message, such as `goto_xy`.
+    DuckDB's SQL; tables are `runs`, `frames`, `damage`, `messages`, services (`sdo`, `emcy`, `heartbeat`, `nmt`), and
+    one for each message, such as `goto_xy`.
 
     season: folder made by `archive`
     sql: a query (default: list the tables)

@@ -29,7 +29,7 @@ from eurobot_od.client.master import ANSWER_WAIT, Master, finished, syncs
 from eurobot_od.client.masters import Feed, LoopMaster, OwnFeed, PeriodicTask, ThreadedMaster, feed_of
 from eurobot_od.client.remote_device import AsyncRemoteDevice, DeviceAtNode, RemoteDevice
 from eurobot_od.client.watch import LOST_AFTER, NodeEvent, NodeWatch
-from eurobot_od.device.nmt import ALL_NODES, NmtCommand
+from eurobot_od.device.nmt import NmtCommand
 from eurobot_od.device.simulated import SimulatedDevice
 from eurobot_od.device.station import Station
 from eurobot_od.errors import LocalError, StateError, UnknownName
@@ -37,7 +37,7 @@ from eurobot_od.od import DEFAULT
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.network import load, read_network
 from eurobot_od.od.standard import LssState
-from eurobot_od.od.values import ERROR_CONTROL_BASE, NMT_COB_ID, NODE_IDS, SYNC_COB_ID
+from eurobot_od.od.values import ALL_NODES, ERROR_CONTROL_BASE, NMT_COB_ID, NODE_IDS, SYNC_COB_ID
 
 BusName: TypeAlias = "str | can.BusABC | canopen.Network | None"
 """An interface by python-can's name, an open bus, or somebody else's network, whose bus is shared."""

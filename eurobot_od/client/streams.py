@@ -20,13 +20,14 @@ from weakref import WeakSet
 
 from eurobot_od.client.configure import pdo_parameters
 from eurobot_od.client.master import Master, Procedure, RemoteNode, finished
-from eurobot_od.device.broadcasts import REGISTER_BITS, error_words
+from eurobot_od.device.broadcasts import REGISTER_BITS
 from eurobot_od.errors import FieldError, FrameLengthError, LocalError, MappingError, NoAnswer, UnknownName
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.objects import address_of
 from eurobot_od.od.pdos import Pdo
 from eurobot_od.od.standard import ERROR_FIELD, ERROR_REGISTER, ErrorCode
 from eurobot_od.od.values import SLICE, Address, PdoDirection, Value
+from eurobot_od.od.words import error_words
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.catalogue import plain_name
 

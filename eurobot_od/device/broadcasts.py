@@ -8,23 +8,17 @@ next SYNC.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Hashable, Iterable, Mapping
+from collections.abc import Callable, Hashable, Iterable
 from datetime import datetime, timedelta
-from functools import partial
 from math import inf
-from types import MappingProxyType
 from typing import NamedTuple
 
-from eurobot_od.device.nmt import ALL_NODES
 from eurobot_od.device.timers import caught_up
 from eurobot_od.frame import Frame
-from eurobot_od.od import values
-from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.od.standard import ErrorCode, device_profile
+from eurobot_od.od.standard import ErrorCode
 from eurobot_od.od.values import DAY, EPOCH, Address, TimeOfDay, Value
-from eurobot_od.od.words import profile_words
 from eurobot_od.pdo.binding import Binding
-from eurobot_od.pdo.catalogue import Catalogue, Message
+from eurobot_od.pdo.catalogue import Message
 from eurobot_od.sdo.wire import Abort, Reason
 
 # SYNC: producer, synchronous TPDOs, RPDOs that wait (7.2.2.3, 7.5.2.5, 7.5.2.22)
@@ -199,71 +193,6 @@ REGISTER_BITS = (
     "communication", "device profile", "reserved bit 6", "manufacturer specific",
 )  # fmt: skip
 """Names of the bits of the error register, bit 0 first (CiA 301, 7.5.2.2)."""
-
-
-NAMED = frozenset(ErrorCode) - {ErrorCode.VALUE_OUT_OF_RANGE}
-"""The codes that mean the same in any device; what 0xFF00 means in another maker's device, only its maker knows."""
-
-CLASSES = {
-    0x00: "no error", 0x10: "generic error", 0x20: "current", 0x21: "current, device input side",
-    0x22: "current inside the device", 0x23: "current, device output side", 0x30: "voltage", 0x31: "mains voltage",
-    0x32: "voltage inside the device", 0x33: "output voltage", 0x40: "temperature", 0x41: "ambient temperature",
-    0x42: "device temperature", 0x50: "device hardware", 0x60: "device software", 0x61: "internal software",
-    0x62: "user software", 0x63: "data set", 0x70: "additional modules", 0x80: "monitoring", 0x81: "communication",
-    0x82: "protocol error", 0x90: "external error", 0xF0: "additional functions", 0xFF: "device specific",
-}  # fmt: skip
-"""Classes of emergency error codes by their upper byte (CiA 301, Table 26)."""
-
-
-def error_words(code: int, own: Mapping[int, str], profile: int = 0) -> str:
-    """Return an emergency error code in words.
-
-    They are the device's `own` words, CiA 301's, those of its `profile` (0: none), or else the class that CiA 301 gives
-    the code.
-    """
-    if code in own:
-        return own[code]
-    if code in NAMED:
-        return ErrorCode(code).name.lower().replace("_", " ")
-    if found := profile_words(profile, code):
-        return found
-    return CLASSES.get(code >> 8, CLASSES.get(code >> 8 & 0xF0, "reserved"))
-
-
-class ErrorWords(NamedTuple):
-    """The words for the error codes of a network's devices: a robot's, those of single nodes, and those of profiles.
-
-    A node's words come before all others. Those of the `robot` count only for its `own` devices, by node-ID: codes from
-    0xFF00 on mean something else in every maker's devices.
-    """
-
-    robot: Mapping[int, str]
-    nodes: Mapping[int, Mapping[int, str]]
-    profiles: Mapping[int, int]
-    own: frozenset[int] = frozenset()
-
-    @classmethod
-    def of_devices(
-        cls,
-        dictionaries: Iterable[Dictionary],
-        catalogue: Catalogue,
-        nodes: Mapping[int, Mapping[int, str]] = MappingProxyType({}),
-    ) -> ErrorWords:
-        """Return the words for the devices of these files; those with PDOs of the catalogue are the robot's own."""
-        devices = tuple(dictionaries)
-        own = frozenset(each.node_id for each in devices if any(map(catalogue.find, pdo_names(each))))
-        return cls(catalogue.errors, nodes, {each.node_id: device_profile(each.number) for each in devices}, own)
-
-    def of(self, node_id: int) -> Callable[[int], str]:
-        """Return a function that puts the error codes of a node into words."""
-        robot = self.robot if node_id in self.own else {}
-        own = {**robot, **self.nodes.get(ALL_NODES, {}), **self.nodes.get(node_id, {})}
-        return partial(error_words, own=own, profile=self.profiles.get(node_id, 0))
-
-
-def pdo_names(dictionary: Dictionary) -> list[str]:
-    """Return the names of a device's PDOs; a catalogue knows them by these."""
-    return [dictionary.objects[index].name for index in values.COMMUNICATIONS.intersection(dictionary.members)]
 
 
 REGISTER_BIT = {0x5000: 0, 0x6000: 0, 0x8000: COMMUNICATION, 0xF000: MANUFACTURER}

@@ -14,9 +14,7 @@ from typing import NamedTuple
 
 from eurobot_od.device.timers import Deadlines
 from eurobot_od.frame import Frame
-from eurobot_od.od.values import ERROR_CONTROL_BASE, NMT_COB_ID, NODE_IDS, Value
-
-ALL_NODES = 0
+from eurobot_od.od.values import ALL_NODES, ERROR_CONTROL_BASE, NMT_COB_ID, NODE_IDS, Value
 
 
 class NmtState(IntEnum):

@@ -22,6 +22,9 @@ Address: TypeAlias = tuple[int, int]
 Value: TypeAlias = "int | float | str | bytes | None"
 """What an object may hold; None is not a value at all."""
 
+ALL_NODES = 0
+"""In place of a node-ID: a command to all nodes."""
+
 NODE_IDS = range(1, 128)
 """The node-IDs there are (CiA 301, 7.3.3); a value with `$NODEID` has to hold for all of them."""
 

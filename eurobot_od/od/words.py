@@ -1,6 +1,7 @@
 """What the value of an object says by the device's profile: `Operation enabled, target reached` for 1591.
 
-Whatever prints a value asks here. A value that no profile explains has no words.
+Whatever prints a value asks here. A value that no profile explains has no words. The end has the words for the error
+codes of emergencies.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 from eurobot_od.od import cia401, cia402
 from eurobot_od.od import objects as od
 from eurobot_od.od.cia402 import DriveCommand, Mode, State
-from eurobot_od.od.standard import DEVICE_TYPE
+from eurobot_od.od.standard import DEVICE_TYPE, ErrorCode
 from eurobot_od.od.values import Address, Value
 
 if TYPE_CHECKING:
@@ -262,3 +263,34 @@ def profile_words(profile: int, code: int) -> str | None:
     """Return what an emergency error code means in a device profile; None if the profile does not say."""
     codes = OF_PROFILES.get(profile, {})
     return next((codes[code & mask] for mask in MASKS if code & mask in codes), None)
+
+
+# Error codes of EMCY
+
+NAMED = frozenset(ErrorCode) - {ErrorCode.VALUE_OUT_OF_RANGE}
+"""The codes that mean the same in any device; what 0xFF00 means in another maker's device, only its maker knows."""
+
+CLASSES = {
+    0x00: "no error", 0x10: "generic error", 0x20: "current", 0x21: "current, device input side",
+    0x22: "current inside the device", 0x23: "current, device output side", 0x30: "voltage", 0x31: "mains voltage",
+    0x32: "voltage inside the device", 0x33: "output voltage", 0x40: "temperature", 0x41: "ambient temperature",
+    0x42: "device temperature", 0x50: "device hardware", 0x60: "device software", 0x61: "internal software",
+    0x62: "user software", 0x63: "data set", 0x70: "additional modules", 0x80: "monitoring", 0x81: "communication",
+    0x82: "protocol error", 0x90: "external error", 0xF0: "additional functions", 0xFF: "device specific",
+}  # fmt: skip
+"""Classes of emergency error codes by their upper byte (CiA 301, Table 26)."""
+
+
+def error_words(code: int, own: Mapping[int, str], profile: int = 0) -> str:
+    """Return an emergency error code in words.
+
+    They are the device's `own` words, CiA 301's, those of its `profile` (0: none), or else the class that CiA 301 gives
+    the code.
+    """
+    if code in own:
+        return own[code]
+    if code in NAMED:
+        return ErrorCode(code).name.lower().replace("_", " ")
+    if found := profile_words(profile, code):
+        return found
+    return CLASSES.get(code >> 8, CLASSES.get(code >> 8 & 0xF0, "reserved"))

@@ -14,7 +14,7 @@ from typing import Any
 from eurobot_od.errors import DictionaryError
 from eurobot_od.od import standard, values
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.od.values import Address, MappingEntry
+from eurobot_od.od.values import ALL_NODES, Address, MappingEntry
 
 RECORDS = (*values.COMMUNICATION_RECORDS.values(), *values.MAPPING_RECORDS.values())
 
@@ -23,8 +23,6 @@ SERVICES = (standard.SYNC, standard.TIME, standard.EMCY, standard.SDO_REQUESTS, 
 
 SETTINGS = (standard.SYNC_PERIOD, standard.HEARTBEAT_TIME)
 """Objects that say how often something comes."""
-
-ALL_NODES = 0
 
 
 def is_followed(address: Address) -> bool:
@@ -60,11 +58,29 @@ class InForce:
         elif address[0] == standard.RESTORE:
             if octets == standard.SIGNATURES[standard.RESTORE]:
                 self._stored.pop(node_id, None)  # in force from the next start on
-        elif is_followed(address) and shown.get(address) != (number := int.from_bytes(octets, "little")):
-            shown[address] = number
-            present = self._present.get(node_id, self._files.get(node_id))
-            return not (present and present.default(address) == number) and self._changed(node_id)
+        elif is_followed(address):
+            before = self._said_by(node_id, address)
+            shown[address] = int.from_bytes(octets, "little")
+            # A device is made anew when it matters, and not at each of the dozen writes that map one PDO.
+            return before != self._said_by(node_id, address) and self._changed(node_id)
         return False
+
+    def _said_by(self, node_id: int, address: Address) -> Any:
+        """Return what an object and those beside it say of a device's frames; None for a PDO that is not valid."""
+        shown, file = self._shown[node_id], self._files.get(node_id)
+
+        def present(index: int, subindex: int) -> Any:
+            found = shown.get((index, subindex))
+            return file.default((index, subindex)) if found is None and file else found
+
+        index = address[0] - values.MAPPING_OFFSET * any(address[0] in each for each in values.MAPPING_RECORDS.values())
+        if not any(index in each for each in values.COMMUNICATION_RECORDS.values()):
+            return present(*address)
+        settings = [present(index, sub) for sub in range(1, values.EVENT_TIMER + 1)]
+        if settings[0] is None or settings[0] & values.NOT_VALID:
+            return None
+        mapping = index + values.MAPPING_OFFSET
+        return settings, [present(mapping, sub) for sub in range(min(present(mapping, 0) or 0, values.MAX_BITS) + 1)]
 
     def start(self, node_id: int) -> bool:
         """Take in that a device starts anew, or all; return whether other frames mean something else now."""

@@ -7,17 +7,22 @@ together here; if they do not fit, loading ends with an error that names file an
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
+from functools import partial
 from pathlib import Path
-from typing import Any, ClassVar, Self, TypeAlias
+from types import MappingProxyType
+from typing import Any, ClassVar, NamedTuple, Self, TypeAlias
 from typing import Protocol as Interface
 
 from eurobot_od.errors import MappingError, UnknownIdentifier, UnknownName, shown_identifier
 from eurobot_od.frame import Frame
+from eurobot_od.od import values
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.network import READERS, load, read_network
 from eurobot_od.od.pdos import OnRefused, Pdo, fatal
-from eurobot_od.od.values import PdoDirection
+from eurobot_od.od.standard import device_profile
+from eurobot_od.od.values import ALL_NODES, PdoDirection
+from eurobot_od.od.words import error_words
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.catalogue import NOTHING, Catalogue, CatalogueEntry, Message, plain_name, readable_name
 
@@ -220,3 +225,39 @@ def _refuse_difference(known: Binding, dictionary: Dictionary, other: Binding, r
     if known.layout.bits != other.layout.bits if renamed else known.layout.slots != other.layout.slots:
         what = f"mapping differs from that in {known.file.name} 0x{known.pdo.mapping_index:04X}"
         raise MappingError(dictionary.file, other.pdo.mapping_index, f"{other.name}: {what}")
+
+
+class ErrorWords(NamedTuple):
+    """The words for the error codes of a network's devices: a robot's, those of single nodes, and those of profiles.
+
+    A node's words come before all others. Those of the `robot` count only for its `own` devices, by node-ID: codes from
+    0xFF00 on mean something else in every maker's devices.
+    """
+
+    robot: Mapping[int, str]
+    nodes: Mapping[int, Mapping[int, str]]
+    profiles: Mapping[int, int]
+    own: frozenset[int] = frozenset()
+
+    @classmethod
+    def of_devices(
+        cls,
+        dictionaries: Iterable[Dictionary],
+        catalogue: Catalogue,
+        nodes: Mapping[int, Mapping[int, str]] = MappingProxyType({}),
+    ) -> ErrorWords:
+        """Return the words for the devices of these files; those with PDOs of the catalogue are the robot's own."""
+        devices = tuple(dictionaries)
+        own = frozenset(each.node_id for each in devices if any(map(catalogue.find, pdo_names(each))))
+        return cls(catalogue.errors, nodes, {each.node_id: device_profile(each.number) for each in devices}, own)
+
+    def of(self, node_id: int) -> Callable[[int], str]:
+        """Return a function that puts the error codes of a node into words."""
+        robot = self.robot if node_id in self.own else {}
+        own = {**robot, **self.nodes.get(ALL_NODES, {}), **self.nodes.get(node_id, {})}
+        return partial(error_words, own=own, profile=self.profiles.get(node_id, 0))
+
+
+def pdo_names(dictionary: Dictionary) -> list[str]:
+    """Return the names of a device's PDOs; a catalogue knows them by these."""
+    return [dictionary.objects[index].name for index in values.COMMUNICATIONS.intersection(dictionary.members)]

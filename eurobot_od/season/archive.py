@@ -31,15 +31,24 @@ from eurobot_od.season import campaign
 from eurobot_od.season import season as tables
 from eurobot_od.season.batches import FOREIGN, ColumnBatch, batches
 from eurobot_od.season.campaign import BLOCK, HERE, Workers
-from eurobot_od.season.columns import FROM_DATA, LENGTH, WORD, MessageChecks, message_columns, of_others, readable
+from eurobot_od.season.columns import (
+    FROM_DATA,
+    LENGTH,
+    PLACE,
+    WORD,
+    MessageChecks,
+    message_columns,
+    of_others,
+    readable,
+)
 from eurobot_od.support.texts import encodable
 from eurobot_od.traffic import formats
 from eurobot_od.traffic.decoding import Follower, is_followed
 from eurobot_od.traffic.entries import Damage
-from eurobot_od.traffic.meaning import Decoder, Unmapped
-from eurobot_od.traffic.services import HEARTBEAT, NMT, SDO
+from eurobot_od.traffic.meaning import Decoder, SdoTransfer, Unmapped
+from eurobot_od.traffic.services import EMCY_NAME, HEARTBEAT, NMT, SDO, CanopenService, Fields
 
-VERSION = b"3"
+VERSION = b"4"
 """To be raised when the same log would give other tables, so that it is archived again."""
 
 
@@ -200,6 +209,32 @@ class _InForce(NamedTuple):
     tables: Mapping[int, _MessageTable]
 
 
+OF_SERVICES = {SDO: tables.SDO, EMCY_NAME: tables.EMCY, HEARTBEAT: tables.HEARTBEAT, NMT: tables.NMT}
+"""The tables of the services."""
+
+
+def rows_of(table: str) -> pl.Schema:
+    """Return the columns of a service's table, without the run."""
+    made = pl.from_arrow(tables.SCHEMAS[table].empty_table())
+    assert isinstance(made, pl.DataFrame)
+    return pl.Schema({name: type_ for name, type_ in made.schema.items() if name != "run"})
+
+
+def of_transfer(transfer: SdoTransfer) -> Fields:
+    """Return the row of an SDO transfer, without its place."""
+    said = transfer.fields | {"object": transfer.object, "whole": transfer.is_whole}
+    return said | ({"value": str(said["value"])} if "value" in said else {})
+
+
+def said_by(service: CanopenService, frames: pl.DataFrame) -> pl.DataFrame:
+    """Return the rows of a service's frames, all of one identifier, as far as they have a length that it can have."""
+    right, columns = frames.filter(pl.col(LENGTH).is_in(service.lengths)), rows_of(OF_SERVICES[service.name])
+    different = right["data"].unique()  # most are many times the same
+    types = {"data": pl.Binary()} | {name: type_ for name, type_ in columns.items() if name not in PLACE}
+    said = pl.DataFrame([{"data": each} | service.fields(each) for each in different], types)
+    return right.join(said, on="data", maintain_order="left").select(columns.names())
+
+
 class RunTables:
     """All tables of a run, each a file in a folder; they are whole at the end of the `with` block."""
 
@@ -207,9 +242,14 @@ class RunTables:
         self._folder, self._run, self._decoding = folder, run, decoding
         folder.mkdir(parents=True)
         self._stack = ExitStack()
-        self._frames, self._damage = (
-            self._table(name, tables.with_metadata(tables.SCHEMAS[name], {})) for name in (tables.FRAMES, tables.DAMAGE)
+        self._frames, self._damage, *services = (
+            self._table(name, tables.with_metadata(tables.SCHEMAS[name], {}))
+            for name in (tables.FRAMES, tables.DAMAGE, *OF_SERVICES.values())
         )
+        self._services = dict(zip(OF_SERVICES, services))
+        self._said: dict[str, list[pl.DataFrame]] = {name: [] for name in OF_SERVICES}
+        self._transfers: list[Fields] = []
+        self._heard: dict[tuple[str, int], Fields] = {}
         self._files: dict[str, _Table] = {}
         self._messages: list[_MessageTable] = []
         self._first = self._in_force(decoding)
@@ -244,6 +284,10 @@ class RunTables:
     def __exit__(self, error: type[BaseException] | None, *_: object) -> None:
         with self._stack:  # closes the files whatever happens: after an error they are thrown away
             if error is None:
+                for channel, last, transfer in self._follow.unfinished():
+                    assert isinstance(last.raw, Frame)
+                    self._transfers.append(self._heard[channel, last.raw.cob_id] | of_transfer(transfer))
+                self._write_services()
                 self._write_damage(wrong for each in self._messages for wrong in each.flush())
                 for message in self._decoding.messages.values():
                     if message.table not in self._files:  # also a table without rows is there for a query
@@ -261,6 +305,7 @@ class RunTables:
         # Frames of CAN FD are other traffic on the wire, and not damage.
         foreign = batch.foreign.filter(pl.col("kind") != Damage.FD.value)
         self._write_damage((foreign, *self._by_what_is_in_force(frames)))
+        self._write_services()
         self._counts["frames"] += len(batch.frames)
         times = [each["t"] for each in (batch.frames, batch.foreign) if len(each)]
         if times:
@@ -276,6 +321,7 @@ class RunTables:
         """Write the messages as their devices are set, which other frames may change; yield what is wrong with all."""
         channel_is, line = pl.col("channel").cast(pl.String), pl.col("line")
         done: dict[str, int] = {}
+        wrong: list[Fields] = []
         followed = frames.filter(self._decoding.followed & ~pl.col("remote"))
         for number, time, channel, cob_id, data in followed.select(
             "line", "t", "channel", "cob_id", "data"
@@ -283,7 +329,14 @@ class RunTables:
             force = self._now.get(channel, self._first)
             meaning = force.decoding.decoder(Frame(cob_id, data))
             if is_followed(meaning):
-                self._follow(time, channel, meaning)
+                place = {"line": number, "t": time, "channel": channel}
+                said = self._follow(time, channel, meaning)
+                if said.name == SDO:
+                    self._heard[channel, cob_id] = place
+                if said.transfer:
+                    self._transfers.append(place | of_transfer(said.transfer))
+                if said.defects:
+                    wrong += [place | {"kind": each.damage.value, "text": each.text} for each in said.defects]
             if decoder := self._shown.pop(channel, None):
                 part = (channel_is == channel) & line.is_between(done.get(channel, -1), number, closed="right")
                 yield from self._of_messages(frames.filter(part), force)
@@ -292,6 +345,7 @@ class RunTables:
             yield from self._of_messages(frames.filter((channel_is == channel) & (line > done.get(channel, -1))), force)
         rest = frames.filter(~channel_is.is_in(list(self._now))) if self._now else frames
         yield from self._of_messages(rest, self._first)
+        yield pl.DataFrame(wrong, FOREIGN)
 
     def _of_messages(self, frames: pl.DataFrame, force: _InForce) -> Iterator[pl.DataFrame]:
         """Write the messages; yield what is wrong with them and with all other frames."""
@@ -305,8 +359,20 @@ class RunTables:
                 yield from force.tables[int(cob_id)].take(some)
             else:
                 others.append(some)
+                service = force.decoding.services.get(int(cob_id))
+                if service and service.name in self._said and service.name != SDO:
+                    self._said[service.name].append(said_by(service, some))
         if others:
             yield from force.decoding.defects_of_others(pl.concat(others))
+
+    def _write_services(self) -> None:
+        self._said[SDO].append(pl.DataFrame(self._transfers, rows_of(tables.SDO)))
+        self._transfers.clear()
+        for name, parts in self._said.items():
+            if parts:
+                rows = pl.concat(parts).sort("line").with_columns(self._constant)
+                self._services[name].write(rows)
+                parts.clear()
 
     def _write_damage(self, wrong: Iterable[pl.DataFrame]) -> None:
         parts = [each.select(FOREIGN.names()).cast(FOREIGN) for each in wrong if len(each)]

@@ -30,7 +30,10 @@ if TYPE_CHECKING:
     import duckdb
 
 RUNS, FRAMES, DAMAGE = "runs", "frames", "damage"
-"""The logs; all frames; what was wrong, with log and line. Every other table is of a message."""
+"""The logs; all frames; what was wrong, with log and line."""
+
+SDO, EMCY, HEARTBEAT, NMT = "sdo", "emcy", "heartbeat", "nmt"
+"""The services that have tables: SDO transfers, and the frames of the others. Every other table is of a message."""
 
 TEXT, OCTETS, WORD = pa.large_string(), pa.large_binary(), pa.dictionary(pa.uint32(), pa.large_string())
 """Types as Polars gives them; WORD is for texts that repeat."""
@@ -46,8 +49,15 @@ SAID = {
     "channel": "channel as the log names it",
     "cob_id": "identifier; one of 29 bits has bit 29 set, as in a COB-ID",
     "remote": "whether it is a remote frame, whose data is zeros of the length that it asks for",
+    "node": "node-ID; of NMT 0 for all nodes",
+    "seconds": "from the first frame of the transfer to its last",
+    "value": "the value by the object's type; null if that is not known, or the value is bytes",
+    "content": "the bytes that were read or written; null if not all of them came, or more than 4096",
+    "size": "how many bytes came",
+    "whole": "whether the log has the end of the transfer",
+    "abort": "abort code; null if the transfer was not aborted",
 }
-UNITS = {"t": "s"}
+UNITS = {"t": "s", "seconds": "s"}
 
 SUFFIX = ".parquet"
 
@@ -75,12 +85,42 @@ SCHEMAS: Mapping[str, pa.Schema] = {
         ]
     ),
     DAMAGE: pa.schema([*PLACE, ("kind", WORD), ("text", TEXT)]),
+    SDO: pa.schema(
+        [
+            *PLACE,
+            ("node", pa.uint8()),
+            ("direction", WORD),
+            ("index", pa.uint16()),
+            ("subindex", pa.uint8()),
+            ("object", TEXT),
+            ("value", TEXT),
+            ("content", OCTETS),
+            ("size", pa.uint32()),
+            ("how", WORD),
+            ("seconds", pa.float64()),
+            ("whole", pa.bool_()),
+            ("abort", pa.uint32()),
+            ("abort_name", TEXT),
+        ]
+    ),
+    EMCY: pa.schema(
+        [
+            *PLACE,
+            ("node", pa.uint8()),
+            ("code", pa.uint16()),
+            ("register", pa.uint8()),
+            ("words", TEXT),
+            ("info", OCTETS),
+        ]
+    ),
+    HEARTBEAT: pa.schema([*PLACE, ("node", pa.uint8()), ("state", WORD)]),
+    NMT: pa.schema([*PLACE, ("node", pa.uint8()), ("command", WORD)]),
 }
 
 
 def table_names(messages: Iterable[str]) -> dict[str, str]:
     """Return the table of each message: `Goto XY` is in `goto_xy`; no two are one."""
-    taken = [RUNS, FRAMES, DAMAGE]
+    taken = [*SCHEMAS]
     names: dict[str, str] = {}
     for message in messages:
         plain = re.sub(r"\W+", "_", message.lower(), flags=re.ASCII).strip("_") or "message"

@@ -15,7 +15,7 @@ from bisect import bisect_left
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from enum import Enum
 from functools import lru_cache
-from itertools import islice
+from itertools import islice, starmap
 from operator import attrgetter
 from statistics import median_low
 from types import MappingProxyType
@@ -29,8 +29,17 @@ from eurobot_od.traffic.meaning import Decoder, Meaning, with_defects
 Timed: TypeAlias = tuple[float, Raw]
 """A time in s, and what came then."""
 
-Entry: TypeAlias = Timed | tuple[float, Raw, str]
-"""The same, and the channel, where there are several."""
+
+class ComparedEntry(NamedTuple):
+    """An entry: its time in s, and what came then; the channel, where there are several, and what decodes it there."""
+
+    time: float
+    raw: Raw
+    channel: str = ""
+    decode: Callable[[Raw], Meaning] | None = None
+
+
+Entry: TypeAlias = Timed | tuple[float, Raw, str] | ComparedEntry
 
 AHEAD = 8
 """How many of the next frames decide which explanation is taken."""
@@ -89,26 +98,21 @@ def compare(
     rows, others = _by_identifier(first, 0.0), _by_identifier(second, _apart(first, second))
     begin = min((row[0].time for row in (*rows.values(), *others.values())), default=0.0)
     found = [
-        difference._replace(time=round(difference.time - begin, 6), channel="".join(key[1:]))
+        difference._replace(time=round(difference.time - begin, 6), channel=key[1])
         for key in rows.keys() | others.keys()
         for difference in comparison.differences(rows.get(key, []), others.get(key, []))
     ]
     return sorted(found, key=lambda each: (each.time, each.name, each.kind.value))
 
 
-class _Seen(NamedTuple):
-    time: float
-    raw: Raw
-
-
 _time = attrgetter("time")
 
 
-def _by_identifier(entries: Iterable[Entry], apart: float) -> dict[tuple[Any, ...], list[_Seen]]:
+def _by_identifier(entries: Iterable[Entry], apart: float) -> dict[tuple[Any, ...], list[ComparedEntry]]:
     """Return the entries by identifier, or by their damage, and by channel; `apart` is what their clock is ahead."""
-    rows: dict[tuple[Any, ...], list[_Seen]] = {}
-    for time, raw, *channel in entries:
-        rows.setdefault((raw[0], *channel), []).append(_Seen(time - apart, raw))
+    rows: dict[tuple[Any, ...], list[ComparedEntry]] = {}
+    for seen in starmap(ComparedEntry, entries):
+        rows.setdefault((seen.raw[0], seen.channel), []).append(seen._replace(time=seen.time - apart))
     return rows
 
 
@@ -123,8 +127,8 @@ def _apart(first: Sequence[Entry], second: Sequence[Entry]) -> float:
 
 def _first_times(entries: Iterable[Entry]) -> dict[tuple[Any, ...], float]:
     found: dict[tuple[Any, ...], float] = {}
-    for time, raw, *channel in entries:
-        found.setdefault((raw, *channel), time)
+    for time, raw, *where in entries:
+        found.setdefault((raw, *where[:1]), time)
     return found
 
 
@@ -134,7 +138,10 @@ class _Comparison:
     def __init__(self, decode: Callable[[Raw], Meaning], tolerances: Tolerances) -> None:
         self._decode, self._tolerances = decode, tolerances
 
-    def differences(self, first: Sequence[_Seen], second: Sequence[_Seen]) -> Iterator[Difference]:
+    def _meaning(self, seen: ComparedEntry) -> Meaning:
+        return (seen.decode or self._decode)(seen.raw)
+
+    def differences(self, first: Sequence[ComparedEntry], second: Sequence[ComparedEntry]) -> Iterator[Difference]:
         """Walk two rows and yield what differs."""
         one = other = 0
         while one < len(first) and other < len(second):
@@ -145,7 +152,9 @@ class _Comparison:
             one, other = one + step[0], other + step[1]
         yield from self._explained(first[one:], []) if one < len(first) else self._explained([], second[other:])
 
-    def _explanation(self, first: Sequence[_Seen], second: Sequence[_Seen], one: int, other: int) -> tuple[int, int]:
+    def _explanation(
+        self, first: Sequence[ComparedEntry], second: Sequence[ComparedEntry], one: int, other: int
+    ) -> tuple[int, int]:
         """Return by how many frames to go on in each row: a pair, or one or more that only one of them has."""
         slack = self._tolerances.time
         up_to = bisect_left(first, second[other].time - slack, one, key=_time) - one
@@ -160,45 +169,46 @@ class _Comparison:
         # `max` takes the first of equals: in doubt a pair.
         return max(steps, key=agreeing)
 
-    def _explained(self, ones: Sequence[_Seen], others: Sequence[_Seen]) -> Iterator[Difference]:
+    def _explained(self, ones: Sequence[ComparedEntry], others: Sequence[ComparedEntry]) -> Iterator[Difference]:
         if not (ones and others):
             yield from (self._alone(DifferenceKind.MISSING, seen) for seen in ones)
             yield from (self._alone(DifferenceKind.EXTRA, seen) for seen in others)
             return
         one, other = ones[0], others[0]
         late = other.time - one.time
-        name = self._name(one.raw)
+        name = self._name(one)
         if not self._is_in_time(one, other):
             kind = DifferenceKind.LATE if late > 0 else DifferenceKind.EARLY
             yield Difference(one.time, kind, name, f"by {abs(late) * 1000:.3f} ms")
-        if changes := self._changes(one.raw, other.raw):
+        if changes := self._changes(one, other):
             yield Difference(one.time, DifferenceKind.CHANGED, name, ", ".join(changes))
 
-    def _agree(self, one: _Seen, other: _Seen) -> bool:
-        return self._is_in_time(one, other) and not self._changes(one.raw, other.raw)
+    def _agree(self, one: ComparedEntry, other: ComparedEntry) -> bool:
+        return self._is_in_time(one, other) and not self._changes(one, other)
 
-    def _is_in_time(self, one: _Seen, other: _Seen) -> bool:
+    def _is_in_time(self, one: ComparedEntry, other: ComparedEntry) -> bool:
         return abs(other.time - one.time) <= self._tolerances.time + 1e-9  # times are decimals of a microsecond
 
-    def _alone(self, kind: DifferenceKind, seen: _Seen) -> Difference:
-        meaning = self._decode(seen.raw)
+    def _alone(self, kind: DifferenceKind, seen: ComparedEntry) -> Difference:
+        meaning = self._meaning(seen)
         text = with_defects(meaning) if meaning.defects else meaning.text
-        return Difference(seen.time, kind, self._name(seen.raw), text)
+        return Difference(seen.time, kind, self._name(seen), text)
 
-    def _name(self, raw: Raw) -> str:
+    def _name(self, seen: ComparedEntry) -> str:
         """Return what a frame is called: its message, its identifier, or what is wrong with it."""
+        raw = seen.raw
         identifier = f"0x{identifier_text(raw.cob_id)}" if isinstance(raw, Frame) else raw.damage.value
-        return self._decode(raw).name or identifier
+        return self._meaning(seen).name or identifier
 
     # Values
 
-    def _changes(self, one: Raw, other: Raw) -> list[str]:
+    def _changes(self, one: ComparedEntry, other: ComparedEntry) -> list[str]:
         """Say which values have changed."""
-        if one == other:
+        if one.raw == other.raw:
             return []
-        was, now = self._decode(one), self._decode(other)
-        if was.message is None or now.message is None:
-            return [f"{was.text or one} -> {now.text or other}"]
+        was, now = self._meaning(one), self._meaning(other)
+        if was.message is None or now.message is None or was.message._fields != now.message._fields:
+            return [f"{was.text or one.raw} -> {now.text or other.raw}"]
         fields = kinds(type(was.message)).items()
         return [
             f"{field} = {kind.text(old)} -> {kind.text(new)}"

@@ -145,6 +145,24 @@ class TextOutput(Output):
 
 # Data: a field is a number, nothing (unknown), or the words that a person writes
 
+DIGITS = {"index": 4, "code": 4, "register": 2, "abort": 8}
+"""Fields of services that people write as hexadecimal numbers, and how many digits they have."""
+
+SERVICE_FIELDS = (
+    *("node", "direction", "index", "subindex", "value", "content", "size", "how", "seconds", "abort", "abort_name"),
+    *("code", "register", "words", "info", "state", "command"),
+)
+"""The fields of all services."""
+
+
+def _plain(name: str, value: Any) -> Any:
+    """Return a field of a service as a number or as the text that a person writes."""
+    if name in DIGITS:
+        return f"0x{value:0{DIGITS[name]}X}"
+    if isinstance(value, bytes):
+        return value.hex().upper()
+    return round(value, 6) if name == "seconds" else value if isinstance(value, (int, str)) else str(value)
+
 
 class JsonOutput(Output):
     """One JSON object a line; fields as numbers, null (unknown), or the words that a person writes."""
@@ -155,6 +173,8 @@ class JsonOutput(Output):
             data["fields"] = plain(meaning.message)
         elif meaning.text:
             data["text"] = meaning.text
+            if said := meaning.fields:
+                data["fields"] = {name: _plain(name, value) for name, value in said.items()}
         if meaning.defects:
             data["damage"] = [{"kind": damage.value, "text": text} for damage, text in meaning.defects]
         return _json(data)[1:]  # the writer opens the object with the place and the time
@@ -191,15 +211,18 @@ FRAME = ("id", "data", "message", "protocol")
 
 
 class CsvOutput(Output):
-    """Comma-separated values, one column for each of the `fields` that any message has; unknown is empty."""
+    """Comma-separated values, one column for each of the `fields` that any message or service has; unknown is empty."""
 
     def __init__(self, fields: Iterable[str]) -> None:
-        self._fields = tuple(dict.fromkeys(fields))
+        self._fields = tuple(dict.fromkeys((*fields, *SERVICE_FIELDS)))
         self.header = ",".join(("log", "line", "timestamp", "channel", *FRAME, "text", "damage", *self._fields)) + "\n"
 
     def row(self, meaning: Meaning) -> str:
         known = _identification(meaning)
-        fields = plain(meaning.message) if meaning.message is not None else {}
+        if meaning.message is not None:
+            fields = plain(meaning.message)
+        else:
+            fields = {name: _plain(name, value) for name, value in meaning.fields.items()}
         damage = "; ".join(f"{damage.value}: {text}" for damage, text in meaning.defects)
         head = [known.get(key, "") for key in FRAME]
         return _joined([*head, meaning.text, damage, *(fields.get(field, "") for field in self._fields)])
@@ -274,19 +297,21 @@ class Follower:
         self._learn(channel, said.ended)
         text = f"{meaning.nodes[0]}, {said.text}" if said.text else meaning.text
         defects = (Defect(Damage.INCOMPLETE, f"{meaning.raw}: {said.lost}"),) if said.lost else ()
-        return meaning._replace(text=f"{text}{said.more}", defects=defects, transfer=said.ended)
+        # The segments of a block look like any other command.
+        service = None if said.text and not said.ended else meaning.service
+        return meaning._replace(text=f"{text}{said.more}", defects=defects, transfer=said.ended, service=service)
 
-    def unfinished(self) -> Iterator[tuple[Meaning, SdoTransfer]]:
-        """Yield the transfers that the end of the log cuts off, each with the meaning of its last frame."""
+    def unfinished(self) -> Iterator[tuple[str, Meaning, SdoTransfer]]:
+        """Yield the transfers that the end of the log cuts off, with channel and the last frame's meaning."""
         for key, transfer in self._transfers.unfinished():
-            yield self._last[key], transfer
+            yield key[0], self._last[key], transfer
 
     def _learn(self, channel: str, ended: SdoTransfer | None) -> None:
         """Take in what a transfer shows of a device; of a write only what the device has confirmed."""
-        if ended and ended.address and ended.content is not None and ended.address[0] in SHOWN:
+        if ended and ended.end and ended.address and ended.content is not None and ended.address[0] in SHOWN:
             if channel not in self._shown:
                 self._shown[channel] = InForce(self._first.dictionaries)
-            self._news(channel, self._shown[channel].show(ended.server, ended.address, ended.content))
+            self._news(channel, self._shown[channel].show(ended.end.server, ended.address, ended.content))
 
     def _news(self, channel: str, is_news: bool) -> None:
         if is_news:
@@ -325,9 +350,17 @@ class Following:
         self._decode = lru_cache(REMEMBERED)(decoder)
         self._decode_now: dict[str, Callable[[Raw], Meaning]] = {}
         self._follow = Follower(decoder, self._change)
+        self._messages = {each.cob_id for each in decoder.protocol.bindings}
 
     def _change(self, channel: str, decoder: Decoder) -> None:
         self._decode_now[channel] = lru_cache(REMEMBERED)(decoder)
+
+    def at(self, time: float, channel: str, raw: Raw) -> Callable[[Raw], Meaning]:
+        """Take in an entry, and return what decodes it: for one that may never be decoded."""
+        decode = self._decode_now.get(channel, self._decode)
+        if raw[0] not in self._messages:
+            self(time, channel, raw)
+        return decode
 
     def __call__(self, time: float, channel: str, raw: Raw) -> Meaning:
         """Return what an entry means; the time is in s, the channel that of a log."""
@@ -390,7 +423,7 @@ class Decoding:
             for place, defects in decoded.defects():
                 self.damage.add(log, batch.lines[place], defects)
             yield write(batch, rows, clock)
-        for last, transfer in decoded.unfinished():
+        for _, last, transfer in decoded.unfinished():
             if self.wanted is None or self.wanted(last):
                 self.output.cut(transfer)
         if footer := self.output.footer():

@@ -10,29 +10,38 @@ from dataclasses import dataclass
 from functools import cached_property, lru_cache, partial
 from struct import unpack
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, NamedTuple, Self
+from typing import Any, NamedTuple, Self
 
-from eurobot_od.device.nmt import ALL_NODES
 from eurobot_od.errors import FrameLengthError
 from eurobot_od.frame import EXTENDED, MOST_BYTES, Frame, RemoteFrame
 from eurobot_od.od import values
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.pdos import OnRefused, fatal
-from eurobot_od.od.values import Address, PdoDirection
+from eurobot_od.od.values import ALL_NODES, Address, PdoDirection
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.catalogue import NOTHING, Catalogue, Message, flagged_fields
 from eurobot_od.pdo.codec import compiled, extract
 from eurobot_od.pdo.in_force import InForce
 from eurobot_od.pdo.kinds import OutOfRange
-from eurobot_od.pdo.protocol import Protocol
+from eurobot_od.pdo.protocol import ErrorWords, Protocol
 from eurobot_od.support.texts import amount, one_line
 from eurobot_od.traffic.entries import MASTER, REMEMBERED, Damage, Foreign, Raw
-from eurobot_od.traffic.services import object_words, plain, value_words
-
-if TYPE_CHECKING:
-    from eurobot_od.device.broadcasts import ErrorWords
-    from eurobot_od.traffic.services import CanopenService
-
+from eurobot_od.traffic.services import (
+    GUARDING,
+    HEARTBEAT,
+    READ,
+    SDO,
+    WRITE,
+    CanopenService,
+    Fields,
+    SdoEnd,
+    abort_fields,
+    content_fields,
+    object_words,
+    plain,
+    services,
+    value_words,
+)
 
 CANOPEN = "CANopen"
 """The group of the services, as messages have theirs in the catalogue."""
@@ -67,7 +76,7 @@ class SdoTransfer(NamedTuple):
     """An SDO transfer that has ended: the object, what happened to it, how, and how much it was in how many seconds.
 
     `aborted` is the abort code, None if it was not; `lost` counts the segments that the log does not have. Without the
-    end in the log it is not `whole`. It is of the node `server`; `address` is None if its beginning is missing, and
+    end in the log it is not `whole`. `end` is that of its requests; `address` is None if its beginning is missing, and
     `content` if not all of it came, or too much to keep.
     """
 
@@ -79,16 +88,29 @@ class SdoTransfer(NamedTuple):
     aborted: int | None = None
     lost: int = 0
     is_whole: bool = True
-    server: int = 0
+    end: SdoEnd | None = None
     address: Address | None = None
     content: bytes | None = None
+
+    @property
+    def fields(self) -> Fields:
+        """What it was, as data."""
+        said: Fields = {"node": self.end.server} if self.end else {}
+        said |= {"direction": READ if self.is_upload else WRITE, "how": self.how, "seconds": self.seconds}
+        said["size"] = self.size
+        if self.address is not None:
+            said |= {"index": self.address[0], "subindex": self.address[1]}
+            if self.content is not None:
+                said |= content_fields(self.end and self.end.dictionary, self.address, self.content)
+        return said if self.aborted is None else said | abort_fields(self.aborted)
 
 
 class Meaning(NamedTuple):
     """What a frame means: message or service `name`, its `group`, the `nodes` that send or receive it, and in words.
 
     `message` is None for a service and for what could not be decoded. `name` is empty if nothing is known, `sender` if
-    nothing says who sent it. `transfer` is the SDO transfer that this frame ends, as far as a `Following` knows it.
+    nothing says who sent it. `transfer` is the SDO transfer that this frame ends, as far as a `Following` knows it, and
+    `service` what the identifier is for, if the frame by itself says what it does.
     """
 
     raw: Raw
@@ -100,6 +122,14 @@ class Meaning(NamedTuple):
     defects: tuple[Defect, ...] = ()
     transfer: SdoTransfer | None = None
     sender: str = ""
+    service: CanopenService | None = None
+
+    @property
+    def fields(self) -> Fields:
+        """What a service says as data: of the frame that ends an SDO transfer, all that the transfer was."""
+        if self.transfer and self.transfer.is_whole and self.name == SDO:
+            return self.transfer.fields
+        return self.service.fields(self.raw[1]) if self.service and isinstance(self.raw, Frame) else {}
 
     @property
     def is_read(self) -> bool:
@@ -144,22 +174,16 @@ class Decoder:
     @cached_property
     def services(self) -> Mapping[int, CanopenService]:
         """The services by identifier; made late, as many logs have none."""
-        from eurobot_od.traffic.services import services
-
         return services(self.dictionaries, self.errors, self._master, self._learned)
 
     @cached_property
     def errors(self) -> ErrorWords:
         """The words for the devices' emergency error codes."""
-        from eurobot_od.device.broadcasts import ErrorWords
-
         return ErrorWords.of_devices(self.dictionaries, self.protocol.catalogue, self._own_errors)
 
     @cached_property
     def _unmapped(self) -> Unmapped:
         """What PDOs there are besides the messages; asked only for what is neither a message nor a service."""
-        from eurobot_od.traffic.meaning import Unmapped
-
         return Unmapped.of(self.dictionaries)
 
     def __call__(self, raw: Raw) -> Meaning:
@@ -190,7 +214,7 @@ class Decoder:
             defect = Defect(Damage.WRONG_LENGTH, f"{found.name} {frame}: {text}")
             return Meaning(frame, found.name, CANOPEN, nodes, None, text, (defect,), sender=found.sender)
         text = ", ".join(filter(None, (found.node, found.text(frame.data))))
-        return Meaning(frame, found.name, CANOPEN, nodes, None, text, sender=found.sender)
+        return Meaning(frame, found.name, CANOPEN, nodes, None, text, sender=found.sender, service=found)
 
     def _nodes(self, service: CanopenService) -> tuple[str, ...]:
         return (service.node,) if service.node else tuple(each.name for each in self.dictionaries)
@@ -224,8 +248,6 @@ class Decoder:
         if found is None:
             return self._pdo(frame)
         # Only of error control a remote frame has a meaning of its own (CiA 301, 7.2.8.2.2.1).
-        from eurobot_od.traffic.services import GUARDING, HEARTBEAT
-
         name, sender = (GUARDING, self._master) if found.name == HEARTBEAT else (found.name, "")
         text = ", ".join(filter(None, (found.node, REQUEST)))
         return Meaning(frame, name, CANOPEN, self._nodes(found), None, text, sender=sender)
@@ -251,7 +273,9 @@ def _reader(binding: Binding) -> Callable[[Frame], Meaning]:
         if len(data) > length or OutOfRange in map(type, message):
             defects = tuple(_defects(frame, message, binding, allowed))
         (text,) = write("", words_of(binding, [binding.complete(data)]))
-        return new(Meaning, (frame, name, group, nodes, message, text.replace(OUTSIDE, ""), defects, None, sender))
+        return new(
+            Meaning, (frame, name, group, nodes, message, text.replace(OUTSIDE, ""), defects, None, sender, None)
+        )
 
     return read
 

@@ -8,10 +8,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from functools import partial
-from typing import NamedTuple, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
-from eurobot_od.device.broadcasts import ErrorWords
-from eurobot_od.device.nmt import ALL_NODES, COMMAND_NAMES, STATE_NAMES, TOGGLE
+from eurobot_od.device.nmt import COMMAND_NAMES, STATE_NAMES, TOGGLE
 from eurobot_od.od import standard, values
 from eurobot_od.od.dictionary import Dictionary, sdo_channels
 from eurobot_od.od.objects import data_type
@@ -34,10 +33,12 @@ from eurobot_od.od.standard import (
     LssState,
     refusal_words,
 )
-from eurobot_od.od.values import Address
+from eurobot_od.od.values import ALL_NODES, Address, Value
 from eurobot_od.od.values import text as time_text
 from eurobot_od.od.words import with_words, words
+from eurobot_od.pdo.protocol import ErrorWords
 from eurobot_od.sdo.wire import (
+    ABORT,
     ANSWER_SUB_COMMAND,
     BLOCK_SIZE_GIVEN,
     EXPEDITED,
@@ -49,6 +50,7 @@ from eurobot_od.sdo.wire import (
     ServerCommand,
     code_and_reason,
     part_in,
+    reason,
 )
 from eurobot_od.traffic.entries import MASTER
 
@@ -70,16 +72,21 @@ def object_words(dictionary: Dictionary | None, address: Address) -> str:
     return where if variable is None else f"{where} {variable.qualname.replace('.', ', ')}"
 
 
+def value_of(dictionary: Dictionary | None, address: Address, octets: bytes) -> Value:
+    """Return a value by its object's type; the bytes if that is not known, or has another length."""
+    variable = dictionary.variable(address) if dictionary else None
+    try:
+        return octets if variable is None else data_type(variable).read(octets)
+    except ValueError:  # a length that the type does not have
+        return octets
+
+
 def value_words(dictionary: Dictionary | None, address: Address, octets: bytes) -> str:
     """Write a value by its object's type; as bytes if that is not known, or has another length."""
-    variable = dictionary.variable(address) if dictionary else None
-    if variable is None:
-        return octets.hex(" ")
-    try:
-        value = data_type(variable).read(octets)
-    except ValueError:  # a length that the type does not have
-        return octets.hex(" ")
-    return with_words(value.hex(" ") if isinstance(value, bytes) else str(value), words(variable, value))
+    value = value_of(dictionary, address, octets)
+    variable = dictionary.variable(address) if dictionary and value is not octets else None
+    said = words(variable, value) if variable else ""
+    return with_words(value.hex(" ") if isinstance(value, bytes) else str(value), said)
 
 
 def _segment(_: Dictionary | None, data: bytes) -> str:
@@ -319,6 +326,78 @@ LSS_ANSWERS: Mapping[int, Callable[[bytes], str]] = {
 }
 
 
+# The same as data: the fields of a service by their names
+
+Fields: TypeAlias = dict[str, Any]
+"""What a frame says: numbers, texts, bytes; what it does not say is not in it."""
+
+READ, WRITE = "read", "write"
+
+NAMING: tuple[Mapping[tuple[int, int], str], ...] = (
+    {
+        (ClientCommand.DOWNLOAD, 0): WRITE,
+        (ClientCommand.UPLOAD, 0): READ,
+        (ClientCommand.BLOCK_DOWNLOAD, Block.INITIATE): WRITE,
+        (ClientCommand.BLOCK_UPLOAD, Block.INITIATE): READ,
+    },
+    {
+        (ServerCommand.DOWNLOAD, 0): WRITE,
+        (ServerCommand.UPLOAD, 0): READ,
+        (ServerCommand.BLOCK_DOWNLOAD, Block.INITIATE): WRITE,
+        (ServerCommand.BLOCK_UPLOAD, Block.INITIATE): READ,
+    },
+)
+"""The requests, and the answers, that name an object: what is done with it."""
+
+
+def content_fields(dictionary: Dictionary | None, address: Address, octets: bytes) -> Fields:
+    """Return an object's content as data, and its value if that is known and something else than bytes."""
+    value = value_of(dictionary, address, octets)
+    known: Fields = {} if isinstance(value, bytes) else {"value": value}
+    return known | {"content": octets, "size": len(octets)}
+
+
+def abort_fields(code: int) -> Fields:
+    """Return an abort code as data."""
+    return {"abort": code, "abort_name": reason(code)}
+
+
+def sdo_fields(end: SdoEnd, data: bytes) -> Fields:
+    """Return what an SDO frame says by itself: the node, and the object with its value if it names one."""
+    initiate, command = Initiate.of(data), data[0] >> 5
+    said: Fields = {"node": end.server}
+    named = {"index": initiate.address[0], "subindex": initiate.address[1]}
+    if data[0] == ABORT:
+        return said | named | abort_fields(initiate.number)
+    in_blocks = ANSWER_SUB_COMMAND if end.is_answer else REQUEST_SUB_COMMAND
+    direction = NAMING[end.is_answer].get((command, data[0] & in_blocks.get(command, 0)))
+    if direction is None:
+        return said
+    said |= {"direction": direction} | named
+    if end.is_answer is not (direction == READ):  # the other end has the content
+        return said
+    if command not in in_blocks and data[0] & EXPEDITED:
+        return said | content_fields(end.dictionary, initiate.address, initiate.rest[: initiate.size])
+    size = initiate.size if command not in in_blocks else initiate.number if data[0] & BLOCK_SIZE_GIVEN else None
+    return said if size is None else said | {"size": size}
+
+
+def emcy_fields(words: Callable[[int], str], node_id: int, data: bytes) -> Fields:
+    """Return what an emergency says."""
+    code = int.from_bytes(data[:2], "little")
+    return {"node": node_id, "code": code, "register": data[2], "words": words(code), "info": data[3:]}
+
+
+def heartbeat_fields(node_id: int, data: bytes) -> Fields:
+    """Return a node's state; the highest bit is not a part of it, whether a master guards the node or not."""
+    return {"node": node_id, "state": heartbeat_words(bytes([data[0] & ~TOGGLE]))}
+
+
+def nmt_fields(data: bytes) -> Fields:
+    """Return a command and the node that it is for, 0 for all."""
+    return {"node": data[1], "command": COMMAND_NAMES.get(data[0], f"command {data[0]}")}
+
+
 NMT, GFC, FLYING_MASTER, SYNC_NAME, TIME_NAME = "NMT", "GFC", "Flying master", "SYNC", "TIME"
 EMCY_NAME, SRDO, SDO, HEARTBEAT, GUARDING, LSS = "EMCY", "SRDO", "SDO", "Heartbeat", "Node guarding", "LSS"
 
@@ -352,7 +431,7 @@ class SdoEnd(NamedTuple):
 class CanopenService(NamedTuple):
     """What an identifier is for: the service's name, its node, the frame's `lengths` (none: any), and its words.
 
-    `sender` is who sends it; empty if that cannot be known.
+    `sender` is who sends it; empty if that cannot be known. `fields` returns what a frame says as data.
     """
 
     name: str
@@ -361,6 +440,7 @@ class CanopenService(NamedTuple):
     text: Callable[[bytes], str]
     sender: str = ""
     end: SdoEnd | None = None
+    fields: Callable[[bytes], Fields] = lambda _: {}
 
     @property
     def expected(self) -> str:
@@ -400,11 +480,19 @@ def services(
     emcy = {}
     for node_id in values.NODE_IDS:
         node = known.get(node_id, KnownNode.unnamed(node_id))
-        emcy[node_id] = CanopenService(EMCY_NAME, node.name, (8,), partial(emcy_words, errors.of(node_id)), node.name)
+        said = errors.of(node_id)
+        emcy[node_id] = CanopenService(
+            EMCY_NAME,
+            node.name,
+            (8,),
+            partial(emcy_words, said),
+            node.name,
+            fields=partial(emcy_fields, said, node_id),
+        )
         found[values.EMCY_BASE + node_id] = emcy[node_id]
         found |= _sdo(node, values.SDO_REQUEST_BASE + node_id, values.SDO_RESPONSE_BASE + node_id, master)
         found[values.ERROR_CONTROL_BASE + node_id] = CanopenService(
-            HEARTBEAT, node.name, (1,), heartbeat_words, node.name
+            HEARTBEAT, node.name, (1,), heartbeat_words, node.name, fields=partial(heartbeat_fields, node_id)
         )
     devices = [*(each.dictionary for each in known.values() if each.dictionary), *learned]
     for device in devices:  # after the predefined ones: what a node's file says is what it does
@@ -427,7 +515,7 @@ def _broadcast(names: Mapping[int, str], master: str) -> Services:
         0x076: "negotiation of a new master is forced",
     }
     return {
-        values.NMT_COB_ID: CanopenService(NMT, "", (2,), partial(nmt_words, names), master),
+        values.NMT_COB_ID: CanopenService(NMT, "", (2,), partial(nmt_words, names), master, fields=nmt_fields),
         0x001: CanopenService(GFC, "", (0,), said_plainly("all devices into their safe state")),
         0x071: CanopenService(FLYING_MASTER, "", (2,), partial(active_master, names), master),
         **{
@@ -442,17 +530,12 @@ def _broadcast(names: Mapping[int, str], master: str) -> Services:
 
 
 def _sdo(node: KnownNode, request: int, answer: int, client: str) -> Services:
-    return {
-        cob_id: CanopenService(
-            SDO,
-            node.name,
-            (8,),
-            partial(frame_words, commands, node.dictionary),
-            sender,
-            SdoEnd(request, commands is ANSWERS, node.dictionary, node.node_id),
-        )
-        for cob_id, commands, sender in ((request, REQUESTS, client), (answer, ANSWERS, node.name))
-    }
+    found = {}
+    for cob_id, commands, sender in ((request, REQUESTS, client), (answer, ANSWERS, node.name)):
+        end = SdoEnd(request, commands is ANSWERS, node.dictionary, node.node_id)
+        said = partial(frame_words, commands, node.dictionary)
+        found[cob_id] = CanopenService(SDO, node.name, (8,), said, sender, end, partial(sdo_fields, end))
+    return found
 
 
 def _moved(dictionary: Dictionary, predefined: Services, emcy: CanopenService) -> Services:

@@ -144,7 +144,7 @@ class Running:
         """Return what the transfer was, for the count of all."""
         seconds, kept = time - self.began, is_whole and aborted is None and not self.lost and self.size <= KEPT
         way = self.object, self.is_upload, self.how.value, self.size, seconds, aborted, self.lost, is_whole
-        return SdoTransfer(*way, self.end.server, self.address, bytes(self.content) if kept else None)
+        return SdoTransfer(*way, self.end, self.address, bytes(self.content) if kept else None)
 
     @property
     def broken(self) -> str:

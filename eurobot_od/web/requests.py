@@ -20,12 +20,12 @@ from canopen.objectdictionary import ObjectDictionary, ODVariable
 from eurobot_od.client.configure import read_object
 from eurobot_od.client.master import Master, RemoteNode
 from eurobot_od.client.streams import read_history
-from eurobot_od.device.nmt import ALL_NODES, COMMAND_NAMES, NmtCommand
+from eurobot_od.device.nmt import COMMAND_NAMES, NmtCommand
 from eurobot_od.errors import EurobotError, LocalError, RemoteError, UnknownName
 from eurobot_od.frame import Frame
 from eurobot_od.od import objects
 from eurobot_od.od.standard import REVISION
-from eurobot_od.od.values import DOMAIN, NMT_COB_ID, NODE_IDS, Value, label
+from eurobot_od.od.values import ALL_NODES, DOMAIN, NMT_COB_ID, NODE_IDS, Value, label
 from eurobot_od.od.words import with_words, words
 from eurobot_od.pdo.binding import parse
 from eurobot_od.pdo.catalogue import Message

@@ -486,3 +486,17 @@ def test_replay_refuses_what_cannot_be(
     said = run(capsys, "replay", logs[0], *words)
     assert (said.status, said.out) == (2, "")
     assert complaint in said.complaint
+
+
+def test_compare_decodes_by_the_mapping_in_force(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    mapped = "605#2300180185010080 585#6000180100000000 605#2F001A0000000000 585#60001A0000000000 "
+    mapped += "605#23001A0120006C60 585#60001A0100000000 605#2F001A0001000000 585#60001A0000000000 "
+    mapped += "605#2300180185010000 585#6000180100000000 "
+    for name, last in (("one.log", "185#E8030000"), ("two.log", "185#E9030000")):
+        frames = enumerate((mapped + last).split())
+        (tmp_path / name).write_text("".join(f"({number}.0) can0 {each}\n" for number, each in frames))
+    logs = [str(tmp_path / name) for name in ("one.log", "two.log")]
+    for filters in ([], ["--message", "servo.TPDO1"]):  # the filter is for what is compared, not for what is learned
+        out = run(capsys, "compare", *logs, "--eds", "5=docs/servo.eds", *filters).out
+        assert "changed  servo.TPDO1                   velocity_actual_value = 1000 -> 1001\n" in out
+        assert "11 and 11 frames: 1 changed" in out or filters

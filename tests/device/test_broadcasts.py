@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 from math import inf
-from pathlib import Path
 
 import pytest
 
-from eurobot_od.device.broadcasts import HISTORY, PASSING, WAITING, Emergencies, ErrorWords, error_words
+from eurobot_od.device.broadcasts import HISTORY, PASSING, WAITING, Emergencies
 from eurobot_od.device.nmt import NmtCommand
 from eurobot_od.frame import Frame
-from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.standard import ErrorCode
-from eurobot_od.robot.model.messages import CATALOGUE, GotoXY
+from eurobot_od.robot.model.messages import GotoXY
 from tests.device.master import wired
-from tests.eds_text import DEVICE_TYPE, pdo
 
 COB_ID = 0x082
 
@@ -154,44 +151,3 @@ def test_what_the_controller_reports_becomes_an_emergency() -> None:
     wire.device.bus_error(ErrorCode.OVERRUN, wire.now)
     assert wire.wait(0.0).frames == [report(0x8110, 0x11)]
     assert report(0, 0) in wire.wait(PASSING).frames
-
-
-@pytest.mark.parametrize(
-    ("code", "text"),
-    [
-        (0xFF02, "drive blocked"),  # the device's own
-        (ErrorCode.PDO_TOO_SHORT, "pdo too short"),
-        (0x2310, "current, device output side"),  # CiA 301's classes
-        (0x5530, "device hardware"),  # of a class without a finer one
-        (0xFF77, "device specific"),
-        (0xFF00, "device specific"),  # ours means a value out of range by it, a foreign device something else
-        (0xA000, "reserved"),
-    ],
-)
-def test_an_error_has_a_name(code: int, text: str) -> None:
-    assert error_words(code, {0xFF02: "drive blocked"}) == text
-
-
-@pytest.mark.parametrize(
-    ("node_id", "text"),
-    [
-        (5, "drive blocked"),  # a device of the robot, by the name of its PDO
-        (6, "device specific"),  # a drive of CiA 402, of another maker
-        (7, "fan blocked"),  # its maker's table, whatever the profile
-        (8, "device specific"),  # of another maker, without a profile
-        (9, "device specific"),  # of which there is no file
-    ],
-)
-def test_the_robots_words_are_for_its_own_devices(node_id: int, text: str) -> None:
-    goto = pdo(0x1800, "0x20000010", cob_id="0x185", name="Goto XY")
-    devices = [
-        Dictionary.read(text.encode(), Path("any.eds"), node_id)
-        for node_id, text in {
-            5: DEVICE_TYPE + goto,
-            6: DEVICE_TYPE.replace("Value=0", "Value=402"),
-            7: DEVICE_TYPE.replace("Value=0", "Value=402"),
-            8: DEVICE_TYPE + pdo(0x1800, "0x20000010", cob_id="0x185"),
-        }.items()
-    ]
-    words = ErrorWords.of_devices(devices, CATALOGUE, {7: {0xFF02: "fan blocked"}})
-    assert words.of(node_id)(0xFF02) == text

@@ -13,7 +13,7 @@ from canopen.objectdictionary import ODVariable
 
 from eurobot_od.device.faults import device, hooks
 from eurobot_od.device.faults.hooks import Caught, Fault, FrameChange, Mixin
-from eurobot_od.device.nmt import ALL_NODES, NmtCommand, NmtState, error_control
+from eurobot_od.device.nmt import NmtCommand, NmtState, error_control
 from eurobot_od.device.node import Node
 from eurobot_od.device.profiles.devices import SimulatedModule
 from eurobot_od.frame import Frame
@@ -34,6 +34,7 @@ from eurobot_od.od.standard import (
     ErrorCode,
 )
 from eurobot_od.od.values import (
+    ALL_NODES,
     BASE_IDENTIFIER,
     COB_ID,
     COMMUNICATIONS,

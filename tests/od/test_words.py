@@ -7,7 +7,8 @@ import pytest
 from eurobot_od.frame import Frame
 from eurobot_od.od import objects as od
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.od.words import OF_PROFILES, profile_words, words, written
+from eurobot_od.od.standard import ErrorCode
+from eurobot_od.od.words import OF_PROFILES, error_words, profile_words, words, written
 from eurobot_od.traffic.meaning import Decoder
 from tests.client.servo import DOCS, SERVO, servo
 from tests.rows import rows
@@ -152,3 +153,19 @@ def test_codes_are_codes_and_words_are_words(profile: int) -> None:
     for code, meaning in OF_PROFILES[profile].items():
         assert 0x1000 <= code <= 0xFFFF
         assert meaning == meaning.strip() != ""
+
+
+@pytest.mark.parametrize(
+    ("code", "text"),
+    [
+        (0xFF02, "drive blocked"),  # the device's own
+        (ErrorCode.PDO_TOO_SHORT, "pdo too short"),
+        (0x2310, "current, device output side"),  # CiA 301's classes
+        (0x5530, "device hardware"),  # of a class without a finer one
+        (0xFF77, "device specific"),
+        (0xFF00, "device specific"),  # ours means a value out of range by it, a foreign device something else
+        (0xA000, "reserved"),
+    ],
+)
+def test_an_error_has_a_name(code: int, text: str) -> None:
+    assert error_words(code, {0xFF02: "drive blocked"}) == text

@@ -2,13 +2,23 @@
 
 from __future__ import annotations
 
+import random
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
+import can
+import canopen
 import pytest
+from interop_rows.bench import new_channel, open_bus
 
+from eurobot_od.bus.live import Live
+from eurobot_od.device.simulated import SimulatedDevice
 from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.pdo.in_force import InForce
+from eurobot_od.traffic import formats
 from eurobot_od.traffic.decoding import Following
 from eurobot_od.traffic.meaning import Decoder, Meaning
 
@@ -127,3 +137,100 @@ def test_news_are_only_what_changes_other_frames() -> None:
     assert shown.show(1, (0x1800, 1), (cob_id | 1 << 31).to_bytes(4, "little"))
     assert shown.start(1)
     assert not shown.start(0)
+
+
+def test_a_device_without_a_file_is_made_once_for_each_pdo(monkeypatch: pytest.MonkeyPatch) -> None:
+    """At each of the writes that map a PDO, 64 PDOs took half a minute."""
+    made: list[Dictionary] = []
+    read = Dictionary.read
+
+    def counted(*of: Any) -> Dictionary:
+        made.append(read(*of))
+        return made[-1]
+
+    monkeypatch.setattr(Dictionary, "read", counted)
+    shown = InForce([])
+    for number in range(8):
+        for address, value in (
+            ((0x1800 + number, 1), 0x80000000),
+            ((0x1A00 + number, 0), 0),
+            ((0x1A00 + number, 1), 0x20000110 + (number << 16)),
+            ((0x1A00 + number, 2), 0x20000210 + (number << 16)),
+            ((0x1A00 + number, 0), 2),
+            ((0x1800 + number, 1), 0x181 + number),
+        ):
+            is_news = shown.show(1, address, value.to_bytes(4, "little"))
+        assert is_news
+    assert len(made) == 8
+    assert shown.show(1, (0x1A00, 0), b"\xff\xff\xff\xff")  # more than was shown of it: its mapping is not known
+
+
+@contextmanager
+def stopping(what: Any) -> Iterator[None]:
+    """Stop a thread's owner at the end, whatever happens."""
+    try:
+        yield
+    finally:
+        what.stop()
+
+
+class Witness(SimulatedDevice):
+    """A drive that measures something else at each SYNC, and notes what it had when it sent a frame."""
+
+    def __init__(self, file: Dictionary, addresses: Sequence[tuple[int, int]]) -> None:
+        super().__init__(file)
+        self._mapped, self._chance = addresses, random.Random(50)
+        self.sent: list[tuple[Frame, tuple[object, ...]]] = []
+
+    def receive(self, frame: Frame, now: float) -> list[Frame]:
+        if frame.cob_id == 0x080:
+            for address in self._mapped:
+                bits = 16 if address[0] in (0x6041, 0x6077) else 32
+                low = 0 if address[0] == 0x6041 else -1 << bits - 1
+                self.set_value(address, self._chance.randrange(low, low + (1 << bits)))
+        answers = super().receive(frame, now)
+        values = tuple(self.value(each) for each in self._mapped)
+        self.sent += [(each, values) for each in answers if each.cob_id == 0x391]
+        return answers
+
+
+def remapped_live(log: Path, count: int) -> list[tuple[Frame, tuple[object, ...]]]:
+    """Have canopen's own master map two objects of a drive into its TPDO 2 at boot, and ask for some frames."""
+    objects = [(0x6077, 0), (0x606C, 0), (0x6041, 0)]
+    channel = new_channel()
+    drive, master = Witness(SERVO, objects), canopen.Network()
+    with (
+        stopping(Live.node(open_bus(channel), drive).start()),
+        open_bus(channel) as ears,
+        can.CanutilsLogWriter(log, channel="can0") as writer,
+        stopping(can.Notifier(ears, [writer])),
+    ):
+        master.connect(interface="virtual", channel=channel)
+        try:
+            node: Any = master.add_node(1, str(SERVO.file))
+            pdo = node.tpdo[2]
+            node.tpdo.read()
+            pdo.clear()
+            for address in objects:
+                pdo.add_variable(*address)
+            pdo.cob_id, pdo.trans_type, pdo.enabled = 0x391, 1, True
+            pdo.save()
+            node.nmt.send_command(1)
+            node.sdo.upload(0x1017, 0)  # when it has answered, it has had the command
+            for _ in range(count):
+                master.sync.transmit()
+                pdo.wait_for_reception(1.0)
+        finally:
+            master.disconnect()
+    return drive.sent
+
+
+def test_what_a_stock_master_maps_at_boot_is_decoded_to_the_drives_own_values(tmp_path: Path) -> None:
+    sent = remapped_live(tmp_path / "bus.log", 100)
+    following = Following(Decoder([SERVO]))
+    with (tmp_path / "bus.log").open("rb") as file:
+        meanings = [following(time, channel, raw) for _, time, channel, raw in formats.read(file)]
+    found = [(each.raw, tuple(each.message or ())) for each in meanings if each.raw[0] == 0x391]
+    assert len(sent) == 100
+    assert found == sent
+    assert [each.defects for each in meanings if each.defects] == []

@@ -15,13 +15,15 @@ import pytest
 import eurobot_od
 from eurobot_od.errors import FieldError, FrameLengthError, MappingError, RemoteError, UnknownIdentifier, UnknownName
 from eurobot_od.frame import Frame
+from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.make.table import read_table
 from eurobot_od.od.make.text import make_files, write_files
 from eurobot_od.pdo.catalogue import Message, flagged_fields
 from eurobot_od.pdo.kinds import OutOfRange
-from eurobot_od.pdo.protocol import Protocol
+from eurobot_od.pdo.protocol import ErrorWords, Protocol
 from eurobot_od.robot import dialects
 from eurobot_od.robot.model.messages import (
+    CATALOGUE,
     CheckDriveRequest,
     CheckDriveResponse,
     CheckNaviRequest,
@@ -48,6 +50,7 @@ from eurobot_od.robot.model.messages import (
 )
 from eurobot_od.robot.model.values import Barriers, Direction, GotoFault, Obstacle, Passage, Route, Source, TeamColour
 from eurobot_od.robot.protocol import EurobotProtocol
+from tests.eds_text import DEVICE_TYPE, pdo
 from tests.robot.document import NAMES, TABLES_4_AND_5
 from tests.rows import rows
 
@@ -634,3 +637,28 @@ def test_errors_of_the_wire_are_the_peers() -> None:
     for cob_id, data in ((0x003, b""), (0x008, b"\x01")):
         with pytest.raises(RemoteError):
             PROTOCOL.decode(cob_id, data)
+
+
+@pytest.mark.parametrize(
+    ("node_id", "text"),
+    [
+        (5, "drive blocked"),  # a device of the robot, by the name of its PDO
+        (6, "device specific"),  # a drive of CiA 402, of another maker
+        (7, "fan blocked"),  # its maker's table, whatever the profile
+        (8, "device specific"),  # of another maker, without a profile
+        (9, "device specific"),  # of which there is no file
+    ],
+)
+def test_the_robots_words_are_for_its_own_devices(node_id: int, text: str) -> None:
+    goto = pdo(0x1800, "0x20000010", cob_id="0x185", name="Goto XY")
+    devices = [
+        Dictionary.read(text.encode(), Path("any.eds"), node_id)
+        for node_id, text in {
+            5: DEVICE_TYPE + goto,
+            6: DEVICE_TYPE.replace("Value=0", "Value=402"),
+            7: DEVICE_TYPE.replace("Value=0", "Value=402"),
+            8: DEVICE_TYPE + pdo(0x1800, "0x20000010", cob_id="0x185"),
+        }.items()
+    ]
+    words = ErrorWords.of_devices(devices, CATALOGUE, {7: {0xFF02: "fan blocked"}})
+    assert words.of(node_id)(0xFF02) == text

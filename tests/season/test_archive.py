@@ -22,6 +22,7 @@ from eurobot_od.season.campaign import local
 from eurobot_od.season.season import Season, is_whole, table_names
 from eurobot_od.traffic import formats
 from eurobot_od.traffic.meaning import Decoder
+from tests.client.servo import SERVO as FILE
 from tests.eds_text import DEVICE_TYPE, pdo, variable
 from tests.season.seasons import table, write_log
 
@@ -314,3 +315,56 @@ def test_runs_with_and_without_a_remap_are_one_season(tmp_path: Path) -> None:
         Archiver(folder, network)(servo_log(tmp_path / f"{name}.log", f"{lines} 70{name}#05"))
     assert Season.open(folder).sql("SELECT count(*) FROM servo_tpdo1").item() == 3
     assert Season.open(folder).frames("servo_tpdo1").collect().height == 3
+
+
+SERVICES = """\
+(1.0) can0 000#0105
+(1.1) can0 705#05
+(1.2) can0 605#2B171000F4010000
+(1.3) can0 585#6017100000000000
+(1.4) can0 705#R1
+(1.5) can0 705#85
+(1.6) can0 605#2F60600063000000
+(1.7) can0 585#8060600030000906
+(1.8) can0 085#1223050000000001
+(1.9) can0 085#122305
+(2.0) can0 605#4018100100000000
+(2.1) can0 605#4008100000000000
+(2.2) can0 605#C6001F0101000000
+(2.3) can0 585#A4001F017F000000
+"""
+
+
+def test_services_have_tables(tmp_path: Path) -> None:
+    (tmp_path / "some.log").write_text(SERVICES)
+    season = tmp_path / "season"
+    Archiver(season, DecodedNetwork((FILE,), CATALOGUE))(tmp_path / "some.log")
+    seen = ("line", "node", "direction", "index", "subindex", "value", "content", "size", "how", "whole", "abort")
+    assert table(season, "sdo").select(seen).rows() == [
+        (4, 5, "write", 0x1017, 0, "500", b"\xf4\x01", 2, "expedited", True, None),
+        (8, 5, "write", 0x6060, 0, None, None, 1, "expedited", True, 0x06090030),
+        (12, 5, "read", 0x1018, 1, None, None, 0, "expedited", False, None),  # as there is a next request on line 12
+        (13, 5, "read", 0x1008, 0, None, None, 0, "expedited", False, None),
+        (14, 5, "write", 0x1F00, 1, None, None, 0, "in blocks", False, None),  # cut off by the end of the log
+    ]
+    last = table(season, "sdo").row(1, named=True)
+    assert (last["object"], last["abort_name"]) == ("0x6060:00 Modes of operation", "Value range of parameter exceeded")
+    words = "continuous overcurrent at the output, no. 2"
+    assert table(season, "emcy").drop("run", "t", "channel").rows() == [
+        (9, 5, 0x2312, 5, words, bytes([0, 0, 0, 0, 1]))
+    ]
+    assert table(season, "heartbeat").drop("run").rows() == [
+        (2, 1.1, "can0", 5, "operational"),
+        (6, 1.5, "can0", 5, "operational"),  # the answer to a guarding master
+    ]
+    assert table(season, "nmt").drop("run").rows() == [(1, 1.0, "can0", 5, "start")]
+
+
+def test_what_a_transfer_lacks_is_damage_as_in_decode(tmp_path: Path) -> None:
+    killed = "(1.0) can0 605#C6001F01E8030000\n(1.1) can0 585#A4001F017F000000\n(5.0) can0 705#00\n"
+    (tmp_path / "some.log").write_text(killed)
+    Archiver(tmp_path / "season", DecodedNetwork((FILE,), CATALOGUE))(tmp_path / "some.log")
+    text = "705#00: the write of 0x1F00:01 before did not end; 0 of 1000 bytes came"
+    assert table(tmp_path / "season", "damage").select("line", "kind", "text").rows() == [
+        (3, "incomplete transfer", text)
+    ]

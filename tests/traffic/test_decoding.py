@@ -15,10 +15,11 @@ from eurobot_od.frame import EXTENDED, Frame
 from eurobot_od.robot import dialects
 from eurobot_od.robot.protocol import decoder as robot_decoder
 from eurobot_od.traffic import formats
-from eurobot_od.traffic.decoding import CsvOutput, Decoding, Following, JsonOutput, Output, TextOutput
+from eurobot_od.traffic.decoding import SERVICE_FIELDS, CsvOutput, Decoding, Following, JsonOutput, Output, TextOutput
 from eurobot_od.traffic.entries import Damage, Foreign, Raw
 from eurobot_od.traffic.filters import Window, by_name
 from eurobot_od.traffic.meaning import Decoder
+from tests.client.servo import SERVO as FILE
 from tests.rows import rows
 
 FIRST, SECOND, THIRD = LINES = (
@@ -256,3 +257,58 @@ def test_a_service_that_is_moved_on_the_bus_is_followed_without_a_file(
     *_, moved, _, back = decoded(Decoding(Decoder(()), TextOutput()), log).splitlines()
     assert " ".join(moved.split()[2:]).startswith(meaning)
     assert not " ".join(back.split()[2:]).startswith(meaning)
+
+
+SERVO = Decoder([FILE])
+WRITTEN = {
+    "node": 5,
+    "direction": "write",
+    "index": "0x1017",
+    "subindex": 0,
+    "content": "F401",
+    "size": 2,
+    "value": 500,
+}
+ABORTED = {"node": 5, "index": "0x6060", "subindex": 0, "abort": "0x06090030"}
+ABORTED |= {"abort_name": "Value range of parameter exceeded"}
+STRING = {"node": 5, "direction": "read", "index": "0x1008", "subindex": 0}
+ERROR = {"node": 5, "code": "0x2312", "register": "0x05", "info": "0000000001"}
+
+
+@rows(
+    "frames, fields",
+    [
+        (["605#2B171000F4010000"], WRITTEN),
+        (["605#2B171000F4010000", "585#6017100000000000"], WRITTEN | {"how": "expedited", "seconds": 0.1}),
+        (["585#8060600030000906"], ABORTED),  # of a transfer that began before the log
+        (
+            ["605#2F60600063000000", "585#8060600030000906"],
+            ABORTED | {"direction": "write", "how": "expedited", "seconds": 0.1, "size": 1},
+        ),
+        (["605#4008100000000000"], STRING),
+        (["605#4008100000000000", "585#4108100003000000"], STRING | {"size": 3}),
+        (["605#4008100000000000", "585#4108100003000000", "605#6000000000000000"], {"node": 5}),
+        (
+            ["605#4008100000000000", "585#4108100003000000", "605#6000000000000000", "585#0961626300000000"],
+            STRING | {"how": "segmented", "seconds": 0.3, "size": 3, "content": "616263", "value": "abc"},
+        ),
+        (["605#C6001F01E8030000"], {"node": 5, "direction": "write", "index": "0x1F00", "subindex": 1, "size": 1000}),
+        (["605#C6001F01E8030000", "585#A4001F017F000000", "605#4000000000000000"], None),  # a segment, and not a read
+        (["605#4018100000000000", "605#4008100000000000"], STRING),  # and not the one that got no answer
+        (["085#1223050000000001"], ERROR | {"words": "continuous overcurrent at the output, no. 2"}),
+        (["085#122305"], None),  # too short
+        (["705#7F"], {"node": 5, "state": "pre-operational"}),
+        (["705#R1", "705#85"], {"node": 5, "state": "operational"}),  # guarded
+        (["705#R1"], None),
+        (["000#8200"], {"node": 0, "command": "reset communication"}),
+        (["000#0105"], {"node": 5, "command": "start"}),
+    ],
+)
+def test_services_as_data(frames: list[str], fields: dict[str, Any] | None) -> None:
+    log = "".join(f"({number / 10:.6f}) can0 {each}\n" for number, each in enumerate(frames))
+    *_, last = decoded(Decoding(SERVO, JsonOutput()), log).splitlines()
+    assert json.loads(last).get("fields") == fields
+    output = CsvOutput([])
+    *_, row = csv.DictReader([output.header, *decoded(Decoding(SERVO, output), log).splitlines()])
+    known = {name: text for name, text in row.items() if text and name in SERVICE_FIELDS}
+    assert known == {name: str(value) for name, value in (fields or {}).items()}
