@@ -83,10 +83,15 @@ def _commands(subject: Subject, index: int) -> dict[int, ODVariable]:
 
 def _of_all(subject: Subject) -> tuple[ODVariable | None, ODVariable | None]:
     """Return what stores all parameters, and what restores them; raises Lacks if the device would be another node."""
-    moved = subject.dictionary.restored_node_id
-    need(moved is None, f"0x1011 would make the device node {moved}, as its file says")
+    _stays(subject)
     store, restore = (_commands(subject, index) for index in (standard.STORE, standard.RESTORE))
     return store.get(standard.ALL_PARAMETERS), restore.get(standard.ALL_PARAMETERS)
+
+
+def _stays(subject: Subject) -> None:
+    """Raise Lacks for a device that would have its file's node-ID once all is restored, where nobody asks it."""
+    moved = subject.dictionary.restored_node_id
+    need(moved is None, f"0x1011 would make the device node {moved}, as its file says")
 
 
 def _signatures(index: int) -> Callable[[Subject], Steps]:
@@ -120,6 +125,7 @@ def _stored(subject: Subject) -> Steps:
 
 
 def _stored_by(subject: Subject, sub: int, lack: str) -> Steps:
+    _stays(subject)
     signed = (_commands(subject, index).get(sub) for index in (standard.STORE, standard.RESTORE))
     each, store, restore = (need(found, lack) for found in (_shown_by(subject), *signed))
     yield step.group(
@@ -210,6 +216,7 @@ def _verified(subject: Subject) -> Steps:
 @CHAPTER.clause("7.5.2.14", "Restore", Tier.DESTRUCTIVE, name="the maker's own sub-indices")
 def _makers_own(subject: Subject) -> Steps:
     """Restore what the maker has behind the sub-indices that were named."""
+    _stays(subject)
     commands, named = _commands(subject, standard.RESTORE), need(subject.restore, "none was named (--restore 4)")
     for each in (commands[sub] for sub in named if sub in commands):
         yield step.group(f"{title(each)} restored", _signed(each, "restored"), *fresh("reset"))
