@@ -160,18 +160,26 @@ class Kept(NamedTuple):
         return step.write(f"{label(self.address)} is {value}", self.address, value=value, **more)
 
 
-def kept_over_reset(subject: Subject, name: str, values: Sequence[Kept], *looks: Data) -> Data:
-    """Give objects values in their order, store them, see after a reset what the last of each was, and restore."""
+def kept_over_reset(
+    subject: Subject, name: str, values: Sequence[Kept], *looks: Data, change: Sequence[Address] = ()
+) -> Data:
+    """Give objects values in their order, store them, see after a reset what the last of each was, and restore.
+
+    Of a device whose restoring does nothing they are put back one by one, as are those that `looks` change.
+    """
     store, restore = _of_all(subject)
     lacking = [label(each.address) for each in values if not subject.may_be(each.address, each.value)]
     if store is None or restore is None or lacking:
         lack = lacking[0] if lacking else "0x1010:1 or 0x1011:1"
         return step.skip(name, f"the file lacks {lack} that can be written as this wants")
     last = {each.address: each.value for each in values}
+    # The last first, for what may only be changed while another is 0, or off.
+    kept = subject.kept([*change, *reversed(last)])
     refused = codes(*BUSY, *OUTSIDE, AbortCode.GENERAL, AbortCode.UNSUPPORTED_ACCESS)
     return step.group(
         name,
         *fresh(),
+        *(step.save(*each) for each in kept),
         *(each.written(optional=refused) for each in values),
         step.group(
             "over a reset",
@@ -185,6 +193,7 @@ def kept_over_reset(subject: Subject, name: str, values: Sequence[Kept], *looks:
             *(step.read(f"{label(at)} has its default", at, expect=subject.number(at)) for at in last),
         ),
         *step.undoing(*fresh()),
+        *(step.put_back(*each) for each in kept),
     )
 
 
@@ -205,12 +214,13 @@ def _verified(subject: Subject) -> Steps:
     date, time = standard.VERIFY_CONFIGURATION
     # 0x1020 tells a master that it need not compare each object: a device that keeps it after a change makes the master
     # believe an old configuration.
-    shown, looks = _shown_by(subject), []
+    shown, looks, changes = _shown_by(subject), [], []
     if shown is not None:
+        changes = [address_of(shown)]
         changed = step.write(f"{title(shown)} is changed", address_of(shown), value=_other(shown))
         looks = [changed, *(step.read(f"{label(each)} is 0 again", each, data="00 00 00 00") for each in (date, time))]
     values = [Kept(date, 9000), Kept(time, 36_000_000)]
-    return [kept_over_reset(subject, "date and time of the configuration", values, *looks)]
+    return [kept_over_reset(subject, "date and time of the configuration", values, *looks, change=changes)]
 
 
 @CHAPTER.clause("7.5.2.14", "Restore", Tier.DESTRUCTIVE, name="the maker's own sub-indices")

@@ -223,6 +223,15 @@ def test_a_device_that_takes_wrong_values_and_keeps_them_gets_back_what_it_had(n
     assert kept(device) == before
 
 
+@pytest.mark.parametrize("chapter", ["storage", "sync"])
+def test_a_device_that_restores_nothing_gets_back_what_it_had(chapter: str) -> None:
+    device = stubborn(SimulatedDevice).load(MODULE, NODE_ID)
+    (asked,) = suites(MODULE, Tier.DESTRUCTIVE, chapter)
+    before = kept(device)
+    run_simulated(asked, RunOptions(keep_going=True), lambda *_: [NodeUnderTest(device)])
+    assert kept(device) == before
+
+
 @pytest.mark.parametrize("chapter", ["nmt", "pdo"])
 @pytest.mark.parametrize("number", [*range(40, 46), *range(200, 206)])
 def test_an_interrupt_anywhere_puts_back_what_was_changed(chapter: str, number: int) -> None:
