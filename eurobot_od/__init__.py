@@ -19,13 +19,26 @@ from typing import Any
 with open(f"{__path__[0]}/__init__.pyi", encoding="utf-8") as _lines:  # noqa: PTH123 (pathlib takes longer than this)
     _HOMES = {name: home for home, name in re.findall(r"^from (\S+) import .* as (\w+)$", _lines.read(), re.MULTILINE)}
 
-__all__ = list(_HOMES)
+_EXTRAS = {"Season": "season"}
+"""Names that need an extra: `import *` leaves them out."""
+
+
+def __dir__() -> list[str]:
+    """List the public names, also those that are not loaded yet."""
+    return sorted({*globals(), *_HOMES})
 
 
 def __getattr__(name: str) -> Any:
     """Import a public name from its module on first use."""
+    if name == "__all__":
+        return [each for each in _HOMES if each not in _EXTRAS]
     if name not in _HOMES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    if name in _EXTRAS:
+        from eurobot_od.support.extras import needed
+
+        with needed(_EXTRAS[name]):
+            import_module(_HOMES[name])
     home = import_module(_HOMES[name])
     # A module has its own name: `eurobot_od.robot.model` need not have imported it.
     found = getattr(home, name) if hasattr(home, name) else import_module(f"{_HOMES[name]}.{name}")

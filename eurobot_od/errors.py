@@ -47,6 +47,9 @@ __all__ = [
 LONGEST_NAME = 100
 """Most characters of a name that are compared with others: the time for it grows with their square."""
 
+SHORTEST_PART, MOST_LIKE = 3, 6
+"""Least characters that are looked for within known names, and most names that are suggested."""
+
 MOST_NAMES = 50
 """Most known names that are listed where none is like the unknown one: all commands are, but not 200 faults."""
 
@@ -66,19 +69,31 @@ class UnknownName(LocalError):
     """A name that is not in its list: a message, a field, a dialect, a barrier."""
 
     def __init__(self, kind: str, name: object, known: Iterable[object] = ()) -> None:
-        from difflib import get_close_matches  # not before it is needed: every command starts with this file
-
         self.kind, self.name, self.known = kind, name, tuple(map(str, known))
-        lower = {each.lower(): each for each in self.known}
-        written = str(name)[:LONGEST_NAME].lower()
-        # difflib tells letter cases apart, and `goto xy` is nothing like `GOTO XY` then.
-        near = [written] if written in lower else get_close_matches(written, lower, n=3, cutoff=0.75)
         hint = f"; known: {', '.join(self.known)}" if self.known else ""
-        if near:
-            hint = f"; did you mean {' or '.join(lower[each] for each in near)}?"
+        if near := _like(str(name)[:LONGEST_NAME], self.known):
+            more = f", or one of {len(near) - MOST_LIKE} more" if len(near) > MOST_LIKE else ""
+            hint = f"; did you mean {' or '.join(near[:MOST_LIKE])}{more}?"
         elif len(self.known) > MOST_NAMES:
             hint = f"; {len(self.known)} are known, and none is like it"
         super().__init__(f"unknown {kind} {name!r}{hint}")
+
+
+def _like(written: str, known: Iterable[str]) -> list[str]:
+    """Return the known names that somebody may have meant, once each, in any letter case, the likeliest first.
+
+    That is the one that is the same but for its case; or else those that are spelled nearly so, and those with all
+    words of what was written.
+    """
+    from difflib import get_close_matches  # not before it is needed: every command starts with this file
+
+    lower = {each.lower(): each for each in known}
+    wanted = written.lower()
+    if wanted in lower:
+        return [lower[wanted]]
+    words = wanted.split() if len(wanted) >= SHORTEST_PART else []
+    parts = [each for each in lower if words and all(word in each for word in words)]
+    return [lower[each] for each in dict.fromkeys([*get_close_matches(wanted, lower, n=3, cutoff=0.75), *parts])]
 
 
 class FieldError(LocalError):

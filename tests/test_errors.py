@@ -49,6 +49,22 @@ ERRORS: list[tuple[EurobotError, type[EurobotError], str]] = [
         "unknown fault 'stop-ignord'; did you mean stop-ignored or nmt-stop-ignored?",
     ),
     (
+        UnknownName("object", "target", ["Target torque", "Actual speed", "Target velocity", "Target torque"]),
+        LocalError,
+        "unknown object 'target'; did you mean Target torque or Target velocity?",
+    ),
+    (
+        UnknownName("object", "speed max", ["Max speed", "Speed", "Maximal motor speed"]),
+        LocalError,
+        "unknown object 'speed max'; did you mean Max speed or Maximal motor speed?",
+    ),
+    (
+        UnknownName("message", "posi", [f"Position {n}" for n in range(9)]),
+        LocalError,
+        "unknown message 'posi'; did you mean Position 0 or Position 1 or Position 2 or Position 3 or Position 4 or "
+        "Position 5, or one of 3 more?",
+    ),
+    (
         UnknownName("fault", "nonsense", range(1000, 1214)),
         LocalError,
         "unknown fault 'nonsense'; 214 are known, and none is like it",

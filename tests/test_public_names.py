@@ -7,6 +7,8 @@ from __future__ import annotations
 
 import inspect
 import re
+import subprocess
+import sys
 import warnings
 from collections.abc import Iterator
 from enum import Enum
@@ -26,7 +28,7 @@ API = Path(__file__).parents[1] / "docs" / "api.md"
 def lines() -> Iterator[str]:
     """Give a line for each public name, and for each public member of a public class."""
     for module in map(import_module, MODULES):
-        for name in sorted(module.__all__):
+        for name in sorted({*module.__all__, *getattr(module, "_EXTRAS", ())}):
             if inspect.ismodule(thing := getattr(module, name)):
                 continue
             yield described(f"{module.__name__}.{name}", thing)
@@ -83,6 +85,28 @@ def test_the_robot_s_messages_under_their_former_name_warn() -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         import_module("eurobot_od.robot").Protocol.load()
+
+
+def test_dir_has_the_names_that_are_loaded_when_they_are_asked_for() -> None:
+    assert {"Network", "Season", "Dictionary", "messages"} <= {*dir(eurobot_od)}
+
+
+WITHOUT_POLARS = """
+import sys
+sys.modules["polars"] = None
+from eurobot_od import *
+print(Network.__name__, "Season" in globals())
+import eurobot_od
+eurobot_od.Season
+"""
+
+
+def test_without_an_extra_all_names_but_those_that_need_it_are_there_and_the_others_name_it() -> None:
+    done = subprocess.run([sys.executable, "-c", WITHOUT_POLARS], capture_output=True, text=True, timeout=60)
+    assert done.stdout == "Network False\n"
+    said = done.stderr.splitlines()[-1]
+    assert said.startswith("eurobot_od.errors.LocalError: polars is not installed; the extra `season` brings it: ")
+    assert "-m pip install" in said
 
 
 if __name__ == "__main__":

@@ -45,8 +45,8 @@ LIMIT = 10.0
 GROWTH = 200 * 1024
 """KiB by which one input may raise the most memory that the process has ever had."""
 
-SAID = re.compile(r"eurobot-od: |(/[^:]+)+(:\d+)*: | *\d+ x ")
-"""How a line on standard error begins: a complaint, a place in a file, a count of damaged entries."""
+SAID = re.compile(r"eurobot-od: |(/[^:]+)+(:\d+)*: | *\d+ x | {11}\S")
+"""How a line on standard error begins: a complaint, a place in a file, a count of damaged entries, its reason."""
 
 STATUSES = {status.value for status in cli.ExitStatus}
 

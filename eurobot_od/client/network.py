@@ -165,6 +165,14 @@ class NetworkOfDevices(Generic[AnyDevice]):
     def __len__(self) -> int:
         return len(self._devices)
 
+    def __repr__(self) -> str:
+        nodes = ", ".join(f"{each.node_id} {each.name}" for each in self)
+        return f"<{type(self).__name__} of {nodes or 'no nodes yet'}>"
+
+    def _ipython_key_completions_(self) -> list[str]:
+        """Return what IPython completes after `network["`: the names of the nodes."""
+        return [each.name for each in self]
+
     @property
     def dictionaries(self) -> tuple[Dictionary, ...]:
         """The dictionaries of the devices that have one."""

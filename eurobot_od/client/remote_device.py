@@ -83,6 +83,8 @@ def found_variables(key: ObjectKey, objects: ObjectDictionary | None) -> list[OD
 class ObjectAtNode:
     """The common part of the objects of both kinds of networks; nothing in here talks to the node."""
 
+    __slots__ = ("_node", "_variables", "_wrote")  # a slip of the pen, `object.valu = 5`, is an error
+
     def __init__(self, node: RemoteNode, variables: Sequence[ODVariable], wrote: Wrote) -> None:
         self._node, self._variables, self._wrote = node, variables, wrote
 
@@ -124,6 +126,9 @@ class ObjectAtNode:
 
     def __str__(self) -> str:
         return ", ".join(map(label, self._variables))
+
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__} {self} of node {self._node.node_id}>"
 
     def _member(self, key: str | int) -> list[ODVariable]:
         found = [each for each in self._variables if key in (each.subindex, each.name)]
@@ -189,6 +194,8 @@ class RemoteObject(ObjectAtNode):
     anything is sent. Errors name node and object.
     """
 
+    __slots__ = ()
+
     def __getitem__(self, key: str | int) -> RemoteObject:
         """Return a member of a record by its name or sub-index; raises UnknownName."""
         return RemoteObject(self._node, self._member(key), self._wrote)
@@ -247,6 +254,8 @@ class AsyncRemoteObject(ObjectAtNode):
     Every read and write is an SDO transfer, and raises the same errors as RemoteObject. `value`, `raw`, `bytes` and
     `text` are awaited and can only be read: a property cannot be written in an event loop.
     """
+
+    __slots__ = ()
 
     def __getitem__(self, key: str | int) -> AsyncRemoteObject:
         """Return a member of a record by its name or sub-index; raises UnknownName."""
@@ -326,6 +335,10 @@ class DeviceAtNode:
 
     def __repr__(self) -> str:
         return f"<{type(self).__name__} {self.node_id} {self.name}>"
+
+    def _ipython_key_completions_(self) -> list[str]:
+        """Return what IPython completes after `device["`: the names of the objects."""
+        return [each.qualname for each in all_objects(self.od)] if self.dictionary else []
 
     def hear(self, cob_id: int, data: bytes, now: float) -> None:
         """Take in a frame, which may be this node's."""

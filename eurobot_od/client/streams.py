@@ -314,6 +314,11 @@ class MappedPdo(Stream[PdoReading]):
         """The names of the mapped objects, in the order in which they are mapped."""
         return [*self._fields]
 
+    def __repr__(self) -> str:
+        return (
+            f"<{type(self).__name__} {self.name} of node {self.node_id}, 0x{self.cob_id:03X}: {', '.join(self.names)}>"
+        )
+
     def _key(self, name: str) -> str:
         found = {plain_name(each): each for each in self._fields}
         if plain_name(name) not in found:
@@ -456,6 +461,13 @@ class MappedPdos(Generic[AnyPdo]):
 
     def __len__(self) -> int:
         return len(self._pdos)
+
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__} of node {self._node.node_id}: {', '.join(self._pdos) or 'none is valid'}>"
+
+    def _ipython_key_completions_(self) -> list[str]:
+        """Return what IPython completes after `pdo["`: the PDOs that are valid."""
+        return [*self._pdos]
 
     async def _read(self) -> None:
         if self.dictionary is not None:

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 from eurobot_od.errors import DictionaryError, FieldError, UnknownName
 from eurobot_od.od.description import DescribedDevice, DescribedVariable
-from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.document import COMMISSIONING, OBJECT_LISTS, Document, Rewriting, is_text, read_bytes
 from eurobot_od.od.objects import data_type, value_text
 from eurobot_od.od.values import (

@@ -9,12 +9,11 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterator
 from copy import copy
-from difflib import get_close_matches
 from math import inf
 from typing import TYPE_CHECKING, NamedTuple, cast
 from zlib import crc32
 
-from eurobot_od.errors import LONGEST_NAME, FieldError, LocalError, UnknownName
+from eurobot_od.errors import FieldError, LocalError, UnknownName
 from eurobot_od.od import values
 from eurobot_od.od.values import DATA_TYPES, DOMAIN, REALS, Address, DataType, Value
 from eurobot_od.support.texts import amount
@@ -241,8 +240,7 @@ def _named(text: str, objects: ObjectDictionary | None) -> list[ODVariable]:
     found = [members(objects, index) for index in whole]
     found = found or [[each] for each in all_objects(objects) if each.qualname.lower() == wanted]
     if not found:
-        names = [*objects.names, *(each.qualname for each in all_objects(objects))]
-        raise UnknownName("object", text, get_close_matches(text[:LONGEST_NAME], names))
+        raise UnknownName("object", text, [*objects.names, *(each.qualname for each in all_objects(objects))])
     if len(found) > 1:
         indices = ", ".join(f"0x{index:04X}" for index in sorted(each[0].index for each in found))
         raise LocalError(f"several objects are called {text!r}: {indices}; give the number of one")

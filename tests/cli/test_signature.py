@@ -107,7 +107,7 @@ def test_a_function_gets_what_the_words_say(words: str, changed: dict[str, Any])
 
 WRONG = [
     ("", "the following arguments are required: NODE"),
-    ("5 --colour blue", "argument --colour: unknown value 'blue'; known: red, dark_blue"),
+    ("5 --colour blue", "argument --colour: unknown value 'blue'; did you mean dark_blue?"),
     ("5 --level 3", "argument --level: unknown value '3'; known: 1, 2"),
     ("5 --speed fasst", "argument --speed: unknown value 'fasst'; did you mean fast?"),
     ("5 --for 2", "argument --for: '2' is not a duration; write a number and one of us, ms, s, min, such as 500 ms"),

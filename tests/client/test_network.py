@@ -496,3 +496,33 @@ def test_a_device_that_refuses_its_bit_rate_does_not_obey_the_next_command() -> 
     with Network(wired(slave)) as network, pytest.raises(RemoteError, match="refuses to configure bit timing"):
         network.lss.assign(7, bit_rate=250)
     assert slave.state == WAITING
+
+
+# At a prompt
+
+MOTOR_EDS = Path(__file__).parents[2] / "docs" / "motor.eds"
+
+
+def test_what_a_network_has_says_what_it_is() -> None:
+    with simulated(MOTOR_EDS, node_id=5) as network:
+        motor = network[5]
+        shown = [*map(repr, (network, motor, motor["Temperature"], motor.pdo, motor.pdo["RPDO1"]))]
+    assert shown == [
+        "<SimulatedNetwork of 5 motor>",
+        "<RemoteDevice 5 motor>",
+        "<RemoteObject 0x2100:0 Temperature of node 5>",
+        "<RemotePdos of node 5: RPDO1, TPDO1>",
+        "<RemotePdo RPDO1 of node 5, 0x205: Motor.Target speed>",
+    ]
+
+
+def test_ipython_completes_names_of_nodes_objects_and_pdos() -> None:
+    with simulated(MOTOR_EDS, node_id=5) as network:
+        assert network._ipython_key_completions_() == ["motor"]
+        assert "Motor.Target speed" in network[5]._ipython_key_completions_()
+        assert network[5].pdo._ipython_key_completions_() == ["RPDO1", "TPDO1"]
+
+
+def test_an_attribute_that_an_object_does_not_have_is_refused() -> None:
+    with simulated(MOTOR_EDS, node_id=5) as network, pytest.raises(AttributeError, match="valu"):
+        network[5]["Temperature"].valu = 5  # type: ignore[attr-defined]

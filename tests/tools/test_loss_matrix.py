@@ -37,7 +37,7 @@ def test_the_robot_stands_and_every_call_ends(cell: Cell, dialect: str) -> None:
 
 def test_every_message_and_every_loss_has_its_cells() -> None:
     cells = list(loss_matrix.cells(dialects.DEFAULT, 3))
-    assert len(cells) == len(set(cells)) == 23 * 8 + (3 * 3 + 1) * 3 + 3 * 5 * 3
+    assert len(cells) == len(set(cells)) == 23 * 8 + (3 * 3 + 1) * 3 + 3 * 6 * 3
 
 
 def test_a_match_goes_on_after_the_drive_was_frozen() -> None:

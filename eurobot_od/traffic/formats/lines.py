@@ -156,8 +156,8 @@ USUAL = re.compile(
 BLANKS, BRACKETS = bytes.maketrans(b"#\n", b"  "), b"()"
 """What stands between the columns of usual lines, and what around one."""
 
-ENDS = (b" R\n", b" T\n", b"\r\n")
-"""What may stand in place of a plain line end."""
+ENDS = {b" R\n": False, b" T\n": False, b"\r\n": True}
+"""What may stand in place of a plain line end, and whether a line with nothing else is an empty one."""
 
 
 class CandumpFormat(LineFormat):
@@ -165,8 +165,8 @@ class CandumpFormat(LineFormat):
 
     def parts(self, piece: bytes) -> Iterator[Batch | bytes]:
         plain, place = piece, 0
-        for end in ENDS:
-            if end in plain:
+        for end, may_be_alone in ENDS.items():
+            if end in plain and (may_be_alone or not (plain.startswith(end) or b"\n" + end in plain)):
                 plain = plain.replace(end, b"\n")
         while place < len(plain):
             end_of_usual = USUAL.match(plain, place).end()  # type: ignore[union-attr]  # it matches nothing, too
