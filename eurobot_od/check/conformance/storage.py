@@ -90,6 +90,9 @@ def _of_all(subject: Subject) -> tuple[ODVariable | None, ODVariable | None]:
 
 def _stays(subject: Subject) -> None:
     """Raise Lacks for a device that would have its file's node-ID once all is restored, where nobody asks it."""
+    own = subject.dictionary.node_id_address
+    known = own is None or subject.dictionary.stock_value(own) is not None
+    need(known, f"0x1011 may make the device another node: the file has no default for {own and label(own)}")
     moved = subject.dictionary.restored_node_id
     need(moved is None, f"0x1011 would make the device node {moved}, as its file says")
 
