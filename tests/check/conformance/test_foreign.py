@@ -223,7 +223,7 @@ def test_a_device_that_takes_wrong_values_and_keeps_them_gets_back_what_it_had(n
     assert kept(device) == before
 
 
-@pytest.mark.parametrize("chapter", ["storage", "sync"])
+@pytest.mark.parametrize("chapter", ["storage", pytest.param("sync", marks=pytest.mark.long)])
 def test_a_device_that_restores_nothing_gets_back_what_it_had(chapter: str) -> None:
     device = stubborn(SimulatedDevice).load(MODULE, NODE_ID)
     (asked,) = suites(MODULE, Tier.DESTRUCTIVE, chapter)
