@@ -41,8 +41,10 @@ from eurobot_od.od.values import (
 )
 from eurobot_od.od.words import error_words
 from eurobot_od.sdo.client import (
+    LONGEST_TEXT,
     Aborted,
     OddAnswer,
+    Room,
     Silence,
     Transfer,
     block_download,
@@ -461,7 +463,8 @@ class Doer:
         dump = {}
         for variable in action.variables:
             try:
-                data = await self._run(upload(objects.address_of(variable), self._timeout), action.node)
+                read = _UPLOADS[suite.Blocks.NONE](objects.address_of(variable), self._timeout)
+                data = await self._run(read, action.node)
                 dump[objects.label(variable)] = data.hex(" ").upper()
             except Aborted as error:  # a dump is red only if something has changed, a refusal too
                 dump[objects.label(variable)] = code_and_reason(error.code)
@@ -557,7 +560,7 @@ class Doer:
 
 
 _UPLOADS: Mapping[suite.Blocks, Callable[[Address, float], Transfer]] = {
-    suite.Blocks.NONE: upload,
+    suite.Blocks.NONE: partial(upload, room=Room(unannounced=LONGEST_TEXT)),
     suite.Blocks.PLAIN: block_upload,
     suite.Blocks.WITHOUT_CRC: partial(block_upload, crc=0),
 }

@@ -66,6 +66,7 @@ from eurobot_od.od.values import (
     Value,
     pdo_of,
 )
+from eurobot_od.sdo.client import LONGEST_TEXT
 from eurobot_od.sdo.wire import EXPEDITED_SIZE, LARGEST, AbortCode
 from eurobot_od.support.texts import amount
 
@@ -389,7 +390,7 @@ async def read_object(node: RemoteNode, thing: ODVariable) -> bytes:
         return await node.upload_block.steps(address_of(thing), thing.qualname)
     size = data_type(thing).size or None
     most = max(size, EXPEDITED_SIZE) if size else LARGEST
-    return (await node.upload.steps(address_of(thing), thing.qualname, most=most))[:size]
+    return (await node.upload.steps(address_of(thing), thing.qualname, most=most, unannounced=LONGEST_TEXT))[:size]
 
 
 async def _present(node: RemoteNode, dictionary: Dictionary, thing: ODVariable) -> bytes | None:

@@ -18,7 +18,10 @@ from eurobot_od.errors import NodeRefused, RemoteError
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.standard import DEVICE_NAME, DEVICE_TYPE, IDENTITY, STORE_FORMAT, STORED_EDS
 from eurobot_od.od.values import NODE_IDS, Address
-from eurobot_od.sdo.wire import LENGTH, ClientCommand, Initiate, ServerCommand, initiate
+from eurobot_od.sdo.wire import EXPEDITED_SIZE, LENGTH, ClientCommand, Initiate, ServerCommand, initiate
+
+LONGEST_NAME = 1024
+"""Most bytes of a device's name: a node that never ends it must not hold whoever looks for nodes."""
 
 PLAIN_TEXT = b"\0"
 """Value of 0x1022 for an EDS that is not compressed (CiA 301, 7.5.2.25)."""
@@ -88,7 +91,7 @@ async def uploaded(node: RemoteNode) -> Description | None:
     Raises DictionaryError for one that cannot be read.
     """
     try:
-        if await node.upload.steps(STORE_FORMAT, "Store format") != PLAIN_TEXT:
+        if await node.upload.steps(STORE_FORMAT, "Store format", most=EXPEDITED_SIZE) != PLAIN_TEXT:
             return None
         content = await node.upload_block.steps(STORED_EDS, "Store EDS")
     except NodeRefused:
@@ -112,13 +115,17 @@ async def fitting(node: RemoteNode, known: Iterable[Dictionary]) -> Description 
 @Procedure
 async def device_name(node: RemoteNode) -> str:
     """Return the name in 0x1008, an empty one if the node has none."""
-    return (await _optional(node, DEVICE_NAME, "Manufacturer device name")).decode(errors="replace").rstrip("\0")
+    return (
+        (await _optional(node, DEVICE_NAME, "Manufacturer device name", LONGEST_NAME))
+        .decode(errors="replace")
+        .rstrip("\0")
+    )
 
 
-async def _optional(node: RemoteNode, address: Address, name: str) -> bytes:
+async def _optional(node: RemoteNode, address: Address, name: str, most: int = EXPEDITED_SIZE) -> bytes:
     """Read an object that a node need not have; without it, return no bytes."""
     try:
-        return await node.upload.steps(address, name)
+        return await node.upload.steps(address, name, most=most)
     except NodeRefused:
         return b""
 

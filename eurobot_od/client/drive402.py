@@ -9,16 +9,17 @@ units.
 from __future__ import annotations
 
 from collections.abc import AsyncIterator, Callable, Mapping
-from contextlib import asynccontextmanager
+from contextlib import asynccontextmanager, suppress
 from functools import partial
 from typing import NamedTuple
 
 from eurobot_od.client.master import RemoteNode, finished
-from eurobot_od.errors import DriveError, LocalError
+from eurobot_od.errors import DriveError, LocalError, NodeRefused
 from eurobot_od.od import cia402
 from eurobot_od.od.cia402 import METHODS, DriveCommand, Mode, State
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.objects import data_type
+from eurobot_od.od.standard import DEVICE_TYPE
 from eurobot_od.od.values import DATA_TYPES, UNSIGNED16, UNSIGNED32, DataType
 
 POLL = 0.01
@@ -29,6 +30,11 @@ ENABLE_WAIT = 2.0
 
 MOTION_WAIT = 60.0
 """Seconds that a motion may take by default."""
+
+ENABLE = "enable"
+
+DRIVE_PROFILES = (cia402.PROFILE, 0xFFFF)
+"""Low words of 0x1000 of drives: also of a device with several profiles (CiA 301, 7.5.2.1)."""
 
 FAULTY = (State.FAULT, State.FAULT_REACTION)
 """The states of a drive that has a fault."""
@@ -129,10 +135,32 @@ class DriveAtNode:
         state = cia402.state_of(word)
         if not ended:
             said = f"it is in {state.words}" if state else "it is in an unknown state"
-            raise DriveError(f"{self._name}: {what}: not within {within:g} s; {said} (statusword 0x{word:04X})")
+            why = await self._hindrance(word) if what == ENABLE else ""
+            raise DriveError(f"{self._name}: {what}: not within {within:g} s; {said} (statusword 0x{word:04X}){why}")
         if state in FAULTY:
             raise await self._fault(what)
         return word
+
+    async def _hindrance(self, word: int) -> str:
+        """Say why a drive may not obey a controlword, as far as its objects tell."""
+        commanded = NEXT.get(cia402.state_of(word) or State.NOT_READY)
+        kept, mode = await self._told(cia402.CONTROLWORD), await self._told(cia402.MODE_DISPLAY)
+        profile = int.from_bytes((await self._node.upload.steps(DEVICE_TYPE))[:2], "little")
+        reasons = {
+            f"its 0x1000 says profile {profile}, not {cia402.PROFILE}": profile not in DRIVE_PROFILES,
+            "its power stage has no voltage (bit 4)": not word & cia402.VOLTAGE,
+            "it takes no commands from the bus (bit 9)": not word & cia402.REMOTE,
+            f"its controlword is 0x{kept or 0:04X}: somebody else writes it": commanded
+            and kept not in (None, commanded.bits),
+            "no mode of operation is chosen (0x6060)": mode == Mode.NONE,
+        }
+        return f": {next((reason for reason, is_so in reasons.items() if is_so), 'it ignores the controlword')}"
+
+    async def _told(self, index: int) -> int | None:
+        """Read an object that a drive need not have, or let read."""
+        with suppress(NodeRefused):
+            return await self._read(index)
+        return None
 
     async def _fault(self, what: str) -> DriveError:
         code = await self._read(cia402.ERROR_CODE)
@@ -144,13 +172,13 @@ class DriveAtNode:
     async def _enable(self, within: float) -> None:
         while (state := await self._state()) is not State.ENABLED:
             if state is State.FAULT:
-                raise await self._fault("enable")
+                raise await self._fault(ENABLE)
             # If there is nothing to command, the drive leaves this state by itself, or the wait below ends with an
             # error.
             command = NEXT.get(state) if state else None
             if command is not None:
                 await self._command(command)
-            await self._until("enable", within, partial(_has_left, state))
+            await self._until(ENABLE, within, partial(_has_left, state))
 
     async def _disable(self, within: float) -> None:
         if await self._state() in FAULTY:

@@ -292,13 +292,18 @@ class RemoteNode:
 
     @Procedure
     async def upload(
-        self, address: Address, name: str = "", progress: Progress = unwatched, most: int = LARGEST
+        self,
+        address: Address,
+        name: str = "",
+        progress: Progress = unwatched,
+        most: int = LARGEST,
+        unannounced: int = LARGEST,
     ) -> bytes:
-        """Read an object's bytes, at most `most` of them.
+        """Read an object's bytes, at most `most` of them, and at most `unannounced` if the node does not say how many.
 
         Raises NodeRefused, NoAnswer, RemoteError for an odd answer, BusError.
         """
-        master, room = self.master, Room(most, min(most, self.master.unannounced))
+        master, room = self.master, Room(most, min(most, unannounced, self.master.unannounced))
         return await self._transfer("read", address, name, upload(address, master.answer_wait, progress, room))
 
     @Procedure

@@ -43,6 +43,8 @@ class Stream(Generic[Item]):
     def __init__(self, master: Master, name: str, node_id: int) -> None:
         self.last: Item | None = None
         self.count = 0
+        self.needs = ""
+        """What makes it come, if the node alone does not."""
         self.name, self.node_id = name, node_id
         self._master = master
         self._functions: list[Callable[[Item], object]] = []
@@ -79,7 +81,7 @@ class Stream(Generic[Item]):
         number = self.count
         await self._master.pump.steps(timeout, lambda: self.count > number)
         if self.count == number or self.last is None:
-            raise NoAnswer("the last one", f"{self.name} of node {self.node_id}", 1, timeout, self.node_id)
+            raise NoAnswer(f"the last one{self.needs}", f"{self.name} of node {self.node_id}", 1, timeout, self.node_id)
         return self.last
 
 
@@ -271,6 +273,9 @@ class PdoReading(NamedTuple):
         return self.values[name]
 
 
+NEEDS_SYNC = ": it comes only with SYNC, see network.sync"
+
+
 class MappedPdo(Stream[PdoReading]):
     """The common part of the PDOs of both kinds of networks."""
 
@@ -292,6 +297,7 @@ class MappedPdo(Stream[PdoReading]):
                 # An object may be mapped in slices of a few bits; whoever asks for it means all of it.
                 part = SLICE.match(name)
                 fields[part["name"] if part else name] = slot.field
+        self.needs = NEEDS_SYNC if binding.pdo.is_synchronous else ""
         self._fields = fields  # replaced as a whole: another thread may be reading it
 
     @property
@@ -373,6 +379,7 @@ class RemotePdo(MappedPdo, BlockingStream[PdoReading]):
         """Return one object's values; raises UnknownName."""
         key = self._key(name)
         signal = self._signals.setdefault(key, PdoSignal(self._master, f"{key} in {self.name}", self.node_id))
+        signal.needs = self.needs
         assert isinstance(signal, PdoSignal)
         return signal
 
@@ -384,6 +391,7 @@ class AsyncRemotePdo(MappedPdo, AsyncStream[PdoReading]):
         """Return one object's values; raises UnknownName."""
         key = self._key(name)
         signal = self._signals.setdefault(key, AsyncPdoSignal(self._master, f"{key} in {self.name}", self.node_id))
+        signal.needs = self.needs
         assert isinstance(signal, AsyncPdoSignal)
         return signal
 

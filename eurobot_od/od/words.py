@@ -55,7 +55,7 @@ def _by_mode(bits: Mapping[Mode, Mapping[int, str]], objects: ObjectDictionary) 
     # The frame does not say in which mode the drive is, and another frame's word for it may be out of date.
     names: dict[int, dict[str, None]] = {}
     # A drive that does not say in 0x6502 which modes it has may have any.
-    for mode in cia402.supported(_default(objects, (cia402.SUPPORTED_MODES, 0))) or Mode:
+    for mode in cia402.supported(_default(objects, (cia402.SUPPORTED_MODES, 0)) or 0) or Mode:
         for bit, name in bits.get(mode, {}).items():
             names.setdefault(bit, {})[name] = None
     return {bit: " or ".join(each) if len(each) <= READABLE else f"bit {bit}" for bit, each in names.items()}
@@ -120,14 +120,19 @@ PROFILES: Mapping[int, Callable[[Address], ValueMeaning | None]] = {
 
 
 def profile_of(objects: ObjectDictionary) -> int:
-    """Return the device profile that 0x1000 says (CiA 301, 7.5.2.1); 0: none."""
-    return _default(objects, DEVICE_TYPE) & 0xFFFF
+    """Return the device profile that 0x1000 says (CiA 301, 7.5.2.1); 0: none.
+
+    If its value is open, a device with the two words of CiA 402 is a drive: these are mandatory there.
+    """
+    said = _default(objects, DEVICE_TYPE)
+    is_drive = all(od.variable_at(objects, (each, 0)) for each in (cia402.CONTROLWORD, cia402.STATUSWORD))
+    return (cia402.PROFILE if is_drive else 0) if said is None else said & 0xFFFF
 
 
-def _default(objects: ObjectDictionary, address: Address) -> int:
+def _default(objects: ObjectDictionary, address: Address) -> int | None:
     variable = od.variable_at(objects, address)
     default = None if variable is None else od.default_of(variable)
-    return default if isinstance(default, int) else 0
+    return default if isinstance(default, int) else None
 
 
 def _objects_of(variable: ODVariable) -> ObjectDictionary | None:

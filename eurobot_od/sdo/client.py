@@ -31,6 +31,9 @@ from eurobot_od.support.progress import Progress, unwatched
 UNANNOUNCED = 1 << 20
 """Most bytes, or segments, that are taken of an object whose size the server does not give; it could go on for ever."""
 
+LONGEST_TEXT = 1 << 14
+"""The same for what is no file: a text, or what no EDS describes."""
+
 FRUITLESS_BLOCKS = 2
 """A transfer ends after this many blocks in a row without their first segment: one may have been lost, but not more."""
 

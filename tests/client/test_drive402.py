@@ -14,9 +14,12 @@ from eurobot_od.client.network import AsyncNetwork, SimulatedNetwork, simulated
 from eurobot_od.device.faults.device import DRIVE_FAULTS
 from eurobot_od.device.profiles.devices import SimulatedDrive
 from eurobot_od.errors import DriveError, LocalError, NodeRefused
+from eurobot_od.frame import Frame
 from eurobot_od.od.cia402 import State
+from eurobot_od.od.values import SDO_RESPONSE_BASE
 from tests.client.peers import new_channel, open_bus
 from tests.client.servo import SERVO
+from tests.rows import rows
 
 
 @contextmanager
@@ -105,6 +108,39 @@ WRONG: dict[str, tuple[Callable[[Any], object], str]] = {
 def test_what_a_drive_does_not_do_is_an_error(fault: str, call: Callable[[Any], object], text: str) -> None:
     with drive(fault) as network, pytest.raises(DriveError, match=text):
         call(network[5].drive402)
+
+
+class Hindered(SimulatedDrive):
+    """Shows one of its objects as it is not."""
+
+    SHOWN = (0x6041, 0)
+
+    def outgoing(self, frames: list[Frame]) -> list[Frame]:
+        index, value = self.SHOWN
+        answer = index.to_bytes(2, "little") + b"\0"
+        return [
+            Frame(each.cob_id, each.data[:4] + value.to_bytes(4, "little"))
+            if each.cob_id == SDO_RESPONSE_BASE + 5 and each.data[1:4] == answer and each.data[0] != 0x60
+            else each
+            for each in super().outgoing(frames)
+        ]
+
+
+@rows(
+    "index, value, words",
+    [
+        (0x1000, 401, "its 0x1000 says profile 401, not 402"),
+        (0x6041, 0x0240, r"its power stage has no voltage \(bit 4\)"),
+        (0x6041, 0x0050, r"it takes no commands from the bus \(bit 9\)"),
+        (0x6040, 0, "its controlword is 0x0000: somebody else writes it"),
+        (0x6061, 0, r"no mode of operation is chosen \(0x6060\)"),
+        (0x6061, 3, "it ignores the controlword"),
+    ],
+)
+def test_why_a_drive_is_not_enabled_is_said(index: int, value: int, words: str) -> None:
+    kind = type("NeverEnabled", (DRIVE_FAULTS["never-enables"].given_to(Hindered),), {"SHOWN": (index, value)})
+    with simulated(kind(SERVO)) as network, pytest.raises(DriveError, match=f"enable: not within 2 s; .*: {words}$"):
+        network[5].drive402.enable()
 
 
 def test_a_fault_that_stays_is_said() -> None:

@@ -173,7 +173,11 @@ WRONG: list[tuple[Callable[[RemoteDevice], object], type[EurobotError], str]] = 
     (lambda drive: drive.pdo["TPDO1"]["Speed"], UnknownName, "unknown object of TPDO1 'Speed'; known: Statusword"),
     (lambda drive: drive.pdo["TPDO1"].transmit({}), LocalError, "TPDO1 of node 5 is sent by the node"),
     (lambda drive: drive.pdo["RPDO1"].transmit({}), FieldError, "RPDO1: Controlword = None is not allowed"),
-    (lambda drive: drive.pdo["TPDO1"].wait(0.1), NoAnswer, "no TPDO1 of node 5 within 100 ms"),
+    (
+        lambda drive: drive.pdo["TPDO1"].wait(0.1),
+        NoAnswer,
+        "no TPDO1 of node 5 within 100 ms after the last one: it comes only with SYNC",
+    ),
     (lambda drive: drive.configure(DOCS / "motor.eds"), DictionaryError, "the file names no node-ID"),
 ]
 

@@ -9,7 +9,9 @@ import pytest
 
 from eurobot_od.client.description import Found, Identity, scan
 from eurobot_od.device.nmt import NmtState
+from eurobot_od.sdo.wire import ABORT, ClientCommand
 from tests.client.peers import master_on, new_channel, open_bus, peer, robot, stock_drive
+from tests.rows import rows
 
 quick_scan = partial(scan, pace=0.0005, listen=0.1)
 """Enough for nodes of this process."""
@@ -64,3 +66,21 @@ def test_an_answer_is_what_an_sdo_server_says_to_our_request(answer: str, there:
 def test_only_the_wanted_node_ids_are_listed() -> None:
     with robot("core", "drive") as channel, master_on(channel, 0.3) as master:
         assert [each.node_id for each in quick_scan(master, [2, 5])] == [2]
+
+
+@rows("address, most", [((0x1008, 0), 1024), ((0x1018, 1), 4)])
+def test_a_node_that_never_ends_an_upload_does_not_hold_the_scan(address: tuple[int, int], most: int) -> None:
+    asked = [0]
+
+    def answers(request: bytes) -> list[bytes]:
+        index = request[1:4]
+        if request[0] >> 5 == ClientCommand.UPLOAD and index == address[0].to_bytes(2, "little") + bytes([address[1]]):
+            return [b"\x40" + index + bytes(4)]
+        if request[0] >> 5 == ClientCommand.UPLOAD_SEGMENT:
+            asked[0] += 1
+            return [bytes([request[0] & 0x10]) + b"endless"]
+        return [] if request[0] == ABORT else [b"\x43" + index + bytes(4)]
+
+    with peer(answers, 5) as channel, master_on(channel, 0.3) as master:
+        assert [each.node_id for each in quick_scan(master)] == [5]
+    assert asked[0] <= most / 7 + 2

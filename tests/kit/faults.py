@@ -486,7 +486,7 @@ FAULTS: Mapping[str, Fault] = {
         _instead(of=AbortCode.TOGGLE_BIT, by=AbortCode.UNKNOWN_COMMAND),
     ),
     "last-byte-lost": _fault(
-        "7.3.2.2.3 Default after a reset",
+        "7.4.4 Length of the type",
         "has a 0 as the seventh byte of each segment",
         hooks.leaving(hooks.sdo_answer, _where(ServerCommand.UPLOAD_SEGMENT, lambda data: data[:7] + b"\0")),
     ),

@@ -101,6 +101,15 @@ def test_a_device_of_another_profile_has_no_words_of_a_drive() -> None:
     assert words(od.at((0x6041, 0), Dictionary.read(text.encode(), DOCS / "servo.eds", 5).objects), 0x40) == ""
 
 
+@rows("objects, meaning", [((0x6040, 0x6041), "Switch on disabled"), ((0x6041,), "")])
+def test_a_device_type_that_is_open_is_a_drive_s_if_it_has_both_words(objects: tuple[int, ...], meaning: str) -> None:
+    text = (DOCS / "servo.eds").read_text(encoding="utf-8").replace("DefaultValue=0x00020192", "DefaultValue=")
+    if 0x6040 not in objects:
+        text = text.replace("[6040]", "[2040]").replace("=0x6040\n", "=0x2040\n")
+    found = Dictionary.read(text.encode(), DOCS / "servo.eds", 5).objects
+    assert words(od.at((0x6041, 0), found), 0x40) == meaning
+
+
 # Where values are printed
 
 

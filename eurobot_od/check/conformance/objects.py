@@ -8,7 +8,7 @@ from canopen.objectdictionary import ODVariable
 
 from eurobot_od.check.conformance import step
 from eurobot_od.check.conformance.clauses import Chapter
-from eurobot_od.check.conformance.step import BUSY, OUTSIDE, Data, Steps, codes, title
+from eurobot_od.check.conformance.step import BUSY, NO_BLOCKS, OUTSIDE, Data, Steps, codes, title
 from eurobot_od.check.conformance.subject import NO_DEVICE_TYPE, Subject, Tier, need
 from eurobot_od.device.objects import COMMUNICATION_PROFILE
 from eurobot_od.od import values
@@ -137,7 +137,10 @@ def _readable(subject: Subject) -> Steps:
             yield step.skip(title(each), "its ObjFlags say that a scan does not read it")
         elif each.readable:
             none_now = [AbortCode.NO_DATA, *([AbortCode.NO_SUBINDEX] if each.index == ERROR_FIELD else [])]
-            yield step.read(title(each), address_of(each), optional=codes(*none_now))
+            # A file within the device may have megabytes; a server without blocks is not asked for it.
+            is_file = data_type(each) is values.DOMAIN
+            blocks, without = ({"transfer": "block"}, NO_BLOCKS) if is_file else ({}, ())
+            yield step.read(title(each), address_of(each), **blocks, optional=codes(*none_now, *without))
 
 
 @CHAPTER.clause("7.3.2.2.3", "Default after a reset", Tier.REVERSIBLE, "4.2, 4.8")

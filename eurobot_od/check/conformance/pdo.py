@@ -96,7 +96,10 @@ def _scan(subject: Subject, direction: PdoDirection) -> Steps:
 
 
 def _default_mapping(subject: Subject, pdo: Pdo) -> Steps:
-    """Read each object that a PDO has by default."""
+    """Read what a PDO maps, and each object that it has by default."""
+    entries = ((pdo.mapping_index, sub) for sub in range(1, len(pdo.mapping) + 1))
+    for address in (each for each in entries if subject.readable(each) is not None):
+        yield step.read(f"{pdo.title}: {label(address)}", address, data="any")
     found = {each.address: subject.find(each.address) for each in pdo.mapping if not each.is_padding}
     for address, variable in need(found, f"{pdo.title} maps nothing by default").items():
         name = f"{pdo.title} maps {label(address)}"

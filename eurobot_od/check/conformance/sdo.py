@@ -10,7 +10,7 @@ from canopen.objectdictionary import ODVariable
 from eurobot_od.check.conformance import step
 from eurobot_od.check.conformance.clauses import Chapter
 from eurobot_od.check.conformance.objects import ACTING, CONFIGURED, FIXED
-from eurobot_od.check.conformance.step import Data, Steps, codes, title
+from eurobot_od.check.conformance.step import NO_BLOCKS, Data, Steps, codes, title
 from eurobot_od.check.conformance.subject import NO_DEVICE_TYPE, Subject, Tier, awake, fresh, need
 from eurobot_od.check.suite import Blocks
 from eurobot_od.od.objects import address_of, data_type, default_bytes
@@ -32,9 +32,6 @@ LEFT_ALONE = "3 s"
 NOTHING_SHORT = "the file has no number of up to 4 bytes that can be read"
 NO_SEGMENTS = "the file has no object of more than 4 bytes whose value is known"
 NO_NUMBER = "the file has no number of up to 4 bytes that can be written and whose value is known"
-NO_BLOCKS = (AbortCode.UNKNOWN_COMMAND, AbortCode.UNSUPPORTED_ACCESS)
-"""Aborts of a server that has no block transfer."""
-
 
 SDO_SERVERS = range(SDO_REQUESTS[0], SDO_CLIENTS[0])
 SDO_BASES = {SDO_REQUESTS: SDO_REQUEST_BASE, SDO_ANSWERS: SDO_RESPONSE_BASE}

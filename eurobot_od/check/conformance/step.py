@@ -25,6 +25,9 @@ PRECISION = "20 ms"
 BUSY = (AbortCode.NOT_TRANSFERRED, AbortCode.LOCAL_CONTROL, AbortCode.STATE)
 """Aborts by which a device says that it will not take a value now (CiA 301, Table 22: 0x0800002x)."""
 
+NO_BLOCKS = (AbortCode.UNKNOWN_COMMAND, AbortCode.UNSUPPORTED_ACCESS)
+"""Aborts of a server that has no block transfer."""
+
 OUTSIDE = (AbortCode.VALUE, AbortCode.TOO_LOW, AbortCode.TOO_HIGH)
 """Aborts of a device that looks at an object's limits first, whatever else is wrong with a value."""
 

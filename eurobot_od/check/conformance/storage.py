@@ -83,10 +83,18 @@ def _commands(subject: Subject, index: int) -> dict[int, ODVariable]:
 
 def _of_all(subject: Subject) -> tuple[ODVariable | None, ODVariable | None]:
     """Return what stores all parameters, and what restores them; raises Lacks if the device would be another node."""
-    moved = subject.dictionary.restored_node_id
-    need(moved is None, f"0x1011 would make the device node {moved}, as its file says")
+    _stays(subject)
     store, restore = (_commands(subject, index) for index in (standard.STORE, standard.RESTORE))
     return store.get(standard.ALL_PARAMETERS), restore.get(standard.ALL_PARAMETERS)
+
+
+def _stays(subject: Subject) -> None:
+    """Raise Lacks for a device that would have its file's node-ID once all is restored, where nobody asks it."""
+    own = subject.dictionary.node_id_address
+    known = own is None or subject.dictionary.stock_value(own) is not None
+    need(known, f"0x1011 may make the device another node: the file has no default for {own and label(own)}")
+    moved = subject.dictionary.restored_node_id
+    need(moved is None, f"0x1011 would make the device node {moved}, as its file says")
 
 
 def _signatures(index: int) -> Callable[[Subject], Steps]:
@@ -120,6 +128,7 @@ def _stored(subject: Subject) -> Steps:
 
 
 def _stored_by(subject: Subject, sub: int, lack: str) -> Steps:
+    _stays(subject)
     signed = (_commands(subject, index).get(sub) for index in (standard.STORE, standard.RESTORE))
     each, store, restore = (need(found, lack) for found in (_shown_by(subject), *signed))
     yield step.group(
@@ -154,18 +163,26 @@ class Kept(NamedTuple):
         return step.write(f"{label(self.address)} is {value}", self.address, value=value, **more)
 
 
-def kept_over_reset(subject: Subject, name: str, values: Sequence[Kept], *looks: Data) -> Data:
-    """Give objects values in their order, store them, see after a reset what the last of each was, and restore."""
+def kept_over_reset(
+    subject: Subject, name: str, values: Sequence[Kept], *looks: Data, change: Sequence[Address] = ()
+) -> Data:
+    """Give objects values in their order, store them, see after a reset what the last of each was, and restore.
+
+    Of a device whose restoring does nothing they are put back one by one, as are those that `looks` change.
+    """
     store, restore = _of_all(subject)
     lacking = [label(each.address) for each in values if not subject.may_be(each.address, each.value)]
     if store is None or restore is None or lacking:
         lack = lacking[0] if lacking else "0x1010:1 or 0x1011:1"
         return step.skip(name, f"the file lacks {lack} that can be written as this wants")
     last = {each.address: each.value for each in values}
+    # The last first, for what may only be changed while another is 0, or off.
+    kept = subject.kept([*change, *reversed(last)])
     refused = codes(*BUSY, *OUTSIDE, AbortCode.GENERAL, AbortCode.UNSUPPORTED_ACCESS)
     return step.group(
         name,
         *fresh(),
+        *(step.save(*each) for each in kept),
         *(each.written(optional=refused) for each in values),
         step.group(
             "over a reset",
@@ -179,6 +196,7 @@ def kept_over_reset(subject: Subject, name: str, values: Sequence[Kept], *looks:
             *(step.read(f"{label(at)} has its default", at, expect=subject.number(at)) for at in last),
         ),
         *step.undoing(*fresh()),
+        *(step.put_back(*each) for each in kept),
     )
 
 
@@ -199,17 +217,19 @@ def _verified(subject: Subject) -> Steps:
     date, time = standard.VERIFY_CONFIGURATION
     # 0x1020 tells a master that it need not compare each object: a device that keeps it after a change makes the master
     # believe an old configuration.
-    shown, looks = _shown_by(subject), []
+    shown, looks, changes = _shown_by(subject), [], []
     if shown is not None:
+        changes = [address_of(shown)]
         changed = step.write(f"{title(shown)} is changed", address_of(shown), value=_other(shown))
         looks = [changed, *(step.read(f"{label(each)} is 0 again", each, data="00 00 00 00") for each in (date, time))]
     values = [Kept(date, 9000), Kept(time, 36_000_000)]
-    return [kept_over_reset(subject, "date and time of the configuration", values, *looks)]
+    return [kept_over_reset(subject, "date and time of the configuration", values, *looks, change=changes)]
 
 
 @CHAPTER.clause("7.5.2.14", "Restore", Tier.DESTRUCTIVE, name="the maker's own sub-indices")
 def _makers_own(subject: Subject) -> Steps:
     """Restore what the maker has behind the sub-indices that were named."""
+    _stays(subject)
     commands, named = _commands(subject, standard.RESTORE), need(subject.restore, "none was named (--restore 4)")
     for each in (commands[sub] for sub in named if sub in commands):
         yield step.group(f"{title(each)} restored", _signed(each, "restored"), *fresh("reset"))

@@ -61,9 +61,9 @@ class DriveAxis:
         self.units = Units.of(values)
         self.demand, self.motor = Demand(), Motor(plant, self.units.turn)
         self.state = State.NOT_READY
-        self.limited = self.following_error = False
+        self.limited = self.homed = self.following_error = False
         self.sync_period = STEP
-        self._word, self._lag = 0, 0.0
+        self._word, self._left, self._lag = 0, 0, 0.0
         self._stop: Stop | None = None
         self._time: float | None = None
         self._mode_number = 0
@@ -102,6 +102,10 @@ class DriveAxis:
             self._mode.command(word, rising)
         self._show()
 
+    def commanded(self) -> None:
+        """Take note that a controlword comes, which may be the one before."""
+        self._word, self._left = self._word & ~self._left, 0
+
     def _take_mode(self) -> None:
         number = _signed(self.values.get(cia402.MODE))
         if not self.values.has(cia402.MODE):  # a drive with one mode need not have the object
@@ -109,6 +113,9 @@ class DriveAxis:
         if number != self._mode_number and self.takes(number):
             self._mode_number = number
             self._mode = MODES[number](self)
+            # Bit 4 set for a set-point is not an edge any more, but means "start" in the next controlword (CiA 402-2,
+            # clause 11: "start or continue"); the mode alone must not move the axis.
+            self._left = cia402.HOMING_START if number == Mode.HOMING else 0
             # A torque that nobody commands any more would go on for ever; the next mode starts with the present
             # velocity.
             self.demand.torque = None

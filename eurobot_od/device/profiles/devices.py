@@ -377,11 +377,16 @@ class SimulatedDrive(ProfileDevice):
         told, given = dict[Address, OnTold](), dict[Address, Value]()
         for number, offset in enumerate(self._offsets(dictionary)):
             told[cia402.MODE + offset, 0] = partial(self._check_mode, number)
+            told[cia402.CONTROLWORD + offset, 0] = partial(self._commanded, number)
             modes = cia402.SUPPORTED_MODES + offset, 0
             said = dictionary.default(modes) if dictionary.variable(modes) else None
             if isinstance(said, int):  # without what is not simulated: a master would choose it in vain
                 given[modes] = said & SIMULATED_MODES
         return application._replace(told={**told, **application.told}, given={**given, **application.given})
+
+    def _commanded(self, number: int, _: int) -> None:
+        if self._axes:
+            self._axes[number].commanded()
 
     def _check_mode(self, number: int, mode: int) -> None:
         if self._axes and not self._axes[number].takes(mode):

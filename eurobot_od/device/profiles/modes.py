@@ -22,6 +22,7 @@ class Leads(Protocol):
     demand: Demand
     motor: Motor
     limited: bool
+    homed: bool
     following_error: bool
     sync_period: float
 
@@ -326,11 +327,12 @@ class Homing(ModeOfOperation):
         self._seek: Seek | None = None
         self._turned = 0
         self._home: float | None = None
-        self._runs = self._attained = self._failed = False
+        self._runs = self._failed = False
 
     def command(self, word: int, rising: int) -> None:
         if rising & cia402.HOMING_START:
             self.begin()
+            self.axis.homed = False
             method = cia402.METHODS.get(self.axis.values.get(cia402.HOMING_METHOD))
             self._failed, self._runs = method is None, method is not None
             self._steps = iter(method.steps if method else ())
@@ -383,14 +385,15 @@ class Homing(ModeOfOperation):
         by = -axis.values.get(cia402.HOME_OFFSET) - home
         axis.motor.shift(by)
         axis.demand.position += by
-        self._runs, self._attained = False, True
+        self._runs, axis.homed = False, True
 
     @property
     def bits(self) -> int:
         stands = self.axis.stands
         if self._failed:
             return BIT_13 | TARGET_REACHED * stands
-        if self._attained:
+        # A home that was found is one in whatever mode the axis has been since: "completed" is about the procedure.
+        if self.axis.homed:
             return BIT_12 | TARGET_REACHED * stands
         return 0 if self._runs else TARGET_REACHED  # not started, or interrupted
 

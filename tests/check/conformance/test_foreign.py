@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 from collections.abc import Iterable, Iterator
 from math import inf
 
@@ -222,6 +223,15 @@ def test_a_device_that_takes_wrong_values_and_keeps_them_gets_back_what_it_had(n
     assert kept(device) == before
 
 
+@pytest.mark.parametrize("chapter", ["storage", pytest.param("sync", marks=pytest.mark.long)])
+def test_a_device_that_restores_nothing_gets_back_what_it_had(chapter: str) -> None:
+    device = stubborn(SimulatedDevice).load(MODULE, NODE_ID)
+    (asked,) = suites(MODULE, Tier.DESTRUCTIVE, chapter)
+    before = kept(device)
+    run_simulated(asked, RunOptions(keep_going=True), lambda *_: [NodeUnderTest(device)])
+    assert kept(device) == before
+
+
 @pytest.mark.parametrize("chapter", ["nmt", "pdo"])
 @pytest.mark.parametrize("number", [*range(40, 46), *range(200, 206)])
 def test_an_interrupt_anywhere_puts_back_what_was_changed(chapter: str, number: int) -> None:
@@ -238,6 +248,39 @@ def test_an_interrupt_anywhere_puts_back_what_was_changed(chapter: str, number: 
     options = RunOptions(keep_going=True, interrupt=interrupt, show=show)
     run_simulated(asked, options, lambda *_: [NodeUnderTest(device)])
     assert kept(device) == before, seen[-12:]
+
+
+@pytest.mark.parametrize("end", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_puts_back_what_was_changed(end: signal.Signals) -> None:
+    (asked,) = suites(MODULE, Tier.REVERSIBLE, "pdo")
+    device, interrupt = stubborn(SimulatedDevice).load(MODULE, NODE_ID), Interrupt()
+    before, changed = kept(device), list[bool]()
+
+    def show(_: StepResult) -> None:
+        changed.append(kept(device) != before)
+        if sum(changed) == 5:  # once, in the middle of a group
+            signal.raise_signal(end)
+
+    with interrupt.by_ctrl_c():
+        options = RunOptions(keep_going=True, interrupt=interrupt, show=show)
+        run_simulated(asked, options, lambda *_: [NodeUnderTest(device)])
+    assert (interrupt.requested, kept(device)) == (True, before)
+
+
+def test_a_file_within_the_device_is_read_in_blocks() -> None:
+    """The device keeps its EDS: a request for each 7 bytes of it, or for each 889."""
+    requests = list[int]()
+
+    class Listening(SimulatedDevice):
+        def receive(self, frame: Frame, now: float) -> list[Frame]:
+            requests.extend([frame.data[0]] * (frame.cob_id == SDO_REQUEST_BASE + NODE_ID))
+            return super().receive(frame, now)
+
+    (asked,) = suites(MODULE, Tier.READING, "objects")
+    assert not run_simulated(asked, RunOptions(keep_going=True), of_kind(Listening)).failed
+    blocks = MODULE.stat().st_size / 889
+    assert blocks <= requests.count(0xA2) <= blocks + 2
+    assert requests.count(0x60) < 100
 
 
 @pytest.mark.parametrize("chapter", ["nmt", "sdo"])

@@ -191,6 +191,17 @@ def test_what_the_object_flags_exclude_is_not_touched() -> None:
     assert (0x2101, 0) not in touched
 
 
+def test_a_device_whose_node_id_the_defaults_would_move_is_not_restored() -> None:
+    commands = (record(index, name, (0, "UNSIGNED8", "1"), (1, "UNSIGNED32", "1")) for index, name in
+                ((0x1010, "Store"), (0x1011, "Restore")))  # fmt: skip
+    heartbeat = variable("1017", "Producer heartbeat time", "UNSIGNED16", "0")
+    node_id = variable("5900", "Node-ID", "UNSIGNED8", "1", "LowLimit=1\nHighLimit=127\n")
+    text = DEVICE_TYPE + "".join(commands) + heartbeat + node_id
+    done = list(steps(suites_of(Dictionary.read(text.encode(), Path("moved.eds"), NODE_ID), Tier.DESTRUCTIVE)))
+    assert red(done) == []
+    assert "0x1011 would make the device node 1, as its file says" in {each.reason.what for each in done if each.reason}
+
+
 def test_the_makers_own_defaults_are_restored_only_by_their_number() -> None:
     dictionary = Dictionary.load(AXIS_DRIVE, NODE_ID)
     written = re.compile(r'write: "0x1011:4", data: "6c 6f 61 64"')

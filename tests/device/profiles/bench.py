@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 from eurobot_od.device.profiles.axis import DriveAxis
 from eurobot_od.device.profiles.motion import AxisValues, Plant
-from eurobot_od.od.cia402 import State, state_of
+from eurobot_od.od.cia402 import CONTROLWORD, State, state_of
 from eurobot_od.od.values import Address
 
 TURN = 1000
@@ -92,6 +92,8 @@ class Bench:
 
     def write(self, index: int, value: int, sub: int = 0) -> None:
         """Write an object, as an SDO does."""
+        if index == CONTROLWORD:
+            self.axis.commanded()
         self.shelf.values[index, sub] = value
         self.axis.control(self.now)
 

@@ -91,6 +91,14 @@ def test_it_homes(drive: Any, method: int) -> None:
     assert abs(drive.sdo[0x6064].raw) < 200  # at home, but for the way in which it has stopped
 
 
+def test_it_homes_again_after_other_modes(drive: Any) -> None:
+    drive.sdo[0x6098].raw = 35
+    for _ in range(2):
+        assert drive.homing(timeout=LONGEST)
+        drive.op_mode = "PROFILED POSITION"  # canopen leaves bit 4 set
+        assert drive.is_homed(restore_op_mode=True)
+
+
 def test_it_moves_to_positions(drive: Any) -> None:
     drive.op_mode = "PROFILED POSITION"
     drive.state = "OPERATION ENABLED"

@@ -288,6 +288,28 @@ def test_a_switch_that_is_nowhere_is_a_homing_error() -> None:
     assert homing(17, plant=Plant())[0x6041] & 0x3400 == 0x2400
 
 
+def test_a_home_that_was_found_is_known_in_every_mode_until_homing_begins_again() -> None:
+    bench = homing(17)
+    bench.write(0x6060, 1)
+    assert not bench.is_set(12)  # there it is the set-point's
+    bench.write(0x6060, 6)
+    assert bench[0x6041] & 0x3400 == 0x1400
+    bench.command(0x0F, 0x1F)
+    assert bench[0x6041] & 0x3400 == 0
+
+
+def test_a_set_point_s_bit_starts_homing_with_the_next_controlword_not_with_the_mode() -> None:
+    bench = Bench({(0x6098, 0): 17}, plant=ENDS).enable(1)
+    bench.command(0x1F)
+    bench.write(0x6060, 6)
+    assert bench[0x6041] & 0x3400 == 0x0400  # not started
+    bench.command(0x1F)
+    assert bench[0x6041] & 0x3400 == 0
+    bench.rest()
+    bench.command(0x1F)  # "continue", which is nothing any more
+    assert bench[0x6041] & 0x3400 == 0x1400
+
+
 def test_homing_is_interrupted_when_its_bit_is_taken_back() -> None:
     bench = Bench({(0x6098, 0): 17}, plant=ENDS).enable(6)
     assert bench[0x6041] & 0x3400 == 0x0400  # not started
