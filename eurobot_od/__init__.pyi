@@ -12,8 +12,8 @@ from eurobot_od.client.streams import Emergency as Emergency
 from eurobot_od.client.streams import PdoReading as PdoReading
 from eurobot_od.client.streams import PdoValue as PdoValue
 from eurobot_od.client.watch import NodeEvent as NodeEvent
-from eurobot_od.device.profiles.devices import SimulatedDrive as SimulatedDrive
-from eurobot_od.device.profiles.devices import SimulatedModule as SimulatedModule
+from eurobot_od.device.profiles import SimulatedDrive as SimulatedDrive
+from eurobot_od.device.profiles import SimulatedModule as SimulatedModule
 from eurobot_od.device.simulated import SimulatedDevice as SimulatedDevice
 from eurobot_od.frame import Frame as Frame
 from eurobot_od.gatekeeper import Gatekeeper as Gatekeeper

@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from eurobot_od.check.runner import RunOptions
     from eurobot_od.check.suite import Suite
     from eurobot_od.check.vocabulary import Networks
-    from eurobot_od.device.faults.hooks import Fault
+    from eurobot_od.device.faults import Fault
     from eurobot_od.device.node import Node
     from eurobot_od.export.mcap import Drawings
     from eurobot_od.od.dictionary import Dictionary
@@ -190,7 +190,7 @@ class Plugin(NamedTuple):
         """Return the faults of the robot's nodes, and those that any device can have."""
         from eurobot_od.device.faults.device import DRIVE_FAULTS, FAULTS
         from eurobot_od.device.node import Node
-        from eurobot_od.device.profiles.devices import SimulatedDrive
+        from eurobot_od.device.profiles import SimulatedDrive
 
         own = dict(self.faults())
         return {**own, Node: {**FAULTS, **own.get(Node, {})}, SimulatedDrive: DRIVE_FAULTS}
@@ -252,7 +252,7 @@ class Plugin(NamedTuple):
         Those that have no role behave as a device `profile` says.
         """
         from eurobot_od.check.on_bus import NodeUnderTest
-        from eurobot_od.device.profiles.devices import simulated_kind
+        from eurobot_od.device.profiles import simulated_kind
 
         roles = {name: self.role_of(each) for name, each in dictionaries.items()}
         kinds = {name: simulated_kind(each, profile) for name, each in dictionaries.items()}

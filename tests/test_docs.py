@@ -29,7 +29,7 @@ from interop_rows.bench import PATIENCE, live, open_bus
 
 from eurobot_od import cli
 from eurobot_od.bus.live import Live
-from eurobot_od.device.profiles.devices import SimulatedDrive
+from eurobot_od.device.profiles import SimulatedDrive
 from eurobot_od.device.simulated import SimulatedDevice
 from tests.processes import free_port, process
 

@@ -11,6 +11,7 @@ import os
 import shutil
 import subprocess
 import sys
+from itertools import product
 from pathlib import Path
 from typing import NamedTuple
 
@@ -81,8 +82,15 @@ def ran(folder: Path, program: str, devices: list[str], network: str) -> list[Do
     return [Done(*each) for each in json.loads(done.stdout)]
 
 
-@pytest.mark.parametrize("way", WAYS)
-@pytest.mark.parametrize("program", [cli.PROGRAM, cli.WORKBENCH])
+# Each way and each program in every suite, all of both together at night.
+SOON = {(cli.PROGRAM, "eds"), (cli.PROGRAM, "somebody's folder"), (cli.WORKBENCH, "network"), (cli.WORKBENCH, "folder")}
+TOGETHER = [
+    pytest.param(*each, marks=[] if each in SOON else [pytest.mark.long])
+    for each in product((cli.PROGRAM, cli.WORKBENCH), WAYS)
+]
+
+
+@pytest.mark.parametrize(("program", "way"), TOGETHER)
 def test_every_command_works_and_none_enters_a_robot(program: str, way: str, tmp_path: Path) -> None:
     done = ran(tmp_path, program, *WAYS[way])
     called = [each for each in done if each.words[-1] != "--help"]

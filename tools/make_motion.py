@@ -12,8 +12,8 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any, ClassVar, NamedTuple
 
+from eurobot_od.device.profiles import SimulatedDrive
 from eurobot_od.device.profiles.axis import DriveAxis
-from eurobot_od.device.profiles.devices import SimulatedDrive
 from eurobot_od.frame import Frame
 from eurobot_od.od import cia402
 from eurobot_od.od.cia402 import TRANSITIONS, DriveCommand, Mode, State

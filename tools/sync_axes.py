@@ -16,8 +16,8 @@ from eurobot_od.bus import frame_bits
 from eurobot_od.bus.simulated.network import Simulation
 from eurobot_od.device.nmt import NmtCommand
 from eurobot_od.device.node import Node
+from eurobot_od.device.profiles import SimulatedDrive, SimulatedModule
 from eurobot_od.device.profiles.axis import DriveAxis
-from eurobot_od.device.profiles.devices import SimulatedDrive, SimulatedModule
 from eurobot_od.frame import Frame
 from eurobot_od.od.cia402 import DriveCommand, Mode
 from eurobot_od.od.dictionary import Dictionary

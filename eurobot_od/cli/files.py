@@ -280,7 +280,7 @@ def make_eds(
     output: folder to put the dialects' folders in
     check: write nothing; list the files that differ, with exit status 1 if any do
     """
-    from eurobot_od.od.make.table import read_table
+    from eurobot_od.od.make import read_table
     from eurobot_od.od.make.text import differences, make_files, write_files  # with canopen
 
     # What is not UTF-8 becomes a sign that the table refuses, with its line and column.

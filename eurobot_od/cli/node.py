@@ -20,7 +20,7 @@ from eurobot_od.cli.options import BusOptions, Json, NoReconnect, Seconds, assig
 from eurobot_od.cli.signature import NOTHING, Chosen, HelpGroup, Hint, Option, Parser
 from eurobot_od.device.node import Node
 from eurobot_od.device.objects import FileStore
-from eurobot_od.device.profiles.devices import SimulatedDrive, simulated_kind
+from eurobot_od.device.profiles import SimulatedDrive, simulated_kind
 from eurobot_od.device.simulated import Waveform, read_waveforms
 from eurobot_od.device.station import OnError
 from eurobot_od.errors import LocalError, RemoteError, UnknownName
@@ -35,7 +35,7 @@ from eurobot_od.support.texts import one_line
 if TYPE_CHECKING:
     from eurobot_od.bus.live import Live
     from eurobot_od.bus.live.buses import Opener
-    from eurobot_od.device.faults.hooks import Fault
+    from eurobot_od.device.faults import Fault
 
 FARTHEST = 1_000_000
 """Turns that a drive may travel."""

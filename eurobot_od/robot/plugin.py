@@ -62,7 +62,7 @@ def own_robot(
 
     @cache
     def faults() -> Faults:
-        from eurobot_od.device.faults.hooks import generated
+        from eurobot_od.device.faults import generated
         from eurobot_od.pdo.protocol import Protocol
 
         ours = set(ROBOT.catalogue().types)

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable
 from eurobot_od.check.on_bus import run_simulated
 from eurobot_od.check.report import Status, StepReason
 from eurobot_od.check.runner import RunOptions
-from eurobot_od.device.faults.hooks import leaving, sdo_answer
+from eurobot_od.device.faults import leaving, sdo_answer
 from eurobot_od.frame import Frame
 from eurobot_od.robot.nodes import Drive
 from eurobot_od.robot.plugin import ROBOT

@@ -11,7 +11,7 @@ import pytest
 from eurobot_od.bus.live import Live
 from eurobot_od.cli import drive as command
 from eurobot_od.device.faults.device import DRIVE_FAULTS
-from eurobot_od.device.profiles.devices import SimulatedDrive
+from eurobot_od.device.profiles import SimulatedDrive
 from tests.cli.console import Said, run
 from tests.cli.processes import PATIENCE, line, node, serve_bus
 from tests.cli.processes import command as process

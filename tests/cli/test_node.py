@@ -16,7 +16,7 @@ import pytest
 from eurobot_od import cli
 from eurobot_od.bus.live import Live, open_bus
 from eurobot_od.device.node import Node
-from eurobot_od.device.profiles.devices import SimulatedDrive
+from eurobot_od.device.profiles import SimulatedDrive
 from eurobot_od.device.simulated import SimulatedDevice
 from eurobot_od.frame import Frame
 from eurobot_od.robot import dialects

@@ -9,7 +9,7 @@ import pytest
 from eurobot_od.client.network import SimulatedNetwork, simulated
 from eurobot_od.device.faults.device import DRIVE_FAULTS
 from eurobot_od.device.nmt import NmtCommand, NmtState
-from eurobot_od.device.profiles.devices import SimulatedDrive, simulated_kind
+from eurobot_od.device.profiles import SimulatedDrive, simulated_kind
 from eurobot_od.device.simulated import SimulatedDevice
 from eurobot_od.errors import NodeRefused
 from eurobot_od.frame import Frame

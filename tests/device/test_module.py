@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from eurobot_od.device.nmt import NmtCommand, NmtState, error_control
-from eurobot_od.device.profiles.devices import SimulatedModule, simulated_kind
+from eurobot_od.device.profiles import SimulatedModule, simulated_kind
 from eurobot_od.device.simulated import Waveform, ramp, square, steps
 from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary

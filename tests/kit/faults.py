@@ -11,11 +11,11 @@ from typing import TypeAlias
 
 from canopen.objectdictionary import ODVariable
 
-from eurobot_od.device.faults import device, hooks
-from eurobot_od.device.faults.hooks import Caught, Fault, FrameChange, Mixin
+from eurobot_od.device import faults as hooks
+from eurobot_od.device.faults import Caught, Fault, FrameChange, Mixin, device
 from eurobot_od.device.nmt import NmtCommand, NmtState, error_control
 from eurobot_od.device.node import Node
-from eurobot_od.device.profiles.devices import SimulatedModule
+from eurobot_od.device.profiles import SimulatedModule
 from eurobot_od.frame import Frame
 from eurobot_od.od.objects import address_of, all_objects, at, data_type, in_limits, is_described
 from eurobot_od.od.standard import (

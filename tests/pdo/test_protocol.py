@@ -16,7 +16,7 @@ import eurobot_od
 from eurobot_od.errors import FieldError, FrameLengthError, MappingError, RemoteError, UnknownIdentifier, UnknownName
 from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.od.make.table import read_table
+from eurobot_od.od.make import read_table
 from eurobot_od.od.make.text import make_files, write_files
 from eurobot_od.pdo.catalogue import Message, flagged_fields
 from eurobot_od.pdo.kinds import OutOfRange

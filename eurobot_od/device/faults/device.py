@@ -8,12 +8,12 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-from eurobot_od.device.faults import hooks
-from eurobot_od.device.faults.hooks import Caught, Mixin
+from eurobot_od.device import faults as hooks
+from eurobot_od.device.faults import Caught, Mixin
 from eurobot_od.device.nmt import TOGGLE, NmtCommand, NmtState
 from eurobot_od.device.node import Node
+from eurobot_od.device.profiles import SimulatedDrive
 from eurobot_od.device.profiles.axis import DriveAxis
-from eurobot_od.device.profiles.devices import SimulatedDrive
 from eurobot_od.device.profiles.modes import Homing
 from eurobot_od.device.profiles.motion import STEP
 from eurobot_od.frame import Frame

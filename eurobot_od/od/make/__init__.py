@@ -1,4 +1,424 @@
-"""Makes the EDS files and the network file from a protocol table: table, objects, text.
+"""The protocol table, of which the EDS files and the network file are made: what `protocol.yaml` says, as values.
 
-Each module knows only those before it in this list; `text` alone touches the disk.
+The shape of the YAML is that of the dataclasses: their annotations make its readers. The rules between its parts are a
+table of checks. A check yields problems and repairs nothing, so that one run shows everything that has to be changed.
+
+`objects` makes the objects of the table, and `text` the files: it alone touches the disk.
 """
+
+from __future__ import annotations
+
+from collections.abc import Callable, Container, Iterable, Iterator
+from dataclasses import dataclass, field, replace
+from enum import Enum
+from pathlib import Path
+from typing import Annotated, TypeAlias
+
+import yaml
+
+from eurobot_od.od.document import BIT_RATES
+from eurobot_od.od.pdos import RESERVED, carries_nothing
+from eurobot_od.od.values import BASE_IDENTIFIER, MAX_BITS, NODE_ID, NODE_IDS, REAL32
+from eurobot_od.support import texts, yaml_places
+from eurobot_od.support.declared import Within
+from eurobot_od.support.files import read_whole
+from eurobot_od.support.yaml_places import (
+    Place,
+    PlacedInteger,
+    PlacedNumber,
+    PlacedText,
+    Problem,
+    Problems,
+    refuse,
+    telling,
+)
+from eurobot_od.support.yaml_shapes import (
+    ASCII,
+    INTEGER_OR_ASCII,
+    PLAIN,
+    SCALAR,
+    Plain,
+    filled,
+    matching,
+    shape_of,
+)
+
+SERVICES = ("EMCY", "SDO")
+"""CANopen services that may have a row in the traffic, for all nodes."""
+FORMS = {"identifier": "0x{:03X}", "index": "0x{:04X}", "setting": "'{}'"}
+"""How the values of a kind are written in problems, if not as they are."""
+
+Bits: TypeAlias = Annotated[PlacedNumber, Within(1, 32)]
+Milliseconds: TypeAlias = Annotated[PlacedNumber, Within(0, 0xFFFF, "ms")]
+Number32: TypeAlias = Annotated[PlacedNumber, Within(0, 0xFFFFFFFF)]
+FileName: TypeAlias = Annotated[PlacedText, matching(r"[A-Za-z0-9_-]+", "a name of letters, digits, _ and -")]
+"""What names a folder or a file, on any system."""
+
+
+# The shape of the YAML
+
+
+class FieldType(Enum):
+    """What the bits of a field are."""
+
+    INTEGER = "INTEGER"
+    REAL32 = "REAL32"
+
+
+@dataclass(frozen=True)
+class TableField:
+    """A field of an object: `bits` wide, plain values in `range`, values with another meaning in `codes`.
+
+    A field with a value below 0 is signed. One of the `type` REAL32 has 32 bits, and neither range nor codes.
+    `default` is a number, one of the codes or, of a setting, `$NODEID`: the node-ID of the node that has the setting.
+    """
+
+    bits: Bits
+    default: PlacedInteger | PlacedText
+    range: tuple[PlacedInteger, PlacedInteger] | None = None
+    codes: dict[PlacedText, PlacedInteger] = field(default_factory=dict)
+    type: FieldType = FieldType.INTEGER
+    unit: str = ""  # for readers of the table; an EDS has no key for it
+
+    @property
+    def low(self) -> int | None:
+        """The lowest value, plain or coded (EDS LowLimit); None for a REAL32."""
+        return min((self.range[0], *self.codes.values())) if self.range else None
+
+    @property
+    def high(self) -> int | None:
+        """The highest value, plain or coded (EDS HighLimit); None for a REAL32."""
+        return max((self.range[1], *self.codes.values())) if self.range else None
+
+    @property
+    def is_signed(self) -> bool:
+        """Whether it has a value below 0."""
+        return self.low is not None and self.low < 0
+
+
+def always_zero(bits: PlacedNumber) -> TableField:
+    """Make a field that is always 0."""
+    zero = PlacedInteger(0, bits.place)
+    return TableField(bits, zero, (zero, zero))
+
+
+@dataclass(frozen=True)
+class Record:
+    """An object of the dictionary: its index and its fields, sub-indices 1, 2, ... in this order."""
+
+    index: Annotated[PlacedNumber, Within(0x2000, 0x2FFF, form="0x{:04X}")]
+    fields: Annotated[dict[PlacedText, TableField], filled]
+
+
+@dataclass(frozen=True)
+class MessageRow:
+    """A message: one PDO in each of its nodes; `object` is its data, None without any."""
+
+    identifier: Annotated[PlacedNumber, Within(1, BASE_IDENTIFIER, form="0x{:03X}")]
+    senders: tuple[PlacedText, ...]
+    receivers: tuple[PlacedText, ...]
+    listeners: tuple[PlacedText, ...] = ()
+    object: PlacedText | None = None
+    # for readers of the table; an EDS has no keys for them
+    priority: str = ""
+    protocol: str = ""
+    command: str = ""
+
+
+@dataclass(frozen=True)
+class NodeRow:
+    """A node: its identity, the nodes whose heartbeats it watches and whose SDO servers it asks, its own settings.
+
+    `readings` are objects that it measures and that cannot be written. `heartbeat` and `heartbeat_timeout` are this
+    node's own times, in place of the table's.
+    """
+
+    node_id: Annotated[PlacedNumber, Within(NODE_IDS[0], NODE_IDS[-1])]
+    product_name: PlacedText
+    product_number: Number32
+    order_code: PlacedText
+    watches: tuple[PlacedText, ...]
+    communication_error: Annotated[PlacedNumber, Within(0, 2)]
+    settings: dict[PlacedText, Record]
+    readings: dict[PlacedText, Record] = field(default_factory=dict)
+    asks: tuple[PlacedText, ...] = ()
+    heartbeat: Milliseconds | None = None
+    heartbeat_timeout: Milliseconds | None = None
+
+
+@dataclass(frozen=True)
+class DialectRow:
+    """How one dialect differs: its number in the identity, further fields, other widths, reserved bits, its bit order.
+
+    `reserved` says about an object how many bits of its PDO carry nothing, by the field that they stand before.
+    """
+
+    revision_number: Number32
+    fields: dict[PlacedText, dict[PlacedText, TableField]] = field(default_factory=dict)
+    widths: dict[PlacedText, dict[PlacedText, Bits]] = field(default_factory=dict)
+    reserved: dict[PlacedText, dict[PlacedText, Bits]] = field(default_factory=dict)
+    most_significant_first: tuple[PlacedText, ...] = ()
+
+    def form_of(self, name: PlacedText, plain: Record) -> Record:
+        """Return the object `name` with the further fields, the widths and, behind its fields, the reserved bits."""
+        widths, reserved = self.widths.get(name, {}), self.reserved.get(name, {})
+        every = {**plain.fields, **self.fields.get(name, {})}
+        fields = {key: replace(f, bits=widths.get(key, f.bits)) for key, f in every.items()}
+        fields |= {self.reserved_before(name)[field]: always_zero(bits) for field, bits in reserved.items()}
+        return replace(plain, fields=fields)
+
+    def reserved_before(self, name: PlacedText) -> dict[PlacedText, PlacedText]:
+        """Return the names of the reserved bits of the object `name`, by the field that they stand before."""
+        fields = self.reserved.get(name, {})
+        return {each: PlacedText(RESERVED + f" {n}" * (n > 1), each.place) for n, each in enumerate(fields, start=1)}
+
+
+@dataclass(frozen=True)
+class TrafficRow:
+    """How often a message, or a CANopen service of every node, is sent: `every` so often, or when it `answers` another.
+
+    `every`, `jitter` and `deadline` are a duration, or the name `Record.Member` of a setting in ms.
+    """
+
+    every: PlacedText | None = None
+    answers: PlacedText | None = None
+    jitter: PlacedText | None = None
+    deadline: PlacedText | None = None
+    reason: str = ""
+
+
+@dataclass(frozen=True)
+class Vendor:
+    """The vendor in the identity of every node."""
+
+    name: PlacedText
+    number: Number32
+
+
+@dataclass(frozen=True)
+class FileData:
+    """The fixed [FileInfo] of every EDS file: `time` hh:mmAM or PM, `date` mm-dd-yyyy, `comment` who made it."""
+
+    version: PlacedNumber
+    revision: PlacedNumber
+    time: Annotated[PlacedText, matching(r"(0[1-9]|1[0-2]):[0-5][0-9](AM|PM)", "a time hh:mmAM or hh:mmPM")]
+    date: Annotated[PlacedText, matching(r"(0[1-9]|1[0-2])-(0[1-9]|[12][0-9]|3[01])-[0-9]{4}", "a date mm-dd-yyyy")]
+    author: PlacedText
+    comment: str = "Made by eurobot-od make-eds from a protocol table; change it there."
+
+
+@dataclass(frozen=True)
+class Table:
+    """The whole protocol table."""
+
+    file: FileData
+    vendor: Vendor
+    serial_number: Number32
+    hardware_version: PlacedText
+    software_version: PlacedText
+    bit_rate: PlacedNumber
+    bit_rates: tuple[PlacedNumber, ...]
+    heartbeat: Milliseconds
+    heartbeat_timeout: Milliseconds
+    nodes: Annotated[dict[FileName, NodeRow], filled]
+    settings: dict[PlacedText, Record]
+    objects: dict[PlacedText, Record]
+    messages: dict[PlacedText, MessageRow]
+    dialects: Annotated[dict[FileName, DialectRow], filled]
+    traffic: dict[PlacedText, TrafficRow] = field(default_factory=dict)
+
+    @property
+    def by_identifier(self) -> dict[PlacedText, MessageRow]:
+        """The messages in the order of their identifiers, the most urgent first."""
+        return dict(sorted(self.messages.items(), key=lambda item: item[1].identifier))
+
+    def objects_in(self, dialect: DialectRow) -> dict[PlacedText, Record]:
+        """Return the objects with the fields, widths and reserved bits of `dialect`."""
+        return {name: dialect.form_of(name, each) for name, each in self.objects.items()}
+
+
+SINGLE_VALUES: Plain = {**PLAIN, str: ASCII, PlacedInteger | PlacedText: INTEGER_OR_ASCII}
+"""How the table's single values are read: an EDS holds ASCII only."""
+
+
+# The rules between its parts
+
+
+def unknown_names(table: Table) -> Iterator[Problem]:
+    """Check that the nodes and objects that are named are there, and the fields of which a dialect says something."""
+    for message in table.messages.values():
+        yield from unknown("node", [*message.senders, *message.receivers, *message.listeners], table.nodes)
+        yield from unknown("object", [message.object] if message.object else [], table.objects)
+    for node in table.nodes.values():
+        yield from unknown("node", [*node.watches, *node.asks], table.nodes)
+    for dialect in table.dialects.values():
+        named = [*dialect.fields, *dialect.widths, *dialect.reserved, *dialect.most_significant_first]
+        yield from unknown("object", named, table.objects)
+        for name, each in table.objects.items():
+            about = [*dialect.widths.get(name, {}), *dialect.reserved.get(name, {})]
+            yield from unknown("field", about, {*each.fields, *dialect.fields.get(name, {})})
+
+
+def unknown(kind: str, names: Iterable[PlacedText], known: Container[str]) -> Iterator[Problem]:
+    """Yield a problem for each of the `names` that is not among the `known` ones."""
+    yield from (Problem(name.place, f"unknown {kind} '{name}'") for name in names if name not in known)
+
+
+def repeated_values(table: Table) -> Iterator[Problem]:
+    """Check that identifiers, node-IDs and, within one node, indices and names of settings and readings occur once."""
+    yield from repeated("identifier", (each.identifier for each in table.messages.values()))
+    yield from repeated("node_id", (each.node_id for each in table.nodes.values()))
+    for node in table.nodes.values():
+        own = [*table.settings.values(), *node.settings.values(), *node.readings.values()]
+        yield from repeated("index", (each.index for each in (*own, *table.objects.values())))
+        yield from repeated("setting", (name for each in own for name in each.fields))
+
+
+def repeated(kind: str, values: Iterable[PlacedNumber] | Iterable[PlacedText]) -> Iterator[Problem]:
+    """Yield a problem for each value that occurred at an earlier place."""
+    first: dict[int | str, Place] = {}
+    for each in values:
+        # an alias of YAML, or a setting that all nodes share, comes again with its first place: not a repetition
+        if first.setdefault(each, each.place) != each.place:
+            value = FORMS.get(kind, "{}").format(each)
+            where = getattr(first[each], "file", "")
+            where = f"{where}, line {first[each].line}" if where else f"line {first[each].line}"
+            yield Problem(each.place, f"{kind} {value} is used twice, first in {where}")
+
+
+def bit_rates_that_no_node_has(table: Table) -> Iterator[Problem]:
+    """Check that CiA 306 knows the bit rates, and that nodes have the network's."""
+    for known, rates in ((BIT_RATES, table.bit_rates), (table.bit_rates, [table.bit_rate])):
+        for each in rates:
+            if each not in known:
+                yield Problem(each.place, f"bit rate {each} is not one of {', '.join(map(str, known))} kbit/s")
+
+
+def data_records(table: Table) -> Iterator[Record]:
+    """Return the objects of every dialect, and what single nodes measure."""
+    for dialect in table.dialects.values():
+        yield from table.objects_in(dialect).values()
+    for node in table.nodes.values():
+        yield from node.readings.values()
+
+
+def setting_records(table: Table) -> Iterator[Record]:
+    """Return the settings, those of every node and those of one."""
+    return (each for _, each in named_records(table))
+
+
+def named_records(table: Table) -> Iterator[tuple[PlacedText, Record]]:
+    """Return the settings with the names of their objects."""
+    for settings in (table.settings, *(node.settings for node in table.nodes.values())):
+        yield from settings.items()
+
+
+def fields_that_do_not_hold(table: Table) -> Iterator[Problem]:
+    """Check every field by itself. Only a setting is one node's, and so may have that node's ID as default."""
+    for records, names in ((data_records(table), ()), (setting_records(table), (NODE_ID,))):
+        for each in (entry for record in records for entry in record.fields.values()):
+            yield from (*number_problems(each), *default_problems(each, [*each.codes, *names]))
+
+
+def number_problems(each: TableField) -> Iterator[Problem]:
+    """Check that a field's width holds its values, and that it has values."""
+    is_real = each.type is FieldType.REAL32
+    if is_real and (each.range or each.codes or each.bits != REAL32.bits):
+        yield Problem(each.bits.place, f"a REAL32 has {REAL32.bits} bits, and neither range nor codes")
+    if each.range is None or each.low is None or each.high is None:
+        yield from () if is_real else [Problem(each.bits.place, "a field needs its range")]
+        return
+    lowest = -(1 << each.bits - 1) if each.is_signed else 0
+    for value in (each.low, each.high):
+        if not 0 <= value - lowest < 1 << each.bits:
+            signed = "signed " * each.is_signed
+            yield Problem(each.bits.place, f"{value} does not fit into {each.bits} {signed}bits")
+    low, high = each.range
+    if low > high:
+        yield Problem(high.place, f"range {low}..{high} is empty")
+
+
+def default_problems(each: TableField, names: list[str]) -> Iterator[Problem]:
+    """Check that a field's default is one of its values or one of the `names` that stand for values."""
+    if isinstance(each.default, PlacedText) and each.default not in names:
+        yield Problem(each.default.place, f"unknown default '{each.default}'; known: {', '.join(names) or 'none'}")
+    if isinstance(each.default, PlacedText) or each.low is None or each.high is None:
+        return
+    if not each.low <= each.default <= each.high:
+        yield Problem(each.default.place, f"default {each.default} is not in {each.low}..{each.high}")
+
+
+def fields_that_would_carry_nothing(table: Table) -> Iterator[Problem]:
+    """Check that no field of a message has a name by which a mapped object carries nothing."""
+    own = (each.fields for each in table.objects.values())
+    further = (each for dialect in table.dialects.values() for each in dialect.fields.values())
+    for name in (name for each in (*own, *further) for name in each):
+        if carries_nothing(name):
+            yield Problem(name.place, f"'{name}' names bits that carry nothing; a dialect has them under reserved")
+
+
+def messages_too_long(table: Table) -> Iterator[Problem]:
+    """Check that every message fits into a PDO in every dialect."""
+    for objects in map(table.objects_in, table.dialects.values()):
+        for name in (each.object for each in table.messages.values() if each.object in objects):
+            bits = sum(each.bits for each in objects[name].fields.values())
+            if bits > MAX_BITS:
+                yield Problem(name.place, f"'{name}' has {bits} bits, a PDO at most {MAX_BITS}")
+
+
+def traffic_that_does_not_hold(table: Table) -> Iterator[Problem]:
+    """Check that every row of the traffic is one of a message or service, with a time that is one."""
+    names = {*table.messages, *SERVICES}
+    settings = {f"{record}.{name}" for record, each in named_records(table) for name in each.fields}
+    yield from unknown("message", table.traffic, names)
+    for name, row in table.traffic.items():
+        yield from unknown("message", [row.answers] if row.answers else [], names)
+        if (row.every is None) == (row.answers is None):
+            yield Problem(name.place, f"'{name}' needs either every or answers")
+        for time in (row.every, row.jitter, row.deadline):
+            if time is not None and not texts.is_duration(time):
+                yield from unknown("setting", [time], settings)
+
+
+def _composed(source: str, find: FindTable, problems: Problems) -> yaml.Node:
+    """Parse a table, and the one that it extends; raises ReadError, with the problems noted."""
+    own = yaml_places.compose(source, problems)
+    entries = own.value if isinstance(own, yaml.MappingNode) else ()
+    named = next(((key, value) for key, value in entries if key.value == EXTENDS), None)
+    if named is None:
+        return own
+    own.value = [pair for pair in own.value if pair[0] is not named[0]]
+    file = find(SCALAR.read(named[1], problems))
+    if file is None or not file.is_file():
+        refuse(named[1], problems, f"there is no table to build on that is called {yaml_places.shown(named[1])}")
+    base = _composed(read_whole(file).decode(errors="replace"), find, problems)
+    return yaml_places.merged(yaml_places.elsewhere(base, str(file)), own)
+
+
+CHECKS = (
+    unknown_names,
+    repeated_values,
+    bit_rates_that_no_node_has,
+    fields_that_do_not_hold,
+    fields_that_would_carry_nothing,
+    messages_too_long,
+    traffic_that_does_not_hold,
+)
+
+
+FindTable: TypeAlias = Callable[[str], "Path | None"]
+"""Finds the table that another one `extends`, by its name; None if there is none."""
+
+EXTENDS = "extends"
+
+
+def read_table(source: str, file: str | Path, find: FindTable = lambda _: None) -> Table:
+    """Read the table from the text of `file`; raises YamlError with all problems, if there are any.
+
+    A table may build on another one, which it `extends`: `find` finds that. What it says itself comes beside it, or in
+    its place.
+    """
+    with telling(file) as problems:
+        table: Table = shape_of(Table, SINGLE_VALUES).read(_composed(source, find, problems), problems)
+        problems += (each for check in CHECKS for each in check(table))
+        return table

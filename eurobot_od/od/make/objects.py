@@ -21,7 +21,7 @@ from typing import NamedTuple, TypeAlias, TypeVar, cast
 from canopen.objectdictionary import ODArray, ODRecord, ODVariable
 
 from eurobot_od.od import values
-from eurobot_od.od.make.table import DialectRow, FieldType, MessageRow, NodeRow, Record, Table, TableField
+from eurobot_od.od.make import DialectRow, FieldType, MessageRow, NodeRow, Record, Table, TableField
 from eurobot_od.od.pdos import PADDING as PADDING_NAME
 from eurobot_od.od.values import DataType, MappingEntry, PdoDirection
 from eurobot_od.support.yaml_places import Place, PlacedNumber, PlacedText

@@ -26,8 +26,8 @@ from canopen.objectdictionary import ODArray, ODVariable
 
 from eurobot_od.od.description import ObjectCode
 from eurobot_od.od.document import BIT_RATES, OBJECT_LISTS
+from eurobot_od.od.make import NodeRow, Table
 from eurobot_od.od.make.objects import DictionaryObject, object_dictionary
-from eurobot_od.od.make.table import NodeRow, Table
 from eurobot_od.od.normal import list_of
 from eurobot_od.od.objects import data_type
 from eurobot_od.od.values import COMMUNICATION_RECORDS, DUMMIES, UNSIGNED32, PdoDirection

@@ -86,7 +86,7 @@ def _texts(name: str, package: str, table: Path | None) -> Iterator[tuple[str, s
     In them NAME is what the robot is called, FOLDER/ and TESTS/ where its files are, PACKAGE. what its modules are
     imported from, and SETUP what is typed first.
     """
-    from eurobot_od.od.make.table import read_table
+    from eurobot_od.od.make import read_table
     from eurobot_od.od.make.text import make_files
 
     inside, at_root = (f"{package}/", AT_ROOT) if package else ("", {})

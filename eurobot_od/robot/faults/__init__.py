@@ -6,7 +6,7 @@ shows that the suites would find such a fault in a real node.
 
 from __future__ import annotations
 
-from eurobot_od.device.faults.hooks import Caught
+from eurobot_od.device.faults import Caught
 from eurobot_od.device.nmt import NmtState
 from eurobot_od.device.node import Node
 from eurobot_od.frame import Frame

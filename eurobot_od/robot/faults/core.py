@@ -6,8 +6,8 @@ from collections.abc import Iterable
 from functools import cache
 from typing import Any
 
-from eurobot_od.device.faults import hooks
-from eurobot_od.device.faults.hooks import (
+from eurobot_od.device import faults as hooks
+from eurobot_od.device.faults import (
     MOVED,
     NOT_SENT,
     REVERSED,

@@ -7,8 +7,8 @@ from contextlib import suppress
 from functools import partial
 from typing import Any, ClassVar
 
-from eurobot_od.device.faults import hooks
-from eurobot_od.device.faults.hooks import (
+from eurobot_od.device import faults as hooks
+from eurobot_od.device.faults import (
     MOVED,
     NOT_ANSWERED,
     NOT_SENT,

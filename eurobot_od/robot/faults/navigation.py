@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from eurobot_od.device.faults import hooks
-from eurobot_od.device.faults.hooks import NOT_ANSWERED, NOT_SENT, REVERSED, TWICE, Caught, sent_late
+from eurobot_od.device import faults as hooks
+from eurobot_od.device.faults import NOT_ANSWERED, NOT_SENT, REVERSED, TWICE, Caught, sent_late
 from eurobot_od.robot.faults.core import message_faults, replaced_by
 from eurobot_od.robot.model.messages import (
     CheckDriveResponse,

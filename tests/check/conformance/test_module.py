@@ -10,7 +10,7 @@ import pytest
 from eurobot_od.check.conformance import module
 from eurobot_od.check.report import Status
 from eurobot_od.check.suite import Suite
-from eurobot_od.device.profiles.devices import SimulatedModule
+from eurobot_od.device.profiles import SimulatedModule
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.values import Address
 from tests.kit.devices import IO_MODULE, first_red, read, steps

@@ -12,7 +12,7 @@ from canopen.profiles.p402 import BaseNode402
 from interop_rows.bench import new_channel, open_bus
 
 from eurobot_od.bus.live import Live
-from eurobot_od.device.profiles.devices import SimulatedDrive
+from eurobot_od.device.profiles import SimulatedDrive
 from tests.client.servo import SERVO
 
 NODE_ID = 5

@@ -13,7 +13,7 @@ import pytest
 
 from eurobot_od.od import values
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.od.make.table import read_table
+from eurobot_od.od.make import read_table
 from eurobot_od.od.make.text import make_files, write_files
 from eurobot_od.od.values import Limits
 from eurobot_od.pdo.catalogue import NOTHING

@@ -8,7 +8,7 @@ import pytest
 import yaml
 
 from eurobot_od.errors import YamlError
-from eurobot_od.od.make.table import read_table
+from eurobot_od.od.make import read_table
 from eurobot_od.support import yaml_places
 from tests.marks import marked
 from tests.od.make.tables import TABLE

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from eurobot_od.od.make.table import read_table
+from eurobot_od.od.make import read_table
 from eurobot_od.od.make.text import differences, make_files, write_files
 from eurobot_od.od.network import NetworkFile, NodeFile, TrafficEntry, read_network_file
 from tests.od.make.tables import TABLE

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from eurobot_od.device.faults.hooks import (
+from eurobot_od.device.faults import (
     MOVED,
     NOT_ANSWERED,
     NOT_SENT,

@@ -6,8 +6,8 @@ import re
 
 import pytest
 
-from eurobot_od.device.faults import hooks
-from eurobot_od.device.faults.hooks import Mixin
+from eurobot_od.device import faults as hooks
+from eurobot_od.device.faults import Mixin
 from eurobot_od.device.nmt import NmtCommand
 from eurobot_od.errors import LocalError, UnknownName
 from eurobot_od.frame import Frame

@@ -15,7 +15,7 @@ from eurobot_od.device.station import Station
 from eurobot_od.errors import NoAnswer, StateError
 from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.od.make.table import read_table
+from eurobot_od.od.make import read_table
 from eurobot_od.od.make.text import make_files
 from eurobot_od.robot.model.values import Outcome
 from eurobot_od.robot.nodes import Core, Drive, Navigation
