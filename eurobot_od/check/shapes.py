@@ -199,7 +199,7 @@ class ServiceShapes:
         refusals = {"abort": given.get("abort"), "optional": given.get("optional")}
         blocks: Blocks = given.get("transfer", Blocks.NONE)
         if verb == "restore":
-            return SdoRestore(service, objects.changed(named, min=None, max=None), str(given["saved"]))
+            return SdoRestore(service, objects.unlimited(named), str(given["saved"]))
         if verb == "read":
             expected = None if value is None else taken(value, problems, lambda text: expectation(text, scale))
             return SdoRead(service, variable, expected, **refusals, blocks=blocks, save=given.get("save"))
@@ -215,7 +215,7 @@ def _looked_at(variable: ODVariable, given: Mapping[str, Any], dictionary: Dicti
     if not objects.is_described(variable):
         raise LocalError(f"{objects.label(variable)} is not in the EDS of {dictionary.name}; use 'data'")
     # What is to be refused may be all that its type can carry.
-    return objects.changed(variable, min=None, max=None) if "abort" in given else variable
+    return objects.unlimited(variable) if "abort" in given else variable
 
 
 EXCLUDED = {

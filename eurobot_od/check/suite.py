@@ -191,7 +191,7 @@ class SdoWrite(NamedTuple):
 
         Of what a variable holds, the node says itself whether it is within the limits.
         """
-        return objects.encode(objects.changed(self.variable, min=None, max=None), self.value.resolve(variables))
+        return objects.encode(objects.unlimited(self.variable), self.value.resolve(variables))
 
     def __str__(self) -> str:
         return f"SDO write {objects.label(self.variable)}"

@@ -42,6 +42,7 @@ from eurobot_od.od.objects import (
     is_described,
     label,
     shown,
+    unlimited,
     value_text,
 )
 from eurobot_od.od.pdos import OnRefused, Pdo, fatal, unheard
@@ -271,7 +272,7 @@ def settings(description: Description) -> list[tuple[ODVariable, bytes]]:
     """Return the objects that a DCF configures, with their bytes: those that have a value and can be written.
 
     Left out are process data and the entries of a mapping beyond its number of entries. Raises DictionaryError for a
-    value that its object cannot have, and for a file beside the DCF that cannot be read.
+    value that its object's type cannot have, and for a file beside the DCF that cannot be read; see `check_limits`.
     """
     dictionary, found = description.dictionary, []
     for thing in all_objects(dictionary.objects):
@@ -290,21 +291,36 @@ def _configured(dictionary: Dictionary, thing: ODVariable) -> bytes | None:
     """Return the bytes that a DCF gives an object, None if it gives none. Raises DictionaryError."""
     if not data_type(thing).size:
         return dcf.content(dictionary, address_of(thing))
+    return _encoded(dictionary, thing, unlimited(thing)) if value_text(thing) else None
+
+
+def check_limits(dictionary: Dictionary, things: Iterable[ODVariable]) -> None:
+    """Raise DictionaryError for a value outside its object's limits; a default is what the device has, and is not."""
+    for thing in things:
+        if data_type(thing).size and thing.value != thing.default:
+            _encoded(dictionary, thing, thing)
+
+
+def _encoded(dictionary: Dictionary, thing: ODVariable, rule: ODVariable) -> bytes:
     try:
-        return encode(thing, thing.value) if value_text(thing) else None
+        return encode(rule, thing.value)
     except FieldError as error:
         what = f"sub {thing.subindex} ({thing.qualname}): {value_text(thing)} is not allowed; allowed: {error.allowed}"
         raise DictionaryError(dictionary.file, thing.index, what) from None
 
 
 def all_writes(description: Description) -> list[Write]:
-    """Return the writes, in order, that configure a device about which nothing is known; raises as `settings`."""
-    wanted = {address_of(thing): data for thing, data in settings(description)}
-    dictionary = description.dictionary
+    """Return the writes, in order, that configure a device about which nothing is known.
+
+    Raises as `settings` and `check_limits`.
+    """
+    dictionary, found = description.dictionary, settings(description)
+    check_limits(dictionary, (thing for thing, _ in found))
+    wanted = {address_of(thing): data for thing, data in found}
     # A mapping can be changed only while its PDO is not valid, so the COB-ID has to be known even where the DCF leaves
     # it alone (CiA 301, 7.5.2.36).
     for address in set(procedure_objects(wanted)) - set(wanted):
-        wanted[address] = encode(at(address, dictionary.objects), dictionary.default(address))
+        wanted[address] = encode(unlimited(at(address, dictionary.objects)), dictionary.default(address))
     return in_order(wanted, {})
 
 
@@ -359,6 +375,7 @@ async def difference(
     present = {address_of(thing): await _present(node, dictionary, thing) for thing, _ in wanted}
     read = ((thing, present[address_of(thing)], data) for thing, data in wanted)
     changes = tuple(ChangedObject(*each) for each in read if each[1] != each[2])
+    check_limits(dictionary, (each.thing for each in changes))  # what the node has already needs no write
     _check_own_node_id(node, dictionary, changes)
     needed = procedure_objects(address_of(each.thing) for each in changes)
     return ChangePlan(

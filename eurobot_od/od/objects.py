@@ -188,6 +188,11 @@ def changed(variable: ODVariable, **attributes: object) -> ODVariable:
     return other
 
 
+def unlimited(variable: ODVariable) -> ODVariable:
+    """Return a variable like another, without limits but those of its type."""
+    return changed(variable, min=None, max=None)
+
+
 def find(text: str, objects: ObjectDictionary | None) -> list[ODVariable]:
     """Return the variables that a person names: one with `INDEX:SUB`, else all members of what stands at that index.
 

@@ -115,8 +115,10 @@ PROGRAM_DATA, PROGRAM_CONTROL, PROGRAM_IDENTIFICATION, FLASH_STATUS = 0x1F50, 0x
 NMT_STARTUP: Address = (0x1F80, 0)
 """What a device does after its boot-up, as a master or by itself (CiA 302-2)."""
 
-NOT_PARAMETERS = frozenset({*COMMANDS, VERIFY_CONFIGURATION[0][0], 0x1023, 0x1024, PROGRAM_DATA, PROGRAM_CONTROL})
-"""Objects that can be written and are not parameters: a history, a command, a master's own mark."""
+NOT_PARAMETERS = frozenset(
+    {ERROR_REGISTER[0], *COMMANDS, VERIFY_CONFIGURATION[0][0], 0x1023, 0x1024, PROGRAM_DATA, PROGRAM_CONTROL}
+)
+"""Objects that can be written and are not parameters: a state, a history, a command, a master's own mark."""
 
 MANDATORY = (DEVICE_TYPE[0], ERROR_REGISTER[0], IDENTITY)
 """The objects of every device (CiA 301, 7.5.1)."""

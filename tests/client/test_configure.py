@@ -24,7 +24,8 @@ from eurobot_od.client.configure import (
 from eurobot_od.client.description import from_file
 from eurobot_od.client.network import SimulatedNetwork, simulated
 from eurobot_od.client.remote_device import RemoteDevice
-from eurobot_od.errors import ConfigurationError, LocalError, NoAnswer
+from eurobot_od.device.device import Device
+from eurobot_od.errors import ConfigurationError, EurobotError, LocalError, NoAnswer
 from eurobot_od.od import dcf
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.document import parse
@@ -33,7 +34,7 @@ from eurobot_od.od.pdos import Pdo
 from eurobot_od.od.values import Address
 from tests.client.peers import DRIVE, master_on, new_channel, robot, stock_drive
 from tests.client.servo import EDS
-from tests.client.wired import agree_on_parameters
+from tests.client.wired import agree_on_parameters, started, wired
 from tests.eds_text import DEVICE_TYPE, pdo, variable
 from tests.rows import rows
 
@@ -140,6 +141,38 @@ def test_the_dcf_of_one_drive_makes_another_like_it(tmp_path: Path) -> None:
         assert {address_of(each.thing): each.after for each in difference(node, from_file(file)).changes} == WRITTEN
         configure(node, from_file(file), datetime(2014, 5, 28))
         assert [node.upload(address) for address in WRITTEN] == [*WRITTEN.values()]
+
+
+LEVEL: Address = (0x2000, 0)
+BEYOND = DEVICE_TYPE + variable("2000", "Level", "INTEGER16", "0", "LowLimit=1\nHighLimit=9\n")
+
+
+@rows(
+    "has, says, told",
+    [
+        (0, 0, ""),  # the default, which is beyond the limits: it needs no write
+        (12, 12, ""),
+        (12, 9, "changed"),
+        (0, 12, "12 is not allowed; allowed: 1..9"),
+        (5, 0, "refused to write"),  # the device, not the file: what the maker calls the default may be written
+    ],
+)
+def test_a_value_beyond_its_limits_is_refused_only_where_it_would_be_new(
+    tmp_path: Path, has: int, says: int, told: str
+) -> None:
+    dictionary = Dictionary.read(BEYOND.encode(), Path("a.eds"), 5)
+    nodes = []
+    for value in (says, has):
+        device = Device(dictionary)
+        device.objects.values = {LEVEL: value}
+        nodes.append(wired(started(device)).node(5))
+    file = tmp_path / "a.dcf"
+    file.write_bytes(dcf_of_node(nodes[0], dictionary, 500, "a")[0].content)
+    try:
+        said = "changed" if configure(nodes[1], from_file(file), datetime(2014, 5, 28)).changed else ""
+    except EurobotError as error:
+        said = str(error)
+    assert (told in said, bool(said)) == (True, bool(told))
 
 
 def test_what_the_node_refuses_is_left_out_and_told() -> None:

@@ -273,6 +273,7 @@ def test_a_value_that_was_right_before_and_is_lost_at_the_reset_is_told(make: Ca
 @rows(
     "index, is_one",
     [
+        (0x1001, False),  # a state, though some files let it be written
         (0x1002, True),
         (0x1003, False),  # a history
         (0x1004, True),

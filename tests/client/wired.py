@@ -6,6 +6,7 @@ from collections import deque
 from collections.abc import Callable, Iterable
 from math import inf
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any, Protocol
 
 import can
@@ -17,7 +18,7 @@ from eurobot_od.device.device import Device
 from eurobot_od.frame import Frame
 from eurobot_od.od.dcf import with_contents
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.od.objects import address_of
+from eurobot_od.od.objects import address_of, data_type
 from eurobot_od.od.standard import VERIFY_CONFIGURATION
 from eurobot_od.od.values import MAPPINGS, Address
 
@@ -121,10 +122,17 @@ def agree_on_parameters(dictionary: Dictionary) -> None:
     stored = {each for each in device.objects.configuration() if each not in VERIFY_CONFIGURATION}
     shown = {each for each in stored if dictionary.members[each[0]][each[1]].readable}
     assert {address_of(each) for each in parameters(dictionary)} == shown
-    contents = {address: device.objects.read(address) for address in shown}
+    # A text or a file may have no value, and cannot be read then: a DCF is made without it.
+    sizes = {each: data_type(dictionary.members[each[0]][each[1]]).size for each in shown}
+    has = {each for each in shown if sizes[each] or dictionary.default(each) is not None}
+    contents = {address: device.objects.read(address) for address in has}
     made = with_contents(dictionary, contents, dictionary.node_id, "", 500, "any")
-    set_by = settings(described(Dictionary.read(made.content, Path("any.dcf"))))
-    left = {each for each in shown if is_unused_entry(dictionary, each) or not contents[each]}
+    with TemporaryDirectory() as folder:
+        for name, content in made.files.items():
+            Path(folder, name).write_bytes(content)
+        clone = Dictionary.read(made.content, Path(folder, "any.dcf"))
+        set_by = settings(described(clone))
+    left = {each for each in shown if is_unused_entry(clone, each) or not contents.get(each)}
     assert {address_of(each) for each, _ in set_by if address_of(each) in shown} == shown - left
     assert {address_of(each) for each, _ in set_by} <= stored
 
