@@ -337,6 +337,7 @@ def test_a_file_that_is_no_dcf_is_refused(store: FileStore) -> None:
 
 def test_anybodys_device_keeps_its_settings_and_not_what_pdos_bring(tmp_path: Path) -> None:
     text = f"[FileInfo]\n{io_module.TEXT}" + variable("6000", "Output", "UNSIGNED8", "0").replace("=rw\n", "=rww\n")
+    text += variable("2900", "Gain", "UNSIGNED16").replace("=rw\nPDOMapping=1", "=rww\nPDOMapping=0")
     file = tmp_path / "module.eds"
     file.write_text(text, encoding="ascii")
     dictionary = Dictionary.load(file, io_module.NODE_ID)
@@ -344,9 +345,10 @@ def test_anybodys_device_keeps_its_settings_and_not_what_pdos_bring(tmp_path: Pa
     device = Device(dictionary, stored)
     for address, data in (((0x2000, 4), b"hall 3"), ((0x2100, 0), b"\xf0\xff"), ((0x6000, 0), b"\x07")):
         device.objects.write(address, data)
+    device.objects.write((0x2900, 0), b"\x09\x00")  # of no default
     stored.save(device.objects.configuration(), io_module.NODE_ID)
     # An RPDO that is valid maps 0x2100; nothing maps 0x6000, though it could be.
-    assert stored.load() == {(0x2000, 4): "hall 3", (0x6000, 0): 7}
+    assert stored.load() == {(0x2000, 4): "hall 3", (0x6000, 0): 7, (0x2900, 0): 9}
 
 
 COMPACT = "[2300]\nParameterName=Gains\nObjectType=8\nDataType=0x0005\nAccessType=rw\nCompactSubObj=4\nDefaultValue=1\n"

@@ -7,6 +7,7 @@ import time
 from contextlib import suppress
 from pathlib import Path
 
+import canopen
 import pytest
 
 from eurobot_od.cli import main
@@ -266,11 +267,15 @@ def test_sub_indices_without_their_object_are_a_record() -> None:
     assert "[2000] added: its sub-indices are there" in [each.what for each in dictionary.changes]
 
 
-def test_entries_of_a_compact_mapping_have_the_access_of_their_number() -> None:
+def test_entries_of_a_compact_mapping_have_the_access_of_their_number(tmp_path: Path) -> None:
     head = "[1600]\nParameterName=Mapping\nObjectType=9\nCompactSubObj=2\n"
     text = DEVICE_TYPE + head + variable("1600sub0", "Number", "UNSIGNED8", "0")
     dictionary = Dictionary.read(text.encode(), Path("a.eds"), 5)
     assert [each.access_type for each in dictionary.members[0x1600].values()] == ["rw"] * 3
+    fixed = tmp_path / "fixed.eds"
+    fixed.write_bytes(in_normal_form(text.encode())[0])
+    entry = canopen.import_od(str(fixed), 5).get_variable(0x1600, 2)
+    assert entry is not None and entry.access_type == "rw"
 
 
 def test_limits_of_a_type_of_the_files_own() -> None:

@@ -160,9 +160,20 @@ def made(*records: str) -> str:
     return suite.text(Dictionary.read(text.encode(), Path("device.eds"), NODE_ID))
 
 
-def test_a_device_without_a_number_to_ask_for_is_green() -> None:
-    name = variable("2000", "Name", "VISIBLE_STRING", None)
-    dictionary = Dictionary.read(name.encode(), Path("nameless.eds"), NODE_ID)
+GUARDED = variable("100C", "Guard time", "UNSIGNED16", "0") + variable("100D", "Life time factor", "UNSIGNED8", "0")
+NARROW = record(0x1018, "Identity", (0, "UNSIGNED8", "2"), (1, "UNSIGNED16", None), (2, "UNSIGNED16", "7"))
+
+
+@rows(
+    "text",
+    [
+        variable("2000", "Name", "VISIBLE_STRING", None),  # no number to ask for, and no 0x1000
+        DEVICE_TYPE + GUARDED + variable("1F80", "NMT startup", "UNSIGNED32", "0"),  # it starts itself
+        "[DeviceInfo]\nVendorNumber=84078612\nProductNumber=84078612\n" + DEVICE_TYPE + NARROW,
+    ],
+)
+def test_a_device_of_few_objects_is_green(text: str) -> None:
+    dictionary = Dictionary.read(text.encode(), Path("little.eds"), NODE_ID)
     assert red(steps(suites_of(dictionary, Tier.DESTRUCTIVE))) == []
 
 
