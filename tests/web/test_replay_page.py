@@ -29,10 +29,11 @@ def logs(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
 
 @pytest.fixture
 def page(logs: list[Path], window: Page, tmp_path: Path) -> Page:
-    """A page that is a file on the disk."""
+    """A page that is a file on the disk; it begins with the field alone, and here it shows the messages, too."""
     file = tmp_path / "match.html"
     assert cli.main(["field", str(logs[0]), "-o", str(file)]) == 0
     window.open(file.as_uri())
+    window.run("document.querySelector('#tab-messages').click()")  # the keyboard stays where it was
     return window
 
 
