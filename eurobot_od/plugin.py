@@ -41,11 +41,11 @@ if TYPE_CHECKING:
     from eurobot_od.check.vocabulary import Networks
     from eurobot_od.device.faults import Fault
     from eurobot_od.device.node import Node
-    from eurobot_od.export.mcap import Drawings
+    from eurobot_od.export.description import Drawings
     from eurobot_od.od.dictionary import Dictionary
     from eurobot_od.pdo.catalogue import Catalogue
     from eurobot_od.pdo.protocol import Protocol as Messages
-    from eurobot_od.season.answers import SeasonReport
+    from eurobot_od.season.reports import SeasonReport
     from eurobot_od.web.page import Panel
 
     NodeT = TypeVar("NodeT", bound=Node)

@@ -32,7 +32,8 @@ from eurobot_od.support.texts import one_line
 if TYPE_CHECKING:
     from eurobot_od.check.conformance.page import DeviceRun
     from eurobot_od.check.conformance.subject import Tier
-    from eurobot_od.season.campaign import Results, Workers
+    from eurobot_od.season.campaign import Workers
+    from eurobot_od.season.results import Results
 
 
 AT_ONCE = "--simulate --repeat"

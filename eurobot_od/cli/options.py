@@ -24,7 +24,8 @@ if TYPE_CHECKING:
     from eurobot_od.client.master import Guard, Master
     from eurobot_od.od.dcf import Dcf
     from eurobot_od.plugin import Plugin
-    from eurobot_od.season.campaign import Results, Workers
+    from eurobot_od.season.campaign import Workers
+    from eurobot_od.season.results import Results
 
 
 # Readers of values
@@ -215,7 +216,7 @@ class Campaign:
                 raise LocalError("--resume needs --results: the folder of the run to continue")
             return None
         with extras.needed("cluster"):
-            from eurobot_od.season.campaign import Results
+            from eurobot_od.season.results import Results
         return Results(self.results, record, settings(), self.resume)
 
 

@@ -16,7 +16,7 @@ from eurobot_od.cli.signature import Option
 from eurobot_od.errors import LocalError, UnknownName
 from eurobot_od.plugin import Plugin
 from eurobot_od.season import campaign
-from eurobot_od.season.answers import REPORTS, SeasonReport
+from eurobot_od.season.reports import REPORTS, SeasonReport
 from eurobot_od.support import extras, progress
 from eurobot_od.support.progress import Progress, bar, counted, unwatched
 from eurobot_od.support.texts import amount, columns, one_line

@@ -7,11 +7,12 @@ that goes into a channel of its own; the caller says which message draws what.
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from typing import IO, Any, NamedTuple
 
 from mcap.writer import Writer
 
+from eurobot_od.export.description import Drawings
 from eurobot_od.frame import Frame, identifier_text
 from eurobot_od.pdo.catalogue import Message, kinds, plain
 from eurobot_od.pdo.kinds import ColumnForm
@@ -38,21 +39,6 @@ TYPES: Mapping[ColumnForm, str] = {
     ColumnForm.OCTETS: "string",
 }
 """JSON types of field values, as `Kind.plain` writes them."""
-
-
-class Drawing(NamedTuple):
-    """How a message is drawn: the name of a well-known schema, its properties, and the function that draws it.
-
-    `of` gets the message and the time in the form of MCAP's schemas.
-    """
-
-    schema: str
-    properties: Mapping[str, Any]
-    of: Callable[[Message, dict[str, int]], dict[str, Any] | None]
-
-
-Drawings = Mapping[str, Drawing]
-"""What messages draw, by their names."""
 
 
 class Written(NamedTuple):

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from eurobot_od.robot.model.messages import CATALOGUE
-from eurobot_od.season.answers import Chart, ChartKind, SeasonReport, spread
+from eurobot_od.season.reports import Chart, ChartKind, SeasonReport, spread
 
 LATENCIES = """
 SELECT min(c.t - g.t) AS latency

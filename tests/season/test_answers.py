@@ -12,7 +12,8 @@ pytest.importorskip("polars", reason="the extra `season` is not installed")
 import polars as pl
 
 from eurobot_od.errors import LocalError
-from eurobot_od.season.answers import ChartKind, chart_of, draw
+from eurobot_od.season.answers import chart_of, draw
+from eurobot_od.season.reports import ChartKind
 
 
 @pytest.mark.parametrize(

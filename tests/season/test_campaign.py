@@ -19,7 +19,7 @@ from eurobot_od.season.campaign import BLOCK, HERE, Workers, dask, local, worker
 
 pytest.importorskip("pyarrow", reason="the extra `cluster` is not installed")
 
-from eurobot_od.season.campaign import Results
+from eurobot_od.season.results import Results
 from tests.season.clusters import Cluster, two_workers
 
 

@@ -16,7 +16,7 @@ import pyarrow as pa
 from eurobot_od.robot.match import MatchOptions
 from eurobot_od.robot.match.played import PlayedMatch, play
 from eurobot_od.robot.match.stage import EdsFiles
-from eurobot_od.season import campaign
+from eurobot_od.season import results
 
 
 class Colour(Enum):
@@ -63,8 +63,8 @@ CASES = (
 
 def there_and_back(record: Any) -> Any:
     kind = type(record)
-    (row,) = pa.Table.from_pylist([campaign.row(record)], campaign.schema(kind)).to_pylist()
-    return campaign.record_of(kind, row)
+    (row,) = pa.Table.from_pylist([results.row(record)], results.schema(kind)).to_pylist()
+    return results.record_of(kind, row)
 
 
 @pytest.mark.parametrize("record", CASES)

@@ -26,7 +26,8 @@ from eurobot_od.robot.model.options import MatchOptions
 from eurobot_od.robot.model.robot_file import file_for
 from eurobot_od.robot.world import World
 from eurobot_od.season import campaign
-from eurobot_od.season.campaign import HERE, Results, Workers
+from eurobot_od.season.campaign import HERE, Workers
+from eurobot_od.season.results import Results
 from eurobot_od.support import svg
 from eurobot_od.support.files import digest_of
 from eurobot_od.support.svg import Axis

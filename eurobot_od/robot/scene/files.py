@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 from eurobot_od import plugin
 from eurobot_od.errors import UnknownName
-from eurobot_od.export.mcap import Drawing
+from eurobot_od.export.description import Drawing
 from eurobot_od.frame import Frame
 from eurobot_od.pdo.catalogue import Message
 from eurobot_od.pdo.kinds import OutOfRange
