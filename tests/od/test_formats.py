@@ -275,7 +275,8 @@ def test_entries_of_a_compact_mapping_have_the_access_of_their_number(tmp_path: 
     fixed = tmp_path / "fixed.eds"
     fixed.write_bytes(in_normal_form(text.encode())[0])
     entry = canopen.import_od(str(fixed), 5).get_variable(0x1600, 2)
-    assert entry is not None and entry.access_type == "rw"
+    assert entry is not None
+    assert entry.access_type == "rw"
 
 
 def test_limits_of_a_type_of_the_files_own() -> None:
