@@ -12,17 +12,18 @@ INTERRUPTED = 130
 """Exit status after Ctrl-C, as a shell has it: 128 and the number of SIGINT."""
 
 
-def run(name: str = "") -> int:
-    """Run the command line, under another `name` of the program if one is given; return its exit status.
+def run(*, alone: bool = False) -> int:
+    """Run the command line and return its exit status; `alone`: as the workbench, which goes by its own name.
 
     Python need not look through all that is left before the process ends (2 ms).
     """
     try:
-        from eurobot_od.cli import main
+        from eurobot_od.cli import WORKBENCH, main
         from eurobot_od.support.extras import put_off
 
         put_off("asammdf")  # python-can imports it wherever it is, which takes a second
-        sys.argv[0] = name or sys.argv[0]
+        if alone:
+            sys.argv[0] = WORKBENCH
         return main()
     except KeyboardInterrupt:
         return INTERRUPTED
@@ -31,8 +32,8 @@ def run(name: str = "") -> int:
 
 
 def workbench() -> int:
-    """Run the command line as `canopen-workbench`, which is what it goes by from here on."""
-    return run("canopen-workbench")
+    """Run the command line without a robot."""
+    return run(alone=True)
 
 
 if __name__ == "__main__":

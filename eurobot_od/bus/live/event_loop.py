@@ -258,7 +258,7 @@ def place(frame: FrameType) -> tuple[str, str]:
 def innermost(frame: FrameType | None) -> FrameType | None:
     """Return the innermost call of the program at this place, None if it is not there, or in a debugger."""
     found = None
-    # From asyncio's call of what is ready outwards there is no program any more.
+    # Frames outside asyncio's call of what is ready are not the program's.
     while frame is not None and frame.f_code is not asyncio.Handle._run.__code__:
         if frame.f_globals.get("__name__") in DEBUGGERS:
             return None
