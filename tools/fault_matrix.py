@@ -29,12 +29,12 @@ from eurobot_od.cli.signature import HelpGroup, Option, Parser, describe, summar
 from eurobot_od.device.simulated import SimulatedDevice
 from eurobot_od.robot import dialects
 from eurobot_od.robot.nodes import ROLES
-from eurobot_od.robot.plugin import ROBOT
 from eurobot_od.season.campaign import Workers
 from eurobot_od.season.campaign import run as in_blocks
 from eurobot_od.season.results import Results
 from tests.kit.devices import MODULE, first_red, suites
 from tests.kit.faults import CONFORMANCE
+from tests.kit.robot_faults import ROBOT
 
 FINE, NOT_FOUND = 0, 1
 

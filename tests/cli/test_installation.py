@@ -110,7 +110,7 @@ COMPLETED = [
     (["completion", "f"], ["fish"]),
     (["export", "wi"], ["wireshark"]),
     (["match", "--fault", "mushroom-l"], ["mushroom-late"]),
-    (["check", "--fault", "angle-36"], ["angle-360-taken"]),
+    (["check", "--fault", "time-b"], ["time-byte-order"]),
     (["node", "nav"], ["navigation"]),
     (["read", "dri"], ["drive"]),
     (["read", "drive", "0x101"], ["0x1010", "0x1011", "0x1014", "0x1015", "0x1016", "0x1017", "0x1018"]),

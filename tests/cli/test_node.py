@@ -452,7 +452,7 @@ def test_faults_as_json_name_the_step_that_finds_them(capsys: pytest.CaptureFixt
     [
         (["node", "drive", "--fault", "goto-not-confirmd"], "unknown fault 'goto-not-confirmd'; did you mean"),
         (["node", "drive", "--fault", "goto-not-sent"], "the fault goto-not-sent is one of the core, not of the drive"),
-        (["check", "drive", "--simulate", "--fault", "nonsense"], "unknown fault 'nonsense'; 2"),
+        (["check", "drive", "--simulate", "--fault", "nonsense"], "unknown fault 'nonsense'; 88 are known"),
         (["check", "drive", "--fault", "goto-not-confirmed"], "--fault needs --simulate"),
     ],
 )

@@ -16,7 +16,6 @@ from itertools import count
 from typing import Any, NamedTuple, TypeAlias, TypeVar
 
 from eurobot_od.device.node import Node
-from eurobot_od.errors import FieldError, FrameLengthError
 from eurobot_od.frame import Frame
 from eurobot_od.od.standard import EMCY, SYNC
 from eurobot_od.od.values import BASE_IDENTIFIER, ERROR_CONTROL_BASE, NMT_COB_ID, Address
@@ -120,9 +119,6 @@ Which: TypeAlias = "type[Message] | ServiceCobId"
 React: TypeAlias = Callable[[Any, Any, Callable[[Any], None]], object]
 """What a node does with a message: the node, the message, and the healthy reaction to call or not."""
 
-UNREADABLE = (FrameLengthError, FieldError)
-"""What a frame with a wrong length, or a message with a value out of range, raises: such a frame stays as it is."""
-
 
 def heartbeat(node: Node) -> int:
     """Boot-up and heartbeat."""
@@ -184,27 +180,6 @@ def numbered(which: Which, change: Callable[[int], FrameChange]) -> Mixin:
             return _changed(numbered, _cob_id(self, which), lambda frame: change(next(self._numbers))(self, frame))
 
     return Numbered
-
-
-def frozen(which: type[Message], anew: type[Message]) -> Mixin:
-    """Have the first frame leave the node again and again, until a message comes that starts all over."""
-
-    class Frozen(Node):
-        _first: Frame | None = None
-
-        def handle(self, message: Message) -> None:
-            if isinstance(message, anew):
-                self._first = None
-            super().handle(message)
-
-        def outgoing(self, frames: list[Frame]) -> list[Frame]:
-            return _changed(super().outgoing(frames), _cob_id(self, which), self._again)
-
-        def _again(self, frame: Frame) -> Iterable[Frame]:
-            self._first = self._first or frame
-            return [self._first]
-
-    return Frozen
 
 
 def late(which: Which, seconds: float) -> Mixin:
@@ -303,11 +278,6 @@ def every(seconds: float, action: Callable[[Any], object]) -> Mixin:
     return Every
 
 
-def both(one: Mixin, other: Mixin) -> Mixin:
-    """Have two things wrong at once."""
-    return type("Both", (one, other), {})
-
-
 def _changed(frames: Iterable[Frame], cob_id: int | None, change: Callable[[Frame], Iterable[Frame]]) -> list[Frame]:
     """Return the frames with what becomes of those that have a COB-ID."""
     return [left for frame in frames for left in (change(frame) if frame.cob_id == cob_id else [frame])]
@@ -352,59 +322,5 @@ def unawaited(answer: Message) -> FrameChange:
     def changed(node: Node, frame: Frame) -> Iterable[Frame]:
         node.soon(lambda _: node.handle(answer))  # not now: the node is in the middle of sending the request
         return [frame]
-
-    return changed
-
-
-def meaning(change: Callable[[Any], Any]) -> FrameChange:
-    """Change what a frame says: `change` gets its message and returns another one."""
-
-    def changed(node: Node, frame: Frame) -> Iterable[Frame]:
-        protocol = node.device.protocol
-        try:
-            return [protocol.encode(change(protocol.decode(*frame)))]
-        except UNREADABLE:
-            return [frame]
-
-    return changed
-
-
-def field(name: str, change: Callable[[Any], Any]) -> FrameChange:
-    """Change one field of a message unless it is unknown."""
-
-    def changed(message: Any) -> Any:
-        value = getattr(message, name)
-        # There is nothing to calculate with; who wants an unknown position wrong takes `unknown_as`.
-        return message if value is None else message._replace(**{name: change(value)})
-
-    return meaning(changed)
-
-
-def unknown_as(coordinate: int) -> FrameChange:
-    """Change an unknown position to a known one, x and y the same, at 0 degrees."""
-    return meaning(lambda place: place if place.x is not None else place._replace(x=coordinate, y=coordinate, angle=0))
-
-
-def exchanged(one: str, other: str) -> FrameChange:
-    """Exchange the raw values of two fields; what grows too wide is cut."""
-    return _raw_values(lambda values: {one: values[other], other: values[one]})
-
-
-def raw(**changes: Callable[[int], int]) -> FrameChange:
-    """Change raw values of a message's fields, whatever they mean; what grows too wide is cut."""
-    return _raw_values(lambda values: {name: change(values[name]) for name, change in changes.items()})
-
-
-def _raw_values(change: Callable[[dict[str, int]], dict[str, int]]) -> FrameChange:
-    def changed(node: Node, frame: Frame) -> Iterable[Frame]:
-        binding = node.device.protocol.binding_of(frame.cob_id)
-        try:
-            values = binding.unpack(frame.data)
-        except UNREADABLE:
-            return [frame]
-        widths = binding.layout.widths
-        # Cut as a firmware does that masks and shifts; a wider value would reach into the next field's bits.
-        cut = {name: value & (1 << widths[name]) - 1 for name, value in change(values).items()}
-        return [Frame(frame.cob_id, binding.pack(values | cut))]
 
     return changed

@@ -16,10 +16,11 @@ from eurobot_od.device.faults import (
 from eurobot_od.frame import Frame
 from eurobot_od.pdo.catalogue import Message
 from eurobot_od.robot import dialects
-from eurobot_od.robot.faults.core import message_faults, replaced_by
+from eurobot_od.robot.faults import message_faults
 from eurobot_od.robot.model.messages import CheckNaviResponse, GotoConfirm, GotoStateRequest, GotoStateResponse, GotoXY
 from eurobot_od.robot.nodes import Drive
 from eurobot_od.robot.protocol import EurobotProtocol
+from tests.kit.robot_faults import replaced_by
 from tests.rows import rows
 
 PROTOCOL = EurobotProtocol.load()

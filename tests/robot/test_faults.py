@@ -1,4 +1,4 @@
-"""Faults on demand: each hook changes what it says and nothing else, and no fault makes a node raise."""
+"""Faults on demand, with the kit's: each hook changes what it says and nothing else, and no fault makes a node raise."""
 
 from __future__ import annotations
 
@@ -14,8 +14,6 @@ from eurobot_od.frame import Frame
 from eurobot_od.od.values import NMT_COB_ID
 from eurobot_od.pdo.catalogue import Message
 from eurobot_od.robot import dialects
-from eurobot_od.robot.faults.core import foreign
-from eurobot_od.robot.faults.drive import JUMP
 from eurobot_od.robot.model.messages import (
     CheckDriveRequest,
     CheckDriveResponse,
@@ -32,8 +30,18 @@ from eurobot_od.robot.model.messages import (
 )
 from eurobot_od.robot.model.values import Obstacle, Source, TeamColour
 from eurobot_od.robot.nodes import ROLES, Core, Drive, Navigation, Node
-from eurobot_od.robot.plugin import ROBOT
 from eurobot_od.robot.protocol import EurobotProtocol
+from tests.kit.robot_faults import (
+    JUMP,
+    ROBOT,
+    both,
+    exchanged,
+    field,
+    foreign,
+    frozen,
+    meaning,
+    raw,
+)
 from tests.robot.nodes.harness import Bench, as_if_started
 from tests.rows import rows
 
@@ -87,13 +95,13 @@ def test_a_change_is_applied_to_what_leaves_and_to_no_other_message(
 @rows(
     "change, said",
     [
-        (hooks.field("x", lambda x: x + 1), PLACE._replace(x=201)),
-        (hooks.field("angle", lambda angle: -angle - 90), PLACE._replace(angle=270)),
-        (hooks.meaning(lambda place: place._replace(source=Source.ENEMY_1)), PLACE._replace(source=Source.ENEMY_1)),
-        (hooks.raw(y=lambda y: y // 2), PLACE._replace(y=900)),
-        (hooks.exchanged("x", "angle"), PLACE._replace(x=0, angle=200)),
+        (field("x", lambda x: x + 1), PLACE._replace(x=201)),
+        (field("angle", lambda angle: -angle - 90), PLACE._replace(angle=270)),
+        (meaning(lambda place: place._replace(source=Source.ENEMY_1)), PLACE._replace(source=Source.ENEMY_1)),
+        (raw(y=lambda y: y // 2), PLACE._replace(y=900)),
+        (exchanged("x", "angle"), PLACE._replace(x=0, angle=200)),
         # a value that may not be sent is not sent
-        (hooks.field("x", lambda _: 4000), PLACE),
+        (field("x", lambda _: 4000), PLACE),
     ],
 )
 def test_a_change_of_the_meaning(change: hooks.FrameChange, said: KalmanPositionResponse) -> None:
@@ -101,7 +109,7 @@ def test_a_change_of_the_meaning(change: hooks.FrameChange, said: KalmanPosition
     assert answers(node, KalmanPositionRequest()) == [PROTOCOL.encode(said)]
 
 
-@pytest.mark.parametrize("change", [hooks.field("x", lambda x: x // 2), hooks.raw(x=lambda x: x // 2)])
+@pytest.mark.parametrize("change", [field("x", lambda x: x // 2), raw(x=lambda x: x // 2)])
 def test_a_frame_that_cannot_be_read_arrives_as_it_is(change: hooks.FrameChange) -> None:
     node = drive(hooks.arriving(GotoXY, change))
     short = Frame(PROTOCOL.cob_id(GotoXY), b"\x01\x02")
@@ -155,7 +163,7 @@ def test_numbers_begin_anew_with_a_reset() -> None:
 
 
 def test_a_frozen_message_says_the_first_thing_until_all_begins_anew() -> None:
-    node = drive(hooks.frozen(KalmanPositionResponse, StartConfigurationSet))
+    node = drive(frozen(KalmanPositionResponse, StartConfigurationSet))
     yellow = START._replace(team_colour=TeamColour.YELLOW)
     asked = KalmanPositionRequest()
     first = answers(node, asked)
@@ -173,9 +181,7 @@ def test_an_answer_that_is_not_awaited_is_heard_at_once() -> None:
 
 
 def test_both_of_two_things_are_wrong() -> None:
-    node = drive(
-        hooks.both(hooks.leaving(GotoStateResponse, hooks.lost), hooks.leaving(CheckDriveResponse, hooks.twice))
-    )
+    node = drive(both(hooks.leaving(GotoStateResponse, hooks.lost), hooks.leaving(CheckDriveResponse, hooks.twice)))
     assert answers(node, GotoStateRequest(), CheckDriveRequest()) == [CHECKED, CHECKED]
 
 
