@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple
 from eurobot_od.check import report
 from eurobot_od.check.reader import SuiteReader
 from eurobot_od.check.report import CheckedSeed, StepResult, SuiteResult
-from eurobot_od.check.runner import Interrupt, RunOptions
 from eurobot_od.check.suite import Report, Suite
 from eurobot_od.cli import ExitStatus, version
 from eurobot_od.cli.devices import Devices, complain_of_repairs, completeness, left_out
@@ -32,6 +31,7 @@ from eurobot_od.support.texts import one_line
 if TYPE_CHECKING:
     from eurobot_od.check.conformance.page import DeviceRun
     from eurobot_od.check.conformance.subject import Tier
+    from eurobot_od.check.runner import Interrupt
     from eurobot_od.season.campaign import Workers
     from eurobot_od.season.results import Results
 
@@ -134,6 +134,8 @@ def check(
     if list:
         print(*listed(suites), sep="\n")
         return ExitStatus.FINE
+    from eurobot_od.check.runner import Interrupt  # suites are listed without
+
     interrupt, seeds = Interrupt(), range(seed, seed + repeat)
     with interrupt.by_ctrl_c():
         if campaign.given:
@@ -338,6 +340,8 @@ class Checks:
 
         `reported` has what suites before it have found in a node.
         """
+        from eurobot_od.check.runner import RunOptions
+
         if skipped := self.skips(suite):
             return SuiteResult(suite.file, suite.name, self.how(seed), skipped=skipped)
         # A conformance suite is to find all that is wrong with a device; its steps do not build on each other.
@@ -351,6 +355,8 @@ class Checks:
 
     def run_seed(self, seed: int) -> CheckedSeed:
         """Run all suites for one seed, in any process."""
+        from eurobot_od.check.runner import Interrupt
+
         # Read anew in each process: suites hold functions, which cannot be sent to another one.
         # PDOs that are left out were reported when the suites were first read, before there were processes.
         suites, reported = self.suites(self.reader()), set[Report]()

@@ -28,7 +28,7 @@ from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary, moved_server
 from eurobot_od.od.objects import address_of, find_one, given
 from eurobot_od.pdo.catalogue import describe
-from eurobot_od.plugin import NodeRun, Scene, Stage
+from eurobot_od.plugin import NodeRun, Plugin, Scene, Stage
 from eurobot_od.support.files import read_whole
 from eurobot_od.support.texts import one_line
 
@@ -136,27 +136,39 @@ def node(
         _run_all(made_all, bus, duration, bus.reopener(no_reconnect))
         return None
     dictionary, robot = _dictionary(devices, name, node_id), devices.robot
+    made = _one(robot, dictionary, device, stage, fault, FileStore(store, dictionary) if store else None)
+    is_staged = stage and robot.role_of(dictionary)
+    scene = stage.set_up(made, NodeRun(robot, devices.dialect, bus.open, duration)) if stage and is_staged else None
+    report = partial(print, flush=True)
+    live = Live.node(bus.open(), made, opener=bus.reopener(no_reconnect), on_error=on_error, report=report)
+    if verbose:
+        live.gatekeeper.add_frames(lambda: made.device.identifiers, partial(_show, made), "print")
+    return _run(live, made, scene, duration)
+
+
+def _one(
+    robot: Plugin,
+    dictionary: Dictionary,
+    options: DeviceOptions,
+    stage: Stage | None,
+    fault: str | None,
+    store: FileStore | None,
+) -> Node:
+    """Make the robot's node or the device that a dictionary is of; raises LocalError, FieldError, UnknownName."""
     role = robot.role_of(dictionary)
-    if role and (wrong := "values" if device.values else "set" if device.given and not stage else ""):
+    if role and (wrong := "values" if options.values else "set" if options.given and not stage else ""):
         raise LocalError(f"--{wrong} is for devices that do not belong to the robot, not for the {role}")
     if stage:
         stage.check(role)
     # The fault goes in front of the class that the node would have without it.
-    kind = robot.kind(role, device=device.kind(dictionary))
+    kind = robot.kind(role, device=options.kind(dictionary))
     kind = robot.faulty(kind, fault) if fault else kind
-    of_role = stage.values(kind, dictionary, device.given) if stage and role else {}
-    values = of_role if role else device.values_of(dictionary)
-    made = kind(dictionary, store=FileStore(store, dictionary) if store else None, **values)
-    scene = stage.set_up(made, NodeRun(robot, devices.dialect, bus.open, duration)) if stage and role else None
-    live = Live.node(
-        bus.open(),
-        made,
-        opener=bus.reopener(no_reconnect),
-        on_error=on_error,
-        report=lambda report: print(report, flush=True),
-    )
-    if verbose:
-        live.gatekeeper.add_frames(lambda: made.device.identifiers, partial(_show, made), "print")
+    of_role = stage.values(kind, dictionary, options.given) if stage and role else {}
+    return kind(dictionary, store=store, **(of_role if role else options.values_of(dictionary)))
+
+
+def _run(live: Live, made: Node, scene: Scene | None, duration: float | None) -> ExitStatus | None:
+    """Run one device until its end; raises as `node`."""
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # ends as Ctrl-C does: the node stopped, the bus closed
     made.device.time_of_day.set(datetime.now(), live.clock())  # until a TIME message sets it
     with _bus_failure_first(live), live:

@@ -217,7 +217,9 @@ def describe(parser: Parser, command: Command) -> Call:
         return careful
     forms, calls = parser.add_subparsers(dest="form", metavar="FORM", required=True), dict[str, Call]()
     for name, each in command.functions.items():
-        calls[name] = describe(forms.add_parser(name, help=summary(each), description=summary(each)), each)
+        form = forms.add_parser(name, help=summary(each), description=summary(each))
+        if not parser.words or parser.words[0] == name:  # of the others only the names are needed
+            calls[name] = describe(form, each)
     return lambda given: calls[given.form](given)
 
 

@@ -1,4 +1,4 @@
-"""Faults on demand, with the kit's: each hook changes what it says and nothing else, and no fault makes a node raise."""
+"""Faults on demand, the kit too: each hook changes what it says and nothing else, and no fault makes a node raise."""
 
 from __future__ import annotations
 

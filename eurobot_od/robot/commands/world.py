@@ -19,9 +19,9 @@ from eurobot_od.cli.signature import Option
 from eurobot_od.robot.commands import Sides, WorldErrors
 from eurobot_od.robot.match import MatchEvent
 from eurobot_od.robot.model.options import Errors, MatchOptions, WorldAddress, facts_given
+from eurobot_od.robot.model.values import OURS
 from eurobot_od.robot.world import World
 from eurobot_od.robot.world.server import Channel, Server
-from eurobot_od.robot.world.world import OURS
 from eurobot_od.web.access import is_local
 
 HERE = WorldAddress.parse("127.0.0.1:2014")

@@ -7,6 +7,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from enum import Enum, IntEnum
+from typing import NamedTuple
+
+OURS = "ours"
+"""Our robot, among those on a field."""
 
 
 class TeamColour(IntEnum):
@@ -68,6 +72,14 @@ class Outcome(Enum):
 
 FAULT_OUTCOME = {GotoFault.NOT_POSSIBLE: Outcome.NOT_POSSIBLE, GotoFault.BLOCKED: Outcome.BLOCKED}
 """How a goto ended that has a fault in place of its remaining time."""
+
+
+class Caption(NamedTuple):
+    """What a robot's strategy said, and when, in s."""
+
+    time: float
+    robot: str
+    words: str
 
 
 class RobotError(IntEnum):

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from math import cos, radians, sin
 from pathlib import Path
 from types import ModuleType
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from eurobot_od import plugin
 from eurobot_od.errors import UnknownName
@@ -22,13 +22,15 @@ from eurobot_od.robot.model.messages import SOURCES, GotoXY
 from eurobot_od.robot.model.options import MatchOptions
 from eurobot_od.robot.model.places import Point, Pose
 from eurobot_od.robot.model.robot_file import Facts
+from eurobot_od.robot.model.values import OURS
 from eurobot_od.robot.scene.recording import NOTHING, PathPoint, Recording, ScoredTask, TouchMark, Truth, record
 from eurobot_od.robot.scene.sheet import PAGE, sheet
-from eurobot_od.robot.world import World
-from eurobot_od.robot.world.world import OURS
 from eurobot_od.support import extras
 from eurobot_od.support.files import write_whole
 from eurobot_od.traffic.meaning import Decoder, Meaning
+
+if TYPE_CHECKING:  # a log is drawn without a world, and the nodes in it
+    from eurobot_od.robot.world import World
 
 
 class SeenMatch(NamedTuple):

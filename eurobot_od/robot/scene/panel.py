@@ -23,12 +23,12 @@ from eurobot_od.robot.model.messages import (
 )
 from eurobot_od.robot.model.places import Point
 from eurobot_od.robot.model.robot_file import Facts
-from eurobot_od.robot.model.values import Outcome, Route
+from eurobot_od.robot.model.values import OURS, Outcome, Route
 from eurobot_od.robot.nodes.estimate import SPREAD, TOP_SPEED
 from eurobot_od.robot.nodes.flows import NODE_CHECKS
 from eurobot_od.robot.nodes.motion import Clearances, find_route
 from eurobot_od.robot.scene import style
-from eurobot_od.robot.scene.recording import OURS, RecordedGoto, RecordedStop, Recorder, Truth, at, read_truth
+from eurobot_od.robot.scene.recording import RecordedGoto, RecordedStop, Recorder, Truth, at, read_truth
 from eurobot_od.robot.scene.scene import LAYERS, Explained, Item, Look, MatchScene, ground, legend, looks, way_mark
 from eurobot_od.support import svg
 from eurobot_od.web.page import Beside, Control, PageEvent, Panel

@@ -17,8 +17,7 @@ from eurobot_od.errors import FileError, LocalError
 from eurobot_od.pdo.catalogue import Message, is_flagged, kinds
 from eurobot_od.robot.model import messages
 from eurobot_od.robot.model.places import Point
-from eurobot_od.robot.model.values import FAULT_OUTCOME, GotoFault, Outcome, TeamColour
-from eurobot_od.robot.world.world import Caption
+from eurobot_od.robot.model.values import FAULT_OUTCOME, Caption, GotoFault, Outcome, TeamColour
 from eurobot_od.support.files import read_whole, write_whole
 
 
@@ -79,10 +78,6 @@ class TouchMark(NamedTuple):
     place: Point
     words: str
     at_fault: bool
-
-
-OURS = "ours"
-"""Our robot, among those that make points."""
 
 
 class ScoredTask(NamedTuple):

@@ -19,9 +19,9 @@ from eurobot_od.robot.model.messages import (
 )
 from eurobot_od.robot.model.places import Point, Pose
 from eurobot_od.robot.model.robot_file import Barrier, Facts, Field, Start
-from eurobot_od.robot.model.values import Outcome, TeamColour
+from eurobot_od.robot.model.values import OURS, Outcome, TeamColour
 from eurobot_od.robot.scene import style
-from eurobot_od.robot.scene.recording import OURS, RecordedGoto, RecordedStop, TouchMark
+from eurobot_od.robot.scene.recording import RecordedGoto, RecordedStop, TouchMark
 from eurobot_od.support import svg
 from eurobot_od.support.svg import PaperPoint
 

@@ -9,9 +9,9 @@ from math import ceil, dist
 from typing import NamedTuple
 
 from eurobot_od.robot.model.robot_file import Facts, Field
-from eurobot_od.robot.model.values import Outcome
+from eurobot_od.robot.model.values import OURS, Outcome
 from eurobot_od.robot.scene import style
-from eurobot_od.robot.scene.recording import OURS, PathPoint, RecordedGoto, RecordedStop, Recording, ScoredTask, at
+from eurobot_od.robot.scene.recording import PathPoint, RecordedGoto, RecordedStop, Recording, ScoredTask, at
 from eurobot_od.robot.scene.scene import (
     CLEAR,
     LAYERS,

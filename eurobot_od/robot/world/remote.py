@@ -17,11 +17,10 @@ from typing import Any, NamedTuple, TypeVar
 from eurobot_od.errors import LocalError, WorldError
 from eurobot_od.robot.model.options import Errors, MatchOptions, WorldAddress
 from eurobot_od.robot.model.places import Pose
-from eurobot_od.robot.model.values import Obstacle, Source, TeamColour
+from eurobot_od.robot.model.values import OURS, Obstacle, Source, TeamColour
 from eurobot_od.robot.nodes.motion import Odometry
 from eurobot_od.robot.nodes.node import Detection
 from eurobot_od.robot.world.server import ANSWER, ERROR, LINE_LIMIT, REQUEST, ROBOT, TOKEN, VERSION
-from eurobot_od.robot.world.world import OURS
 from eurobot_od.support.connections import Address
 
 Value = TypeVar("Value")

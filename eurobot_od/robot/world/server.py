@@ -15,9 +15,9 @@ from typing import Any, NamedTuple, cast
 
 from eurobot_od.errors import EurobotError, FieldError, LocalError, UnknownName, WorldError
 from eurobot_od.robot.model.options import MatchOptions, WorldAddress
-from eurobot_od.robot.model.values import Source
+from eurobot_od.robot.model.values import OURS, Source
 from eurobot_od.robot.nodes.motion import Odometry
-from eurobot_od.robot.world.world import OURS, EventKind, LocalVehicle, MatchEvent, World
+from eurobot_od.robot.world.world import EventKind, LocalVehicle, MatchEvent, World
 from eurobot_od.support.connections import Address, is_token
 
 VERSION = 1

@@ -27,7 +27,7 @@ from eurobot_od.errors import UnknownName
 from eurobot_od.robot.model.options import MatchOptions
 from eurobot_od.robot.model.places import Point, Pose, is_near
 from eurobot_od.robot.model.robot_file import Facts, Task, Worth
-from eurobot_od.robot.model.values import Source, TeamColour
+from eurobot_od.robot.model.values import OURS, Caption, Source, TeamColour
 from eurobot_od.robot.nodes.motion import Odometry
 from eurobot_od.robot.nodes.node import Detection
 from eurobot_od.robot.world.bodies import (
@@ -106,14 +106,6 @@ class Score(NamedTuple):
     robot: str
     task: str
     points: int
-
-
-class Caption(NamedTuple):
-    """What a robot's strategy said, and when, in s."""
-
-    time: float
-    robot: str
-    words: str
 
 
 class Game:
@@ -249,7 +241,6 @@ PLACEMENT = 3.0
 PLACEMENT_ANGLE = 0.5
 """How far from its start place a team puts the robot, standard deviations: mm and degrees."""
 
-OURS = "ours"
 NAMES = {Source.ENEMY_1: "enemy 1", Source.ENEMY_2: "enemy 2", Source.CONFEDERATE: "confederate"}
 """The names of a match's robots, by whom our navigation takes them for."""
 

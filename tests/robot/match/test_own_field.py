@@ -15,8 +15,7 @@ from eurobot_od.robot.match.stage import DEFAULTS, play_simulated
 from eurobot_od.robot.model import robot_file
 from eurobot_od.robot.model.options import MatchOptions
 from eurobot_od.robot.model.robot_file import NAME
-from eurobot_od.robot.model.values import Barriers, Outcome, Passage, TeamColour
-from eurobot_od.robot.world.world import OURS
+from eurobot_od.robot.model.values import OURS, Barriers, Outcome, Passage, TeamColour
 
 CORNER = (3350, 150, 315)
 """The far corner, seen from the start of red."""

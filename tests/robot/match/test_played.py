@@ -11,9 +11,9 @@ from eurobot_od.robot.match.played import PlayedGoto, PlayedMatch, gotos_in, pla
 from eurobot_od.robot.match.referee import Players
 from eurobot_od.robot.match.stage import EdsFiles, play_simulated
 from eurobot_od.robot.match.summary import RobotTouch, Summary
+from eurobot_od.robot.model.values import OURS
 from eurobot_od.robot.nodes import Core
 from eurobot_od.robot.world.bodies import Touch
-from eurobot_od.robot.world.world import OURS
 from tests.rows import rows
 
 FILES = EdsFiles.read(MatchOptions())

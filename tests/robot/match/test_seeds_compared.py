@@ -9,7 +9,7 @@ import pytest
 from eurobot_od.robot.match.played import PlayedMatch
 from eurobot_od.robot.match.seeds import compared, interval, picture_of
 from eurobot_od.robot.match.summary import Summary
-from eurobot_od.robot.world.world import OURS
+from eurobot_od.robot.model.values import OURS
 
 
 def matches(*points: int) -> list[PlayedMatch]:

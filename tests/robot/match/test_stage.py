@@ -16,12 +16,12 @@ from eurobot_od.robot.match import EventKind, MatchEvent, MatchOptions, Summary,
 from eurobot_od.robot.match.stage import EdsFiles, cast_for, play_simulated
 from eurobot_od.robot.model import robot_file
 from eurobot_od.robot.model.messages import EmergencyShutdown, GotoXY, StartConfigurationSet
-from eurobot_od.robot.model.values import Outcome, TeamColour
+from eurobot_od.robot.model.values import OURS, Outcome, TeamColour
 from eurobot_od.robot.nodes import Core, Drive
 from eurobot_od.robot.nodes.motion import WheelCommand
 from eurobot_od.robot.protocol import EurobotProtocol
 from eurobot_od.robot.world import World
-from eurobot_od.robot.world.world import OURS, RIVAL
+from eurobot_od.robot.world.world import RIVAL
 from tests.robot.document import NAMES
 
 FACTS = robot_file.read()

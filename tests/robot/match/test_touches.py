@@ -6,8 +6,9 @@ import pytest
 
 from eurobot_od.robot.match.summary import RobotTouch, Touched, counts, kind_of, touches_of
 from eurobot_od.robot.model import robot_file
+from eurobot_od.robot.model.values import OURS
 from eurobot_od.robot.world.bodies import BORDER, Touch, standing
-from eurobot_od.robot.world.world import NAMES, OURS
+from eurobot_od.robot.world.world import NAMES
 from tests.rows import rows
 
 FACTS = robot_file.read()

@@ -9,12 +9,13 @@ import pytest
 
 from eurobot_od.robot.model.options import MatchOptions
 from eurobot_od.robot.model.places import Point, Pose
+from eurobot_od.robot.model.values import OURS
 from eurobot_od.robot.nodes.motion import Odometry
 from eurobot_od.robot.scene.files import STEP as STEP_OF_PATH
 from eurobot_od.robot.scene.files import truth_of
 from eurobot_od.robot.scene.recording import ScoredTask
 from eurobot_od.robot.world import World
-from eurobot_od.robot.world.world import OURS, RIVAL, Score
+from eurobot_od.robot.world.world import RIVAL, Score
 
 STEP = 5.0
 

@@ -15,10 +15,10 @@ from eurobot_od.robot.model.messages import (
     StartConfigurationSet,
 )
 from eurobot_od.robot.model.places import Point
-from eurobot_od.robot.model.values import Barriers, Obstacle, Passage, Source, TeamColour
+from eurobot_od.robot.model.values import OURS, Barriers, Obstacle, Passage, Source, TeamColour
 from eurobot_od.robot.protocol import EurobotProtocol
 from eurobot_od.robot.scene.panel import KEPT, FieldPanel, true_path, truth_events
-from eurobot_od.robot.scene.recording import OURS, PathPoint, ScoredTask, TouchMark, Truth
+from eurobot_od.robot.scene.recording import PathPoint, ScoredTask, TouchMark, Truth
 from eurobot_od.web.page import PageEvent
 
 HERE = KalmanPositionResponse(200, 1800, 0, Source.INTERNAL)

@@ -25,12 +25,11 @@ from eurobot_od.robot.model.messages import (
     StopDrive,
 )
 from eurobot_od.robot.model.places import Point
-from eurobot_od.robot.model.values import GotoFault, Obstacle, Outcome, Source, TeamColour
+from eurobot_od.robot.model.values import OURS, Caption, GotoFault, Obstacle, Outcome, Source, TeamColour
 from eurobot_od.robot.protocol import EurobotProtocol, decoder
 from eurobot_od.robot.scene.files import SeenMatch
 from eurobot_od.robot.scene.recording import (
     NOTHING,
-    OURS,
     PathPoint,
     Recording,
     ScoredTask,
@@ -42,7 +41,6 @@ from eurobot_od.robot.scene.recording import (
     truth_file,
     write_truth,
 )
-from eurobot_od.robot.world.world import Caption
 
 PROTOCOL = EurobotProtocol.load()
 ONE, TWO = GotoXY(1000, 500, 0, 50), GotoXY(2000, 500, 90, 50)

@@ -23,11 +23,11 @@ from eurobot_od.robot.model.messages import (
     StopDrive,
 )
 from eurobot_od.robot.model.places import Point
-from eurobot_od.robot.model.values import Barriers, Obstacle, Passage, Source, TeamColour
+from eurobot_od.robot.model.values import OURS, Barriers, Obstacle, Passage, Source, TeamColour
 from eurobot_od.robot.protocol import decoder
 from eurobot_od.robot.scene import style
 from eurobot_od.robot.scene.files import SeenMatch, form, save
-from eurobot_od.robot.scene.recording import OURS, PathPoint, ScoredTask, TouchMark, Truth, record
+from eurobot_od.robot.scene.recording import PathPoint, ScoredTask, TouchMark, Truth, record
 from eurobot_od.robot.scene.scene import SPACING
 from eurobot_od.robot.scene.sheet import PAGE, sheet
 from eurobot_od.support import svg

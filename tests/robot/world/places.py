@@ -6,9 +6,9 @@ from typing import Any
 
 from eurobot_od.robot.model.options import MatchOptions
 from eurobot_od.robot.model.places import Point, Pose
+from eurobot_od.robot.model.values import OURS
 from eurobot_od.robot.nodes.motion import Odometry
 from eurobot_od.robot.world import World
-from eurobot_od.robot.world.world import OURS
 
 STEP = 0.01
 """Seconds of a step."""

@@ -10,11 +10,11 @@ from typing import Any
 from eurobot_od.robot.model import robot_file
 from eurobot_od.robot.model.options import Errors, MatchOptions
 from eurobot_od.robot.model.places import Pose
-from eurobot_od.robot.model.values import Source, TeamColour
+from eurobot_od.robot.model.values import OURS, Source, TeamColour
 from eurobot_od.robot.nodes.motion import Odometry
 from eurobot_od.robot.world import World
 from eurobot_od.robot.world.server import LINE_LIMIT, REQUESTS, VERSION, WHOM, Channel
-from eurobot_od.robot.world.world import OURS, RIVAL, LocalVehicle
+from eurobot_od.robot.world.world import RIVAL, LocalVehicle
 from tests.rows import rows
 
 FACTS = robot_file.read()

@@ -7,8 +7,8 @@ import math
 import pytest
 
 from eurobot_od.robot.model.places import Point, Pose
+from eurobot_od.robot.model.values import OURS
 from eurobot_od.robot.world.bodies import Body, Contact, Weight, contains, nearest_on
-from eurobot_od.robot.world.world import OURS
 from tests.robot.world.places import Place
 
 SQUARE = [Point(0, 0), Point(100, 0), Point(100, 100), Point(0, 100)]

@@ -17,13 +17,13 @@ from eurobot_od.errors import LocalError, WorldError
 from eurobot_od.robot.model import robot_file
 from eurobot_od.robot.model.options import NOISE_ONLY, MatchOptions, WorldAddress
 from eurobot_od.robot.model.places import Pose
-from eurobot_od.robot.model.values import Source, TeamColour
+from eurobot_od.robot.model.values import OURS, Source, TeamColour
 from eurobot_od.robot.nodes.motion import Odometry, WheelCommand
 from eurobot_od.robot.world import World, remote
 from eurobot_od.robot.world.instruments import Sensor, SimulatedBeacons, SimulatedWheels, Vehicle
 from eurobot_od.robot.world.remote import RemoteVehicle
 from eurobot_od.robot.world.server import VERSION, Channel, Server
-from eurobot_od.robot.world.world import OURS, RIVAL
+from eurobot_od.robot.world.world import RIVAL
 from eurobot_od.support.connections import Address
 from tests.rows import rows
 

@@ -13,10 +13,10 @@ import pytest
 from eurobot_od.errors import WorldError
 from eurobot_od.robot.model import robot_file
 from eurobot_od.robot.model.options import MatchOptions, WorldAddress
-from eurobot_od.robot.model.values import TeamColour
+from eurobot_od.robot.model.values import OURS, TeamColour
 from eurobot_od.robot.world import World
 from eurobot_od.robot.world.server import LINE_LIMIT, REMEMBERED, Channel, Server
-from eurobot_od.robot.world.world import OURS, EventKind, MatchEvent
+from eurobot_od.robot.world.world import EventKind, MatchEvent
 from eurobot_od.support.connections import Address
 
 FACTS = robot_file.read()

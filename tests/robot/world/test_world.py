@@ -10,11 +10,11 @@ import pytest
 from eurobot_od.errors import UnknownName
 from eurobot_od.robot.model import robot_file
 from eurobot_od.robot.model.places import Point, Pose
-from eurobot_od.robot.model.values import Source, TeamColour
+from eurobot_od.robot.model.values import OURS, Source, TeamColour
 from eurobot_od.robot.nodes.motion import Odometry
 from eurobot_od.robot.world import world as world_module
 from eurobot_od.robot.world.bodies import BORDER, SHOVE, Touch, gap
-from eurobot_od.robot.world.world import OURS, RIVAL, EventKind, MatchEvent, Timeline
+from eurobot_od.robot.world.world import RIVAL, EventKind, MatchEvent, Timeline
 from tests.robot.world.places import Place
 from tests.rows import rows
 
