@@ -14,20 +14,6 @@ from eurobot_od.cli.devices import Target, left_out, object_names
 from eurobot_od.cli.options import EmcyFiles, Json, Output, whole, write_dcf
 from eurobot_od.cli.signature import Option
 from eurobot_od.client import configure as configuring
-from eurobot_od.client.configure import (
-    ChangePlan,
-    DictionaryArea,
-    ObjectReading,
-    apply,
-    check_file,
-    dcf_of_node,
-    difference,
-    parameters,
-    pdo_parameters,
-    process_data,
-    read_all,
-    readable,
-)
 from eurobot_od.client.description import from_file
 from eurobot_od.client.master import RemoteNode
 from eurobot_od.client.program import load
@@ -76,7 +62,7 @@ def read(target: Target, objects: Sequence[Object], *, as_json: Json = False, fi
         things = [thing for text in objects for thing in find(text, known)]
         if file is not None:
             return _read_file(node, things, file)
-        readings = list(read_all(node, things))
+        readings = list(configuring.read_all(node, things))
     print_readings(readings, as_json)
     return ExitStatus.FOUND if any(each.refusal for each in readings) else ExitStatus.FINE
 
@@ -128,8 +114,8 @@ def dump(target: Target, *, as_json: Json = False) -> None:
     """
     with target.opened() as node:
         dictionary = target.needed_description(node).dictionary
-        with passing(f"node {node.node_id}", readable(dictionary)) as things:
-            readings = list(read_all(node, things))
+        with passing(f"node {node.node_id}", configuring.readable(dictionary)) as things:
+            readings = list(configuring.read_all(node, things))
     print_readings(readings, as_json)
 
 
@@ -174,7 +160,7 @@ def pdo(
 
 def _present_pdos(node: RemoteNode, dictionary: Dictionary) -> list[Pdo]:
     """Return a node's PDOs as they are set now; complains of those whose mapping does not hold."""
-    present = dictionary.configured(pdo_parameters(node, dictionary))
+    present = dictionary.configured(configuring.pdo_parameters(node, dictionary))
     with left_out() as refused:
         return list(present.read_pdos(present.default, refused))
 
@@ -236,7 +222,7 @@ def _errors_as_text(found: History, node_id: int, words: Callable[[int], str]) -
 # Printing
 
 
-def print_readings(readings: Iterable[ObjectReading], as_json: bool) -> None:
+def print_readings(readings: Iterable[configuring.ObjectReading], as_json: bool) -> None:
     """Print objects and their values, or why there is none."""
     if as_json:
         print(json.dumps([as_data(each) for each in readings], indent=2))
@@ -248,7 +234,7 @@ def print_readings(readings: Iterable[ObjectReading], as_json: bool) -> None:
         print(*columns(rows), sep="\n")
 
 
-def as_data(reading: ObjectReading) -> dict[str, Any]:
+def as_data(reading: configuring.ObjectReading) -> dict[str, Any]:
     """Return a reading as plain data; bytes are hexadecimal digits."""
     thing, value, refusal = reading
     type_name = data_type(thing).name if is_described(thing) else ""
@@ -268,7 +254,7 @@ def configure(
     file: Annotated[str, Option(metavar="FILE.dcf", is_file=True)],
     *,
     dry_run: bool = False,
-    only: Sequence[DictionaryArea] = tuple(DictionaryArea),
+    only: Sequence[configuring.DictionaryArea] = tuple(configuring.DictionaryArea),
     no_store: bool = False,
     no_reset: bool = False,
 ) -> ExitStatus:
@@ -284,16 +270,18 @@ def configure(
     """
     description = from_file(file)  # never the network's: a configuration is for the one device that its DCF names
     with left_out() as refused:
-        check_file(description, target.node_id, by_default=refused)  # the file is judged before a bus is opened
-    complain_of_process_data([each for each in process_data(description.dictionary) if value_text(each)])
+        configuring.check_file(
+            description, target.node_id, by_default=refused
+        )  # the file is judged before a bus is opened
+    complain_of_process_data([each for each in configuring.process_data(description.dictionary) if value_text(each)])
     with target.opened() as node:
         node.master.follow(description.dictionary)
-        plan = difference(node, description, only)
+        plan = configuring.difference(node, description, only)
         print(summary(plan, node.node_id))
         if dry_run or not plan.changes:
             return ExitStatus.FOUND if plan.changes else ExitStatus.FINE
         node.state(HEARTBEAT_WAIT)  # before the reset, as `apply` brings the node back to the state seen last
-        outcome = apply(node, plan, datetime.now(), stores=not no_store, resets=not no_reset)
+        outcome = configuring.apply(node, plan, datetime.now(), stores=not no_store, resets=not no_reset)
     if outcome.stored:
         kept = "stored, verified after a reset" if outcome.verified else "stored"
     else:
@@ -309,7 +297,7 @@ def complain_of_process_data(things: Sequence[ODVariable]) -> None:
         complain(f"left out as process data: {', '.join(dict.fromkeys(named))}")
 
 
-def summary(plan: ChangePlan, node_id: int) -> str:
+def summary(plan: configuring.ChangePlan, node_id: int) -> str:
     """Return the difference between the node and the file, a line an object."""
     file = Path(plan.dictionary.file).name
     if not plan.changes:
@@ -353,12 +341,14 @@ def export_dcf(target: Target, *, output: Output = None) -> ExitStatus:
     """
     with target.opened() as node:
         dictionary = target.needed_description(node).dictionary
-        present = dictionary.configured(pdo_parameters(node, dictionary))
+        present = dictionary.configured(configuring.pdo_parameters(node, dictionary))
         stem = output.stem if output else dictionary.name
-        with passing(f"node {node.node_id}", parameters(present)) as things:
-            dcf, left_out = dcf_of_node(node, dictionary, (target.bus.bitrate or BITRATE) // 1000, stem, things)
+        with passing(f"node {node.node_id}", configuring.parameters(present)) as things:
+            dcf, left_out = configuring.dcf_of_node(
+                node, dictionary, (target.bus.bitrate or BITRATE) // 1000, stem, things
+            )
     write_dcf(output, dcf)
-    complain_of_process_data(process_data(present))
+    complain_of_process_data(configuring.process_data(present))
     for thing, _, reason in left_out:
         complain(f"left out {label(thing)}: {reason}")
     return ExitStatus.FOUND if left_out else ExitStatus.FINE

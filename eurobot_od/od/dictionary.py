@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple, Self
 
 from eurobot_od.errors import DictionaryError
-from eurobot_od.od import cia401, cia402, values
+from eurobot_od.od import cia401, cia402, standard, values
 from eurobot_od.od import objects as od
 from eurobot_od.od.description import DescribedDevice
 from eurobot_od.od.document import Document, parse, read_bytes
@@ -26,27 +26,6 @@ from eurobot_od.od.modules import Module, Modules
 from eurobot_od.od.normal import Change, Normal, Refusal, normal
 from eurobot_od.od.patches import Patch, read_patch
 from eurobot_od.od.pdos import Mapped, OnRefused, Part, Pdo, PdoReader, fatal, part_of
-from eurobot_od.od.standard import (
-    IDENTITY,
-    NOT_PARAMETERS,
-    SDO_ANSWERS,
-    SDO_CLIENTS,
-    SDO_REQUESTS,
-    SDO_SERVERS,
-    UNCONFIGURED,
-    device_profile,
-)
-from eurobot_od.od.values import (
-    NODE_IDS,
-    NOT_VALID,
-    SDO_REQUEST_BASE,
-    SDO_RESPONSE_BASE,
-    Address,
-    Number,
-    PdoDirection,
-    Value,
-    identifier,
-)
 
 if TYPE_CHECKING:
     from canopen.objectdictionary import ObjectDictionary, ODVariable
@@ -73,7 +52,7 @@ class Dictionary:
             for each in normal.refusals:
                 raise DictionaryError(file, None, str(each))
             raise DictionaryError(file, None, "not an EDS: it describes no object")
-        self._present: Mapping[Address, Value] = {}
+        self._present: Mapping[values.Address, values.Value] = {}
 
     @classmethod
     def load(
@@ -156,7 +135,7 @@ class Dictionary:
         if commissioned:
             return None if commissioned.relative else commissioned.value
         # A setting of 0xFF says that the device has not been given a node-ID yet (CiA 305).
-        said = (each.value for each in settings if each and not each.relative and each.value != UNCONFIGURED)
+        said = (each.value for each in settings if each and not each.relative and each.value != standard.UNCONFIGURED)
         return next(said, None)
 
     def _checked_node_id(self, node_id: int | None) -> int:
@@ -176,7 +155,7 @@ class Dictionary:
         return number.value if number else None
 
     @cached_property
-    def node_id_address(self) -> Address | None:
+    def node_id_address(self) -> values.Address | None:
         """Where the device keeps its own node-ID among its settings; None if it does not."""
         own = self.device.own_node_id
         return (own.index, own.sub) if own else None
@@ -195,44 +174,44 @@ class Dictionary:
         entries = self.objects.indices.items()
         return {index: od.members_of(entry) for index, entry in entries if index not in values.DUMMIES}
 
-    def variable(self, address: Address) -> ODVariable | None:
+    def variable(self, address: values.Address) -> ODVariable | None:
         """Return canopen's variable at an index and sub-index, None if there is none."""
         return od.variable_at(self.objects, address)
 
-    def flags(self, address: Address) -> int:
+    def flags(self, address: values.Address) -> int:
         """Return the ObjFlags of a variable, 0 without any (CiA 306)."""
         described = self.device.variable(*address)
         number = described.number("objflags") if described else None
         return number.value if number else 0
 
-    def addresses(self) -> Iterator[Address]:
+    def addresses(self) -> Iterator[values.Address]:
         """Give the addresses of all variables, in the file's order."""
         return ((index, sub) for index, subs in self.members.items() for sub in subs)
 
-    def default(self, address: Address) -> Value:
+    def default(self, address: values.Address) -> values.Value:
         """Return a variable's ParameterValue (DCF) or DefaultValue; None if it has neither."""
         if address in self._present:  # what a live device has counts more than its file
             return self._present[address]
         variable = self.variable(address)
         return None if variable is None else od.default_of(variable)
 
-    def stock_value(self, address: Address) -> Value:
+    def stock_value(self, address: values.Address) -> values.Value:
         """Return what all devices of this kind have there, the DefaultValue; None without one."""
         variable = self.variable(address)
-        value: Value = None if variable is None else variable.default
+        value: values.Value = None if variable is None else variable.default
         return value
 
-    def has_own_value(self, address: Address) -> bool:
+    def has_own_value(self, address: values.Address) -> bool:
         """Whether a variable's value is this device's own, a ParameterValue, not what all of its kind have."""
         variable = self.variable(address)
         return address in self._present or (variable is not None and variable.value is not None)
 
-    def number(self, address: Address) -> int | None:
+    def number(self, address: values.Address) -> int | None:
         """Return the number that a variable has by default; None if it has none."""
         value = self.default(address)
         return value if isinstance(value, int) else None
 
-    def cob_id(self, address: Address, base: int) -> int:
+    def cob_id(self, address: values.Address, base: int) -> int:
         """Return the identifier that an object has for a service of the device.
 
         It is `base` plus the node-ID if the file says none, or one that is not valid (CiA 301, 7.3.3).
@@ -249,10 +228,10 @@ class Dictionary:
         return tuple(self._identity(sub, key) for sub, key in enumerate(IDENTITY_KEYS, start=1))
 
     def _identity(self, sub: int, key: str) -> int:
-        if self.variable((IDENTITY, sub)) is None:
+        if self.variable((standard.IDENTITY, sub)) is None:
             return 0
         info = values.parse_number(self.device.document.text("deviceinfo", key))
-        return self.number((IDENTITY, sub)) or (info.value & 0xFFFFFFFF if info else 0)
+        return self.number((standard.IDENTITY, sub)) or (info.value & 0xFFFFFFFF if info else 0)
 
     def named(self, name: str) -> Self:
         """Return the same device with another name."""
@@ -260,7 +239,7 @@ class Dictionary:
         other.name = name
         return other
 
-    def configured(self, present: Mapping[Address, Value]) -> Self:
+    def configured(self, present: Mapping[values.Address, values.Value]) -> Self:
         """Return the same device with values that it has at `present` in place of the file's."""
         other = copy(self)
         other._present = {**self._present, **present}
@@ -269,11 +248,11 @@ class Dictionary:
         return other
 
     @cached_property
-    def _by_name(self) -> dict[str, Address]:
+    def _by_name(self) -> dict[str, values.Address]:
         names = {self.objects.indices[index].name: (index, 0) for index in self.members}
         return names | {each.qualname: od.address_of(each) for subs in self.members.values() for each in subs.values()}
 
-    def address(self, name: str) -> Address:
+    def address(self, name: str) -> values.Address:
         """Return index and sub-index of `record.member` or `object` by ParameterName, as a program names it.
 
         Raises DictionaryError if there is none of that name.
@@ -292,7 +271,7 @@ class Dictionary:
 
     # Parameters
 
-    def is_parameter(self, address: Address) -> bool:
+    def is_parameter(self, address: values.Address) -> bool:
         """Whether an object is a setting: what a configuration writes, a device stores and a DCF of it has.
 
         A setting may be mapped into PDOs; what is not one is `process_data`, a command or a history.
@@ -302,12 +281,12 @@ class Dictionary:
             variable is not None
             and od.is_described(variable)
             and variable.writable
-            and address[0] not in NOT_PARAMETERS
+            and address[0] not in standard.NOT_PARAMETERS
             and address not in self.process_data
         )
 
     @cached_property
-    def process_data(self) -> frozenset[Address]:
+    def process_data(self) -> frozenset[values.Address]:
         """What is process data by its profile (CiA 401, CiA 402), or by the mappings of the PDOs that are valid.
 
         An RPDO brings it; of what a TPDO carries, only `rwr` is not set by a master.
@@ -315,10 +294,10 @@ class Dictionary:
         found = set()
         for pdo in self.read_pdos(self.default, lambda _: None, listening=True):
             for each in pdo.mapping if pdo.valid else ():
-                if pdo.direction is PdoDirection.RPDO or each.variable.access_type == "rwr":
+                if pdo.direction is values.PdoDirection.RPDO or each.variable.access_type == "rwr":
                     part = self.part(each.address)
                     found |= {each.address, part.whole if part else each.address}
-        of_profile = PROCESS_DATA.get(device_profile(self.number), {})
+        of_profile = PROCESS_DATA.get(standard.device_profile(self.number), {})
         return frozenset(found).union(
             (index, sub)
             for index, subs in self.members.items()
@@ -334,7 +313,7 @@ class Dictionary:
         return self.read_pdos(self.default)
 
     def read_pdos(
-        self, value: Callable[[Address], Value], refused: OnRefused = fatal, listening: bool = False
+        self, value: Callable[[values.Address], values.Value], refused: OnRefused = fatal, listening: bool = False
     ) -> tuple[Pdo, ...]:
         """Read RPDOs, then TPDOs, from the parameter values that `value` gives; see `PdoReader`."""
         return self._reader(value).pdos(refused, listening)
@@ -343,10 +322,10 @@ class Dictionary:
         """Return what a mapping entry stands for; raises MappingError."""
         return self._reader(self.default).mapped(mapping_index, entry)
 
-    def _reader(self, value: Callable[[Address], Value]) -> PdoReader:
+    def _reader(self, value: Callable[[values.Address], values.Value]) -> PdoReader:
         return PdoReader(self.file, self.objects, self.node_id, value)
 
-    def part(self, address: Address) -> Part | None:
+    def part(self, address: values.Address) -> Part | None:
         """Return what a slice is a part of; None for what is not a slice."""
         variable = self.variable(address)
         return None if variable is None else part_of(self.objects, variable)
@@ -378,7 +357,7 @@ def _imported(file: Path, normal: Normal, node_id: int) -> ObjectDictionary:
         entry = objects.indices.get(index)
         target = od.members_of(entry).get(sub) if entry is not None and sub is not None else entry
         if target is not None:  # it is one of the refusals
-            setattr(target, attribute, value.at(node_id) if isinstance(value, Number) else value)
+            setattr(target, attribute, value.at(node_id) if isinstance(value, values.Number) else value)
     return objects
 
 
@@ -399,25 +378,28 @@ class SdoChannel(NamedTuple):
     @classmethod
     def default(cls, node_id: int) -> SdoChannel:
         """Return where a node's SDO server is by default (CiA 301, 7.3.3)."""
-        return cls(SDO_REQUEST_BASE + node_id, SDO_RESPONSE_BASE + node_id)
+        return cls(values.SDO_REQUEST_BASE + node_id, values.SDO_RESPONSE_BASE + node_id)
 
     @classmethod
     def of(cls, device: Dictionary) -> SdoChannel:
         """Return where a device's SDO server is, as its file says."""
-        said = cls(device.cob_id(SDO_REQUESTS, SDO_REQUEST_BASE), device.cob_id(SDO_ANSWERS, SDO_RESPONSE_BASE))
+        said = cls(
+            device.cob_id(standard.SDO_REQUESTS, values.SDO_REQUEST_BASE),
+            device.cob_id(standard.SDO_ANSWERS, values.SDO_RESPONSE_BASE),
+        )
         node_id = said.usual_for
         if node_id is None:
             return said
         # A ParameterValue was set for this device; a DefaultValue was perhaps only copied.
-        is_set = all(device.has_own_value(each) for each in (SDO_REQUESTS, SDO_ANSWERS))
+        is_set = all(device.has_own_value(each) for each in (standard.SDO_REQUESTS, standard.SDO_ANSWERS))
         is_for_another = node_id in (0, device.commissioned_node_id)
         return said if is_set and not is_for_another else cls.default(device.node_id)
 
     @property
     def usual_for(self) -> int | None:
         """The node-ID whose default identifiers both are, 0 if they lack one; None if they belong to no node."""
-        node_id = self.requests - SDO_REQUEST_BASE
-        return node_id if node_id in (0, *NODE_IDS) and self == self.default(node_id) else None
+        node_id = self.requests - values.SDO_REQUEST_BASE
+        return node_id if node_id in (0, *values.NODE_IDS) and self == self.default(node_id) else None
 
 
 def moved_server(device: Dictionary) -> str:
@@ -435,10 +417,10 @@ def sdo_channels(dictionary: Dictionary) -> Iterator[tuple[int, int, int, int]]:
     The client's is 0 if no file names it: of the default channel it is the master (CiA 301, 7.5.2.33).
     """
     yield dictionary.node_id, 0, *SdoChannel.of(dictionary)
-    records = [index for index in (*SDO_SERVERS[1:], *SDO_CLIENTS) if index in dictionary.members]
+    records = [index for index in (*standard.SDO_SERVERS[1:], *standard.SDO_CLIENTS) if index in dictionary.members]
     for index in records:
         request, answer, other = (dictionary.number((index, sub)) for sub in (1, 2, 3))
         own = dictionary.node_id
-        server, client = (own, other or 0) if index in SDO_SERVERS else (other, own)
-        if request and answer and server and not (request | answer) & NOT_VALID:
-            yield server, client, identifier(request), identifier(answer)
+        server, client = (own, other or 0) if index in standard.SDO_SERVERS else (other, own)
+        if request and answer and server and not (request | answer) & values.NOT_VALID:
+            yield server, client, values.identifier(request), values.identifier(answer)

@@ -21,17 +21,7 @@ from eurobot_od.od import cia402
 from eurobot_od.od.cia402 import DriveCommand, State, Transition
 from eurobot_od.od.standard import IDENTITY, ErrorCode
 from eurobot_od.od.values import NMT_COB_ID
-from eurobot_od.sdo.wire import (
-    ABORT,
-    LENGTH,
-    AbortCode,
-    Block,
-    ClientCommand,
-    Initiate,
-    ServerCommand,
-    aborted,
-    initiate,
-)
+from eurobot_od.sdo import wire
 
 MADE = "conformance"
 """The suites that are made from a device's file."""
@@ -60,10 +50,10 @@ class WritesForgotten(Node):
     """Confirms what is written by SDO and forgets it."""
 
     def receive(self, frame: Frame, now: float) -> list[Frame]:
-        is_request = frame.cob_id == hooks.sdo_request(self) and len(frame.data) == LENGTH
-        if is_request and frame.data[0] >> 5 == ClientCommand.DOWNLOAD:
-            address = Initiate.of(frame.data).address
-            return [Frame(hooks.sdo_answer(self), initiate(ServerCommand.DOWNLOAD << 5, address))]
+        is_request = frame.cob_id == hooks.sdo_request(self) and len(frame.data) == wire.LENGTH
+        if is_request and frame.data[0] >> 5 == wire.ClientCommand.DOWNLOAD:
+            address = wire.Initiate.of(frame.data).address
+            return [Frame(hooks.sdo_answer(self), wire.initiate(wire.ServerCommand.DOWNLOAD << 5, address))]
         return super().receive(frame, now)
 
 
@@ -99,7 +89,7 @@ def _babble(node: Node) -> None:
 
 def _wrong_crc(content: bytes) -> bytes:
     # It is in bytes 1 and 2 of the end alone; the initiate has the same specifier (CiA 301, 7.2.4.3.14).
-    is_end = content[0] >> 5 == ServerCommand.BLOCK_UPLOAD and content[0] & 3 == Block.END
+    is_end = content[0] >> 5 == wire.ServerCommand.BLOCK_UPLOAD and content[0] & 3 == wire.Block.END
     return bytes([content[0], content[1] ^ 1]) + content[2:] if is_end else content
 
 
@@ -180,13 +170,17 @@ FAULTS = {
         hooks.leaving(
             hooks.sdo_answer,
             hooks.data(
-                lambda data: aborted(Initiate.of(data).address, AbortCode.GENERAL) if data[0] == ABORT else data
+                lambda data: (
+                    wire.aborted(wire.Initiate.of(data).address, wire.AbortCode.GENERAL)
+                    if data[0] == wire.ABORT
+                    else data
+                )
             ),
         ),
     ),
     "sdo-abort-silent": Caught("canopen", "7.2.4.3.17 SDO: an object that is not there").fault(
         "does not answer a request that it refuses",
-        hooks.leaving(hooks.sdo_answer, hooks.only(lambda data: data[0] != ABORT)),
+        hooks.leaving(hooks.sdo_answer, hooks.only(lambda data: data[0] != wire.ABORT)),
     ),
     "babbling": Caught("canopen", "7.2.7 EMCY: none without an error").fault(
         "sends emergencies all the time", hooks.every(0.001, _babble)
