@@ -20,9 +20,9 @@ from eurobot_od.robot.match.referee import Players
 from eurobot_od.robot.match.stage import EdsFiles, play_simulated
 from eurobot_od.robot.match.summary import RobotTouch, Summary, touches_of
 from eurobot_od.robot.model.options import MatchOptions
-from eurobot_od.robot.model.values import Outcome, Passage
+from eurobot_od.robot.model.values import OURS, Outcome, Passage
 from eurobot_od.robot.world.bodies import Touch
-from eurobot_od.robot.world.world import OURS, EventKind, MatchEvent
+from eurobot_od.robot.world.world import EventKind, MatchEvent
 from eurobot_od.traffic.recorder import recording
 
 ARRIVED = Outcome.ARRIVED.value

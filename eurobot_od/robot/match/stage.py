@@ -40,14 +40,14 @@ from eurobot_od.robot.match.summary import FrameCounter, Summary, counts, touche
 from eurobot_od.robot.model import robot_file
 from eurobot_od.robot.model.options import MatchOptions
 from eurobot_od.robot.model.places import Pose
-from eurobot_od.robot.model.values import TeamColour
+from eurobot_od.robot.model.values import OURS, Caption, TeamColour
 from eurobot_od.robot.nodes import Core, Node
 from eurobot_od.robot.nodes.node import make
 from eurobot_od.robot.world import World
 from eurobot_od.robot.world.bodies import Touch
 from eurobot_od.robot.world.instruments import equip
 from eurobot_od.robot.world.remote import RemoteVehicle
-from eurobot_od.robot.world.world import OURS, RIVAL, Caption, EventKind, MatchEvent, Timeline
+from eurobot_od.robot.world.world import RIVAL, EventKind, MatchEvent, Timeline
 from eurobot_od.traffic.recorder import recording
 
 # Settings: values in a node's object dictionary that replace those of its EDS file
