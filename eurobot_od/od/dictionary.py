@@ -26,6 +26,7 @@ from eurobot_od.od.modules import Module, Modules
 from eurobot_od.od.normal import Change, Normal, Refusal, normal
 from eurobot_od.od.patches import Patch, read_patch
 from eurobot_od.od.pdos import Mapped, OnRefused, Part, Pdo, PdoReader, fatal, part_of
+from eurobot_od.od.values import Address, Number, PdoDirection, Value
 
 if TYPE_CHECKING:
     from canopen.objectdictionary import ObjectDictionary, ODVariable
@@ -52,7 +53,7 @@ class Dictionary:
             for each in normal.refusals:
                 raise DictionaryError(file, None, str(each))
             raise DictionaryError(file, None, "not an EDS: it describes no object")
-        self._present: Mapping[values.Address, values.Value] = {}
+        self._present: Mapping[Address, Value] = {}
 
     @classmethod
     def load(
@@ -155,7 +156,7 @@ class Dictionary:
         return number.value if number else None
 
     @cached_property
-    def node_id_address(self) -> values.Address | None:
+    def node_id_address(self) -> Address | None:
         """Where the device keeps its own node-ID among its settings; None if it does not."""
         own = self.device.own_node_id
         return (own.index, own.sub) if own else None
@@ -174,44 +175,44 @@ class Dictionary:
         entries = self.objects.indices.items()
         return {index: od.members_of(entry) for index, entry in entries if index not in values.DUMMIES}
 
-    def variable(self, address: values.Address) -> ODVariable | None:
+    def variable(self, address: Address) -> ODVariable | None:
         """Return canopen's variable at an index and sub-index, None if there is none."""
         return od.variable_at(self.objects, address)
 
-    def flags(self, address: values.Address) -> int:
+    def flags(self, address: Address) -> int:
         """Return the ObjFlags of a variable, 0 without any (CiA 306)."""
         described = self.device.variable(*address)
         number = described.number("objflags") if described else None
         return number.value if number else 0
 
-    def addresses(self) -> Iterator[values.Address]:
+    def addresses(self) -> Iterator[Address]:
         """Give the addresses of all variables, in the file's order."""
         return ((index, sub) for index, subs in self.members.items() for sub in subs)
 
-    def default(self, address: values.Address) -> values.Value:
+    def default(self, address: Address) -> Value:
         """Return a variable's ParameterValue (DCF) or DefaultValue; None if it has neither."""
         if address in self._present:  # what a live device has counts more than its file
             return self._present[address]
         variable = self.variable(address)
         return None if variable is None else od.default_of(variable)
 
-    def stock_value(self, address: values.Address) -> values.Value:
+    def stock_value(self, address: Address) -> Value:
         """Return what all devices of this kind have there, the DefaultValue; None without one."""
         variable = self.variable(address)
-        value: values.Value = None if variable is None else variable.default
+        value: Value = None if variable is None else variable.default
         return value
 
-    def has_own_value(self, address: values.Address) -> bool:
+    def has_own_value(self, address: Address) -> bool:
         """Whether a variable's value is this device's own, a ParameterValue, not what all of its kind have."""
         variable = self.variable(address)
         return address in self._present or (variable is not None and variable.value is not None)
 
-    def number(self, address: values.Address) -> int | None:
+    def number(self, address: Address) -> int | None:
         """Return the number that a variable has by default; None if it has none."""
         value = self.default(address)
         return value if isinstance(value, int) else None
 
-    def cob_id(self, address: values.Address, base: int) -> int:
+    def cob_id(self, address: Address, base: int) -> int:
         """Return the identifier that an object has for a service of the device.
 
         It is `base` plus the node-ID if the file says none, or one that is not valid (CiA 301, 7.3.3).
@@ -239,7 +240,7 @@ class Dictionary:
         other.name = name
         return other
 
-    def configured(self, present: Mapping[values.Address, values.Value]) -> Self:
+    def configured(self, present: Mapping[Address, Value]) -> Self:
         """Return the same device with values that it has at `present` in place of the file's."""
         other = copy(self)
         other._present = {**self._present, **present}
@@ -248,11 +249,11 @@ class Dictionary:
         return other
 
     @cached_property
-    def _by_name(self) -> dict[str, values.Address]:
+    def _by_name(self) -> dict[str, Address]:
         names = {self.objects.indices[index].name: (index, 0) for index in self.members}
         return names | {each.qualname: od.address_of(each) for subs in self.members.values() for each in subs.values()}
 
-    def address(self, name: str) -> values.Address:
+    def address(self, name: str) -> Address:
         """Return index and sub-index of `record.member` or `object` by ParameterName, as a program names it.
 
         Raises DictionaryError if there is none of that name.
@@ -271,7 +272,7 @@ class Dictionary:
 
     # Parameters
 
-    def is_parameter(self, address: values.Address) -> bool:
+    def is_parameter(self, address: Address) -> bool:
         """Whether an object is a setting: what a configuration writes, a device stores and a DCF of it has.
 
         A setting may be mapped into PDOs; what is not one is `process_data`, a command or a history.
@@ -286,7 +287,7 @@ class Dictionary:
         )
 
     @cached_property
-    def process_data(self) -> frozenset[values.Address]:
+    def process_data(self) -> frozenset[Address]:
         """What is process data by its profile (CiA 401, CiA 402), or by the mappings of the PDOs that are valid.
 
         An RPDO brings it; of what a TPDO carries, only `rwr` is not set by a master.
@@ -294,7 +295,7 @@ class Dictionary:
         found = set()
         for pdo in self.read_pdos(self.default, lambda _: None, listening=True):
             for each in pdo.mapping if pdo.valid else ():
-                if pdo.direction is values.PdoDirection.RPDO or each.variable.access_type == "rwr":
+                if pdo.direction is PdoDirection.RPDO or each.variable.access_type == "rwr":
                     part = self.part(each.address)
                     found |= {each.address, part.whole if part else each.address}
         of_profile = PROCESS_DATA.get(standard.device_profile(self.number), {})
@@ -313,7 +314,7 @@ class Dictionary:
         return self.read_pdos(self.default)
 
     def read_pdos(
-        self, value: Callable[[values.Address], values.Value], refused: OnRefused = fatal, listening: bool = False
+        self, value: Callable[[Address], Value], refused: OnRefused = fatal, listening: bool = False
     ) -> tuple[Pdo, ...]:
         """Read RPDOs, then TPDOs, from the parameter values that `value` gives; see `PdoReader`."""
         return self._reader(value).pdos(refused, listening)
@@ -322,10 +323,10 @@ class Dictionary:
         """Return what a mapping entry stands for; raises MappingError."""
         return self._reader(self.default).mapped(mapping_index, entry)
 
-    def _reader(self, value: Callable[[values.Address], values.Value]) -> PdoReader:
+    def _reader(self, value: Callable[[Address], Value]) -> PdoReader:
         return PdoReader(self.file, self.objects, self.node_id, value)
 
-    def part(self, address: values.Address) -> Part | None:
+    def part(self, address: Address) -> Part | None:
         """Return what a slice is a part of; None for what is not a slice."""
         variable = self.variable(address)
         return None if variable is None else part_of(self.objects, variable)
@@ -357,7 +358,7 @@ def _imported(file: Path, normal: Normal, node_id: int) -> ObjectDictionary:
         entry = objects.indices.get(index)
         target = od.members_of(entry).get(sub) if entry is not None and sub is not None else entry
         if target is not None:  # it is one of the refusals
-            setattr(target, attribute, value.at(node_id) if isinstance(value, values.Number) else value)
+            setattr(target, attribute, value.at(node_id) if isinstance(value, Number) else value)
     return objects
 
 
