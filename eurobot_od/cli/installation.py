@@ -30,6 +30,8 @@ INDENT = len("interface  ")
 FOR_DEVELOPERS = ("test", "bench")
 """Extras that are needed only to develop the program."""
 
+WITHOUT = "`node --share 54701` makes a bus that needs none (docs/hardware.md)"
+
 NEEDED = ("canopen", "python-can", "PyYAML", "shtab")
 """What every installation has."""
 
@@ -44,7 +46,8 @@ def doctor() -> ExitStatus:
     wrong = [*unloaded, *(trouble for link in links() for trouble in troubles(link)), *denied(refused())]
     loaded = drivers()
     lacks = without_socketcan()
-    buses = [f"interface  {each}" for each in [*map(str, here())] or ["none"]]
+    buses_here = here()
+    buses = [f"interface  {each}" for each in map(str, buses_here or ["none"])]
     buses += [f"socketcan  {lacks}; {INSTEAD}"] if lacks else []
     buses += [f"adapter    {each.name}: {each.advice(not lacks)}" for each in plugged_in()]
     buses.append(f"drivers    {', '.join(name for name, loads in loaded.items() if loads)}")
@@ -61,7 +64,7 @@ def doctor() -> ExitStatus:
         print(folded(one_line(f"wrong      {what}: {fix}"), sys.stdout, INDENT))
     if wrong:
         return ExitStatus.FOUND
-    print("nothing is wrong")
+    print("nothing is wrong" if buses_here else f"nothing is wrong, but there is no CAN interface; {WITHOUT}")
     return ExitStatus.FINE
 
 

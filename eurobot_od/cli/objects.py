@@ -51,7 +51,7 @@ from eurobot_od.od.pdos import Pdo
 from eurobot_od.od.values import MOST_SUBS, NODE_IDS
 from eurobot_od.od.values import label as place
 from eurobot_od.od.words import words, written
-from eurobot_od.support.files import write_whole
+from eurobot_od.support.files import opened, write_whole
 from eurobot_od.support.progress import bar, passing
 from eurobot_od.support.texts import amount, columns, one_line
 
@@ -93,6 +93,11 @@ def _read_file(node: RemoteNode, things: Sequence[ODVariable], file: Path) -> Ex
     return ExitStatus.FINE
 
 
+def _content(file: Path) -> bytes:
+    with opened(file) as stream:
+        return stream.read()
+
+
 def write(target: Target, name: Object, value: str | None = None, *, file: Path | None = None) -> None:
     """Write one object of a CANopen node, by number or by the EDS's name, or a whole file into it.
 
@@ -104,7 +109,7 @@ def write(target: Target, name: Object, value: str | None = None, *, file: Path 
     """
     if (value is None) is (file is None):
         raise LocalError("what to write: give a value or --file FILE, one of them")
-    content = file.read_bytes() if file else b""
+    content = _content(file) if file else b""
     with target.opened() as node:
         found = target.description(node)
         thing = find_one(name, found.dictionary.objects if found else None)
@@ -380,7 +385,7 @@ def program(
     number: number of the program in the node, its sub-index (1)
     no_crc: do not compare 0x1F56 with the file: in this device it is not a CRC
     """
-    content = file.read_bytes()
+    content = _content(file)
     if not content:
         raise LocalError(f"{file}: the file is empty")
     with target.opened() as node, bar(f"node {node.node_id}: {file.name}") as progress:

@@ -186,8 +186,10 @@ class Parser(ArgumentParser):
         return parse(self.words, self.known)
 
     def error(self, message: str) -> NoReturn:
-        """Exit; raises SystemExit."""
-        self.exit(2, f"{self.prog}: error: {message}; see {self.prog} --help\n")
+        """Exit, and say the order of what has no name of its own if one of that is wrong; raises SystemExit."""
+        places = " ".join(each.dest.upper() for each in self._get_positional_actions())
+        order = f"; write {self.prog} {places}" if " " in places and re.match(r"argument [^-]", message) else ""
+        self.exit(2, f"{self.prog}: error: {message}{order}; see {self.prog} --help\n")
 
 
 def summary(command: Command) -> str:
