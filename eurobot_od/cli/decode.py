@@ -181,6 +181,9 @@ def decode(
     statistics: print load, gaps, jitter, response times and their bounds instead of lines
     bitrate: bit/s for --statistics (default: 500000)
     strict: exit status 1 if anything is wrong in the logs
+
+    $ decode run.log --eds 5=motor.eds
+    $ decode run.log --statistics
     """
     decoder = devices.decoder(emcy)
     several = len(logs) > 1
@@ -231,6 +234,9 @@ def compare(
     time: tolerance of times (1 ms)
     tolerance: tolerance of a field, such as x=5 or 'Goto State Response.time=20'; repeatable
     as_json: one JSON object per difference
+
+    $ compare run.log again.log
+    $ compare run.log again.log --eds 5=motor.eds
     """
     from eurobot_od.traffic.compare import ComparedEntry, Tolerances
     from eurobot_od.traffic.compare import compare as differences_of
@@ -299,6 +305,9 @@ def replay(
     speed: how many times faster (default: 1)
     only: only frames that this node sent; repeatable
     without: no frames that this node sent; repeatable
+
+    $ replay run.log -i socketcan -c can0
+    $ replay run.log --speed 10 -i socketcan -c can0
     """
     from eurobot_od.client.master import (
         LATE,

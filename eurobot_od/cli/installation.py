@@ -40,6 +40,8 @@ def doctor() -> ExitStatus:
     """Print what is installed, robots too, the CAN interfaces and their state, and what fixes what is wrong.
 
     Exit status 1 if something is wrong; an extra that is not installed is not an error.
+
+    $ doctor
     """
     why = {each: broken(each) for each in plugin.installed().values()}
     unloaded = [(what, f"{sys.executable} -m pip uninstall {each.package}") for each, what in why.items() if what]
@@ -114,6 +116,8 @@ def completion(shell: Literal["bash", "zsh", "fish", "tcsh"], *, robot_name: Rob
     """Print the script that completes the command line in a shell: commands, options, and the values that are known.
 
     shell: the shell; the first lines of its script say where it belongs
+
+    $ completion bash
     """
     import shtab  # no other command needs it
 

@@ -145,6 +145,9 @@ def node(
     verbose: print every message that the node receives
     fault: give the node a fault; `faults` lists them
     on_error: what happens to a node that fails, after it was stopped (default: restart)
+
+    $ node --eds 5=motor.eds --share 54701
+    $ node --eds 5=motor.eds --set Motor.Speed=1200 -i socketcan -c can0
     """
     from eurobot_od.bus.live import Live  # faults are listed without
 
@@ -295,6 +298,9 @@ def faults(
 
     node: only the faults of this node of the robot
     as_json: print them as JSON, with the step that finds each
+
+    $ faults
+    $ faults --json
     """
     robot = Devices(robot_name=robot_name).robot
     if node and node not in robot.nodes:
