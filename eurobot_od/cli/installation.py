@@ -49,7 +49,7 @@ def doctor() -> ExitStatus:
     loaded = drivers()
     lacks = without_socketcan()
     buses_here = here()
-    buses = [f"interface  {each}" for each in map(str, buses_here or ["none"])]
+    buses = [f"interface  {each}" for each in [*map(str, buses_here)] or ["none"]]
     buses += [f"socketcan  {lacks}; {INSTEAD}"] if lacks else []
     buses += [f"adapter    {each.name}: {each.advice(not lacks)}" for each in plugged_in()]
     buses.append(f"drivers    {', '.join(name for name, loads in loaded.items() if loads)}")
