@@ -9,6 +9,8 @@ Each cell of the matrix is a short match in which one thing goes wrong. What is 
 - *went on*: whether another place was reached after it went wrong. Not every match can go on; that is judged only of
   pauses without the navigation, which no match may end with.
 
+With `--live` the pauses without the navigation are tried in real time, on a bus in this process (live_network.py).
+
 A drive that is dead or frozen moves nothing here: what a motor does when nobody controls it is not in the protocol.
 
 The exit status says whether every cell is as it has to be: 0 yes, 1 no.
@@ -25,6 +27,8 @@ from functools import cache
 from importlib import import_module
 from itertools import product
 from typing import Annotated, NamedTuple
+
+from live_network import LiveNetwork
 
 from eurobot_od.bus.simulated import loop
 from eurobot_od.bus.simulated.network import ON_TIME, Simulation, processing_time
@@ -103,13 +107,17 @@ PAUSE_FROM, PAUSE_UNTIL = 4.0, 12.0
 
 
 class Cell(NamedTuple):
-    """What goes wrong: a message, a node or the bus, how, and when in seconds since power-on (a message: from then)."""
+    """What goes wrong: a message, a node or the bus, how, and when in seconds since power-on (a message: from then).
+
+    A `live` one is tried in real time.
+    """
 
     what: str
     how: str
     time: float = 0.0
     seed: int = 1
     dialect: str = dialects.DEFAULT
+    live: bool = False
 
 
 class Result(NamedTuple):
@@ -167,7 +175,7 @@ class Trial:
             errors=NOISE_ONLY,
             solid=False,
         )
-        self.network = Simulation()
+        self.network: Simulation | LiveNetwork = LiveNetwork() if cell.live else Simulation()
         self.world = World(self.options, self._clock)
         _, nodes = stage.cast_for(self.options, self.files, self.world)
         self.nodes: dict[str, Node] = {node.name: node for node in nodes}
@@ -208,6 +216,7 @@ class Trial:
 
     def _spoil_message(self) -> None:
         cob_id, seen = self.files.protocol.cob_id(self.cell.what), 0
+        assert isinstance(self.network, Simulation)
 
         def disturb(_: float, frame: Frame) -> Sequence[float]:
             nonlocal seen
@@ -287,7 +296,8 @@ class Trial:
 
     def result(self) -> Result:
         """Try the cell."""
-        ended = loop.run(self.network, self._run())
+        network = self.network
+        ended = network.run(self._run()) if isinstance(network, LiveNetwork) else loop.run(network, self._run())
         killed = self.cell.what if self.cell.how == "killed" else None
         wrong = {
             "moves at the end": killed != "drive" and self.wheels.moving,
@@ -368,10 +378,13 @@ def run_all(
     dialect: Annotated[str, f"EDS files (default: {dialects.DEFAULT})"] = dialects.DEFAULT,
     times: Annotated[int, Option(metavar="N"), f"times of a match (default: {TIMES})"] = TIMES,
     only: Annotated[str, Option(metavar="TEXT"), "only cells whose name has this in it"] = "",
+    live: Annotated[bool, "the pauses without the navigation, in real time"] = False,
     campaign: Annotated[Campaign, HelpGroup("many at once, with all of it")],
 ) -> int:
     """Lose messages and nodes in matches, see that the robot stands; print table, what is wrong, and figures."""
     chosen = [each for each in cells(dialect, times) if only in f"{each.what} {each.how}"]
+    if live:
+        chosen = [each._replace(live=True) for each in chosen if each.how in PAUSES]
     kept = campaign.kept(Result, lambda: {"campaign": "losses", "dialect": dialect})
     with campaign.workers(len(chosen)) as workers:
         results = list(counted(in_blocks(attempt, chosen, workers, kept), len(chosen), "cells", workers))

@@ -412,9 +412,10 @@ def test_a_match_has_the_window_with_its_clock_points_nodes_and_words(
 
 FITS = """(() => {
     const page = document.documentElement, main = document.querySelector('main');
-    const boxes = [...document.querySelectorAll('svg.field:not(.sample), .legend.hint')].map(each => each.getBoundingClientRect());
+    const box = each => each.getBoundingClientRect();
+    const drawn = [...document.querySelectorAll('svg.field:not(.sample), .legend.hint')];
     return page.scrollHeight === page.clientHeight && main.scrollHeight === main.clientHeight
-        && boxes.every(each => each.bottom <= document.querySelector('footer').getBoundingClientRect().top);
+        && drawn.every(each => box(each).bottom <= box(document.querySelector('footer')).top);
 })()"""
 """Whether a page's field and its legend are seen without scrolling."""
 

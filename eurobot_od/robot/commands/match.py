@@ -334,6 +334,10 @@ def _compare(asked: AskedMatch, options: MatchOptions) -> ExitStatus:
     return ExitStatus.FOUND if any(match.wrong for matches in played.values() for match in matches) else ExitStatus.FINE
 
 
+def _append(frames: list[tuple[float, Frame]], time: float, frame: Frame) -> None:
+    frames.append((time, frame))
+
+
 def _draw_side_by_side(asked: AskedMatch, options: MatchOptions) -> None:
     """Play a seed once more with each strategy, which gives the same frames, and write the page with all of them."""
     from eurobot_od.robot.scene.files import seen_match, side_by_side
@@ -341,10 +345,10 @@ def _draw_side_by_side(asked: AskedMatch, options: MatchOptions) -> None:
 
     matches = {}
     for file in asked.compare:
-        frames: list[tuple[float, Frame]] = []
-        players = StrategyFiles(file, asked.against).load()
+        seen: list[tuple[float, Frame]] = []
+        watch, players = partial(_append, seen), StrategyFiles(file, asked.against).load()
         with redirect_stdout(sys.stderr):
-            _, world = stage.play_simulated(options, lambda _: None, lambda *each: frames.append(each), None, *players)
-        matches[file.stem] = seen_match(frames, options, world)
+            _, world = stage.play_simulated(options, lambda _: None, watch, None, *players)
+        matches[file.stem] = seen_match(seen, options, world)
     assert asked.field is not None
     write_whole(asked.field, side_by_side(matches, f"Match, seed {options.seed}"))
