@@ -6,8 +6,8 @@ Each cell of the matrix is a short match in which one thing goes wrong. What is 
   Braking after an ordinary stop counts, too, so that it is never 0. It has to end within BOUND seconds.
 - *off*: how far from its place the robot truly is when it has arrived: OFF_PLACE, or what the drive says of its place.
 - *open calls*: calls of the core that have not ended when all is over. There must be none.
-- *went on*: whether another place was reached after it went wrong. Not every match can go on; that is judged only of
-  pauses without the navigation, which no match may end with.
+- *went on*: whether another place was reached after it went wrong. Not every match can go on. After a pause without the
+  navigation it has to, or at least the robot drives on for DROVE_ON: by its wheels alone it may lose its way later.
 
 With `--live` the pauses without the navigation are tried in real time, on a bus in this process (live_network.py).
 
@@ -58,6 +58,9 @@ OFF_PLACE = 50.0
 
 DEVIATIONS = 3
 """How many of the standard deviations that the drive tells the robot may be off."""
+
+DROVE_ON = 1000.0
+"""How far a robot drives, mm, whose match goes on."""
 
 UNDATED = ("Navi Position Request", "Navi Position Response")
 """Positions say nothing about their time: if they are all late, the drive cannot know, and without them it drifts."""
@@ -131,18 +134,19 @@ class Result(NamedTuple):
 
 
 class Watched:
-    """The wheels of the robot in its world, which notice how long they are moved uncommanded."""
+    """The wheels of the robot in its world, which notice how long they are moved uncommanded; `driven` is in mm."""
 
     def __init__(self, world: World, wheels: Chassis, commanded: Callable[[], bool]) -> None:
         self.world, self._wheels, self._commanded = world, wheels, commanded
         self._rolled, self._from = 0.0, world.robot
-        self.seconds = self.distance = 0.0
+        self.seconds = self.distance = self.driven = 0.0
         self.moving = False
 
     def advance(self, command: WheelCommand, dt: float) -> Odometry:
         """Move the robot."""
         before, odometry = self.world.robot, self._wheels.advance(command, dt)
         self.moving = command != AT_REST
+        self.driven += abs(odometry.distance)
         if not self.moving or self._commanded():
             self._rolled = 0.0
         else:
@@ -187,6 +191,8 @@ class Trial:
         self.off_until = 0.0
         self.without_core = False
         self.reached: list[float] = []
+        self.driven_before = 0.0
+        self.last = ""
         self.off = 0.0
         self.playing: asyncio.Task[None] | None = None
 
@@ -231,6 +237,7 @@ class Trial:
 
     def _go_wrong(self) -> None:
         how, now = self.cell.how, self.network.now
+        self.driven_before = self.wheels.driven
         if self.cell.what == BUS:
             self.off_until = now + PAUSES.get(how, OFF)
             self.network.cut(self.off_until)
@@ -274,6 +281,8 @@ class Trial:
             await Referee(self.core, options, timeline, lambda: self.world.robot).play(strategy.play)
 
     def _told(self, event: MatchEvent) -> None:
+        if event.kind in (EventKind.GIVEN_UP, EventKind.FAILED):
+            self.last = event.text
         if event.kind is EventKind.ARRIVED:
             self.reached.append(event.time)
             # A drive that says that it knows its place badly has not called anything a good arrival.
@@ -307,7 +316,8 @@ class Trial:
             f"{self.core.open_calls} open calls": killed != "core" and self.core.open_calls > 0,
         }
         went_on = any(time > self.cell.time for time in self.reached)
-        wrong["the match does not go on"] = self.cell.how in PAUSES and not went_on
+        drove_on = went_on or self.wheels.driven - self.driven_before > DROVE_ON
+        wrong[f"the match does not go on: {self.last}"] = self.cell.how in PAUSES and not drove_on
         text = "; ".join(text for text, is_so in wrong.items() if is_so)
         return Result(self.cell, self.wheels.seconds, self.wheels.distance, went_on, text)
 
