@@ -369,7 +369,8 @@ def farthest_apart(played: Played) -> int:
     rows = [row for row in zip(*played.values()) if all(match.summary for match in row)]
     if not rows:
         raise LocalError("no seed was played to its end with each strategy, so there is nothing to be drawn")
-    return max(rows, key=lambda row: max(map(POINTS.of, row)) - min(map(POINTS.of, row)))[0].seed
+    farthest: Sequence[PlayedMatch] = max(rows, key=lambda row: max(map(POINTS.of, row)) - min(map(POINTS.of, row)))
+    return farthest[0].seed
 
 
 LEFT, TOP, PLOT, HEIGHT, RIGHT, BOTTOM = 56, 64, 880, 320, 24, 40
