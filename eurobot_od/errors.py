@@ -192,7 +192,7 @@ class FrameLengthError(RemoteError):
 
 
 class NoAnswer(RemoteError):
-    """A peer did not answer in its time: `request`, `answer` and how often was asked.
+    """A peer did not answer in its time: `request`, empty if nothing was asked, `answer` and how often was asked.
 
     `waited` is in seconds; `node_id` and `object` say of whom and what, None where it is of no one node or object.
     """
@@ -209,7 +209,8 @@ class NoAnswer(RemoteError):
         self.request, self.answer, self.attempts, self.waited = request, answer, attempts, waited
         self.node_id, self.object = node_id, where
         within = f"{waited * 1000:.0f} ms"
-        asked = f"within {within} after {request}" if attempts == 1 else f"after {attempts} x {request} ({within} each)"
+        after = f" after {request}" if request else ""
+        asked = f"within {within}{after}" if attempts == 1 else f"after {attempts} x {request} ({within} each)"
         super().__init__(f"no {answer} {asked}")
 
 

@@ -179,9 +179,11 @@ class Plugin(NamedTuple):
         from eurobot_od.device.simulated import SimulatedDevice
 
         kind: type[Node] = self.nodes[role]() if role else device or SimulatedDevice
-        for owner, fault in map(self.find_fault, faults):
+        for name in faults:
+            owner, fault = self.find_fault(name)
             # A fault of another node's is passed over: `check --fault` gives all nodes the same ones.
-            kind = fault.given_to(kind) if issubclass(kind, owner) else kind
+            is_meant = issubclass(kind, owner) and name.rpartition(".")[0] in ("", role)
+            kind = fault.given_to(kind) if is_meant else kind
         return kind
 
     # Faults
@@ -200,11 +202,17 @@ class Plugin(NamedTuple):
         return [name for faults in self.all_faults().values() for name in faults]
 
     def find_fault(self, name: str) -> tuple[type[Node], Fault]:
-        """Return a fault by its name, and the class of node that can have it; raises UnknownName."""
+        """Return a fault by its name, and the class of node that can have it; raises UnknownName.
+
+        `arm.heartbeat-stops` is one of the arm alone.
+        """
+        node, _, plain = name.rpartition(".")
+        if node and node not in self.nodes:
+            raise UnknownName("node", node, self.nodes)
         for owner, faults in self.all_faults().items():
-            if name in faults:
-                return owner, faults[name]
-        raise UnknownName("fault", name, self.fault_names())
+            if plain in faults:
+                return owner, faults[plain]
+        raise UnknownName("fault", plain, self.fault_names())
 
     def faulty(self, kind: type[NodeT], name: str) -> type[NodeT]:
         """Return the class of a node that has a fault; raises UnknownName, LocalError if such a node cannot have it."""

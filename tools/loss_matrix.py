@@ -6,8 +6,10 @@ Each cell of the matrix is a short match in which one thing goes wrong. What is 
   Braking after an ordinary stop counts, too, so that it is never 0. It has to end within BOUND seconds.
 - *off*: how far from its place the robot truly is when it has arrived: OFF_PLACE, or what the drive says of its place.
 - *open calls*: calls of the core that have not ended when all is over. There must be none.
-- *went on*: whether another place was reached after it went wrong. Not every match can go on; that is judged only of
-  pauses without the navigation, which no match may end with.
+- *went on*: whether another place was reached after it went wrong. Not every match can go on. After a pause without the
+  navigation it has to, or at least the robot drives on for DROVE_ON: by its wheels alone it may lose its way later.
+
+With `--live` the pauses without the navigation are tried in real time, on a bus in this process (live_network.py).
 
 A drive that is dead or frozen moves nothing here: what a motor does when nobody controls it is not in the protocol.
 
@@ -25,6 +27,8 @@ from functools import cache
 from importlib import import_module
 from itertools import product
 from typing import Annotated, NamedTuple
+
+from live_network import LiveNetwork
 
 from eurobot_od.bus.simulated import loop
 from eurobot_od.bus.simulated.network import ON_TIME, Simulation, processing_time
@@ -54,6 +58,9 @@ OFF_PLACE = 50.0
 
 DEVIATIONS = 3
 """How many of the standard deviations that the drive tells the robot may be off."""
+
+DROVE_ON = 1000.0
+"""How far a robot drives, mm, whose match goes on."""
 
 UNDATED = ("Navi Position Request", "Navi Position Response")
 """Positions say nothing about their time: if they are all late, the drive cannot know, and without them it drifts."""
@@ -103,13 +110,17 @@ PAUSE_FROM, PAUSE_UNTIL = 4.0, 12.0
 
 
 class Cell(NamedTuple):
-    """What goes wrong: a message, a node or the bus, how, and when in seconds since power-on (a message: from then)."""
+    """What goes wrong: a message, a node or the bus, how, and when in seconds since power-on (a message: from then).
+
+    A `live` one is tried in real time.
+    """
 
     what: str
     how: str
     time: float = 0.0
     seed: int = 1
     dialect: str = dialects.DEFAULT
+    live: bool = False
 
 
 class Result(NamedTuple):
@@ -123,18 +134,19 @@ class Result(NamedTuple):
 
 
 class Watched:
-    """The wheels of the robot in its world, which notice how long they are moved uncommanded."""
+    """The wheels of the robot in its world, which notice how long they are moved uncommanded; `driven` is in mm."""
 
     def __init__(self, world: World, wheels: Chassis, commanded: Callable[[], bool]) -> None:
         self.world, self._wheels, self._commanded = world, wheels, commanded
         self._rolled, self._from = 0.0, world.robot
-        self.seconds = self.distance = 0.0
+        self.seconds = self.distance = self.driven = 0.0
         self.moving = False
 
     def advance(self, command: WheelCommand, dt: float) -> Odometry:
         """Move the robot."""
         before, odometry = self.world.robot, self._wheels.advance(command, dt)
         self.moving = command != AT_REST
+        self.driven += abs(odometry.distance)
         if not self.moving or self._commanded():
             self._rolled = 0.0
         else:
@@ -167,7 +179,7 @@ class Trial:
             errors=NOISE_ONLY,
             solid=False,
         )
-        self.network = Simulation()
+        self.network: Simulation | LiveNetwork = LiveNetwork() if cell.live else Simulation()
         self.world = World(self.options, self._clock)
         _, nodes = stage.cast_for(self.options, self.files, self.world)
         self.nodes: dict[str, Node] = {node.name: node for node in nodes}
@@ -179,6 +191,8 @@ class Trial:
         self.off_until = 0.0
         self.without_core = False
         self.reached: list[float] = []
+        self.driven_before = 0.0
+        self.last = ""
         self.off = 0.0
         self.playing: asyncio.Task[None] | None = None
 
@@ -208,6 +222,7 @@ class Trial:
 
     def _spoil_message(self) -> None:
         cob_id, seen = self.files.protocol.cob_id(self.cell.what), 0
+        assert isinstance(self.network, Simulation)
 
         def disturb(_: float, frame: Frame) -> Sequence[float]:
             nonlocal seen
@@ -222,6 +237,7 @@ class Trial:
 
     def _go_wrong(self) -> None:
         how, now = self.cell.how, self.network.now
+        self.driven_before = self.wheels.driven
         if self.cell.what == BUS:
             self.off_until = now + PAUSES.get(how, OFF)
             self.network.cut(self.off_until)
@@ -265,6 +281,8 @@ class Trial:
             await Referee(self.core, options, timeline, lambda: self.world.robot).play(strategy.play)
 
     def _told(self, event: MatchEvent) -> None:
+        if event.kind in (EventKind.GIVEN_UP, EventKind.FAILED):
+            self.last = event.text
         if event.kind is EventKind.ARRIVED:
             self.reached.append(event.time)
             # A drive that says that it knows its place badly has not called anything a good arrival.
@@ -287,7 +305,8 @@ class Trial:
 
     def result(self) -> Result:
         """Try the cell."""
-        ended = loop.run(self.network, self._run())
+        network = self.network
+        ended = network.run(self._run()) if isinstance(network, LiveNetwork) else loop.run(network, self._run())
         killed = self.cell.what if self.cell.how == "killed" else None
         wrong = {
             "moves at the end": killed != "drive" and self.wheels.moving,
@@ -297,7 +316,8 @@ class Trial:
             f"{self.core.open_calls} open calls": killed != "core" and self.core.open_calls > 0,
         }
         went_on = any(time > self.cell.time for time in self.reached)
-        wrong["the match does not go on"] = self.cell.how in PAUSES and not went_on
+        drove_on = went_on or self.wheels.driven - self.driven_before > DROVE_ON
+        wrong[f"the match does not go on: {self.last}"] = self.cell.how in PAUSES and not drove_on
         text = "; ".join(text for text, is_so in wrong.items() if is_so)
         return Result(self.cell, self.wheels.seconds, self.wheels.distance, went_on, text)
 
@@ -368,10 +388,13 @@ def run_all(
     dialect: Annotated[str, f"EDS files (default: {dialects.DEFAULT})"] = dialects.DEFAULT,
     times: Annotated[int, Option(metavar="N"), f"times of a match (default: {TIMES})"] = TIMES,
     only: Annotated[str, Option(metavar="TEXT"), "only cells whose name has this in it"] = "",
+    live: Annotated[bool, "the pauses without the navigation, in real time"] = False,
     campaign: Annotated[Campaign, HelpGroup("many at once, with all of it")],
 ) -> int:
     """Lose messages and nodes in matches, see that the robot stands; print table, what is wrong, and figures."""
     chosen = [each for each in cells(dialect, times) if only in f"{each.what} {each.how}"]
+    if live:
+        chosen = [each._replace(live=True) for each in chosen if each.how in PAUSES]
     kept = campaign.kept(Result, lambda: {"campaign": "losses", "dialect": dialect})
     with campaign.workers(len(chosen)) as workers:
         results = list(counted(in_blocks(attempt, chosen, workers, kept), len(chosen), "cells", workers))

@@ -42,6 +42,7 @@ def rows() -> tuple[Step, ...]:
         Step("kills", python("tools/kill_store.py", "--seed", SEED)),
         Step("faults", python("tools/fault_matrix.py")),
         Step("losses", python("tools/loss_matrix.py")),
+        Step("losses live", python("tools/loss_matrix.py", "--live", "--times", "6", "--jobs", "12")),
         Step("bus", python("tools/bus_crosscheck.py")),
         Step("wheel", python("tools/wheel.py")),
         Step("bench", python("tools/bench", "--strict")),

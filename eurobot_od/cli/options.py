@@ -86,7 +86,7 @@ BitRate: TypeAlias = Annotated[int, Option("-b", read=whole(1000, 1_000_000, "in
 Json: TypeAlias = Annotated[bool, Option("--json"), "print as JSON"]
 Output: TypeAlias = Annotated[Path | None, Option("-o", metavar="FILE"), "default: standard output"]
 NoReconnect: TypeAlias = Annotated[bool, "end when the bus is lost, instead of opening it again"]
-Faults: TypeAlias = Annotated[Sequence[str], Option(metavar="NAME", suggest=lambda robot: robot.fault_names())]
+Faults: TypeAlias = Annotated[Sequence[str], Option(metavar="[NODE.]NAME", suggest=lambda robot: robot.fault_names())]
 EmcyFiles: TypeAlias = Annotated[
     Sequence[str],
     Option(metavar="[NODE-ID=]FILE", is_file=True),

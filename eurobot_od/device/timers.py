@@ -176,12 +176,12 @@ Result = TypeVar("Result")
 
 
 class Ask(NamedTuple):
-    """Send `request` up to `attempts` times, `wait` seconds apart, until the `answer` comes.
+    """Send `request` up to `attempts` times, `wait` seconds apart, until the `answer` comes; None is not sent.
 
     The answer to a message is a message type, that to a frame a COB-ID.
     """
 
-    request: Message | Frame
+    request: Message | Frame | None
     answer: type[Message] | int
     wait: float
     attempts: int
@@ -194,7 +194,7 @@ class Ask(NamedTuple):
 
     def unanswered(self) -> NoAnswer:
         """Return the error for a request that nobody has answered."""
-        request = str(self.request) if isinstance(self.request, Frame) else type(self.request).__name__
+        request = str(self.request or "") if isinstance(self.request, Frame | None) else type(self.request).__name__
         answer = f"0x{self.answer:03X}" if isinstance(self.answer, int) else self.answer.__name__
         return NoAnswer(request, answer, self.attempts, self.wait)
 
@@ -333,4 +333,5 @@ class Flow(Generic[Result]):
             return
         self._sent += 1
         self._timer = self._timers.at(now + ask.wait, self._transmit)
-        self._send(ask.request)
+        if ask.request is not None:
+            self._send(ask.request)

@@ -52,11 +52,11 @@ class Robot:
         robot.configure_start(TeamColour.RED, enemies=1, enemy_1_diameter=30)
         print(robot.goto(1500, 1000, 90, speed=50).outcome)
     ```
-    `robot` is a team's own, by name or folder (see `plugin.find`); its messages go by `send`, `ask` and `on`. `sensor`
-    is the robot's distance sensor, which the core reads while it drives, `actuators` what it does tasks with. What else
-    is left out comes from python-can's configuration; without one, it is the in-process bus. However the block is left,
-    by its end, an exception, Ctrl-C or SIGTERM, the robot is stopped and seen to stand before the bus is closed;
-    NotStanding if it was not. A bus that is lost meanwhile is opened again. Raises BusError, DictionaryError,
+    `robot` is a team's own, by name or folder (see `plugin.find`); its messages go by `send`, `ask`, `hear` and `on`.
+    `sensor` is the robot's distance sensor, which the core reads while it drives, `actuators` what it does tasks with.
+    What else is left out comes from python-can's configuration; without one, it is the in-process bus. However the
+    block is left, by its end, an exception, Ctrl-C or SIGTERM, the robot is stopped and seen to stand before the bus is
+    closed; NotStanding if it was not. A bus that is lost meanwhile is opened again. Raises BusError, DictionaryError,
     UnknownName.
     """
 
@@ -109,6 +109,7 @@ class Robot:
         return self.core.on(message, function)
 
     ask = _waited_for(Core.ask)
+    hear = _waited_for(Core.hear)
     check_nodes = _waited_for(Core.check_nodes)
     configure_start = _waited_for(Core.configure_start)
     recover = _waited_for(Core.recover)

@@ -630,7 +630,8 @@ def network_set(
     known = {(each.identifier, each.node) for each in (*by_itself, *by_rows)}
     missing = dict.fromkeys(each.name for each in pdos if (each.identifier, each.node) not in known)
     if missing:
-        raise LocalError(f"no period is known of {', '.join(missing)}; say it in `traffic` of the network file")
+        where = "`traffic` of the network file, or of the table that it is made from"
+        raise LocalError(f"no period is known of {', '.join(missing)}; say it in {where}")
     mailboxes = {device.name: count for device in devices if (count := _mailboxes(device))}
     bit_rate = None if network.bit_rate is None else network.bit_rate * 1000
     rates = [set(device.objects.device_information.allowed_baudrates) for device in devices]

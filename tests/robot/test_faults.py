@@ -241,6 +241,13 @@ def test_a_near_name_is_suggested() -> None:
         ROBOT.find_fault("goto-not-confirmd")
 
 
+def test_a_fault_may_be_meant_for_one_node() -> None:
+    of_the_drive = [name for name in ROLES if ROBOT.kind(name, ["drive.heartbeat-stops"]) is not ROBOT.kind(name)]
+    assert of_the_drive == ["drive"]
+    with pytest.raises(UnknownName, match="unknown node 'arm'"):
+        ROBOT.find_fault("arm.heartbeat-stops")
+
+
 def test_the_healthy_node_stays_healthy() -> None:
     before = dict(vars(Drive))
     ROBOT.faulty(Drive, "goto-not-confirmed")

@@ -44,6 +44,11 @@ def test_a_match_goes_on_after_the_drive_was_frozen() -> None:
     assert loss_matrix.attempt(Cell("drive", "frozen 5 s", 5.0, seed=3)).went_on
 
 
+@pytest.mark.long
+def test_a_match_goes_on_in_real_time_after_the_core_hung_without_a_navigation() -> None:
+    assert loss_matrix.attempt(Cell("core", "pause 1 s, navigation dead", 7.0, live=True)).wrong == ""
+
+
 def test_a_drive_that_does_not_watch_the_core_is_seen(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Drive, "heartbeat_lost", lambda *_: None)
     results = [loss_matrix.attempt(Cell("core", "killed", 3.5, seed=seed)) for seed in (2, 4, 6)]

@@ -397,7 +397,7 @@ def test_a_match_has_the_window_with_its_clock_points_nodes_and_words(
     assert "says       to the <b>frescos</b>\n" in capsys.readouterr().out
     window.size(1400)
     window.open(file.as_uri())
-    assert window.run("document.querySelector('svg.field').clientWidth") > 1300
+    assert window.run("document.querySelector('svg.field').clientWidth") > 1000
     begin = float(window.run("sources[0].sortedEvents().find(each => each.kind === 'said').time"))
     for time, shown in ((begin + 1, "to the <b>frescos</b>"), (begin + 11.5, "")):
         window.run(f"clock.seek({time})")
@@ -408,6 +408,41 @@ def test_a_match_has_the_window_with_its_clock_points_nodes_and_words(
     assert made
     assert window.text(".board .points") == f"ours {made}"
     assert [each in window.text(".board") for each in ("core operational", "drive operational")] == [True, True]
+
+
+FITS = """(() => {
+    const page = document.documentElement, main = document.querySelector('main');
+    const box = each => each.getBoundingClientRect();
+    const drawn = [...document.querySelectorAll('svg.field:not(.sample), .legend.hint')];
+    return page.scrollHeight === page.clientHeight && main.scrollHeight === main.clientHeight
+        && drawn.every(each => box(each).bottom <= box(document.querySelector('footer')).top);
+})()"""
+"""Whether a page's field and its legend are seen without scrolling."""
+
+
+@pytest.mark.parametrize("size", [(1440, 900), (1280, 720), (1000, 1300)])
+def test_a_field_with_its_legend_fits_into_the_window(page: Page, size: tuple[int, int]) -> None:
+    page.size(*size)
+    page.run("document.querySelector('#tab-field').click()")
+    page.run("clock.seek(5)")
+    page.wait(FITS)
+    assert page.run("document.querySelector('svg.field').getBoundingClientRect().height") > 0.6 * size[1]
+
+
+@pytest.mark.parametrize("size", [(1440, 900), (1280, 720)])
+def test_two_fields_are_of_one_size_with_one_legend(
+    logs: list[Path], window: Page, served_logs: str, size: tuple[int, int]
+) -> None:
+    window.size(*size)
+    window.open(f"{served_logs}#field")
+    window.run("clock.seek(5)")
+    window.wait(FITS)
+    sizes = window.run("""[...document.querySelectorAll('svg.field:not(.sample)')].map(each => {
+        const box = each.getBoundingClientRect();
+        return `${box.top} ${box.width} ${box.height}`;
+    })""")
+    assert (len(sizes), len(set(sizes))) == (len(logs), 1)
+    assert window.run("document.querySelectorAll('.legend.hint').length") == 1
 
 
 def test_names_of_robots_do_not_cover_each_other(page: Page) -> None:

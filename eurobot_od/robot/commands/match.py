@@ -7,7 +7,7 @@ import re
 import sys
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import nullcontext, redirect_stdout
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
@@ -92,7 +92,7 @@ class AskedMatch:
     against: strategy of a second robot, instead of enemy 1
     log: write all frames there, in the format of its suffix; with --seeds {seed} stands for each seed
     log_failure: what to do when the log cannot be written (default: go-on); the exit status is 3 in any case
-    field: draw the match: .svg, .html or .png; with --compare the points: .svg
+    field: draw the match: .svg, .html or .png; with --compare the points as .svg, or as .html the matches side by side
     as_json: print as JSON: timeline and summary, or a line for each seed
     """
 
@@ -309,7 +309,7 @@ def _run_many(asked: AskedMatch, seeds: range, options: MatchOptions) -> ExitSta
 def _compare(asked: AskedMatch, options: MatchOptions) -> ExitStatus:
     """Play all seeds with each strategy and print them side by side; status 1 if something went wrong in a match."""
     from eurobot_od.robot.match.referee import StrategyFiles
-    from eurobot_od.robot.match.seeds import compared, picture_of, play_many
+    from eurobot_od.robot.match.seeds import compared, farthest_apart, picture_of, play_many
 
     asked.refuse(("speed", "seed", "strategy", "log", *OF_A_BUS), "does not go with --compare")
     if asked.campaign.results is not None:
@@ -317,8 +317,8 @@ def _compare(asked: AskedMatch, options: MatchOptions) -> ExitStatus:
     if asked.seeds is None or len({file.stem for file in asked.compare}) < max(len(asked.compare), 2):
         raise LocalError("--compare needs two strategies or more, with different names, and --seeds")
     if asked.field is not None:
-        if asked.field.suffix.lower() != ".svg":
-            raise LocalError(f"--field {asked.field}: with --compare it is an .svg")
+        if asked.field.suffix.lower() not in (".svg", ".html"):
+            raise LocalError(f"--field {asked.field}: with --compare it is an .svg or .html")
         check_writable(asked.field)
     played = {}
     for file in asked.compare:
@@ -329,6 +329,31 @@ def _compare(asked: AskedMatch, options: MatchOptions) -> ExitStatus:
         print(json.dumps({name: [match.as_data() for match in matches] for name, matches in played.items()}))
     else:
         print(*compared(played), sep="\n")
-    if asked.field is not None:
+    if asked.field is not None and asked.field.suffix.lower() == ".svg":
         write(asked.field, picture_of(played) + "\n")
+    elif asked.field is not None:
+        seed = farthest_apart(played)
+        _draw_side_by_side(asked, replace(options, seed=seed))
+        if not asked.as_json:
+            print(f"{asked.field}: seed {seed}, at which the points differ most")
     return ExitStatus.FOUND if any(match.wrong for matches in played.values() for match in matches) else ExitStatus.FINE
+
+
+def _append(frames: list[tuple[float, Frame]], time: float, frame: Frame) -> None:
+    frames.append((time, frame))
+
+
+def _draw_side_by_side(asked: AskedMatch, options: MatchOptions) -> None:
+    """Play a seed once more with each strategy, which gives the same frames, and write the page with all of them."""
+    from eurobot_od.robot.scene.files import seen_match, side_by_side
+    from eurobot_od.support.files import write_whole
+
+    matches = {}
+    for file in asked.compare:
+        seen: list[tuple[float, Frame]] = []
+        watch, players = partial(_append, seen), StrategyFiles(file, asked.against).load()
+        with redirect_stdout(sys.stderr):
+            _, world = stage.play_simulated(options, lambda _: None, watch, None, *players)
+        matches[file.stem] = seen_match(seen, options, world)
+    assert asked.field is not None
+    write_whole(asked.field, side_by_side(matches, f"Match, seed {options.seed}"))

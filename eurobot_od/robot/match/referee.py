@@ -11,7 +11,7 @@ import asyncio
 import os
 import threading
 import traceback
-from collections.abc import Callable, Coroutine
+from collections.abc import Callable, Coroutine, Generator
 from concurrent.futures import CancelledError, Future
 from functools import partial
 from inspect import iscoroutinefunction, signature
@@ -162,21 +162,44 @@ async def _played(strategy: Strategy, core: Core) -> None:
         raise ProgramFailed(exited(end)).with_traceback(end.__traceback__) from None
 
 
+class StrategyTask(asyncio.Task[Any]):
+    """A task of a strategy, which knows whether anybody has asked how it ended."""
+
+    is_asked = False
+
+    def __await__(self) -> Generator[Any, None, Any]:
+        self.is_asked = True
+        return super().__await__()
+
+    def result(self) -> Any:
+        """Return the result; raises what the task raised."""
+        self.is_asked = True
+        return super().result()
+
+    def exception(self) -> BaseException | None:
+        """Return what the task raised."""
+        self.is_asked = True
+        return super().exception()
+
+
 class Elsewhere:
     """Where a strategy fails besides its coroutine: in a task that nobody awaits, in a thread, by `os._exit`.
 
-    A context manager; `errors` are what was raised in the block while `counts` said so.
+    A context manager; `errors` are what was raised in the block while `counts` said so. Of a task that may still be
+    awaited the error is among them from `end` on.
     """
 
     def __init__(self, counts: Callable[[], bool]) -> None:
         self.errors: list[BaseException] = []
         self._counts = counts
+        self._failed: list[StrategyTask] = []
         self._process = os.getpid()
 
     def __enter__(self) -> Elsewhere:
         self._loop = asyncio.get_running_loop()
         self._before = self._loop.get_exception_handler(), threading.excepthook, os._exit
         self._loop.set_exception_handler(self._in_task)
+        self._loop.set_task_factory(self._task)
         threading.excepthook = self._in_thread
         os._exit = self._at_exit  # type: ignore[assignment]
         return self
@@ -184,6 +207,20 @@ class Elsewhere:
     def __exit__(self, *_: object) -> None:
         handler, threading.excepthook, os._exit = self._before
         self._loop.set_exception_handler(handler)
+        self._loop.set_task_factory(None)
+
+    def end(self) -> None:
+        """Take it that nobody will await a task any more."""
+        self.errors += [error for each in self._failed if not each.is_asked and (error := each.exception())]
+
+    def _task(self, loop: asyncio.AbstractEventLoop, coroutine: Any, **options: Any) -> StrategyTask:
+        task = StrategyTask(coroutine, loop=loop, **options)
+        task.add_done_callback(self._task_ended)
+        return task
+
+    def _task_ended(self, task: Any) -> None:
+        if self._counts() and not task.cancelled():
+            self._failed.append(task)
 
     def _in_task(self, loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
         error = context.get("exception")
@@ -309,7 +346,8 @@ class Referee:
         # It gets a moment for its `finally`; one that swallows the cancellation is reported, and not awaited.
         if playing.cancel():
             await asyncio.wait([playing], timeout=SETTLED)
-            await self._look_at(playing)
+        self._elsewhere.end()
+        await self._look_at(playing)
         if not playing.done():
             self.failure = "the strategy goes on after the match: it swallows asyncio.CancelledError"
             self.timeline.tell(EventKind.FAILED, self.failure)

@@ -18,6 +18,7 @@ from statistics import fmean, quantiles, stdev
 from typing import NamedTuple
 
 from eurobot_od import plugin
+from eurobot_od.errors import LocalError
 from eurobot_od.robot.match.played import ARRIVED, UNMEANT, PlayedMatch, play
 from eurobot_od.robot.match.referee import Players, StrategyFiles
 from eurobot_od.robot.match.stage import EdsFiles, Performance
@@ -361,6 +362,15 @@ def compared(played: Played) -> Iterator[str]:
             more, fewer = sum(each > 0 for each in differences), sum(each < 0 for each in differences)
             what = f"{measure.name} {mean:+.2f} ± {half:.2f}{verdict}"
             yield f"{name} against {first}: {what}; more at {more} seeds, fewer at {fewer}"
+
+
+def farthest_apart(played: Played) -> int:
+    """Return the first seed at which the points differ most; raises LocalError if all strategies have finished none."""
+    rows = [row for row in zip(*played.values()) if all(match.summary for match in row)]
+    if not rows:
+        raise LocalError("no seed was played to its end with each strategy, so there is nothing to be drawn")
+    farthest: Sequence[PlayedMatch] = max(rows, key=lambda row: max(map(POINTS.of, row)) - min(map(POINTS.of, row)))
+    return farthest[0].seed
 
 
 LEFT, TOP, PLOT, HEIGHT, RIGHT, BOTTOM = 56, 64, 880, 320, 24, 40

@@ -407,6 +407,30 @@ class Core(CallingNode, CoreSettings):
             self.device.check_received(answer)
             return self.begin_ask(Ask(request, answer, timeout, 1))
 
+    def hear(
+        self, message: type[MessageT], where: Callable[[MessageT], object] | None = None, timeout: float = ANSWER_WAIT
+    ) -> Call[MessageT]:
+        """Wait up to `timeout` seconds for the next message of a type, or for the next one of which `where` is true.
+
+        Nothing is sent. Raises StateError if the core has no RPDO for such a message; what `where` raises; NoAnswer.
+        """
+        with self.guard:
+            self.device.check_received(message)
+            return self.begin(self._hear(message, where, timeout)).call
+
+    def _hear(
+        self, message: type[MessageT], where: Callable[[MessageT], object] | None, timeout: float
+    ) -> Script[MessageT]:
+        yield START
+        end = self.now + timeout
+        try:
+            while True:
+                heard: MessageT = yield Ask(None, message, max(end - self.now, 0.0), 1)
+                if where is None or where(heard):
+                    return heard
+        except NoAnswer:  # its time would be what was left after the last one
+            raise NoAnswer("", message.__name__ + " as wanted" * (where is not None), 1, timeout) from None
+
     def start_match(self, duration: float | None = None) -> None:
         """Start the match: after `duration` seconds the drive is stopped, and gotos are no longer sent.
 

@@ -204,8 +204,8 @@ panel("field", (setup, source) => {
     }
   }
   return {
-    begins,
-    element: h("div", {class: "field-panel"}, board, drawing, list, form, legend),
+    begins, legend,
+    element: h("div", {class: "field-panel"}, board, drawing, h("div", {class: "aside"}, list, form, legend)),
     show(time) {
       const looks = looksAt(time);
       named = [];

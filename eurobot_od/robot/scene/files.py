@@ -55,18 +55,21 @@ def _renderer() -> ModuleType:
     return resvg_py
 
 
-def _html(match: SeenMatch, title: str) -> bytes:
+def side_by_side(matches: Mapping[str, SeenMatch], title: str) -> bytes:
+    """Return the page that plays matches of one robot side by side, by one clock, each with its name above it."""
     from eurobot_od.bus.live import BITRATE
     from eurobot_od.robot.scene.panel import field_panel, true_path, truth_events
     from eurobot_od.web.page import Columns, page
 
-    panels = [field_panel(match.facts)]
-    columns = Columns(title, match.decoder, BITRATE, panels)
-    for time, meaning in match.frames:
-        columns.take(time, meaning)
-    truth = match.truth.later(-(columns.start or 0.0))
-    columns.add(truth_events(truth, match.facts))
-    return page(title, [columns.data(true_path(truth))], panels).encode()
+    sources, panels = [], [field_panel(next(iter(matches.values())).facts)]
+    for name, match in matches.items():
+        columns = Columns(name, match.decoder, BITRATE, panels)
+        for time, meaning in match.frames:
+            columns.take(time, meaning)
+        truth = match.truth.later(-(columns.start or 0.0))
+        columns.add(truth_events(truth, match.facts))
+        sources.append(columns.data(true_path(truth)))
+    return page(title, sources, panels).encode()
 
 
 PNG = ".png"
@@ -74,7 +77,7 @@ PNG = ".png"
 
 PICTURE_FORMATS: Mapping[str, Callable[[SeenMatch, str], bytes]] = {
     ".svg": lambda match, title: sheet(match.recording, match.facts, title).encode(),
-    ".html": _html,
+    ".html": lambda match, title: side_by_side({title: match}, title),
     # One pixel for each unit of the drawing: on an A4 page that is 360 to the inch.
     PNG: lambda match, title: bytes(
         _renderer().svg_to_bytes(svg_string=sheet(match.recording, match.facts, title), width=PAGE[0])

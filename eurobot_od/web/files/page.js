@@ -289,8 +289,10 @@ function panel(name, make) { panelMakers.set(name, make); }
 
 function perSource(make) {                  // one element for each source, side by side
   const made = sources.map(make);
-  const element = h("div", {class: "sources"}, ...made.map((each, number) =>
-    h("div", {class: "source"}, several ? h("h3", {}, sources[number].name) : null, each.element)));
+  const legends = several ? made.map(each => each.legend).filter(Boolean) : [];   // they say the same: one is enough
+  legends.forEach(each => each.remove());
+  const element = h("div", {class: "per-source"}, h("div", {class: "sources"}, ...made.map((each, number) =>
+    h("div", {class: "source"}, several ? h("h3", {}, sources[number].name) : null, each.element))), legends[0]);
   return {element, show: time => made.forEach(each => each.show(time)),
     begins: () => Math.min(...made.map(each => each.begins ? each.begins() : Infinity))};
 }
@@ -899,6 +901,7 @@ function start() {
       show(sections[place], chosen || (beside && view.panel === true));
     });
     document.body.classList.toggle("beside", beside);
+    document.body.classList.toggle("alone", current.panel === true);
     tabs[all.indexOf(current)].scrollIntoView({block: "nearest", inline: "nearest"});
     stale = true;
   }

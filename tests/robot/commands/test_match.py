@@ -338,7 +338,7 @@ def test_wrong_usage_is_told_in_the_last_line(
         (
             ["--compare", "a.py", "b.py", "--seeds", "3", "--field", "a.png"],
             2,
-            "--field a.png: with --compare it is an .svg",
+            "--field a.png: with --compare it is an .svg or .html",
         ),
         (["-b", "250000"], 2, "--bitrate 250000 goes with --speed real only: in simulated time there is no such bus"),
         (["--field", "nowhere/x.svg"], 3, "nowhere/x.svg: No such file or directory"),
@@ -420,6 +420,21 @@ def test_strategies_are_compared_side_by_side(
     assert [line.split()[0] for line in said.out.splitlines()[2:5]] == ["2", "3", "mean"]
     assert "mine against quick: driven, m -0." in said.out
     assert "mine, seed 3: 0" in picture.read_text()
+
+
+def test_the_matches_of_a_seed_are_one_page(
+    capsys: pytest.CaptureFixture[str], mine: Callable[[str], Path], tmp_path: Path
+) -> None:
+    talks, page = (
+        mine('async def play(core):\n    core.say("here")\n').rename(tmp_path / "talks.py"),
+        tmp_path / "two.html",
+    )
+    words = ["--seeds", "7-7", "--jobs", "1", "--duration", "3", "--field", str(page)]
+    said = run(capsys, "match", "--compare", str(talks), str(mine("async def play(core):\n    pass\n")), *words)
+    assert said.out.splitlines()[-1] == f"{page}: seed 7, at which the points differ most"
+    content = json.loads(page.read_text().partition('id="content">')[2].partition("</script>")[0])
+    assert (content["title"], [each["name"] for each in content["sources"]]) == ("Match, seed 7", ["talks", "mine"])
+    assert [any(event["kind"] == "said" for event in each["events"]) for each in content["sources"]] == [True, False]
 
 
 def test_many_seeds_are_told_as_one_table(capsys: pytest.CaptureFixture[str], mine: Callable[[str], Path]) -> None:

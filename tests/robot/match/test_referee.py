@@ -141,6 +141,12 @@ async def in_a_task(core: Core) -> None:
     assert task.done()
 
 
+async def in_a_task_that_it_keeps(core: Core) -> None:
+    task = asyncio.ensure_future(break_later(core))
+    await asyncio.Event().wait()
+    await task
+
+
 async def in_a_thread(core: Core) -> None:
     await core.goto(600, 1700, 90, 60)
     thread = threading.Thread(target=broken)
@@ -158,6 +164,7 @@ async def by_an_exit(core: Core) -> None:
     ("strategy", "said"),
     [
         (in_a_task, "ValueError: broken"),
+        (in_a_task_that_it_keeps, "ValueError: broken"),
         (in_a_thread, "ValueError: broken"),
         (by_an_exit, "os._exit(0) ends the whole program: write `return`"),
     ],
@@ -186,6 +193,19 @@ async def until_refused(core: Core) -> None:
 
 def test_a_task_that_goes_on_until_the_match_is_over_has_not_failed() -> None:
     _, summary, _ = play(until_refused)
+    assert summary.failure is None
+
+
+async def handles_it_later(core: Core) -> None:
+    task = asyncio.ensure_future(break_later(core))
+    await asyncio.sleep(4.0)
+    with suppress(ValueError):
+        await task
+    await asyncio.gather(break_later(core), return_exceptions=True)
+
+
+def test_a_task_whose_error_is_handled_later_has_not_failed() -> None:
+    _, summary, _ = play(handles_it_later)
     assert summary.failure is None
 
 

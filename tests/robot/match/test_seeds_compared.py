@@ -6,8 +6,9 @@ from xml.etree import ElementTree
 
 import pytest
 
+from eurobot_od.errors import LocalError
 from eurobot_od.robot.match.played import PlayedMatch
-from eurobot_od.robot.match.seeds import compared, interval, picture_of
+from eurobot_od.robot.match.seeds import compared, farthest_apart, interval, picture_of
 from eurobot_od.robot.match.summary import Summary
 from eurobot_od.robot.model.values import OURS
 
@@ -42,3 +43,15 @@ def test_the_picture_has_a_dot_for_each_match_and_says_whose() -> None:
     _, *words = [each.text for each in drawing.iter("{http://www.w3.org/2000/svg}title")]  # the picture's, the dots'
     assert len(words) == 12
     assert "quick, seed 4: 24" in words
+
+
+def test_the_seed_to_be_drawn_is_the_first_of_those_whose_points_differ_most() -> None:
+    assert farthest_apart(PLAYED) == 4
+    assert farthest_apart({"one": matches(1, 2, 5), "other": matches(4, 2, 8)}) == 1
+
+
+def test_a_seed_that_was_not_played_to_its_end_is_not_drawn() -> None:
+    one = [PlayedMatch(1, failure="no answer"), *matches(0, 3)[1:]]
+    assert farthest_apart({"one": one, "other": matches(50, 3)}) == 2
+    with pytest.raises(LocalError, match="no seed was played to its end with each strategy"):
+        farthest_apart({"one": one[:1], "other": matches(50)})

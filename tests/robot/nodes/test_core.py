@@ -809,6 +809,42 @@ def test_any_other_message_is_sent_asked_for_and_told(bench: Bench) -> None:
     assert (bench.sent(GotoStateRequest), told) == ([GotoStateRequest()] * 2, [GotoStateResponse(5)])
 
 
+def test_the_next_message_as_wanted_is_waited_for(bench: Bench) -> None:
+    next_one = bench.core.hear(GotoStateResponse)
+    wanted = bench.core.hear(GotoStateResponse, lambda each: each.time == 7, timeout=1.0)
+    for time in (5, 6, 7):
+        bench.run(0.3)
+        bench.say("drive", GotoStateResponse(time))
+    assert (next_one.result(0), wanted.result(0)) == (GotoStateResponse(5), GotoStateResponse(7))
+    assert {type(each) for each in bench.messages()} == {GotoStateResponse}
+
+
+@pytest.mark.parametrize(
+    ("where", "error", "text"),
+    [
+        (None, NoAnswer, "no GotoStateResponse within 500 ms"),
+        (lambda each: each.time == 7, NoAnswer, "no GotoStateResponse as wanted within 500 ms"),
+        (lambda each: each.place, AttributeError, "'GotoStateResponse' object has no attribute 'place'"),
+    ],
+)
+def test_a_message_that_does_not_come_as_wanted_is_an_error_of_the_call(
+    bench: Bench, where: Callable[[GotoStateResponse], object] | None, error: type[Exception], text: str
+) -> None:
+    heard = bench.core.hear(GotoStateResponse, where)
+    bench.run(0.4)
+    if where is not None:
+        bench.say("drive", GotoStateResponse(6))
+    bench.run(0.2)
+    with pytest.raises(error, match=f"^{text}$"):
+        heard.result(0)
+    assert bench.core.open_calls == 0
+
+
+def test_what_the_core_never_receives_is_not_waited_for(bench: Bench) -> None:
+    with pytest.raises(StateError):
+        bench.core.hear(GotoXY)
+
+
 def test_a_function_that_wants_one_message_takes_it_from_no_other(bench: Bench) -> None:
     told: list[str] = []
 

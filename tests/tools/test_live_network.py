@@ -1,0 +1,50 @@
+"""A bus in real time whose nodes hang, and which can be off."""
+
+from __future__ import annotations
+
+import asyncio
+from math import inf
+from threading import RLock
+
+import can
+import pytest
+from live_network import CutBus, LiveNetwork
+
+from eurobot_od.robot import dialects
+from eurobot_od.robot.nodes import Navigation
+
+CHECK, CHECKED = 0x340, 0x380
+
+
+def test_a_node_hangs_and_what_came_meanwhile_waits_for_it() -> None:
+    network = LiveNetwork()
+    station, peer = network.attach(Navigation(dialects.load("navigation"))), CutBus(network)
+    until, guard = network.now + 0.3, station.node.guard
+    assert isinstance(guard, type(RLock()))
+
+    async def program() -> float:
+        network.freeze(station, until)
+        while guard.acquire(blocking=False):  # until the other thread has it
+            guard.release()
+        peer.send(can.Message(arbitration_id=CHECK, is_extended_id=False))
+        while (answer := peer.recv(10.0)) is not None and answer.arbitration_id != CHECKED:
+            pass
+        assert answer is not None
+        return network.now
+
+    assert network.run(program()) >= until
+    peer.shutdown()
+
+
+def test_a_bus_that_is_off_takes_no_frame() -> None:
+    network = LiveNetwork()
+    one, other = CutBus(network), CutBus(network)
+    network.cut(inf)
+    with pytest.raises(can.CanOperationError):
+        one.send(can.Message(arbitration_id=1))
+    network.cut(0.0)
+    one.send(can.Message(arbitration_id=1))
+    assert other.recv(1.0) is not None
+    one.shutdown()
+    other.shutdown()
+    network.run(asyncio.sleep(0))
