@@ -27,7 +27,7 @@ from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.values import NMT_COB_ID
 from eurobot_od.support.yaml_places import Place
-from tests.kit.devices import AXIS_DRIVE, IO_MODULE, MODULE, NODE_ID, of_kind, results, suites
+from tests.kit.devices import AXIS_DRIVE, IO_MODULE, MODULE, NODE_ID, of_kind, results, suites, suites_of
 from tests.kit.faults import CONFORMANCE
 from tests.rows import rows
 
@@ -100,44 +100,35 @@ def numbers(written: str) -> tuple[str, ...]:
     return StepName("7.4", "x", "y", "reading", written).numbers
 
 
-def asked_of(file: Path) -> set[str]:
-    """Return the numbers that the suites of a file ask, if only to be skipped."""
-    names: list[str] = []
+def asked_by(several: Iterable[Suite]) -> dict[str, list[StepName]]:
+    """Return the steps of some suites by the numbers that they ask, if only to be skipped."""
+    asked = defaultdict[str, list[StepName]](list)
 
     def walk(steps: Iterable[Step], before: str) -> None:
         for each in steps:
-            inside = getattr(each.action, "steps", None)
-            names.append(f"{before}{each.name}")
-            walk(inside or (), f"{before}{each.name}: ")
+            name = StepName.of(f"{before}{each.name}")
+            for number in name.numbers if name else ():
+                asked[number] += [name] if name else []
+            walk(getattr(each.action, "steps", ()), f"{before}{each.name}: ")
 
-    for each in suites(file, Tier.DESTRUCTIVE):
+    for each in several:
         walk(each.steps, "")
-    return {number for name in map(StepName.of, names) if name for number in name.numbers}
+    return asked
 
 
 def test_each_test_of_the_tool_is_asked_of_some_file_or_said_not_to_be() -> None:
-    asked = {number for file in (MODULE, IO_MODULE, AXIS_DRIVE) for number in asked_of(file)}
+    asked = asked_by(each for file in (MODULE, IO_MODULE, AXIS_DRIVE) for each in suites(file, Tier.DESTRUCTIVE))
     assert len(page.ASKS) == 127
-    assert asked | {page.LINT, *page.NEVER_ASKED, *LACKING} == set(page.ASKS)
+    assert {*asked, page.LINT, *page.NEVER_ASKED, *LACKING} == set(page.ASKS)
 
 
 LACKING = {"8.5", "8.6", "8.7", "8.8"}
-"""Of 0x1010:2 and 0x1011:2, which none of these files has; `test_the_communication_is_stored_by_itself` does."""
+"""Of 0x1010:2 and 0x1011:2, which none of these files has; `stored` makes one that has."""
 
 
-def test_the_communication_is_stored_by_itself(tmp_path: Path) -> None:
-    text, entry = MODULE.read_text(encoding="latin-1"), re.compile(r"\[10(1[01])sub1\]\n(.*?)\n\n", re.DOTALL)
-    second = entry.sub(lambda found: f"{found[0]}[10{found[1]}sub2]\n{found[2]}\n\n", text)
-    for index in ("1010", "1011"):
-        head = re.search(rf"\[{index}\]\n.*?\n\n.*?\n\n", second, re.DOTALL)
-        assert head is not None
-        raised = head[0].replace("SubNumber=2", "SubNumber=3").replace("DefaultValue=1", "DefaultValue=2")
-        second = second.replace(head[0], raised)
-    file = tmp_path / "stored.eds"
-    file.write_text(second, encoding="latin-1")
-    run = Run(*suites(file, Tier.DESTRUCTIVE, "storage"))
-    assert run.passed >= {"8.1", "8.2", "8.3", "8.4", *LACKING}
-    assert [number for number in LACKING if run.lacking(number)] == []
+def test_the_communication_is_stored_by_itself() -> None:
+    assert stored().passed >= {"8.1", "8.2", "8.3", "8.4", *LACKING}
+    assert [number for number in LACKING if stored().lacking(number)] == []
 
 
 class Run:
@@ -156,7 +147,7 @@ class Run:
                 heard.append(f"{cob_id:03X}#R")
                 return super().requested(cob_id, now)
 
-        options = RunOptions(keep_going=True, show=self._note)
+        self.suites, options = several, RunOptions(keep_going=True, show=self._note)
         self.results = [run_simulated(each, options, of_kind(Listening)) for each in several]
 
     def _note(self, step: StepResult) -> None:
@@ -190,6 +181,27 @@ def pattern(recorded: str) -> re.Pattern[str]:
 @cache
 def everything() -> Run:
     return Run(*suites(MODULE, Tier.DESTRUCTIVE))
+
+
+@cache
+def makers() -> Run:
+    """What the first file lacks."""
+    chapters = (IO_MODULE, "objects"), (IO_MODULE, "pdo"), (AXIS_DRIVE, "sdo"), (AXIS_DRIVE, "storage")
+    return Run(*(each for file, chapter in chapters for each in suites(file, Tier.DESTRUCTIVE, chapter)))
+
+
+@cache
+def stored() -> Run:
+    """A device that stores and restores its communication by itself."""
+    text, entry = MODULE.read_text(encoding="latin-1"), re.compile(r"\[10(1[01])sub1\]\n(.*?)\n\n", re.DOTALL)
+    second = entry.sub(lambda found: f"{found[0]}[10{found[1]}sub2]\n{found[2]}\n\n", text)
+    for index in ("1010", "1011"):
+        head = re.search(rf"\[{index}\]\n.*?\n\n.*?\n\n", second, re.DOTALL)
+        assert head is not None
+        raised = head[0].replace("SubNumber=2", "SubNumber=3").replace("DefaultValue=1", "DefaultValue=2")
+        second = second.replace(head[0], raised)
+    dictionary = Dictionary.read(second.encode("latin-1"), Path("stored.eds"), NODE_ID)
+    return Run(*(each for each in suites_of(dictionary, Tier.DESTRUCTIVE) if "storage" in each.tags))
 
 
 FRAMES = {
@@ -326,18 +338,48 @@ MAKERS_ONLY = {"2.4", "2.29", "2.30", "3.11", "3.15", "3.17", "4.4"}
 def test_110_numbers_pass_on_a_device_that_is_guarded_and_each_has_sent_the_frames_of_the_tool() -> None:
     score = page.score(page.results_of(everything().results, []))
     assert score == "110 of 127 tests executed: 110 passed, 0 failed, 17 skipped"
-    chapters = (IO_MODULE, "objects"), (IO_MODULE, "pdo"), (AXIS_DRIVE, "sdo"), (AXIS_DRIVE, "storage")
-    makers = Run(*(each for file, chapter in chapters for each in suites(file, Tier.DESTRUCTIVE, chapter)))
-    for run, numbers in ((everything(), everything().passed - {page.LINT}), (makers, MAKERS_ONLY & makers.passed)):
+    asked = (everything(), everything().passed - {page.LINT}), (makers(), MAKERS_ONLY & makers().passed)
+    for run, numbers in asked:
         assert [(number, lack) for number in sorted(numbers) if (lack := run.lacking(number))] == []
-    assert makers.passed | everything().passed | set(LACKING) == {*FRAMES, page.LINT}
+    assert makers().passed | everything().passed | set(LACKING) == {*FRAMES, page.LINT}
 
 
-def test_the_guide_names_each_test_once() -> None:
-    table = GUIDE.read_text(encoding="utf-8").partition("Where we ask less")[0]
-    cells = re.findall(r"^\| ([\d., to]+) \|", table, re.MULTILINE)
-    told = [number for cell in cells for number in numbers(cell)]
-    assert sorted(told) == sorted(page.ASKS)
+# The guide's table
+
+BEGIN = "<!-- made by `.venv/bin/python -m tests.check.conformance.test_page` -->\n"
+END = "<!-- made -->\n"
+
+
+def made() -> str:
+    """Return the table of the tool's tests: what each asks, which step of ours does, and what became of it."""
+    devices = {
+        "": everything(),
+        " on a device that has it": makers(),
+        " on one that stores its communication": stored(),
+    }
+    asked = asked_by(each for run in devices.values() for each in run.suites)
+    found = {each.number: each for each in page.results_of(everything().results, [])}
+    rows = []
+    for number, what in page.ASKS.items():
+        steps = asked[number]
+        ours = ", ".join(dict.fromkeys(f"{each.clause} {each.topic}" for each in steps)) or "none"
+        tiers = ", ".join(dict.fromkeys(each.tier for each in steps))
+        passed = next((f"passed{by}" for by, run in devices.items() if number in run.passed), found[number].why)
+        rows.append(f"| {number} | {what} | {'`lint`' if number == page.LINT else ours} | {tiers} | {passed} |\n")
+    score = page.score(page.results_of(everything().results, []))
+    head = "| CTT | it asks | our clause | tier | result |\n|---|---|---|---|---|\n"
+    return f"{BEGIN}On one device, which is guarded: {score}.\n\n{head}{''.join(rows)}{END}"
+
+
+def guide(text: str) -> str:
+    """Return the guide with the table as it is made now."""
+    before, _, rest = text.partition(BEGIN)
+    return before + made() + rest.partition(END)[2]
+
+
+def test_the_guide_has_the_table_of_today() -> None:
+    text = GUIDE.read_text(encoding="utf-8")
+    assert text == guide(text)
 
 
 def run(*steps: tuple[str, Status, str]) -> SuiteResult:
@@ -376,3 +418,7 @@ def test_the_file_is_the_first_test() -> None:
 def test_the_last_line_is_the_score() -> None:
     tests = page.results_of([run(("2.5", Status.FAILED, ""), ("2.6", Status.PASSED, ""))], [])
     assert list(page.lines(tests))[-1] == "3 of 127 tests executed: 2 passed, 1 failed, 124 skipped"
+
+
+if __name__ == "__main__":
+    GUIDE.write_text(guide(GUIDE.read_text(encoding="utf-8")), encoding="utf-8")
