@@ -6,7 +6,7 @@ import json
 import re
 from collections import defaultdict
 from collections.abc import Iterable
-from functools import cache, cached_property
+from functools import cache
 from itertools import chain, repeat
 from pathlib import Path
 
@@ -16,18 +16,25 @@ from eurobot_od.check.conformance import page
 from eurobot_od.check.conformance.clauses import StepName
 from eurobot_od.check.conformance.page import DeviceRun, Verdict
 from eurobot_od.check.conformance.subject import Tier
-from eurobot_od.check.on_bus import run_simulated
 from eurobot_od.check.report import Status, StepReason, StepResult, SuitePart, SuiteResult
-from eurobot_od.check.runner import RunOptions
 from eurobot_od.check.suite import Step, Suite
 from eurobot_od.device.faults.device import FAULTS
 from eurobot_od.device.simulated import SimulatedDevice
 from eurobot_od.errors import UnknownName
-from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.values import NMT_COB_ID
 from eurobot_od.support.yaml_places import Place
-from tests.kit.devices import AXIS_DRIVE, IO_MODULE, MODULE, NODE_ID, of_kind, results, suites, suites_of
+from tests.kit.devices import (
+    AXIS_DRIVE,
+    IO_MODULE,
+    MODULE,
+    NODE_ID,
+    Run,
+    asked_for_everything,
+    results,
+    suites,
+    suites_of,
+)
 from tests.kit.faults import CONFORMANCE
 from tests.rows import rows
 
@@ -127,44 +134,20 @@ LACKING = {"8.5", "8.6", "8.7", "8.8"}
 
 
 def test_the_communication_is_stored_by_itself() -> None:
-    assert stored().passed >= {"8.1", "8.2", "8.3", "8.4", *LACKING}
-    assert [number for number in LACKING if stored().lacking(number)] == []
+    assert passed(stored()) >= {"8.1", "8.2", "8.3", "8.4", *LACKING}
+    assert [number for number in LACKING if lacking(stored(), number)] == []
 
 
-class Run:
-    """What was sent in the steps of each number of CiA's tool, in some suites of a device that is its file."""
+def passed(run: Run) -> set[str]:
+    """Return the numbers that pass in a run."""
+    return {each.number for each in page.results_of(run.results, []) if each.verdict is Verdict.PASSED}
 
-    def __init__(self, *several: Suite) -> None:
-        self.asked, self._heard = defaultdict[str, list[str]](list), list[str]()
-        heard = self._heard
 
-        class Listening(SimulatedDevice):
-            def receive(self, frame: Frame, now: float) -> list[Frame]:
-                heard.append(f"{frame.cob_id:03X}#{frame.data.hex().upper()}")
-                return super().receive(frame, now)
-
-            def requested(self, cob_id: int, now: float) -> list[Frame]:
-                heard.append(f"{cob_id:03X}#R")
-                return super().requested(cob_id, now)
-
-        self.suites, options = several, RunOptions(keep_going=True, show=self._note)
-        self.results = [run_simulated(each, options, of_kind(Listening)) for each in several]
-
-    def _note(self, step: StepResult) -> None:
-        name = StepName.of(step.name)
-        for number in name.numbers if name and step.status is Status.PASSED else ():
-            self.asked[number] += self._heard
-        self._heard.clear()
-
-    @cached_property
-    def passed(self) -> set[str]:
-        return {each.number for each in page.results_of(self.results, []) if each.verdict is Verdict.PASSED}
-
-    def lacking(self, number: str) -> list[str]:
-        """Return the frames of the tool's trace that are not in the run, the first not in a step of this number."""
-        anywhere = {frame for frames in self.asked.values() for frame in frames}
-        asked = zip(FRAMES[number].replace("~", "").split(), chain([self.asked[number]], repeat(anywhere)))
-        return [frame for frame, sent in asked if not any(map(pattern(frame).fullmatch, sent))]
+def lacking(run: Run, number: str) -> list[str]:
+    """Return the frames of the tool's trace that are not in a run, the first not in a step of this number."""
+    anywhere = {frame for frames in run.asked.values() for frame in frames}
+    asked = zip(FRAMES[number].replace("~", "").split(), chain([run.asked[number]], repeat(anywhere)))
+    return [frame for frame, sent in asked if not any(map(pattern(frame).fullmatch, sent))]
 
 
 def pattern(recorded: str) -> re.Pattern[str]:
@@ -176,18 +159,6 @@ def pattern(recorded: str) -> re.Pattern[str]:
     elif number & 0x7F == 4:
         identifier = f"{identifier[:-1]}{NODE_ID}"
     return re.compile(re.sub(r"\[\w*\]", r"\\w*", f"{identifier}#{data}"))
-
-
-@cache
-def everything() -> Run:
-    return Run(*suites(MODULE, Tier.DESTRUCTIVE))
-
-
-@cache
-def makers() -> Run:
-    """What the first file lacks."""
-    chapters = (IO_MODULE, "objects"), (IO_MODULE, "pdo"), (AXIS_DRIVE, "sdo"), (AXIS_DRIVE, "storage")
-    return Run(*(each for file, chapter in chapters for each in suites(file, Tier.DESTRUCTIVE, chapter)))
 
 
 @cache
@@ -336,12 +307,13 @@ MAKERS_ONLY = {"2.4", "2.29", "2.30", "3.11", "3.15", "3.17", "4.4"}
 
 
 def test_110_numbers_pass_on_a_device_that_is_guarded_and_each_has_sent_the_frames_of_the_tool() -> None:
-    score = page.score(page.results_of(everything().results, []))
-    assert score == "110 of 127 tests executed: 110 passed, 0 failed, 17 skipped"
-    asked = (everything(), everything().passed - {page.LINT}), (makers(), MAKERS_ONLY & makers().passed)
-    for run, numbers in asked:
-        assert [(number, lack) for number in sorted(numbers) if (lack := run.lacking(number))] == []
-    assert makers().passed | everything().passed | set(LACKING) == {*FRAMES, page.LINT}
+    run, found = asked_for_everything(MODULE), passed(asked_for_everything(MODULE))
+    assert page.score(page.results_of(run.results, [])) == "110 of 127 tests executed: 110 passed, 0 failed, 17 skipped"
+    makers = [asked_for_everything(file) for file in (IO_MODULE, AXIS_DRIVE)]
+    asked = [(run, found - {page.LINT}), *((each, MAKERS_ONLY & passed(each)) for each in makers)]
+    for each, numbers in asked:
+        assert [(number, lack) for number in sorted(numbers) if (lack := lacking(each, number))] == []
+    assert found.union(LACKING, *map(passed, makers)) == {*FRAMES, page.LINT}
 
 
 # The guide's table
@@ -352,23 +324,21 @@ END = "<!-- made -->\n"
 
 def made() -> str:
     """Return the table of the tool's tests: what each asks, which step of ours does, and what became of it."""
-    devices = {
-        "": everything(),
-        " on a device that has it": makers(),
-        " on one that stores its communication": stored(),
-    }
-    asked = asked_by(each for run in devices.values() for each in run.suites)
-    found = {each.number: each for each in page.results_of(everything().results, [])}
+    runs = [asked_for_everything(file) for file in (MODULE, IO_MODULE, AXIS_DRIVE)] + [stored()]
+    words = ("", " on an I/O module", " on a drive", " on a device that stores its communication")
+    devices = [(f"passed{word}", passed(run)) for word, run in zip(words, runs, strict=True)]
+    asked = asked_by(each for run in runs for each in run.suites)
+    judged = page.results_of(runs[0].results, [])
+    found = {each.number: each for each in judged}
     rows = []
     for number, what in page.ASKS.items():
         steps = asked[number]
         ours = ", ".join(dict.fromkeys(f"{each.clause} {each.topic}" for each in steps)) or "none"
         tiers = ", ".join(dict.fromkeys(each.tier for each in steps))
-        passed = next((f"passed{by}" for by, run in devices.items() if number in run.passed), found[number].why)
-        rows.append(f"| {number} | {what} | {'`lint`' if number == page.LINT else ours} | {tiers} | {passed} |\n")
-    score = page.score(page.results_of(everything().results, []))
+        result = next((said for said, numbers in devices if number in numbers), found[number].why)
+        rows.append(f"| {number} | {what} | {'`lint`' if number == page.LINT else ours} | {tiers} | {result} |\n")
     head = "| CTT | it asks | our clause | tier | result |\n|---|---|---|---|---|\n"
-    return f"{BEGIN}On one device, which is guarded: {score}.\n\n{head}{''.join(rows)}{END}"
+    return f"{BEGIN}On one device, which is guarded: {page.score(judged)}.\n\n{head}{''.join(rows)}{END}"
 
 
 def guide(text: str) -> str:
