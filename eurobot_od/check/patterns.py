@@ -189,6 +189,10 @@ class EmergencyPattern(NamedTuple):
 Pattern: TypeAlias = "MessagePattern | FramePattern | HeartbeatPattern | EmergencyPattern"
 
 
-def is_final(pattern: Pattern) -> bool:
-    """Whether a frame that differs ends the waiting; no heartbeat does, as the node may be on its way to the state."""
-    return not isinstance(pattern, HeartbeatPattern)
+def is_final(pattern: Pattern, frame: Frame) -> bool:
+    """Whether a frame that differs ends the waiting.
+
+    No heartbeat does, as the node may be on its way to the state, nor an EMCY that takes an earlier error back.
+    """
+    takes_back = isinstance(pattern, EmergencyPattern) and not any(frame.data[:2])
+    return not (isinstance(pattern, HeartbeatPattern) or takes_back)

@@ -15,6 +15,8 @@ from contextlib import suppress
 from functools import partial, singledispatchmethod
 from typing import Any
 
+from canopen.objectdictionary import ODVariable
+
 from eurobot_od.check import suite
 from eurobot_od.check.bench import Bench, SeenFrame
 from eurobot_od.check.patterns import EmergencyPattern, Mismatch, Pattern, Sent, is_final
@@ -22,7 +24,7 @@ from eurobot_od.check.report import StepReason
 from eurobot_od.check.values import ValueProblem
 from eurobot_od.device.broadcasts import HISTORY, REGISTER_BITS
 from eurobot_od.device.nmt import NmtCommand, NmtState
-from eurobot_od.errors import BusError, NoAnswer
+from eurobot_od.errors import BusError, LocalError, NoAnswer, RemoteError
 from eurobot_od.frame import Frame
 from eurobot_od.od import objects
 from eurobot_od.od.standard import ERROR_FIELD, ERROR_REGISTER, SYNC_COUNTER, SYNC_PERIOD
@@ -62,6 +64,9 @@ BOOTED = bytes([NmtState.INITIALISING])
 """The data of a boot-up (CiA 301, 7.3.2.2.2)."""
 
 ERROR_CONTROL = range(ERROR_CONTROL_BASE + 1, ERROR_CONTROL_BASE + 0x80)
+
+QUESTIONS = (suite.Send, suite.SdoRead, suite.SdoWrite, suite.SdoRestore, suite.Dump, suite.SelfReported, suite.Poll)
+"""Actions that an answer of before would be taken for an answer to."""
 
 UNCONFIRMED = 0.02
 """Seconds that a server is given for a request that it does not answer."""
@@ -111,7 +116,8 @@ class Doer:
         self._used: set[int] = set()
         self._mark, self._edge = 0, len(bench.trace)
         self._dumped: dict[str, str] = {}
-        self._asking = False
+        self._asking = self._unsettled = False
+        self._taken: set[Address] = set()
         self._answers: dict[int, Sent] = {}
         self._answering: set[asyncio.Task[None]] = set()
         self._trace.heard = self._heard
@@ -119,7 +125,15 @@ class Doer:
     async def do(self, action: suite.Action) -> None:
         """Do one action; raises Failed, LocalError or RemoteError if it is red, Skipped, BusError if the bus failed."""
         await asyncio.sleep(0)  # an interrupt has its turn, whatever is repeated
-        await self._do(action)
+        if self._unsettled and isinstance(action, QUESTIONS):
+            # What a node still says to a red step does not answer the next question.
+            await self._trace.sleep(UNCONFIRMED)
+            self._unsettled = False
+        try:
+            await self._do(action)
+        except (Failed, LocalError, RemoteError):
+            self._unsettled = True
+            raise
         self._asking = isinstance(action, suite.Send) or (self._asking and isinstance(action, suite.Save))
 
     @singledispatchmethod
@@ -234,7 +248,7 @@ class Doer:
                     self._variables[hit.save] = seen.frame.data[REGISTER]
                 left = [] if order is suite.Order.ANY else [each for each in left if each is not hit]
                 start = self._mark  # a frame passed over may be what the remaining patterns wait for
-            elif any(is_final(each) for each in left if each.cob_id == seen.frame.cob_id):
+            elif any(is_final(each, seen.frame) for each in left if each.cob_id == seen.frame.cob_id):
                 # Reported against the closest pattern: one of the same message, with the fewest differences.
                 ranks = [(each.cob_id != seen.frame.cob_id, len(self._mismatches(each, seen))) for each in tried]
                 nearest = tried[ranks.index(min(ranks))]
@@ -346,6 +360,7 @@ class Doer:
             raise ValueProblem(f"{amount(len(data), 'byte')} came, the object has {size}")
         value = objects.decode(action.variable, data)
         if action.expected is not None and not action.expected.fits(value, self._variables):
+            self._follow(action.variable)
             label = objects.label(action.variable)
             wanted, came = action.expected.text(self._variables), action.expected.shown(value)
             raise Failed(StepReason(f"{label} is not as expected", wanted, came, (Mismatch(label, wanted, came),)))
@@ -365,7 +380,9 @@ class Doer:
 
         Raises Failed, Skipped, NoAnswer, OddAnswer.
         """
-        wanted = None if action.abort is None else str(action.abort)
+        wanted, address = None if action.abort is None else str(action.abort), objects.address_of(action.variable)
+        if action.abort is not None and not action.abort.codes:
+            self._follow(action.variable)
         try:
             data = await self._run(transfer, action.node)
         except Aborted as error:
@@ -376,8 +393,16 @@ class Doer:
                 raise Skipped(StepReason(f"{action}: the node does not do this ({came})")) from None
             raise Failed(StepReason(f"{action}: {error}", wanted or "no abort", came)) from None
         if wanted is not None:
+            self._taken.add(address)
             raise Failed(StepReason(f"{action}: the node does not refuse", wanted, "no abort"))
+        if isinstance(action, suite.SdoWrite):
+            self._taken.discard(address)
         return data
+
+    def _follow(self, variable: ODVariable) -> None:
+        """Raise Skipped for an object that has taken what it should have refused, which is red already."""
+        if objects.address_of(variable) in self._taken:
+            raise Skipped(StepReason(f"{objects.label(variable)} has taken what it should refuse, which is red"))
 
     @_do.register
     async def _sdo_restore(self, action: suite.SdoRestore) -> None:
@@ -387,8 +412,11 @@ class Doer:
             raise Skipped(StepReason("it was not read before, so nothing of it has been changed"))
         self._ask()
         address, content = objects.address_of(action.variable), action.content(self._variables)
+        self._taken.discard(address)
         if await self._read(action, address) == content:
             return
+        if address == (ERROR_FIELD, 0) and any(content):
+            raise Skipped(StepReason("errors can be cleared, but not brought back"))  # (CiA 301, 7.5.2.4)
         before, after, refused = list[tuple[Address, bytes]](), list[tuple[Address, bytes]](), ""
         for other, change in _meanwhile(address):
             old = await self._read(action, other)
@@ -401,6 +429,9 @@ class Doer:
             except Aborted as error:
                 refused = f" ({label(at)}: {error})"
         now = await self._read(action, address)
+        if refused and address[0] in MAPPINGS and address[1] and not any(content):
+            # No clause says that an entry behind the last one can be 0, which is not an object.
+            raise Skipped(StepReason(f"an entry that maps nothing{refused}"))
         if now != content:
             what = f"{objects.label(action.variable)} cannot be put back{refused}"
             raise Failed(StepReason(what, content.hex(" ").upper(), now.hex(" ").upper() or "nothing"))
@@ -545,6 +576,7 @@ class Doer:
             late = await self._trace.first(frozenset([node.sdo_answer]), start, self._trace.now + transfer.wait)
             if late is not None:
                 self._use(late)
+                await self._trace.sleep(UNCONFIRMED)  # a node may answer even the abort
             raise NoAnswer("SDO request", f"answer from {node.name}", 1, transfer.wait) from None
 
     # Variables

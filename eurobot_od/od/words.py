@@ -14,7 +14,7 @@ from eurobot_od.od import cia401, cia402
 from eurobot_od.od import objects as od
 from eurobot_od.od.cia402 import DriveCommand, Mode, State
 from eurobot_od.od.standard import DEVICE_TYPE, ErrorCode
-from eurobot_od.od.values import Address, Value
+from eurobot_od.od.values import UNSIGNED16, Address, Value
 
 if TYPE_CHECKING:
     from canopen.objectdictionary import ObjectDictionary, ODVariable
@@ -119,14 +119,20 @@ PROFILES: Mapping[int, Callable[[Address], ValueMeaning | None]] = {
 """What the objects of a device mean, by its profile."""
 
 
+SEVERAL = 0xFFFF
+"""The profile of a device with several of them; each has its own object for it (CiA 301, 7.5.2.1)."""
+
+
 def profile_of(objects: ObjectDictionary) -> int:
     """Return the device profile that 0x1000 says (CiA 301, 7.5.2.1); 0: none.
 
-    If its value is open, a device with the two words of CiA 402 is a drive: these are mandatory there.
+    If it says none, or several, a device with the two words of CiA 402 is a drive: these are mandatory there.
     """
-    said = _default(objects, DEVICE_TYPE)
-    is_drive = all(od.variable_at(objects, (each, 0)) for each in (cia402.CONTROLWORD, cia402.STATUSWORD))
-    return (cia402.PROFILE if is_drive else 0) if said is None else said & 0xFFFF
+    said = (_default(objects, DEVICE_TYPE) or 0) & 0xFFFF
+    # Of their type: 0x6040 and 0x6041 are in other profiles as well, such as CiA 418.
+    control_and_status = (od.variable_at(objects, (each, 0)) for each in (cia402.CONTROLWORD, cia402.STATUSWORD))
+    is_drive = all(each is not None and od.data_type(each) is UNSIGNED16 for each in control_and_status)
+    return cia402.PROFILE if is_drive and said in (0, SEVERAL) else said
 
 
 def _default(objects: ObjectDictionary, address: Address) -> int | None:

@@ -56,6 +56,9 @@ def emergency(code: int | None) -> EmergencyPattern:
     return EmergencyPattern("arm", 0x85, code)
 
 
+EMERGENCY = Frame(0x85, bytes.fromhex("1082110000000000"))
+
+
 @rows(
     "pattern, data, differs",
     [
@@ -120,7 +123,11 @@ def test_a_field_may_be_compared_with_what_came_before() -> None:
     ],
 )
 def test_a_pattern_is_written_and_ends_the_waiting_or_not(pattern: Pattern, name: str, text: str, final: bool) -> None:
-    assert (str(pattern), pattern.text({"seen": 7}), is_final(pattern)) == (name, text, final)
+    assert (str(pattern), pattern.text({"seen": 7}), is_final(pattern, EMERGENCY)) == (name, text, final)
+
+
+def test_that_an_error_is_gone_does_not_end_the_waiting_for_one() -> None:
+    assert not is_final(emergency(0x8130), Frame(0x85, bytes(8)))
 
 
 def test_what_is_sent_is_a_message_of_values_and_variables_or_a_frame() -> None:

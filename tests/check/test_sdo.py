@@ -43,6 +43,17 @@ FORMS = {
     "none of two": ("- sdo: {read: 0x5000, abort: [0x06010000, 0x06090011]}", "-"),
     "any": ("- sdo: {write: 0x1000, value: 0, abort: any}", "+"),
     "not refused": ("- sdo: {read: 0x1000, abort: any}", "-"),
+    # what was not refused is red once
+    "taken twice, and kept": (
+        "- sdo: {write: 0x1017, value: 100, abort: any}\n- sdo: {write: 0x1017, value: 200, abort: any}\n"
+        "- sdo: {read: 0x1017, expect: 1000}",
+        "-ss",
+    ),
+    "written since": (
+        "- sdo: {write: 0x1017, value: 100, abort: any}\n- sdo: {write: 0x1017, value: 200}\n"
+        "- sdo: {read: 0x1017, expect: 1000}",
+        "-+-",
+    ),
     # what a node need not have
     "optional and there": ("- sdo: {read: 0x1008, transfer: block, optional: 0x05040001}", "+"),
     "optional and not there": ("- sdo: {read: 0x5000, optional: [0x06020000]}", "s"),

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Iterable, Iterator
 from functools import cache
 from pathlib import Path
 
 from eurobot_od.check.conformance import suite
+from eurobot_od.check.conformance.clauses import StepName
 from eurobot_od.check.conformance.subject import Tier
 from eurobot_od.check.on_bus import MakeNodes, NodeUnderTest, run_simulated
 from eurobot_od.check.reader import SuiteReader
@@ -16,6 +18,7 @@ from eurobot_od.check.suite import Suite
 from eurobot_od.check.vocabulary import Networks
 from eurobot_od.device.node import Node
 from eurobot_od.device.simulated import SimulatedDevice
+from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
 
 SAMPLES = Path(__file__).parents[1] / "lint" / "samples"
@@ -78,7 +81,38 @@ def red(done: Iterable[StepResult]) -> list[str]:
     return [f"{each.name}: {each.reason}" for each in done if each.status is Status.FAILED]
 
 
+class Run:
+    """A run of some suites against a device that is its file: its results, and what was `asked` by CTT's numbers."""
+
+    def __init__(self, *several: Suite) -> None:
+        self.asked, self._heard = defaultdict[str, list[str]](list), list[str]()
+        heard = self._heard
+
+        class Listening(SimulatedDevice):
+            def receive(self, frame: Frame, now: float) -> list[Frame]:
+                heard.append(f"{frame.cob_id:03X}#{frame.data.hex().upper()}")
+                return super().receive(frame, now)
+
+            def requested(self, cob_id: int, now: float) -> list[Frame]:
+                heard.append(f"{cob_id:03X}#R")
+                return super().requested(cob_id, now)
+
+        self.suites, options = several, RunOptions(keep_going=True, show=self._note)
+        self.results = [run_simulated(each, options, of_kind(Listening)) for each in several]
+
+    def _note(self, step: StepResult) -> None:
+        name = StepName.of(step.name)
+        for number in name.numbers if name and step.status is Status.PASSED else ():
+            self.asked[number] += self._heard
+        self._heard.clear()
+
+    @property
+    def steps(self) -> list[StepResult]:
+        """The results of all steps."""
+        return [step for result in self.results for step in result.steps]
+
+
 @cache
-def asked_for_everything(file: Path) -> list[StepResult]:
-    """Run all suites of a file up to the destructive ones, once for all tests."""
-    return list(steps(suites(file, Tier.DESTRUCTIVE)))
+def asked_for_everything(file: Path, tier: Tier = Tier.DESTRUCTIVE) -> Run:
+    """Run all suites of a file up to a tier, once for all tests."""
+    return Run(*suites(file, tier))

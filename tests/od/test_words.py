@@ -97,15 +97,29 @@ def test_what_no_file_describes_has_no_words() -> None:
 
 
 def test_a_device_of_another_profile_has_no_words_of_a_drive() -> None:
-    text = (DOCS / "servo.eds").read_text(encoding="utf-8").replace("DefaultValue=0x00020192", "DefaultValue=0")
+    text = (DOCS / "servo.eds").read_text(encoding="utf-8").replace("DefaultValue=0x00020192", "DefaultValue=0x191")
     assert words(od.at((0x6041, 0), Dictionary.read(text.encode(), DOCS / "servo.eds", 5).objects), 0x40) == ""
 
 
-@rows("objects, meaning", [((0x6040, 0x6041), "Switch on disabled"), ((0x6041,), "")])
-def test_a_device_type_that_is_open_is_a_drive_s_if_it_has_both_words(objects: tuple[int, ...], meaning: str) -> None:
-    text = (DOCS / "servo.eds").read_text(encoding="utf-8").replace("DefaultValue=0x00020192", "DefaultValue=")
-    if 0x6040 not in objects:
-        text = text.replace("[6040]", "[2040]").replace("=0x6040\n", "=0x2040\n")
+CONTROLWORD = "[6040]\nParameterName=Controlword\nObjectType=0x7\nDataType=0x0006"
+
+
+@rows(
+    "device_type, change, meaning",
+    [
+        ("", ("drive", "drive"), "Switch on disabled"),
+        ("0", ("drive", "drive"), "Switch on disabled"),
+        ("0x0000FFFF", ("drive", "drive"), "Switch on disabled"),
+        # without a controlword, or with something else there, as CiA 418 has it
+        ("", ("6040", "2040"), ""),
+        ("0", (CONTROLWORD, CONTROLWORD.replace("0x0006", "0x0007")), ""),
+    ],
+)
+def test_a_device_type_that_is_open_is_a_drive_s_if_it_has_both_words(
+    device_type: str, change: tuple[str, str], meaning: str
+) -> None:
+    text = (DOCS / "servo.eds").read_text(encoding="utf-8").replace(*change)
+    text = text.replace("DefaultValue=0x00020192", f"DefaultValue={device_type}")
     found = Dictionary.read(text.encode(), DOCS / "servo.eds", 5).objects
     assert words(od.at((0x6041, 0), found), 0x40) == meaning
 

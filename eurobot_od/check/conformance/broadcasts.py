@@ -61,7 +61,7 @@ def _remembers(subject: Subject) -> Steps:
     yield step.read("its number of errors", HISTORY, data="any")
     if subject.readable(NEWEST) is not None:
         # While there is no error the entry may be empty, or not there at all (CiA 301, 7.5.2.4): makers differ.
-        none_now = codes(AbortCode.NO_DATA, AbortCode.NO_SUBINDEX)
+        none_now = codes(AbortCode.NO_DATA, AbortCode.NO_SUBINDEX, AbortCode.GENERAL)
         yield step.read("the newest of them", NEWEST, optional=none_now)
 
 

@@ -136,7 +136,9 @@ def _readable(subject: Subject) -> Steps:
         if each.readable and subject.dictionary.flags(address_of(each)) & NOT_SCANNED:
             yield step.skip(title(each), "its ObjFlags say that a scan does not read it")
         elif each.readable:
-            none_now = [AbortCode.NO_DATA, *([AbortCode.NO_SUBINDEX] if each.index == ERROR_FIELD else [])]
+            # What an entry of a history says that is empty is asked once, of the newest one (7.5.2.4).
+            empty = (AbortCode.NO_SUBINDEX, AbortCode.GENERAL, *BUSY) if each.index == ERROR_FIELD else ()
+            none_now = AbortCode.NO_DATA, *empty
             # A file within the device may have megabytes; a server without blocks is not asked for it.
             is_file = data_type(each) is values.DOMAIN
             blocks, without = ({"transfer": "block"}, NO_BLOCKS) if is_file else ({}, ())

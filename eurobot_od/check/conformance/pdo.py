@@ -168,7 +168,9 @@ def _remapped(subject: Subject, pdo: Pdo, cob_id: ODVariable) -> Steps:
 def _mapped_again(subject: Subject, pdo: Pdo, cob_id: ODVariable, subs: range) -> Steps:
     """Give a PDO that is not valid, and whose sub-index 0 is 0, the entries and the COB-ID that it had."""
     number, *entries = _mapping_of(subject, pdo, subs)
-    yield from (step.rewritten(f"3. entry {each.subindex}", each, kept) for each, kept in entries)
+    # Those behind the last one are put back below, if the device lets them: not every one takes an entry of 0.
+    used = entries[: len(pdo.mapping)]
+    yield from (step.rewritten(f"3. entry {each.subindex}", each, kept) for each, kept in used)
     yield step.asking("3.22", step.rewritten("4. sub-index 0 is as it was", *number))
     # Whatever came before: its COB-ID last, for with bit 31 cleared the PDO is there at once.
     yield from (step.put_back(*each) for each in (*entries, number))

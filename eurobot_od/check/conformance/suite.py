@@ -81,6 +81,14 @@ def text(dictionary: Dictionary, tier: Tier = Tier.READING, restore: Sequence[in
     return documents(_suite(subject, chapter) for chapter in CHAPTERS)
 
 
+MARKS = {
+    "7.5.2.4": (Tier.DESTRUCTIVE, [broadcasts.HISTORY]),
+    "7.5.2.23": (Tier.READING, VERIFY_CONFIGURATION),
+}
+"""What a device itself changes when it is asked, by clause, and from which tier on: errors that it remembers, and the
+date of its configuration, without which a master would take it for one that has not been configured."""
+
+
 def _suite(subject: Subject, chapter: Chapter[Subject]) -> Data:
     # The reading tier sends no NMT command: it is for a device at work, which a reset would stop.
     resets = subject.tier.allows(Tier.REVERSIBLE)
@@ -89,12 +97,10 @@ def _suite(subject: Subject, chapter: Chapter[Subject]) -> Data:
     # One that sends no boot-up is red for that, and asked for all the rest.
     up = {**step.booted(BOOT_TIME, "7.2.8.3.3 Boot-up: boot-up after reset [reversible]"), "needed": "no"}
     alive = awake(subject, ANSWERS)
-    # A change of the configuration, such as that of 0x1017, makes the device clear this (CiA 301, 7.5.2.23); a master
-    # would take it for one that has not been configured.
-    verified = subject.kept(VERIFY_CONFIGURATION)
-    kept = [{**step.save(*each), "name": f"7.5.2.23 Values: {title(each[0])} [reading]"} for each in verified]
-    named = ((each, f"7.5.2.23 Values: {title(each[0])} is as it was [reading]") for each in verified)
-    back = [{**step.put_back(*each), "name": name} for each, name in named]
+    marks = {clause: subject.kept(each) for clause, (tier, each) in MARKS.items() if subject.tier.allows(tier)}
+    named = [(f"{clause} Values: {title(each[0])}", each) for clause, kept in marks.items() for each in kept]
+    kept = [{**step.save(*each), "name": f"{name} [reading]"} for name, each in named]
+    back = [{**step.put_back(*each), "name": f"{name} is as it was [reading]"} for name, each in named]
     alone = {"name": "7.2.8.2.1 NMT: nobody else commands [reversible]", "unheard": hexadecimal(NMT_COB_ID, 3)}
     before = {
         "name": "7.4 Values: they are read, to be compared in the end [reading]",

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import pytest
 
 from eurobot_od.check.conformance import suite
@@ -13,21 +15,18 @@ from tests.kit.faults import CONFORMANCE
 from tests.rows import rows
 
 
-def of_chapter(word: str) -> dict[str, Fault]:
-    """Return the faults that a chapter finds; what all of them find is the first one's."""
+@cache
+def by_chapter() -> dict[str, dict[str, Fault]]:
+    """Return the faults by the chapter that finds them; what all of them find is the first one's."""
     chapters = {
         step.name: each.tags[-1]
         for each in reversed(suites(MODULE, Tier.DESTRUCTIVE))
         for step in (*each.setup, *each.steps)
     }
-    return {
-        name: fault
-        for name, fault in CONFORMANCE.items()
-        if next(chapters[step] for step in chapters if step.startswith(fault.caught_by.step)) == word
-    }
-
-
-CHAPTERS = [each.word for each in suite.CHAPTERS]
+    found: dict[str, dict[str, Fault]] = {each.word: {} for each in suite.CHAPTERS}
+    for name, fault in CONFORMANCE.items():
+        found[next(chapters[step] for step in chapters if step.startswith(fault.caught_by.step))][name] = fault
+    return found
 
 
 def wrong(chapter: str, faults: dict[str, Fault]) -> dict[str, str]:
@@ -38,13 +37,13 @@ def wrong(chapter: str, faults: dict[str, Fault]) -> dict[str, str]:
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("chapter", CHAPTERS)
+@pytest.mark.parametrize("chapter", [each.word for each in suite.CHAPTERS])
 def test_the_first_red_step_of_a_chapter_is_the_one_that_a_fault_names(chapter: str) -> None:
-    assert (faults := of_chapter(chapter))
+    assert (faults := by_chapter()[chapter])
     assert wrong(chapter, faults) == {}
 
 
-@rows("chapter, name", ((chapter, name) for chapter in CHAPTERS for name in of_chapter(chapter)), sample=20)
+@rows("chapter, name", ((chapter, name) for chapter, faults in by_chapter().items() for name in faults), sample=8)
 def test_so_is_it_for_some_faults_other_ones_each_day(chapter: str, name: str) -> None:
     assert wrong(chapter, {name: CONFORMANCE[name]}) == {}
 

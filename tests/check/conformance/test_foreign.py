@@ -18,11 +18,14 @@ from eurobot_od.device.node import Node
 from eurobot_od.device.simulated import SimulatedDevice
 from eurobot_od.frame import Frame
 from eurobot_od.od.standard import ERROR_REGISTER, VERIFY_CONFIGURATION
-from eurobot_od.od.values import NMT_COB_ID, SDO_REQUEST_BASE, Address, Value
+from eurobot_od.od.values import NMT_COB_ID, SDO_REQUEST_BASE, SDO_RESPONSE_BASE, Address, Value
 from eurobot_od.sdo.wire import ABORT, AbortCode, Initiate
 from tests.kit.devices import MODULE, NODE_ID, of_kind, suites
 from tests.kit.faults import CONFORMANCE
 
+GENERAL, NOT_TRANSFERRED, NOT_MAPPABLE = (
+    each.to_bytes(4, "little") for each in (AbortCode.GENERAL, AbortCode.NOT_TRANSFERRED, AbortCode.NOT_MAPPABLE)
+)
 RESETS = (NmtCommand.RESET_NODE, NmtCommand.RESET_COMMUNICATION)
 
 
@@ -72,7 +75,34 @@ class GeneralError(Answering):
         is_one = answer.data[0] == ABORT and Initiate.of(answer.data).number in self.INSTEAD
         if not is_one or request[2] in (0x16, 0x1A) or request[1:3] == b"\x03\x10":
             return [answer]
-        return [Frame(answer.cob_id, answer.data[:4] + AbortCode.GENERAL.to_bytes(4, "little"))]
+        return [Frame(answer.cob_id, answer.data[:4] + GENERAL)]
+
+
+class AnsweredAbort(SimulatedDevice):
+    """Answers a client's abort with one of its own."""
+
+    def receive(self, frame: Frame, now: float) -> list[Frame]:
+        aborted = frame.cob_id == SDO_REQUEST_BASE + NODE_ID and frame.data[0] == ABORT
+        answers = [Frame(SDO_RESPONSE_BASE + NODE_ID, frame.data[:4] + GENERAL)] if aborted else []
+        return [*super().receive(frame, now), *answers]
+
+
+class EmptyHistory(Answering):
+    """Says of an empty entry of its history that it cannot be transferred (0x08000020)."""
+
+    def said(self, request: bytes, answer: Frame) -> list[Frame]:
+        is_empty = answer.data[0] == ABORT and request[1:4] in (b"\x03\x10\x01", b"\x03\x10\x02")
+        return [Frame(answer.cob_id, answer.data[:4] + NOT_TRANSFERRED) if is_empty else answer]
+
+
+class NoEmptyEntries(SimulatedDevice):
+    """Refuses an entry of a mapping that maps nothing, wherever it stands."""
+
+    def receive(self, frame: Frame, now: float) -> list[Frame]:
+        is_request = frame.cob_id == SDO_REQUEST_BASE + NODE_ID and frame.data[0] == 0x23
+        if is_request and frame.data[2] in (0x16, 0x1A) and not any(frame.data[4:]):
+            return [Frame(SDO_RESPONSE_BASE + NODE_ID, bytes([ABORT]) + frame.data[1:4] + NOT_MAPPABLE)]
+        return super().receive(frame, now)
 
 
 class Commanding(SimulatedDevice):
@@ -146,6 +176,10 @@ def test_a_reset_that_takes_its_time_is_green() -> None:
     assert red(done(LateReset, Tier.REVERSIBLE, "nmt", "storage")) == []
 
 
+def test_an_entry_that_maps_nothing_may_be_refused() -> None:
+    assert red(done(NoEmptyEntries, Tier.REVERSIBLE, "pdo")) == []
+
+
 NO_BOOT_UP = "7.2.8.3.3 Boot-up: boot-up after reset [reversible]"
 ONE_CAUSE: dict[type[Node], str] = {
     OwnError: "7.5.2.2 Error register: the device reports no error itself [reading, CTT 5.2]",
@@ -153,6 +187,23 @@ ONE_CAUSE: dict[type[Node], str] = {
     NoBootUp: NO_BOOT_UP,
     Commanding: "7.2.8.2.1 NMT: nobody else commands [reversible]",
 }
+
+
+def test_an_abort_that_is_answered_is_red_once() -> None:
+    answered = "7.2.4.3.17 SDO abort: a client's abort is not answered [reading]: no answer"
+    assert red(done(AnsweredAbort, Tier.READING, "sdo")) == [answered]
+
+
+def test_what_an_empty_history_says_is_asked_once() -> None:
+    newest = "7.5.2.4 Error history: the newest of them [reading, CTT 5.3]"
+    assert red(done(EmptyHistory, Tier.READING, "objects", "emcy")) == [newest]
+
+
+def test_a_time_that_a_valid_pdo_takes_is_red_once_for_each() -> None:
+    fault = CONFORMANCE["inhibit-time-changed-while-valid"].given_to(SimulatedDevice)
+    seen = red(done(fault, Tier.REVERSIBLE, "pdo"))
+    assert seen
+    assert all(each.endswith("another time while it is valid") for each in seen)
 
 
 @pytest.mark.parametrize("kind", ONE_CAUSE)
@@ -192,10 +243,11 @@ def stubborn(fault: type[SimulatedDevice]) -> type[SimulatedDevice]:
 
     class Stubborn(fault):  # type: ignore[misc, valid-type]
         def receive(self, frame: Frame, now: float) -> list[Frame]:
-            before = dict(self.device.objects.values)
+            before, history = dict(self.device.objects.values), self.device.emergencies.history
             frames: list[Frame] = super().receive(frame, now)
             if frame.cob_id == NMT_COB_ID and frame.data[0] in RESETS:
                 self.device.objects.values |= before
+                self.device.emergencies.history = history
             return frames
 
     return Stubborn
@@ -298,3 +350,11 @@ def test_a_check_behind_a_configuration_leaves_0x1020(chapter: str) -> None:
     assert not result.failed
     assert result.count(Status.PASSED) > 10
     assert {at: device.device.objects.raw(at) for at in marks} == marks
+
+
+def test_errors_that_the_suite_caused_are_cleared_behind_it() -> None:
+    device = stubborn(SimulatedDevice).load(MODULE, NODE_ID)
+    (asked,) = suites(MODULE, Tier.DESTRUCTIVE, "error-control")
+    result = run_simulated(asked, RunOptions(keep_going=True), lambda *_: [NodeUnderTest(device)])
+    assert any("EMCY" in each.name and each.status is Status.PASSED for each in result.steps)
+    assert device.device.emergencies.history == []

@@ -6,7 +6,7 @@ import json
 import re
 from collections import defaultdict
 from collections.abc import Iterable
-from functools import cache, cached_property
+from functools import cache
 from itertools import chain, repeat
 from pathlib import Path
 
@@ -16,18 +16,25 @@ from eurobot_od.check.conformance import page
 from eurobot_od.check.conformance.clauses import StepName
 from eurobot_od.check.conformance.page import DeviceRun, Verdict
 from eurobot_od.check.conformance.subject import Tier
-from eurobot_od.check.on_bus import run_simulated
 from eurobot_od.check.report import Status, StepReason, StepResult, SuitePart, SuiteResult
-from eurobot_od.check.runner import RunOptions
 from eurobot_od.check.suite import Step, Suite
 from eurobot_od.device.faults.device import FAULTS
 from eurobot_od.device.simulated import SimulatedDevice
 from eurobot_od.errors import UnknownName
-from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.values import NMT_COB_ID
 from eurobot_od.support.yaml_places import Place
-from tests.kit.devices import AXIS_DRIVE, IO_MODULE, MODULE, NODE_ID, of_kind, results, suites
+from tests.kit.devices import (
+    AXIS_DRIVE,
+    IO_MODULE,
+    MODULE,
+    NODE_ID,
+    Run,
+    asked_for_everything,
+    results,
+    suites,
+    suites_of,
+)
 from tests.kit.faults import CONFORMANCE
 from tests.rows import rows
 
@@ -100,80 +107,47 @@ def numbers(written: str) -> tuple[str, ...]:
     return StepName("7.4", "x", "y", "reading", written).numbers
 
 
-def asked_of(file: Path) -> set[str]:
-    """Return the numbers that the suites of a file ask, if only to be skipped."""
-    names: list[str] = []
+def asked_by(several: Iterable[Suite]) -> dict[str, list[StepName]]:
+    """Return the steps of some suites by the numbers that they ask, if only to be skipped."""
+    asked = defaultdict[str, list[StepName]](list)
 
     def walk(steps: Iterable[Step], before: str) -> None:
         for each in steps:
-            inside = getattr(each.action, "steps", None)
-            names.append(f"{before}{each.name}")
-            walk(inside or (), f"{before}{each.name}: ")
+            name = StepName.of(f"{before}{each.name}")
+            for number in name.numbers if name else ():
+                asked[number] += [name] if name else []
+            walk(getattr(each.action, "steps", ()), f"{before}{each.name}: ")
 
-    for each in suites(file, Tier.DESTRUCTIVE):
+    for each in several:
         walk(each.steps, "")
-    return {number for name in map(StepName.of, names) if name for number in name.numbers}
+    return asked
 
 
 def test_each_test_of_the_tool_is_asked_of_some_file_or_said_not_to_be() -> None:
-    asked = {number for file in (MODULE, IO_MODULE, AXIS_DRIVE) for number in asked_of(file)}
+    asked = asked_by(each for file in (MODULE, IO_MODULE, AXIS_DRIVE) for each in suites(file, Tier.DESTRUCTIVE))
     assert len(page.ASKS) == 127
-    assert asked | {page.LINT, *page.NEVER_ASKED, *LACKING} == set(page.ASKS)
+    assert {*asked, page.LINT, *page.NEVER_ASKED, *LACKING} == set(page.ASKS)
 
 
 LACKING = {"8.5", "8.6", "8.7", "8.8"}
-"""Of 0x1010:2 and 0x1011:2, which none of these files has; `test_the_communication_is_stored_by_itself` does."""
+"""Of 0x1010:2 and 0x1011:2, which none of these files has; `stored` makes one that has."""
 
 
-def test_the_communication_is_stored_by_itself(tmp_path: Path) -> None:
-    text, entry = MODULE.read_text(encoding="latin-1"), re.compile(r"\[10(1[01])sub1\]\n(.*?)\n\n", re.DOTALL)
-    second = entry.sub(lambda found: f"{found[0]}[10{found[1]}sub2]\n{found[2]}\n\n", text)
-    for index in ("1010", "1011"):
-        head = re.search(rf"\[{index}\]\n.*?\n\n.*?\n\n", second, re.DOTALL)
-        assert head is not None
-        raised = head[0].replace("SubNumber=2", "SubNumber=3").replace("DefaultValue=1", "DefaultValue=2")
-        second = second.replace(head[0], raised)
-    file = tmp_path / "stored.eds"
-    file.write_text(second, encoding="latin-1")
-    run = Run(*suites(file, Tier.DESTRUCTIVE, "storage"))
-    assert run.passed >= {"8.1", "8.2", "8.3", "8.4", *LACKING}
-    assert [number for number in LACKING if run.lacking(number)] == []
+def test_the_communication_is_stored_by_itself() -> None:
+    assert passed(stored()) >= {"8.1", "8.2", "8.3", "8.4", *LACKING}
+    assert [number for number in LACKING if lacking(stored(), number)] == []
 
 
-class Run:
-    """What was sent in the steps of each number of CiA's tool, in some suites of a device that is its file."""
+def passed(run: Run) -> set[str]:
+    """Return the numbers that pass in a run."""
+    return {each.number for each in page.results_of(run.results, []) if each.verdict is Verdict.PASSED}
 
-    def __init__(self, *several: Suite) -> None:
-        self.asked, self._heard = defaultdict[str, list[str]](list), list[str]()
-        heard = self._heard
 
-        class Listening(SimulatedDevice):
-            def receive(self, frame: Frame, now: float) -> list[Frame]:
-                heard.append(f"{frame.cob_id:03X}#{frame.data.hex().upper()}")
-                return super().receive(frame, now)
-
-            def requested(self, cob_id: int, now: float) -> list[Frame]:
-                heard.append(f"{cob_id:03X}#R")
-                return super().requested(cob_id, now)
-
-        options = RunOptions(keep_going=True, show=self._note)
-        self.results = [run_simulated(each, options, of_kind(Listening)) for each in several]
-
-    def _note(self, step: StepResult) -> None:
-        name = StepName.of(step.name)
-        for number in name.numbers if name and step.status is Status.PASSED else ():
-            self.asked[number] += self._heard
-        self._heard.clear()
-
-    @cached_property
-    def passed(self) -> set[str]:
-        return {each.number for each in page.results_of(self.results, []) if each.verdict is Verdict.PASSED}
-
-    def lacking(self, number: str) -> list[str]:
-        """Return the frames of the tool's trace that are not in the run, the first not in a step of this number."""
-        anywhere = {frame for frames in self.asked.values() for frame in frames}
-        asked = zip(FRAMES[number].replace("~", "").split(), chain([self.asked[number]], repeat(anywhere)))
-        return [frame for frame, sent in asked if not any(map(pattern(frame).fullmatch, sent))]
+def lacking(run: Run, number: str) -> list[str]:
+    """Return the frames of the tool's trace that are not in a run, the first not in a step of this number."""
+    anywhere = {frame for frames in run.asked.values() for frame in frames}
+    asked = zip(FRAMES[number].replace("~", "").split(), chain([run.asked[number]], repeat(anywhere)))
+    return [frame for frame, sent in asked if not any(map(pattern(frame).fullmatch, sent))]
 
 
 def pattern(recorded: str) -> re.Pattern[str]:
@@ -188,8 +162,17 @@ def pattern(recorded: str) -> re.Pattern[str]:
 
 
 @cache
-def everything() -> Run:
-    return Run(*suites(MODULE, Tier.DESTRUCTIVE))
+def stored() -> Run:
+    """A device that stores and restores its communication by itself."""
+    text, entry = MODULE.read_text(encoding="latin-1"), re.compile(r"\[10(1[01])sub1\]\n(.*?)\n\n", re.DOTALL)
+    second = entry.sub(lambda found: f"{found[0]}[10{found[1]}sub2]\n{found[2]}\n\n", text)
+    for index in ("1010", "1011"):
+        head = re.search(rf"\[{index}\]\n.*?\n\n.*?\n\n", second, re.DOTALL)
+        assert head is not None
+        raised = head[0].replace("SubNumber=2", "SubNumber=3").replace("DefaultValue=1", "DefaultValue=2")
+        second = second.replace(head[0], raised)
+    dictionary = Dictionary.read(second.encode("latin-1"), Path("stored.eds"), NODE_ID)
+    return Run(*(each for each in suites_of(dictionary, Tier.DESTRUCTIVE) if "storage" in each.tags))
 
 
 FRAMES = {
@@ -324,20 +307,49 @@ MAKERS_ONLY = {"2.4", "2.29", "2.30", "3.11", "3.15", "3.17", "4.4"}
 
 
 def test_110_numbers_pass_on_a_device_that_is_guarded_and_each_has_sent_the_frames_of_the_tool() -> None:
-    score = page.score(page.results_of(everything().results, []))
-    assert score == "110 of 127 tests executed: 110 passed, 0 failed, 17 skipped"
-    chapters = (IO_MODULE, "objects"), (IO_MODULE, "pdo"), (AXIS_DRIVE, "sdo"), (AXIS_DRIVE, "storage")
-    makers = Run(*(each for file, chapter in chapters for each in suites(file, Tier.DESTRUCTIVE, chapter)))
-    for run, numbers in ((everything(), everything().passed - {page.LINT}), (makers, MAKERS_ONLY & makers.passed)):
-        assert [(number, lack) for number in sorted(numbers) if (lack := run.lacking(number))] == []
-    assert makers.passed | everything().passed | set(LACKING) == {*FRAMES, page.LINT}
+    run, found = asked_for_everything(MODULE), passed(asked_for_everything(MODULE))
+    assert page.score(page.results_of(run.results, [])) == "110 of 127 tests executed: 110 passed, 0 failed, 17 skipped"
+    makers = [asked_for_everything(file) for file in (IO_MODULE, AXIS_DRIVE)]
+    asked = [(run, found - {page.LINT}), *((each, MAKERS_ONLY & passed(each)) for each in makers)]
+    for each, numbers in asked:
+        assert [(number, lack) for number in sorted(numbers) if (lack := lacking(each, number))] == []
+    assert found.union(LACKING, *map(passed, makers)) == {*FRAMES, page.LINT}
 
 
-def test_the_guide_names_each_test_once() -> None:
-    table = GUIDE.read_text(encoding="utf-8").partition("Where we ask less")[0]
-    cells = re.findall(r"^\| ([\d., to]+) \|", table, re.MULTILINE)
-    told = [number for cell in cells for number in numbers(cell)]
-    assert sorted(told) == sorted(page.ASKS)
+# The guide's table
+
+BEGIN = "<!-- made by `.venv/bin/python -m tests.check.conformance.test_page` -->\n"
+END = "<!-- made -->\n"
+
+
+def made() -> str:
+    """Return the table of the tool's tests: what each asks, which step of ours does, and what became of it."""
+    runs = [asked_for_everything(file) for file in (MODULE, IO_MODULE, AXIS_DRIVE)] + [stored()]
+    words = ("", " on an I/O module", " on a drive", " on a device that stores its communication")
+    devices = [(f"passed{word}", passed(run)) for word, run in zip(words, runs, strict=True)]
+    asked = asked_by(each for run in runs for each in run.suites)
+    judged = page.results_of(runs[0].results, [])
+    found = {each.number: each for each in judged}
+    rows = []
+    for number, what in page.ASKS.items():
+        steps = asked[number]
+        ours = ", ".join(dict.fromkeys(f"{each.clause} {each.topic}" for each in steps)) or "none"
+        tiers = ", ".join(dict.fromkeys(each.tier for each in steps))
+        result = next((said for said, numbers in devices if number in numbers), found[number].why)
+        rows.append(f"| {number} | {what} | {'`lint`' if number == page.LINT else ours} | {tiers} | {result} |\n")
+    head = "| CTT | it asks | our clause | tier | result |\n|---|---|---|---|---|\n"
+    return f"{BEGIN}On one device, which is guarded: {page.score(judged)}.\n\n{head}{''.join(rows)}{END}"
+
+
+def guide(text: str) -> str:
+    """Return the guide with the table as it is made now."""
+    before, _, rest = text.partition(BEGIN)
+    return before + made() + rest.partition(END)[2]
+
+
+def test_the_guide_has_the_table_of_today() -> None:
+    text = GUIDE.read_text(encoding="utf-8")
+    assert text == guide(text)
 
 
 def run(*steps: tuple[str, Status, str]) -> SuiteResult:
@@ -376,3 +388,7 @@ def test_the_file_is_the_first_test() -> None:
 def test_the_last_line_is_the_score() -> None:
     tests = page.results_of([run(("2.5", Status.FAILED, ""), ("2.6", Status.PASSED, ""))], [])
     assert list(page.lines(tests))[-1] == "3 of 127 tests executed: 2 passed, 1 failed, 124 skipped"
+
+
+if __name__ == "__main__":
+    GUIDE.write_text(guide(GUIDE.read_text(encoding="utf-8")), encoding="utf-8")
