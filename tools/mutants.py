@@ -39,6 +39,9 @@ LONGEST, SLOWER = 60, 5
 """Seconds for the tests of one change, and how many times longer than without it they may take: whatever takes longer
 than both was noticed. On a busy machine the seconds alone would call what was never tried noticed."""
 
+TOGETHER = ("eurobot_od/lint", "eurobot_od/device/profiles")
+"""Rooms whose modules are proved by all tests of the room: a rule by the file that breaks it, a mode by a master."""
+
 ANNOTATION = "core/ReplaceBinaryOperator_BitOr_"
 """Changes of `int | None` in annotations: nothing runs them."""
 
@@ -66,9 +69,10 @@ class Verdict(NamedTuple):
 
 
 def tests_of(module: str) -> str:
-    """Return the tests that mirror a module: its own files, or the folder that would have them."""
-    folder = Path(module.removeprefix("eurobot_od/")).parent
-    return " ".join(mirrors(module)) or str(Path("tests", folder))
+    """Return the tests that mirror a module: its own files, or the folder that would have them or has them together."""
+    folder = Path(module).parent
+    own = "" if folder.as_posix() in TOGETHER else " ".join(mirrors(module))
+    return own or Path("tests", folder.relative_to("eurobot_od")).as_posix()
 
 
 def choose(session: Path, at_most: int, seed: int) -> None:
