@@ -513,7 +513,9 @@ class Soak:
         noticed = self.emergency(None)
         dice = frame_fuzz.Dice.of(str(self.dice.random()), dialects.DEFAULT)
         for _ in range(HOSTILE):
-            self.send(*self.dice.choice(frame_fuzz.MEANINGLESS)(dice))
+            cob_id, data = self.dice.choice(frame_fuzz.MEANINGLESS)(dice)
+            if cob_id != NUMBERED:  # a number that was never sent would be a loss of all before it
+                self.send(cob_id, data)
         yield noticed
         yield self.goes_on()
 
@@ -806,7 +808,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         soak.run(60 * options.minutes)
         seconds = time.monotonic() - started
     command = f"python3 tools/soak.py --minutes {options.minutes:g} --seed {options.seed}"
-    print("\n".join(report(soak, command, seconds)))
+    for line in report(soak, command, seconds):
+        print(line, flush=True)
     return WRONG if soak.complaints() else FINE
 
 
