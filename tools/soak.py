@@ -595,6 +595,7 @@ class Soak:
             self._stored = self._value_in_file()
             navigation.start()
             yield lambda: self._heard[HEARTBEAT + NODE_IDS["navigation"]].time > since
+            self.wait(self.goes_on())  # until the core has read the node's identity: it and we would hear each other's
             master.drain()
             found = int.from_bytes(node.upload(SETTING), "little")
         if self._stored not in allowed:
