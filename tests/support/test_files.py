@@ -116,7 +116,7 @@ class Interrupt:
     def __init__(self, step: int) -> None:
         self._left, self.hit = step, False
 
-    def __call__(self, frame: FrameType, event: str, _: object) -> object:
+    def __call__(self, frame: FrameType, event: str, _: object) -> Interrupt | None:
         if frame.f_code.co_filename != files.__file__:
             return None
         frame.f_trace_opcodes = True

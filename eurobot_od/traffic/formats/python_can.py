@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import errno
 import sqlite3
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import closing
 from functools import partial
 from pathlib import Path
@@ -51,6 +51,14 @@ def of_message(message: can.Message) -> Raw:
 
 ROWS = "SELECT ts, arbitration_id, extended, remote, error, dlc, data FROM messages"
 
+TYPES: Mapping[str, tuple[type, ...]] = {
+    "ts": (float, int),
+    "arbitration_id": (int,),
+    "dlc": (int,),
+    "data": (bytes, NoneType),
+}
+"""What the columns have to hold; SQLite itself puts values of any type into any of them."""
+
 IS_TABLE = "SELECT count(*) FROM sqlite_schema WHERE name = 'messages' AND sql LIKE 'CREATE TABLE%'"
 """Whether there are rows: those of a view or a virtual table are computed, and need not end."""
 
@@ -72,14 +80,8 @@ def read_table(file: BinaryIO, largest: int = LARGEST) -> Entries:
 
 def _row(row: Sequence[Any]) -> tuple[float, str, Raw]:
     time, identifier, extended, remote, error, length, data = row
-    # SQLite puts values of any type into a column of any type.
-    for name, value, types in (
-        ("ts", time, (float, int)),
-        ("arbitration_id", identifier, int),
-        ("dlc", length, int),
-        ("data", data, (bytes, NoneType)),
-    ):
-        if not isinstance(value, types):
+    for name, value in {"ts": time, "arbitration_id": identifier, "dlc": length, "data": data}.items():
+        if not isinstance(value, TYPES[name]):
             raise ValueError(f"{name} is {value!r}")
     return seconds(time), "", recorded(identifier, data or b"", length, extended, remote, error)
 
