@@ -15,9 +15,11 @@ import argparse
 import json
 import os
 import random
+import shlex
 import shutil
 import subprocess
 import sys
+import time
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import NamedTuple
@@ -33,8 +35,12 @@ from cosmic_ray.work_item import TestOutcome, WorkerOutcome, WorkResult  # noqa:
 ALL_NOTICED, SURVIVORS, WRONG_USAGE = 0, 1, 2
 
 COPIED = ("eurobot_od", "eds", "tests", "tools", "docs", "pyproject.toml", "README.md", "CONTRIBUTING.md")
-LONGEST = 60
-"""Seconds for the tests of one change; a change that makes them take longer was noticed."""
+LONGEST, SLOWER = 60, 5
+"""Seconds for the tests of one change, and how many times longer than without it they may take: whatever takes longer
+than both was noticed. On a busy machine the seconds alone would call what was never tried noticed."""
+
+TOGETHER = ("eurobot_od/lint", "eurobot_od/device/profiles")
+"""Rooms whose modules are proved by all tests of the room: a rule by the file that breaks it, a mode by a master."""
 
 ANNOTATION = "core/ReplaceBinaryOperator_BitOr_"
 """Changes of `int | None` in annotations: nothing runs them."""
@@ -63,9 +69,10 @@ class Verdict(NamedTuple):
 
 
 def tests_of(module: str) -> str:
-    """Return the tests that mirror a module: its own files, or the folder that would have them."""
-    folder = Path(module.removeprefix("eurobot_od/")).parent
-    return " ".join(mirrors(module)) or str(Path("tests", folder))
+    """Return the tests that mirror a module: its own files, or the folder that would have them or has them together."""
+    folder = Path(module).parent
+    own = "" if folder.as_posix() in TOGETHER else " ".join(mirrors(module))
+    return own or Path("tests", folder.relative_to("eurobot_od")).as_posix()
 
 
 def choose(session: Path, at_most: int, seed: int) -> None:
@@ -91,13 +98,20 @@ def read(session: Path, module: str) -> Verdict:
 def judge(folder: Path, module: str, at_most: int, seed: int) -> Verdict:
     """Try the changes of a module in a copy of the repository, and put the module back."""
     configuration, session = folder / "cosmic-ray.toml", folder / f"{module.replace('/', '.')}.sqlite"
-    tests = f"{sys.executable} -m pytest -x -q -p no:cacheprovider {tests_of(module)}"
+    tests = f"{sys.executable} -m pytest -x -q -p no:cacheprovider -m 'not long' {tests_of(module)}"
+    # Without bytecode: a change made within the same second would be taken for the file as it was. With the path:
+    # programs that a test starts elsewhere would be those of the environment, without the change.
+    environment = os.environ | {"PYTHONDONTWRITEBYTECODE": "1", "PYTHONPATH": str(folder)}
+    begun = time.monotonic()
+    if subprocess.run(
+        shlex.split(tests), cwd=folder, env=environment, stdout=subprocess.DEVNULL, check=False
+    ).returncode:
+        sys.exit(f"{module}: its tests fail without any change: {tests}")
+    longest = max(LONGEST, SLOWER * (time.monotonic() - begun))
     configuration.write_text(
-        CONFIGURATION.format(module=json.dumps(module), longest=LONGEST, command=json.dumps(tests)), encoding="utf-8"
+        CONFIGURATION.format(module=json.dumps(module), longest=longest, command=json.dumps(tests)), encoding="utf-8"
     )
     program = [sys.executable, "-m", "cosmic_ray.cli"]
-    # Without bytecode: a change made within the same second would be taken for the file as it was.
-    environment = os.environ | {"PYTHONDONTWRITEBYTECODE": "1"}
     for command in ("init", "exec"):
         subprocess.run([*program, command, configuration.name, session.name], cwd=folder, check=True, env=environment)
         if command == "init":

@@ -31,6 +31,7 @@ import random
 import re
 import shutil
 import signal
+import statistics
 import subprocess
 import sys
 import tempfile
@@ -55,7 +56,7 @@ from eurobot_od.frame import Frame
 from eurobot_od.gatekeeper import Gatekeeper
 from eurobot_od.od.standard import SIGNATURES, STORE
 from eurobot_od.robot import dialects
-from eurobot_od.robot.model.messages import GotoConfirm
+from eurobot_od.robot.model.messages import GotoConfirm, KalmanPositionRequest, KalmanPositionResponse, StopDrive
 from eurobot_od.robot.nodes import ROLES
 from eurobot_od.robot.protocol import EurobotProtocol
 
@@ -80,6 +81,28 @@ BOOT_UP = b"\0"
 HEARTBEAT_LOST = b"\x30\x81"
 PATIENCE = 60.0
 """Seconds within which a fault has to be noticed, and then everything recovered."""
+
+STOP, ASK_PLACE, PLACE = (PROTOCOL.cob_id(each) for each in (StopDrive, KalmanPositionRequest, KalmanPositionResponse))
+
+STILL = 0.1
+"""Seconds for which a place that stays the same is a stand; the drive needs a third of that for a millimetre."""
+
+FOREIGN = 2000
+"""Frames a second of a stranger while the drive is stopped."""
+
+STRANGER = """
+import sys, time
+import can
+with can.Bus(interface=sys.argv[1], channel=sys.argv[2]) as bus:
+    message, begin, sent = can.Message(arbitration_id=0x6F1, data=bytes(8), is_extended_id=False), time.monotonic(), 0
+    while True:
+        due = (time.monotonic() - begin) * int(sys.argv[3])
+        while sent < due:
+            bus.send(message)
+            sent += 1
+        time.sleep(0.001)
+"""
+"""A program of somebody else, with python-can alone."""
 
 PERIOD = 0.05
 """Seconds between two numbered frames."""
@@ -394,6 +417,8 @@ class Soak:
         gatekeeper = Gatekeeper(PROTOCOL)
         gatekeeper.add_node(lambda: HEARD, self._hear, "soak")
         self.live = Live(self.opener(), gatekeeper, opener=self.opener)
+        self.stands: list[float | None] = []
+        self._logger: Program | None = None
 
     @property
     def everybody(self) -> tuple[Role, ...]:
@@ -488,7 +513,9 @@ class Soak:
         noticed = self.emergency(None)
         dice = frame_fuzz.Dice.of(str(self.dice.random()), dialects.DEFAULT)
         for _ in range(HOSTILE):
-            self.send(*self.dice.choice(frame_fuzz.MEANINGLESS)(dice))
+            cob_id, data = self.dice.choice(frame_fuzz.MEANINGLESS)(dice)
+            if cob_id != NUMBERED:  # a number that was never sent would be a loss of all before it
+                self.send(cob_id, data)
         yield noticed
         yield self.goes_on()
 
@@ -513,6 +540,41 @@ class Soak:
         yield lambda: True
         yield self.goes_on()
 
+    def stop(self) -> Iterator[Condition]:
+        """Stop the drive on its way while a stranger sends FOREIGN frames a second, and see it stand."""
+        stranger = Program(sys.executable, "-c", STRANGER, *self.transport.bus, str(FOREIGN), took=lambda _: None)
+        try:
+            self.wait(self.goes_on())  # a goto is confirmed: it drives
+            with self.opener() as bus:
+                begun = time.monotonic()
+                self.send(STOP, b"")
+                self.stands.append(self._stand(bus, begun))
+        finally:
+            stranger.kill()
+        yield lambda: self.stands[-1] is not None
+        yield self.goes_on()
+
+    def _stand(self, bus: can.BusABC, begun: float) -> float | None:
+        """Return after how many seconds the drive stands, None if it does not in SETTLED: the stop was lost."""
+        place, since = b"", begun
+        while (now := time.monotonic()) < begun + SETTLED:
+            if place and now - since > STILL:
+                return since - begun
+            bus.send(can.Message(arbitration_id=ASK_PLACE, is_extended_id=False))
+            while (came := bus.recv(STILL)) is not None and came.arbitration_id != PLACE:
+                pass
+            if came is not None and bytes(came.data) != place:
+                place, since = bytes(came.data), time.monotonic()
+        return None
+
+    def log_beside(self) -> None:
+        """Have python-can's own logger on the bus, too; it ends when its bus is lost."""
+        if self._logger is None or self._logger.popen.poll() is not None:
+            interface, channel = self.transport.bus
+            file = str(self._folder / "beside.asc")
+            command = ("-m", "can.logger", "-i", interface, "-c", channel, "-f", file)
+            self._logger = Program(sys.executable, *command, took=lambda _: None)
+
     def store(self) -> Iterator[Condition]:
         """Have navigation store a setting, and kill it: its file has the new value if it said so, else either one."""
         navigation = self.roles["navigation"]
@@ -533,6 +595,7 @@ class Soak:
             self._stored = self._value_in_file()
             navigation.start()
             yield lambda: self._heard[HEARTBEAT + NODE_IDS["navigation"]].time > since
+            self.wait(self.goes_on())  # until the core has read the node's identity: it and we would hear each other's
             master.drain()
             found = int.from_bytes(node.upload(SETTING), "little")
         if self._stored not in allowed:
@@ -557,6 +620,7 @@ class Soak:
             f"flood of {FLOOD} frames": self.flood,
             "SDO transfers, segments and blocks": self.ask,
             "navigation killed while it stores": self.store,
+            f"stop among {FOREIGN} foreign frames a second": self.stop,
         }
         for name in ROLES:
             named[f"{name} killed (SIGKILL) and restarted"] = partial(self.kill, name)
@@ -584,6 +648,7 @@ class Soak:
             self.wait(lambda: all((role.last or 0) >= quiet for role in self.everybody))
 
     def _inject(self, kind: str) -> None:
+        self.log_beside()
         began, steps = time.monotonic(), self.faults()[kind]()
         noticed = recovered = None
         try:
@@ -600,6 +665,8 @@ class Soak:
         for role in self.everybody:
             role.note_life()
         self.monitor.interrupt()
+        if self._logger is not None:
+            self._logger.kill()
         for role in self.everybody:
             role.kill()
         self.transport.close()
@@ -626,6 +693,7 @@ class Soak:
         """Say what is wrong."""
         found = [f"{each.kind}: not noticed" for each in self.told if each.noticed is None]
         found += [f"{each.kind}: not recovered" for each in self.told if each.recovered is None]
+        found += ["a stop was lost"] * self.stands.count(None)
         found += [f"{role.name}: {lost} frames uncounted" for role in self.everybody if (lost := self.lost(role)[-1])]
         grown = ((role.name, life) for role in self.everybody for life in role.lives if life.has_grown)
         found += [f"{name}: has grown: {life}" for name, life in grown]
@@ -673,6 +741,11 @@ def report(soak: Soak, command: str, seconds: float) -> Iterator[str]:
             slope = 1024 * (most.end.memory - most.begin.memory) / max(most.frames, 1)
             yield f"| {role.name} | {len(role.lives)} | {pairs} | {slope:.0f} |"
     yield ""
+    if stands := [each for each in soak.stands if each is not None]:
+        median, most = statistics.median(stands), max(stands)
+        lost = len(soak.stands) - len(stands)
+        yield f"{len(soak.stands)} stops, {lost} lost; from stop to stand {median:.2f} s (median), {most:.2f} s at most"
+        yield ""
     wrong = soak.complaints()
     yield from (f"- {each}" for each in wrong)
     yield f"{len(soak.told)} faults, {len(wrong)} wrong"
@@ -736,7 +809,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         soak.run(60 * options.minutes)
         seconds = time.monotonic() - started
     command = f"python3 tools/soak.py --minutes {options.minutes:g} --seed {options.seed}"
-    print("\n".join(report(soak, command, seconds)))
+    for line in report(soak, command, seconds):
+        print(line, flush=True)
     return WRONG if soak.complaints() else FINE
 
 

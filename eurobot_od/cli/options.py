@@ -147,7 +147,7 @@ def write(output: Path | None, text: str) -> None:
     else:
         from eurobot_od.support.files import write_whole  # with `tempfile`, and what that needs
 
-        write_whole(output, text.encode())
+        write_whole(output, texts.encodable(text).encode())
 
 
 def write_dcf(output: Path | None, dcf: Dcf) -> None:

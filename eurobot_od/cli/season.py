@@ -122,16 +122,18 @@ def query(
         raise UnknownName("report", report, known)
     opened, ready = Season.open(season), known.get(report or "")
     question = ready.sql if ready else sql
-    with bar(str(season), unit=progress.PERCENT, after=progress.SHORT) as draw:
+    try:
+        with bar(str(season), unit=progress.PERCENT, after=progress.SHORT) as draw:
 
-        def ask(sql: str) -> pl.DataFrame:
-            return opened.sql(sql, {"bitrate": bitrate}, lambda done: draw(done, 100))
+            def ask(sql: str) -> pl.DataFrame:
+                return opened.sql(sql, {"bitrate": bitrate}, lambda done: draw(done, 100))
 
-        rows = ask(question) if question else answers.tables(opened)
-        if plot is not None:
-            write(plot, answers.picture(ask, ready, rows, sql or "tables"))
-    for file in opened.damaged:
-        complain(f"left out: {file} is damaged; archive its log again")
+            rows = ask(question) if question else answers.tables(opened)
+            if plot is not None:
+                write(plot, answers.picture(ask, ready, rows, sql or "tables"))
+    finally:
+        for file in opened.damaged:
+            complain(f"left out: {file} is damaged; archive its log again")
     # Last, when the bar is wiped out: both may be on one terminal.
     written = answers.as_json if as_json else answers.as_csv if as_csv else answers.as_table
     sys.stdout.write(written(rows))

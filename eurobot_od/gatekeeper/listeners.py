@@ -26,6 +26,7 @@ class Event(Enum):
     BUS_FAILED = "bus failed"
     BUS_OFF = "bus off"
     BUS_BACK = "bus back"
+    BUS_SILENT = "bus silent"
     FRAMES_LOST = "frames lost"
     END_FAILED = "end failed"
     NODE_ALARM = "node alarm"

@@ -5,6 +5,7 @@ The first letter of a code is its severity.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from enum import Enum
 from typing import Any, NamedTuple, Protocol, TypeAlias, TypeVar
@@ -156,10 +157,10 @@ def sarif(findings: Iterable[Finding], rules: Sequence[Rule]) -> dict[str, Any]:
 def _result(finding: Finding, rule: int) -> dict[str, Any]:
     """Describe a finding (3.27); `rule` is the number of its rule in the list."""
     from pathlib import Path  # `lint` starts without both
-    from urllib.parse import quote
+    from urllib.parse import quote_from_bytes
 
     file = Path(finding.file)  # a file named relative to the working folder has a relative URI (3.4.3)
-    uri = file.as_uri() if file.is_absolute() else quote(file.as_posix())
+    uri = file.as_uri() if file.is_absolute() else quote_from_bytes(os.fsencode(file.as_posix()))
     place = {
         "artifactLocation": {"uri": uri},
         "region": {"startLine": finding.line, "startColumn": finding.column},

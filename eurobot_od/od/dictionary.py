@@ -27,6 +27,7 @@ from eurobot_od.od.normal import Change, Normal, Refusal, normal
 from eurobot_od.od.patches import Patch, read_patch
 from eurobot_od.od.pdos import Mapped, OnRefused, Part, Pdo, PdoReader, fatal, part_of
 from eurobot_od.od.values import Address, Number, PdoDirection, Value
+from eurobot_od.support.texts import encodable
 
 if TYPE_CHECKING:
     from canopen.objectdictionary import ObjectDictionary, ODVariable
@@ -45,7 +46,7 @@ class Dictionary:
         # The EDS that says the same: what a device keeps of itself in 0x1021, and what a DCF is made of.
         is_other = normal.is_xml or normal.is_patched
         self.content = normal.text.encode(normal.encoding) if is_other else content
-        self.file, self.name = file, name or file.stem
+        self.file, self.name = file, name or encodable(file.stem)
         self._normal = normal
         self.node_id = self._checked_node_id(self._said_node_id() if node_id is None else node_id)
         self.objects = _imported(file, normal, self.node_id)

@@ -146,7 +146,7 @@ DRAWN: Mapping[ChartKind, Callable[[pl.DataFrame, Chart], Drawn]] = {
 def tables(season: Season) -> pl.DataFrame:
     """Return the tables, how many rows each has, and its columns."""
     rows = []
-    for name in season.files:
+    for name in [*season.files]:
         frames = season.frames(name)
         number = frames.select(pl.len()).collect().item()
         rows.append((name, number, ", ".join(frames.collect_schema().names())))

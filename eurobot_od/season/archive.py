@@ -9,6 +9,7 @@ one season at once: each makes its runs in folders of its own; of two with the s
 from __future__ import annotations
 
 import hashlib
+import json
 import os
 import secrets
 import shutil
@@ -168,6 +169,7 @@ class _Table:
             compression_level=1,
             use_dictionary=[name for name in schema.names if name not in UNREPEATED],
             column_encoding=ENCODINGS,
+            write_page_checksum=True,
             write_statistics=list(ENCODINGS),  # in order, so that a reader can leave out most for a time or a line
         )
         self.close = self._writer.close
@@ -421,6 +423,7 @@ def archive(
 
     Raises UnknownName for a format that is not known, FileError for a log that cannot be opened, OSError.
     """
+    tables.checked(season)
     # A log named twice would be put in by two workers at once.
     each_once = list(dict.fromkeys(logs))
     for log in each_once:
@@ -484,13 +487,32 @@ class Archiver:
             run = digest.hexdigest()
             names = (*tables.SCHEMAS, *(each.table for each in self._decoding.messages.values()))
             # One table that is missing or damaged is reason enough to put the log in again.
-            if tables.file_of(self.season, tables.RUNS, run).is_file() and all(
-                tables.is_whole(tables.file_of(self.season, name, run)) for name in names
+            there = tables.Run.read(tables.file_of(self.season, tables.RUNS, run))
+            if there and all(
+                name in there.seals and tables.is_sound(tables.file_of(self.season, name, run), there.seals[name])
+                for name in {*names, *there.seals} - {tables.RUNS}
             ):
                 return Archived(str(log), run, True, size)
             file.seek(0)
             row = self._put(file, {"run": run, "log": encodable(str(log)), "format": form, "bytes": size})
         return Archived(str(log), run, False, size, row["frames"], row["damage"])
+
+    def _read(self, file: BinaryIO) -> Iterator[ColumnBatch]:
+        with files.naming(Path(file.name)):
+            yield from batches(file, self.form)
+
+    def _make(self, folder: Path, file: BinaryIO, known: dict[str, Any]) -> dict[str, Any]:
+        """Write all tables of a run into a folder, and last its row in `runs` with the seals of the others."""
+        with RunTables(folder, known["run"], self._decoding) as written:
+            for batch in self._read(file):
+                written.take(batch)
+                self.progress(batch.size)
+        row = known | written.row()
+        seals = {each.stem: tables.Seal.of(each) for each in folder.iterdir()}
+        schema = tables.with_metadata(tables.SCHEMAS[tables.RUNS], {}).with_metadata({tables.SEALS: json.dumps(seals)})
+        target = folder / f"{tables.RUNS}{tables.SUFFIX}"
+        pq.write_table(pa.Table.from_pylist([row], schema), target, write_page_checksum=True)
+        return row
 
     def _put(self, file: BinaryIO, known: dict[str, Any]) -> dict[str, Any]:
         """Write all tables of a run, and move them into the season; return its row in the table `runs`."""
@@ -498,20 +520,15 @@ class Archiver:
         # A folder of its own: another process may be at work on the same log.
         begun = self.season / BEGUN / f"{run}.{secrets.token_hex(4)}"
         try:
-            with RunTables(begun, run, self._decoding) as written:
-                for batch in batches(file, self.form):
-                    written.take(batch)
-                    self.progress(batch.size)
-            row = known | written.row()
-            schema = tables.with_metadata(tables.SCHEMAS[tables.RUNS], {})
-            pq.write_table(pa.Table.from_pylist([row], schema), begun / f"{tables.RUNS}{tables.SUFFIX}")
-            # The table `runs` goes last: a run without its row there is not in the season, and is made again.
-            for made in sorted(begun.iterdir(), key=lambda each: each.stem == tables.RUNS):
-                target = tables.file_of(self.season, made.stem, run)
-                target.parent.mkdir(exist_ok=True)
-                with made.open("rb+") as opened:  # what is in place is on the disk: a power cut leaves no half of it
-                    os.fsync(opened.fileno())
-                made.replace(target)
+            with files.naming(self.season):
+                row = self._make(begun, file, known)
+                # The table `runs` goes last: a run without its row there is not in the season, and is made again.
+                for made in sorted(begun.iterdir(), key=lambda each: each.stem == tables.RUNS):
+                    target = tables.file_of(self.season, made.stem, run)
+                    target.parent.mkdir(exist_ok=True)
+                    with made.open("rb+") as opened:  # on the disk before it is in place: a power cut leaves no half
+                        os.fsync(opened.fileno())
+                    made.replace(target)
         finally:
             shutil.rmtree(begun, ignore_errors=True)
         return row

@@ -21,6 +21,7 @@ import pyarrow.parquet as pq
 
 from eurobot_od.errors import LocalError
 from eurobot_od.support.files import write_whole
+from eurobot_od.support.texts import encodable
 
 # Results as rows of Parquet and back: named tuples and data classes, by the types of their fields. What comes back is
 # equal to what was written. Numbers, texts, bytes, paths, enums, lists, tuples, mappings from texts, values that may be
@@ -84,14 +85,14 @@ def _column(hint: Any) -> pa.DataType:
 
 def _plain(value: Any, hint: Any) -> Any:
     hint = _optional(hint)
-    if value is None or (hint in SIMPLE and hint is not Path):
+    if value is not None and hint in (str, Path):
+        return encodable(str(value))
+    if value is None or hint in SIMPLE:
         return value
     if get_origin(hint) in (list, tuple):
         return [_plain(each, get_args(hint)[0]) for each in value]
     if get_origin(hint) is dict:
         return [(key, _plain(each, get_args(hint)[1])) for key, each in value.items()]
-    if hint is Path:
-        return str(value)
     return value.name if issubclass(hint, Enum) else row(value)
 
 
@@ -107,6 +108,17 @@ def _made(value: Any, hint: Any) -> Any:
     if hint is Path:
         return Path(value)
     return hint[value] if issubclass(hint, Enum) else record_of(hint, value)
+
+
+def verified(file: Path, schema: pa.Schema) -> pa.Table | None:
+    """Return a Parquet file's rows, the checksums of its pages verified; None for a damaged one, and for no file."""
+    try:
+        if not file.is_file():  # to open a pipe would wait for whoever writes into it
+            return None
+        table = pq.read_table(file, page_checksum_verification=True)
+    except (OSError, ValueError, pa.ArrowException):
+        return None
+    return table if table.schema.equals(schema) else None
 
 
 SETTINGS = "campaign.json"
@@ -145,14 +157,16 @@ class Results(Generic[ResultT]):
         """Return the results that are there of some items, by the items as text."""
         # The folder may hold items of an earlier, longer range of seeds; those are left alone.
         wanted = set(map(str, items))
-        rows = (row for file in sorted(self._folder.glob("*.parquet")) for row in pq.read_table(file).to_pylist())
+        # A damaged file is left out: its block is done again, and takes its place.
+        whole = (verified(file, self._schema) for file in sorted(self._folder.glob("*.parquet")))
+        rows = (row for table in whole if table is not None for row in table.to_pylist())
         return {row[ITEM]: record_of(self._record, row) for row in rows if row[ITEM] in wanted}
 
     def write(self, items: Sequence[object], results: Sequence[ResultT]) -> None:
         """Add the results of a block of items."""
         rows = [{ITEM: str(item)} | row(result) for item, result in zip(items, results)]
         sink = pa.BufferOutputStream()
-        pq.write_table(pa.Table.from_pylist(rows, self._schema), sink, compression="zstd")
+        pq.write_table(pa.Table.from_pylist(rows, self._schema), sink, compression="zstd", write_page_checksum=True)
         # Named after its items: a block done again because its worker was lost replaces its own file.
         name = hashlib.blake2b("\n".join(map(str, items)).encode(), digest_size=8).hexdigest()
         write_whole(self._folder / f"{name}.parquet", sink.getvalue().to_pybytes())

@@ -10,14 +10,16 @@ own clock, on which channel."""
 
 from __future__ import annotations
 
+import json
 import os
 import re
+import zlib
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, nullcontext
 from functools import cached_property
 from pathlib import Path
 from threading import Event, Thread
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import polars as pl
 import pyarrow as pa
@@ -25,6 +27,8 @@ import pyarrow.parquet as pq
 
 from eurobot_od.errors import LocalError, UnknownName
 from eurobot_od.pdo.catalogue import first_free
+from eurobot_od.season.results import verified
+from eurobot_od.support.texts import encodable
 
 if TYPE_CHECKING:
     import duckdb
@@ -146,17 +150,81 @@ MAGIC = b"PAR1"
 """Begins and ends a Parquet file; before the end stands the length of what describes the file, in 4 bytes."""
 
 
-def is_whole(file: Path) -> bool:
-    """Tell whether a Parquet file has its beginning and its end: one that was cut off or overwritten does not."""
-    try:
+SEALS = b"seals"
+"""Key in the metadata of a run's file of `runs`: the seals of its other files by table, as JSON."""
+
+PIECE = 1 << 20
+"""Bytes that are read at once."""
+
+
+class Seal(NamedTuple):
+    """CRC-32 of a Parquet file's footer, which describes the file, and of the rest: its pages of rows.
+
+    Pages have checksums of the format's own, the footer has none, and neither DuckDB nor Polars verifies any.
+    """
+
+    footer: int
+    pages: int
+
+    @classmethod
+    def of(cls, file: Path) -> Seal:
+        """Compute it; raises OSError, and ValueError for what is not a whole Parquet file."""
+        footer, pages = footer_of(file), 0
+        left = file.stat().st_size - len(footer)
         with file.open("rb") as opened:
-            head, size = opened.read(len(MAGIC)), opened.seek(0, os.SEEK_END)
-            opened.seek(max(0, size - 8))
-            length, end = opened.read(4), opened.read(4)
-    except OSError:
+            while left > 0 and (piece := opened.read(min(PIECE, left))):
+                pages, left = zlib.crc32(piece, pages), left - len(piece)
+        return cls(zlib.crc32(footer), pages)
+
+
+def footer_of(file: Path) -> bytes:
+    """Return a Parquet file's footer; raises OSError, and ValueError for what was cut off or overwritten, or a pipe."""
+    if not file.is_file():  # to open a pipe would wait for whoever writes into it
+        raise ValueError("not a file")
+    with file.open("rb") as opened:
+        head, size = opened.read(len(MAGIC)), opened.seek(0, os.SEEK_END)
+        opened.seek(max(0, size - 8))
+        length, end = int.from_bytes(opened.read(4), "little"), opened.read(4)
+        if not head == end == MAGIC or length > size - 12:  # the two marks and this length itself
+            raise ValueError("not whole")
+        opened.seek(size - 8 - length)
+        return opened.read()
+
+
+def is_described(file: Path, seal: Seal | None) -> bool:
+    """Tell whether a Parquet file has the footer of its seal; without a seal, whether it has one."""
+    try:
+        footer = footer_of(file)
+    except (OSError, ValueError):
         return False
-    # 12 bytes: the two marks and this length itself.
-    return head == end == MAGIC and int.from_bytes(length, "little") <= size - 12
+    return seal is None or zlib.crc32(footer) == seal.footer
+
+
+def is_sound(file: Path, seal: Seal | None) -> bool:
+    """Tell whether a Parquet file is as it was sealed, or has no seal; it is read whole for that."""
+    try:
+        return seal is None or Seal.of(file) == seal
+    except (OSError, ValueError):
+        return False
+
+
+class Run(NamedTuple):
+    """A log in a season: its row of `runs`, and by table the seals of its files; an old one has none."""
+
+    row: pa.Table
+    seals: Mapping[str, Seal]
+
+    @classmethod
+    def read(cls, file: Path) -> Run | None:
+        """Read a file of `runs`, and verify the checksums of its pages; None if it is damaged."""
+        row = verified(file, SCHEMAS[RUNS])
+        if row is None or len(row) != 1:
+            return None
+        try:
+            seals = json.loads((row.schema.metadata or {}).get(SEALS, b"{}"))
+            return cls(row.cast(SCHEMAS[RUNS]), {table: Seal(*seal) for table, seal in seals.items()})
+        except (ValueError, TypeError, AttributeError):  # what was said is no longer this
+            return None
 
 
 MESSAGES = "messages"
@@ -187,19 +255,40 @@ class Season:
     """
 
     def __init__(self, folder: Path) -> None:
-        self.folder = folder
+        self.folder = checked(folder)
         self.damaged: list[Path] = []
-        found: dict[str, list[Path]] = {}
-        for table in sorted(folder.iterdir() if folder.is_dir() else ()):
-            if table.is_dir() and not table.name.startswith("."):  # `archive` makes runs in a hidden one
-                found[table.name] = []
-                for file in sorted(table.glob(f"*{SUFFIX}")):
-                    (found[table.name] if is_whole(file) else self.damaged).append(file)
         # Files of a run that is being moved here, or was interrupted while it was, have no row in `runs` yet.
-        runs = {file.stem for file in found.get(RUNS, ())}
-        self.files = {name: files for name, files in found.items() if any(file.stem in runs for file in files)}
-        if not self.files.get(RUNS):
-            raise LocalError(f"{folder} is not a season: no log is archived in it; `eurobot-od archive` makes one")
+        self._runs = {
+            file.stem: run for file in _files(folder / RUNS) if (run := self._undamaged(file, Run.read(file)))
+        }
+        if not self._runs:
+            why = ", ".join(f"{each} is damaged" for each in self.damaged) or "no log is archived in it"
+            raise LocalError(f"{folder} is not a season: {why}; `eurobot-od archive` makes one")
+        self._verified = {RUNS}
+        self.files: dict[str, list[Path]] = {}
+        for table in sorted(folder.iterdir()):
+            if table.is_dir() and not table.name.startswith("."):  # `archive` makes runs in a hidden one
+                self._add(table.name, _files(table), is_described)
+
+    def _undamaged(self, file: Path, found: Any) -> Any:
+        """Return what was found of a file, and note that it is damaged if that is nothing."""
+        if not found:
+            self.damaged.append(file)
+        return found
+
+    def _add(self, table: str, files: Iterable[Path], is_right: Callable[[Path, Seal | None], bool]) -> None:
+        """Take in those files of a table that are right; a table without any is none."""
+        known = (file for file in files if file.stem in self._runs)
+        seals = ((file, self._runs[file.stem].seals.get(table)) for file in known)
+        self.files[table] = [file for file, seal in seals if self._undamaged(file, is_right(file, seal))]
+        if not self.files[table]:
+            del self.files[table]
+
+    def _verify(self, table: str) -> None:
+        """Leave out the files of a table whose rows are damaged; once, and not before its rows are asked for."""
+        if table not in self._verified:
+            self._verified.add(table)
+            self._add(table, self.files[table], is_sound)
 
     @classmethod
     def open(cls, folder: str | Path) -> Season:
@@ -207,23 +296,34 @@ class Season:
         return cls(Path(folder))
 
     def frames(self, table: str) -> pl.LazyFrame:
-        """Return a table, of which nothing is read yet; raises UnknownName.
+        """Return a table, of which nothing is read yet, except to see whether it is damaged; raises UnknownName.
 
         A column that only some logs have, as their EDS files map it, is null for the others.
         """
+        if table in self.files:
+            self._verify(table)
         if table not in self.files:
             raise UnknownName("table", table, self.files)
-        return pl.concat([pl.scan_parquet(files) for files in self._alike(table)], how="diagonal")
+        if table == RUNS:
+            return pl.DataFrame(self._rows).lazy()
+        # Names of files, not patterns: a folder's may have a `*`.
+        return pl.concat([pl.scan_parquet(files, glob=False) for files in self._alike(table)], how="diagonal")
 
     def _alike(self, table: str) -> list[list[Path]]:
         """Return the files of a table in groups that have the same columns: those of one network's logs."""
-        runs = pl.read_parquet(self.files[RUNS], columns=["run", "eds"])
-        networks: Mapping[str, str] = dict(runs.rows())
         groups: dict[str, list[Path]] = {}
         for file in self.files[table]:
-            if file.stem in networks:
-                groups.setdefault(networks[file.stem], []).append(file)
+            groups.setdefault(self._eds(file), []).append(file)
         return list(groups.values())
+
+    @property
+    def _rows(self) -> pa.Table:
+        """The table `runs`, of which the files were verified when they were read."""
+        return pa.concat_tables([each.row for each in self._runs.values()])
+
+    def _eds(self, file: Path) -> str:
+        """Return the hash of the EDS files that a file's log was read by."""
+        return str(self._runs[file.stem].row["eds"][0])
 
     @cached_property
     def messages(self) -> pl.DataFrame:
@@ -232,8 +332,7 @@ class Season:
         for table in self.files.keys() - SCHEMAS.keys():
             for file, *_ in self._alike(table):
                 said = {key.decode(): text.decode() for key, text in (pq.read_schema(file).metadata or {}).items()}
-                eds = pl.read_parquet(file_of(self.folder, RUNS, file.stem), columns=["eds"]).item()
-                rows.append((table, eds, *(said.get(key, "") for key in KNOWN)))
+                rows.append((table, self._eds(file), *(said.get(key, "") for key in KNOWN)))
         # The types are said, as there may be no row: nothing but frames is known of a bus without files.
         made = pl.DataFrame(rows, dict.fromkeys(("table", "eds", *KNOWN), pl.String), orient="row")
         number = pl.col("cob_id").str.strip_prefix("0x").str.to_integer(base=16, dtype=pl.UInt32)
@@ -270,8 +369,8 @@ class Season:
 
     def _confine(self, connection: duckdb.DuckDBPyConnection) -> None:
         """Keep queries in the season's folder for good; settings of our own have to be made before."""
-        folder = str(self.folder).replace("'", "''")  # as the views spell it
-        connection.execute(f"SET allowed_directories = ['{folder}']")
+        # Also as the views spell it, with what would be a pattern escaped.
+        connection.execute(f"SET allowed_directories = [{_quoted(str(self.folder))}, {_quoted(_named(self.folder))}]")
         # Replacements: a name that is not a table would be looked up among the variables of this program.
         connection.execute("SET enable_external_access = false; SET python_enable_replacements = false")
         connection.execute("SET lock_configuration = true")  # or the query could allow itself everything again
@@ -281,9 +380,12 @@ class Season:
         # A word in a string or a comment opens a table for nothing; one that is missed would be an error.
         words = set(re.findall(r"\w+", query.lower()))
         for table in words & self.files.keys():
-            listed = (
-                ", ".join("'" + str(file).replace("'", "''") + "'" for file in files) for files in self._alike(table)
-            )
+            self._verify(table)
+        if RUNS in words:  # those that were verified
+            connection.register("verified", self._rows)
+            connection.execute(f"CREATE TABLE {RUNS} AS SELECT * FROM verified")
+        for table in words & self.files.keys() - {RUNS}:
+            listed = (", ".join(_quoted(_named(file)) for file in files) for files in self._alike(table))
             # By name, as logs of another network may have other columns.
             parts = " UNION ALL BY NAME ".join(f"SELECT * FROM read_parquet([{files}])" for files in listed)
             connection.execute(f'CREATE VIEW "{table}" AS {parts}')
@@ -291,6 +393,28 @@ class Season:
             # Copied: DuckDB reports progress only for tables of its own.
             connection.register("known", self.messages)
             connection.execute(f"CREATE TABLE {MESSAGES} AS SELECT * FROM known")
+
+
+def _named(path: Path) -> str:
+    """Return the pattern that fits a path and nothing else."""
+    return re.sub(r"([*?[])", r"[\1]", str(path))
+
+
+def _quoted(text: str) -> str:
+    """Return a text for SQL."""
+    return "'" + text.replace("'", "''") + "'"
+
+
+def checked(folder: Path) -> Path:
+    """Return a season's folder; raises LocalError for a name that the libraries for Parquet files cannot take."""
+    if str(folder) != encodable(str(folder)):
+        raise LocalError(f"{folder}: the name of a season's folder has to be UTF-8")
+    return folder
+
+
+def _files(table: Path) -> list[Path]:
+    """Return the files of a table; what is not a file, such as a pipe or a device of that name, is not looked at."""
+    return sorted(each for each in table.glob(f"*{SUFFIX}") if each.is_file())
 
 
 OF_DUCKDB = ("INTERVAL", "UNION", "BIT")

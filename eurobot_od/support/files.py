@@ -67,6 +67,18 @@ def write_whole(file: Path, content: bytes) -> None:
         raise OSError(error.errno, error.strerror, str(file)) from error
 
 
+@contextmanager
+def naming(file: Path) -> Iterator[None]:
+    """Have an OSError that names no file, as from a library or a write to a full disk, name this one."""
+    try:
+        yield
+    except OSError as error:
+        if error.filename is not None:
+            raise
+        # a library's words say less than the system's, or the same once more
+        raise OSError(error.errno, os.strerror(error.errno) if error.errno else str(error), str(file)) from error
+
+
 def _put(file: Path, content: bytes) -> None:
     if file.exists() and not file.is_file():  # `-o /dev/stdout`
         file.write_bytes(content)
@@ -85,6 +97,8 @@ def _put(file: Path, content: bytes) -> None:
                 os.fsync(new.fileno())
             _replace(file, beside)
         except BaseException:  # Ctrl-C, too, must leave nothing behind
+            with suppress(KeyboardInterrupt):  # nor must a second one while this runs
+                beside.unlink(missing_ok=True)
             beside.unlink(missing_ok=True)
             raise
 

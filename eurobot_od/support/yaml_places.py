@@ -10,13 +10,13 @@ import re
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import NamedTuple, NoReturn, TypeVar
+from typing import Any, NamedTuple, NoReturn, TypeVar
 
 import yaml
-from yaml.composer import Composer
+from yaml.composer import Composer, ComposerError
 
 from eurobot_od.errors import LocalError, YamlError
-from eurobot_od.support.texts import one_line
+from eurobot_od.support.texts import encodable, one_line
 
 T = TypeVar("T")
 STRING = "tag:yaml.org,2002:str"
@@ -201,6 +201,17 @@ def compose_all(source: str, problems: Problems) -> list[yaml.Node]:
     return _parsed(lambda *arguments: list(yaml.compose_all(*arguments)), source, problems)
 
 
+class PurePython(yaml.SafeLoader):
+    """Parses slowly, and like libyaml refuses half a surrogate pair: no text that is written could hold it."""
+
+    def compose_scalar_node(self, anchor: Any) -> yaml.ScalarNode:
+        """Return a scalar's node; raises ComposerError."""
+        node: yaml.ScalarNode = super().compose_scalar_node(anchor)
+        if node.value != encodable(node.value):
+            raise ComposerError(None, None, "half a surrogate pair is not a character", node.start_mark)
+        return node
+
+
 if yaml.__with_libyaml__:
 
     class LibYaml(Composer, yaml.CSafeLoader):
@@ -210,9 +221,9 @@ if yaml.__with_libyaml__:
             yaml.CSafeLoader.__init__(self, source)
             Composer.__init__(self)
 
-    PARSERS: tuple[type, ...] = (LibYaml, yaml.SafeLoader)
+    PARSERS: tuple[type, ...] = (LibYaml, PurePython)
 else:
-    PARSERS = (yaml.SafeLoader,)
+    PARSERS = (PurePython,)
 
 
 def _nodes(parse: Callable[[str, type], T | None], source: str) -> T | None:

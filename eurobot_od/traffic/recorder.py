@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 from eurobot_od.errors import LocalError
 from eurobot_od.support import extras
+from eurobot_od.support.files import naming
 
 if TYPE_CHECKING:
     from can.io.generic import MessageWriter
@@ -70,7 +71,8 @@ def _opened(file: Path, ends: bool, tell: Callable[[str], object]) -> tuple[Line
         log = _writer(file)
         if isinstance(log, TextIOMessageWriter):
             return Lines(file, log, ends, tell), lambda: None
-        log.stop()  # it can be written: that is what had to be known before the end
+        with naming(file):
+            log.stop()  # it can be written: that is what had to be known before the end
     journal = file.with_name(f"{file.name}.log")
     return Lines(journal, _writer(journal), ends, tell), partial(_finish, file, journal)
 
@@ -81,7 +83,8 @@ def _writer(file: Path) -> MessageWriter:
     if file.suffix.lower() == ".mf4":
         extras.caught_up("asammdf", "can.io.mf4")
     try:
-        return can.Logger(file)
+        with naming(file):
+            return can.Logger(file)
     except (ValueError, NotImplementedError) as error:
         raise LocalError(f"{file}: {error}") from error
 
@@ -96,7 +99,7 @@ def _finish(file: Path, journal: Path) -> None:
         if file.suffix.lower() == TABLE:
             write_table(file, messages)
         else:
-            with _writer(file) as log:
+            with naming(file), _writer(file) as log:
                 for message in messages:
                     log(message)
     journal.unlink()  # last: until the log is whole, the journal is all there is
@@ -118,7 +121,8 @@ class Lines:
     @property
     def trouble(self) -> str:
         """What went wrong, and with which file."""
-        return f"{self._file}: {self.failure and (self.failure.strerror or self.failure)}"
+        file = (self.failure and self.failure.filename) or self._file
+        return f"{file}: {self.failure and (self.failure.strerror or self.failure)}"
 
     def write(self, time: float, frame: Frame) -> None:
         """Write a frame, unless writing has failed."""

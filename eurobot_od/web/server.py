@@ -8,7 +8,7 @@ from __future__ import annotations
 import asyncio
 import logging
 from collections.abc import AsyncIterator, Awaitable, Callable, Coroutine
-from contextlib import asynccontextmanager, suppress
+from contextlib import asynccontextmanager, closing, suppress
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -68,12 +68,13 @@ async def served(page: str, access: AccessRules, port: int, requests: Requests |
     for task in tasks:
         task.add_done_callback(partial(_end_with, asyncio.current_task()))
     try:
-        site = web.TCPSite(runner, access.host, port)
+        loop = asyncio.get_running_loop()
         try:
-            await site.start()
+            listening = await loop.create_server(partial(_handler, runner), access.host, port)
         except OSError as error:
             raise LocalError(f"cannot listen at {access.host}:{port}: {error.strerror}") from error
-        yield access.address(runner.addresses[0])
+        with closing(listening):
+            yield access.address(listening.sockets[0].getsockname())
     finally:
         for task in tasks:
             task.cancel()
@@ -82,6 +83,26 @@ async def served(page: str, access: AccessRules, port: int, requests: Requests |
         for failure in ended:  # raised once the port is free again
             if isinstance(failure, Exception):
                 raise failure
+
+
+class _Handler(web.RequestHandler):
+    """A connection whose errors have our headers, too: what cannot be parsed as HTTP never reaches the application."""
+
+    __slots__ = ()
+
+    def handle_error(self, *arguments: Any, **named: Any) -> web.StreamResponse:
+        """Return aiohttp's answer to an error, with the headers of all others."""
+        answer = super().handle_error(*arguments, **named)
+        answer.headers.update(HEADERS)
+        return answer
+
+
+def _handler(runner: web.AppRunner) -> web.RequestHandler:
+    """Return what handles a new connection. aiohttp makes it, and has no way to say of which class."""
+    assert runner.server is not None
+    handler = runner.server()
+    handler.__class__ = _Handler
+    return handler
 
 
 def _end_with(server: asyncio.Task[Any] | None, task: asyncio.Task[None]) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -98,6 +99,18 @@ def test_a_mistake_costs_one_line(words: list[str], status: int, part: str, caps
     assert (said.status, said.out) == (status, "")
     assert part in said.complaint
     assert said.err.count("\n") == 1
+
+
+@pytest.mark.posix
+@rows("words", [["export", "c"], ["export", "docs"], ["export", "dbc"], ["check", "--conformance"]])
+def test_the_name_of_a_device_is_written_although_its_file_has_a_name_that_is_not_text(
+    words: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / os.fsdecode(b"dr\xffve.eds")
+    shutil.copy(DRIVE, file)
+    made = tmp_path / "made.md"
+    assert run(capsys, *words, "--eds", str(file), "-o", str(made)).status == 0
+    made.read_text(encoding="utf-8")
 
 
 def test_a_device_is_written_into_and_not_replaced(capsys: pytest.CaptureFixture[str]) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -23,7 +24,7 @@ def schema() -> dict[str, Any]:
     return found
 
 
-@pytest.mark.parametrize("file", ["old.eds", "with space/ü:%.eds", str(OLD)])
+@pytest.mark.parametrize("file", ["old.eds", "with space/ü:%.eds", str(OLD), os.fsdecode(b"\xff.eds")])
 def test_a_log_is_as_the_schema_demands(file: str, schema: dict[str, Any]) -> None:
     findings = lint(OLD.read_bytes(), file)
     log = sarif(findings, (*FILE_RULES, *RULES))
@@ -33,12 +34,12 @@ def test_a_log_is_as_the_schema_demands(file: str, schema: dict[str, Any]) -> No
 
 
 def test_each_result_says_its_rule_level_and_place() -> None:
-    finding, *_ = lint(OLD.read_bytes(), "a b.eds")
+    finding, *_ = lint(OLD.read_bytes(), os.fsdecode(b"a b\xff.eds"))
     run = sarif([finding], FILE_RULES)["runs"][0]
     result = run["results"][0]
     assert run["tool"]["driver"]["rules"][result["ruleIndex"]]["id"] == result["ruleId"] == finding.code == "E202"
     assert result["level"] == "error"
     assert result["locations"][0]["physicalLocation"] == {
-        "artifactLocation": {"uri": "a%20b.eds"},
+        "artifactLocation": {"uri": "a%20b%FF.eds"},
         "region": {"startLine": finding.line, "startColumn": finding.column},
     }

@@ -70,6 +70,26 @@ def test_a_nodelist_gives_the_names_that_it_has(folder: Path) -> None:
     ]
 
 
+@pytest.mark.parametrize("slash", ["/", "\\"])
+def test_a_nodelist_names_the_folder_of_all_eds_files(folder: Path, slash: str) -> None:
+    (folder / "nodelist.cpj").write_text(
+        f"[Topology]\nEDSBaseName=all{slash}eds\nNode3Name=motor\nNode4DCFName=arm.eds\nNode10DCFName=dcf{slash}panel.dcf\n"
+    )
+    nodes = read_network(folder / "nodelist.cpj").nodes
+    assert [(each.node_id, Path(each.file)) for each in nodes] == [
+        (3, folder / "all" / "eds" / "motor.eds"),
+        (4, folder / "all" / "eds" / "arm.eds"),
+        (10, folder / "dcf" / "panel.dcf"),
+    ]
+
+
+def test_files_of_a_network_are_beside_it(folder: Path) -> None:
+    (folder / "network.yaml").write_text("nodes:\n  a: {file: dcf/motor.dcf, patch: [own/a.yaml, /b.yaml]}\n")
+    (node,) = read_network(folder / "network.yaml").nodes
+    assert node.file == str(folder / "dcf" / "motor.dcf")
+    assert list(node.patch) == [str(folder / "own" / "a.yaml"), str(Path("/b.yaml"))]
+
+
 def test_a_network_file_gives_names_and_node_ids(folder: Path) -> None:
     (folder / "plain.eds").write_text(DEVICE_TYPE)
     (folder / "network.yaml").write_text(

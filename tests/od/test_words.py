@@ -72,10 +72,19 @@ def test_what_the_profile_lists_has_a_word(address: tuple[int, int], value: int,
     assert words(od.at(address, SERVO.objects), value) == text
 
 
-def test_the_mode_bits_are_those_of_the_modes_that_the_drive_has() -> None:
-    text = (DOCS / "servo.eds").read_text(encoding="utf-8").replace("DefaultValue=0x000003AD", "DefaultValue=0x1")
-    drive = Dictionary.read(text.encode(), DOCS / "servo.eds", 5)
-    assert words(od.at((0x6040, 0), drive.objects), 0x3F) == "Enable operation, new set-point, at once"
+@rows(
+    "modes, value, text",
+    [
+        (0x01, 0x3F, "Enable operation, new set-point, at once"),
+        (0x21, 0x1F, "Enable operation, new set-point or start homing"),
+        (0x23, 0x1F, "Enable operation, bit 4"),  # three meanings say no more than its number
+        (0x00, 0x2F, "Enable operation, at once or ramp unlocked"),  # it does not say which it has
+    ],
+)
+def test_the_mode_bits_are_those_of_the_modes_that_the_drive_has(modes: int, value: int, text: str) -> None:
+    file = (DOCS / "servo.eds").read_text(encoding="utf-8").replace("DefaultValue=0x000003AD", f"DefaultValue={modes}")
+    drive = Dictionary.read(file.encode(), DOCS / "servo.eds", 5)
+    assert words(od.at((0x6040, 0), drive.objects), value) == text
 
 
 def test_a_second_axis_has_the_words_of_the_first() -> None:
@@ -155,6 +164,12 @@ CODES = [
     (402, 0x8611, "following error"),
     (402, 0x2332, "earth leakage at the output, phase V"),
     (402, 0x630F, "data record no. 15"),
+    (402, 0x6010, "software reset by the watchdog"),
+    (402, 0x6301, "data record no. 1"),
+    (402, 0x6310, "loss of parameters"),
+    (402, 0x6320, "parameter error"),
+    (402, 0x7110, "brake chopper"),
+    (402, 0x7121, "motor blocked"),
     (402, 0x4310, "drive temperature too high"),
     # of an I/O module the same code is something else
     (401, 0x2330, "load dump at the outputs"),
@@ -178,6 +193,36 @@ def test_codes_are_codes_and_words_are_words(profile: int) -> None:
         assert meaning == meaning.strip() != ""
 
 
+CLASSES_OF_CIA_301 = (
+    (0x0000, "no error"),
+    (0x1000, "generic error"),
+    (0x2000, "current"),
+    (0x2100, "current, device input side"),
+    (0x2200, "current inside the device"),
+    (0x2300, "current, device output side"),
+    (0x3000, "voltage"),
+    (0x3100, "mains voltage"),
+    (0x3200, "voltage inside the device"),
+    (0x3300, "output voltage"),
+    (0x4000, "temperature"),
+    (0x4100, "ambient temperature"),
+    (0x4200, "device temperature"),
+    (0x5000, "device hardware"),
+    (0x6000, "device software"),
+    (0x6100, "internal software"),
+    (0x6200, "user software"),
+    (0x6300, "data set"),
+    (0x7000, "additional modules"),
+    (0x8000, "monitoring"),
+    (0x8100, "communication"),
+    (0x8200, "protocol error"),
+    (0x9000, "external error"),
+    (0xF000, "additional functions"),
+    (0xFF00, "device specific"),
+)
+"""The upper bytes as the standard lists them (Table 26), once more."""
+
+
 @pytest.mark.parametrize(
     ("code", "text"),
     [
@@ -188,6 +233,7 @@ def test_codes_are_codes_and_words_are_words(profile: int) -> None:
         (0xFF77, "device specific"),
         (0xFF00, "device specific"),  # ours means a value out of range by it, a foreign device something else
         (0xA000, "reserved"),
+        *((code | 0xEE, text) for code, text in CLASSES_OF_CIA_301),
     ],
 )
 def test_an_error_has_a_name(code: int, text: str) -> None:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import shutil
+from collections.abc import Iterator
 from contextlib import ExitStack
 from pathlib import Path
 
@@ -12,19 +14,23 @@ import pytest
 pytest.importorskip("polars", reason="the extra `season` is not installed")
 pytest.importorskip("pyarrow", reason="the extra `season` is not installed")
 
+import pyarrow.parquet as pq
+
 from eurobot_od.errors import UnknownName
 from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.robot import dialects
 from eurobot_od.robot.model.messages import CATALOGUE
+from eurobot_od.season import archive as archiving
 from eurobot_od.season.archive import BEGUN, Archived, Archiver, DecodedNetwork, _begun, archive
+from eurobot_od.season.batches import ColumnBatch
 from eurobot_od.season.campaign import local
-from eurobot_od.season.season import Season, is_whole, table_names
+from eurobot_od.season.season import Season, is_described, table_names
 from eurobot_od.traffic import formats
 from eurobot_od.traffic.meaning import Decoder
 from tests.client.servo import SERVO as FILE
 from tests.eds_text import DEVICE_TYPE, pdo, variable
-from tests.season.seasons import table, write_log
+from tests.season.seasons import archived, table, write_log
 
 NETWORK = DecodedNetwork(dialects.load_all(dialects.DEFAULT), CATALOGUE, (("Goto Confirm", "Goto XY"),))
 FRAMES = [(0.5, Frame(0x008, bytes(8))), (0.6, Frame(0x7E6, b"12345678")), (0.7, Frame(0x00C))]
@@ -222,7 +228,51 @@ def test_a_file_is_whole_with_its_beginning_its_end_and_its_description(
 ) -> None:
     file = tmp_path / "a.parquet"
     file.write_bytes(content)
-    assert is_whole(file) is whole
+    assert is_described(file, None) is whole
+
+
+def test_the_pages_have_checksums_that_other_readers_can_verify(log: Path) -> None:
+    file = min((archived(log, NETWORK) / "frames").iterdir())
+    times, content = pq.ParquetFile(file).metadata.row_group(0).column(2), bytearray(file.read_bytes())
+    content[times.data_page_offset + times.total_compressed_size - 1] ^= 1  # of the last time
+    file.write_bytes(content)
+    with pytest.raises(OSError, match="CRC"):
+        pq.read_table(file, page_checksum_verification=True)
+
+
+def test_a_log_whose_files_have_a_flipped_bit_is_archived_again(log: Path) -> None:
+    season = archived(log, NETWORK)
+    file = min((season / "frames").iterdir())
+    sound = file.read_bytes()
+    for place in (0, len(sound) // 3, len(sound) - 100):
+        file.write_bytes(sound[:place] + bytes([sound[place] ^ 1]) + sound[place + 1 :])
+        assert not Archiver(season, NETWORK)(log).known
+        assert file.read_bytes() == sound
+        assert Archiver(season, NETWORK)(log).known
+
+
+def test_a_full_disk_is_said_of_the_season_and_a_log_that_cannot_be_read_of_the_log(
+    log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    resource = pytest.importorskip("resource")
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (100, limits[1]))
+    try:
+        with pytest.raises(OSError, match="File too large") as failed:
+            Archiver(tmp_path / "season", NETWORK)(log)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert failed.value.filename == str(tmp_path / "season")
+    assert not list((tmp_path / "season" / BEGUN).iterdir())
+
+    def unreadable(*_: object) -> Iterator[ColumnBatch]:
+        raise OSError(errno.EIO, "Input/output error")
+        yield
+
+    monkeypatch.setattr(archiving, "batches", unreadable)
+    with pytest.raises(OSError, match="Input/output error") as failed:
+        Archiver(tmp_path / "season", NETWORK)(log)
+    assert failed.value.filename == str(log)
 
 
 def test_the_row_of_a_log_is_in_place_last(log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -19,6 +19,8 @@ from eurobot_od.season.campaign import BLOCK, HERE, Workers, dask, local, worker
 
 pytest.importorskip("pyarrow", reason="the extra `cluster` is not installed")
 
+import pyarrow.parquet as pq
+
 from eurobot_od.season.results import Results
 from tests.season.clusters import Cluster, two_workers
 
@@ -91,6 +93,22 @@ def test_a_campaign_that_was_broken_off_does_only_what_is_left(tmp_path: Path) -
         *range(30)
     )
     assert len(done) == 30
+
+
+@pytest.mark.posix
+def test_a_block_whose_file_is_damaged_is_done_again(tmp_path: Path) -> None:
+    folder, done = tmp_path / "squares", list[int]()
+    list(campaign.run(square, range(4), HERE, kept(folder)))
+    first, second, *_ = files = sorted(folder.glob("*.parquet"))
+    os.mkfifo(folder / "x.parquet")  # to read it would never end
+    for file in (first, second):
+        rows = pq.ParquetFile(file).metadata.row_group(0).column(0)
+        content = bytearray(file.read_bytes())
+        content[rows.data_page_offset + rows.total_compressed_size - 1] ^= 1
+        file.write_bytes(content)
+    again = campaign.run(partial(counting, done), range(4), HERE, kept(folder, resume=True))
+    assert list(again) == squares(*range(4))
+    assert len(done) == 2 * 4 // len(files)
 
 
 @pytest.mark.parametrize(

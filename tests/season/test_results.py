@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import Enum
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -70,6 +70,11 @@ def there_and_back(record: Any) -> Any:
 @pytest.mark.parametrize("record", CASES)
 def test_a_record_comes_back_equal(record: Any) -> None:
     assert there_and_back(record) == record
+
+
+def test_a_name_that_is_not_text_comes_back_with_its_bytes_escaped() -> None:
+    record = replace(CASES[0], file=Path("a\udcff"), inner=Inner(1, "\ud800"))
+    assert there_and_back(record) == replace(record, file=Path("a\\udcff"), inner=Inner(1, "\\ud800"))
 
 
 def test_a_played_match_comes_back_equal() -> None:

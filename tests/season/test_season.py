@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import random
 import shutil
 import threading
 from collections.abc import Callable
@@ -20,7 +22,8 @@ from eurobot_od.robot.model import messages
 from eurobot_od.robot.model.messages import CATALOGUE
 from eurobot_od.robot.protocol import EurobotProtocol
 from eurobot_od.season import season as season_module
-from eurobot_od.season.archive import Archiver, DecodedNetwork
+from eurobot_od.season.answers import tables as listed
+from eurobot_od.season.archive import Archiver, DecodedNetwork, archive
 from eurobot_od.season.season import Season, SqlError
 from tests.rows import rows
 from tests.season.seasons import write_log
@@ -57,6 +60,79 @@ def test_a_run_that_is_being_moved_in_is_not_counted_yet(tmp_path: Path) -> None
     found = Season.open(tmp_path / "season")
     assert len(found.frames("goto_xy").collect()) == 1
     assert found.sql("SELECT count(*) FROM goto_xy").item() == 1
+
+
+QUESTIONS = (
+    "SELECT * FROM runs ORDER BY run",
+    "SELECT * FROM frames ORDER BY run",
+    "SELECT * FROM goto_xy ORDER BY run",
+)
+
+
+def answers(folder: Path) -> tuple[list[Path], set[tuple[object, ...]]]:
+    """Ask a season for some tables in each way; return which files are damaged, and the rows of all answers."""
+    found = Season.open(folder)
+    asked = [*map(found.sql, QUESTIONS), *(found.frames(table).collect() for table in ("runs", "frames", "goto_xy"))]
+    told = [(number, *row) for number, answer in enumerate(asked) for row in answer.rows()]
+    assert set(listed(found)["table"]) <= found.files.keys()
+    assert set(found.messages["table"]) < found.files.keys()
+    return found.damaged, set(told)
+
+
+def test_one_flipped_bit_gives_no_other_values_and_the_file_is_named(season: Season, tmp_path: Path) -> None:
+    shutil.copytree(season.folder, tmp_path / "season")
+    dice, (_, whole) = random.Random(2014), answers(season.folder)
+    for table in ("runs", "frames", "goto_xy") * 4:
+        file = min((tmp_path / "season" / table).iterdir())
+        sound = file.read_bytes()
+        bit = dice.randrange(8 * len(sound))
+        spoiled = bytearray(sound)
+        spoiled[bit // 8] ^= 1 << bit % 8
+        file.write_bytes(spoiled)
+        damaged, found = answers(tmp_path / "season")
+        if table == "runs" and not damaged:  # its footer has words that nobody reads
+            assert found == whole, bit
+        else:
+            assert damaged == [file], (table, bit)
+            assert found < whole, (table, bit)
+        file.write_bytes(sound)
+
+
+@pytest.mark.parametrize("name", ["a[1]", "a*", "a?", "[", "it's"])
+def test_the_name_of_a_folder_is_not_a_pattern(tmp_path: Path, name: str) -> None:
+    for each, dialect in (("a1", 0), ("ab", 0), (name, 1)):
+        log = write_log(tmp_path / f"{dialect}.log", [(1.0 + dialect, EurobotProtocol.load().encode(GOTO))])
+        Archiver(tmp_path / each, DecodedNetwork(dialects.load_all(), CATALOGUE))(log)
+    found = Season.open(tmp_path / name)
+    assert found.sql("SELECT t FROM goto_xy").rows() == [(2.0,)]
+    assert found.frames("goto_xy").collect()["t"].to_list() == [2.0]
+    assert found.sql("SELECT message FROM messages WHERE \"table\" = 'goto_xy'").rows() == [("Goto XY",)]
+
+
+@pytest.mark.posix
+def test_a_pipe_or_a_device_of_that_name_is_not_a_file_of_a_season(season: Season, tmp_path: Path) -> None:
+    shutil.copytree(season.folder, tmp_path / "season")
+    for table in ("runs", "goto_xy"):
+        os.mkfifo(tmp_path / "season" / table / "x.parquet")
+        (tmp_path / "season" / table / "y.parquet").symlink_to("/dev/zero")
+    found = Season.open(tmp_path / "season")
+    assert (found.damaged, len(found.frames("goto_xy").collect())) == ([], 2)
+
+
+def test_a_folder_whose_name_is_not_text_is_refused(tmp_path: Path) -> None:
+    name = os.fsdecode(b"\xff")
+    with pytest.raises(LocalError, match="has to be UTF-8"):
+        Season.open(tmp_path / name)
+    with pytest.raises(LocalError, match="has to be UTF-8"):
+        next(archive([], tmp_path / name, DecodedNetwork(dialects.load_all(), CATALOGUE)))
+
+
+def test_a_season_of_damaged_logs_alone_names_them(season: Season, tmp_path: Path) -> None:
+    shutil.copytree(season.folder, tmp_path / "season")
+    for file in (tmp_path / "season" / "runs").iterdir():
+        file.write_bytes(b"PAR1")
+    with pytest.raises(LocalError, match=r"runs.*\.parquet is damaged, .*\.parquet is damaged"):
+        Season.open(tmp_path / "season")
 
 
 def test_sql_joins_messages_and_runs(season: Season) -> None:

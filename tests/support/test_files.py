@@ -10,6 +10,7 @@ import subprocess
 import sys
 import tracemalloc
 from pathlib import Path
+from types import FrameType
 from typing import Any
 
 import pytest
@@ -107,6 +108,42 @@ def test_a_write_that_fails_leaves_the_old_file_and_nothing_else(file: Path) -> 
         write_whole(file, "no bytes")  # type: ignore[arg-type]
     assert file.read_bytes() == b"old"
     assert list(file.parent.iterdir()) == [file]
+
+
+class Interrupt:
+    """Raises KeyboardInterrupt at one step of a module, as Python may between any two; `hit` tells that it has."""
+
+    def __init__(self, step: int) -> None:
+        self._left, self.hit = step, False
+
+    def __call__(self, frame: FrameType, event: str, _: object) -> Interrupt | None:
+        if frame.f_code.co_filename != files.__file__:
+            return None
+        frame.f_trace_opcodes = True
+        self._left -= event == "opcode"
+        if self._left == 0 and not self.hit:
+            self.hit = True
+            raise KeyboardInterrupt
+        return self
+
+
+def test_ctrl_c_at_any_moment_leaves_one_whole_file_and_no_other(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(os, "fsync", lambda _: None)  # hundreds of them take a disk's time
+    before, step = sys.gettrace(), 0
+    interrupt = Interrupt(0)
+    while not step or interrupt.hit:
+        interrupt, step = Interrupt(step + 1), step + 1
+        file.write_bytes(b"old")
+        sys.settrace(interrupt)
+        try:
+            write_whole(file, b"new")
+        except KeyboardInterrupt:
+            pass
+        finally:
+            sys.settrace(before)
+        assert file.read_bytes() in (b"old", b"new")
+        assert list(file.parent.iterdir()) == [file], step
+    assert step > 100
 
 
 def test_a_folder_that_is_not_there_is_an_error(tmp_path: Path) -> None:

@@ -44,6 +44,11 @@ SHOWN = r"a\x1b[31m\nnot ok 1\r\x07\x9b\u202e\u2028\udc80"
 TEXTS = [
     ("plain text, 5 µm", "plain text, 5 µm", "nothing to escape"),
     (EVIL, SHOWN, "escapes, line ends, bells, C1, text direction, a surrogate of a file name"),
+    *((chr(code), ascii(chr(code))[1:-1], "a control of C1 alone") for code in (0x80, 0x85, 0x9B, 0x9D, 0x9F)),
+    *(
+        (chr(code), ascii(chr(code))[1:-1], "a text direction alone")
+        for code in (0x61C, 0x200E, 0x202A, 0x202E, 0x2069)
+    ),
     (r"C:\new", r"C:\new", "a backslash is printable"),
     ("", "", "nothing"),
 ]

@@ -19,6 +19,7 @@ ROOT = Path(__file__).parents[2]
         ("eurobot_od/frame.py", "tests/test_frame.py"),
         ("eurobot_od/sdo/wire.py", "tests/sdo/test_wire.py"),
         ("eurobot_od/sdo/__init__.py", "tests/sdo"),  # has no tests of its own
+        ("eurobot_od/lint/network.py", "tests/lint"),
     ],
 )
 def test_the_tests_of_a_module_mirror_it(module: str, tests: str) -> None:

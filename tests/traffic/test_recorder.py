@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import itertools
 import os
 import signal
@@ -185,6 +186,40 @@ def test_a_full_disk_interrupts_what_is_recorded_if_that_was_asked_for(tmp_path:
         record(tmp_path / "match.log", for_ever, END)
 
 
+LEFT_OPEN = "ignore::pytest.PytestUnraisableExceptionWarning"
+"""python-can's writer of BLF does not close a file that it could not end."""
+
+
+@needs_full_disk
+@pytest.mark.filterwarnings(LEFT_OPEN)
+def test_a_log_that_cannot_be_begun_on_a_full_disk_is_named(tmp_path: Path) -> None:
+    (tmp_path / "match.blf").symlink_to(FULL)
+    with pytest.raises(OSError, match="No space left on device") as failed:
+        record(tmp_path / "match.blf", MANY)
+    assert failed.value.filename == str(tmp_path / "match.blf")
+    del failed
+    gc.collect()
+
+
+@needs_full_disk
+@pytest.mark.filterwarnings(LEFT_OPEN)
+def test_a_log_that_cannot_be_ended_on_a_full_disk_is_named_and_its_journal_stays(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    log = tmp_path / "match.blf"
+
+    def then_it_is_full() -> Iterator[tuple[float, Frame]]:
+        yield 0.0, Frame(0x004)
+        log.unlink()
+        log.symlink_to(FULL)
+
+    with pytest.raises(OSError, match=r"match\.blf: No space left on device: the log is not whole"):
+        record(log, then_it_is_full())
+    assert capsys.readouterr().out == f"{log}: No space left on device: nothing more is logged\n"
+    assert len(frames_on_disk(tmp_path / "match.blf.log")) == 1
+    gc.collect()
+
+
 @needs_full_disk
 def test_another_error_is_not_hidden_by_that_of_the_log(tmp_path: Path) -> None:
     (tmp_path / "match.log").symlink_to(FULL)
@@ -201,6 +236,6 @@ def test_a_full_disk_under_a_database_is_one_line_and_its_journal_stays(tmp_path
     )
     first, *_ = done.stdout.splitlines()
     *_, last = done.stderr.splitlines()
-    assert first.startswith(f"{tmp_path / 'match.db.log'}: {tmp_path / 'match.db'}: disk")
+    assert first.startswith(f"{tmp_path / 'match.db'}: disk")
     assert last.endswith(": the log is not whole")
     assert len(frames_on_disk(tmp_path / "match.db.log")) == 100

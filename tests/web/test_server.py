@@ -25,7 +25,7 @@ from eurobot_od.robot.model.values import TeamColour
 from eurobot_od.robot.nodes import ROLES, Core
 from eurobot_od.web import server
 from eurobot_od.web.access import AccessRules, is_local
-from eurobot_od.web.server import MOST_BROWSERS, MOST_OWED
+from eurobot_od.web.server import HEADERS, MOST_BROWSERS, MOST_OWED
 from tests.rows import rows
 from tests.web.scene import LONG, Served, channel, live_page, robot
 
@@ -145,6 +145,30 @@ def test_every_answer_says_that_no_other_page_may_have_it(local: Served) -> None
         assert headers["X-Content-Type-Options"] == "nosniff"
         assert headers["Referrer-Policy"] == "no-referrer"
         assert headers["Cross-Origin-Resource-Policy"] == "same-origin"
+
+
+@rows(
+    "asked, status",
+    [
+        (b"nonsense\r\n\r\n", b"400"),
+        (b"GET / HTTP/9.9.9\r\n\r\n", b"400"),
+        (b"GET / HTTP/1.1\r\nno colon\r\n\r\n", b"400"),
+        (b"GET / HTTP/1.1\r\nHost: x\r\nX: " + b"a" * 70_000 + b"\r\n\r\n", b"400"),
+        (b"POST / HTTP/1.1\r\nTransfer-Encoding: chunked\r\nContent-Length: 1\r\n\r\n", b"400"),
+        (b"GET /<script> HTTP/1.1\r\nExpect: all\r\nHost: 127.0.0.1\r\n\r\n", b"4"),
+    ],
+)
+def test_what_is_not_http_is_refused_with_the_headers_of_all_answers(
+    local: Served, asked: bytes, status: bytes
+) -> None:
+    with socket.create_connection((urlsplit(local.address).hostname, urlsplit(local.address).port), 30) as connection:
+        connection.sendall(asked)
+        said = b""
+        while b"\r\n\r\n" not in said and (part := connection.recv(1 << 16)):
+            said += part
+    assert said.split()[1].startswith(status)
+    for name, value in HEADERS.items():
+        assert f"{name}: {value}\r\n".encode() in said
 
 
 def test_every_answer_has_a_policy_by_which_nothing_foreign_runs(local: Served) -> None:

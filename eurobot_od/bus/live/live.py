@@ -17,7 +17,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from eurobot_od.bus.live.buses import Connection, Driver, Gaps, Opener, Sender, failure, shut_down
-from eurobot_od.bus.live.reader import POLL, FunctionThread, Reader
+from eurobot_od.bus.live.reader import POLL, FunctionThread, Reader, Silence
 from eurobot_od.errors import BusError, NodeFailed, StateError
 from eurobot_od.frame import HIGHEST_IDENTIFIER, MOST_BYTES, Data, Frame, RemoteFrame
 from eurobot_od.gatekeeper import Event, Gatekeeper, Report
@@ -359,6 +359,8 @@ class Live:
                 if self.station is not None:
                     self.station.bus_error(ErrorCode.OVERRUN, self.clock())
                 self._report_overflow()
+            if news := self._reader.silence.news(self.clock(), self._connection.failure is None):
+                self.gatekeeper.report(Report(Event.BUS_SILENT, self.name, news, self.clock()))
             with self._changed:
                 self._looks_at = self._next_look()
                 pause = self._looks_at - self.clock()
@@ -397,7 +399,7 @@ class LiveGroup:
         self.group, self.clock, self.name = group, clock, str(bus.channel_info)
         self._opener, self._report, self._backoff = opener, report, Backoff()
         self.sent = self.received = 0
-        self._driver = Driver(bus)
+        self._driver, self._silence = Driver(bus), Silence()
 
     def run(self, end: float) -> None:
         """Switch the nodes on, and run them until a time of the clock. Raises BusError."""
@@ -415,11 +417,14 @@ class LiveGroup:
     def _exchange(self, end: float) -> None:
         """Run the nodes until the end or the bus's failure, which raises BusError."""
         while (now := self.clock()) < end:
+            if news := self._silence.news(now):
+                self._report(Report(Event.BUS_SILENT, self.name, news, now))
             if self.group.next_wakeup <= now:
                 self._send(self.group.tick(now))
             frame = self._received(min(self.group.next_wakeup, end, now + POLL) - self.clock())
             if frame is not None:
                 self.received += 1
+                self._silence.heard(frame.cob_id, now)
                 self._send(self.group.receive(frame, self.clock()))
 
     def _reopen(self, why: BusError, opener: Opener, end: float) -> None:

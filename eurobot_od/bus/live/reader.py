@@ -15,6 +15,7 @@ from eurobot_od.bus.live.buses import Connection, Driver, Opener, failure, shut_
 from eurobot_od.errors import BusError
 from eurobot_od.frame import HIGHEST_IDENTIFIER, MOST_BYTES, Data, Frame
 from eurobot_od.gatekeeper import Event, FunctionListener, Report, Reporter
+from eurobot_od.od.values import ERROR_CONTROL_BASE, NODE_IDS
 
 if TYPE_CHECKING:
     import can
@@ -77,6 +78,46 @@ class Backlog:
             self._ended(count)
 
 
+SILENT_AFTER = 5.0
+"""Seconds without a frame after which a bus with regular heartbeats is silent."""
+
+REGULAR = SILENT_AFTER / 3
+"""Longest time in seconds between two heartbeats, of anybody, that are regular."""
+
+NOTHING_HEARD = (
+    "nothing has been heard for {:.0f} s, not even a heartbeat; all others are off, or what is between does not deliver"
+)
+HEARD_AGAIN = "frames are heard again"
+
+
+class Silence:
+    """Notices that nothing more is heard, when nothing has failed: as if a bus server had forgotten its clients.
+
+    Times are in seconds. Only where heartbeats were regular does silence mean anything.
+    """
+
+    def __init__(self) -> None:
+        self._last = self._looked = self._beat = -inf
+        self._is_regular = self._is_told = False
+
+    def heard(self, cob_id: int, now: float) -> None:
+        """Note a frame."""
+        self._last = now
+        if cob_id - ERROR_CONTROL_BASE in NODE_IDS:
+            self._is_regular = self._is_regular or now - self._beat < REGULAR
+            self._beat = now
+
+    def news(self, now: float, is_open: bool = True) -> str:
+        """Return what there is to report, mostly nothing; a bus that is not open is not silent."""
+        if not is_open or now - self._looked > SILENT_AFTER / 2:  # or this process itself has stood still
+            self._last = now
+        self._looked, quiet = now, now - self._last
+        if not self._is_regular or (quiet > SILENT_AFTER) is self._is_told:
+            return ""
+        self._is_told = not self._is_told
+        return NOTHING_HEARD.format(quiet) if self._is_told else HEARD_AGAIN
+
+
 class Reader:
     """Gives each classic data frame with an 11-bit identifier to `receive`, and any other frame to `foreign`.
 
@@ -98,6 +139,7 @@ class Reader:
         self._connection, self._receive, self._clock, self._foreign = connection, receive, clock, foreign
         self._backlog = None if missed is None else Backlog(POLL + OLD, missed)
         self._lasts = lasts
+        self.silence = Silence()
 
     def read(self) -> None:
         """Read in this thread until the connection is closed, or lost for good."""
@@ -113,7 +155,7 @@ class Reader:
     def _read(self, bus: can.BusABC) -> None:
         """Read as long as the connection is up; raises whatever the driver raises."""
         connection, recv, receive, clock = self._connection, bus.recv, self._receive, self._clock
-        nonsense, backlog, now = 0, self._backlog, 0.0
+        nonsense, backlog, heard, now = 0, self._backlog, self.silence.heard, 0.0
         while connection.up:
             try:
                 message = recv(POLL)
@@ -131,6 +173,7 @@ class Reader:
                 if backlog is not None:
                     backlog.is_empty(now)
                 continue
+            heard(message.arbitration_id, now)
             if message.is_extended_id or message.is_remote_frame or message.is_error_frame or message.is_fd:
                 self._foreign(message)
             elif len(message.data) > MOST_BYTES or not 0 <= message.arbitration_id <= HIGHEST_IDENTIFIER:

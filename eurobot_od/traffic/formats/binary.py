@@ -98,6 +98,8 @@ def _start(file: BinaryIO) -> float:
     signature, size, year, month, _, day, hour, minute, second, millisecond = FILE_HEADER.unpack(head)
     if signature != FILE_SIGNATURE:
         raise ValueError("not a BLF file")
+    if size < FILE_HEADER.size:
+        raise ValueError(f"a file header of {size} bytes; it has at least {FILE_HEADER.size}")
     file.read(size - FILE_HEADER.size)
     try:
         return datetime(year, month, day, hour, minute, second, millisecond * 1000, UTC).timestamp()
@@ -227,6 +229,8 @@ class Packet(NamedTuple):
 
     def entry(self) -> tuple[float, str, Raw]:
         """Return the frame in it, or why it has none; raises ValueError for one that contradicts itself."""
+        if len(self.data) < PACKET.size:
+            raise ValueError(f"a packet of {len(self.data)} bytes; it has at least {PACKET.size}")
         identifier, length, fd_flags = PACKET.unpack_from(self.data)
         data = self.data[PACKET.size : PACKET.size + length]
         flags = {Damage.ERROR_FRAME: identifier & ERROR, Damage.FD: fd_flags & FD or len(self.data) > CLASSIC_PACKET}
@@ -345,21 +349,27 @@ def _interface(order: str, body: bytes) -> Interface:
             break
         options[code] = rest[head.size : head.size + size]
         rest = rest[head.size + size + -size % 4 :]  # values are padded to a multiple of 4
-    resolution = options.get(RESOLUTION_OPTION, bytes([DEFAULT_RESOLUTION]))[0]
+    resolution = (options.get(RESOLUTION_OPTION) or bytes([DEFAULT_RESOLUTION]))[0]
     tick = 2.0 ** -(resolution & 0x7F) if resolution & 0x80 else 10.0**-resolution
     name = options.get(NAME_OPTION, b"").decode("utf-8", "replace")
     return Interface(Struct(f"{order}H").unpack_from(body)[0], name, tick)
 
 
+def _known(interfaces: list[Interface], number: int) -> Interface:
+    if number >= len(interfaces):
+        raise ValueError(f"a packet of interface {number}, of {len(interfaces)} that are described")
+    return interfaces[number]
+
+
 def _enhanced(order: str, body: bytes, interfaces: list[Interface]) -> tuple[Interface, float, bytes]:
     head = Struct(f"{order}LLLL4x")
     number, high, low, size = head.unpack_from(body)
-    interface = interfaces[number]
+    interface = _known(interfaces, number)
     return interface, (high << 32 | low) * interface.tick, body[head.size : head.size + size]
 
 
 PACKETS: Mapping[int, Callable[[str, bytes, list[Interface]], tuple[Interface, float, bytes]]] = {
     # It says neither its time nor its interface, which has to be the section's first.
-    SIMPLE: lambda _order, body, interfaces: (interfaces[0], 0.0, body[4:]),
+    SIMPLE: lambda _order, body, interfaces: (_known(interfaces, 0), 0.0, body[4:]),
     ENHANCED: _enhanced,
 }

@@ -5,10 +5,13 @@ Where a file cannot be read any further, the last entry says so.
 
 from __future__ import annotations
 
+import errno
 import sqlite3
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import closing
+from functools import partial
 from pathlib import Path
+from types import NoneType
 from typing import TYPE_CHECKING, Any, BinaryIO
 
 from eurobot_od.errors import LocalError
@@ -46,12 +49,30 @@ def of_message(message: can.Message) -> Raw:
     )
 
 
-def read_table(file: BinaryIO, _: int = LARGEST) -> Entries:
+ROWS = "SELECT ts, arbitration_id, extended, remote, error, dlc, data FROM messages"
+
+TYPES: Mapping[str, tuple[type, ...]] = {
+    "ts": (float, int),
+    "arbitration_id": (int,),
+    "dlc": (int,),
+    "data": (bytes, NoneType),
+}
+"""What the columns have to hold; SQLite itself puts values of any type into any of them."""
+
+IS_TABLE = "SELECT count(*) FROM sqlite_schema WHERE name = 'messages' AND sql LIKE 'CREATE TABLE%'"
+"""Whether there are rows: those of a view or a virtual table are computed, and need not end."""
+
+
+def read_table(file: BinaryIO, largest: int = LARGEST) -> Entries:
     """Read the table `messages` of an SQLite file, as python-can's SqliteWriter makes it."""
     number, time = 0, 0.0
     try:
         with closing(sqlite3.connect(file.name)) as connection:
-            for number, time, channel, raw in read_each(connection.execute("SELECT * FROM messages"), _row):
+            connection.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, largest)  # also of what a generated column computes
+            connection.text_factory = partial(str, encoding="utf-8", errors="replace")
+            if not connection.execute(IS_TABLE).fetchone()[0]:
+                raise sqlite3.DatabaseError("no table messages")
+            for number, time, channel, raw in read_each(connection.execute(ROWS), _row):
                 yield number, time, channel, raw
     except sqlite3.Error as error:
         yield number + 1, time, "", Foreign(Damage.CUT_OFF, shortened(f"SQLite reads no further: {error}"))
@@ -59,6 +80,9 @@ def read_table(file: BinaryIO, _: int = LARGEST) -> Entries:
 
 def _row(row: Sequence[Any]) -> tuple[float, str, Raw]:
     time, identifier, extended, remote, error, length, data = row
+    for name, value in {"ts": time, "arbitration_id": identifier, "dlc": length, "data": data}.items():
+        if not isinstance(value, TYPES[name]):
+            raise ValueError(f"{name} is {value!r}")
     return seconds(time), "", recorded(identifier, data or b"", length, extended, remote, error)
 
 
@@ -94,4 +118,4 @@ def write_table(file: Path, messages: Iterable[can.Message]) -> None:
             connection.execute(CREATE)
             connection.executemany("INSERT INTO messages VALUES (?, ?, ?, ?, ?, ?, ?)", rows)
     except sqlite3.Error as error:
-        raise OSError(f"{file}: {error}") from error
+        raise OSError(errno.EIO, str(error), str(file)) from error

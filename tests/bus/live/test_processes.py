@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import json
 import re
 import signal
 import sys
@@ -28,6 +29,9 @@ from tests.check.suites import HEAD, document, suite
 from tests.processes import PATIENCE, bus_server, free_port, node, process, shared
 
 pytest.importorskip("can_remote")
+
+from can_remote.websocket import WebSocket
+
 pytestmark = pytest.mark.live
 
 EUROBOT_OD = sys.executable, "-m", "eurobot_od"
@@ -125,6 +129,28 @@ def test_a_check_has_its_teardown_when_the_bus_server_is_restarted() -> None:
         result = run_live(suite(text), RunOptions(show=restart), partial(joined, port))
     assert "failed" in str(result.error)
     assert [step.status for step in result.steps] == [Status.PASSED, Status.BUS_FAILED, Status.PASSED]
+
+
+@pytest.mark.long
+@LEAKING
+@pytest.mark.usefixtures("_collected")
+def test_a_server_that_no_longer_delivers_is_noticed() -> None:
+    """An identifier below 0 ends the threads of python-can-remote's server that send to its clients, of all of them."""
+    port = free_port()
+    with (
+        bus_server(port),
+        node("drive", *shared(port)) as drive,
+        node("navigation", *shared(port)),
+        joined(port) as bus,
+    ):
+        for _ in range(3):
+            wait_for(bus, 0x703)  # a heartbeat, which the drive hears, too
+        peer = WebSocket(f"ws://127.0.0.1:{port}/", ["can.json.v1"])
+        peer.send(json.dumps({"type": "bus_request", "payload": {"config": {}}}))
+        peer.read()
+        peer.send(json.dumps({"type": "message", "payload": {"arbitration_id": -1, "is_extended_id": False}}))
+        assert "nothing has been heard for 5 s" in drive.line("bus silent")
+        peer.close()
 
 
 @pytest.mark.long

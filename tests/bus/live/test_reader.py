@@ -9,7 +9,8 @@ import pytest
 
 from eurobot_od.bus.live import Driver
 from eurobot_od.bus.live.buses import Connection
-from eurobot_od.bus.live.reader import Reader
+from eurobot_od.bus.live.reader import HEARD_AGAIN, Reader, Silence
+from tests.rows import rows
 
 AHEAD = 1_000_000.0
 """The driver's clock is ahead of ours by that."""
@@ -111,3 +112,56 @@ def test_a_pause_of_the_bus_is_no_standstill() -> None:
     scene = Scene((1.0, message(0x100, AHEAD + 1.0)), *quiet, (9.0, message(0x101, AHEAD + 2.0)))
     assert [cob_id for cob_id, *_ in scene.received] == [0x100, 0x101]
     assert scene.missed == []
+
+
+REGULAR_BEATS = [(1.0, 0x701), (2.0, 0x701), (2.5, 0x181)]
+SILENT = "nothing has been heard for 5 s"
+
+
+@rows(
+    "frames, end, told, why",
+    [
+        (REGULAR_BEATS, 12.0, [(7.6, SILENT)], "no frame, after regular heartbeats"),
+        (REGULAR_BEATS, 7.5, [], "not yet"),
+        ([*REGULAR_BEATS, (6.0, 0x181), (10.0, 0x181)], 14.9, [], "another frame is no heartbeat, but is heard"),
+        ([*REGULAR_BEATS, (9.0, 0x181)], 13.9, [(7.6, SILENT), (9.0, HEARD_AGAIN)], "it comes back"),
+        ([*REGULAR_BEATS, (9.0, 0x181)], 15.0, [(7.6, SILENT), (9.0, HEARD_AGAIN), (14.1, SILENT)], "and goes again"),
+        ([(1.0, 0x181), (2.0, 0x181)], 30.0, [], "no heartbeats: a bus of events is silent for minutes"),
+        ([(1.0, 0x701), (9.0, 0x702)], 30.0, [], "two heartbeats that are not regular"),
+        ([(1.0, 0x700), (2.0, 0x700), (3.0, 0x780), (4.0, 0x780)], 30.0, [], "no node has such a heartbeat"),
+        ([], 30.0, [], "alone from the beginning"),
+    ],
+)
+def test_a_bus_on_which_nothing_more_is_heard_is_silent(
+    frames: list[tuple[float, int]], end: float, told: list[tuple[float, str]], why: str
+) -> None:
+    assert [(time, text[: len(SILENT)]) for time, text in heard(Silence(), frames, end)] == [
+        (time, text[: len(SILENT)]) for time, text in told
+    ], why
+
+
+def heard(silence: Silence, frames: list[tuple[float, int]], end: float) -> list[tuple[float, str]]:
+    """Hand over frames at their times, ask for news every 0.1 s until the end, and return it."""
+    found, left = list[tuple[float, str]](), list(frames)
+    for tenth in range(round(10 * end) + 1):
+        now = tenth / 10
+        while left and left[0][0] <= now:
+            silence.heard(left.pop(0)[1], now)
+        if news := silence.news(now):
+            found.append((now, news))
+    return found
+
+
+def test_what_stands_still_itself_or_has_lost_its_bus_does_not_call_it_silent() -> None:
+    silence = Silence()
+    assert heard(silence, REGULAR_BEATS, 3.0) == []
+    assert silence.news(60.0) == ""  # it was stopped for a minute: what came meanwhile is still to be read
+    assert [silence.news(60.0 + second, is_open=False) for second in range(1, 20)] == [""] * 19
+    assert [silence.news(79.0 + second)[: len(SILENT)] for second in range(1, 7)] == [
+        "",
+        "",
+        "",
+        "",
+        "",
+        SILENT[:-3] + "6 s",
+    ]

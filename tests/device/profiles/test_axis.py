@@ -7,7 +7,8 @@ from collections.abc import Callable, Mapping
 import pytest
 from canopen.profiles.p402 import State402
 
-from eurobot_od.device.profiles.motion import Plant
+from eurobot_od.device.profiles.axis import MOST_STEPS
+from eurobot_od.device.profiles.motion import STEP, Plant
 from eurobot_od.od.cia402 import TRANSITIONS, DriveCommand, State
 from tests.device.profiles.bench import Bench
 from tests.rows import rows
@@ -268,10 +269,39 @@ def test_an_axis_shows_only_the_objects_of_its_file() -> None:
     assert 0x6064 not in {index for index, _ in bench.shelf.values}
 
 
-def test_a_mode_that_the_file_does_not_have_is_not_taken() -> None:
-    bench = Bench({(0x6502, 0): 0x1})
-    bench.write(0x6060, 3)
-    assert bench[0x6061] == 1
+@rows(
+    "modes, asked, taken",
+    [(0x1, 3, 1), (0x4, 1, 3), (0x4, 3, 3), (0x3FF, 9, 9), (0x2FF, 9, 1), (None, 1, 1), (None, 10, 10)],
+)
+def test_a_mode_that_the_file_does_not_have_is_not_taken(modes: int | None, asked: int, taken: int) -> None:
+    first = 3 if modes == 0x4 else 1
+    without = (0x6502,) if modes is None else ()
+    bench = Bench({(0x6060, 0): first} | ({} if modes is None else {(0x6502, 0): modes}), without=without)
+    bench.write(0x6060, asked)
+    assert bench[0x6061] == taken
+
+
+def test_after_a_long_halt_it_goes_on_from_there() -> None:
+    bench = Bench({(0x60FF, 0): 500}).enable(3)
+    bench.run(1)
+    before = bench.position
+    bench.now += 100.0
+    bench.axis.advance(bench.now)
+    assert bench.position == pytest.approx(before + 500 * MOST_STEPS * STEP, abs=1)
+    bench.run(1)
+    assert bench.position == pytest.approx(before + 500 * MOST_STEPS * STEP + 500, abs=1)
+
+
+def test_it_is_busy_until_the_motor_has_followed() -> None:
+    bench = Bench(plant=Plant(acceleration=1.0, friction=0.1)).enable()
+    bench.write(0x607A, 1000)
+    bench.command(0x1F)
+    while bench.axis.demand.position != 1000:
+        bench.run(0.01, 0.01)
+    assert abs(bench.position - 1000) > 10
+    assert bench.axis.busy
+    bench.rest()
+    assert bench.position == 1000
 
 
 def test_a_drive_of_one_mode_needs_no_object_for_it() -> None:

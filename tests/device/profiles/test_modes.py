@@ -38,6 +38,29 @@ def test_a_move_takes_the_time_of_its_trapezoid(way: int, sign: int) -> None:
     assert bench.is_set(REACHED)
 
 
+@rows("sign", [1, -1])
+def test_a_target_is_not_reached_before_the_axis_is_there(sign: int) -> None:
+    bench = Bench().enable()
+    bench.write(0x607A, sign * 500)
+    bench.command(0x1F)
+    bench.run(0.1)
+    assert not bench.is_set(REACHED)
+    bench.rest()
+    assert bench.is_set(REACHED)
+
+
+def test_a_halted_axis_has_reached_its_target_when_it_stands_and_not_before() -> None:
+    bench = Bench({(0x60FF, 0): 1000}).enable(3)
+    bench.run(1)
+    assert bench.is_set(REACHED)
+    bench.command(0x10F)
+    bench.run(0.05)
+    assert bench[0x606C] > 100
+    assert not bench.is_set(REACHED)
+    bench.rest()
+    assert (bench[0x606C], bench.is_set(REACHED)) == (0, True)
+
+
 def test_a_move_never_goes_beyond_its_target_nor_its_velocity() -> None:
     bench = Bench().enable()
     bench.write(0x607A, 3333)

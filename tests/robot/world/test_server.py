@@ -18,6 +18,7 @@ from eurobot_od.robot.world import World
 from eurobot_od.robot.world.server import LINE_LIMIT, REMEMBERED, Channel, Server
 from eurobot_od.robot.world.world import EventKind, MatchEvent
 from eurobot_od.support.connections import Address
+from tests.rows import rows
 
 FACTS = robot_file.read()
 
@@ -100,6 +101,23 @@ def test_a_web_page_does_not_move_a_robot(begins: bytes) -> None:
     served.run(talk)
     assert served.channel.requests == 0
     assert served.world.robots[OURS].pose == before
+
+
+@rows("cut", [1, 3, 4, 5, 15, 60])
+def test_a_web_page_does_not_move_a_robot_in_two_segments_either(cut: int) -> None:
+    served, asked = Served(), b"POST / HTTP/1.1\r\nHost: 127.0.0.1:2015\r\nContent-Type: text/plain\r\n\r\n" + MOVE
+
+    async def talk(address: WorldAddress) -> None:
+        reader, writer = await asyncio.open_connection(*address.address)
+        for part in (asked[:cut], asked[cut:]):
+            writer.write(part)
+            await asyncio.sleep(0)
+        with suppress(ConnectionError):
+            assert await reader.read() == b""
+        writer.close()
+
+    served.run(talk)
+    assert served.channel.requests == 0
 
 
 @pytest.mark.parametrize("length", [LINE_LIMIT + 1, 3 * LINE_LIMIT, 1_000_000])

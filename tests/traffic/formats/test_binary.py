@@ -98,6 +98,10 @@ def test_other_interfaces_and_other_blocks_are_passed_over_and_sections_begin_an
     assert read(content, "pcapng") == [(1, 2.0, "can1", FRAME), (2, 0.0, "can2", FRAME)]
 
 
+def test_an_interface_that_says_nothing_of_its_times_counts_microseconds() -> None:
+    assert read(section("<") + interface("<", tick=b"") + packet("<", 0, 5_500_000), "pcapng")[0][1] == 5.5
+
+
 @pytest.mark.parametrize("before", [b"", b"x", b"five."])
 def test_an_option_of_any_length_hides_none_behind_it(before: bytes) -> None:
     options = option("<", 1, before) + option("<", 2, b"can3") + option("<", 9, b"\3")
@@ -109,6 +113,7 @@ def test_an_option_of_any_length_hides_none_behind_it(before: bytes) -> None:
 
 
 ONE = section("<") + interface("<")
+BLF = b"LOGG" + bytes(100)
 PCAP = 0xA1B2C3D4
 
 
@@ -136,6 +141,11 @@ ENDS = [
     (ONE + b"\6\0\0\0\0\0\0\0", "pcapng", Damage.UNREADABLE, "a packet of -12 bytes; at most 1048576 are read"),
     (ONE + b"\6\0\0\0\0\0\0\x80", "pcapng", Damage.UNREADABLE, "a packet of 2147483636 bytes; at most 1048576"),
     (section("<") + interface("<", link_type=1), "pcapng", Damage.UNREADABLE, "no interface of link type 227"),
+    (section("<") + packet("<", 0, 1), "pcapng", Damage.UNREADABLE, "a packet of interface 0, of 0 that are described"),
+    (ONE + packet("<", 7, 1), "pcapng", Damage.UNREADABLE, "a packet of interface 7, of 1 that are described"),
+    (section("<") + block("<", 3, GOOD), "pcapng", Damage.UNREADABLE, "a packet of interface 0, of 0 that are"),
+    (pcap("<", PCAP, b"no"), "pcap", Damage.UNREADABLE, "a packet of 2 bytes; it has at least 8"),
+    (BLF[:4] + struct.pack("<L", 40) + BLF[8:], "blf", Damage.UNREADABLE, "a file header of 40 bytes; it has at least"),
 ]
 
 

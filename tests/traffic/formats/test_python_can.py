@@ -20,6 +20,7 @@ from eurobot_od.traffic.formats.python_can import CREATE, write_table
 from tests.rows import rows
 
 GOOD = (1.5, 0x014, 0, 0, 0, 2, b"\x01\x02")
+PLACES = "ts, arbitration_id, extended, remote, error, dlc"
 
 
 def read(file: Path) -> list[tuple[int, float, str, Raw]]:
@@ -64,6 +65,64 @@ def test_a_row_of_another_length_than_its_data_is_unreadable_and_counted(tmp_pat
     (first, _, _, _), (second, _, _, raw), (third, _, _, _) = read(table(tmp_path, GOOD, bad, GOOD))
     assert (first, second, third) == (1, 2, 3)
     assert raw == Foreign(Damage.UNREADABLE, f"014#0102 with length {length}")
+
+
+def typeless(folder: Path, *rows: tuple[object, ...]) -> Path:
+    """Make a table whose columns take values of any type, as they are."""
+    file = folder / "odd.db"
+    with closing(sqlite3.connect(file)) as connection, connection:
+        connection.execute("CREATE TABLE messages (dlc, data, ts, arbitration_id, extended, remote, error)")
+        connection.executemany(f"INSERT INTO messages ({PLACES}, data) VALUES (?, ?, ?, ?, ?, ?, ?)", rows)
+    return file
+
+
+@rows(
+    "row, text",
+    [
+        (("soon", 0x014, 0, 0, 0, 2, b"ab"), "ts is 'soon'"),
+        ((None, 0x014, 0, 0, 0, 2, b"ab"), "ts is None"),
+        ((1.5, "014", 0, 0, 0, 2, b"ab"), "arbitration_id is '014'"),
+        ((1.5, 20.5, 0, 0, 0, 2, b"ab"), "arbitration_id is 20.5"),
+        ((1.5, 0x014, 0, 0, 0, "2", b"ab"), "dlc is '2'"),
+        ((1.5, 0x014, 0, 1, 0, None, b""), "dlc is None"),
+        ((1.5, 0x014, 0, 0, 0, 2, "ab"), "data is 'ab'"),
+        ((1.5, 0x014, 0, 0, 0, 2, 1.5), "data is 1.5"),
+    ],
+)
+def test_a_value_of_another_type_than_its_columns_is_named(tmp_path: Path, row: tuple[object, ...], text: str) -> None:
+    first, (*_, raw), last = read(typeless(tmp_path, GOOD, row, GOOD))
+    assert raw == Foreign(Damage.UNREADABLE, text)
+    assert first[1:] == last[1:] == (1.5, "", Frame(0x014, b"\x01\x02"))
+
+
+def test_text_that_is_not_utf8_costs_no_other_row(tmp_path: Path) -> None:
+    file = typeless(tmp_path, GOOD, GOOD)
+    with closing(sqlite3.connect(file)) as connection, connection:
+        connection.execute("UPDATE messages SET data = CAST(x'FF' AS TEXT) WHERE rowid = 1")
+    (*_, bad), (*_, good) = read(file)
+    assert (bad, good) == (Foreign(Damage.UNREADABLE, "data is '\ufffd'"), Frame(0x014, b"\x01\x02"))
+
+
+ENDLESS = "WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n)"
+
+
+@rows(
+    "made, text",
+    [
+        (f"VIEW messages AS {ENDLESS} SELECT i AS ts, * FROM n", "no table messages"),
+        ("TABLE others (ts)", "no table messages"),
+        ("TABLE messages (ts, arbitration_id, extended, remote, error, data)", "no such column: dlc"),
+        (f"TABLE messages ({PLACES}, data AS (zeroblob(1 << 24)))", "string or blob too big"),
+    ],
+)
+def test_what_is_computed_and_need_not_end_is_not_read(tmp_path: Path, made: str, text: str) -> None:
+    file = tmp_path / "odd.db"
+    with closing(sqlite3.connect(file)) as connection, connection:
+        connection.execute(f"CREATE {made}")
+        if "TABLE messages" in made:
+            connection.execute("INSERT INTO messages DEFAULT VALUES")
+    ((*_, raw),) = read(file)
+    assert raw == Foreign(Damage.CUT_OFF, f"SQLite reads no further: {text}")
 
 
 HEADER, LINE = "timestamp,arbitration_id,extended,remote,error,dlc,data\n", "1.5,0x14,0,0,0,2,AQI=\n"
@@ -117,7 +176,7 @@ def test_what_is_written_is_read_again(tmp_path: Path) -> None:
 
 def test_a_table_that_cannot_be_written_is_an_oserror_with_the_file(tmp_path: Path) -> None:
     file = table(tmp_path)
-    with pytest.raises(OSError, match=r"bus\.db: table messages already exists"):
+    with pytest.raises(OSError, match=r"table messages already exists: '.*bus\.db'"):
         write_table(file, [])
 
 

@@ -1,0 +1,48 @@
+"""The normal form of a file: what is written differently, which of that CiA 306 allows, what is guessed or lost."""
+
+from __future__ import annotations
+
+from eurobot_od.od.description import ObjectCode
+from eurobot_od.od.normal import Change, Dropped, normal
+from tests.rows import rows
+
+LISTS = Change(1, "lists of objects added")
+VARIABLE = "ParameterName=x\nDataType=7\nAccessType=ro\n"
+SUBS = f"[2000sub0]\n{VARIABLE}[2000sub1]\n{VARIABLE}"
+
+
+@rows(
+    "text, line, what, standard, guessed",
+    [
+        ("[2000]\nParameterName=x\nAccessType=ro\n", 1, "[2000]: no DataType, read as DOMAIN", False, True),
+        ("[2000]\nObjectType=2\nAccessType=ro\n", 1, "[2000]: DataType=0x000F added", True, False),
+        (f"[2000]\nObjectType=6\nSubNumber=2\n{SUBS}", 2, "[2000]: ObjectType=0x9 written", True, False),
+        (f"[2000]\nObjectType=7\nSubNumber=2\n{SUBS}", 2, "[2000]: ObjectType=0x9 written", False, False),
+        (f"[2000]\nObjectType=9\nSubNumber=3\n{SUBS}", 3, "[2000]: SubNumber=2 written", False, False),
+        (f"[2000]\n{VARIABLE}[0x2000]\n{VARIABLE}", 5, "[0x2000] made a comment: [2000] is there", True, False),
+        (f"[0x2000]\n{VARIABLE}", 1, "section [0x2000] named [2000]", False, False),
+    ],
+)
+def test_a_change_says_where_it_is_and_whether_the_file_was_right(
+    text: str, line: int, what: str, standard: bool, guessed: bool
+) -> None:
+    assert Change(line, what, standard, guessed) in normal(text.encode()).changes
+
+
+@rows(
+    "text, dropped",
+    [
+        (f"[2000]\nObjectType=6\nSubNumber=2\n{SUBS}", [Dropped(0x2000, None, "object_code", ObjectCode.DEFSTRUCT)]),
+        ("[2000]\nObjectType=2\nAccessType=ro\n", [Dropped(0x2000, None, "object_code", ObjectCode.DOMAIN)]),
+        (f"[2000]\nObjectType=9\nSubNumber=2\n{SUBS}", []),
+        (f"[2000]\nObjectType=7\nSubNumber=2\n{SUBS}", []),
+    ],
+)
+def test_what_canopen_does_not_get_from_the_text_is_listed(text: str, dropped: list[Dropped]) -> None:
+    assert normal(text.encode()).dropped == dropped
+
+
+def test_a_file_in_its_normal_form_stays_as_it_is() -> None:
+    made = normal(normal(f"[2000]\nObjectType=9\nSubNumber=2\n{SUBS}".encode()).text.encode())
+    assert (made.changes, made.refusals, made.dropped) == ([], [], [])
+    assert made.text == normal(made.text.encode()).text
