@@ -155,6 +155,15 @@ SERVICE_FIELDS = (
 """The fields of all services."""
 
 
+def _fields(meaning: Meaning) -> dict[str, Any]:
+    """Return the fields of a frame, numbers and the texts that a person writes."""
+    if meaning.message is not None:
+        return plain(meaning.message)
+    if meaning.group != CANOPEN:
+        return meaning.fields
+    return {name: _plain(name, value) for name, value in meaning.fields.items()}
+
+
 def _plain(name: str, value: Any) -> Any:
     """Return a field of a service as a number or as the text that a person writes."""
     if name in DIGITS:
@@ -169,12 +178,10 @@ class JsonOutput(Output):
 
     def row(self, meaning: Meaning) -> str:
         data: dict[str, Any] = _identification(meaning)
-        if meaning.message is not None:
-            data["fields"] = plain(meaning.message)
-        elif meaning.text:
+        if meaning.message is None and meaning.text:
             data["text"] = meaning.text
-            if said := meaning.fields:
-                data["fields"] = {name: _plain(name, value) for name, value in said.items()}
+        if meaning.message is not None or meaning.fields:
+            data["fields"] = _fields(meaning)
         if meaning.defects:
             data["damage"] = [{"kind": damage.value, "text": text} for damage, text in meaning.defects]
         return _json(data)[1:]  # the writer opens the object with the place and the time
@@ -219,10 +226,7 @@ class CsvOutput(Output):
 
     def row(self, meaning: Meaning) -> str:
         known = _identification(meaning)
-        if meaning.message is not None:
-            fields = plain(meaning.message)
-        else:
-            fields = {name: _plain(name, value) for name, value in meaning.fields.items()}
+        fields = _fields(meaning)
         damage = "; ".join(f"{damage.value}: {text}" for damage, text in meaning.defects)
         head = [known.get(key, "") for key in FRAME]
         return _joined([*head, meaning.text, damage, *(fields.get(field, "") for field in self._fields)])
@@ -298,8 +302,8 @@ class Follower:
         text = f"{meaning.nodes[0]}, {said.text}" if said.text else meaning.text
         defects = (Defect(Damage.INCOMPLETE, f"{meaning.raw}: {said.lost}"),) if said.lost else ()
         # The segments of a block look like any other command.
-        service = None if said.text and not said.ended else meaning.service
-        return meaning._replace(text=f"{text}{said.more}", defects=defects, transfer=said.ended, service=service)
+        fields = dict if said.text and not said.ended else meaning.said
+        return meaning._replace(text=f"{text}{said.more}", defects=defects, transfer=said.ended, said=fields)
 
     def unfinished(self) -> Iterator[tuple[str, Meaning, SdoTransfer]]:
         """Yield the transfers that the end of the log cuts off, with channel and the last frame's meaning."""

@@ -18,7 +18,7 @@ from eurobot_od.pdo.binding import Binding
 from eurobot_od.sdo.wire import code_and_reason
 from eurobot_od.support.texts import amount, columns, one_line, text
 from eurobot_od.traffic.decoding import Clock, Output, Rows, TextOutput, Write
-from eurobot_od.traffic.entries import Batch, Raw
+from eurobot_od.traffic.entries import Batch, Damage, Raw
 from eurobot_od.traffic.load import MICROSECONDS, BoundRow, MessageSet, load_report
 from eurobot_od.traffic.meaning import Meaning, SdoTransfer
 from eurobot_od.traffic.services import HEARTBEAT, SDO
@@ -188,7 +188,7 @@ class TrafficOutput(Output):
 
     def row(self, meaning: Meaning) -> CountedRow | None:
         counted = CountedRow(meaning.name or "?", meaning.sender, meaning.transfer)
-        return counted if isinstance(meaning.raw, Frame) else None
+        return counted if isinstance(meaning.raw, Frame) or meaning.raw.damage is Damage.FD else None
 
     def rows_of(self, binding: Binding) -> Rows:
         row, texts_of = CountedRow(binding.name, next(iter(binding.senders), "")), self._text.rows_of(binding)
@@ -202,7 +202,7 @@ class TrafficOutput(Output):
     def writer(self, log: str) -> Write:
         self._heading = [one_line(f"{log}:")] if self._several else []
         self._seen: dict[str, SeenTraffic] = {}
-        self._transfers = TransferCounts()
+        self._transfers, self._fd = TransferCounts(), Counter[str]()
 
         def write(batch: Batch, rows: Sequence[CountedRow | None], clock: Clock) -> str:
             times = list(batch.times if clock is float else map(clock, batch.times))
@@ -235,6 +235,8 @@ class TrafficOutput(Output):
             elif isinstance(head, Frame):
                 bits = len(places) * frame_bits(head)
                 seen.take_all(head.cob_id, ended, bits, first.name, first.sender, head.is_remote)
+            else:
+                self._fd[first.name] += len(places)
             if first.name in (SDO, HEARTBEAT):
                 for transfer in filter(None, (rows[place].transfer for place in places)):
                     self._transfers.add(transfer)
@@ -246,7 +248,11 @@ class TrafficOutput(Output):
 
     def footer(self) -> str:
         buses = self._seen or {"": SeenTraffic(self._bit_rate, self._promised)}
-        return "".join(f"{line}\n" for line in (*self._heading, *tables(buses), *self._transfers.report()))
+        # How long a frame of CAN FD took, its own bit rate would say, which no log has.
+        names = ", ".join(f"{number} x {name}" for name, number in sorted(self._fd.items()))
+        others = [one_line(f"not in the load, CAN FD: {names}")] if names else []
+        lines = (*self._heading, *tables(buses), *others, *self._transfers.report())
+        return "".join(f"{line}\n" for line in lines)
 
 
 class TransferCounts:

@@ -271,7 +271,7 @@ class ConsoleFormat(LineFormat):
         if extended and identifier & ERROR_FLAG:
             raw = foreign(Damage.ERROR_FRAME, identifier, data)
         elif found["length"] and len(found["length"]) == FD_DIGITS:
-            raw = foreign(Damage.FD, identifier, data)
+            raw = foreign(Damage.FD, identifier, data, extended)
         else:
             raw = frame(identifier, data, extended, length if found["remote"] else None)
         return time, found["channel"].decode(), raw
@@ -357,7 +357,7 @@ class AscFormat(LineFormat):
         data = bytes([int(octet, 16) for octet in words[: int(length)]])
         flags = int(words[int(length) + 2], 16)
         if flags & ASC_FD_FLAG or len(data) > MOST_BYTES:  # some lines have no flags
-            return foreign(Damage.FD, number, data)
+            return foreign(Damage.FD, number, data, extended)
         return frame(number, data, extended, int(dlc, 16) if flags & ASC_REMOTE_FLAG else None)
 
     def _data(self, length: bytes, *octets: bytes) -> bytes:
@@ -437,13 +437,15 @@ class TrcFormat(LineFormat):
         identifier, data = words[self._identifier], " ".join(words[self._data :]).rstrip()
         kind = None if self._type is None else words[self._type]
         damage = None if kind is None else TRC_FRAMES[kind]
+        extended = len(identifier) >= TRC_EXTENDED
+        if damage is Damage.FD:
+            return time, channel, foreign(damage, int(identifier, 16), bytes.fromhex(data), extended)
         if damage is not None:
             return time, channel, Foreign(damage, shortened(rest))
         is_remote, length = kind == TRC_REMOTE or data == TRC_REMOTE_DATA, int(words[self._length])
         octets = b"" if is_remote else bytes.fromhex(data)
         if not is_remote and length != len(octets):
             raise ValueError(rest)
-        extended = len(identifier) >= TRC_EXTENDED
         return time, channel, frame(int(identifier, 16), octets, extended, length if is_remote else None)
 
 
@@ -518,7 +520,7 @@ class GvretFormat(LineFormat):
         data, number = bytes([int(octet, 16) for octet in octets[: int(length)]]), int(identifier, 16)
         time = seconds(int(stamp) / 1e6)
         if len(data) > MOST_BYTES:
-            return time, channel.decode(), foreign(Damage.FD, number, data)
+            return time, channel.decode(), foreign(Damage.FD, number, data, extended.lower() in GVRET_TRUE)
         if len(data) != int(length):
             raise ValueError(line)
         return time, channel.decode(), frame(number, data, extended.lower() in GVRET_TRUE)
@@ -544,7 +546,7 @@ class IxxatFormat(LineFormat):
             return time, "", frame(number, b"", extended, int(text.rpartition(b"=")[2]))
         data = bytes.fromhex(text.decode())
         if len(data) > MOST_BYTES:
-            return time, "", foreign(Damage.FD, number, data)
+            return time, "", foreign(Damage.FD, number, data, extended)
         return time, "", frame(number, data, extended)
 
 
