@@ -130,7 +130,7 @@ class Meaning(NamedTuple):
 
     @property
     def fields(self) -> Fields:
-        """What it says as data, besides a message: of the frame that ends an SDO transfer, all that the transfer was."""
+        """What it says as data, besides a message: of the frame that ends an SDO transfer, all that this was."""
         if self.transfer and self.transfer.is_whole and self.name == SDO:
             return self.transfer.fields
         return self.said()
