@@ -68,7 +68,7 @@ def monitor(
     sort: order of the table
     plain: print lines as decode does, and the table at the end
     statistics: also print load, gaps, response times and bounds at the end
-    ask: read the devices' present PDO parameters by SDO
+    ask: read the devices' present PDO parameters by SDO; without files, of all that answer
     """
     if ask and logs:
         raise LocalError("--ask is for a bus: a log has no devices to ask")

@@ -14,7 +14,7 @@ from typing import Any
 from eurobot_od.errors import DictionaryError
 from eurobot_od.od import standard, values
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.od.values import ALL_NODES, Address, MappingEntry
+from eurobot_od.od.values import ALL_NODES, Address, MappingEntry, Multiplex, Value
 
 RECORDS = (*values.COMMUNICATION_RECORDS.values(), *values.MAPPING_RECORDS.values())
 
@@ -31,13 +31,14 @@ def is_followed(address: Address) -> bool:
 
 
 class InForce:
-    """What the devices of one bus have in force; at first what their files say."""
+    """What the devices of one bus have in force; at first what their files say, or what was `learned` of them."""
 
-    def __init__(self, dictionaries: Iterable[Dictionary]) -> None:
+    def __init__(self, dictionaries: Iterable[Dictionary], learned: Iterable[Dictionary] = ()) -> None:
         self._files = {each.node_id: each for each in dictionaries}
-        self._shown: dict[int, dict[Address, int]] = {}
-        self._stored: dict[int, dict[Address, int]] = {}
-        self._present: dict[int, Dictionary] = {}
+        self._present = {each.node_id: each for each in learned}
+        # After a start, too: nothing is known of what it has then, and most have the same.
+        self._stored = {node_id: _numbers(each) for node_id, each in self._present.items()}
+        self._shown = {node_id: dict(shown) for node_id, shown in self._stored.items()}
 
     @property
     def described(self) -> list[Dictionary]:
@@ -97,7 +98,7 @@ class InForce:
         if file is not None:
             now: Dictionary | None = file.configured(shown)
         else:
-            now = _made(node_id, shown)
+            now = made(node_id, shown)
         if now is None:
             self._present.pop(node_id, None)
         else:
@@ -119,9 +120,15 @@ UNSIGNED8, UNSIGNED32 = 5, 7
 """Codes of data types (CiA 301, Table 44)."""
 
 
-def _made(node_id: int, shown: Mapping[Address, int]) -> Dictionary | None:
+def _numbers(device: Dictionary) -> dict[Address, int]:
+    """Return what a device that was made has of what is followed."""
+    numbers = {each: device.number(each) for each in device.addresses() if is_followed(each)}
+    return {address: number for address, number in numbers.items() if number is not None}
+
+
+def made(node_id: int, shown: Mapping[Address, Value]) -> Dictionary | None:
     """Return a dictionary of the services and the PDOs that are shown with their whole mapping; None without any."""
-    text = "".join(_sections(shown))
+    text = "".join(_sections({address: value for address, value in shown.items() if isinstance(value, int)}))
     if not text:
         return None
     name = f"node {node_id}"
@@ -142,13 +149,14 @@ def _sections(shown: Mapping[Address, int]) -> Iterator[str]:
     for direction, records in values.COMMUNICATION_RECORDS.items():
         for index in records:
             mapping = index + values.MAPPING_OFFSET
-            subs = range(1, shown.get((mapping, 0), 0) + 1)
+            count = shown.get((mapping, 0), 0)
+            subs = range(1, (0 if count in set(Multiplex) else count) + 1)
             if (mapping, 0) not in shown or any((mapping, sub) not in shown for sub in subs):
                 continue
             for record, last in ((index, values.EVENT_TIMER), (mapping, len(subs))):
                 kept = {sub: shown[record, sub] for sub in range(1, last + 1) if (record, sub) in shown}
                 name = f"{direction.name} {index - records[0] + 1} {'parameter' if record == index else 'mapping'}"
-                yield _record(record, name, kept | ({0: len(subs)} if record == mapping else {0: last}))
+                yield _record(record, name, kept | {0: count if record == mapping else last})
             for entry in (MappingEntry.of(shown[mapping, sub]) for sub in subs):
                 objects[entry.address] = max(entry.bits, objects.get(entry.address, 0))
     for index in dict.fromkeys(index for index, _ in objects):

@@ -314,7 +314,7 @@ class Follower:
         """Take in what a transfer shows of a device; of a write only what the device has confirmed."""
         if ended and ended.end and ended.address and ended.content is not None and ended.address[0] in SHOWN:
             if channel not in self._shown:
-                self._shown[channel] = InForce(self._first.dictionaries)
+                self._shown[channel] = InForce(self._first.dictionaries, self._first.learned)
             self._news(channel, self._shown[channel].show(ended.end.server, ended.address, ended.content))
 
     def _news(self, channel: str, is_news: bool) -> None:

@@ -166,8 +166,8 @@ class Decoder:
         others: Mapping[int, ForeignMessage] = MappingProxyType({}),
     ) -> None:
         self.dictionaries, self.others = tuple(dictionaries), others
-        self._learned = tuple(learned)
-        self.protocol = Protocol.of_devices((*self.dictionaries, *self._learned), catalogue, refused, listening=True)
+        self.learned = tuple(learned)
+        self.protocol = Protocol.of_devices((*self.dictionaries, *self.learned), catalogue, refused, listening=True)
         self._own_errors, self._master = errors, master or MASTER
         self._bindings = {each.cob_id: each for each in self.protocol.bindings}
         self._readers: dict[int | Damage, Callable[[Any], Meaning]] = {}
@@ -180,7 +180,7 @@ class Decoder:
     @cached_property
     def services(self) -> Mapping[int, CanopenService]:
         """The services by identifier; made late, as many logs have none."""
-        return services(self.dictionaries, self.errors, self._master, self._learned)
+        return services(self.dictionaries, self.errors, self._master, self.learned)
 
     @cached_property
     def errors(self) -> ErrorWords:
@@ -209,7 +209,7 @@ class Decoder:
     @cached_property
     def _others(self) -> Mapping[int, ForeignMessage]:
         """Those of `others` that are neither a device's nor, on a bus with devices, a service's of CANopen."""
-        devices = {each.name for each in (*self.dictionaries, *self._learned)}
+        devices = {each.name for each in (*self.dictionaries, *self.learned)}
 
         def is_known(cob_id: int) -> bool:
             service = self.services.get(cob_id)
