@@ -141,11 +141,11 @@ class Devices:
         from eurobot_od.client.master import Master
         from eurobot_od.pdo.in_force import made
 
-        asked, learned = [], []
+        asked, learned = [], list[Dictionary]()
         with Master(bus.open()) as master:
             for node_id in () if self.are_known else (each.node_id for each in scan(master)):
                 try:
-                    learned.append(made(node_id, all_pdo_parameters(master.node(node_id))))
+                    learned += made(node_id, all_pdo_parameters(master.node(node_id)))
                 except RemoteError as error:
                     complain(f"node {node_id}: {error}")
             for dictionary in self.load_and_complain() if self.are_known else ():
@@ -155,7 +155,7 @@ class Devices:
                 except RemoteError as error:  # one node that is off must not keep the others from being decoded
                     complain(f"{dictionary.name}: PDOs as in {dictionary.file}: {error}")
                     asked.append(dictionary)
-        return decoder_of(asked, self.robot, error_words(emcy), self.master, dbc, filter(None, learned))
+        return decoder_of(asked, self.robot, error_words(emcy), self.master, dbc, learned)
 
     def promised(self, decoder: Decoder) -> MessageSet:
         """Return what a decoder's devices send, and how often; nothing if a period is missing."""

@@ -158,7 +158,7 @@ def pdo(
     with target.opened() as node:
         described = target.needed_description(node) if action else target.description(node)
         if described is None:
-            found = _pdos(_learned(node))
+            found = _learned(node)
         else:
             dictionary = described.dictionary
             found = _present_pdos(node, dictionary)
@@ -181,21 +181,21 @@ def pdo(
 
 def _present_pdos(node: RemoteNode, dictionary: Dictionary) -> list[Pdo]:
     """Return a node's PDOs as they are set now; complains of those whose mapping does not hold."""
-    return _pdos(dictionary.configured(pdo_parameters(node, dictionary)))
+    return _pdos([dictionary.configured(pdo_parameters(node, dictionary))])
 
 
-def _pdos(present: Dictionary) -> list[Pdo]:
-    with left_out() as refused:
-        return list(present.read_pdos(present.default, refused))
-
-
-def _learned(node: RemoteNode) -> Dictionary:
-    """Return what a node without a file says of its PDOs; raises LocalError if it has none."""
+def _learned(node: RemoteNode) -> list[Pdo]:
+    """Return the PDOs of a node without a file; raises LocalError if it has none."""
     with passing(f"node {node.node_id}", PDO_RECORDS) as records:
         found = made(node.node_id, all_pdo_parameters(node, records))
-    if found is None:
+    if not found:
         raise LocalError(f"node {node.node_id} has no PDO, and no EDS has its identity: name one by --eds")
-    return found
+    return _pdos(found)
+
+
+def _pdos(present: Iterable[Dictionary]) -> list[Pdo]:
+    with left_out() as refused:
+        return [pdo for each in present for pdo in each.read_pdos(each.default, refused)]
 
 
 def _pdo_row(each: Pdo) -> tuple[str, ...]:

@@ -12,7 +12,7 @@ import io
 import json
 from bisect import bisect_right
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from functools import lru_cache
+from functools import cache, lru_cache, partial
 from typing import Any, BinaryIO, TypeAlias
 
 from eurobot_od.device.nmt import TOGGLE, NmtCommand, NmtState
@@ -111,7 +111,8 @@ class TextOutput(Output):
         return one_line(f"{name.ljust(NAME_WIDTH)} {text}" if text else name)
 
     def rows_of(self, binding: Binding) -> Rows:
-        head, length, write = f"{binding.name.ljust(NAME_WIDTH)} ", binding.layout.length, texts_writer(binding)
+        head, length = f"{binding.name.ljust(NAME_WIDTH)} ", binding.layout.length
+        writer = cache(partial(texts_writer, binding))  # compiled for the first of them: a device may be mapped anew
         alone, head = [one_line(binding.name)], one_line(head)
 
         def rows(data: Sequence[bytes]) -> Sequence[str | None]:
@@ -119,7 +120,7 @@ class TextOutput(Output):
                 return [rows([each])[0] if len(each) == length else None for each in data]
             if not binding.limits:
                 return alone * len(data)
-            written = write(head, words_of(binding, data))
+            written = writer()(head, words_of(binding, data))
             return [None if OUTSIDE in each else each for each in written] if OUTSIDE in "".join(written) else written
 
         return rows
@@ -319,7 +320,8 @@ class Follower:
 
     def _news(self, channel: str, is_news: bool) -> None:
         if is_news:
-            self._decoders[channel] = self._first.as_shown(self._shown[channel])
+            former = self._decoders.get(channel, self._first)
+            self._decoders[channel] = former.as_shown(self._shown[channel])
             self._changed(channel, self._decoders[channel])
 
     def _booted(self, channel: str, frame: Frame, meaning: Meaning) -> Meaning:

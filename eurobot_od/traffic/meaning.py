@@ -152,7 +152,8 @@ class Decoder:
 
     `errors` are words for emergency error codes of single nodes, by node-ID; 0 stands for all nodes. `master` is the
     name of who leads the network. What is `learned` of devices without files says where their PDOs and services are.
-    `others` are messages of other protocols, by COB-ID: they name what no device is known to send.
+    `others` are messages of other protocols, by COB-ID: they name what no device is known to send; `former` are
+    messages by name that may be the same still.
     """
 
     def __init__(
@@ -164,10 +165,12 @@ class Decoder:
         master: str = MASTER,
         learned: Iterable[Dictionary] = (),
         others: Mapping[int, ForeignMessage] = MappingProxyType({}),
+        former: Mapping[str, Binding] = MappingProxyType({}),
     ) -> None:
         self.dictionaries, self.others = tuple(dictionaries), others
         self.learned = tuple(learned)
-        self.protocol = Protocol.of_devices((*self.dictionaries, *self.learned), catalogue, refused, listening=True)
+        devices = (*self.dictionaries, *self.learned)
+        self.protocol = Protocol.of_devices(devices, catalogue, refused, listening=True, former=former)
         self._own_errors, self._master = errors, master or MASTER
         self._bindings = {each.cob_id: each for each in self.protocol.bindings}
         self._readers: dict[int | Damage, Callable[[Any], Meaning]] = {}
@@ -175,7 +178,7 @@ class Decoder:
     def as_shown(self, shown: InForce) -> Decoder:
         """Return the decoder for what the devices have in force now; a PDO that does not hold is left out."""
         known = shown.described, self.protocol.catalogue, lambda _: None, self._own_errors, self._master
-        return Decoder(*known, shown.learned, self.others)
+        return Decoder(*known, shown.learned, self.others, self.protocol.by_name)
 
     @cached_property
     def services(self) -> Mapping[int, CanopenService]:

@@ -79,8 +79,8 @@ def test_objects_are_mapped_in_their_order(node: RemoteDevice, names: list[str])
 def same_pdos(node: RemoteNode, file: Dictionary) -> bool:
     """Whether a node's PDOs are the same read without its file, but for their names."""
     found, known = made(node.node_id, all_pdo_parameters(node)), file.configured(pdo_parameters(node, file))
-    assert found is not None
-    told = ([(*astuple(replace(p, mapping=(), name="")), *mapping_of(p)) for p in each.pdos] for each in (found, known))
+    read = [pdo for each in found for pdo in each.pdos]
+    told = ([(*astuple(replace(p, mapping=(), name="")), *mapping_of(p)) for p in each] for each in (read, known.pdos))
     return next(told) == next(told) != []
 
 

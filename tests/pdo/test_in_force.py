@@ -178,9 +178,7 @@ LEARNED: dict[tuple[int, int], Value] = {
 
 
 def test_what_a_device_without_a_file_was_asked_for_stays_known() -> None:
-    device = made(1, LEARNED)
-    assert device is not None
-    following = Following(Decoder((), learned=[device]))
+    following = Following(Decoder((), learned=made(1, LEARNED)))
     frames = [Frame(0x191, b"\xe8\3\0\0"), *map(Frame.parse, REMAP.replace("601", "602").replace("581", "582").split())]
     frames += [frames[0], Frame(0x701, b"\0"), frames[0], Frame(0x091, bytes(8))]
     meanings = [following(0, "a", each) for each in frames]
