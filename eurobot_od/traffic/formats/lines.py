@@ -1,4 +1,4 @@
-"""Logs that consist of lines: candump, Vector's ASC, PEAK's TRC, BUSMASTER, SavvyCAN's GVRET, IXXAT, python-can's CSV.
+"""Logs of lines: candump, Vector's ASC, PEAK's TRC, BUSMASTER, SavvyCAN's GVRET, IXXAT, Kvaser, python-can's CSV.
 
 A format turns a line into an entry or says why it cannot. A line that cannot be read is an entry like any other, and
 does not spoil its neighbours.
@@ -548,6 +548,36 @@ class IxxatFormat(LineFormat):
         if len(data) > MOST_BYTES:
             return time, "", foreign(Damage.FD, number, data, extended)
         return time, "", frame(number, data, extended)
+
+
+# Kvaser's CanKing, ` 0    0000070A         1  00                154.266550 R`; times are since its start
+
+
+KVASER = re.compile(
+    rb"\s*(?P<channel>\d+)\s+(?P<identifier>[0-9A-F]{1,8})\s+(?:(?P<extended>X)\s+)?"
+    rb"(?:(?P<error>ErrorFrame)|(?P<length>\d+)(?P<data>(?:\s+[0-9A-F]{2}\b)*))\s+(?P<time>\d+\.\d+)\s+[RT]\s*",
+    re.IGNORECASE,
+)
+"""A line; no public description has the lines of remote frames and of CAN FD."""
+
+
+class KvaserFormat(LineFormat):
+    """Reads one log of CanKing; what does not begin with a channel is a heading or a note."""
+
+    def comment(self, line: bytes) -> bool:
+        return not line.strip()[:1].isdigit()
+
+    def entry(self, line: bytes) -> tuple[float, str, Raw]:
+        found = KVASER.fullmatch(line)
+        if found is None:
+            raise ValueError(line)
+        time, channel, identifier = seconds(found["time"]), found["channel"].decode(), int(found["identifier"], 16)
+        if found["error"]:
+            return time, channel, Foreign(Damage.ERROR_FRAME, shortened(line))
+        data = bytes.fromhex(found["data"].decode())
+        if len(data) != int(found["length"]):
+            raise ValueError(line)
+        return time, channel, frame(identifier, data, found["extended"])
 
 
 # CSV, `1396.123456,0x8,0,0,0,8,0nQjWSwBw6U=`, as python-can writes it: identifier, flags, length, data in base 64
