@@ -141,6 +141,21 @@ def test_ixxat(separator: str, entry: str, time: float, raw: Raw) -> None:
     assert read(f"{IXXAT.format(separator)}{line}\n") == [(time, "", raw)]
 
 
+@pytest.mark.parametrize(
+    ("entry", "raw"),
+    [
+        ('"70A","1","00","."', BOOT),
+        ('" 80","0","",""', Frame(0x080)),
+        ('"601","8","40 00 10 00 00 00 00 00","@",".."', SDO),  # an ASCII column with anything in it
+        ('"18FF0001","2","AA BB",".."', Frame(EXTENDED | 0x18FF0001, b"\xaa\xbb")),
+    ],
+)
+def test_ixxats_analyser(entry: str, raw: Raw) -> None:
+    head = '"Bus","No","Time (abs)","State","ID (hex)","DLC","Data (hex)","ASCII"\n'
+    line = f'"USB-to-CAN compact  CAN-1","1","00:02:20.66","      ",{entry}\n'
+    assert read(f"{head}{line}") == [(140.66, "CAN-1", raw)]
+
+
 KVASER = "Chn Identifier Flg   DLC  D0...1...2...3...4...5...6..D7       Time     Dir\n"
 
 
