@@ -50,7 +50,7 @@ class Protocol:
 
     `catalogue` has the message types; a PDO that it does not know becomes a named tuple of plain numbers. `refused`
     gets a MappingError if a mapping does not fit its message type, if two messages share a COB-ID, or if two
-    dictionaries disagree about a message; by default it is raised. `former` has messages that may be the same still.
+    dictionaries disagree about a message; by default it is raised. `former` are messages that may be the same still.
     """
 
     CATALOGUE: ClassVar[Catalogue] = NOTHING
@@ -61,9 +61,9 @@ class Protocol:
         sources: Iterable[PdoSource],
         catalogue: Catalogue = NOTHING,
         refused: OnRefused = fatal,
-        former: Mapping[str, Binding] = MappingProxyType({}),
+        former: Iterable[Binding] = (),
     ) -> None:
-        self.catalogue, self._former = catalogue, former
+        self.catalogue, self._former = catalogue, {each.name: each for each in former}
         self._bindings: dict[str, Binding] = {}
         self._by_cob_id: dict[int, Binding] = {}
         valid = [
@@ -105,7 +105,7 @@ class Protocol:
         catalogue: Catalogue,
         refused: OnRefused = fatal,
         listening: bool = False,
-        former: Mapping[str, Binding] = MappingProxyType({}),
+        former: Iterable[Binding] = (),
     ) -> Self:
         """Return the messages of devices as their files map them; `refused` also gets what a file's mapping lacks.
 
@@ -187,11 +187,6 @@ class Protocol:
         return binding.name, binding.unpack(data)
 
     # What there is
-
-    @property
-    def by_name(self) -> Mapping[str, Binding]:
-        """All messages by their names."""
-        return self._bindings
 
     @property
     def bindings(self) -> tuple[Binding, ...]:

@@ -153,7 +153,7 @@ class Decoder:
     `errors` are words for emergency error codes of single nodes, by node-ID; 0 stands for all nodes. `master` is the
     name of who leads the network. What is `learned` of devices without files says where their PDOs and services are.
     `others` are messages of other protocols, by COB-ID: they name what no device is known to send; `former` are
-    messages by name that may be the same still.
+    messages that may be the same still.
     """
 
     def __init__(
@@ -165,7 +165,7 @@ class Decoder:
         master: str = MASTER,
         learned: Iterable[Dictionary] = (),
         others: Mapping[int, ForeignMessage] = MappingProxyType({}),
-        former: Mapping[str, Binding] = MappingProxyType({}),
+        former: Iterable[Binding] = (),
     ) -> None:
         self.dictionaries, self.others = tuple(dictionaries), others
         self.learned = tuple(learned)
@@ -178,7 +178,7 @@ class Decoder:
     def as_shown(self, shown: InForce) -> Decoder:
         """Return the decoder for what the devices have in force now; a PDO that does not hold is left out."""
         known = shown.described, self.protocol.catalogue, lambda _: None, self._own_errors, self._master
-        return Decoder(*known, shown.learned, self.others, self.protocol.by_name)
+        return Decoder(*known, shown.learned, self.others, self.protocol.bindings)
 
     @cached_property
     def services(self) -> Mapping[int, CanopenService]:
