@@ -18,7 +18,7 @@ from environment import ROOT, call, ensure
 from pythons import ROWS, find
 
 VERSIONS = tuple(dict.fromkeys(row.version for row in ROWS.values()))
-EXTRAS = ("remote", "monitor", "web", "png", "mf4", "season", "mcap", "cluster")
+EXTRAS = ("remote", "monitor", "web", "png", "mf4", "dbc", "season", "mcap", "cluster")
 """What a user may ask for; the others are for developers."""
 
 

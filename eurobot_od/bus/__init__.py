@@ -5,16 +5,17 @@ Lengths are in bit times: exactly, and at most.
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from functools import cache, lru_cache
 from typing import NamedTuple
 
-from eurobot_od.frame import EXTENDED, HIGHEST_EXTENDED, MOST_BYTES, Frame
+from eurobot_od.frame import EXTENDED, HIGHEST_EXTENDED, Frame
 
 # x^15 + x^14 + x^10 + x^8 + x^7 + x^4 + x^3 + 1, its highest power left out (ISO 11898-1).
 CRC_POLYNOMIAL = 0x4599
 CRC_BITS = 15
+POLYNOMIAL_PLACES = [place for place in range(CRC_BITS) if CRC_POLYNOMIAL >> (CRC_BITS - 1 - place) & 1]
+"""Where it has a 1, counted from its highest bit."""
 
 END_OF_FRAME = 7
 INTERMISSION = 3
@@ -37,10 +38,42 @@ def frame_bits(frame: Frame) -> int:
     )  # a remote frame has the length of the answer, and no data
 
 
-def bits_together(cob_id: int, data: Iterable[bytes]) -> int:
-    """Return the bit times of data frames with one identifier, as `frame_bits` of each."""
-    heads = [_head(cob_id, False, length) for length in range(MOST_BYTES + 1)]
-    return sum(number * _bits(heads[len(each)], each) for each, number in Counter(data).items())
+def bits_together(cob_id: int, data: Sequence[bytes]) -> int:
+    """Return the bit times of data frames with one identifier, as `frame_bits` of each; quicker for hundreds of them.
+
+    A bit of all frames is one integer: what is done to it is done to as many frames at once.
+    """
+    lengths = set(map(len, data))
+    if len(lengths) != 1:
+        return sum(bits_together(cob_id, [each for each in data if len(each) == length]) for length in lengths)
+    length, joined, every = lengths.pop(), b"".join(data), (1 << len(data)) - 1
+    head = _head(cob_id, False, length)
+    columns = (joined[place::length] for place in range(length))
+    bits = [int(column.translate(digits), 2) for column in columns for digits in DIGITS]
+    bits += _crc_bits([every * (head.register >> place & 1) for place in reversed(range(CRC_BITS))], bits)
+    # By the number of equal bits at the end, from 1 to 4, the frames that have so many.
+    one, two, three, four = (every * (head.run >> 9 == number) for number in range(1, LONGEST_RUN))
+    level, stuffed = every * (head.run >> 8 & 1), 0
+    for bit in bits:
+        same = every ^ bit ^ level
+        five = four & same
+        one, two, three, four = every ^ same | five, one & same, two & same, three & same
+        level = bit ^ five
+        stuffed += five.bit_count()
+    return len(data) * (head.bits + 8 * length + head.stuffed) + stuffed
+
+
+DIGITS = [bytes(b"01"[byte >> place & 1] for byte in range(256)) for place in reversed(range(8))]
+"""For each bit, from the highest on, what it is in each byte, as a binary digit."""
+
+
+def _crc_bits(register: list[int], bits: Iterable[int]) -> list[int]:
+    """Return the bits of a CRC behind these, from the highest on; each is that of many frames."""
+    for bit in bits:
+        back, *register = bit ^ register[0], *register[1:], 0
+        for place in POLYNOMIAL_PLACES:
+            register[place] ^= back
+    return register
 
 
 def longest_frame(length: int) -> int:

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Annotated, Any, BinaryIO, TypeAlias
 
 from eurobot_od.cli import ExitStatus
 from eurobot_od.cli.devices import Devices
-from eurobot_od.cli.options import BitRate, BusOptions, EmcyFiles, Json, Seconds, assigned, positive, whole
+from eurobot_od.cli.options import BitRate, BusOptions, DbcFiles, EmcyFiles, Json, Seconds, assigned, positive, whole
 from eurobot_od.cli.signature import HelpGroup, Option
 from eurobot_od.errors import LocalError, UnknownName
 from eurobot_od.frame import Frame
@@ -147,7 +147,7 @@ class Filters:
         """Return the filter, None for none; raises LocalError for a name or a value that cannot be."""
         wanted: list[Wanted] = [by_value(text, decoder.protocol) for text in self.where]
         if self.message:
-            wanted.append(by_name(self.message, decoder.protocol))
+            wanted.append(by_name(self.message, decoder))
         if self.node:
             wanted.append(by_node(self.node, [each.name for each in decoder.dictionaries]))
         return (lambda meaning: all(each(meaning) for each in wanted)) if wanted else None
@@ -168,6 +168,7 @@ def decode(
     strict: bool = False,
     devices: Devices,
     emcy: EmcyFiles = (),
+    dbc: DbcFiles = (),
 ) -> ExitStatus:
     """Decode logs of a CAN bus: messages with their fields and units, CANopen services, and whatever is wrong.
 
@@ -185,7 +186,7 @@ def decode(
     $ decode run.log --eds 5=motor.eds
     $ decode run.log --statistics
     """
-    decoder = devices.decoder(emcy)
+    decoder = devices.decoder(emcy, dbc)
     several = len(logs) > 1
     if statistics:
         from eurobot_od.traffic.statistics import TrafficOutput  # the usual case starts without the other ones' modules
@@ -210,7 +211,8 @@ def _output(decoder: Decoder, as_json: bool, as_csv: bool, several: bool) -> Out
     from eurobot_od.traffic.decoding import CsvOutput, JsonOutput
 
     fields = (field for each in decoder.protocol.bindings for field in each.kinds)
-    return JsonOutput() if as_json else CsvOutput(fields)
+    signals = (signal for each in decoder.others.values() for signal in each.units)
+    return JsonOutput() if as_json else CsvOutput((*fields, *signals))
 
 
 def compare(

@@ -118,37 +118,44 @@ class Devices:
         with left_out() as refused:
             return Protocol.of_devices(known or self.load_and_complain(), self.robot.catalogue(), refused)
 
-    def decoder(self, emcy: Iterable[str] = ()) -> Decoder:
+    def decoder(self, emcy: Iterable[str] = (), dbc: Iterable[str] = ()) -> Decoder:
         """Return the decoder of these devices' frames, of CiA 301's without any; complains of PDOs that are left out.
 
-        `emcy` are files with makers' words for error codes. Raises as `load`.
+        `emcy` are files with makers' words for error codes, `dbc` name frames of other protocols. Raises as `load`.
         """
         known = self.load_and_complain() if self.are_known else ()
-        return decoder_of(known, self.robot, error_words(emcy), self.master)
+        return decoder_of(known, self.robot, error_words(emcy), self.master, dbc)
 
     def errors(self, emcy: Iterable[str] = ()) -> ErrorWords:
         """Return the words for these devices' emergency error codes, CiA 301's if there are none; raises as `load`."""
         known = self.load() if self.are_known else ()
         return ErrorWords.of_devices(known, self.robot.catalogue(), error_words(emcy))
 
-    def asking_decoder(self, bus: BusOptions, emcy: Iterable[str] = ()) -> Decoder:
+    def asking_decoder(self, bus: BusOptions, emcy: Iterable[str] = (), dbc: Iterable[str] = ()) -> Decoder:
         """Return a decoder for the PDOs as the devices on the bus are set now; complains of those that do not answer.
 
-        Raises as `load`, BusError.
+        Without files all devices that answer are asked. Raises as `load`, BusError.
         """
-        from eurobot_od.client.configure import pdo_parameters
+        from eurobot_od.client.configure import all_pdo_parameters, pdo_parameters
+        from eurobot_od.client.description import scan
         from eurobot_od.client.master import Master
+        from eurobot_od.pdo.in_force import made
 
-        asked = []
+        asked, learned = [], list[Dictionary]()
         with Master(bus.open()) as master:
-            for dictionary in self.load_and_complain():
+            for node_id in () if self.are_known else (each.node_id for each in scan(master)):
+                try:
+                    learned += made(node_id, all_pdo_parameters(master.node(node_id)))
+                except RemoteError as error:
+                    complain(f"node {node_id}: {error}")
+            for dictionary in self.load_and_complain() if self.are_known else ():
                 master.follow(dictionary)
                 try:
                     asked.append(dictionary.configured(pdo_parameters(master.node(dictionary.node_id), dictionary)))
                 except RemoteError as error:  # one node that is off must not keep the others from being decoded
                     complain(f"{dictionary.name}: PDOs as in {dictionary.file}: {error}")
                     asked.append(dictionary)
-        return decoder_of(asked, self.robot, error_words(emcy), self.master)
+        return decoder_of(asked, self.robot, error_words(emcy), self.master, dbc, learned)
 
     def promised(self, decoder: Decoder) -> MessageSet:
         """Return what a decoder's devices send, and how often; nothing if a period is missing."""
@@ -250,15 +257,20 @@ def decoder_of(
     robot: Plugin,
     errors: Mapping[int, Mapping[int, str]] = MappingProxyType({}),
     master: str = "",
+    dbc: Iterable[str] = (),
+    learned: Iterable[Dictionary] = (),
 ) -> Decoder:
     """Return the decoder of some devices' frames; complains of PDOs that are left out.
 
     `errors` are words for emergency error codes, by node-ID; `master` is who leads the network, if a file says it.
+    `dbc` are files that name frames of other protocols; `learned` is what devices without files have said.
     """
-    from eurobot_od.traffic.meaning import Decoder  # files are shown and exported without
+    from eurobot_od.traffic.dbc import read_dbc  # files are shown and exported without
+    from eurobot_od.traffic.meaning import Decoder
 
+    others = read_dbc(dbc)
     with left_out() as refused:
-        return Decoder(dictionaries, robot.catalogue(), refused, errors, master)
+        return Decoder(dictionaries, robot.catalogue(), refused, errors, master, learned, others)
 
 
 @contextmanager

@@ -19,7 +19,7 @@ from eurobot_od.bus.live import BITRATE
 from eurobot_od.cli import complain
 from eurobot_od.cli.decode import Log, Reading, entries
 from eurobot_od.cli.devices import Devices
-from eurobot_od.cli.options import BusOptions, EmcyFiles, NoReconnect, positive
+from eurobot_od.cli.options import BusOptions, DbcFiles, EmcyFiles, NoReconnect, positive
 from eurobot_od.cli.signature import Option
 from eurobot_od.errors import LocalError
 from eurobot_od.support import extras
@@ -55,6 +55,7 @@ def monitor(
     no_reconnect: NoReconnect = False,
     devices: Devices,
     emcy: EmcyFiles = (),
+    dbc: DbcFiles = (),
     bus: BusOptions,
 ) -> None:
     """Watch a bus, or logs at any speed, as a live table of messages; without a terminal or rich, as plain lines.
@@ -67,14 +68,14 @@ def monitor(
     sort: order of the table
     plain: print lines as decode does, and the table at the end
     statistics: also print load, gaps, response times and bounds at the end
-    ask: read the devices' present PDO parameters by SDO
+    ask: read the devices' present PDO parameters by SDO; without files, of all that answer
 
     $ monitor run.log --eds 5=motor.eds
     $ monitor --plain --eds 5=motor.eds -i socketcan -c can0
     """
     if ask and logs:
         raise LocalError("--ask is for a bus: a log has no devices to ask")
-    decoder = devices.asking_decoder(bus, emcy) if ask else devices.decoder(emcy)
+    decoder = devices.asking_decoder(bus, emcy, dbc) if ask else devices.decoder(emcy, dbc)
     traffic = Traffic(decoder, bus.bitrate or BITRATE, devices.promised(decoder) if statistics else NOTHING)
     controls = Controls(sort, filter)
     rich = redraws(sys.stdout) and not plain

@@ -37,6 +37,7 @@ from eurobot_od.od.pdos import Pdo
 from eurobot_od.od.values import MOST_SUBS, NODE_IDS
 from eurobot_od.od.values import label as place
 from eurobot_od.od.words import words, written
+from eurobot_od.pdo.in_force import made
 from eurobot_od.support.files import opened, write_whole
 from eurobot_od.support.progress import bar, passing
 from eurobot_od.support.texts import amount, columns, one_line
@@ -143,7 +144,7 @@ def pdo(
     """List the PDOs that a CANopen node has now: identifier, on or off, type and mapping; or map objects into one.
 
     `map TPDO2 Motion.Speed ...` switches the PDO off, maps the objects in their order, switches it on if it was, and
-    reads back (CiA 301, 7.5.2.36 and 7.5.2.38).
+    reads back (CiA 301, 7.5.2.36 and 7.5.2.38). Without an EDS objects have the names of CiA 301, 401 and 402, or none.
 
     action: map other objects into a PDO (default: list all PDOs)
     name: such as TPDO2
@@ -155,8 +156,12 @@ def pdo(
     from eurobot_od.client.configure import map_objects  # with canopen
 
     with target.opened() as node:
-        dictionary = target.needed_description(node).dictionary
-        found = _present_pdos(node, dictionary)
+        described = target.needed_description(node) if action else target.description(node)
+        if described is None:
+            found = _learned(node)
+        else:
+            dictionary = described.dictionary
+            found = _present_pdos(node, dictionary)
         if action:
             known = {each.key: each for each in found}
             if not (name and objects):
@@ -176,9 +181,21 @@ def pdo(
 
 def _present_pdos(node: RemoteNode, dictionary: Dictionary) -> list[Pdo]:
     """Return a node's PDOs as they are set now; complains of those whose mapping does not hold."""
-    present = dictionary.configured(configuring.pdo_parameters(node, dictionary))
+    return _pdos([dictionary.configured(configuring.pdo_parameters(node, dictionary))])
+
+
+def _learned(node: RemoteNode) -> list[Pdo]:
+    """Return the PDOs of a node without a file; raises LocalError if it has none."""
+    with passing(f"node {node.node_id}", configuring.PDO_RECORDS) as records:
+        found = made(node.node_id, configuring.all_pdo_parameters(node, records))
+    if not found:
+        raise LocalError(f"node {node.node_id} has no PDO, and no EDS has its identity: name one by --eds")
+    return _pdos(found)
+
+
+def _pdos(present: Iterable[Dictionary]) -> list[Pdo]:
     with left_out() as refused:
-        return list(present.read_pdos(present.default, refused))
+        return [pdo for each in present for pdo in each.read_pdos(each.default, refused)]
 
 
 def _pdo_row(each: Pdo) -> tuple[str, ...]:

@@ -92,6 +92,11 @@ EmcyFiles: TypeAlias = Annotated[
     Option(metavar="[NODE-ID=]FILE", is_file=True),
     "a maker's words for emergency error codes (YAML), of one node or of all; repeatable",
 ]
+DbcFiles: TypeAlias = Annotated[
+    Sequence[str],
+    Option(metavar="FILE", is_file=True),
+    "DBC, KCD, SYM or ARXML that names frames of other protocols on the bus; repeatable",
+]
 
 
 def _interfaces(_: Plugin) -> Iterable[str]:

@@ -13,6 +13,7 @@ from asyncio import CancelledError
 from collections.abc import Collection, Container, Iterable, Iterator, Mapping, Sequence
 from datetime import datetime
 from enum import Enum
+from itertools import chain
 from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 from eurobot_od.client.description import Description, Identity, device_name, read_identity
@@ -55,7 +56,9 @@ from eurobot_od.od.standard import (
 )
 from eurobot_od.od.values import (
     COB_ID,
+    COMMUNICATION_RECORDS,
     DOMAIN,
+    EVENT_TIMER,
     MANUFACTURER,
     MAPPABLE,
     MAPPING_OFFSET,
@@ -595,6 +598,29 @@ async def pdo_parameters(node: RemoteNode, dictionary: Dictionary) -> dict[Addre
     return pdo_numbers(
         await read_bytes.steps(node, (each for each in dictionary.addresses() if pdo_of(each[0]) is not None))
     )
+
+
+PDO_RECORDS = tuple(chain.from_iterable(COMMUNICATION_RECORDS.values()))
+"""The indices of all communication records."""
+
+
+@Procedure
+async def all_pdo_parameters(node: RemoteNode, records: Iterable[int] = PDO_RECORDS) -> dict[Address, Value]:
+    """Read what a node of which there is no file has in the records of its PDOs, which all devices have alike.
+
+    Raises as `pdo_parameters`.
+    """
+    found: dict[Address, bytes | int] = {}
+    for index in records:
+        found |= await read_bytes.steps(node, ((index, sub) for sub in range(COB_ID, EVENT_TIMER + 1)))
+        if found[index, COB_ID] == AbortCode.NO_OBJECT:  # devices leave gaps, so the next one may be there
+            continue
+        mapping = index + MAPPING_OFFSET
+        found |= await read_bytes.steps(node, [(mapping, 0)])
+        count = pdo_numbers(found).get((mapping, 0), 0)
+        if isinstance(count, int) and count <= MAX_BITS:  # of a multiplexed one it says how it is multiplexed
+            found |= await read_bytes.steps(node, ((mapping, sub) for sub in range(1, count + 1)))
+    return pdo_numbers(found)
 
 
 def pdo_numbers(found: Mapping[Address, bytes | int]) -> dict[Address, Value]:

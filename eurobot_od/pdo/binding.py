@@ -7,11 +7,12 @@ are generated when they are first needed, so that a program that sends two messa
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from copy import copy
 from functools import cached_property, partial
 from itertools import accumulate
 from numbers import Integral
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Self
 
 from eurobot_od.errors import FieldError, FrameLengthError, LocalError, MappingError, UnknownName
 from eurobot_od.frame import Data, Frame
@@ -68,6 +69,12 @@ class Binding:
         # An object's limits may be wider than the bits that it is mapped with.
         ends = {field: (each.limits, self.layout.raws[field]) for field, each in mapped}
         self.limits = {f: Limits(max(said.low, raws[0]), min(said.high, raws[-1])) for f, (said, raws) in ends.items()}
+
+    def again(self) -> Self:
+        """Return the same message without senders and receivers: they may be others by now."""
+        other = copy(self)
+        other.senders, other.receivers = [], []
+        return other
 
     @cached_property
     def placed(self) -> tuple[Placed, ...]:

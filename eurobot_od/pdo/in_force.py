@@ -8,13 +8,14 @@ what was shown makes one.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
 from eurobot_od.errors import DictionaryError
 from eurobot_od.od import standard, values
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.od.values import ALL_NODES, Address, MappingEntry
+from eurobot_od.od.values import ALL_NODES, Address, MappingEntry, Multiplex, Value
 
 RECORDS = (*values.COMMUNICATION_RECORDS.values(), *values.MAPPING_RECORDS.values())
 
@@ -31,13 +32,18 @@ def is_followed(address: Address) -> bool:
 
 
 class InForce:
-    """What the devices of one bus have in force; at first what their files say."""
+    """What the devices of one bus have in force; at first what their files say, or what was `learned` of them."""
 
-    def __init__(self, dictionaries: Iterable[Dictionary]) -> None:
+    def __init__(self, dictionaries: Iterable[Dictionary], learned: Iterable[Dictionary] = ()) -> None:
         self._files = {each.node_id: each for each in dictionaries}
-        self._shown: dict[int, dict[Address, int]] = {}
-        self._stored: dict[int, dict[Address, int]] = {}
         self._present: dict[int, Dictionary] = {}
+        self._learned: dict[int, tuple[Dictionary, ...]] = {}
+        self._stored: dict[int, dict[Address, int]] = {}
+        for each in learned:
+            self._learned[each.node_id] = (*self._learned.get(each.node_id, ()), each)
+            # After a start, too: nothing is known of what it has then, and most have the same.
+            self._stored.setdefault(each.node_id, {}).update(_numbers(each))
+        self._shown = {node_id: dict(shown) for node_id, shown in self._stored.items()}
 
     @property
     def described(self) -> list[Dictionary]:
@@ -47,7 +53,7 @@ class InForce:
     @property
     def learned(self) -> list[Dictionary]:
         """What is known of the devices that have no files and have shown a mapping."""
-        return [each for node_id, each in self._present.items() if node_id not in self._files]
+        return [each for parts in self._learned.values() for each in parts]
 
     def show(self, node_id: int, address: Address, octets: bytes) -> bool:
         """Take in what a device has at an address; return whether other frames mean something else now."""
@@ -93,37 +99,47 @@ class InForce:
     def _changed(self, node_id: int) -> bool:
         """Make a device anew; return whether what it sends or receives has changed."""
         file, shown = self._files.get(node_id), self._shown[node_id]
-        before = self._present.get(node_id, file)
-        if file is not None:
-            now: Dictionary | None = file.configured(shown)
-        else:
-            now = _made(node_id, shown)
-        if now is None:
-            self._present.pop(node_id, None)
-        else:
-            self._present[node_id] = now
-        return bool(_said(before) != _said(now))
+        if file is None:
+            known, self._learned[node_id] = self._learned.get(node_id, ()), made(node_id, shown)
+            return known != self._learned[node_id]
+        before, self._present[node_id] = self._present.get(node_id, file), file.configured(shown)
+        return bool(_said(before) != _said(self._present[node_id]))
 
 
-def _said(device: Dictionary | None) -> Any:
+def _said(device: Dictionary) -> Any:
     """Return what a device's parameters say of its frames."""
-    if device is None:
-        return ()
     pdos = device.read_pdos(device.default, lambda _: None, listening=True)
     return [each for each in pdos if each.valid], [device.default(each) for each in SERVICES]
 
 
 # A device without a file
 
+MOST_PDOS = 1 << 11
+"""How many that were made are kept: twice as many as a device can have."""
+
 UNSIGNED8, UNSIGNED32 = 5, 7
 """Codes of data types (CiA 301, Table 44)."""
 
 
-def _made(node_id: int, shown: Mapping[Address, int]) -> Dictionary | None:
-    """Return a dictionary of the services and the PDOs that are shown with their whole mapping; None without any."""
-    text = "".join(_sections(shown))
-    if not text:
-        return None
+def _numbers(device: Dictionary) -> dict[Address, int]:
+    """Return what a device that was made has of what is followed."""
+    numbers = {each: device.number(each) for each in device.addresses() if is_followed(each)}
+    return {address: number for address, number in numbers.items() if number is not None}
+
+
+def made(node_id: int, shown: Mapping[Address, Value]) -> tuple[Dictionary, ...]:
+    """Return a dictionary of the services that are shown, and of each PDO whose whole mapping is.
+
+    Each has its own, as they are shown one by one: a device of 64 PDOs would be read 64 times.
+    """
+    numbers = {address: value for address, value in shown.items() if isinstance(value, int)}
+    return tuple(
+        filter(None, (_read(node_id, text) for text in ("".join(_services(numbers)), *_pdos(numbers)) if text))
+    )
+
+
+@lru_cache(MOST_PDOS)
+def _read(node_id: int, text: str) -> Dictionary | None:
     name = f"node {node_id}"
     try:
         return Dictionary.read(text.encode(), Path(name), node_id, name)
@@ -131,29 +147,34 @@ def _made(node_id: int, shown: Mapping[Address, int]) -> Dictionary | None:
         return None
 
 
-def _sections(shown: Mapping[Address, int]) -> Iterator[str]:
+def _services(shown: Mapping[Address, int]) -> Iterator[str]:
     for index in dict.fromkeys(index for index, _ in SERVICES):
         kept = {sub: shown[index, sub] for at, sub in SERVICES if at == index and (index, sub) in shown}
         if list(kept) == [0]:
             yield _variable(f"{index:X}", f"0x{index:04X}", UNSIGNED32, f"DefaultValue={kept[0]}\n")
         elif kept:
             yield _record(index, f"0x{index:04X}", {0: max(kept)} | kept)
-    objects: dict[Address, int] = {}
+
+
+def _pdos(shown: Mapping[Address, int]) -> Iterator[str]:
     for direction, records in values.COMMUNICATION_RECORDS.items():
-        for index in records:
-            mapping = index + values.MAPPING_OFFSET
-            subs = range(1, shown.get((mapping, 0), 0) + 1)
+        # Few of the 512 are there, and all are looked for at each change.
+        for index in sorted({each - values.MAPPING_OFFSET for each, _ in shown}.intersection(records)):
+            mapping, text = index + values.MAPPING_OFFSET, ""
+            objects: dict[Address, int] = {}
+            count = shown.get((mapping, 0), 0)
+            subs = range(1, (0 if count in set(Multiplex) else count) + 1)
             if (mapping, 0) not in shown or any((mapping, sub) not in shown for sub in subs):
                 continue
             for record, last in ((index, values.EVENT_TIMER), (mapping, len(subs))):
                 kept = {sub: shown[record, sub] for sub in range(1, last + 1) if (record, sub) in shown}
                 name = f"{direction.name} {index - records[0] + 1} {'parameter' if record == index else 'mapping'}"
-                yield _record(record, name, kept | ({0: len(subs)} if record == mapping else {0: last}))
+                text += _record(record, name, kept | {0: count if record == mapping else last})
             for entry in (MappingEntry.of(shown[mapping, sub]) for sub in subs):
                 objects[entry.address] = max(entry.bits, objects.get(entry.address, 0))
-    for index in dict.fromkeys(index for index, _ in objects):
-        if index not in values.DUMMIES:
-            yield _mapped(index, {sub: bits for (each, sub), bits in objects.items() if each == index})
+            for each in dict.fromkeys(at for at, _ in objects if at not in values.DUMMIES):
+                text += _mapped(each, {sub: bits for (at, sub), bits in objects.items() if at == each})
+            yield text
 
 
 def _record(index: int, name: str, subs: Mapping[int, int]) -> str:

@@ -50,16 +50,20 @@ class Protocol:
 
     `catalogue` has the message types; a PDO that it does not know becomes a named tuple of plain numbers. `refused`
     gets a MappingError if a mapping does not fit its message type, if two messages share a COB-ID, or if two
-    dictionaries disagree about a message; by default it is raised.
+    dictionaries disagree about a message; by default it is raised. `former` are messages that may be the same still.
     """
 
     CATALOGUE: ClassVar[Catalogue] = NOTHING
     """The message types of what `of` reads."""
 
     def __init__(
-        self, sources: Iterable[PdoSource], catalogue: Catalogue = NOTHING, refused: OnRefused = fatal
+        self,
+        sources: Iterable[PdoSource],
+        catalogue: Catalogue = NOTHING,
+        refused: OnRefused = fatal,
+        former: Iterable[Binding] = (),
     ) -> None:
-        self.catalogue = catalogue
+        self.catalogue, self._former = catalogue, {each.name: each for each in former}
         self._bindings: dict[str, Binding] = {}
         self._by_cob_id: dict[int, Binding] = {}
         valid = [
@@ -101,13 +105,14 @@ class Protocol:
         catalogue: Catalogue,
         refused: OnRefused = fatal,
         listening: bool = False,
+        former: Iterable[Binding] = (),
     ) -> Self:
         """Return the messages of devices as their files map them; `refused` also gets what a file's mapping lacks.
 
         Who is `listening` gets those with 29-bit identifiers, too.
         """
         sources = ((each, each.read_pdos(each.default, refused, listening)) for each in dictionaries)
-        return cls(sources, catalogue, refused)
+        return cls(sources, catalogue, refused, former)
 
     def _bind(self, dictionary: Dictionary, pdo: Pdo) -> None:
         name, entry = self._identify(dictionary, pdo)
@@ -117,7 +122,9 @@ class Protocol:
                 where = f"{other.name} ({other.file.name} 0x{other.pdo.index:04X})"
                 what = f"COB-ID {shown_identifier(pdo.cob_id)} is already that of {where}"
                 raise MappingError(dictionary.file, pdo.index, f"{pdo.name}: {what}")
-            binding = Binding(dictionary.file, pdo, name, entry)
+            former = self._former.get(name)
+            is_same = former is not None and (former.file, former.pdo) == (dictionary.file, pdo)
+            binding = former.again() if former and is_same else Binding(dictionary.file, pdo, name, entry)
             self._bindings[name] = self._by_cob_id[pdo.cob_id] = binding
         else:
             _refuse_difference(binding, dictionary, Binding(dictionary.file, pdo, name, entry), entry is None)

@@ -12,7 +12,7 @@ import io
 import json
 from bisect import bisect_right
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from functools import lru_cache
+from functools import cache, lru_cache, partial
 from typing import Any, BinaryIO, TypeAlias
 
 from eurobot_od.device.nmt import TOGGLE, NmtCommand, NmtState
@@ -111,7 +111,8 @@ class TextOutput(Output):
         return one_line(f"{name.ljust(NAME_WIDTH)} {text}" if text else name)
 
     def rows_of(self, binding: Binding) -> Rows:
-        head, length, write = f"{binding.name.ljust(NAME_WIDTH)} ", binding.layout.length, texts_writer(binding)
+        head, length = f"{binding.name.ljust(NAME_WIDTH)} ", binding.layout.length
+        writer = cache(partial(texts_writer, binding))  # compiled for the first of them: a device may be mapped anew
         alone, head = [one_line(binding.name)], one_line(head)
 
         def rows(data: Sequence[bytes]) -> Sequence[str | None]:
@@ -119,7 +120,7 @@ class TextOutput(Output):
                 return [rows([each])[0] if len(each) == length else None for each in data]
             if not binding.limits:
                 return alone * len(data)
-            written = write(head, words_of(binding, data))
+            written = writer()(head, words_of(binding, data))
             return [None if OUTSIDE in each else each for each in written] if OUTSIDE in "".join(written) else written
 
         return rows
@@ -155,6 +156,15 @@ SERVICE_FIELDS = (
 """The fields of all services."""
 
 
+def _fields(meaning: Meaning) -> dict[str, Any]:
+    """Return the fields of a frame, numbers and the texts that a person writes."""
+    if meaning.message is not None:
+        return plain(meaning.message)
+    if meaning.group != CANOPEN:
+        return meaning.fields
+    return {name: _plain(name, value) for name, value in meaning.fields.items()}
+
+
 def _plain(name: str, value: Any) -> Any:
     """Return a field of a service as a number or as the text that a person writes."""
     if name in DIGITS:
@@ -169,12 +179,10 @@ class JsonOutput(Output):
 
     def row(self, meaning: Meaning) -> str:
         data: dict[str, Any] = _identification(meaning)
-        if meaning.message is not None:
-            data["fields"] = plain(meaning.message)
-        elif meaning.text:
+        if meaning.message is None and meaning.text:
             data["text"] = meaning.text
-            if said := meaning.fields:
-                data["fields"] = {name: _plain(name, value) for name, value in said.items()}
+        if meaning.message is not None or meaning.fields:
+            data["fields"] = _fields(meaning)
         if meaning.defects:
             data["damage"] = [{"kind": damage.value, "text": text} for damage, text in meaning.defects]
         return _json(data)[1:]  # the writer opens the object with the place and the time
@@ -219,10 +227,7 @@ class CsvOutput(Output):
 
     def row(self, meaning: Meaning) -> str:
         known = _identification(meaning)
-        if meaning.message is not None:
-            fields = plain(meaning.message)
-        else:
-            fields = {name: _plain(name, value) for name, value in meaning.fields.items()}
+        fields = _fields(meaning)
         damage = "; ".join(f"{damage.value}: {text}" for damage, text in meaning.defects)
         head = [known.get(key, "") for key in FRAME]
         return _joined([*head, meaning.text, damage, *(fields.get(field, "") for field in self._fields)])
@@ -298,8 +303,8 @@ class Follower:
         text = f"{meaning.nodes[0]}, {said.text}" if said.text else meaning.text
         defects = (Defect(Damage.INCOMPLETE, f"{meaning.raw}: {said.lost}"),) if said.lost else ()
         # The segments of a block look like any other command.
-        service = None if said.text and not said.ended else meaning.service
-        return meaning._replace(text=f"{text}{said.more}", defects=defects, transfer=said.ended, service=service)
+        fields = dict if said.text and not said.ended else meaning.said
+        return meaning._replace(text=f"{text}{said.more}", defects=defects, transfer=said.ended, said=fields)
 
     def unfinished(self) -> Iterator[tuple[str, Meaning, SdoTransfer]]:
         """Yield the transfers that the end of the log cuts off, with channel and the last frame's meaning."""
@@ -310,12 +315,13 @@ class Follower:
         """Take in what a transfer shows of a device; of a write only what the device has confirmed."""
         if ended and ended.end and ended.address and ended.content is not None and ended.address[0] in SHOWN:
             if channel not in self._shown:
-                self._shown[channel] = InForce(self._first.dictionaries)
+                self._shown[channel] = InForce(self._first.dictionaries, self._first.learned)
             self._news(channel, self._shown[channel].show(ended.end.server, ended.address, ended.content))
 
     def _news(self, channel: str, is_news: bool) -> None:
         if is_news:
-            self._decoders[channel] = self._first.as_shown(self._shown[channel])
+            former = self._decoders.get(channel, self._first)
+            self._decoders[channel] = former.as_shown(self._shown[channel])
             self._changed(channel, self._decoders[channel])
 
     def _booted(self, channel: str, frame: Frame, meaning: Meaning) -> Meaning:

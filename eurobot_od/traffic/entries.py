@@ -6,6 +6,7 @@ has EXTENDED in its COB-ID.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from enum import Enum
 from itertools import chain
@@ -49,6 +50,15 @@ class Foreign(NamedTuple):
     text: str
 
     @property
+    def frame(self) -> tuple[int, bytes] | None:
+        """COB-ID and data of a frame of CAN FD, None for anything else."""
+        found = FOREIGN_FRAME.fullmatch(self.text) if self.damage is Damage.FD else None
+        if found is None:
+            return None
+        extended = EXTENDED * (len(found["identifier"]) == EXTENDED_DIGITS)
+        return int(found["identifier"], 16) | extended, bytes.fromhex(found["data"])
+
+    @property
     def is_read(self) -> bool:
         """Whether it is something that a bus can carry, and not text that nobody understands."""
         return self.damage not in (Damage.UNREADABLE, Damage.CUT_OFF)
@@ -56,6 +66,12 @@ class Foreign(NamedTuple):
 
 LONGEST_FOREIGN = 140
 """Characters of a frame of CAN FD, with its 64 bytes."""
+
+EXTENDED_DIGITS = 8
+"""Digits of a 29-bit identifier, as candump writes it; an 11-bit one has three."""
+
+FOREIGN_FRAME = re.compile(r"(?P<identifier>[0-9A-F]{3}|[0-9A-F]{8})#(?:#[0-9A-F])?(?P<data>(?:[0-9A-F]{2})*)", re.I)
+"""How the text of a frame of CAN FD is written; candump has its flags after a second mark."""
 
 Raw: TypeAlias = Frame | Foreign
 
@@ -216,13 +232,14 @@ def recorded(
     if error:
         return foreign(Damage.ERROR_FRAME, identifier, data)
     if is_fd or len(data) > MOST_BYTES:  # its tables do not say that a frame is one of CAN FD; its length does
-        return foreign(Damage.FD, identifier, data)
+        return foreign(Damage.FD, identifier, data, extended)
     return frame(identifier, data, extended, length if remote else None)
 
 
-def foreign(damage: Damage, identifier: int, data: bytes) -> Foreign:
+def foreign(damage: Damage, identifier: int, data: bytes, extended: object = False) -> Foreign:
     """Return what is not a classic frame, but has an identifier and data."""
-    return Foreign(damage, shortened(f"{identifier:03X}#{data.hex().upper()}", LONGEST_FOREIGN))
+    digits = EXTENDED_DIGITS if extended else 3
+    return Foreign(damage, shortened(f"{identifier:0{digits}X}#{data.hex().upper()}", LONGEST_FOREIGN))
 
 
 def shortened(text: str | bytes, length: int = 60) -> str:

@@ -18,7 +18,7 @@ from eurobot_od.od.standard import EMCY, SDO_ANSWERS
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.catalogue import Message, plain_name
 from eurobot_od.pdo.protocol import Protocol
-from eurobot_od.traffic.meaning import CANOPEN, Meaning
+from eurobot_od.traffic.meaning import CANOPEN, DBC, Decoder, Meaning
 
 Wanted: TypeAlias = Callable[[Meaning], bool]
 """Tells whether a frame with this meaning is wanted."""
@@ -36,16 +36,16 @@ CONDITION = re.compile(
 )
 
 
-def by_name(names: Iterable[str], protocol: Protocol) -> Wanted:
-    """Want messages and services of these names, and those of a group of the catalogue or of the group CANopen.
+def by_name(names: Iterable[str], decoder: Decoder) -> Wanted:
+    """Want messages and services of these names, and those of a group: of the catalogue, CANopen, or DBC.
 
     Raises UnknownName.
     """
     from eurobot_od.traffic import services  # here: few filters are by name
 
-    known = {
-        plain_name(name): name for name in (*protocol.names(), *services.NAMES, *protocol.catalogue.groups, CANOPEN)
-    }
+    protocol, others = decoder.protocol, [each.name for each in decoder.others.values()]
+    named = *(others and [*others, DBC]), *services.NAMES, *protocol.names(), *protocol.catalogue.groups, CANOPEN
+    known = {plain_name(name): name for name in named}
     wanted = {known_name(name, known, "message") for name in names}
     return lambda meaning: meaning.name in wanted or meaning.group in wanted
 

@@ -25,6 +25,7 @@ from eurobot_od.pdo.in_force import InForce
 from eurobot_od.pdo.kinds import OutOfRange
 from eurobot_od.pdo.protocol import ErrorWords, Protocol
 from eurobot_od.support.texts import amount, one_line
+from eurobot_od.traffic.dbc import ForeignMessage
 from eurobot_od.traffic.entries import MASTER, REMEMBERED, Damage, Foreign, Raw
 from eurobot_od.traffic.services import (
     GUARDING,
@@ -45,6 +46,9 @@ from eurobot_od.traffic.services import (
 
 CANOPEN = "CANopen"
 """The group of the services, as messages have theirs in the catalogue."""
+
+DBC = "DBC"
+"""The group of the messages that a DBC names."""
 
 REQUEST = "remote frame: asks for it"
 """What a remote frame says."""
@@ -109,8 +113,8 @@ class Meaning(NamedTuple):
     """What a frame means: message or service `name`, its `group`, the `nodes` that send or receive it, and in words.
 
     `message` is None for a service and for what could not be decoded. `name` is empty if nothing is known, `sender` if
-    nothing says who sent it. `transfer` is the SDO transfer that this frame ends, as far as a `Following` knows it, and
-    `service` what the identifier is for, if the frame by itself says what it does.
+    nothing says who sent it. `transfer` is the SDO transfer that this frame ends, as far as a `Following` knows it;
+    `said` returns what the frame by itself says as data, if it is not a message.
     """
 
     raw: Raw
@@ -122,14 +126,14 @@ class Meaning(NamedTuple):
     defects: tuple[Defect, ...] = ()
     transfer: SdoTransfer | None = None
     sender: str = ""
-    service: CanopenService | None = None
+    said: Callable[[], Fields] = dict
 
     @property
     def fields(self) -> Fields:
-        """What a service says as data: of the frame that ends an SDO transfer, all that the transfer was."""
+        """What it says as data, besides a message: of the frame that ends an SDO transfer, all that this was."""
         if self.transfer and self.transfer.is_whole and self.name == SDO:
             return self.transfer.fields
-        return self.service.fields(self.raw[1]) if self.service and isinstance(self.raw, Frame) else {}
+        return self.said()
 
     @property
     def is_read(self) -> bool:
@@ -148,6 +152,8 @@ class Decoder:
 
     `errors` are words for emergency error codes of single nodes, by node-ID; 0 stands for all nodes. `master` is the
     name of who leads the network. What is `learned` of devices without files says where their PDOs and services are.
+    `others` are messages of other protocols, by COB-ID: they name what no device is known to send; `former` are
+    messages that may be the same still.
     """
 
     def __init__(
@@ -158,10 +164,13 @@ class Decoder:
         errors: Mapping[int, Mapping[int, str]] = MappingProxyType({}),
         master: str = MASTER,
         learned: Iterable[Dictionary] = (),
+        others: Mapping[int, ForeignMessage] = MappingProxyType({}),
+        former: Iterable[Binding] = (),
     ) -> None:
-        self.dictionaries = tuple(dictionaries)
-        self._learned = tuple(learned)
-        self.protocol = Protocol.of_devices((*self.dictionaries, *self._learned), catalogue, refused, listening=True)
+        self.dictionaries, self.others = tuple(dictionaries), others
+        self.learned = tuple(learned)
+        devices = (*self.dictionaries, *self.learned)
+        self.protocol = Protocol.of_devices(devices, catalogue, refused, listening=True, former=former)
         self._own_errors, self._master = errors, master or MASTER
         self._bindings = {each.cob_id: each for each in self.protocol.bindings}
         self._readers: dict[int | Damage, Callable[[Any], Meaning]] = {}
@@ -169,12 +178,12 @@ class Decoder:
     def as_shown(self, shown: InForce) -> Decoder:
         """Return the decoder for what the devices have in force now; a PDO that does not hold is left out."""
         known = shown.described, self.protocol.catalogue, lambda _: None, self._own_errors, self._master
-        return Decoder(*known, shown.learned)
+        return Decoder(*known, shown.learned, self.others, self.protocol.bindings)
 
     @cached_property
     def services(self) -> Mapping[int, CanopenService]:
         """The services by identifier; made late, as many logs have none."""
-        return services(self.dictionaries, self.errors, self._master, self._learned)
+        return services(self.dictionaries, self.errors, self._master, self.learned)
 
     @cached_property
     def errors(self) -> ErrorWords:
@@ -193,18 +202,37 @@ class Decoder:
         read = self._readers.get(raw[0])  # by COB-ID; a Damage is never found
         if read:
             return read(raw)
-        if isinstance(raw, Foreign) and raw.damage is Damage.FD:  # other traffic on the same wire is not damage
-            _, mark, data = raw.text.rpartition("#")
-            name = f"CAN FD, {amount(len(data) // 2, 'byte')}" if mark and not data.endswith("...") else "CAN FD"
-            return Meaning(raw, name, "", (), None, raw.text)
         if isinstance(raw, Foreign):
-            return Meaning(raw, "", "", (), None, raw.text, (Defect(raw.damage, raw.text),))
+            return self._foreign(raw)
         # The reader of an identifier is made at its first frame: a log has few of a network's messages.
         binding = self._bindings.get(raw.cob_id)
         read = self._readers[raw.cob_id] = _reader(binding) if binding else self._service
         return read(raw)
 
+    @cached_property
+    def _others(self) -> Mapping[int, ForeignMessage]:
+        """Those of `others` that are neither a device's nor, on a bus with devices, a service's of CANopen."""
+        devices = {each.name for each in (*self.dictionaries, *self.learned)}
+
+        def is_known(cob_id: int) -> bool:
+            service = self.services.get(cob_id)
+            is_named = service is not None and (service.node in devices or bool(devices and not service.node))
+            return is_named or self._unmapped.is_in_file(cob_id)
+
+        return {cob_id: each for cob_id, each in self.others.items() if not is_known(cob_id)}
+
+    def _foreign(self, raw: Foreign) -> Meaning:
+        """Return the meaning of what is not a classic frame; CAN FD is other traffic on the same wire, not damage."""
+        if raw.damage is not Damage.FD:
+            return Meaning(raw, "", "", (), None, raw.text, (Defect(raw.damage, raw.text),))
+        cob_id, data = raw.frame or (-1, b"")
+        if other := self.others.get(cob_id):
+            return _other(other, raw, data)
+        return Meaning(raw, f"CAN FD, {amount(len(data), 'byte')}", "", (), None, raw.text)
+
     def _service(self, frame: Frame) -> Meaning:
+        if other := self._others.get(frame.cob_id):
+            return _other(other, frame, frame.data)
         found = self.services.get(frame.cob_id)
         if found is None:
             return self._pdo(frame)
@@ -214,7 +242,9 @@ class Decoder:
             defect = Defect(Damage.WRONG_LENGTH, f"{found.name} {frame}: {text}")
             return Meaning(frame, found.name, CANOPEN, nodes, None, text, (defect,), sender=found.sender)
         text = ", ".join(filter(None, (found.node, found.text(frame.data))))
-        return Meaning(frame, found.name, CANOPEN, nodes, None, text, sender=found.sender, service=found)
+        return Meaning(
+            frame, found.name, CANOPEN, nodes, None, text, sender=found.sender, said=partial(found.fields, frame.data)
+        )
 
     def _nodes(self, service: CanopenService) -> tuple[str, ...]:
         return (service.node,) if service.node else tuple(each.name for each in self.dictionaries)
@@ -244,6 +274,8 @@ class Decoder:
         if binding := self._bindings.get(frame.cob_id):
             nodes = (*binding.senders, *binding.receivers)
             return Meaning(frame, binding.name, binding.group, nodes, None, REQUEST)
+        if other := self._others.get(frame.cob_id):
+            return Meaning(frame, other.name, DBC, other.nodes, None, REQUEST)
         found = self.services.get(frame.cob_id)
         if found is None:
             return self._pdo(frame)
@@ -251,6 +283,12 @@ class Decoder:
         name, sender = (GUARDING, self._master) if found.name == HEARTBEAT else (found.name, "")
         text = ", ".join(filter(None, (found.node, REQUEST)))
         return Meaning(frame, name, CANOPEN, self._nodes(found), None, text, sender=sender)
+
+
+def _other(message: ForeignMessage, raw: Raw, data: bytes) -> Meaning:
+    """Return the meaning of a frame of another protocol, which has this data."""
+    said, sender = partial(message.fields, data), next(iter(message.nodes), "")
+    return Meaning(raw, message.name, DBC, message.nodes, None, message.text(data), sender=sender, said=said)
 
 
 def _reader(binding: Binding) -> Callable[[Frame], Meaning]:
@@ -274,7 +312,7 @@ def _reader(binding: Binding) -> Callable[[Frame], Meaning]:
             defects = tuple(_defects(frame, message, binding, allowed))
         (text,) = write("", words_of(binding, [binding.complete(data)]))
         return new(
-            Meaning, (frame, name, group, nodes, message, text.replace(OUTSIDE, ""), defects, None, sender, None)
+            Meaning, (frame, name, group, nodes, message, text.replace(OUTSIDE, ""), defects, None, sender, dict)
         )
 
     return read
@@ -465,6 +503,10 @@ class Unmapped:
                 text = partial(_mpdo_words, devices)
                 known[pdo.cob_id] = OtherPdo(name, (device.name,), text, is_sent, length=MPDO_LENGTH)
         return cls(known, {node_id: each.name for node_id, each in devices.items()})
+
+    def is_in_file(self, cob_id: int) -> bool:
+        """Whether a file says what an identifier is for."""
+        return cob_id in self._known
 
     def get(self, cob_id: int) -> OtherPdo | None:
         """Return what an identifier is for, by the files or else a guess; None if nothing fits."""

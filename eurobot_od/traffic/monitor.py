@@ -107,7 +107,7 @@ class Traffic:
         self.bitrate, self._promised = bitrate, promised
         self.buses: dict[str, SeenTraffic] = {}
         self.groups = decoder.protocol.catalogue.groups
-        self.rows: dict[int | Damage | tuple[str, int | Damage], MonitorRow] = {}
+        self.rows: dict[int | str | Damage | tuple[str, int | str | Damage], MonitorRow] = {}
         periods = {each.name: (each.number(HEARTBEAT_TIME) or 0) / 1000 for each in decoder.dictionaries}
         self.nodes = {name: NodeHealth(Heartbeats(period)) for name, period in periods.items()}
         self.damage = DamageCounts()
@@ -137,8 +137,9 @@ class Traffic:
         self.now = time
         self.frames += 1
         bus = self._bus(channel)
-        # By COB-ID or Damage: both kinds of entry have it first.
-        key = raw[0] if bus is self.seen else (channel, raw[0])
+        # By COB-ID or Damage: both kinds of entry have it first. What a DBC names of CAN FD is by its name.
+        first = meaning.name if isinstance(raw, Foreign) and meaning.group else raw[0]
+        key = first if bus is self.seen else (channel, first)
         row = self.rows.get(key)
         if row is None:
             identifier = raw.cob_id if isinstance(raw, Frame) else None

@@ -7,7 +7,7 @@ in `transfers`: here a log may start anywhere."""
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from functools import partial
+from functools import lru_cache, partial
 from typing import Any, NamedTuple, TypeAlias
 
 from eurobot_od.device.nmt import COMMAND_NAMES, STATE_NAMES, TOGGLE
@@ -529,6 +529,7 @@ def _broadcast(names: Mapping[int, str], master: str) -> Services:
     }
 
 
+@lru_cache(1 << 9)
 def _sdo(node: KnownNode, request: int, answer: int, client: str) -> Services:
     found = {}
     for cob_id, commands, sender in ((request, REQUESTS, client), (answer, ANSWERS, node.name)):

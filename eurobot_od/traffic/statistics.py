@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import islice
 from operator import sub
 from typing import Any, NamedTuple
@@ -18,12 +18,15 @@ from eurobot_od.pdo.binding import Binding
 from eurobot_od.sdo.wire import code_and_reason
 from eurobot_od.support.texts import amount, columns, one_line, text
 from eurobot_od.traffic.decoding import Clock, Output, Rows, TextOutput, Write
-from eurobot_od.traffic.entries import Batch, Raw
+from eurobot_od.traffic.entries import Batch, Damage, Raw
 from eurobot_od.traffic.load import MICROSECONDS, BoundRow, MessageSet, load_report
 from eurobot_od.traffic.meaning import Meaning, SdoTransfer
 from eurobot_od.traffic.services import HEARTBEAT, SDO
 
 NOTHING = MessageSet(())
+
+MANY = 1 << 13
+"""Frames of a message whose bits are counted together."""
 
 
 @dataclass
@@ -32,7 +35,7 @@ class SeenMessage:
 
     `period` is the promised one and `bound` that of its response time, s; None if they are not known. `answered` is the
     longest time from the end of the latest request to the end of its answer. A gap that is negative is not one: of
-    those `backwards` is the number.
+    those `backwards` is the number. The bits of data frames are counted when there are MANY, or they are asked for.
     """
 
     identifier: int
@@ -41,15 +44,26 @@ class SeenMessage:
     period: float | None = None
     bound: float | None = None
     count: int = 0
-    bits: int = 0
     last: float | None = None
     shortest: float | None = None
     longest: float | None = None
     answered: float | None = None
     backwards: int = 0
+    _bits: int = 0
+    _data: list[bytes] = field(default_factory=list)
 
-    def take(self, times: Sequence[float], bits: int) -> None:
-        """Count frames that ended at these times, and took so many bits together."""
+    @property
+    def bits(self) -> int:
+        """The bits of all its frames."""
+        self._bits += bits_together(self.identifier, self._data)
+        self._data.clear()
+        return self._bits
+
+    def take(self, times: Sequence[float], bits: int, data: Sequence[bytes]) -> None:
+        """Count frames that ended at these times, and took so many bits besides those that `data` take."""
+        self._data += data
+        if len(self._data) >= MANY:
+            self._bits = self.bits
         marks = times if self.last is None else [self.last, *times]
         gaps = list(map(sub, islice(marks, 1, None), marks))
         if gaps and min(gaps) < 0:
@@ -58,7 +72,7 @@ class SeenMessage:
         if gaps:
             self.shortest = min(gaps) if self.shortest is None else min(self.shortest, *gaps)
             self.longest = max(gaps) if self.longest is None else max(self.longest, *gaps)
-        self.count, self.bits, self.last = self.count + len(times), self.bits + bits, times[-1]
+        self.count, self._bits, self.last = self.count + len(times), self._bits + bits, times[-1]
 
     @property
     def jitter(self) -> float | None:
@@ -94,15 +108,22 @@ class SeenTraffic:
     def take(self, time: float, frame: Frame, name: str, node: str) -> int:
         """Count a frame that ended at a time in s, of a message of `node`; return how many bits it took."""
         bits = frame_bits(frame)
-        self.take_all(frame.cob_id, [time], bits, name, node, frame.is_remote)
+        self.take_all(frame.cob_id, [time], name, node, bits, is_remote=frame.is_remote)
         if not frame.is_remote and frame.cob_id in self.asking:
             self.take_asked([(time, frame.cob_id)])
         return bits
 
     def take_all(
-        self, identifier: int, times: Sequence[float], bits: int, name: str, node: str, is_remote: bool = False
+        self,
+        identifier: int,
+        times: Sequence[float],
+        name: str,
+        node: str,
+        bits: int = 0,
+        data: Sequence[bytes] = (),
+        is_remote: bool = False,
     ) -> None:
-        """Count frames with one identifier in their order, of so many bits together; not who answers whom."""
+        """Count frames with one identifier in their order, by their `bits` or their data; not who answers whom."""
         key = identifier, is_remote
         seen = self.messages.get(key)
         if seen is None:
@@ -112,7 +133,7 @@ class SeenTraffic:
                 seen.period = row.message.period / MICROSECONDS
                 # Of an answer only: when another message fell due, its frame does not say.
                 seen.bound = row.response / MICROSECONDS if row.message.answers and row.response is not None else None
-        seen.take(times, bits)
+        seen.take(times, bits, data)
         self.begin = min(times) if self.begin is None else min(self.begin, *times)
         self.end = max(self.end, *times)
 
@@ -188,7 +209,7 @@ class TrafficOutput(Output):
 
     def row(self, meaning: Meaning) -> CountedRow | None:
         counted = CountedRow(meaning.name or "?", meaning.sender, meaning.transfer)
-        return counted if isinstance(meaning.raw, Frame) else None
+        return counted if isinstance(meaning.raw, Frame) or meaning.raw.damage is Damage.FD else None
 
     def rows_of(self, binding: Binding) -> Rows:
         row, texts_of = CountedRow(binding.name, next(iter(binding.senders), "")), self._text.rows_of(binding)
@@ -202,7 +223,7 @@ class TrafficOutput(Output):
     def writer(self, log: str) -> Write:
         self._heading = [one_line(f"{log}:")] if self._several else []
         self._seen: dict[str, SeenTraffic] = {}
-        self._transfers = TransferCounts()
+        self._transfers, self._fd = TransferCounts(), Counter[str]()
 
         def write(batch: Batch, rows: Sequence[CountedRow | None], clock: Clock) -> str:
             times = list(batch.times if clock is float else map(clock, batch.times))
@@ -230,11 +251,12 @@ class TrafficOutput(Output):
         for head, places in groups.items():
             ended, first = [times[place] for place in places], rows[places[0]]
             if isinstance(head, int):
-                bits = bits_together(head, [batch.data[place] for place in places])
-                seen.take_all(head, ended, bits, first.name, first.sender)
+                seen.take_all(head, ended, first.name, first.sender, data=[batch.data[place] for place in places])
             elif isinstance(head, Frame):
                 bits = len(places) * frame_bits(head)
-                seen.take_all(head.cob_id, ended, bits, first.name, first.sender, head.is_remote)
+                seen.take_all(head.cob_id, ended, first.name, first.sender, bits, is_remote=head.is_remote)
+            else:
+                self._fd[first.name] += len(places)
             if first.name in (SDO, HEARTBEAT):
                 for transfer in filter(None, (rows[place].transfer for place in places)):
                     self._transfers.add(transfer)
@@ -246,7 +268,11 @@ class TrafficOutput(Output):
 
     def footer(self) -> str:
         buses = self._seen or {"": SeenTraffic(self._bit_rate, self._promised)}
-        return "".join(f"{line}\n" for line in (*self._heading, *tables(buses), *self._transfers.report()))
+        # How long a frame of CAN FD took, its own bit rate would say, which no log has.
+        names = ", ".join(f"{number} x {name}" for name, number in sorted(self._fd.items()))
+        others = [one_line(f"not in the load, CAN FD: {names}")] if names else []
+        lines = (*self._heading, *tables(buses), *others, *self._transfers.report())
+        return "".join(f"{line}\n" for line in lines)
 
 
 class TransferCounts:

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from eurobot_od.bus import frame_bits, longest_frame
+from eurobot_od.bus import bits_together, frame_bits, longest_frame
 from eurobot_od.frame import EXTENDED, Frame
 
 GENERATOR = 0b1100010110011001
@@ -56,6 +56,11 @@ def test_the_length_is_that_of_an_independent_encoder(frame: Frame) -> None:
 def test_so_is_that_of_a_frame_with_29_bits(cob_id: int, data: bytes) -> None:
     high, low = f"{cob_id:029b}"[:11], f"{cob_id:029b}"[11:]
     assert frame_bits(Frame(cob_id | EXTENDED, data)) == len(encoded(f"0{high}11{low}000", data)) + TAIL
+
+
+@given(st.integers(0, 0x7FF) | st.integers(EXTENDED, EXTENDED | 0x1FFF_FFFF), st.lists(st.binary(max_size=8)))
+def test_frames_counted_together_have_the_bits_of_each(cob_id: int, data: list[bytes]) -> None:
+    assert bits_together(cob_id, data) == sum(frame_bits(Frame(cob_id, each)) for each in data)
 
 
 # The longest

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import io
 import json
 import os
 import re
@@ -500,3 +501,22 @@ def test_compare_decodes_by_the_mapping_in_force(tmp_path: Path, capsys: pytest.
         out = run(capsys, "compare", *logs, "--eds", "5=docs/servo.eds", *filters).out
         assert "changed  servo.TPDO1                   velocity_actual_value = 1000 -> 1001\n" in out
         assert "11 and 11 frames: 1 changed" in out or filters
+
+
+def test_frames_of_other_protocols_have_the_names_and_fields_of_a_dbc(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    dbc, log = tmp_path / "car.dbc", tmp_path / "bus.log"
+    dbc.write_text('BO_ 291 Lights: 1 Body\n SG_ code : 0|8@1+ (0.5,0) [0|100] "%" Body\nBO_ 292 Wide: 12 Body\n')
+    log.write_text(f"(1.000000) can0 123#21\n(2.000000) can0 124##0{bytes(12).hex()}\n(3.000000) can0 123#22\n")
+    asked = ("decode", str(log), "--dbc", str(dbc))
+    assert run(capsys, *asked).out.splitlines()[0].split() == ["1.000000", "can0", "Lights", "code=16.5", "%"]
+    data = json.loads(run(capsys, *asked, "--json").out.splitlines()[0])
+    assert (data["message"], data["nodes"], data["fields"]) == ("Lights", ["Body"], {"code": 16.5})
+    row = next(csv.DictReader(io.StringIO(run(capsys, *asked, "--csv").out)))
+    assert (row["message"], row["code"]) == ("Lights", "16.5")
+    assert run(capsys, *asked, "--message", "dbc").out.count("\n") == 3
+    counted = run(capsys, *asked, "--statistics").out
+    assert "Lights   Body      2" in counted
+    assert "not in the load, CAN FD: 1 x Wide" in counted
+    assert "Wide Body" in run(capsys, "monitor", str(log), "--dbc", str(dbc), "--plain", "--speed", "max").out

@@ -7,10 +7,15 @@ from pathlib import Path
 import pytest
 
 from eurobot_od.cli import ExitStatus
+from eurobot_od.cli.devices import Devices
+from eurobot_od.cli.options import BusOptions
+from eurobot_od.frame import Frame
 from tests.cli.console import run
+from tests.client.peers import stock_drive
 from tests.eds_text import DEVICE_TYPE, pdo, variable
 from tests.rows import rows
 
+SERVO = Path(__file__).parents[2] / "docs" / "servo.eds"
 MOTOR = DEVICE_TYPE + variable("2000", "Speed", "INTEGER16") + pdo(0x1800, "0x20000010") + pdo(0x1804, "0x20000010")
 PANEL = DEVICE_TYPE + variable("2000", "Wanted", "INTEGER16") + pdo(0x1400, "0x20000010", cob_id="0x185")
 
@@ -198,3 +203,11 @@ def test_a_guess_is_said_before_other_repairs(tmp_path: Path, capsys: pytest.Cap
     )
     said = run(capsys, "show", "--eds", f"5={file}", "--objects").err
     assert "repaired to be read: line 6: [2200sub1]: no DataType, read as DOMAIN, and " in said
+
+
+def test_devices_without_files_are_asked_for_their_pdos() -> None:
+    with stock_drive(SERVO) as (channel, _):
+        decoder = Devices(robot_name="none").asking_decoder(BusOptions(interface="virtual", channel=channel))
+    meaning = decoder(Frame(0x182, bytes.fromhex("3702E8030000")))
+    assert (meaning.name, meaning.text[:14]) == ("node 2.TPDO1", "statusword=567")
+    assert meaning.text.endswith("velocity_actual_value=1000")

@@ -78,8 +78,8 @@ MISTAKES = {
     "a file that is no log": (
         "decode|drive.eds",
         2,
-        "unknown log format 'eds'; known: log, candump, console, busmaster, gvret, ixxat, asc, csv, trc, blf, db, mf4, "
-        "pcap, pcapng",
+        "unknown log format 'eds'; known: log, candump, console, busmaster, gvret, ixxat, kvaser, asc, csv, trc, blf, "
+        "db, mf4, pcap, pcapng",
     ),
     "a node-ID too high": ("read|200|0x1000|-i|virtual", 2, "node-ID 200 is not in 1..127"),
     "a node that is not there": (

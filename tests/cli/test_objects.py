@@ -206,8 +206,22 @@ def test_a_node_without_an_eds_is_read_and_written_by_number(run: Run, tmp_path:
         assert run(channel, "read", "2", "0x1017")[:2] == (0, "0x1017:0    0x1F4\n")
         status, _, err = run(channel, "read", "2", "Motion")
         assert (status, err) == (2, "eurobot-od: without an EDS no object is known as 'Motion'; give its number\n")
+        status, out, _ = run(channel, "pdo", "2")
+        assert (status, out.splitlines()[-1].split()[:4]) == (0, ["TPDO", "5", "0x400", "on"])
+        status, _, err = run(channel, "pdo", "2", "map", "TPDO1", "0x2000:1")
+        assert (status, err[:60]) == (2, "eurobot-od: no EDS has the identity of node 2, and it keeps ")
         status, _, err = run(channel, "dump", "2")
         assert (status, err[:60]) == (2, "eurobot-od: no EDS has the identity of node 2, and it keeps ")
+
+
+def test_a_node_without_pdos_or_an_eds_is_said_to_have_none(run: Run, tmp_path: Path) -> None:
+    eds = tmp_path / "plain.eds"
+    eds.write_text(DEVICE_TYPE)
+    with stock_drive(eds) as (channel, _):
+        assert run(channel, "pdo", "2")[::2] == (
+            2,
+            "eurobot-od: node 2 has no PDO, and no EDS has its identity: name one by --eds\n",
+        )
 
 
 @rows(

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import astuple, replace
 from datetime import datetime
 from pathlib import Path
 
 import pytest
 
 from eurobot_od.client.configure import (
+    PDO_RECORDS,
     Configured,
     ObjectReading,
+    all_pdo_parameters,
     configure,
     dcf_of_node,
     difference,
@@ -22,6 +25,7 @@ from eurobot_od.client.configure import (
     readable,
 )
 from eurobot_od.client.description import from_file
+from eurobot_od.client.master import RemoteNode
 from eurobot_od.client.network import SimulatedNetwork, simulated
 from eurobot_od.client.remote_device import RemoteDevice
 from eurobot_od.device.device import Device
@@ -32,6 +36,7 @@ from eurobot_od.od.document import parse
 from eurobot_od.od.objects import address_of, find_one
 from eurobot_od.od.pdos import Pdo
 from eurobot_od.od.values import Address
+from eurobot_od.pdo.in_force import made
 from tests.client.peers import DRIVE, master_on, new_channel, robot, stock_drive
 from tests.client.servo import EDS
 from tests.client.wired import agree_on_parameters, started, wired
@@ -70,6 +75,36 @@ def test_objects_are_mapped_in_their_order(node: RemoteDevice, names: list[str])
     found = mapped(node)
     assert [each.name for each in found.mapping] == names
     assert (found.cob_id, found.valid) == (0x185, True)
+
+
+def same_pdos(node: RemoteNode, file: Dictionary) -> bool:
+    """Whether a node's PDOs are the same read without its file, but for their names."""
+    asked = [each for each in PDO_RECORDS if each & 0xFF < 0x20]  # a sample, for the test's sake: none has more
+    found, known = made(node.node_id, all_pdo_parameters(node, asked)), file.configured(pdo_parameters(node, file))
+    read = [pdo for each in found for pdo in each.pdos]
+    told = ([(*astuple(replace(p, mapping=(), name="")), *mapping_of(p)) for p in each] for each in (read, known.pdos))
+    return next(told) == next(told) != []
+
+
+def mapping_of(pdo: Pdo) -> list[tuple[Address, int]]:
+    return [(each.address, each.bits) for each in pdo.mapping]
+
+
+def test_pdos_are_read_without_a_file_as_with_one() -> None:
+    with SimulatedNetwork() as network:
+        network.simulate(Dictionary.load("docs/servo.eds", 7))
+        assert same_pdos(network[7]._node, Dictionary.load("docs/servo.eds", 7))
+    with stock_drive(DRIVE) as (channel, _), master_on(channel) as master:  # canopen's own server
+        assert same_pdos(master.node(2), Dictionary.load(DRIVE, 2))
+
+
+def test_a_pdo_behind_a_gap_is_read() -> None:
+    lone = pdo(0x1850, "0x20000010", cob_id="0x385")
+    text = DEVICE_TYPE + variable("2000", "Speed", "INTEGER16", "0") + lone
+    with SimulatedNetwork() as network:
+        network.simulate(Dictionary.read(text.encode(), Path("a.eds"), 5))
+        found = all_pdo_parameters(network[5]._node, range(0x1840, 0x1860))
+    assert found[0x1A50, 1] == 0x20000010
 
 
 def test_a_pdo_that_is_off_stays_off(node: RemoteDevice) -> None:

@@ -17,7 +17,8 @@ from eurobot_od.bus.live import Live
 from eurobot_od.device.simulated import SimulatedDevice
 from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.pdo.in_force import InForce
+from eurobot_od.od.values import Value
+from eurobot_od.pdo.in_force import InForce, made
 from eurobot_od.traffic import formats
 from eurobot_od.traffic.decoding import Following
 from eurobot_od.traffic.meaning import Decoder, Meaning
@@ -163,6 +164,29 @@ def test_a_device_without_a_file_is_made_once_for_each_pdo(monkeypatch: pytest.M
         assert is_news
     assert len(made) == 8
     assert shown.show(1, (0x1A00, 0), b"\xff\xff\xff\xff")  # more than was shown of it: its mapping is not known
+
+
+LEARNED: dict[tuple[int, int], Value] = {
+    (0x1800, 1): 0x191,
+    (0x1A00, 0): 1,
+    (0x1A00, 1): 0x606C0020,
+    (0x1801, 1): 0x281,
+    (0x1A01, 0): 0xFE,
+    (0x1014, 0): 0x91,
+}
+"""What a device without a file has answered: a TPDO, one that is multiplexed, and where its EMCY is."""
+
+
+def test_what_a_device_without_a_file_was_asked_for_stays_known() -> None:
+    following = Following(Decoder((), learned=made(1, LEARNED)))
+    frames = [Frame(0x191, b"\xe8\3\0\0"), *map(Frame.parse, REMAP.replace("601", "602").replace("581", "582").split())]
+    frames += [frames[0], Frame(0x701, b"\0"), frames[0], Frame(0x091, bytes(8))]
+    meanings = [following(0, "a", each) for each in frames]
+    first, again, after_a_start, emcy = meanings[0], meanings[-4], meanings[-2], meanings[-1]
+    assert (first.name, first.text) == ("node 1.TPDO1", VELOCITY)
+    assert again[1:3] == after_a_start[1:3] == first[1:3]
+    assert again.text == after_a_start.text == VELOCITY
+    assert emcy.name == "EMCY"
 
 
 @contextmanager

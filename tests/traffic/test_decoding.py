@@ -190,7 +190,7 @@ def test_windows_of_time_begin_anew_with_each_log(decoder: Decoder, window: Wind
 
 
 def test_what_is_not_wanted_is_counted_all_the_same(decoder: Decoder) -> None:
-    decoding = Decoding(decoder, TextOutput(), by_name(["Goto State Request"], decoder.protocol))
+    decoding = Decoding(decoder, TextOutput(), by_name(["Goto State Request"], decoder))
     assert decoded(decoding, f"{REGULAR}x\n") == TEXT.splitlines(keepends=True)[1]
     assert decoding.damage.total == 1
 

@@ -62,7 +62,7 @@ def passed(decoder: Decoder, wanted: Wanted) -> set[str]:
     ],
 )
 def test_by_name(decoder: Decoder, names: list[str], expected: set[str]) -> None:
-    assert passed(decoder, by_name(names, decoder.protocol)) == expected
+    assert passed(decoder, by_name(names, decoder)) == expected
 
 
 @pytest.mark.parametrize(
@@ -110,7 +110,7 @@ def test_no_condition(decoder: Decoder, text: str, error: type[EurobotError]) ->
 
 def test_no_name(decoder: Decoder) -> None:
     with pytest.raises(UnknownName, match="unknown message 'Goto'"):
-        by_name(["Goto"], decoder.protocol)
+        by_name(["Goto"], decoder)
     with pytest.raises(UnknownName, match="unknown node 'Antrieb'; known: core, drive, navigation"):
         by_node(["Antrieb"], ["core", "drive", "navigation"])
 

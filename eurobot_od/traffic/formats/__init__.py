@@ -28,6 +28,7 @@ FORMATS = {
     "busmaster": ("lines", "BusmasterFormat"),
     "gvret": ("lines", "GvretFormat"),
     "ixxat": ("lines", "IxxatFormat"),
+    "kvaser": ("lines", "KvaserFormat"),
     "asc": ("lines", "AscFormat"),
     "csv": ("lines", "CsvFormat"),
     "trc": ("lines", "TrcFormat"),
@@ -49,7 +50,7 @@ CONTENT = re.compile(
     rb"|(?P<console>\s*(?:\([-:. \d]+\)\s+)?\S+\s+(?:[RT]X [-B] [-E]\s+)?[0-9A-F]{3,8}\s+[\[{][0-9A-F]{1,2}[\]}])"
     rb"|(?P<asc>date |base +(?:hex|dec))|(?P<trc>;\$)|(?P<csv>timestamp,)"
     rb"|(?P<busmaster>\*{3}BUSMASTER)|(?P<gvret>Time Stamp,)"
-    rb"|(?P<ixxat>ASCII Trace IXXAT))"
+    rb"|(?P<ixxat>ASCII Trace IXXAT|\"Bus\"[;,]\"No\"[;,]\"Time)|(?P<kvaser>Chn +Identifier +Flg))"
 )
 """First bytes that identify a format; blank lines and comments may stand before those of text."""
 

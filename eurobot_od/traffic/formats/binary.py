@@ -187,7 +187,7 @@ def _of_fd_hardware(layout: FdLayout, body: bytes) -> Raw:
     dlc, identifier, flags, length = (fields[place] for place in layout.places)
     data = body[layout.fields.size :][:length]
     if flags & layout.is_fd:
-        return foreign(Damage.FD, identifier & ~EXTENDED_FLAG, data)
+        return foreign(Damage.FD, identifier & ~EXTENDED_FLAG, data, identifier & EXTENDED_FLAG)
     is_remote = (fields[1] & REMOTE_FLAG) if layout.remote is None else flags & layout.remote
     return frame(identifier & ~EXTENDED_FLAG, data, identifier & EXTENDED_FLAG, dlc if is_remote else None)
 
@@ -236,7 +236,8 @@ class Packet(NamedTuple):
         flags = {Damage.ERROR_FRAME: identifier & ERROR, Damage.FD: fd_flags & FD or len(self.data) > CLASSIC_PACKET}
         damage = next((each for each, is_set in flags.items() if is_set), None)
         if damage is not None:
-            return seconds(self.time), self.channel, foreign(damage, identifier & IDENTIFIER, data)
+            made: Raw = foreign(damage, identifier & IDENTIFIER, data, identifier & EXTENDED)
+            return seconds(self.time), self.channel, made
         remote = length if identifier & REMOTE else None
         if remote is None and len(data) != length:
             raise ValueError(f"{identifier:03X}#{data.hex().upper()} with length {length}")

@@ -1,4 +1,4 @@
-"""Logs that consist of lines: candump, Vector's ASC, PEAK's TRC, BUSMASTER, SavvyCAN's GVRET, IXXAT, python-can's CSV.
+"""Logs of lines: candump, Vector's ASC, PEAK's TRC, BUSMASTER, SavvyCAN's GVRET, IXXAT, Kvaser, python-can's CSV.
 
 A format turns a line into an entry or says why it cannot. A line that cannot be read is an entry like any other, and
 does not spoil its neighbours.
@@ -13,9 +13,9 @@ from collections.abc import Iterator
 from contextlib import suppress
 from datetime import UTC, datetime, timedelta
 from functools import cache
-from typing import TYPE_CHECKING, BinaryIO, ClassVar, cast
+from typing import TYPE_CHECKING, BinaryIO, cast
 
-from eurobot_od.frame import MOST_BYTES, Frame
+from eurobot_od.frame import HIGHEST_IDENTIFIER, MOST_BYTES, Frame
 from eurobot_od.traffic.entries import (
     BAD,
     LATEST,
@@ -271,7 +271,7 @@ class ConsoleFormat(LineFormat):
         if extended and identifier & ERROR_FLAG:
             raw = foreign(Damage.ERROR_FRAME, identifier, data)
         elif found["length"] and len(found["length"]) == FD_DIGITS:
-            raw = foreign(Damage.FD, identifier, data)
+            raw = foreign(Damage.FD, identifier, data, extended)
         else:
             raw = frame(identifier, data, extended, length if found["remote"] else None)
         return time, found["channel"].decode(), raw
@@ -357,7 +357,7 @@ class AscFormat(LineFormat):
         data = bytes([int(octet, 16) for octet in words[: int(length)]])
         flags = int(words[int(length) + 2], 16)
         if flags & ASC_FD_FLAG or len(data) > MOST_BYTES:  # some lines have no flags
-            return foreign(Damage.FD, number, data)
+            return foreign(Damage.FD, number, data, extended)
         return frame(number, data, extended, int(dlc, 16) if flags & ASC_REMOTE_FLAG else None)
 
     def _data(self, length: bytes, *octets: bytes) -> bytes:
@@ -386,11 +386,13 @@ TRC_FRAMES: dict[str, Damage | None] = {
     **dict.fromkeys(("ER", "Error"), Damage.ERROR_FRAME),
     "RR": None,
 }
-TRC_EVENTS = ("ST", "EC", "EV", "Warng")
-"""Types of entries that are frames, and what kind of; and those that are not."""
+TRC_EVENTS = ("ST", "EC", "EV", "Warng", "FFFFFFFF")
+"""Types of entries that are frames, and what kind of; and those that are not, in version 1.0 by their identifier."""
 
 TRC_REMOTE, TRC_REMOTE_DATA = "RR", "RTR"
 """A remote frame, by its type in some versions, and in others by what stands in place of its data."""
+
+MOST_DLC = 15
 
 TRC_EXTENDED = 5
 """Identifiers with this many digits or more have 29 bits."""
@@ -429,7 +431,7 @@ class TrcFormat(LineFormat):
 
     def entry(self, line: bytes) -> tuple[float, str, Raw]:
         _, offset, rest = line.split(None, 2)
-        time = float(offset) / 1000 + self._start
+        time = float(offset.replace(b",", b".")) / 1000 + self._start  # PCAN-View writes numbers as its user does
         if line[:1] == b";" or not abs(time) < LATEST:
             raise ValueError(line)
         words = rest.decode("ascii").split(None, self._data)  # the data, last and with blanks in it, in one piece
@@ -437,13 +439,16 @@ class TrcFormat(LineFormat):
         identifier, data = words[self._identifier], " ".join(words[self._data :]).rstrip()
         kind = None if self._type is None else words[self._type]
         damage = None if kind is None else TRC_FRAMES[kind]
+        extended = len(identifier) >= TRC_EXTENDED
+        if damage is Damage.FD:
+            return time, channel, foreign(damage, int(identifier, 16), bytes.fromhex(data), extended)
         if damage is not None:
             return time, channel, Foreign(damage, shortened(rest))
         is_remote, length = kind == TRC_REMOTE or data == TRC_REMOTE_DATA, int(words[self._length])
         octets = b"" if is_remote else bytes.fromhex(data)
-        if not is_remote and length != len(octets):
+        if length > MOST_DLC or not (is_remote or length == len(octets)):
             raise ValueError(rest)
-        extended = len(identifier) >= TRC_EXTENDED
+        octets = octets[:MOST_BYTES]  # a DLC of 9 to 15 means 8 bytes, whatever is written behind them
         return time, channel, frame(int(identifier, 16), octets, extended, length if is_remote else None)
 
 
@@ -518,34 +523,80 @@ class GvretFormat(LineFormat):
         data, number = bytes([int(octet, 16) for octet in octets[: int(length)]]), int(identifier, 16)
         time = seconds(int(stamp) / 1e6)
         if len(data) > MOST_BYTES:
-            return time, channel.decode(), foreign(Damage.FD, number, data)
+            return time, channel.decode(), foreign(Damage.FD, number, data, extended.lower() in GVRET_TRUE)
         if len(data) != int(length):
             raise ValueError(line)
         return time, channel.decode(), frame(number, data, extended.lower() in GVRET_TRUE)
 
 
-# IXXAT's trace, `"00:02:20.66";"703";"Std";"";"7F "`, as MiniMon writes it; times are since its start
+# IXXAT's traces, `"00:02:20.66";"703";"Std";"";"7F "`, as MiniMon and canAnalyser Mini write them, columns as headed
 
 
 class IxxatFormat(LineFormat):
-    """Reads one trace of IXXAT's MiniMon."""
+    """Reads one trace of IXXAT's MiniMon, of times since its start, or canAnalyser Mini, of times of day."""
 
-    KINDS: ClassVar = {b"std": False, b"ext": True}
+    def __init__(self) -> None:
+        self._columns = [b"time", b"identifier", b"format", b"flags", b"data"]
 
     def comment(self, line: bytes) -> bool:
-        return not line.startswith(b'"') or b"Identifier" in line
+        if line.startswith(b'"') and b"Data" in line:
+            # `"ID (hex)"`, `"Identifier (hex)"`, `"Time (abs)"`
+            self._columns = [each.split()[0].lower() for each in _ixxat_words(line)]
+            return True
+        return not line.startswith(b'"')
 
     def entry(self, line: bytes) -> tuple[float, str, Raw]:
-        stamp, identifier, kind, flags, text = re.split(rb'"[;,]"', line.strip()[1:-1])
-        hours, minutes, second = stamp.replace(b",", b".").split(b":")
-        time, number = int(hours) * 3600 + int(minutes) * 60 + seconds(second), int(identifier, 16)
-        extended = self.KINDS[kind.strip().lower()]
-        if b"rtr" in flags.lower():  # and as its data `Remote request  DLC = 1`
-            return time, "", frame(number, b"", extended, int(text.rpartition(b"=")[2]))
+        said = dict(zip(self._columns, _ixxat_words(line)))
+        hours, minutes, second = said[b"time"].replace(b",", b".").split(b":")
+        time = int(hours) * 3600 + int(minutes) * 60 + seconds(second)
+        number, text = int(said.get(b"identifier") or said[b"id"], 16), said[b"data"]
+        extended = number > HIGHEST_IDENTIFIER or IXXAT_KINDS[said.get(b"format", b"std").strip().lower()]
+        channel = said.get(b"bus", b"").decode().rpartition(" ")[2]
+        if b"rtr" in said.get(b"flags", b"").lower():  # and as its data `Remote request  DLC = 1`
+            return time, channel, frame(number, b"", extended, int(text.rpartition(b"=")[2]))
         data = bytes.fromhex(text.decode())
         if len(data) > MOST_BYTES:
-            return time, "", foreign(Damage.FD, number, data)
-        return time, "", frame(number, data, extended)
+            return time, channel, foreign(Damage.FD, number, data, extended)
+        if len(data) != int(said.get(b"dlc", len(data))):
+            raise ValueError(line)
+        return time, channel, frame(number, data, extended)
+
+
+IXXAT_KINDS = {b"std": False, b"ext": True}
+
+
+def _ixxat_words(line: bytes) -> list[bytes]:
+    return re.split(rb'"[;,]"', line.strip()[1:-1])
+
+
+# Kvaser's CanKing, ` 0    0000070A         1  00                154.266550 R`; times are since its start
+
+
+KVASER = re.compile(
+    rb"\s*(?P<channel>\d+)\s+(?P<identifier>[0-9A-F]{1,8})\s+(?:(?P<extended>X)\s+)?"
+    rb"(?:(?P<error>ErrorFrame)|(?P<length>\d+)(?P<data>(?:\s+[0-9A-F]{2}\b)*))\s+(?P<time>\d+\.\d+)\s+[RT]\s*",
+    re.IGNORECASE,
+)
+"""A line; no public description has the lines of remote frames and of CAN FD."""
+
+
+class KvaserFormat(LineFormat):
+    """Reads one log of CanKing; what does not begin with a channel is a heading or a note."""
+
+    def comment(self, line: bytes) -> bool:
+        return not line.strip()[:1].isdigit()
+
+    def entry(self, line: bytes) -> tuple[float, str, Raw]:
+        found = KVASER.fullmatch(line)
+        if found is None:
+            raise ValueError(line)
+        time, channel, identifier = seconds(found["time"]), found["channel"].decode(), int(found["identifier"], 16)
+        if found["error"]:
+            return time, channel, Foreign(Damage.ERROR_FRAME, shortened(line))
+        data = bytes.fromhex(found["data"].decode())
+        if len(data) != int(found["length"]):
+            raise ValueError(line)
+        return time, channel, frame(identifier, data, found["extended"])
 
 
 # CSV, `1396.123456,0x8,0,0,0,8,0nQjWSwBw6U=`, as python-can writes it: identifier, flags, length, data in base 64

@@ -11,6 +11,7 @@ from eurobot_od.errors import LocalError
 from eurobot_od.frame import EXTENDED, Frame, RemoteFrame
 from eurobot_od.traffic import formats
 from eurobot_od.traffic.entries import Damage, Foreign, Raw
+from tests.rows import rows
 
 BOOT = Frame(0x70A, b"\0")
 SDO = Frame(0x601, bytes.fromhex("4000100000000000"))
@@ -138,6 +139,45 @@ Baudrate: 500 kbit/s
 def test_ixxat(separator: str, entry: str, time: float, raw: Raw) -> None:
     line = separator.join(f'"{each}"' for each in entry.split(";"))
     assert read(f"{IXXAT.format(separator)}{line}\n") == [(time, "", raw)]
+
+
+@pytest.mark.parametrize(
+    ("entry", "raw"),
+    [
+        ('"70A","1","00","."', BOOT),
+        ('" 80","0","",""', Frame(0x080)),
+        ('"601","8","40 00 10 00 00 00 00 00","@",".."', SDO),  # an ASCII column with anything in it
+        ('"18FF0001","2","AA BB",".."', Frame(EXTENDED | 0x18FF0001, b"\xaa\xbb")),
+    ],
+)
+def test_ixxats_analyser(entry: str, raw: Raw) -> None:
+    head = '"Bus","No","Time (abs)","State","ID (hex)","DLC","Data (hex)","ASCII"\n'
+    line = f'"USB-to-CAN compact  CAN-1","1","00:02:20.66","      ",{entry}\n'
+    assert read(f"{head}{line}") == [(140.66, "CAN-1", raw)]
+
+
+KVASER = "Chn Identifier Flg   DLC  D0...1...2...3...4...5...6..D7       Time     Dir\n"
+
+
+@rows(
+    "entry, raw",
+    [
+        (" 0    0000070A         1  00                                 154.266550 R", BOOT),
+        (" 0    0000070A         1  00                                 154.266550 T\r", BOOT),
+        (" 0    00000080         0                                      154.266550 R", Frame(0x080)),
+        (
+            " 0    18FF0001 X       2  AA  BB                             154.266550 R",
+            Frame(EXTENDED | 0x18FF0001, b"\xaa\xbb"),
+        ),
+        (" 0    00000000            ErrorFrame                         154.266550 R", Damage.ERROR_FRAME),
+        (" 0    0000070A         2  00                                 154.266550 R", Damage.UNREADABLE),
+        (" 0    0CFBFFDB         1  00                                 154.266550 R", Damage.UNREADABLE),
+    ],
+)
+def test_kvaser(entry: str, raw: Raw | Damage) -> None:
+    found, *_ = read(f"{KVASER}{entry}\n 1    00000080         0    200.0 R\nLogging stopped.\n")
+    read_as = found[2].damage if isinstance(found[2], Foreign) else found[2]
+    assert (*found[:2], read_as) == ((0.0, "", raw) if raw is Damage.UNREADABLE else (154.26655, "0", raw))
 
 
 def test_an_old_log_of_savvycan_has_eight_octets_in_each_line() -> None:

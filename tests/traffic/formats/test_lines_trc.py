@@ -25,14 +25,16 @@ def read(text: str) -> list[tuple[int, float, str, Raw]]:
         ("7 103.250 DT 2 0014 Rx - 2 01 02", Frame(0x014, b"\x01\x02")),
         ("7 103.250 DT 2 0014 Tx - 0", Frame(0x014, b"")),
         ("7 103.250 RR 2 0014 Rx - 0", RemoteFrame(0x014)),
-        ("7 103.250 FD 2 0014 Rx - 1 01", Foreign(Damage.FD, "FD 2 0014 Rx - 1 01")),
-        ("7 103.250 FB 2 0014 Rx - 1 01", Foreign(Damage.FD, "FB 2 0014 Rx - 1 01")),
-        ("7 103.250 FE 2 0014 Rx - 1 01", Foreign(Damage.FD, "FE 2 0014 Rx - 1 01")),
-        ("7 103.250 BI 2 0014 Rx - 1 01", Foreign(Damage.FD, "BI 2 0014 Rx - 1 01")),
+        ("7 103.250 FD 2 0014 Rx - 1 01", Foreign(Damage.FD, "014#01")),
+        ("7 103.250 FB 2 0014 Rx - 1 01", Foreign(Damage.FD, "014#01")),
+        ("7 103.250 FE 2 0014 Rx - 1 01", Foreign(Damage.FD, "014#01")),
+        ("7 103.250 BI 2 0014 Rx - 1 01", Foreign(Damage.FD, "014#01")),
         ("7 103.250 ER 2 0014 Rx - 1 01", Foreign(Damage.ERROR_FRAME, "ER 2 0014 Rx - 1 01")),
         ("7 103.250 DT 2 00014 Rx - 1 01", Frame(EXTENDED | 0x014, b"\1")),
         ("7 103.250 DT 2 00000014 Rx - 1 01", Frame(EXTENDED | 0x014, b"\1")),
         ("7 103.250 DT 2 0014 Rx - 2 RTR", RemoteFrame(0x014, bytes(2))),
+        ("7 103,250 DT 2 0014 Rx - 2 01 02", Frame(0x014, b"\x01\x02")),  # as PCAN-View writes it in German
+        ("7 103.250 DT 2 0014 Rx - 10 00 01 02 03 04 05 06 07 FF FF", Frame(0x014, bytes(range(8)))),
     ],
 )
 def test_an_entry_is_a_frame_or_says_what_it_is(line: str, raw: Raw) -> None:
@@ -43,6 +45,11 @@ def test_an_entry_is_a_frame_or_says_what_it_is(line: str, raw: Raw) -> None:
 def test_events_are_no_entries_and_the_next_line_is_read(kind: str) -> None:
     text = f"{HEAD}1 1.0 {kind} 2 Rx 00 00\n\n2 2.0 DT 2 0014 Rx - 1 05"
     assert read(text) == [(5, 0.002, "2", Frame(0x014, b"\x05"))]
+
+
+def test_a_warning_of_version_1_0_has_no_type() -> None:
+    text = "2) 17540 FFFFFFFF 4 00 00 00 08 -- -- -- -- BUSHEAVY\n 3) 17541 0014 1 06"
+    assert [raw for *_, raw in read(f";$FILEVERSION=1.0\n{text}")] == [Frame(0x014, b"\x06")]
 
 
 def test_a_warning_of_version_1_is_no_entry() -> None:
