@@ -125,8 +125,8 @@ class Plugin(NamedTuple):
     be wrong with any device. `suites` is a folder of check suites. `partners` gives simulated nodes that are checked
     their surroundings, with all chance from a seed, and returns what some do by themselves, by their names. `panels`
     are views of the page, `drawings` what messages draw in an MCAP file, `reports` questions to a season, `watchers`
-    rules of the robot's own for `diagnose`. `stage` are the options that `node` has for its nodes. `table` is the protocol table that other tables may build on, `folder`
-    where its other files lie.
+    rules of the robot's own for `diagnose`. `stage` are the options that `node` has for its nodes. `table` is the
+    protocol table that other tables may build on, `folder` where its other files lie.
     """
 
     name: str = ""

@@ -79,14 +79,15 @@ class WatchedBus:
         )
         self._messages = (self.pdos, *self._more)
         self._seen, self._promised = SeenTraffic(bit_rate, promised), promised
-        self._loads: list[list[Any]] = [[0.0, 0, Occurrences()] for _ in LOADS]
-        self._is_begun = False
+        self._loads: list[list[Any]] = []
+        self._first: SeenAt | None = None
 
     def take(self, time: float, meaning: Meaning) -> None:
         """Take in what came at a time in s."""
         bus, raw = self.bus, meaning.raw
-        if not self._is_begun:
-            bus.began, self._is_begun = time, True
+        if self._first is None:
+            bus.began, self._first = time, bus.at()
+            self._gap(time)
         elif time < bus.now:
             text = f"the time goes back from {bus.now:.6f} s to {time:.6f} s"
             bus.found(BusRule.LOG_BACKWARDS, "", text)
@@ -130,19 +131,19 @@ class WatchedBus:
                 said = f"{damage.value}: {text}"
                 self.bus.found(BusRule.BUS_OFF if is_off else rule_of, who, said, subject)
 
-    def shown(self, time: float, ended: SdoTransfer, decoder: Decoder) -> None:
+    def shown(self, ended: SdoTransfer, decoder: Decoder) -> None:
         """Take in what a transfer has shown, and the decoder that there is from now on."""
         if decoder is not self.bus.decoder:
             self.bus.decoder = decoder
             self.pdos.changed()
         if ended.address == HEARTBEAT_TIME and ended.end:
-            self.nodes.set_period(time, self.bus.node(ended.end.server))
+            self.nodes.set_period(self.bus.node(ended.end.server))
 
     # Time
 
     def _silence(self, time: float) -> None:
         beating = self.nodes.beating
-        if len(beating) > 1 and all(each.lost(time) for each in beating):
+        if len(beating) > 1 and all(each.is_lost(time) for each in beating):
             text = (
                 f"nothing came for {duration(round(time - self.bus.now, 3))}, not even from {len(beating)} heartbeats"
             )
@@ -153,7 +154,7 @@ class WatchedBus:
         for each in self._watchers:
             each.gap(time)
         self._tick_at = time
-        self._loads = [[time, 0, Occurrences()] for _ in LOADS]
+        self._loads = [[time, 0, Occurrences(places=[self.bus.at()])] for _ in LOADS]
 
     def tick(self, time: float) -> None:
         """Notice what did not come until now, s."""
@@ -170,7 +171,7 @@ class WatchedBus:
             if not row.holds and self._promised.messages:
                 text = f"{row.message.name} can be later than its deadline at {self.bit_rate / 1000:g} kbit/s"
                 seen = Occurrences()
-                seen.add(SeenAt(self.bus.began))
+                seen.add(self._first or self.bus.at())
                 self.bus.found(BusRule.CAN_STARVE, row.message.node, text, row.message.identifier, seen=seen)
 
     # Load and response times
@@ -183,7 +184,7 @@ class WatchedBus:
                 load[1] = so_far + bits
                 continue
             share = so_far / self.bit_rate / span
-            if most < share and seen.places:
+            if most < share:
                 self._too_much(rule, share, seen)
             load[:] = time, bits, Occurrences(places=[self.bus.at()])
 
@@ -249,7 +250,7 @@ class Diagnosis:
         watched = self._buses.get(channel) or self._bus(channel)
         watched.take(time, meaning)
         if meaning.transfer:
-            watched.shown(time, meaning.transfer, following.decoder(channel))
+            watched.shown(meaning.transfer, following.decoder(channel))
 
     def _bus(self, channel: str) -> WatchedBus:
         bus = ObservedBus(channel, self._decoder, self._at, self.incidents.at)

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections import defaultdict, deque
 from functools import partial
+from itertools import pairwise
 
-from eurobot_od.client.watch import LOST_AFTER, Heartbeats, NodeChange, NodeEvent, NodeWatch
+from eurobot_od.client.watch import LOST_AFTER, NodeChange
 from eurobot_od.device.nmt import COMMAND_NAMES, RESETS, STATE_NAMES, TARGET, TOGGLE, NmtState
 from eurobot_od.frame import Frame
 from eurobot_od.od.standard import ANSWERS, CONSUMED_HEARTBEATS, HEARTBEAT_TIME, Lss, LssState
@@ -29,18 +30,43 @@ TOGETHER = 0.5
 SURE = 3
 """So often a heartbeat has to contradict the one before until it is taken for another node's."""
 
+PATIENCE = 1.0
+"""Seconds in which no heartbeat is missed until three have shown their period."""
+
 LATE, CHANGED, UNEVEN = 1.5, 0.25, 0.2
 """Shares of a heartbeat's period: it is late, comes at another one, is one of two series."""
 
 
 class Beats:
-    """The last few intervals between the heartbeats of a node, and how often its state has flipped back."""
+    """The heartbeats of a node: the `period` that its settings say in s, 0 for none, and when the `last` one came.
 
-    def __init__(self) -> None:
+    `last` is None while none is due. `before` is the state before the last one, `flips` how often it came back.
+    """
+
+    def __init__(self, period: float) -> None:
+        self.period, self.last, self.lost = period, None, False
         self.intervals: deque[float] = deque(maxlen=2 * SURE)
-        self.last: float | None = None
         self.before: NmtState | None = None
         self.flips = 0
+
+    last: float | None
+
+    @property
+    def usual(self) -> float:
+        """The period by the settings, or by what came if that is longer; 0 if nothing says it."""
+        is_known = len(self.intervals) >= SURE
+        # The last but one: a single long silence does not change it, and two nodes' heartbeats come unevenly.
+        return max(self.period, sorted(self.intervals)[-2] if is_known else 0.0)
+
+    def is_lost(self, now: float) -> bool:
+        """Whether the next one should have come by now."""
+        least = 0.0 if len(self.intervals) >= SURE else PATIENCE  # a device may have another period than its file
+        return self.last is not None and self.usual > 0 and now - self.last > max(LOST_AFTER * self.usual, least)
+
+    def restart(self, last: float | None) -> None:
+        """Begin anew: one is due after `last`, or none."""
+        self.last, self.lost, self.flips = last, False, 0
+        self.intervals.clear()
 
 
 class NodesWatcher(Watcher):
@@ -48,11 +74,9 @@ class NodesWatcher(Watcher):
 
     def __init__(self, bus: ObservedBus) -> None:
         super().__init__(bus)
-        periods = {n: node.number(HEARTBEAT_TIME) / 1000 for n, node in bus.nodes.items()}
-        self._watch = NodeWatch(self._changed, periods)
         self._told: dict[int, tuple[int, float]] = {}
         self._booted: dict[int, float] = {}
-        self._beats: dict[int, Beats] = defaultdict(Beats)
+        self._beats: dict[int, Beats] = {}
         self._toggles: dict[int, int | None] = {}
         self._asked: dict[int, int] = {}
         self._pre_operational: dict[int, Occurrences] = {}
@@ -80,23 +104,15 @@ class NodesWatcher(Watcher):
     def _command(self, time: float, command: int, node_id: int) -> None:
         heard = [each for each in self.bus.nodes.values() if each.heard]
         for node in heard if node_id == ALL_NODES else [self.bus.node(node_id)] if node_id in NODE_IDS else []:
-            self._beats[node.node_id].flips = 0
+            self._beats_of(node).flips = 0
             if command in RESETS:
-                node.reset = time
-                self._forget(node)
+                node.reset, node.state = time, None
+                self._told.pop(node.node_id, None)
+                self._beats_of(node).restart(None)
             elif command in TARGET:
                 self._told[node.node_id] = command, time
                 if node.heard:
                     node.state, node.since = TARGET[command], time  # type: ignore[index]
-
-    def _forget(self, node: ObservedNode) -> None:
-        """Expect nothing of a node until it is heard again."""
-        self._told.pop(node.node_id, None)
-        watched = self._watch.nodes.get(node.node_id)
-        if watched:
-            watched.pulse, watched.lost = Heartbeats(watched.pulse.period), False
-        node.state = None
-        self._beats.pop(node.node_id, None)
 
     def _boot(self, time: float, node: ObservedNode) -> None:
         last, self._booted[node.node_id] = self._booted.get(node.node_id), time
@@ -111,8 +127,7 @@ class NodesWatcher(Watcher):
         node.booted, node.state, node.since = True, None, time
         self._told.pop(node.node_id, None)
         self._toggles[node.node_id] = None
-        self._beats.pop(node.node_id, None)
-        self._watch.receive(node.node_id, b"\0", time)
+        self._beats_of(node).restart(time)
 
     def _state(self, time: float, node: ObservedNode, state: NmtState, is_guarding: bool) -> None:
         if not is_guarding:
@@ -135,64 +150,60 @@ class NodesWatcher(Watcher):
 
     # Heartbeats
 
+    def _beats_of(self, node: ObservedNode) -> Beats:
+        if node.node_id not in self._beats:
+            self._beats[node.node_id] = Beats(node.number(HEARTBEAT_TIME) / 1000)
+        return self._beats[node.node_id]
+
     def _beat(self, time: float, node: ObservedNode, state: NmtState) -> None:
-        beats, watched = self._beats[node.node_id], self._watch.nodes.get(node.node_id)
+        beats = self._beats_of(node)
         if node.state not in (None, state):
             beats.flips = beats.flips + 1 if state is beats.before else 0
             beats.before = node.state
             if beats.flips >= SURE and node.node_id not in self._told:
                 states = f"{STATE_NAMES[state]} and {STATE_NAMES[beats.before or state]}"
                 self.bus.found(BusRule.TWO_NODES, node.name, f"says by turns that it is {states}", "states")
-        if beats.last is not None and watched and not watched.lost:
+        if beats.last is not None and time >= beats.last and not beats.lost:
             beats.intervals.append(time - beats.last)
-            self._judge(node, beats, watched.pulse.period)
-        beats.last = time
-        self._watch.receive(node.node_id, bytes([state]), time)
+            self._judge(node, beats)
+        beats.last, beats.lost = time, False
 
-    def _judge(self, node: ObservedNode, beats: Beats, period: float) -> None:
-        """Look at a node's last intervals; `period` is the one that its settings say, 0 for none."""
+    def _judge(self, node: ObservedNode, beats: Beats) -> None:
+        """Look at a node's last intervals."""
         *others, last = beats.intervals
-        usual = period or (sorted(others)[len(others) // 2] if len(others) >= SURE else 0.0)
-        if usual and last > LATE * usual:
+        if len(others) >= SURE and last > LATE * (usual := beats.usual):
             text = f"a heartbeat after {_ms(last)}, with a period of {_ms(usual)}"
             self.bus.found(BusRule.HEARTBEAT_LATE, node.name, text)
-        if not period or len(beats.intervals) < 2 * SURE:
+        if not beats.period or len(beats.intervals) < 2 * SURE:
             return
-        pairs = [one + two for one, two in zip(others, [*others[1:], last])]
-        if all(abs(each / period - 1) < UNEVEN for each in pairs):
+        period, uneven = beats.period, max(beats.intervals) > (1 + CHANGED) * min(beats.intervals)
+        pairs = [one + two for one, two in pairwise(beats.intervals)]
+        if uneven and all(abs(each / period - 1) < UNEVEN for each in pairs):
             text = f"two series of heartbeats, each every {_ms(period)}"
             self.bus.found(BusRule.TWO_NODES, node.name, text, "heartbeats")
-        elif all(abs(each / period - 1) > CHANGED and abs(each / last - 1) < UNEVEN for each in beats.intervals):
+        elif not uneven and all(abs(each / period - 1) > CHANGED for each in beats.intervals):
             text = f"a heartbeat every {_ms(last)}, with 0x1017 = {period * 1000:g} ms"
             self.bus.found(BusRule.HEARTBEAT_CHANGED, node.name, text)
 
-    def set_period(self, time: float, node: ObservedNode) -> None:
+    def set_period(self, node: ObservedNode) -> None:
         """Take in that a node has another heartbeat time now."""
-        if watched := self._watch.nodes.get(node.node_id):
-            self._beats.pop(node.node_id, None)
-            was_heard, watched.lost = watched.pulse.heard is not None, False
-            watched.pulse = Heartbeats(node.number(HEARTBEAT_TIME) / 1000)
-            if was_heard:
-                watched.pulse.boot(time)
-
-    def _changed(self, event: NodeEvent) -> None:
-        if event.change is NodeChange.LOST:
-            node = self.bus.node(event.node_id)
-            silent = event.time - (self._watch.nodes[event.node_id].pulse.heard or 0.0)
-            state = f"; it was {STATE_NAMES[event.state]}" if event.state else ""
-            text = f"{NodeChange.LOST.value}: no heartbeat for {_ms(silent)}, more than {LOST_AFTER:g} periods{state}"
-            self.bus.found(BusRule.HEARTBEAT_LOST, node.name, text)
-            self._beats.pop(event.node_id, None)
+        beats = self._beats_of(node)
+        beats.period = node.number(HEARTBEAT_TIME) / 1000
+        beats.restart(None)  # until the next one: it may also have been switched off
 
     @property
-    def beating(self) -> list[Heartbeats]:
-        """The nodes that are to be heard."""
-        return [
-            each.pulse for each in self._watch.nodes.values() if not each.lost and each.pulse.deadline < float("inf")
-        ]
+    def beating(self) -> list[Beats]:
+        """The heartbeats that are due."""
+        return [each for each in self._beats.values() if each.last is not None and not each.lost and each.usual]
 
     def tick(self, time: float) -> None:
-        self._watch.tick(time)
+        for node_id, beats in self._beats.items():
+            if not beats.lost and beats.is_lost(time):
+                beats.lost = True
+                node = self.bus.node(node_id)
+                state = f"; it was {STATE_NAMES[node.state]}" if node.state else ""
+                text = f"{NodeChange.LOST.value}: no heartbeat for {LOST_AFTER:g} periods of {_ms(beats.usual)}{state}"
+                self.bus.found(BusRule.HEARTBEAT_LOST, node.name, text)
         for node in self.bus.nodes.values():
             if node.reset is not None and time - node.reset > BOOTS_WITHIN:
                 node.reset = None
@@ -200,9 +211,8 @@ class NodesWatcher(Watcher):
                 self.bus.found(BusRule.NO_BOOT, node.name, text)
 
     def gap(self, time: float) -> None:
-        for pulse in self.beating:
-            pulse.boot(time)
-        self._beats.clear()
+        for beats in self.beating:
+            beats.restart(time)
 
     # Guarding
 
@@ -222,7 +232,7 @@ class NodesWatcher(Watcher):
 
     def end(self, time: float) -> None:
         self.tick(time)
-        for node in self.bus.nodes.values():
+        for node in list(self.bus.nodes.values()):
             waiting = self._pre_operational.get(node.node_id)
             if not node.heard and node.dictionary and time - self.bus.began > LOST_AFTER:
                 self.bus.found(BusRule.NEVER_HEARD, node.name, f"is never heard (node-ID {node.node_id})")
@@ -236,11 +246,11 @@ class NodesWatcher(Watcher):
         subs = node.dictionary.members.get(CONSUMED_HEARTBEATS, {}) if node.dictionary else {}
         entries = (node.number((CONSUMED_HEARTBEATS, sub)) for sub in subs if sub) if node.heard else ()
         for node_id, wait in ((entry >> 16 & 0x7F, (entry & 0xFFFF) / 1000) for entry in entries):
-            watched = self._watch.nodes.get(node_id)
+            beats = self._beats.get(node_id)
             if not wait or node_id not in NODE_IDS:
                 continue
             producer = self.bus.node(node_id)
-            if watched is None or watched.pulse.heard is None:
+            if beats is None or not (beats.last or beats.intervals or beats.lost):
                 text = f"waits for the heartbeat of {producer.name} (0x1016), which sends none"
                 self.bus.found(BusRule.CONSUMER_UNFED, node.name, text, node_id)
             elif (period := producer.number(HEARTBEAT_TIME) / 1000) >= wait:
