@@ -22,14 +22,14 @@ from eurobot_od.traffic.decoding import Following
 from eurobot_od.traffic.diagnosis.incidents import Incident, Incidents, Occurrences, SeenAt, verdict
 from eurobot_od.traffic.diagnosis.nodes import EmergencyWatcher, LssWatcher, NodesWatcher
 from eurobot_od.traffic.diagnosis.observed import ObservedBus, Watcher
-from eurobot_od.traffic.diagnosis.pdos import PdoWatcher, SyncWatcher, TimeWatcher
+from eurobot_od.traffic.diagnosis.pdos import AnswerWatcher, PdoWatcher, SyncWatcher, TimeWatcher
 from eurobot_od.traffic.diagnosis.rules import BusRule
 from eurobot_od.traffic.diagnosis.transfers import SdoWatcher
 from eurobot_od.traffic.entries import Damage, Raw
 from eurobot_od.traffic.load import MessageSet, load_report
 from eurobot_od.traffic.meaning import CANOPEN, Decoder, Meaning, SdoTransfer
 from eurobot_od.traffic.services import EMCY_NAME, GUARDING, HEARTBEAT, LSS, NMT, SDO, SYNC_NAME, TIME_NAME
-from eurobot_od.traffic.statistics import NOTHING, SeenTraffic
+from eurobot_od.traffic.statistics import NOTHING
 
 TICK = 0.02
 """Seconds after which watchers look for what did not come."""
@@ -62,7 +62,8 @@ class WatchedBus:
     ) -> None:
         self.bus, self.bit_rate, self._tick_at = bus, bit_rate, 0.0
         self.nodes, self.pdos, self.sdo = NodesWatcher(bus), PdoWatcher(bus), SdoWatcher(bus)
-        self._more = [each(bus) for each in more]
+        answers = [AnswerWatcher(bus, promised, bit_rate)] if promised.messages else []
+        self._more: list[Watcher] = [*answers, *(each(bus) for each in more)]
         control = (self.nodes,)
         self._services: dict[str, tuple[Watcher, ...]] = {
             NMT: (self.sdo, self.nodes),
@@ -78,7 +79,7 @@ class WatchedBus:
             dict.fromkeys([self.pdos, *(w for each in self._services.values() for w in each), *self._more])
         )
         self._messages = (self.pdos, *self._more)
-        self._seen, self._promised = SeenTraffic(bit_rate, promised), promised
+        self._promised = promised
         self._loads: list[list[Any]] = []
         self._first: SeenAt | None = None
 
@@ -101,19 +102,18 @@ class WatchedBus:
             self._damaged(meaning)
         if isinstance(raw, Frame):
             self._load(time, raw)
-            if meaning.is_read or meaning.service or not meaning.defects:
-                self._pass_on(time, meaning, raw)
+            self._pass_on(time, meaning, raw)
 
     def _pass_on(self, time: float, meaning: Meaning, frame: Frame) -> None:
         if meaning.group == CANOPEN:
             self.bus.counts[meaning.name] += 1
+            if not meaning.is_read:
+                return
             for each in self._services.get(meaning.name, ()):
                 each.take(time, meaning)
             return
         if frame.is_remote:
             return
-        if frame.cob_id in self._seen.asking:
-            self._answers(time, meaning, frame)
         for each in self._messages:
             each.take(time, meaning)
 
@@ -174,7 +174,7 @@ class WatchedBus:
                 seen.add(self._first or self.bus.at())
                 self.bus.found(BusRule.CAN_STARVE, row.message.node, text, row.message.identifier, seen=seen)
 
-    # Load and response times
+    # Load
 
     def _load(self, time: float, frame: Frame) -> None:
         bits = frame_bits(frame)
@@ -193,15 +193,6 @@ class WatchedBus:
         wrong = "; more than all: the bus is faster, -b says its bit rate" if share > 1.05 else ""
         text = f"a load of {share:.0%} of {self.bit_rate / 1000:g} kbit/s{wrong}"
         self.bus.found(rule, "", text, seen=seen)
-
-    def _answers(self, time: float, meaning: Meaning, frame: Frame) -> None:
-        self._seen.take(time, frame, meaning.name, meaning.sender)
-        seen = self._seen.messages[frame.cob_id, False]
-        if seen.answered is not None and seen.bound is not None and seen.answered > seen.bound:
-            took, most = duration(round(seen.answered, 4)), duration(round(seen.bound, 4))
-            text = f"{meaning.name} answers after {took}, bound {most}"
-            self.bus.found(BusRule.ANSWER_LATE, meaning.sender, text, frame.cob_id)
-            seen.answered = None
 
 
 def _is_bus_off(text: str) -> bool:

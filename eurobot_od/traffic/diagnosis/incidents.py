@@ -28,8 +28,10 @@ class SeenAt(NamedTuple):
     log: str = ""
     line: int = 0
 
-    def __str__(self) -> str:
-        where = f" ({self.log}:{self.line})" if self.log else ""
+    def after(self, first: SeenAt | None = None) -> str:
+        """Write it; behind another place in the same log, its line alone says where."""
+        log = self.log if first is None or first.log != self.log else "line"
+        where = f" ({log}{' ' if log == 'line' else ':'}{self.line})" if self.log else ""
         return f"{self.time:.6f} s{where}"
 
 
@@ -74,9 +76,14 @@ class Rule(Enum):
         return self.name.lower().replace("_", "-")
 
     @property
-    def rank(self) -> tuple[int, int]:
+    def stage(self) -> int:
+        """0 for what is wrong with the bus, 1 for what is wrong with a robot on it, 2 for what nodes say of that."""
+        return 0
+
+    @property
+    def rank(self) -> tuple[int, int, int]:
         """The place among all rules, worst first."""
-        return list(Severity).index(self.severity), list(type(self)).index(self)
+        return list(Severity).index(self.severity), self.stage, list(type(self)).index(self)
 
 
 @dataclass(frozen=True)
@@ -102,10 +109,10 @@ class Incident:
         """What is known of it besides the title, each with its heading."""
         often = "once" if self.seen.number == 1 else f"{self.seen.number} times"
         first, *others = self.seen.places
-        when = (
-            f"{often}, at {first}" if self.seen.number == 1 else f"{often}, first at {first}, last at {self.seen.last}"
-        )
-        also = ", ".join(str(each) for each in others if each != self.seen.last)
+        when = f"{often}, at {first.after()}"
+        if self.seen.number > 1:
+            when = f"{often}, first at {first.after()}, last at {self.seen.last.after(first)}"
+        also = ", ".join(each.after(first) for each in others if each != self.seen.last)
         found = [("Seen", when), ("Also at", also)]
         found += [("Likely", self.cause), ("To do", self.remedy), ("Source", f"{self.rule.clause} [{self.rule.id}]")]
         return [(what, one_line(text)) for what, text in found if text]

@@ -16,8 +16,10 @@ from eurobot_od.support.texts import text as duration
 from eurobot_od.traffic.diagnosis.incidents import Occurrences
 from eurobot_od.traffic.diagnosis.observed import ObservedBus, ObservedNode, Watcher
 from eurobot_od.traffic.diagnosis.rules import BusRule
+from eurobot_od.traffic.load import MICROSECONDS, MessageSet, PeriodicMessage
 from eurobot_od.traffic.meaning import Meaning
 from eurobot_od.traffic.services import SYNC_NAME
+from eurobot_od.traffic.statistics import SeenTraffic
 
 INHIBITED, STAMP = 0.9, 0.0005
 """Share of an inhibit time that has to pass, and what two time stamps may be wrong by, s."""
@@ -159,6 +161,55 @@ class PdoWatcher(Watcher):
             elif binding.cob_id not in self._pdos and syncs > SYNCS * pdo.transmission_type:
                 text = f"{binding.name} is never sent in {syncs} SYNCs (transmission type {pdo.transmission_type})"
                 self.bus.found(BusRule.PDO_NOT_SENT, sender.name, text, binding.cob_id)
+
+
+NO_SOONER = 0.5
+"""Seconds that an answer has at least, however short its deadline is."""
+
+
+class AnswerWatcher(Watcher):
+    """Watches that messages get the answers that the network file promises, and in the time that is computed."""
+
+    def __init__(self, bus: ObservedBus, promised: MessageSet, bit_rate: int) -> None:
+        super().__init__(bus)
+        self._seen = SeenTraffic(bit_rate, promised)
+        identifiers = {each.name: each.identifier for each in promised.messages}
+        self._answers: dict[int, list[PeriodicMessage]] = {}
+        for each in promised.messages:
+            if each.answers in identifiers:
+                self._answers.setdefault(identifiers[each.answers], []).append(each)
+        self._open: dict[int, tuple[float, PeriodicMessage, Occurrences]] = {}
+
+    def take(self, time: float, meaning: Meaning) -> None:
+        frame = meaning.raw
+        if not isinstance(frame, Frame) or frame.cob_id not in self._seen.asking:
+            return
+        self._open.pop(frame.cob_id, None)
+        self._seen.take(time, frame, meaning.name, meaning.sender)
+        seen = self._seen.messages[frame.cob_id, False]
+        if seen.answered is not None and seen.bound is not None and seen.answered > seen.bound:
+            text = f"{meaning.name} comes {_ms(seen.answered)} after its request, computed: {_ms(seen.bound)} at most"
+            self.bus.found(BusRule.ANSWER_LATE, meaning.sender, text, frame.cob_id)
+            seen.answered = None
+        for each in self._answers.get(frame.cob_id, ()):
+            if each.identifier not in self._open:
+                asked = Occurrences()
+                asked.add(self.bus.at())
+                self._open[each.identifier] = time, each, asked
+
+    def tick(self, time: float) -> None:
+        for identifier, (since, answer, asked) in list(self._open.items()):
+            if time - since > max(NO_SOONER, 2 * answer.deadline / MICROSECONDS):
+                del self._open[identifier]
+                self.bus.found(
+                    BusRule.ANSWER_MISSING, answer.node, f"no {answer.name} to {answer.answers}", identifier, seen=asked
+                )
+
+    def gap(self, time: float) -> None:
+        self._open.clear()
+
+    def end(self, time: float) -> None:
+        self.tick(time)
 
 
 class SyncWatcher(Watcher):

@@ -58,11 +58,6 @@ class BusRule(Rule):
         "the bus is too slow for what is promised on it", "`load` says what holds it up",
         "Davis, Burns, Bril, Lukkien 2007",
     )  # fmt: skip
-    ANSWER_LATE = (
-        W, "An answer comes later than computed for a bus that works",
-        "its node is busy, or a message of lower identifier floods the bus",
-        "compare with `decode --statistics` and `load`", "Davis, Burns, Bril, Lukkien 2007",
-    )  # fmt: skip
 
     # Nodes: boot-up and NMT
     TWO_NODES = (
@@ -134,25 +129,6 @@ class BusRule(Rule):
         "use its heartbeat; guarding and heartbeat exclude each other", "CiA 301, 7.2.8.2.2",
     )  # fmt: skip
 
-    # EMCY
-    EMCY_RAISED = (
-        E, "A node reports an error and does not take it back",
-        "as the error's words say; the register says of which kind",
-        "`emcy NODE` lists its errors; the device's manual has the codes from 0xFF00 on", "CiA 301, 7.2.7",
-    )  # fmt: skip
-    EMCY_STORM = (
-        W, "A node sends more than 10 emergencies in a second", "an error comes and goes, or has no inhibit time",
-        "set 0x1015 of the node; then look for what comes and goes", "CiA 301, 7.5.2.18",
-    )  # fmt: skip
-    EMCY_REGISTER = (
-        W, "An emergency has an error register without the generic error",
-        "the device does not keep 0x1001 as it must", "tell its maker; do not trust its 0x1001", "CiA 301, 7.5.2.2",
-    )  # fmt: skip
-    EMCY_CLEARED = (
-        I, "A node reports an error and takes it back", "as the error's words say",
-        "nothing, if it does not come again", "CiA 301, 7.2.7",
-    )  # fmt: skip
-
     # SDO
     TWO_CLIENTS = (
         E, "Two masters use one SDO channel",
@@ -204,6 +180,16 @@ class BusRule(Rule):
         E, "A PDO has a length that its mapping in force cannot have",
         "the device is mapped otherwise than its file says, or another device sends it",
         "`pdo NODE` or `monitor --ask` shows how it is mapped", "CiA 301, 7.5.2.36, 7.5.2.38",
+    )  # fmt: skip
+    ANSWER_MISSING = (
+        E, "A message that asks gets no answer, though the network file promises one",
+        "the node that answers is not there, not OPERATIONAL, or did not understand the question",
+        "look at that node's state and errors; then compare both ends' files", "the network file: `answers`",
+    )  # fmt: skip
+    ANSWER_LATE = (
+        W, "An answer comes later than computed for a bus that works",
+        "its node is busy, or a message of lower identifier floods the bus",
+        "compare with `decode --statistics` and `load`", "Davis, Burns, Bril, Lukkien 2007",
     )  # fmt: skip
     PDO_STATE = (
         E, "A node sends a PDO outside of OPERATIONAL",
@@ -277,3 +263,26 @@ class BusRule(Rule):
         "two producers, or the clock of the producer was set", "leave one producer (bit 30 of 0x1012)",
         "CiA 301, 7.2.6",
     )  # fmt: skip
+
+    # EMCY
+    EMCY_RAISED = (
+        E, "A node reports an error and does not take it back",
+        "as the error's words say; the register says of which kind",
+        "`emcy NODE` lists its errors; the device's manual has the codes from 0xFF00 on", "CiA 301, 7.2.7",
+    )  # fmt: skip
+    EMCY_STORM = (
+        W, "A node sends more than 10 emergencies in a second", "an error comes and goes, or has no inhibit time",
+        "set 0x1015 of the node; then look for what comes and goes", "CiA 301, 7.5.2.18",
+    )  # fmt: skip
+    EMCY_REGISTER = (
+        W, "An emergency has an error register without the generic error",
+        "the device does not keep 0x1001 as it must", "tell its maker; do not trust its 0x1001", "CiA 301, 7.5.2.2",
+    )  # fmt: skip
+    EMCY_CLEARED = (
+        I, "A node reports an error and takes it back", "as the error's words say",
+        "nothing, if it does not come again", "CiA 301, 7.2.7",
+    )  # fmt: skip
+
+    @property
+    def stage(self) -> int:
+        return 2 if self.name.startswith("EMCY") else 0
