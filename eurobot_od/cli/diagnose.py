@@ -78,27 +78,29 @@ def diagnose(
 
 
 def _read(diagnosis: Diagnosis, logs: Sequence[str], reading: Reading) -> None:
-    before = None
-    for log, (line, at, channel, raw) in entries(logs, reading):
-        if log != before:
-            before = log
-            diagnosis.begin(log)
-        diagnosis.take(at, channel, raw, line)
+    for log in logs:
+        before = diagnosis.frames
+        diagnosis.begin(log)
+        for _, (line, at, channel, raw) in entries([log], reading):
+            diagnosis.take(at, channel, raw, line)
+        if diagnosis.frames == before:
+            diagnosis.silent(log)
     diagnosis.end()
 
 
 def _listen(diagnosis: Diagnosis, bus: BusOptions, duration: float, no_reconnect: bool) -> None:
     """Listen to a bus until its time is over, or Ctrl-C; what the driver could not deliver is an incident."""
-    began, first = time.monotonic(), None
     with closing(BusSource(bus.open(), opener=bus.reopener(no_reconnect))) as source, suppress(KeyboardInterrupt):
-        while (now := time.monotonic()) - began < duration:
+        began, origin, now = time.monotonic(), None, 0.0
+        while (now := time.monotonic() - began) < duration:
             for at, raw in source.poll():
-                first = at if first is None else first  # a driver's clock may start anywhere
-                diagnosis.take(at - first, "", raw)
-            if first is not None:
-                diagnosis.tick(source.now - first)
-            time.sleep(min(POLL, max(0.0, began + duration - now)))
-    diagnosis.end(source.now - first if first is not None else 0.0)
+                origin = at - now if origin is None else origin  # a driver's clock may start anywhere
+                diagnosis.take(max(at - origin, 0.0), "", raw)
+            diagnosis.tick(now)
+            time.sleep(min(POLL, max(0.0, duration - now)))
+    if not diagnosis.frames:
+        diagnosis.silent()
+    diagnosis.end(now)
     diagnosis.missed(source.notes)
 
 

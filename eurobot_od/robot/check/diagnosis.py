@@ -14,13 +14,13 @@ from eurobot_od.traffic.meaning import Meaning
 
 STOPS = (messages.StopDrive, messages.EmergencyStop, messages.EmergencyShutdown)
 
-STANDS_WITHIN = 1.0
+STANDS_WITHIN = 0.5
 """Seconds that the drive may brake after a stop."""
 
 HEARS_WITHIN = 0.05
 """Seconds after a stop in which the drive may still answer that the goto goes on."""
 
-STANDS = 50
+STANDS = 20
 """Millimetres by which two measured positions of a robot that stands may differ."""
 
 SOURCES = {
@@ -43,7 +43,7 @@ class EurobotRule(Rule):
         "document, Table 5: Stop Drive",
     )  # fmt: skip
     POSITION_SOURCE = (
-        Severity.WARNING, "A position has another source than its message",
+        Severity.ERROR, "A position has another source than its message",
         "two nodes answer the same request, or the sender takes one position for another",
         "look who sends under this identifier: unplug the drive or the navigation", "document, Table 2: source",
     )  # fmt: skip

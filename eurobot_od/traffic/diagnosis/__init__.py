@@ -264,6 +264,11 @@ class Diagnosis:
             each.end(time)
         self._buses = {}
 
+    def silent(self, log: str = "") -> None:
+        """Report that there was nothing in a log, or on a bus."""
+        text = f"no frame in {log}" if log else "no frame came"
+        self.incidents.at(BusRule.BUS_SILENT, "", "", log, text, "", "").add(SeenAt(0.0, log))
+
     def missed(self, notes: Iterable[str]) -> None:
         """Report what could not be taken in, as a source of frames says it."""
         for note in notes:

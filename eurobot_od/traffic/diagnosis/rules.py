@@ -18,6 +18,11 @@ class BusRule(Rule):
         "measure 60 ohm between CAN_H and CAN_L, compare the bit rates, then restart the controller",
         "ISO 11898-1, 12.1",
     )  # fmt: skip
+    BUS_SILENT = (
+        E, "No frame comes at all",
+        "the adapter is not connected, has another bit rate than the bus, or no node has power",
+        "`doctor` lists adapters; compare the bit rates, measure 60 ohm between CAN_H and CAN_L", "ISO 11898-1",
+    )  # fmt: skip
     ERROR_FRAME = (
         E, "Frames are destroyed by errors on the wire",
         "a missing or third terminator, a loose plug, a wrong bit rate, nobody who acknowledges, or two "
@@ -155,6 +160,11 @@ class BusRule(Rule):
     SDO_ABORT = (
         W, "A node refuses an SDO request", "as the abort code's words say",
         "compare the request with the device's file", "CiA 301, 7.2.4.3.17",
+    )  # fmt: skip
+
+    SDO_PROBED = (
+        I, "A node is asked for an object that it does not have", "a tool tries what the device can do, or has another "
+        "version of its file", "nothing, if the tool goes on", "CiA 301, 7.2.4.3.17",
     )  # fmt: skip
 
     # Configuration

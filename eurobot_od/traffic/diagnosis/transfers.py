@@ -120,7 +120,10 @@ class SdoWatcher(Watcher):
     def _aborted(self, ended: SdoTransfer, node: ObservedNode, what: str, is_refused: bool) -> None:
         assert ended.aborted is not None
         index = ended.address[0] if ended.address else 0
-        rule = BusRule.SDO_TOGGLE if ended.aborted == AbortCode.TOGGLE_BIT else BusRule.SDO_ABORT
+        is_probe = ended.is_upload and ended.aborted in (AbortCode.NO_OBJECT, AbortCode.NO_SUBINDEX)
+        rule = BusRule.SDO_PROBED if is_probe else BusRule.SDO_ABORT
+        if ended.aborted == AbortCode.TOGGLE_BIT:
+            rule = BusRule.SDO_TOGGLE
         cause = when_sent(ended.aborted, index)
         if ended.address and ended.end and ended.end.dictionary:
             cause = "; ".join(filter(None, (cause, _by_file(ended.end.dictionary, ended.address, ended.aborted))))

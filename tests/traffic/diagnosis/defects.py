@@ -21,7 +21,7 @@ Log = list[tuple[float, str]]
 class RuleDefect(NamedTuple):
     """A log that breaks a rule, when it does first, and one that nearly does; `devices` have files in DEVICES.
 
-    `near_devices` are those of the near miss, if it has others.
+    `promised` is what the network file says. `near_devices` are those of the near miss, if it has others.
     """
 
     rule: Rule
@@ -31,6 +31,7 @@ class RuleDefect(NamedTuple):
     devices: tuple[str, ...] = ()
     promised: MessageSet | None = None
     near_devices: tuple[str, ...] | None = None
+    near_promised: MessageSet | None = None
 
 
 # The devices
@@ -116,6 +117,7 @@ def kept(frames: Iterable[tuple[float, str]]) -> Log:
 
 
 READ, VALUE, ABSENT = "605#4018100100000000", "585#4318100101000000", "585#8018100100000206"
+DENIED = "585#8001200022000008"
 READ_2 = "605#4018100200000000"
 VALUE_2 = "585#4318100202000000"
 SET_7, SET_8, DONE = "605#2F01200007000000", "605#2F01200008000000", "585#6001200000000000"
@@ -195,7 +197,8 @@ DEFECTS = [
                at(*SEGMENTED, "605#7000000000000000", "585#1161626364656667")),
     RuleDefect(BusRule.SDO_TOGGLE, at(*SEGMENTED, "585#8008100000000305"), 0.004, at(*SEGMENTED, "585#8008100000000006")),
     RuleDefect(BusRule.SDO_UNASKED, at(READ, VALUE, VALUE), 0.002, at(VALUE, READ, VALUE)),
-    RuleDefect(BusRule.SDO_ABORT, at(READ, ABSENT), 0.001, at(READ, VALUE)),
+    RuleDefect(BusRule.SDO_ABORT, at(SET_7, DENIED), 0.001, at(READ, ABSENT)),
+    RuleDefect(BusRule.SDO_PROBED, at(READ, ABSENT), 0.001, at(SET_7, DENIED)),
     # Configuration
     RuleDefect(BusRule.NOT_CONFIGURED, at("705#00", "605#2B17100064000000", "585#6017100000000000", START), 0.003,
                at("705#00", SET_7, DONE, START), ("set",)),
@@ -220,6 +223,9 @@ DEFECTS = [
         at("605#23001A0108000020", "585#60001A0100000000", "605#2F001A0001000000", "585#60001A0000000000", "185#00"), 0.004,
         at("605#23001A0110000020", "585#60001A0100000000", "605#2F001A0001000000", "585#60001A0000000000", "185#0000"), ("event",)),
     RuleDefect(BusRule.PDO_UNHEARD, at("185#0000"), 0.0, at("185#0000"), ("event", "leg"), None, ("event", "taker")),
+    RuleDefect(BusRule.ANSWER_MISSING, log(at("185#0000"), beats(node=6)), 0.0, log(at("185#0000"), at("186#", start=0.3), beats(node=6)),
+               ("event",), ANSWERS, None, ANSWERS),
+    RuleDefect(BusRule.ANSWER_LATE, at("185#0000", "186#", gap=0.4), 0.4, at("185#0000", "186#", gap=0.0002), ("event",), ANSWERS, None, ANSWERS),
     # SYNC and TIME
     RuleDefect(BusRule.SYNC_TWO, log(every(0.1, "080#"), every(0.1, "080#", start=0.03)), 0.13,
                log(every(0.1, "080#"), at("080#", start=0.53)), ("clock",)),
