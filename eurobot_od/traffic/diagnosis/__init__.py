@@ -231,10 +231,10 @@ class Diagnosis:
     def take(self, time: float, channel: str, raw: Raw, line: int = 0) -> Meaning:
         """Take in an entry of the log at its line, or a frame of a bus, and return what it means."""
         meaning = self._following(time, channel, raw)
-        self.take_meaning(time, channel, meaning, line, self._following)
+        self.take_meaning(time, channel, meaning, self._following, line)
         return meaning
 
-    def take_meaning(self, time: float, channel: str, meaning: Meaning, line: int, following: Following) -> None:
+    def take_meaning(self, time: float, channel: str, meaning: Meaning, following: Following, line: int = 0) -> None:
         """Take in what somebody else has decoded, who is `following` the same bus."""
         self.frames += 1
         self._line, self._time = line, time
@@ -260,9 +260,14 @@ class Diagnosis:
     def end(self, time: float = 0.0) -> None:
         """Report what the end of the log, or of the watch at a time in s, leaves open."""
         for each in self._buses.values():
-            self.seconds += max(time, each.bus.now) - each.bus.began
             each.end(time)
+        self.seconds += self._span
         self._buses = {}
+
+    @property
+    def _span(self) -> float:
+        """The seconds of the present log."""
+        return max((each.bus.now - each.bus.began for each in self._buses.values()), default=0.0)
 
     def silent(self, log: str = "") -> None:
         """Report that there was nothing in a log, or on a bus."""
@@ -276,7 +281,6 @@ class Diagnosis:
 
     def so_far(self, time: float) -> list[Incident]:
         """Return the incidents as if a watch ended at a time in s, worst first."""
-        self.tick(time)
         still_open = Incidents()
         for each in self._buses.values():
             each.bus.report = still_open.at
@@ -286,4 +290,4 @@ class Diagnosis:
 
     def verdict(self, incidents: Sequence[Incident]) -> str:
         """Return the answer in one line."""
-        return verdict(incidents, f"{amount(self.frames, 'frame')}, {duration(round(self.seconds, 1))}")
+        return verdict(incidents, f"{amount(self.frames, 'frame')}, {duration(round(self.seconds + self._span, 1))}")

@@ -13,9 +13,9 @@ PAGE = Path(__file__).parents[3] / "docs" / "diagnosis-rules.md"
 HEAD = """# Rules of `diagnose`
 
 This page lists what [`diagnose`](diagnose.md) looks for: what must not be, its likely cause, what to do, and the clause
-or source. It is made from the tables in `eurobot_od/traffic/diagnosis/rules.py` and `eurobot_od/robot/check/diagnosis.py`
-by `.venv/bin/python -m tests.traffic.diagnosis.test_rules`. For each rule `tests/traffic/diagnosis/defects.py` has a log
-that breaks it, and one that nearly does.
+or source. It is made from the tables in `eurobot_od/traffic/diagnosis/rules.py` and
+`eurobot_od/robot/check/diagnosis.py` by `.venv/bin/python -m tests.traffic.diagnosis.test_rules`. For each rule
+`tests/traffic/diagnosis/defects.py` has a log that breaks it, and one that nearly does.
 
 Of incidents of one level those further up in the table are shown first: they are more often the cause of the others.
 """
