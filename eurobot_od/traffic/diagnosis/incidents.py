@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 from eurobot_od.lint.findings import Severity
 from eurobot_od.support.texts import amount, one_line
 
-MOST = 50
+MOST = 20
 """Most incidents of one rule on one bus; all others together are one more."""
 
 PLACES = 3

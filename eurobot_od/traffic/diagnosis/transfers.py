@@ -12,7 +12,15 @@ from eurobot_od.frame import Frame
 from eurobot_od.od import objects, values
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.values import Address, label
-from eurobot_od.sdo.wire import ABORT, AbortCode, Initiate, ServerCommand, code_and_reason, when_sent
+from eurobot_od.sdo.wire import (
+    ABORT,
+    REQUEST_SUB_COMMAND,
+    AbortCode,
+    Initiate,
+    ServerCommand,
+    code_and_reason,
+    when_sent,
+)
 from eurobot_od.support.texts import amount
 from eurobot_od.support.texts import text as duration
 from eurobot_od.traffic.diagnosis.incidents import Occurrences
@@ -76,8 +84,9 @@ class SdoWatcher(Watcher):
         line.is_used = True
 
     def _request(self, time: float, line: Line, node: ObservedNode, end: SdoEnd, data: bytes) -> None:
-        named = (data[0] >> 5, 0) in NAMING[False] or data[0] >> 5 in (5, 6)
-        if named and line.asked is not None and 0 <= time - line.asked < IMPATIENT:
+        command = data[0] >> 5
+        named = (command, data[0] & REQUEST_SUB_COMMAND.get(command, 0)) in NAMING[False]
+        if named and line.asked is not None and 0 < time - line.asked < IMPATIENT:
             text = f"is asked again {duration(round(time - line.asked, 6))} after a request, before its answer"
             self.bus.found(BusRule.TWO_CLIENTS, node.name, text)
         if data[0] == ABORT:
@@ -89,8 +98,8 @@ class SdoWatcher(Watcher):
             line.object = object_words(end.dictionary, Initiate.of(data).address)
 
     def _answer(self, time: float, line: Line, node: ObservedNode, data: bytes) -> None:
-        is_named = data[0] >> 5 in (ServerCommand.UPLOAD, ServerCommand.DOWNLOAD)
-        if line.asked is None and is_named and (line.is_used or time - self.bus.began > SETTLED):
+        needs_request = data[0] >> 5 < ServerCommand.ABORT  # unlike aborts, and the segments of a block
+        if line.asked is None and needs_request and (line.is_used or time - self.bus.began > SETTLED):
             self.bus.found(
                 BusRule.SDO_UNASKED, node.name, f"answers without a request: {label(Initiate.of(data).address)}"
             )
@@ -112,9 +121,11 @@ class SdoWatcher(Watcher):
                 self._written(node, ended.address, ended.content)
 
     def _unanswered(self, node: ObservedNode, what: str, seen: Occurrences | None = None) -> None:
-        cause = "" if node.heard else "the node was never heard: no power, another bit rate or node-ID, not connected"
+        cause = "the node was not heard by then: it boots later, has no power, another bit rate or node-ID"
         if node.state is not None and not SERVICES[node.state].sdo:
             cause = f"the node is {STATE_NAMES[node.state]}, where it has no SDO (CiA 301, 7.3.2.2.4)"
+        elif node.heard:
+            cause = "the node is there, but its SDO server hangs, refuses without a word, or is elsewhere (0x1200)"
         self.bus.found(BusRule.SDO_UNANSWERED, node.name, f"does not answer {what}", cause=cause, seen=seen)
 
     def _aborted(self, ended: SdoTransfer, node: ObservedNode, what: str, is_refused: bool) -> None:
