@@ -18,7 +18,7 @@ from eurobot_od.traffic.meaning import Decoder, Meaning
 class ObservedNode:
     """A node: its last NMT state, when that was `heard` first and changed last (`since`), and when it was reset.
 
-    `shown` are the settings of CiA 301 that transfers have shown, `asked` counts the objects that a master wrote.
+    `shown` are settings that transfers have shown; it `is_configured` if a master has written any object.
     """
 
     node_id: int
@@ -30,7 +30,7 @@ class ObservedNode:
     since: float = 0.0
     reset: float | None = None
     shown: dict[Address, bytes] = field(default_factory=dict)
-    written: dict[Address, bytes] = field(default_factory=dict)
+    is_configured: bool = False
 
     def number(self, address: Address) -> int:
         """Return the number that it has at an address, as shown, or by its file; 0 without any."""

@@ -61,7 +61,7 @@ class PdoWatcher(Watcher):
 
     def __init__(self, bus: ObservedBus) -> None:
         super().__init__(bus)
-        self._pdos: dict[int, WatchedPdo | None] = {}
+        self._pdos: dict[int, WatchedPdo] = {}
         self._early: dict[int, list[WatchedPdo]] = {}
         bus.stated.append(self._said)
 
@@ -71,12 +71,11 @@ class PdoWatcher(Watcher):
 
     def take(self, time: float, meaning: Meaning) -> None:
         cob_id = meaning.raw[0]
-        try:
-            watched = self._pdos[cob_id]  # type: ignore[index]
-        except KeyError:
-            watched = self._pdos[cob_id] = self._first(cob_id)  # type: ignore[index,arg-type]
+        watched = self._pdos.get(cob_id)  # type: ignore[arg-type]
         if watched is None:
-            return
+            if not meaning.sender or (watched := self._first(cob_id)) is None:  # type: ignore[arg-type]
+                return
+            self._pdos[watched.pdo.cob_id] = watched
         sender, last = watched.sender, watched.last
         sender.heard, watched.last = True, time
         if last is not None and time >= last:
@@ -134,11 +133,11 @@ class PdoWatcher(Watcher):
             self.bus.found(BusRule.PDO_MAPPED_OTHERWISE, sender.name, f"{text}{file}", cob_id)
 
     def gap(self, time: float) -> None:
-        for each in filter(None, self._pdos.values()):
+        for each in self._pdos.values():
             each.last = None
 
     def end(self, time: float) -> None:
-        for each in filter(None, self._pdos.values()):
+        for each in self._pdos.values():
             if (
                 each.last is not None
                 and each.timer

@@ -11,6 +11,7 @@ from eurobot_od.device.nmt import COMMAND_NAMES, SERVICES, STATE_NAMES, NmtComma
 from eurobot_od.frame import Frame
 from eurobot_od.od import objects, values
 from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.standard import CONSUMED_HEARTBEATS, HEARTBEAT_TIME, SYNC, SYNC_PERIOD
 from eurobot_od.od.values import Address, label
 from eurobot_od.sdo.wire import (
     ABORT,
@@ -38,6 +39,9 @@ PATIENT = 0.5
 
 SETTLED = 1.0
 """Seconds from the begin of a log on in which an answer may belong to a request before it."""
+
+SETTINGS = (SYNC[0], SYNC_PERIOD[0], CONSUMED_HEARTBEATS, HEARTBEAT_TIME[0])
+"""Objects of which the watchers need the value."""
 
 LISTED = 5
 """Objects that are named in a line."""
@@ -116,7 +120,8 @@ class SdoWatcher(Watcher):
             if ended.how == How.EXPEDITED.value and asked is not None and self.bus.now - asked >= IMPATIENT:
                 self._unanswered(node, f"the {way} of {ended.object}")
         elif ended.address is not None and ended.content is not None:
-            node.shown[ended.address] = ended.content
+            if ended.address[0] in SETTINGS or ended.address in self._own.get(node.node_id, ()):
+                node.shown[ended.address] = ended.content
             if not ended.is_upload:
                 self._written(node, ended.address, ended.content)
 
@@ -154,7 +159,7 @@ class SdoWatcher(Watcher):
     # Configuration
 
     def _written(self, node: ObservedNode, address: Address, content: bytes) -> None:
-        node.written[address] = content
+        node.is_configured = True
         wanted = self._own.get(node.node_id, {}).get(address)
         pdo = values.pdo_of(address[0])
         if wanted is None or content == wanted or pdo is not None:  # of a PDO the value counts that it has at the start
@@ -165,10 +170,10 @@ class SdoWatcher(Watcher):
     def _start(self, node_id: int) -> None:
         """Compare what a master has written to the nodes that it starts with their files; 0 for all."""
         for node in list(self.bus.nodes.values()) if node_id == values.ALL_NODES else [self.bus.node(node_id)]:
-            if not (node.booted and node.written):
+            if not (node.booted and node.is_configured):
                 continue
-            shown = {**node.shown, **node.written}
-            left = [each for each, wanted in self._own.get(node.node_id, {}).items() if shown.get(each) != wanted]
+            own = self._own.get(node.node_id, {})
+            left = [each for each, wanted in own.items() if node.shown.get(each) != wanted]
             if left:
                 named = ", ".join(object_words(node.dictionary, each) for each in left[:LISTED])
                 more = f" and {len(left) - LISTED} more" if len(left) > LISTED else ""
