@@ -75,14 +75,14 @@ class SdoWatcher(Watcher):
         if end is None or not isinstance(frame, Frame):  # a segment of a block, or not a frame of SDO at all
             return
         line, node = self._lines.setdefault(end.channel, Line()), self.bus.node(end.server)
-        before = line.asked
+        asked = line.seen if line.asked is not None else None
         if end.is_answer:
             node.heard = True
             self._answer(time, line, node, frame.data)
         else:
             self._request(time, line, node, end, frame.data)
         if meaning.transfer:
-            self._ended(meaning.transfer, node, is_refused=end.is_answer, asked=before)
+            self._ended(meaning.transfer, node, is_refused=end.is_answer, asked=asked)
             if not end.is_answer and meaning.transfer.is_whole:
                 line.asked = None  # the client's last word
         line.is_used = True
@@ -90,7 +90,7 @@ class SdoWatcher(Watcher):
     def _request(self, time: float, line: Line, node: ObservedNode, end: SdoEnd, data: bytes) -> None:
         command = data[0] >> 5
         named = (command, data[0] & REQUEST_SUB_COMMAND.get(command, 0)) in NAMING[False]
-        if named and line.asked is not None and 0 < time - line.asked < IMPATIENT:
+        if named and line.asked is not None and self._is_hasty(line.asked):
             text = f"is asked again {duration(round(time - line.asked, 6))} after a request, before its answer"
             self.bus.found(BusRule.TWO_CLIENTS, node.name, text)
         if data[0] == ABORT:
@@ -101,6 +101,10 @@ class SdoWatcher(Watcher):
         if named:
             line.object = object_words(end.dictionary, Initiate.of(data).address)
 
+    def _is_hasty(self, asked: float) -> bool:
+        """Whether no client would have given up waiting for an answer by now; a log without times does not tell."""
+        return 0 < self.bus.now - asked < IMPATIENT
+
     def _answer(self, time: float, line: Line, node: ObservedNode, data: bytes) -> None:
         needs_request = data[0] >> 5 < ServerCommand.ABORT  # unlike aborts, and the segments of a block
         if line.asked is None and needs_request and (line.is_used or time - self.bus.began > SETTLED):
@@ -109,16 +113,16 @@ class SdoWatcher(Watcher):
             )
         line.asked = None
 
-    def _ended(self, ended: SdoTransfer, node: ObservedNode, is_refused: bool, asked: float | None) -> None:
+    def _ended(self, ended: SdoTransfer, node: ObservedNode, is_refused: bool, asked: Occurrences | None) -> None:
         way = "read" if ended.is_upload else "write"
         if ended.aborted is not None:
-            if ended.aborted == AbortCode.TIMEOUT and not is_refused and asked is not None:
-                self._unanswered(node, f"the {way} of {ended.object}")
+            if ended.aborted == AbortCode.TIMEOUT and not is_refused and asked:
+                self._unanswered(node, f"the {way} of {ended.object}", asked)
                 return
             self._aborted(ended, node, f"{way} of {ended.object}", is_refused)
         elif not ended.is_whole:
-            if ended.how == How.EXPEDITED.value and asked is not None and self.bus.now - asked >= IMPATIENT:
-                self._unanswered(node, f"the {way} of {ended.object}")
+            if ended.how == How.EXPEDITED.value and asked and not self._is_hasty(asked.places[0].time):
+                self._unanswered(node, f"the {way} of {ended.object}", asked)
         elif ended.address is not None and ended.content is not None:
             if ended.address[0] in SETTINGS or ended.address in self._own.get(node.node_id, ()):
                 node.shown[ended.address] = ended.content

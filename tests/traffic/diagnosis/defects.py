@@ -227,7 +227,7 @@ DEFECTS = [
     RuleDefect(
         BusRule.SDO_UNANSWERED, log(at(READ), beats(node=6)), 0.0, log(at(READ), at(VALUE, start=0.3), beats(node=6))
     ),
-    RuleDefect(BusRule.SDO_UNANSWERED, at(READ, READ, gap=0.5), 0.5, at(READ, VALUE, gap=0.5)),
+    RuleDefect(BusRule.SDO_UNANSWERED, at(READ, READ, gap=0.5), 0.0, at(READ, VALUE, gap=0.5)),
     RuleDefect(
         BusRule.SDO_BROKEN,
         at(*SEGMENTED, READ, VALUE),
