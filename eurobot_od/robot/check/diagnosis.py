@@ -65,9 +65,7 @@ class EurobotWatcher(Watcher):
         message = meaning.message
         if isinstance(message, STOPS):
             if self._stop is None:
-                seen = Occurrences()
-                seen.add(self.bus.at())
-                self._stop, self._stands = (time, meaning.name, seen), None
+                self._stop, self._stands = (time, meaning.name, Occurrences.once(self.bus.at())), None
         elif isinstance(message, messages.GotoXY):
             self._stop = None
         elif isinstance(message, messages.GotoStateResponse):

@@ -154,7 +154,7 @@ class WatchedBus:
         for each in self._watchers:
             each.gap(time)
         self._tick_at = time
-        self._loads = [[time, 0, Occurrences(places=[self.bus.at()])] for _ in LOADS]
+        self._loads = [[time, 0, Occurrences.once(self.bus.at())] for _ in LOADS]
 
     def tick(self, time: float) -> None:
         """Notice what did not come until now, s."""
@@ -164,14 +164,12 @@ class WatchedBus:
 
     def end(self, time: float) -> None:
         """Report what is open at the end of the log, or of the watch."""
-        self.bus.now = max(time, self.bus.now)
         for each in self._watchers:
-            each.end(self.bus.now)
+            each.end(max(time, self.bus.now))
         for row in load_report(self._promised, self.bit_rate).rows:
             if not row.holds and self._promised.messages:
                 text = f"{row.message.name} can be later than its deadline at {self.bit_rate / 1000:g} kbit/s"
-                seen = Occurrences()
-                seen.add(self._first or self.bus.at())
+                seen = Occurrences.once(self._first or self.bus.at())
                 self.bus.found(BusRule.CAN_STARVE, row.message.node, text, row.message.identifier, seen=seen)
 
     # Load
@@ -186,10 +184,9 @@ class WatchedBus:
             share = so_far / self.bit_rate / span
             if most < share:
                 self._too_much(rule, share, seen)
-            load[:] = time, bits, Occurrences(places=[self.bus.at()])
+            load[:] = time, bits, Occurrences.once(self.bus.at())
 
     def _too_much(self, rule: BusRule, share: float, seen: Occurrences) -> None:
-        seen.number, seen.last = 1, seen.places[0]
         wrong = "; more than all: the bus is faster, -b says its bit rate" if share > 1.05 else ""
         text = f"a load of {share:.0%} of {self.bit_rate / 1000:g} kbit/s{wrong}"
         self.bus.found(rule, "", text, seen=seen)

@@ -46,6 +46,11 @@ class Occurrences:
     last: SeenAt = NOWHERE
     places: list[SeenAt] = field(default_factory=list)
 
+    @classmethod
+    def once(cls, place: SeenAt) -> Occurrences:
+        """Return what was seen at one place."""
+        return cls(1, place, [place])
+
     def add(self, place: SeenAt) -> None:
         """Count it once more."""
         self.number += 1

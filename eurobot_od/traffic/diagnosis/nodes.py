@@ -349,8 +349,7 @@ class LssWatcher(Watcher):
             if not is_configured:
                 self._configured = None
         if is_configured:
-            self._configured = Occurrences()
-            self._configured.add(self.bus.at())
+            self._configured = Occurrences.once(self.bus.at())
 
     def end(self, time: float) -> None:
         if self._configured:

@@ -192,9 +192,7 @@ class AnswerWatcher(Watcher):
             seen.answered = None
         for each in self._answers.get(frame.cob_id, ()):
             if each.identifier not in self._open:
-                asked = Occurrences()
-                asked.add(self.bus.at())
-                self._open[each.identifier] = time, each, asked
+                self._open[each.identifier] = time, each, Occurrences.once(self.bus.at())
 
     def tick(self, time: float) -> None:
         for identifier, (since, answer, asked) in list(self._open.items()):

@@ -96,8 +96,7 @@ class SdoWatcher(Watcher):
         if data[0] == ABORT:
             line.asked = None
             return
-        line.asked, line.seen = time, Occurrences()
-        line.seen.add(self.bus.at())
+        line.asked, line.seen = time, Occurrences.once(self.bus.at())
         if named:
             line.object = object_words(end.dictionary, Initiate.of(data).address)
 
