@@ -8,7 +8,7 @@ from eurobot_od.lint.findings import Severity
 from eurobot_od.pdo.kinds import OutOfRange
 from eurobot_od.robot.model import messages
 from eurobot_od.robot.model.values import GotoFault, Source
-from eurobot_od.traffic.diagnosis.incidents import Occurrences, Rule
+from eurobot_od.traffic.diagnosis.incidents import IncidentRule, Occurrences
 from eurobot_od.traffic.diagnosis.observed import ObservedBus, Watcher
 from eurobot_od.traffic.meaning import Meaning
 
@@ -33,7 +33,7 @@ SOURCES = {
 """Whose position each message has (document, Table 2)."""
 
 
-class EurobotRule(Rule):
+class EurobotRule(IncidentRule):
     """The rules for the robot of 2014."""
 
     STOP_NOT_OBEYED = (

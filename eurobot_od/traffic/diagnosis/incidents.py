@@ -65,7 +65,7 @@ class Occurrences:
         self.places += other.places[: PLACES - len(self.places)]
 
 
-class Rule(Enum):
+class IncidentRule(Enum):
     """What is looked for: how bad it is, in a sentence, its likely `cause`, the `remedy`, and the `clause` or source.
 
     The members of a subclass are its table, the causes before what follows from them: incidents of equal severity are
@@ -95,7 +95,7 @@ class Rule(Enum):
 class Incident:
     """A rule that does not hold: on which bus (empty if there is only one), at `who`, and what exactly."""
 
-    rule: Rule
+    rule: IncidentRule
     channel: str
     who: str
     text: str
@@ -143,10 +143,12 @@ class Incidents:
     """All incidents of some logs, or of a bus."""
 
     def __init__(self) -> None:
-        self._found: dict[tuple[Rule, str, str, str], Incident] = {}
-        self._number: dict[tuple[Rule, str], int] = {}
+        self._found: dict[tuple[IncidentRule, str, str, str], Incident] = {}
+        self._number: dict[tuple[IncidentRule, str], int] = {}
 
-    def at(self, rule: Rule, channel: str, who: str, subject: str, text: str, cause: str, remedy: str) -> Occurrences:
+    def at(
+        self, rule: IncidentRule, channel: str, who: str, subject: str, text: str, cause: str, remedy: str
+    ) -> Occurrences:
         """Return where an incident was seen; it is new if the rule has none of this node and `subject`."""
         key = rule, channel, who, subject
         if key not in self._found:

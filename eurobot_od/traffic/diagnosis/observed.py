@@ -10,7 +10,7 @@ from typing import Any
 from eurobot_od.device.nmt import NmtState
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.values import Address
-from eurobot_od.traffic.diagnosis.incidents import Occurrences, Rule, SeenAt
+from eurobot_od.traffic.diagnosis.incidents import IncidentRule, Occurrences, SeenAt
 from eurobot_od.traffic.meaning import Decoder, Meaning
 
 
@@ -80,7 +80,7 @@ class ObservedBus:
 
     def found(
         self,
-        rule: Rule,
+        rule: IncidentRule,
         who: str,
         text: str,
         subject: Any = "",

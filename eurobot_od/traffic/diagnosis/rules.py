@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from eurobot_od.lint.findings import Severity
-from eurobot_od.traffic.diagnosis.incidents import Rule
+from eurobot_od.traffic.diagnosis.incidents import IncidentRule
 
 E, W, I = Severity.ERROR, Severity.WARNING, Severity.INFO  # noqa: E741  # as the codes of `lint` begin
 
 
-class BusRule(Rule):
+class BusRule(IncidentRule):
     """The rules for any bus: level, what must not be, likely cause, remedy, clause."""
 
     # The wire and the log

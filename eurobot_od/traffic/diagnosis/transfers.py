@@ -48,7 +48,7 @@ LISTED = 5
 
 
 @dataclass
-class Line:
+class SdoLine:
     """An SDO channel: the object of the last request, when that came, and where; None after its answer."""
 
     asked: float | None = None
@@ -62,7 +62,7 @@ class SdoWatcher(Watcher):
 
     def __init__(self, bus: ObservedBus) -> None:
         super().__init__(bus)
-        self._lines: dict[int, Line] = {}
+        self._lines: dict[int, SdoLine] = {}
         self._own = {n: _own_values(node.dictionary) for n, node in bus.nodes.items() if node.dictionary}
 
     def take(self, time: float, meaning: Meaning) -> None:
@@ -74,7 +74,7 @@ class SdoWatcher(Watcher):
         frame, end = meaning.raw, meaning.service.end if meaning.service else None
         if end is None or not isinstance(frame, Frame):  # a segment of a block, or not a frame of SDO at all
             return
-        line, node = self._lines.setdefault(end.channel, Line()), self.bus.node(end.server)
+        line, node = self._lines.setdefault(end.channel, SdoLine()), self.bus.node(end.server)
         asked = line.seen if line.asked is not None else None
         if end.is_answer:
             node.heard = True
@@ -87,7 +87,7 @@ class SdoWatcher(Watcher):
                 line.asked = None  # the client's last word
         line.is_used = True
 
-    def _request(self, time: float, line: Line, node: ObservedNode, end: SdoEnd, data: bytes) -> None:
+    def _request(self, time: float, line: SdoLine, node: ObservedNode, end: SdoEnd, data: bytes) -> None:
         command = data[0] >> 5
         named = (command, data[0] & REQUEST_SUB_COMMAND.get(command, 0)) in NAMING[False]
         if named and line.asked is not None and self._is_hasty(line.asked):
@@ -104,7 +104,7 @@ class SdoWatcher(Watcher):
         """Whether no client would have given up waiting for an answer by now; a log without times does not tell."""
         return 0 < self.bus.now - asked < IMPATIENT
 
-    def _answer(self, time: float, line: Line, node: ObservedNode, data: bytes) -> None:
+    def _answer(self, time: float, line: SdoLine, node: ObservedNode, data: bytes) -> None:
         needs_request = data[0] >> 5 < ServerCommand.ABORT  # unlike aborts, and the segments of a block
         if line.asked is None and needs_request and (line.is_used or time - self.bus.began > SETTLED):
             self.bus.found(

@@ -23,7 +23,7 @@ from eurobot_od.robot.model.messages import (
 from eurobot_od.robot.model.values import GotoFault, Source
 from eurobot_od.robot.plugin import ROBOT
 from eurobot_od.traffic.diagnosis import Diagnosis
-from eurobot_od.traffic.diagnosis.incidents import Incident, Rule
+from eurobot_od.traffic.diagnosis.incidents import Incident, IncidentRule
 from eurobot_od.traffic.diagnosis.rules import BusRule
 from tests.rows import rows
 
@@ -67,7 +67,7 @@ FAULTS = [
 
 
 @rows("fault, rule, who, options", FAULTS)
-def test_a_fault_is_the_first_that_is_named(fault: str, rule: Rule, who: str, options: dict[str, Any]) -> None:
+def test_a_fault_is_the_first_that_is_named(fault: str, rule: IncidentRule, who: str, options: dict[str, Any]) -> None:
     found = match(faults=(fault,), duration=8.0, **options)
     assert (found[0].rule, found[0].who) == (rule, who)
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.traffic.diagnosis.incidents import Rule
+from eurobot_od.traffic.diagnosis.incidents import IncidentRule
 from eurobot_od.traffic.diagnosis.rules import BusRule
 from eurobot_od.traffic.load import MessageSet, PeriodicMessage
 from tests.eds_text import DEVICE_TYPE, pdo, record, variable
@@ -24,7 +24,7 @@ class RuleDefect(NamedTuple):
     `promised` is what the network file says. `near_devices` are those of the near miss, if it has others.
     """
 
-    rule: Rule
+    rule: IncidentRule
     broken: Log
     at: float
     near: Log

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from eurobot_od.robot.check.diagnosis import EurobotRule
-from eurobot_od.traffic.diagnosis.incidents import WORDS, Rule
+from eurobot_od.traffic.diagnosis.incidents import WORDS, IncidentRule
 from eurobot_od.traffic.diagnosis.rules import BusRule
 
 PAGE = Path(__file__).parents[3] / "docs" / "diagnosis-rules.md"
@@ -21,7 +21,7 @@ Of incidents of one level those further up in the table are shown first: they ar
 """
 
 
-def table(rules: Iterable[Rule]) -> Iterator[str]:
+def table(rules: Iterable[IncidentRule]) -> Iterator[str]:
     """Write rules as a table."""
     yield "| rule | level | what must not be | likely cause | what to do | source |"
     yield "|---|---|---|---|---|---|"
