@@ -181,6 +181,7 @@ NOUNS: dict[str, dict[str, str]] = {
         "client.streams.MappedPdo": "the stream of values that a master has of one",
         "client.streams.RemotePdo": "... blocking",
         "client.streams.AsyncRemotePdo": "... in an event loop",
+        "traffic.diagnosis.pdos.WatchedPdo": "when one came last, and where it should not have come",
         "traffic.meaning.OtherPdo": "what is known of an identifier without one that is valid",
     },
     "MappingEntry": {"od.values.MappingEntry": "index, sub-index and bits"},

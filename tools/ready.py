@@ -20,6 +20,7 @@ MADE = (
     "tests/test_public_names.py",
     "tests/cli/test_installation.py",
     "tests/sdo/test_wire.py",
+    "tests/traffic/diagnosis/test_rules.py",
     "tests/tools/test_broken.py",
 )
 """Tests of what has to follow a change anywhere: rooms, lists that are made, the places of broken.yaml."""

@@ -52,6 +52,7 @@ COMMANDS = {
     "query": "query a season by SQL, or by a ready report, with pictures",
     "compare": "compare two logs: what differs, is missing, is late",
     "replay": "replay a log onto a bus with its recorded timing",
+    "diagnose": "say what is wrong on a bus, or in a log, and what to do",
     "monitor": "watch a bus, or a log, as a live table",
     "serve": "show a bus, or logs, in a browser",
     "load": "compute how full a bus is, and how late each message can be",

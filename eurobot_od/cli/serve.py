@@ -77,7 +77,7 @@ def serve(
         else:
             from eurobot_od.web.session import Session
 
-            session = Session(bus.open, decoder, bitrate, panels)
+            session = Session(bus.open, decoder, bitrate, panels, watchers=devices.robot.watchers())
             asyncio.run(_show_bus(session, panels, bus_name(bus.interface, bus.channel), control, listen))
 
 

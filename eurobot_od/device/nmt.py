@@ -57,6 +57,8 @@ class NmtCommand(IntEnum):
     RESET_COMMUNICATION = 130
 
 
+RESETS = (NmtCommand.RESET_NODE, NmtCommand.RESET_COMMUNICATION)
+
 COMMAND_NAMES: Mapping[int, str] = {
     NmtCommand.START: "start",
     NmtCommand.STOP: "stop",

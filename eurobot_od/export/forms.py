@@ -122,6 +122,10 @@ pre { font-size: 13px; overflow-x: auto; background: #f0f3f6; padding: 0.6rem 0.
   body { background: #14181c; color: #dde3e8; } th, pre { background: #20262c; } th, td, h2 { border-color: #333c44; }
   a { color: #7db8f5; }
 }
+@media print {
+  body { max-width: none; margin: 0; padding: 0; font-size: 11px; color: #000; background: #fff; }
+  h2, h3 { break-after: avoid; } table, pre { break-inside: avoid; } th, pre { background: #f0f3f6; color: #000; }
+}
 """
 
 

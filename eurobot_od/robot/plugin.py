@@ -108,6 +108,7 @@ ROBOT = Plugin(
     panels=lambda: (_imported("scene.panel", "FieldPanel"),),
     drawings=partial(_called, "scene.files", "drawings"),
     reports=partial(_imported, "season", "REPORTS"),
+    watchers=lambda: (_imported("check.diagnosis", "EurobotWatcher"),),
     stage=partial(_imported, "commands.node", "NodeOptions"),
     commands={
         name: Command(text, f"eurobot_od.robot.commands.{name.replace('-', '_')}") for name, text in COMMANDS.items()

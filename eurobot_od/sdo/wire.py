@@ -5,12 +5,13 @@ Numbers are those of CiA 301, 7.2.4.3. Both ends use the same functions: what on
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from enum import Enum, IntEnum
 from typing import NamedTuple
 
 from eurobot_od.errors import LocalError
-from eurobot_od.od.values import Address
+from eurobot_od.od.values import Address, pdo_of
 
 LENGTH = 8
 """Bytes of every SDO request and answer; frames of another length are not SDO (CiA 301, 7.2.4.3.1)."""
@@ -323,6 +324,25 @@ class Reason(Enum):
     REFUSED_VALUE = AbortCode.INCOMPATIBLE, "the device's program does not accept the value"
     NO_MESSAGE = AbortCode.INCOMPATIBLE_INSIDE, "the object belongs to a message for which the EDS has no PDO"
     MEASURED_VALUE = AbortCode.INCOMPATIBLE_INSIDE, "the device's program measures a value that does not fit"
+
+
+_OF_PDOS = re.compile(r"7\.5\.2\.3[5-8]")
+"""The clauses of CiA 301 about the records of PDOs."""
+
+
+def when_sent(code: int, index: int) -> str:
+    """Say when devices abort an access to an object with a code, as our own do; empty for a code that they never send.
+
+    Reasons that are about this very object, or about the records of PDOs, come in place of those for any object.
+    """
+    of_any, of_this = [], []
+    for each in (reason for reason in Reason if reason.code == code):
+        named = re.findall("0x([0-9A-F]{4})", each.when)
+        if not named and not _OF_PDOS.search(each.clause):
+            of_any.append(each.when)
+        elif f"{index:04X}" in named or (not named and pdo_of(index) is not None):
+            of_this.append(each.when)
+    return ", or ".join(of_this or of_any)
 
 
 class Abort(LocalError):

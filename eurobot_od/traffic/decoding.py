@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import cache, lru_cache, partial
 from typing import Any, BinaryIO, TypeAlias
 
-from eurobot_od.device.nmt import TOGGLE, NmtCommand, NmtState
+from eurobot_od.device.nmt import RESETS, TOGGLE, NmtState
 from eurobot_od.frame import Frame, RemoteFrame, identifier_text
 from eurobot_od.od.values import ERROR_CONTROL_BASE, FIRST, MANUFACTURER, NODE_IDS
 from eurobot_od.pdo.binding import Binding
@@ -253,8 +253,6 @@ FOLLOWED = (SDO, HEARTBEAT, GUARDING, NMT)
 """The services whose frames are understood by the ones before."""
 
 
-RESETS = (NmtCommand.RESET_NODE, NmtCommand.RESET_COMMUNICATION)
-
 SHOWN = range(FIRST, MANUFACTURER[0])
 """The objects of which some say what other frames mean."""
 
@@ -355,11 +353,16 @@ class Following:
         # Most frames on a bus are requests and confirms without data: their meaning is kept.
         self._decode = lru_cache(REMEMBERED)(decoder)
         self._decode_now: dict[str, Callable[[Raw], Meaning]] = {}
+        self._first, self._now = decoder, dict[str, Decoder]()
         self._follow = Follower(decoder, self._change)
         self._messages = {each.cob_id for each in decoder.protocol.bindings}
 
     def _change(self, channel: str, decoder: Decoder) -> None:
-        self._decode_now[channel] = lru_cache(REMEMBERED)(decoder)
+        self._now[channel], self._decode_now[channel] = decoder, lru_cache(REMEMBERED)(decoder)
+
+    def decoder(self, channel: str) -> Decoder:
+        """Return the decoder for what the devices on a channel have in force now."""
+        return self._now.get(channel, self._first)
 
     def at(self, time: float, channel: str, raw: Raw) -> Callable[[Raw], Meaning]:
         """Take in an entry, and return what decodes it: for one that may never be decoded."""

@@ -100,7 +100,7 @@ class Traffic:
     """The traffic on a bus of `bitrate` bit/s, or on several; `rows` by identifier, or by damage where there is none.
 
     Those of a second bus are by its channel, too. `groups` are those of the messages that may come; `buses` are, by
-    channel, what came beside what is `promised`.
+    channel, what came beside what is `promised`. `following` decodes the frames.
     """
 
     def __init__(self, decoder: Decoder, bitrate: int, promised: MessageSet = NOTHING) -> None:
@@ -115,7 +115,7 @@ class Traffic:
         self.now = 0.0
         self._bits = 0
         self._marks: deque[tuple[float, int, int]] = deque()
-        self._following = Following(decoder)
+        self.following = Following(decoder)
 
     @property
     def seen(self) -> SeenTraffic:
@@ -133,7 +133,7 @@ class Traffic:
 
     def take(self, time: float, raw: Raw, place: tuple[str, int] | None = None, channel: str = "") -> Meaning:
         """Take in a frame of a channel, with the log and the line where it stands, and return what it means."""
-        meaning = self._following(time, channel, raw)
+        meaning = self.following(time, channel, raw)
         self.now = time
         self.frames += 1
         bus = self._bus(channel)

@@ -56,6 +56,9 @@ LONGEST_VALUE = 100
 LONGEST_BLOCK = 127
 """Segments of a block, unless its receiver asks for fewer (CiA 301, 7.2.4.3.9)."""
 
+SKIPPED = "a segment before this one is not in the log"
+"""What a wrong toggle bit says."""
+
 SILENCE = 1.0
 """Seconds after which a segment with an unexpected number is not a segment."""
 
@@ -365,7 +368,7 @@ class Transfers:
         running = self._running.get(key)
         if running is None or running.how is not How.SEGMENTED or running.is_upload is not end.is_answer:
             return NOTHING
-        lost = "" if data[0] & TOGGLE == running.toggle else "a segment before this one is not in the log"
+        lost = "" if data[0] & TOGGLE == running.toggle else SKIPPED
         running.lost += bool(lost)
         running.toggle = data[0] & TOGGLE ^ TOGGLE
         running.add(part_in(data))

@@ -302,8 +302,8 @@ class Columns:
 
 
 FILES = Path(__file__).with_name("files")
-STYLES = ("uplot.css", "page.css")
-SCRIPTS = ("uplot.js", "page.js", "drive.js")  # in this order: each uses the ones before it
+STYLES = ("uplot.css", "page.css", "diagnosis.css")
+SCRIPTS = ("uplot.js", "page.js", "drive.js", "diagnosis.js")  # in this order: each uses the ones before it
 
 PART = re.compile(r"\{\{(\w+)\}\}")
 """A place in `page.html` to be filled in."""

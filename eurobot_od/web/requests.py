@@ -29,6 +29,7 @@ from eurobot_od.od.values import ALL_NODES, DOMAIN, NMT_COB_ID, NODE_IDS, Value,
 from eurobot_od.od.words import with_words, words
 from eurobot_od.pdo.binding import parse
 from eurobot_od.pdo.catalogue import Message
+from eurobot_od.traffic.diagnosis.incidents import WORDS
 from eurobot_od.web.drives import LOOK, AxisAddress, Drives, quick_stops
 from eurobot_od.web.session import MOST_POLLED, POLL_PERIOD, POLLED_FOR, PolledObject, Session
 
@@ -154,6 +155,13 @@ class Requests:
         node = self._node(said)
         words = self.session.decoder.errors.of(node.node_id)
         return [f"0x{each.code:04X} {words(each.code)}" for each in read_history(node).entries]
+
+    def diagnosis(self, _: Arguments) -> dict[str, Any]:
+        """Say what is wrong on the bus so far."""
+        now, diagnosis = self.session.now, self.session.diagnosis
+        found = diagnosis.so_far(now)
+        rows = [{"level": WORDS[each.rule.severity], "title": each.title, "facts": each.facts} for each in found]
+        return {"verdict": diagnosis.verdict(found), "incidents": rows}
 
     def watch(self, said: Arguments) -> str:
         """Read an object for a while from now on, for plots; returns its key in snapshots."""
@@ -305,6 +313,7 @@ REQUESTS: Mapping[str, PageRequest] = {
     "read": PageRequest(Requests.read),
     "history": PageRequest(Requests.history),
     "watch": PageRequest(Requests.watch),
+    "diagnosis": PageRequest(Requests.diagnosis, Way.AT_ONCE),
     "send": PageRequest(Requests.send, Way.SENDS, acts=True),
     "nmt": PageRequest(Requests.nmt, Way.SENDS, acts=True),
     "stop": PageRequest(Requests.stop, Way.SENDS, acts=True),

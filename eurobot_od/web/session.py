@@ -22,6 +22,8 @@ from eurobot_od.errors import BusError, LocalError
 from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import SdoChannel
 from eurobot_od.od.values import NODE_IDS, SDO_RESPONSE_BASE
+from eurobot_od.traffic.diagnosis import Diagnosis
+from eurobot_od.traffic.diagnosis.observed import Watcher
 from eurobot_od.traffic.entries import Damage, Raw
 from eurobot_od.traffic.meaning import Decoder
 from eurobot_od.traffic.monitor import BusSource, Traffic
@@ -138,7 +140,8 @@ class Session:
     """A bus that is watched.
 
     `open_bus` opens it, now and whenever it is lost; raises BusError now. `now` counts the seconds since then.
-    `trouble` is what is wrong with the bus, empty while all is well; `panels` are shown beside the frames.
+    `trouble` is what is wrong with the bus, empty while all is well; `panels` are shown beside the frames. `diagnosis`
+    says what the frames show to be wrong, also by a robot's `watchers`.
     """
 
     def __init__(
@@ -148,8 +151,10 @@ class Session:
         bitrate: int,
         panels: Sequence[type[Panel]] = (),
         clock: Callable[[], float] = time.monotonic,
+        watchers: Sequence[type[Watcher]] = (),
     ) -> None:
         self.decoder, self.bitrate = decoder, bitrate
+        self.diagnosis = Diagnosis(decoder, watchers, bitrate)
         self.polled: dict[str, PolledObject] = {}
         self.trouble = ""
         self.turn = 0
@@ -189,9 +194,11 @@ class Session:
         for frame in self.tap.sent():
             self._take(self.now, frame)
         self._load = self._traffic.load(self.now)
+        self.diagnosis.tick(self.now)
 
     def _take(self, now: float, raw: Raw) -> None:
         meaning = self._traffic.take(now, raw)
+        self.diagnosis.take_meaning(now, "", meaning, self._traffic.following)
         self._changed[raw[0]] = self.turn
         if isinstance(raw, Frame):
             self.tap.give(raw)

@@ -320,6 +320,22 @@ def test_an_object_is_read_and_its_value_shown(tmp_path: Path) -> None:
         assert said["ok"] == {"value": 1000, "text": "1000"}
 
 
+def test_the_diagnosis_is_told_without_control(tmp_path: Path) -> None:
+    name = channel()
+    with open_bus("virtual", name) as other, live_page(name, tmp_path, control=False) as served:
+        Driver(other).send(Frame(0x082, bytes.fromhex("1082110000000000")))
+
+        async def diagnosis(opened: aiohttp.ClientWebSocketResponse) -> dict[str, Any]:
+            while True:
+                said = (await answer(opened, json.dumps({"id": 1, "do": "diagnosis"})))["ok"]
+                if said["incidents"]:
+                    return dict(said)
+
+        said = talk(served, diagnosis)
+    assert said["verdict"].startswith("1 error in 1 frame")
+    assert [each[0] for each in said["incidents"][0]["facts"]] == ["Seen", "Likely", "To do", "Source"]
+
+
 def test_an_object_that_is_watched_is_read_and_comes_with_the_snapshots(tmp_path: Path) -> None:
     async def watch(opened: aiohttp.ClientWebSocketResponse) -> dict[str, Any]:
         words = {"id": 1, "do": "watch", "node": "drive", "object": "0x1017"}

@@ -22,6 +22,7 @@ from eurobot_od.pdo.catalogue import Message
 from eurobot_od.robot.model.messages import StopDrive
 from eurobot_od.robot.protocol import decoder
 from eurobot_od.robot.scene.panel import FieldPanel
+from eurobot_od.traffic.diagnosis.rules import BusRule
 from eurobot_od.web import session as module
 from eurobot_od.web.page import PageEvent, Panel
 from eurobot_od.web.session import Session
@@ -85,6 +86,19 @@ def test_a_snapshot_has_what_changed_since_a_turn(bus: tuple[Session, Callable[[
     assert [each["kind"] for each in second["events"]] == ["stop"]
     assert len(snapshot(session)["rows"]) == 2
     assert snapshot(session, second["turn"])["rows"] == []
+
+
+def test_the_diagnosis_fills_while_traffic_comes(bus: tuple[Session, Callable[[Frame], None]]) -> None:
+    session, send = bus
+    send(BEAT)
+    before = [each.rule for each in session.diagnosis.so_far(session.now)]
+    send(Frame(0x082, bytes.fromhex("1082110000000000")))
+    open_, again = (session.diagnosis.so_far(session.now) for _ in range(2))
+    assert before == []
+    assert [each.title for each in open_] == ["drive: EMCY 0x8210 PDO not processed due to length error, register 0x11"]
+    assert [each.seen.number for each in again] == [1]
+    send(Frame(0x082, bytes(8)))
+    assert [each.rule for each in session.diagnosis.so_far(session.now)] == [BusRule.EMCY_CLEARED]
 
 
 def test_nodes_tell_their_state(bus: tuple[Session, Callable[[Frame], None]]) -> None:

@@ -1,0 +1,125 @@
+"""Say what is wrong on a bus, or in logs, and what to do: `diagnose`."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import closing, suppress
+from math import inf
+from pathlib import Path
+from typing import Annotated
+
+from eurobot_od.bus.live import BITRATE
+from eurobot_od.cli import ExitStatus, version
+from eurobot_od.cli.decode import Log, Reading, entries
+from eurobot_od.cli.devices import Devices
+from eurobot_od.cli.options import BusOptions, EmcyFiles, Json, NoReconnect, Seconds, write
+from eurobot_od.cli.signature import Option
+from eurobot_od.export.forms import FORMS, DocBlock, DocHeading, DocTable, Paragraph, form_of
+from eurobot_od.traffic.diagnosis import Diagnosis
+from eurobot_od.traffic.diagnosis.incidents import WORDS, Incident, lines
+from eurobot_od.traffic.monitor import BusSource
+
+LEVELS = {word: level for level, word in WORDS.items()}
+"""What `--fail-on` takes; "never" beside them."""
+
+NEVER = "never"
+
+POLL = 0.02
+"""Seconds between two looks at a bus."""
+
+
+def diagnose(
+    logs: Sequence[Log] = (),
+    *,
+    reading: Reading,
+    duration: Annotated[Seconds, Option("--for")] = inf,
+    as_json: Json = False,
+    report: Annotated[Path | None, Option(metavar="FILE")] = None,
+    fail_on: Annotated[str, Option(choices=(*LEVELS, NEVER))] = "warning",
+    no_reconnect: NoReconnect = False,
+    devices: Devices,
+    emcy: EmcyFiles = (),
+    bus: BusOptions,
+) -> ExitStatus:
+    """Say what is wrong in logs, or on a bus, and what to do: a verdict in one line, then incidents, worst first.
+
+    Exit status 1 if there is an incident of the level of --fail-on, or worse.
+
+    logs: logs, - for standard input (default: listen to a bus)
+    duration: how long to listen to a bus (default: until Ctrl-C)
+    report: also write a page: .html or .md
+    fail_on: lowest level of an incident that is a failure (default: warning)
+    """
+    form = form_of(report) if report else ""  # an unknown suffix ends it before the log is read
+    decoder = devices.decoder(emcy)
+    watchers, promised = devices.robot.watchers(), devices.promised(decoder)
+    diagnosis = Diagnosis(decoder, watchers, bus.bitrate or BITRATE, promised)
+    if logs:
+        _read(diagnosis, logs, reading)
+    else:
+        _listen(diagnosis, bus, duration, no_reconnect)
+    found = diagnosis.incidents.sorted()
+    said = diagnosis.verdict(found)
+    if as_json:
+        print(
+            json.dumps({"verdict": said, "frames": diagnosis.frames, "incidents": [each.as_data() for each in found]})
+        )
+    else:
+        print(said, *lines(found), sep="\n")
+    if report:
+        title = ", ".join(Path(each).name for each in logs) or "a bus"
+        write(report, FORMS[form](list(blocks(title, said, found, diagnosis))))
+    worst = found[0].rule.severity if found else None
+    order = list(WORDS)
+    fails = worst is not None and fail_on != NEVER and order.index(worst) <= order.index(LEVELS[fail_on])
+    return ExitStatus.FOUND if fails else ExitStatus.FINE
+
+
+def _read(diagnosis: Diagnosis, logs: Sequence[str], reading: Reading) -> None:
+    for log in logs:
+        before = diagnosis.frames
+        diagnosis.begin(log)
+        for _, (line, at, channel, raw) in entries([log], reading):
+            diagnosis.take(at, channel, raw, line)
+        if diagnosis.frames == before:
+            diagnosis.silent(log)
+    diagnosis.end()
+
+
+def _listen(diagnosis: Diagnosis, bus: BusOptions, duration: float, no_reconnect: bool) -> None:
+    """Listen to a bus until its time is over, or Ctrl-C; what the driver could not deliver is an incident."""
+    with closing(BusSource(bus.open(), opener=bus.reopener(no_reconnect))) as source, suppress(KeyboardInterrupt):
+        began, origin, now = time.monotonic(), None, 0.0
+        while (now := time.monotonic() - began) < duration:
+            for at, raw in source.poll():
+                origin = at - now if origin is None else origin  # a driver's clock may start anywhere
+                diagnosis.take(max(at - origin, 0.0), "", raw)
+            diagnosis.tick(now)
+            time.sleep(min(POLL, max(0.0, duration - now)))
+    if not diagnosis.frames:
+        diagnosis.silent()
+    diagnosis.end(now)
+    diagnosis.missed(source.notes)
+
+
+# The page
+
+
+def blocks(title: str, verdict: str, incidents: Sequence[Incident], diagnosis: Diagnosis) -> Iterator[DocBlock]:
+    """Give the report: the verdict, all incidents in a table, and each of them."""
+    yield DocHeading(1, f"Diagnosis of {title}")
+    yield Paragraph(f"{verdict}.")
+    facts = [("Frames", str(diagnosis.frames)), ("Time", f"{diagnosis.seconds:.1f} s"), ("Made by", version())]
+    yield DocTable(("", ""), facts, words=("",))
+    if incidents:
+        yield DocHeading(2, "What was found")
+        rows = [
+            (WORDS[each.rule.severity], each.title, str(each.seen.number), f"{each.seen.places[0].time:.3f}")
+            for each in incidents
+        ]
+        yield DocTable(("Level", "What", "Times", "First at, s"), rows, ("Times", "First at, s"), ("Level",))
+    for each in incidents:
+        yield DocHeading(3, f"{WORDS[each.rule.severity].capitalize()}: {each.title}")
+        yield DocTable(("", ""), each.facts, words=("",))

@@ -1,0 +1,97 @@
+"""The rules of `diagnose` that only this robot has; that a goto needs a confirm its network file says (`answers`)."""
+
+from __future__ import annotations
+
+from math import hypot
+
+from eurobot_od.lint.findings import Severity
+from eurobot_od.pdo.kinds import OutOfRange
+from eurobot_od.robot.model import messages
+from eurobot_od.robot.model.values import GotoFault, Source
+from eurobot_od.traffic.diagnosis.incidents import IncidentRule, Occurrences
+from eurobot_od.traffic.diagnosis.observed import ObservedBus, Watcher
+from eurobot_od.traffic.meaning import Meaning
+
+STOPS = (messages.StopDrive, messages.EmergencyStop, messages.EmergencyShutdown)
+
+STANDS_WITHIN = 0.5
+"""Seconds that the drive may brake after a stop."""
+
+HEARS_WITHIN = 0.05
+"""Seconds after a stop in which the drive may still answer that the goto goes on."""
+
+STANDS = 20
+"""Millimetres by which two measured positions of a robot that stands may differ."""
+
+SOURCES = {
+    messages.NaviPositionResponse: Source.INTERNAL,
+    messages.KalmanPositionResponse: Source.INTERNAL,
+    messages.ConfederatePositionResponse: Source.CONFEDERATE,
+    messages.Enemy1PositionResponse: Source.ENEMY_1,
+    messages.Enemy2PositionResponse: Source.ENEMY_2,
+}
+"""Whose position each message has (document, Table 2)."""
+
+
+class EurobotRule(IncidentRule):
+    """The rules for the robot of 2014."""
+
+    STOP_NOT_OBEYED = (
+        Severity.ERROR, "The robot drives on after a stop",
+        "the drive did not hear the stop, does not brake, or is pushed",
+        "hit the mushroom; then look whether the drive is OPERATIONAL, and at its errors",
+        "document, Table 5: Stop Drive",
+    )  # fmt: skip
+    POSITION_SOURCE = (
+        Severity.ERROR, "A position has another source than its message",
+        "two nodes answer the same request, or the sender takes one position for another",
+        "look who sends under this identifier: unplug the drive or the navigation", "document, Table 2: source",
+    )  # fmt: skip
+
+    @property
+    def stage(self) -> int:
+        return 1
+
+
+class EurobotWatcher(Watcher):
+    """Watches stops and the sources of positions."""
+
+    def __init__(self, bus: ObservedBus) -> None:
+        super().__init__(bus)
+        self._stop: tuple[float, str, Occurrences] | None = None
+        self._stands: tuple[int, int] | None = None
+
+    def take(self, time: float, meaning: Meaning) -> None:
+        message = meaning.message
+        if isinstance(message, STOPS):
+            if self._stop is None:
+                self._stop, self._stands = (time, meaning.name, Occurrences.once(self.bus.at())), None
+        elif isinstance(message, messages.GotoXY):
+            self._stop = None
+        elif isinstance(message, messages.GotoStateResponse):
+            is_under_way = bool(message.time) and not isinstance(message.time, GotoFault | OutOfRange)
+            if self._stop and is_under_way and time - self._stop[0] > HEARS_WITHIN:
+                self._not_obeyed(time, meaning, f"says that {message.time} ms of its goto remain")
+        elif type(message) in SOURCES:
+            self._position(time, meaning, message)
+
+    def _position(self, time: float, meaning: Meaning, message: object) -> None:
+        x, y, source, wanted = (*(getattr(message, each) for each in ("x", "y", "source")), SOURCES[type(message)])  # type: ignore[index]
+        if isinstance(source, Source) and source is not wanted:
+            text = f"{meaning.name} comes from {source.name.lower()}, not from {wanted.name.lower()}".replace("_", " ")
+            self.bus.found(EurobotRule.POSITION_SOURCE, meaning.sender, text, meaning.name)
+        is_ours = isinstance(message, messages.KalmanPositionResponse)
+        if self._stop is None or not is_ours or x is None or y is None or time - self._stop[0] < STANDS_WITHIN:
+            return
+        if self._stands is None:
+            self._stands = x, y
+        elif (way := hypot(x - self._stands[0], y - self._stands[1])) > STANDS:
+            self._not_obeyed(time, meaning, f"drives {way:.0f} mm")
+
+    def _not_obeyed(self, time: float, meaning: Meaning, what: str) -> None:
+        assert self._stop is not None
+        since, stop, seen = self._stop
+        self.bus.found(
+            EurobotRule.STOP_NOT_OBEYED, meaning.sender, f"{what} {time - since:.1f} s after {stop}", seen=seen
+        )
+        self._stop = None

@@ -1,0 +1,290 @@
+"""What is wrong on a bus, and what to do: frames in, incidents out.
+
+A `Diagnosis` takes what `decode` and `monitor` take: meanings with their times, channels and places. For each bus it
+has watchers (`nodes`, `transfers`, `pdos`, and a robot's own), which report what breaks a rule of the table (`rules`).
+The same thing again is the same incident (`incidents`), so memory does not grow with the log.
+
+Rules of this package: there is no clock and no bus, and what a frame means is said by `meaning` alone. A rule that
+waits for something counts from what the log has shown; a log may begin and end anywhere.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+from eurobot_od.bus import frame_bits
+from eurobot_od.frame import Frame
+from eurobot_od.od.standard import HEARTBEAT_TIME
+from eurobot_od.support.texts import amount
+from eurobot_od.support.texts import text as duration
+from eurobot_od.traffic.decoding import Following
+from eurobot_od.traffic.diagnosis.incidents import Incident, Incidents, Occurrences, SeenAt, verdict
+from eurobot_od.traffic.diagnosis.nodes import EmergencyWatcher, LssWatcher, NodesWatcher
+from eurobot_od.traffic.diagnosis.observed import ObservedBus, Watcher
+from eurobot_od.traffic.diagnosis.pdos import AnswerWatcher, PdoWatcher, SyncWatcher, TimeWatcher
+from eurobot_od.traffic.diagnosis.rules import BusRule
+from eurobot_od.traffic.diagnosis.transfers import SdoWatcher
+from eurobot_od.traffic.entries import Damage, Raw
+from eurobot_od.traffic.load import MessageSet, load_report
+from eurobot_od.traffic.meaning import CANOPEN, Decoder, Meaning, SdoTransfer
+from eurobot_od.traffic.services import EMCY_NAME, GUARDING, HEARTBEAT, LSS, NMT, SDO, SYNC_NAME, TIME_NAME
+from eurobot_od.traffic.statistics import NOTHING
+
+TICK = 0.02
+"""Seconds after which watchers look for what did not come."""
+
+SILENCE = 1.0
+"""Seconds without any frame after which the log may have a gap."""
+
+LOADS = ((1.0, 0.8, BusRule.LOAD_HIGH), (0.05, 0.99, BusRule.LOAD_BURST))
+"""Spans in s, the share of the bus that is too much in each, and its rule."""
+
+BUS_OFF = 0x40
+"""Class bit of Linux's error frames: the controller is bus-off (linux/can/error.h)."""
+
+OF_DAMAGE = {
+    Damage.UNREADABLE: BusRule.LOG_UNREADABLE,
+    Damage.CUT_OFF: BusRule.LOG_UNREADABLE,
+    Damage.ERROR_FRAME: BusRule.ERROR_FRAME,
+    Damage.UNKNOWN_IDENTIFIER: BusRule.PDO_UNKNOWN,
+    Damage.SWITCHED_OFF: BusRule.PDO_OFF,
+    Damage.OUT_OF_RANGE: BusRule.OUT_OF_RANGE,
+}
+"""The rule for a defect that says all by itself."""
+
+
+class WatchedBus:
+    """One bus with all its watchers."""
+
+    def __init__(
+        self, bus: ObservedBus, more: Sequence[type[Watcher]], bit_rate: int, promised: MessageSet = NOTHING
+    ) -> None:
+        self.bus, self.bit_rate, self._tick_at = bus, bit_rate, 0.0
+        self.nodes, self.pdos, self.sdo = NodesWatcher(bus), PdoWatcher(bus), SdoWatcher(bus)
+        answers = [AnswerWatcher(bus, promised, bit_rate)] if promised.messages else []
+        self._more: list[Watcher] = [*answers, *(each(bus) for each in more)]
+        control = (self.nodes,)
+        self._services: dict[str, tuple[Watcher, ...]] = {
+            NMT: (self.sdo, self.nodes),
+            HEARTBEAT: control,
+            GUARDING: control,
+            EMCY_NAME: (EmergencyWatcher(bus),),
+            SDO: (self.sdo,),
+            SYNC_NAME: (SyncWatcher(bus),),
+            TIME_NAME: (TimeWatcher(bus),),
+            LSS: (LssWatcher(bus),),
+        }
+        self._watchers = list(
+            dict.fromkeys([self.pdos, *(w for each in self._services.values() for w in each), *self._more])
+        )
+        self._messages = (self.pdos, *self._more)
+        self._promised = promised
+        self._loads: list[list[Any]] = []
+        self._first: SeenAt | None = None
+
+    def take(self, time: float, meaning: Meaning) -> None:
+        """Take in what came at a time in s."""
+        bus, raw = self.bus, meaning.raw
+        if self._first is None:
+            bus.began, self._first = time, bus.at()
+            self._gap(time)
+        elif time < bus.now:
+            text = f"the time goes back from {bus.now:.6f} s to {time:.6f} s"
+            bus.found(BusRule.LOG_BACKWARDS, "", text)
+            self._gap(time)
+        elif time - bus.now > SILENCE:
+            self._silence(time)
+        bus.now = time
+        if time >= self._tick_at:
+            self.tick(time)
+        if meaning.defects:
+            self._damaged(meaning)
+        if isinstance(raw, Frame):
+            self._load(time, raw)
+            self._pass_on(time, meaning, raw)
+
+    def _pass_on(self, time: float, meaning: Meaning, frame: Frame) -> None:
+        if meaning.group == CANOPEN:
+            self.bus.counts[meaning.name] += 1
+            if not meaning.is_read:
+                return
+            for each in self._services.get(meaning.name, ()):
+                each.take(time, meaning)
+            return
+        if frame.is_remote:
+            return
+        for each in self._messages:
+            each.take(time, meaning)
+
+    def _damaged(self, meaning: Meaning) -> None:
+        who = meaning.sender or (meaning.nodes[0] if len(meaning.nodes) == 1 else "")
+        for damage, text in meaning.defects:
+            if damage is Damage.INCOMPLETE:
+                self.sdo.damaged(meaning)
+            elif damage is Damage.WRONG_LENGTH:
+                rule = BusRule.FRAME_LENGTH if meaning.group == CANOPEN else BusRule.PDO_LENGTH
+                self.bus.found(rule, who, text, meaning.raw[0])
+            elif rule_of := OF_DAMAGE.get(damage):
+                is_off = damage is Damage.ERROR_FRAME and _is_bus_off(text)
+                subject = meaning.raw[0] if isinstance(meaning.raw, Frame) else ""
+                said = f"{damage.value}: {text}"
+                self.bus.found(BusRule.BUS_OFF if is_off else rule_of, who, said, subject)
+
+    def shown(self, ended: SdoTransfer, decoder: Decoder) -> None:
+        """Take in what a transfer has shown, and the decoder that there is from now on."""
+        if decoder is not self.bus.decoder:
+            self.bus.decoder = decoder
+            self.pdos.changed()
+        if ended.address == HEARTBEAT_TIME and ended.end:
+            self.nodes.set_period(self.bus.node(ended.end.server))
+
+    # Time
+
+    def _silence(self, time: float) -> None:
+        beating = self.nodes.beating
+        if len(beating) > 1 and all(each.is_lost(time) for each in beating):
+            text = (
+                f"nothing came for {duration(round(time - self.bus.now, 3))}, not even from {len(beating)} heartbeats"
+            )
+            self.bus.found(BusRule.LOG_GAP, "", text)
+            self._gap(time)
+
+    def _gap(self, time: float) -> None:
+        for each in self._watchers:
+            each.gap(time)
+        self._tick_at = time
+        self._loads = [[time, 0, Occurrences.once(self.bus.at())] for _ in LOADS]
+
+    def tick(self, time: float) -> None:
+        """Notice what did not come until now, s."""
+        self._tick_at = time + TICK
+        for each in self._watchers:
+            each.tick(time)
+
+    def end(self, time: float) -> None:
+        """Report what is open at the end of the log, or of the watch."""
+        for each in self._watchers:
+            each.end(max(time, self.bus.now))
+        for row in load_report(self._promised, self.bit_rate).rows:
+            if not row.holds and self._promised.messages:
+                text = f"{row.message.name} can be later than its deadline at {self.bit_rate / 1000:g} kbit/s"
+                seen = Occurrences.once(self._first or self.bus.at())
+                self.bus.found(BusRule.CAN_STARVE, row.message.node, text, row.message.identifier, seen=seen)
+
+    # Load
+
+    def _load(self, time: float, frame: Frame) -> None:
+        bits = frame_bits(frame)
+        for load, (span, most, rule) in zip(self._loads, LOADS):
+            began, so_far, seen = load
+            if time - began < span:
+                load[1] = so_far + bits
+                continue
+            share = so_far / self.bit_rate / span
+            if most < share:
+                self._too_much(rule, share, seen)
+            load[:] = time, bits, Occurrences.once(self.bus.at())
+
+    def _too_much(self, rule: BusRule, share: float, seen: Occurrences) -> None:
+        wrong = "; more than all: the bus is faster, -b says its bit rate" if share > 1.05 else ""
+        text = f"a load of {share:.0%} of {self.bit_rate / 1000:g} kbit/s{wrong}"
+        self.bus.found(rule, "", text, seen=seen)
+
+
+def _is_bus_off(text: str) -> bool:
+    identifier, mark, _ = text.partition("#")
+    try:
+        return bool(mark) and bool(int(identifier, 16) & BUS_OFF)
+    except ValueError:  # what a driver of Windows, or a format without them, says of an error
+        return False
+
+
+class Diagnosis:
+    """The diagnosis of some logs, or of a bus, by what the devices' files say.
+
+    `more` are watchers of a robot's own; `promised` is what should be sent how often, at `bit_rate` in bit/s.
+    """
+
+    def __init__(
+        self,
+        decoder: Decoder,
+        more: Iterable[type[Watcher]] = (),
+        bit_rate: int = 500_000,
+        promised: MessageSet = NOTHING,
+    ) -> None:
+        self.incidents = Incidents()
+        self.frames, self.seconds = 0, 0.0
+        self._decoder, self._more, self._bit_rate, self._promised = decoder, tuple(more), bit_rate, promised
+        self._buses: dict[str, WatchedBus] = {}
+        self._log, self._line, self._time = "", 0, 0.0
+        self._following = Following(decoder)
+
+    def begin(self, log: str) -> None:
+        """Begin with a log: what is known of the nodes is that of the log before."""
+        self.end()
+        self._buses, self._log, self._following = {}, log, Following(self._decoder)
+
+    def take(self, time: float, channel: str, raw: Raw, line: int = 0) -> Meaning:
+        """Take in an entry of the log at its line, or a frame of a bus, and return what it means."""
+        meaning = self._following(time, channel, raw)
+        self.take_meaning(time, channel, meaning, self._following, line)
+        return meaning
+
+    def take_meaning(self, time: float, channel: str, meaning: Meaning, following: Following, line: int = 0) -> None:
+        """Take in what somebody else has decoded, who is `following` the same bus."""
+        self.frames += 1
+        self._line, self._time = line, time
+        watched = self._buses.get(channel) or self._bus(channel)
+        watched.take(time, meaning)
+        if meaning.transfer:
+            watched.shown(meaning.transfer, following.decoder(channel))
+
+    def _bus(self, channel: str) -> WatchedBus:
+        bus = ObservedBus(channel, self._decoder, self._at, self.incidents.at)
+        made = self._buses[channel] = WatchedBus(bus, self._more, self._bit_rate, self._promised)
+        return made
+
+    def _at(self) -> SeenAt:
+        return SeenAt(self._time, self._log, self._line)
+
+    def tick(self, time: float) -> None:
+        """Notice what did not come until now, s."""
+        self._time = max(time, self._time)
+        for each in self._buses.values():
+            each.tick(time)
+
+    def end(self, time: float = 0.0) -> None:
+        """Report what the end of the log, or of the watch at a time in s, leaves open."""
+        for each in self._buses.values():
+            each.end(time)
+        self.seconds += self._span
+        self._buses = {}
+
+    @property
+    def _span(self) -> float:
+        """The seconds of the present log."""
+        return max((each.bus.now - each.bus.began for each in self._buses.values()), default=0.0)
+
+    def silent(self, log: str = "") -> None:
+        """Report that there was nothing in a log, or on a bus."""
+        text = f"no frame in {log}" if log else "no frame came"
+        self.incidents.at(BusRule.BUS_SILENT, "", "", log, text, "", "").add(SeenAt(0.0, log))
+
+    def missed(self, notes: Iterable[str]) -> None:
+        """Report what could not be taken in, as a source of frames says it."""
+        for note in notes:
+            self.incidents.at(BusRule.FRAMES_MISSED, "", "", note, note, "", "").add(self._at())
+
+    def so_far(self, time: float) -> list[Incident]:
+        """Return the incidents as if a watch ended at a time in s, worst first."""
+        still_open = Incidents()
+        for each in self._buses.values():
+            each.bus.report = still_open.at
+            each.end(time)
+            each.bus.report = self.incidents.at
+        return self.incidents.sorted(still_open)
+
+    def verdict(self, incidents: Sequence[Incident]) -> str:
+        """Return the answer in one line."""
+        return verdict(incidents, f"{amount(self.frames, 'frame')}, {duration(round(self.seconds + self._span, 1))}")

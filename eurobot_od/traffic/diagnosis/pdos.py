@@ -1,0 +1,286 @@
+"""Watches PDOs, SYNC and TIME: when they come, from whom, and as mapped (CiA 301, 7.2.2, 7.2.5, 7.2.6)."""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass, field
+from itertools import combinations
+
+from eurobot_od.device.nmt import STATE_NAMES
+from eurobot_od.frame import Frame, identifier_text
+from eurobot_od.od.pdos import Pdo
+from eurobot_od.od.standard import SYNC, SYNC_PERIOD, SYNC_PRODUCER
+from eurobot_od.od.values import DAY, PdoDirection
+from eurobot_od.pdo.binding import Binding
+from eurobot_od.support.texts import text as duration
+from eurobot_od.traffic.diagnosis.incidents import Occurrences
+from eurobot_od.traffic.diagnosis.observed import ObservedBus, ObservedNode, Watcher
+from eurobot_od.traffic.diagnosis.rules import BusRule
+from eurobot_od.traffic.load import MICROSECONDS, MessageSet, PeriodicMessage
+from eurobot_od.traffic.meaning import Meaning
+from eurobot_od.traffic.services import SYNC_NAME
+from eurobot_od.traffic.statistics import SeenTraffic
+
+INHIBITED, STAMP = 0.9, 0.0005
+"""Share of an inhibit time that has to pass, and what two time stamps may be wrong by, s."""
+
+ON_ITS_WAY = 0.05
+"""Seconds after a change of state in which a frame may come that was sent before."""
+
+LATE = 1.5
+"""Event timers after which a PDO is late."""
+
+SYNCS = 3
+"""So many times its number of SYNCs a synchronous PDO may be late."""
+
+
+@dataclass
+class WatchedPdo:
+    """A TPDO: its parameters in force, who sends it, when it came last, and where it came `early`: not OPERATIONAL."""
+
+    name: str
+    pdo: Pdo
+    sender: ObservedNode
+    always: bool = False
+    last: float | None = None
+    early: Occurrences = field(default_factory=Occurrences)
+
+    @property
+    def inhibit(self) -> float:
+        """Inhibit time, s."""
+        return self.pdo.inhibit_time / 10_000
+
+    @property
+    def timer(self) -> float:
+        """Event timer, s."""
+        return self.pdo.event_timer / 1000
+
+
+class PdoWatcher(Watcher):
+    """Watches the PDOs that devices with files send."""
+
+    def __init__(self, bus: ObservedBus) -> None:
+        super().__init__(bus)
+        self._pdos: dict[int, WatchedPdo] = {}
+        self._early: dict[int, list[WatchedPdo]] = {}
+        bus.stated.append(self._said)
+
+    def changed(self) -> None:
+        """Take in that the mapping in force is another one."""
+        self._pdos.clear()
+
+    def take(self, time: float, meaning: Meaning) -> None:
+        cob_id = meaning.raw[0]
+        watched = self._pdos.get(cob_id)  # type: ignore[arg-type]
+        if watched is None:
+            if not meaning.sender or (watched := self._first(cob_id)) is None:  # type: ignore[arg-type]
+                return
+            self._pdos[watched.pdo.cob_id] = watched
+        sender, last = watched.sender, watched.last
+        sender.heard, watched.last = True, time
+        if last is not None and time >= last:
+            if watched.inhibit and time - last < INHIBITED * watched.inhibit - STAMP:
+                text = (
+                    f"{watched.name} comes {_ms(time - last)} after the one before, inhibit time {_ms(watched.inhibit)}"
+                )
+                self.bus.found(BusRule.PDO_INHIBIT, sender.name, text, cob_id)
+            if watched.timer and time - last > LATE * watched.timer and sender.is_operational and sender.since <= last:
+                self._late(watched, time - last)
+        if not (sender.is_operational or watched.always or time - sender.since < ON_ITS_WAY):
+            if not watched.early.number:
+                self._early.setdefault(sender.node_id, []).append(watched)
+            watched.early.add(self.bus.at())
+
+    def _late(self, watched: WatchedPdo, gap: float) -> None:
+        text = f"{watched.name} after {_ms(gap)}, event timer {_ms(watched.timer)}"
+        self.bus.found(BusRule.PDO_TIMER, watched.sender.name, text, watched.pdo.cob_id)
+
+    def _said(self, node: ObservedNode) -> None:
+        """Take in that a node has said its state: what it sent before, it sent in this one."""
+        for each in self._early.pop(node.node_id, ()):
+            if not node.is_operational:
+                text = f"{each.name} while it is {STATE_NAMES[node.state or 0]}"
+                self.bus.found(BusRule.PDO_STATE, node.name, text, each.pdo.cob_id, seen=each.early)
+            each.early = Occurrences()
+
+    def _first(self, cob_id: int) -> WatchedPdo | None:
+        """Return how to watch an identifier, and report what its first frame shows."""
+        decoder = self.bus.decoder
+        binding = next((each for each in decoder.protocol.bindings if each.cob_id == cob_id), None)
+        if binding is None or not binding.senders:
+            return None
+        sender = self.bus.named(binding.senders[0])
+        if sender is None:
+            return None
+        if decoder is not self.bus.files and sender.dictionary:
+            self._mapped(cob_id, binding, sender)
+        if not binding.receivers and len(self.bus.names) > 1:
+            text = f"{binding.name} (0x{identifier_text(cob_id)}) is received by no file"
+            self.bus.found(BusRule.PDO_UNHEARD, sender.name, text, cob_id)
+        has_type = decoder.protocol.catalogue.find(binding.name) is not None
+        if len(binding.senders) > 1 and not has_type:  # a robot's message may have several senders, meant so
+            text = f"{' and '.join(binding.senders)} send {binding.name} under 0x{identifier_text(cob_id)}"
+            self.bus.found(BusRule.COB_ID_SHARED, "", text, cob_id)
+        return WatchedPdo(binding.name, binding.pdo, sender, binding.always)
+
+    def _mapped(self, cob_id: int, binding: Binding, sender: ObservedNode) -> None:
+        said = next((each for each in self.bus.files.protocol.bindings if each.cob_id == cob_id), None)
+        if said is None or said.layout.slots != binding.layout.slots:
+            text = f"{binding.name} maps {', '.join(binding.layout.fields) or 'nothing'}"
+            file = (
+                f"; its file {', '.join(said.layout.fields) or 'nothing'}" if said else ", which its file does not have"
+            )
+            self.bus.found(BusRule.PDO_MAPPED_OTHERWISE, sender.name, f"{text}{file}", cob_id)
+
+    def gap(self, time: float) -> None:
+        for each in self._pdos.values():
+            each.last = None
+
+    def end(self, time: float) -> None:
+        for each in self._pdos.values():
+            if (
+                each.last is not None
+                and each.timer
+                and time - each.last > LATE * each.timer
+                and each.sender.is_operational
+            ):
+                self._late(each, time - each.last)
+        for binding in self.bus.decoder.protocol.bindings:
+            sender = self.bus.named(binding.senders[0]) if binding.senders else None
+            pdo = binding.pdo
+            # What the sender's own record says; a receiver's may differ. Type 0 is sent only after an event.
+            if not (sender and pdo.direction is PdoDirection.TPDO and pdo.is_synchronous and pdo.transmission_type):
+                continue
+            if not sender.heard or sender.state is None or not sender.is_operational or time - sender.since < 1.0:
+                continue
+            syncs = self.bus.counts[SYNC_NAME]
+            if not syncs:
+                text = f"{binding.name} waits for SYNC (transmission type {pdo.transmission_type}), which nobody sends"
+                self.bus.found(BusRule.PDO_NO_SYNC, sender.name, text, binding.cob_id)
+            elif binding.cob_id not in self._pdos and syncs > SYNCS * pdo.transmission_type:
+                text = f"{binding.name} is never sent in {syncs} SYNCs (transmission type {pdo.transmission_type})"
+                self.bus.found(BusRule.PDO_NOT_SENT, sender.name, text, binding.cob_id)
+
+
+NO_SOONER = 0.5
+"""Seconds that an answer has at least, however short its deadline is."""
+
+
+class AnswerWatcher(Watcher):
+    """Watches that messages get the answers that the network file promises, and in the time that is computed."""
+
+    def __init__(self, bus: ObservedBus, promised: MessageSet, bit_rate: int) -> None:
+        super().__init__(bus)
+        self._seen = SeenTraffic(bit_rate, promised)
+        identifiers = {each.name: each.identifier for each in promised.messages}
+        self._answers: dict[int, list[PeriodicMessage]] = {}
+        for each in promised.messages:
+            if each.answers in identifiers:
+                self._answers.setdefault(identifiers[each.answers], []).append(each)
+        self._open: dict[int, tuple[float, PeriodicMessage, Occurrences]] = {}
+
+    def take(self, time: float, meaning: Meaning) -> None:
+        frame = meaning.raw
+        if not isinstance(frame, Frame) or frame.cob_id not in self._seen.asking:
+            return
+        self._open.pop(frame.cob_id, None)
+        self._seen.take(time, frame, meaning.name, meaning.sender)
+        seen = self._seen.messages[frame.cob_id, False]
+        if seen.answered is not None and seen.bound is not None and seen.answered > seen.bound:
+            text = f"{meaning.name} comes {_ms(seen.answered)} after its request, computed: {_ms(seen.bound)} at most"
+            self.bus.found(BusRule.ANSWER_LATE, meaning.sender, text, frame.cob_id)
+            seen.answered = None
+        for each in self._answers.get(frame.cob_id, ()):
+            if each.identifier not in self._open:
+                self._open[each.identifier] = time, each, Occurrences.once(self.bus.at())
+
+    def tick(self, time: float) -> None:
+        for identifier, (since, answer, asked) in list(self._open.items()):
+            if time - since > max(NO_SOONER, 2 * answer.deadline / MICROSECONDS):
+                del self._open[identifier]
+                self.bus.found(
+                    BusRule.ANSWER_MISSING, answer.node, f"no {answer.name} to {answer.answers}", identifier, seen=asked
+                )
+
+    def gap(self, time: float) -> None:
+        self._open.clear()
+
+    def end(self, time: float) -> None:
+        self.tick(time)
+
+
+class SyncWatcher(Watcher):
+    """Watches the period of SYNC, its counter, and who sends it."""
+
+    def __init__(self, bus: ObservedBus) -> None:
+        super().__init__(bus)
+        self._last: tuple[float, bytes] | None = None
+        self._intervals: deque[float] = deque(maxlen=5)
+        self._producers: list[ObservedNode] | None = None
+        self._short = 0
+
+    def take(self, time: float, meaning: Meaning) -> None:
+        frame, before = meaning.raw, self._last
+        if not isinstance(frame, Frame) or frame.is_remote:
+            return
+        if self._producers is None:
+            self._producers = [each for each in self.bus.nodes.values() if each.number(SYNC) & SYNC_PRODUCER]
+            for one, two in combinations(self._producers, 2):
+                self.bus.found(
+                    BusRule.SYNC_TWO, "", f"{one.name} and {two.name} are both to send SYNC (0x1005)", "files"
+                )
+        self._last = time, frame.data
+        if before is None or time < before[0]:
+            return
+        self._count(before[1], frame.data)
+        period = next((each.number(SYNC_PERIOD) / 1e6 for each in self._producers if each.number(SYNC_PERIOD)), 0.0)
+        usual = period or (sorted(self._intervals)[2] if len(self._intervals) == self._intervals.maxlen else 0.0)
+        interval = time - before[0]
+        self._intervals.append(interval)
+        if not usual:
+            return
+        self._short = self._short + 1 if interval < 0.9 * usual else 0
+        if period and self._short >= SYNCS:
+            self.bus.found(
+                BusRule.SYNC_TWO, "", f"SYNC comes after {_ms(interval)}, with a period of {_ms(period)}", "period"
+            )
+        elif abs(interval / usual - 1) > 0.25:
+            self.bus.found(BusRule.SYNC_JITTER, "", f"SYNC comes after {_ms(interval)}, with a period of {_ms(usual)}")
+
+    def _count(self, before: bytes, present: bytes) -> None:
+        if len(before) != len(present):
+            self.bus.found(BusRule.SYNC_TWO, "", "SYNC comes with and without a counter", "length")
+        elif present and present == before:
+            self.bus.found(BusRule.SYNC_TWO, "", f"SYNC comes twice with counter {present[0]}", "counter")
+        elif present and present[0] != before[0] + 1 and present[0] != 1:  # 1 follows the overflow value
+            self.bus.found(BusRule.SYNC_COUNTER, "", f"the counter of SYNC goes from {before[0]} to {present[0]}")
+
+    def gap(self, time: float) -> None:
+        self._last = None
+
+
+JUMP = 1.0
+"""Seconds that TIME may deviate from the clock of the log from one message to the next."""
+
+
+class TimeWatcher(Watcher):
+    """Watches that TIME goes on as the clock of the log does."""
+
+    def __init__(self, bus: ObservedBus) -> None:
+        super().__init__(bus)
+        self._last: tuple[float, float] | None = None
+
+    def take(self, time: float, meaning: Meaning) -> None:
+        frame, before = meaning.raw, self._last
+        if not isinstance(frame, Frame) or frame.is_remote:
+            return
+        milliseconds = int.from_bytes(frame.data[:4], "little") & 0x0FFF_FFFF
+        said = (int.from_bytes(frame.data[4:6], "little") * DAY + milliseconds) / 1000
+        self._last = time, said
+        if before and abs((said - before[1]) - (time - before[0])) > JUMP:
+            went = f"{said - before[1]:+g} s in {duration(round(time - before[0], 3))}"
+            self.bus.found(BusRule.TIME_JUMPS, "", f"TIME jumps by {went}")
+
+
+def _ms(seconds: float) -> str:
+    return duration(round(seconds, 4))

@@ -1,0 +1,220 @@
+"""Watches SDO: aborts, answers that are missing or too many, broken transfers, and what a master configures.
+
+CiA 301, 7.2.4; the values of a device's DCF by CiA 302-2 and 306.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from eurobot_od.device.nmt import COMMAND_NAMES, SERVICES, STATE_NAMES, NmtCommand
+from eurobot_od.frame import Frame
+from eurobot_od.od import objects, values
+from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.standard import CONSUMED_HEARTBEATS, HEARTBEAT_TIME, SYNC, SYNC_PERIOD
+from eurobot_od.od.values import Address, label
+from eurobot_od.sdo.wire import (
+    ABORT,
+    REQUEST_SUB_COMMAND,
+    AbortCode,
+    Initiate,
+    ServerCommand,
+    code_and_reason,
+    when_sent,
+)
+from eurobot_od.support.texts import amount
+from eurobot_od.support.texts import text as duration
+from eurobot_od.traffic.diagnosis.incidents import Occurrences
+from eurobot_od.traffic.diagnosis.observed import ObservedBus, ObservedNode, Watcher
+from eurobot_od.traffic.diagnosis.rules import BusRule
+from eurobot_od.traffic.meaning import Meaning, SdoTransfer
+from eurobot_od.traffic.services import NAMING, NMT, SdoEnd, object_words
+from eurobot_od.traffic.transfers import SKIPPED, How
+
+IMPATIENT = 0.02
+"""Seconds that no client waits less for an answer: who asks again before that is another one."""
+
+PATIENT = 0.5
+"""Seconds after which a request that has no answer at the end of a log has none at all."""
+
+SETTLED = 1.0
+"""Seconds from the begin of a log on in which an answer may belong to a request before it."""
+
+SETTINGS = (SYNC[0], SYNC_PERIOD[0], CONSUMED_HEARTBEATS, HEARTBEAT_TIME[0])
+"""Objects of which the watchers need the value."""
+
+LISTED = 5
+"""Objects that are named in a line."""
+
+
+@dataclass
+class SdoLine:
+    """An SDO channel: the object of the last request, when that came, and where; None after its answer."""
+
+    asked: float | None = None
+    object: str = ""
+    seen: Occurrences | None = None
+    is_used: bool = False
+
+
+class SdoWatcher(Watcher):
+    """Watches the SDO channels of a bus."""
+
+    def __init__(self, bus: ObservedBus) -> None:
+        super().__init__(bus)
+        self._lines: dict[int, SdoLine] = {}
+        self._own = {n: _own_values(node.dictionary) for n, node in bus.nodes.items() if node.dictionary}
+
+    def take(self, time: float, meaning: Meaning) -> None:
+        if meaning.name == NMT:
+            said = meaning.fields
+            if said and said["command"] == COMMAND_NAMES[NmtCommand.START]:
+                self._start(said["node"])
+            return
+        frame, end = meaning.raw, meaning.service.end if meaning.service else None
+        if end is None or not isinstance(frame, Frame):  # a segment of a block, or not a frame of SDO at all
+            return
+        line, node = self._lines.setdefault(end.channel, SdoLine()), self.bus.node(end.server)
+        asked = line.seen if line.asked is not None else None
+        if end.is_answer:
+            node.heard = True
+            self._answer(time, line, node, frame.data)
+        else:
+            self._request(time, line, node, end, frame.data)
+        if meaning.transfer:
+            self._ended(meaning.transfer, node, is_refused=end.is_answer, asked=asked)
+            if not end.is_answer and meaning.transfer.is_whole:
+                line.asked = None  # the client's last word
+        line.is_used = True
+
+    def _request(self, time: float, line: SdoLine, node: ObservedNode, end: SdoEnd, data: bytes) -> None:
+        command = data[0] >> 5
+        named = (command, data[0] & REQUEST_SUB_COMMAND.get(command, 0)) in NAMING[False]
+        if named and line.asked is not None and self._is_hasty(line.asked):
+            text = f"is asked again {duration(round(time - line.asked, 6))} after a request, before its answer"
+            self.bus.found(BusRule.TWO_CLIENTS, node.name, text)
+        if data[0] == ABORT:
+            line.asked = None
+            return
+        line.asked, line.seen = time, Occurrences.once(self.bus.at())
+        if named:
+            line.object = object_words(end.dictionary, Initiate.of(data).address)
+
+    def _is_hasty(self, asked: float) -> bool:
+        """Whether no client would have given up waiting for an answer by now; a log without times does not tell."""
+        return 0 < self.bus.now - asked < IMPATIENT
+
+    def _answer(self, time: float, line: SdoLine, node: ObservedNode, data: bytes) -> None:
+        needs_request = data[0] >> 5 < ServerCommand.ABORT  # unlike aborts, and the segments of a block
+        if line.asked is None and needs_request and (line.is_used or time - self.bus.began > SETTLED):
+            self.bus.found(
+                BusRule.SDO_UNASKED, node.name, f"answers without a request: {label(Initiate.of(data).address)}"
+            )
+        line.asked = None
+
+    def _ended(self, ended: SdoTransfer, node: ObservedNode, is_refused: bool, asked: Occurrences | None) -> None:
+        way = "read" if ended.is_upload else "write"
+        if ended.aborted is not None:
+            if ended.aborted == AbortCode.TIMEOUT and not is_refused and asked:
+                self._unanswered(node, f"the {way} of {ended.object}", asked)
+                return
+            self._aborted(ended, node, f"{way} of {ended.object}", is_refused)
+        elif not ended.is_whole:
+            if ended.how == How.EXPEDITED.value and asked and not self._is_hasty(asked.places[0].time):
+                self._unanswered(node, f"the {way} of {ended.object}", asked)
+        elif ended.address is not None and ended.content is not None:
+            if ended.address[0] in SETTINGS or ended.address in self._own.get(node.node_id, ()):
+                node.shown[ended.address] = ended.content
+            if not ended.is_upload:
+                self._written(node, ended.address, ended.content)
+
+    def _unanswered(self, node: ObservedNode, what: str, seen: Occurrences | None = None) -> None:
+        cause = "the node was not heard by then: it boots later, has no power, another bit rate or node-ID"
+        if node.state is not None and not SERVICES[node.state].sdo:
+            cause = f"the node is {STATE_NAMES[node.state]}, where it has no SDO (CiA 301, 7.3.2.2.4)"
+        elif node.heard:
+            cause = "the node is there, but its SDO server hangs, refuses without a word, or is elsewhere (0x1200)"
+        self.bus.found(BusRule.SDO_UNANSWERED, node.name, f"does not answer {what}", cause=cause, seen=seen)
+
+    def _aborted(self, ended: SdoTransfer, node: ObservedNode, what: str, is_refused: bool) -> None:
+        assert ended.aborted is not None
+        index = ended.address[0] if ended.address else 0
+        is_probe = ended.is_upload and ended.aborted in (AbortCode.NO_OBJECT, AbortCode.NO_SUBINDEX)
+        rule = BusRule.SDO_PROBED if is_probe else BusRule.SDO_ABORT
+        if ended.aborted == AbortCode.TOGGLE_BIT:
+            rule = BusRule.SDO_TOGGLE
+        cause = when_sent(ended.aborted, index)
+        if ended.address and ended.end and ended.end.dictionary:
+            cause = "; ".join(filter(None, (cause, _by_file(ended.end.dictionary, ended.address, ended.aborted))))
+        by = "aborts" if is_refused else "has its client abort"
+        text = f"{by} the {what}: {code_and_reason(ended.aborted)}"
+        self.bus.found(rule, node.name, text, (ended.object, ended.is_upload, ended.aborted), cause=cause)
+
+    def damaged(self, meaning: Meaning) -> None:
+        """Take in a frame that shows that a transfer is not whole."""
+        ended = meaning.transfer
+        if ended and ended.is_whole and ended.address is None:
+            return  # the log begins in the middle
+        (text,) = (each.text for each in meaning.defects[:1])
+        rule = BusRule.SDO_TOGGLE if text.endswith(SKIPPED) else BusRule.SDO_BROKEN
+        self.bus.found(rule, meaning.nodes[0], text.partition(": ")[2])
+
+    # Configuration
+
+    def _written(self, node: ObservedNode, address: Address, content: bytes) -> None:
+        node.is_configured = True
+        wanted = self._own.get(node.node_id, {}).get(address)
+        pdo = values.pdo_of(address[0])
+        if wanted is None or content == wanted or pdo is not None:  # of a PDO the value counts that it has at the start
+            return
+        text = f"{object_words(node.dictionary, address)} is set to {content.hex(' ')}; its file has {wanted.hex(' ')}"
+        self.bus.found(BusRule.CONFIGURED_OTHERWISE, node.name, text, address)
+
+    def _start(self, node_id: int) -> None:
+        """Compare what a master has written to the nodes that it starts with their files; 0 for all."""
+        for node in list(self.bus.nodes.values()) if node_id == values.ALL_NODES else [self.bus.node(node_id)]:
+            if not (node.booted and node.is_configured):
+                continue
+            own = self._own.get(node.node_id, {})
+            left = [each for each, wanted in own.items() if node.shown.get(each) != wanted]
+            if left:
+                named = ", ".join(object_words(node.dictionary, each) for each in left[:LISTED])
+                more = f" and {len(left) - LISTED} more" if len(left) > LISTED else ""
+                text = f"is started without {amount(len(left), 'value')} of its file: {named}{more}"
+                self.bus.found(BusRule.NOT_CONFIGURED, node.name, text)
+            node.booted = False  # said once for each boot-up
+
+    def end(self, time: float) -> None:
+        for channel, line in self._lines.items():
+            if line.asked is not None and time - line.asked > PATIENT:
+                service = self.bus.decoder.services.get(channel)
+                if service and service.end:
+                    self._unanswered(self.bus.node(service.end.server), f"the request for {line.object}", line.seen)
+
+
+def _own_values(dictionary: Dictionary) -> dict[Address, bytes]:
+    """Return the values that a DCF gives a device besides those that all of its kind have, as an SDO carries them."""
+    found = {}
+    for address in dictionary.addresses():
+        variable = dictionary.variable(address)
+        if variable is not None and variable.value not in (None, variable.default) and dictionary.is_parameter(address):
+            content = objects.default_bytes(variable)
+            if content is not None:
+                found[address] = content
+    return found
+
+
+def _by_file(dictionary: Dictionary, address: Address, code: int) -> str:
+    """Say what a device's file has for an object that it refuses."""
+    variable = dictionary.variable(address)
+    if code in (AbortCode.NO_OBJECT, AbortCode.NO_SUBINDEX):
+        return f"{dictionary.file.name} {'does not have it either' if variable is None else 'has it: another version?'}"
+    if variable is None:
+        return f"{dictionary.file.name} does not have it"
+    range_ = objects.limits(variable)
+    limits = f", {range_.low}..{range_.high}" if range_ and code in OF_VALUES else ""
+    return f"{dictionary.file.name} says {objects.data_type(variable).name}, {variable.access_type}{limits}"
+
+
+OF_VALUES = (AbortCode.VALUE, AbortCode.TOO_HIGH, AbortCode.TOO_LOW)
+"""Abort codes about a value."""

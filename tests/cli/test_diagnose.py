@@ -1,0 +1,125 @@
+"""The command `diagnose`: its verdict, its forms, its exit status, and a bus."""
+
+from __future__ import annotations
+
+import json
+import threading
+from pathlib import Path
+
+import pytest
+
+from eurobot_od.bus.live import Driver, open_bus
+from eurobot_od.cli.diagnose import LEVELS, NEVER
+from eurobot_od.frame import Frame
+from tests.cli.console import run
+from tests.rows import rows
+from tests.traffic.diagnosis.defects import beats, log
+from tests.web.scene import channel
+
+WORKBENCH = ("--robot", "none")
+
+LOGS = {
+    "error": log(beats(until=1.0), beats(node=6, until=3.0)),
+    "note": [(1.0, "085#1081110000000000"), (1.1, "085#0000000000000000")],
+    "fine": [(1.0, "705#05"), (1.1, "705#05")],
+    "empty": [],
+}
+
+
+@pytest.fixture
+def files(tmp_path: Path) -> dict[str, str]:
+    for name, frames in LOGS.items():
+        text = "".join(f"({time:.6f}) can0 {frame}\n" for time, frame in frames)
+        (tmp_path / f"{name}.log").write_text(text)
+    return {name: str(tmp_path / f"{name}.log") for name in LOGS}
+
+
+VERDICTS = [
+    ("error", 1, "1 error in 42 frames, 3 s. It is node 5: is lost: no heartbeat for 2 periods of 100 ms"),
+    ("note", 0, "1 note in 2 frames, 100 ms. It is node 5: EMCY 0x8110"),
+    ("fine", 0, "Nothing is wrong in 2 frames, 100 ms"),
+    ("empty", 1, "1 error in 0 frames, 0 ms. It is no frame in"),
+]
+
+
+@rows("name, status, verdict", VERDICTS)
+def test_the_first_line_is_the_verdict(
+    files: dict[str, str], capsys: pytest.CaptureFixture[str], name: str, status: int, verdict: str
+) -> None:
+    said = run(capsys, "diagnose", files[name], *WORKBENCH)
+    assert said.out.startswith(verdict)
+    assert said.status == status
+
+
+@rows("level, status", [("error", 0), ("warning", 0), ("note", 1), (NEVER, 0)])
+def test_the_lowest_level_that_fails(
+    files: dict[str, str], capsys: pytest.CaptureFixture[str], level: str, status: int
+) -> None:
+    assert run(capsys, "diagnose", files["note"], "--fail-on", level, *WORKBENCH).status == status
+
+
+def test_each_level_can_fail() -> None:
+    assert list(LEVELS) == ["error", "warning", "note"]
+
+
+def test_an_incident_names_place_cause_remedy_and_clause(
+    files: dict[str, str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    said = run(capsys, "diagnose", files["error"], *WORKBENCH).out.splitlines()
+    assert said[2].startswith("ERROR    node 5: is lost")
+    assert [line.split()[0] for line in said[3:]] == ["Seen", "Likely", "To", "Source"]
+    assert f"at 1.300000 s ({files['error']}:25)" in said[3]
+
+
+def test_json(files: dict[str, str], capsys: pytest.CaptureFixture[str]) -> None:
+    data = json.loads(run(capsys, "diagnose", files["error"], "--json", *WORKBENCH).out)
+    (found,) = data["incidents"]
+    assert (found["rule"], found["level"], found["who"], found["number"]) == ("heartbeat-lost", "error", "node 5", 1)
+    assert found["places"] == [{"time": 1.3, "log": files["error"], "line": 25}]
+
+
+@pytest.mark.parametrize("suffix", [".html", ".md"])
+def test_a_report(files: dict[str, str], tmp_path: Path, capsys: pytest.CaptureFixture[str], suffix: str) -> None:
+    report = tmp_path / f"report{suffix}"
+    run(capsys, "diagnose", files["error"], files["note"], "--report", str(report), *WORKBENCH)
+    text = report.read_text()
+    assert "Diagnosis of error.log, note.log" in text
+    assert text.count("node 5: is lost") == 3  # the verdict, the table, its heading
+
+
+WRONG = [
+    (["--report", "x.pdf"], "unknown document format '.pdf'"),
+    (["--fail-on", "info"], "unknown value 'info'; known: error, warning, note, never"),
+    (["--eds", "5=missing.eds"], "missing.eds"),
+]
+
+
+@rows("words, complaint", WRONG)
+def test_wrong_input_is_a_line(
+    files: dict[str, str], capsys: pytest.CaptureFixture[str], words: list[str], complaint: str
+) -> None:
+    said = run(capsys, "diagnose", files["fine"], *words, *WORKBENCH)
+    assert complaint in said.complaint
+    assert (said.status, said.out) == (2, "")
+
+
+def test_a_bus_is_listened_to_for_a_time(capsys: pytest.CaptureFixture[str]) -> None:
+    name, done = channel(), threading.Event()
+
+    def send() -> None:
+        with open_bus("virtual", name) as bus:
+            while not done.wait(0.01):
+                Driver(bus).send(Frame(0x085, bytes.fromhex("1081110000000000")))
+
+    thread = threading.Thread(target=send)
+    thread.start()
+    said = run(capsys, "diagnose", "-i", "virtual", "-c", name, "--for", "500ms", *WORKBENCH)
+    done.set()
+    thread.join()
+    assert said.status == 1
+    assert "node 5: EMCY 0x8110" in said.out.splitlines()[0]
+
+
+def test_a_bus_without_a_frame(capsys: pytest.CaptureFixture[str]) -> None:
+    said = run(capsys, "diagnose", "-i", "virtual", "-c", channel(), "--for", "50ms", *WORKBENCH)
+    assert (said.status, said.out.splitlines()[0]) == (1, "1 error in 0 frames, 0 ms. It is no frame came")

@@ -1,0 +1,350 @@
+"""For each rule of `diagnose` a log with the defect that it must find, and a near miss that it must not.
+
+A log is frames with their times in s, in candump's form; `at` is when the incident is seen first.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import NamedTuple
+
+from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.traffic.diagnosis.incidents import IncidentRule
+from eurobot_od.traffic.diagnosis.rules import BusRule
+from eurobot_od.traffic.load import MessageSet, PeriodicMessage
+from tests.eds_text import DEVICE_TYPE, pdo, record, variable
+
+Log = list[tuple[float, str]]
+
+
+class RuleDefect(NamedTuple):
+    """A log that breaks a rule, when it does first, and one that nearly does; `devices` have files in DEVICES.
+
+    `promised` is what the network file says. `near_devices` are those of the near miss, if it has others.
+    """
+
+    rule: IncidentRule
+    broken: Log
+    at: float
+    near: Log
+    devices: tuple[str, ...] = ()
+    promised: MessageSet | None = None
+    near_devices: tuple[str, ...] | None = None
+    near_promised: MessageSet | None = None
+
+
+# The devices
+
+
+def _device(node_id: int, name: str, *sections: str, heartbeat: str = "100", dcf: bool = False) -> Dictionary:
+    beat = variable("1017", "Heartbeat", "UNSIGNED16", heartbeat)
+    data = variable("2000", "Speed", "INTEGER16", None, "LowLimit=-100\nHighLimit=100\n")
+    suffix = "dcf" if dcf else "eds"
+    text = "".join((DEVICE_TYPE, beat, data, *sections))
+    return Dictionary.read(text.encode(), Path(f"{name}.{suffix}"), node_id, name)
+
+
+def _sends(cob_id: str, **settings: str) -> str:
+    named = {"type": 2, "inhibit": 3, "timer": 5}
+    return pdo(0x1800, "0x20000010", cob_id=cob_id, settings={named[key]: value for key, value in settings.items()})
+
+
+def _takes(cob_id: str) -> str:
+    return pdo(0x1400, "0x20000010", cob_id=cob_id, settings={2: "255"})
+
+
+DEVICES = {
+    "arm": _device(5, "arm"),
+    "quiet": _device(5, "quiet", heartbeat="0"),
+    "leg": _device(6, "leg", heartbeat="0"),
+    "watcher": _device(
+        6, "watcher", record(0x1016, "Consumers", (0, "UNSIGNED8", "1"), (1, "UNSIGNED32", "0x000500C8"))
+    ),
+    "short": _device(6, "short", record(0x1016, "Consumers", (0, "UNSIGNED8", "1"), (1, "UNSIGNED32", "0x00050064"))),
+    "inhibited": _device(5, "inhibited", _sends("0x185", type="255", inhibit="100"), heartbeat="0"),
+    "timed": _device(5, "timed", _sends("0x185", type="255", timer="100"), heartbeat="0"),
+    "synchronous": _device(5, "synchronous", _sends("0x185", type="1")),
+    "event": _device(5, "event", _sends("0x185", type="255")),
+    "off": _device(5, "off", _sends("0x80000185", type="255")),
+    "copy": _device(6, "copy", _sends("0x185", type="255"), heartbeat="0"),
+    "taker": _device(6, "taker", _takes("0x185"), heartbeat="0"),
+    "clock": _device(
+        7,
+        "clock",
+        variable("1005", "SYNC", "UNSIGNED32", "0x40000080"),
+        variable("1006", "Period", "UNSIGNED32", "100000"),
+        heartbeat="0",
+    ),
+    "clock2": _device(8, "clock2", variable("1005", "SYNC", "UNSIGNED32", "0x40000080"), heartbeat="0"),
+    "set": _device(
+        5, "set", variable("2001", "Limit", "UNSIGNED8", "1", "ParameterValue=7\n"), heartbeat="0", dcf=True
+    ),
+}
+
+# Parts of logs
+
+
+def every(period: float, frame: str, until: float = 2.0, start: float = 0.0) -> Log:
+    """Give a frame again and again."""
+    number = round((until - start) / period)
+    return [(round(start + n * period, 6), frame) for n in range(number + 1)]
+
+
+def beats(state: int = 5, node: int = 5, until: float = 2.0, start: float = 0.0, period: float = 0.1) -> Log:
+    """Give a node's heartbeats."""
+    return every(period, f"{0x700 + node:03X}#{state:02X}", until, start)
+
+
+def at(*frames: str, start: float = 0.0, gap: float = 0.001) -> Log:
+    """Give some frames, one after the other."""
+    return [(round(start + n * gap, 6), frame) for n, frame in enumerate(frames)]
+
+
+def log(*parts: Log) -> Log:
+    """Put parts together in the order of time."""
+    return sorted((each for part in parts for each in part), key=lambda each: each[0])
+
+
+def without(whole: Log, since: float, until: float) -> Log:
+    """Leave a time out."""
+    return [each for each in whole if not since <= each[0] < until]
+
+
+def kept(frames: Iterable[tuple[float, str]]) -> Log:
+    """Keep the order of the file, whatever the times."""
+    return list(frames)
+
+
+READ, VALUE, ABSENT = "605#4018100100000000", "585#4318100101000000", "585#8018100100000206"
+DENIED = "585#8001200022000008"
+READ_2 = "605#4018100200000000"
+VALUE_2 = "585#4318100202000000"
+SET_7, SET_8, DONE = "605#2F01200007000000", "605#2F01200008000000", "585#6001200000000000"
+START, STOP, RESET, TO_PRE = "000#0105", "000#0205", "000#8105", "000#8005"
+EMERGENCY, CLEARED = "085#1081110000000000", "085#0000000000000000"
+SEGMENTED = ("605#4008100000000000", "585#410810000E000000", "605#6000000000000000", "585#0061626364656667")
+FULL = every(0.0002, "123#FFFFFFFFFFFFFFFF", 1.2)
+STARVING = MessageSet((PeriodicMessage(0x185, 135, 1000, 1000, node="timed", name="A"),) * 5)
+ANSWERS = MessageSet(
+    (
+        PeriodicMessage(0x185, 135, 100_000, 100_000, node="event", name="A"),
+        PeriodicMessage(0x186, 135, 100_000, 100_000, node="copy2", name="B", answers="A"),
+    )
+)
+
+DEFECTS = [
+    # The wire and the log
+    RuleDefect(BusRule.BUS_OFF, at("20000040#0000000000000000"), 0.0, at("20000080#0000000000000000")),
+    RuleDefect(BusRule.ERROR_FRAME, at("705#05", "20000080#0000000000000000"), 0.001, at("705#05", "080#00")),
+    RuleDefect(
+        BusRule.LOG_GAP,
+        without(log(beats(until=6), beats(node=6, until=6)), 2.05, 4.95),
+        5.0,
+        without(log(beats(until=6), beats(node=6, until=6)), 2.05, 2.95),
+    ),
+    RuleDefect(BusRule.LOG_BACKWARDS, kept([(5.0, "705#05"), (1.0, "705#05")]), 1.0, kept([(1.0, "705#05")] * 2)),
+    RuleDefect(BusRule.LOG_UNREADABLE, at("705#05", "what is this"), 0.0, at("705#05", "705#05")),
+    RuleDefect(BusRule.LOAD_HIGH, FULL, 0.0, every(0.0004, "123#FFFFFFFFFFFFFFFF", 1.2)),
+    RuleDefect(
+        BusRule.LOAD_BURST,
+        log(every(0.0002, "123#FFFFFFFFFFFFFFFF", 0.06), beats()),
+        0.0,
+        log(every(0.0004, "123#FFFFFFFFFFFFFFFF", 0.06), beats()),
+    ),
+    RuleDefect(BusRule.CAN_STARVE, at("185#0000"), 0.0, at("185#0000"), (), STARVING),
+    # Nodes
+    RuleDefect(
+        BusRule.TWO_NODES, log(beats(), beats(127, start=0.03)), 0.2, log(beats(until=1), beats(127, start=1.03))
+    ),
+    RuleDefect(
+        BusRule.TWO_NODES,
+        log(at(RESET), at("705#00", start=0.2), at("705#00", start=0.3)),
+        0.3,
+        log(at(RESET), at("705#00", start=0.2), at("705#7F", start=0.3)),
+    ),
+    RuleDefect(BusRule.TWO_NODES, log(beats(), beats(start=0.03)), 0.3, log(beats(), beats(start=1.95)), ("arm",)),
+    RuleDefect(
+        BusRule.NEVER_HEARD, beats(node=6, until=3), 3.0, log(beats(node=6, until=3), at("185#0000")), ("event", "leg")
+    ),
+    RuleDefect(
+        BusRule.NO_BOOT,
+        log(at("705#7F", RESET), beats(node=6, until=7)),
+        5.1,
+        log(at("705#7F", RESET), at("705#00", start=3.0), beats(node=6, until=7)),
+    ),
+    RuleDefect(
+        BusRule.BOOTS_OPERATIONAL,
+        log(beats(until=1), at("705#00", start=1.05)),
+        1.05,
+        log(beats(until=1), at(RESET, "705#00", start=1.05)),
+    ),
+    RuleDefect(
+        BusRule.BOOTS_AGAIN,
+        log(at("705#00"), at("705#00", start=1.0)),
+        1.0,
+        log(at("705#00"), at(RESET, "705#00", start=1.0)),
+    ),
+    RuleDefect(
+        BusRule.NOT_FOLLOWED,
+        log(beats(127), at(START, start=0.55)),
+        1.1,
+        log(beats(127, until=0.95), at(START, start=0.55), beats(5, start=1.0)),
+    ),
+    RuleDefect(BusRule.NOT_STARTED, beats(127, until=7), 0.0, log(beats(127, until=4), beats(5, start=4.1, until=7))),
+    # Error control
+    RuleDefect(
+        BusRule.HEARTBEAT_LOST,
+        log(beats(until=1), beats(node=6, until=3)),
+        1.3,
+        log(beats(until=2.9), beats(node=6, until=3)),
+        ("arm",),
+    ),
+    RuleDefect(
+        BusRule.HEARTBEAT_LATE,
+        without(beats(), 1.0, 1.05),
+        1.1,
+        log(without(beats(), 1.0, 1.05), at("705#05", start=1.03)),
+        ("arm",),
+    ),
+    RuleDefect(BusRule.HEARTBEAT_CHANGED, beats(period=0.06), 0.36, beats(period=0.11), ("arm",)),
+    RuleDefect(BusRule.CONSUMER_UNFED, beats(node=6), 2.0, log(beats(), beats(node=6)), ("watcher",)),
+    RuleDefect(BusRule.CONSUMER_SHORT, log(beats(), beats(node=6)), 2.0, log(beats(), beats(node=7)), ("arm", "short")),
+    RuleDefect(
+        BusRule.GUARD_TOGGLE,
+        at("705#R1", "705#85", "705#R1", "705#85"),
+        0.003,
+        at("705#R1", "705#05", "705#R1", "705#85", "705#R1", "705#05"),
+    ),
+    RuleDefect(BusRule.GUARD_UNANSWERED, every(0.1, "705#R1", 0.4), 0.2, at("705#R1", "705#05", "705#R1", "705#85")),
+    # EMCY
+    RuleDefect(BusRule.EMCY_RAISED, at(EMERGENCY), 0.0, at(EMERGENCY, CLEARED)),
+    RuleDefect(BusRule.EMCY_STORM, every(0.01, EMERGENCY, 0.2), 0.1, every(0.2, EMERGENCY, 4.0)),
+    RuleDefect(BusRule.EMCY_REGISTER, at("085#1081000000000000"), 0.0, at(EMERGENCY)),
+    RuleDefect(BusRule.EMCY_CLEARED, at(EMERGENCY, CLEARED), 0.0, at(EMERGENCY, "085#0000110000000000")),
+    # SDO
+    RuleDefect(BusRule.TWO_CLIENTS, at(READ, READ_2, VALUE, VALUE_2), 0.001, log(at(READ), at(READ, VALUE, start=0.5))),
+    RuleDefect(
+        BusRule.SDO_UNANSWERED, log(at(READ), beats(node=6)), 0.0, log(at(READ), at(VALUE, start=0.3), beats(node=6))
+    ),
+    RuleDefect(BusRule.SDO_UNANSWERED, at(READ, READ, gap=0.5), 0.0, at(READ, VALUE, gap=0.5)),
+    RuleDefect(
+        BusRule.SDO_BROKEN,
+        at(*SEGMENTED, READ, VALUE),
+        0.004,
+        at(*SEGMENTED, "605#7000000000000000", "585#1161626364656667"),
+    ),
+    RuleDefect(
+        BusRule.SDO_TOGGLE,
+        at(*SEGMENTED, "605#7000000000000000", "585#0061626364656667"),
+        0.005,
+        at(*SEGMENTED, "605#7000000000000000", "585#1161626364656667"),
+    ),
+    RuleDefect(
+        BusRule.SDO_TOGGLE, at(*SEGMENTED, "585#8008100000000305"), 0.004, at(*SEGMENTED, "585#8008100000000006")
+    ),
+    RuleDefect(BusRule.SDO_UNASKED, at(READ, VALUE, VALUE), 0.002, at(VALUE, READ, VALUE)),
+    RuleDefect(BusRule.SDO_ABORT, at(SET_7, DENIED), 0.001, at(READ, ABSENT)),
+    RuleDefect(BusRule.SDO_PROBED, at(READ, ABSENT), 0.001, at(SET_7, DENIED)),
+    # Configuration
+    RuleDefect(
+        BusRule.NOT_CONFIGURED,
+        at("705#00", "605#2B17100064000000", "585#6017100000000000", START),
+        0.003,
+        at("705#00", SET_7, DONE, START),
+        ("set",),
+    ),
+    RuleDefect(BusRule.CONFIGURED_OTHERWISE, at("705#00", SET_8, DONE), 0.002, at("705#00", SET_7, DONE), ("set",)),
+    RuleDefect(BusRule.LSS_LEFT, at("7E5#0401000000000000"), 0.0, at("7E5#0401000000000000", "7E5#0400000000000000")),
+    # PDO
+    RuleDefect(BusRule.COB_ID_SHARED, at("185#0000"), 0.0, at("185#0000"), ("event", "copy"), None, ("event", "taker")),
+    RuleDefect(BusRule.PDO_LENGTH, at("185#00"), 0.0, at("185#0000"), ("event",)),
+    RuleDefect(
+        BusRule.PDO_STATE,
+        log(beats(127, until=0.3), at("185#0000", start=0.15)),
+        0.15,
+        log(beats(127, until=0.1), at("185#0000", start=0.18), beats(5, start=0.2, until=0.4)),
+        ("event",),
+    ),
+    RuleDefect(
+        BusRule.PDO_INHIBIT,
+        at("185#0000", "185#0000", gap=0.005),
+        0.005,
+        at("185#0000", "185#0000", gap=0.01),
+        ("inhibited",),
+    ),
+    RuleDefect(
+        BusRule.PDO_TIMER, at("185#0000", "185#0000", gap=0.2), 0.2, at("185#0000", "185#0000", gap=0.12), ("timed",)
+    ),
+    RuleDefect(
+        BusRule.PDO_NO_SYNC,
+        beats(until=3),
+        3.0,
+        log(beats(until=3), every(0.1, "080#"), at("185#0000")),
+        ("synchronous",),
+    ),
+    RuleDefect(
+        BusRule.PDO_NOT_SENT,
+        log(beats(until=3), every(0.1, "080#")),
+        3.0,
+        log(beats(until=3), every(0.1, "080#"), at("185#0000")),
+        ("synchronous",),
+    ),
+    RuleDefect(BusRule.PDO_UNKNOWN, at("123#00"), 0.0, at("185#0000"), ("event",)),
+    RuleDefect(BusRule.PDO_OFF, at("185#0000"), 0.0, at("705#05"), ("off",)),
+    RuleDefect(BusRule.OUT_OF_RANGE, at("185#6500"), 0.0, at("185#6400"), ("event",)),
+    RuleDefect(BusRule.FRAME_LENGTH, at("705#0505"), 0.0, at("705#05")),
+    RuleDefect(
+        BusRule.PDO_MAPPED_OTHERWISE,
+        at("605#23001A0108000020", "585#60001A0100000000", "605#2F001A0001000000", "585#60001A0000000000", "185#00"),
+        0.004,
+        at("605#23001A0110000020", "585#60001A0100000000", "605#2F001A0001000000", "585#60001A0000000000", "185#0000"),
+        ("event",),
+    ),
+    RuleDefect(BusRule.PDO_UNHEARD, at("185#0000"), 0.0, at("185#0000"), ("event", "leg"), None, ("event", "taker")),
+    RuleDefect(
+        BusRule.ANSWER_MISSING,
+        log(at("185#0000"), beats(node=6)),
+        0.0,
+        log(at("185#0000"), at("186#", start=0.3), beats(node=6)),
+        ("event",),
+        ANSWERS,
+        None,
+        ANSWERS,
+    ),
+    RuleDefect(
+        BusRule.ANSWER_LATE,
+        at("185#0000", "186#", gap=0.4),
+        0.4,
+        at("185#0000", "186#", gap=0.0002),
+        ("event",),
+        ANSWERS,
+        None,
+        ANSWERS,
+    ),
+    # SYNC and TIME
+    RuleDefect(
+        BusRule.SYNC_TWO,
+        log(every(0.1, "080#"), every(0.1, "080#", start=0.03)),
+        0.13,
+        log(every(0.1, "080#"), at("080#", start=0.53)),
+        ("clock",),
+    ),
+    RuleDefect(BusRule.SYNC_TWO, at("080#01", "080#", gap=0.1), 0.1, at("080#01", "080#02", gap=0.1)),
+    RuleDefect(BusRule.SYNC_TWO, at("080#01", "080#01", gap=0.1), 0.1, at("080#01", "080#02", gap=0.1)),
+    RuleDefect(BusRule.SYNC_TWO, at("080#"), 0.0, at("080#"), ("clock", "clock2"), None, ("clock", "arm")),
+    RuleDefect(BusRule.SYNC_COUNTER, at("080#01", "080#03", gap=0.1), 0.1, at("080#04", "080#05", "080#01", gap=0.1)),
+    RuleDefect(
+        BusRule.SYNC_JITTER,
+        log(every(0.1, "080#", 0.4), at("080#", start=0.55)),
+        0.55,
+        log(every(0.1, "080#", 0.4), at("080#", start=0.52)),
+        ("clock",),
+    ),
+    RuleDefect(
+        BusRule.TIME_JUMPS,
+        at("100#000000000010", "100#100E00000010", gap=1.0),
+        1.0,
+        at("100#000000000010", "100#E80300000010", gap=1.0),
+    ),
+]

@@ -1,0 +1,49 @@
+"""Each rule of `diagnose` finds its defect at the right place, and leaves the near miss alone."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from io import BytesIO
+
+from eurobot_od.traffic import formats
+from eurobot_od.traffic.diagnosis import Diagnosis
+from eurobot_od.traffic.diagnosis.incidents import Incident
+from eurobot_od.traffic.diagnosis.rules import BusRule
+from eurobot_od.traffic.load import MessageSet
+from eurobot_od.traffic.meaning import Decoder
+from eurobot_od.traffic.statistics import NOTHING
+from tests.rows import rows
+from tests.traffic.diagnosis.defects import DEFECTS, DEVICES, Log, RuleDefect
+
+
+def diagnosed(log: Log, devices: Iterable[str], promised: MessageSet | None = None) -> list[Incident]:
+    """Return what is found in a log, read as a file of candump."""
+    decoder = Decoder([DEVICES[each] for each in devices], refused=lambda _: None)
+    diagnosis = Diagnosis(decoder, promised=promised or NOTHING)
+    diagnosis.begin("x.log")
+    text = "".join(f"({time:.6f}) can0 {frame}\n" for time, frame in log)
+    for line, time, channel, raw in formats.entries(BytesIO(text.encode())):
+        diagnosis.take(time, channel, raw, line)
+    diagnosis.end()
+    return diagnosis.incidents.sorted()
+
+
+@rows("defect", DEFECTS)
+def test_a_defect_is_found_at_its_place(defect: RuleDefect) -> None:
+    (found,) = (each for each in diagnosed(defect.broken, defect.devices, defect.promised) if each.rule is defect.rule)
+    first = found.seen.places[0]
+    lines = [number for number, (time, _) in enumerate(defect.broken, 1) if time >= defect.at]
+    assert (round(first.time, 6), first.log) == (defect.at, "x.log")
+    assert defect.broken[first.line - 1][0] == defect.at or first.line in lines
+
+
+@rows("defect", DEFECTS)
+def test_a_near_miss_is_not(defect: RuleDefect) -> None:
+    devices = defect.devices if defect.near_devices is None else defect.near_devices
+    found = diagnosed(defect.near, devices, defect.near_promised)
+    assert [each.title for each in found if each.rule is defect.rule] == []
+
+
+def test_each_rule_has_a_defect() -> None:
+    elsewhere = {BusRule.FRAMES_MISSED, BusRule.BUS_SILENT}
+    assert set(BusRule) - {each.rule for each in DEFECTS} == elsewhere
