@@ -89,7 +89,7 @@ def mcap(
     output: the MCAP file
     """
     with extras.needed("mcap"):
-        from eurobot_od.export.mcap import write as write_mcap
+        from eurobot_od.traffic.mcap import write as write_mcap
     decoder = devices.decoder(emcy)
     check_writable(output)  # before a long log is decoded for nothing
     file = BytesIO()  # what was there before stays if anything fails

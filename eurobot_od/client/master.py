@@ -164,6 +164,8 @@ class Master:
 
         self.bus, self.answer_wait, self.clock, self.unannounced = bus, answer_wait, clock, unannounced
         self.states: dict[int, NmtState] = {}
+        self.booted: set[int] = set()
+        """The nodes that have booted since they were last commanded or waited for."""
         self.listeners: dict[int, Callable[[bytes], None]] = {}
         self.observers: tuple[Observer, ...] = ()
         self.periodic: list[Periodic] = []
@@ -278,6 +280,8 @@ class Master:
         if node_id in NODE_IDS and len(data) == 1 and data[0] in set(NmtState):
             # With bit 7 set it is an answer to node guarding with its toggle bit, which `NodeWatch` has asked for.
             self.states[node_id] = NmtState(data[0])
+            if data[0] == NmtState.INITIALISING:
+                self.booted.add(node_id)
         for observe in self.observers:
             observe(cob_id, data, now)
         if cob_id in self.listeners:
@@ -354,6 +358,7 @@ class RemoteNode:
         # A frame that is already waiting was sent before the command, and must not be taken for its effect.
         self.master.drain()
         self.master.states.pop(self.node_id, None)
+        self.master.booted.discard(self.node_id)
         self.master.send(NMT_COB_ID, bytes([command, self.node_id]))
 
     @Procedure
@@ -369,6 +374,14 @@ class RemoteNode:
         """Wait for a heartbeat with a state (INITIALISING is the boot-up); return whether one came."""
         with self._states_heard() as heard:
             return await self.master.pump.steps(wait, lambda: state in (self.last_state, *heard))
+
+    @Procedure
+    async def wait_for_bootup(self, wait: float) -> bool:
+        """Wait for a boot-up message, also one that has come since the last command; return whether one came."""
+        booted = self.master.booted
+        is_there = await self.master.pump.steps(wait, lambda: self.node_id in booted)
+        booted.discard(self.node_id)
+        return is_there
 
     @contextmanager
     def _states_heard(self) -> Iterator[list[NmtState | None]]:
@@ -391,10 +404,9 @@ class RemoteNode:
     async def reset(self, command: NmtCommand = NmtCommand.RESET_NODE, booting_as: int | None = None) -> None:
         """Reset the node and wait for its boot-up message, under another node-ID if it gets one. Raises NoAnswer."""
         booting = self if booting_as is None else self.master.node(booting_as)
-        with booting._states_heard() as heard:
-            self.command(command)
-            booted = await self.master.pump.steps(BOOT_WAIT, lambda: NmtState.INITIALISING in heard)
-        if not booted:
+        self.master.booted.discard(booting.node_id)
+        self.command(command)
+        if not await booting.wait_for_bootup.steps(BOOT_WAIT):
             raise NoAnswer(COMMAND_NAMES[command], f"boot-up of node {booting.node_id}", 1, BOOT_WAIT, self.node_id)
 
     async def _transfer(self, verb: str, address: Address, name: str, transfer: Transfer) -> bytes:

@@ -76,7 +76,7 @@ STUCK_AFTER = 1.0
 # what the gatekeeper finds by one look into a dictionary. `send(timeout=0)` is left to each driver, and few keep to it.
 
 
-def open_bus(interface: str | None = None, channel: str | None = None, bitrate: int | None = None) -> can.BusABC:
+def open_bus(interface: str | None = None, channel: str | int | None = None, bitrate: int | None = None) -> can.BusABC:
     """Open a python-can bus; what is not given comes from python-can's own configuration files and variables.
 
     Raises BusError in one line, whatever the driver had to say.
@@ -101,7 +101,7 @@ def open_bus(interface: str | None = None, channel: str | None = None, bitrate: 
         return bus
     except Exception as error:  # drivers raise OSError, ImportError, ValueError, CanError, ...
         name = f"{interface or 'configured'} bus {channel or ''}".strip()
-        why = _with_remedy(error, channel if interface == SOCKETCAN else None)
+        why = _with_remedy(error, str(channel) if interface == SOCKETCAN else None)
         if interface is not None and interface not in BACKENDS:
             why = str(UnknownName("interface", interface, sorted(BACKENDS)))
         raise BusError(f"cannot open the {name}: {why}") from error
