@@ -107,7 +107,7 @@ class RemotePdo(MappedPdo, BlockingStream[PdoReading]):
         """Return one object's values, by its name, its index or its place; raises UnknownName."""
         key = self._key(name)
         signal = self._signal(key, PdoSignal)
-        signal.od = self._things[key]
+        signal.od = self._binding.objects[key].variable
         return signal
 
     # Reading and sending

@@ -15,7 +15,7 @@ from collections import deque
 from collections.abc import AsyncIterator, Callable, Iterator, Mapping
 from functools import partial
 from math import inf
-from typing import TYPE_CHECKING, Any, Generic, NamedTuple, TypeVar
+from typing import Any, Generic, NamedTuple, TypeVar
 from weakref import WeakSet
 
 from eurobot_od.client.configure import pdo_parameters
@@ -24,16 +24,12 @@ from eurobot_od.device.broadcasts import REGISTER_BITS
 from eurobot_od.errors import FieldError, FrameLengthError, LocalError, MappingError, NoAnswer, UnknownName
 from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.od.objects import address_of
 from eurobot_od.od.pdos import Pdo
 from eurobot_od.od.standard import ERROR_FIELD, ERROR_REGISTER, ErrorCode
-from eurobot_od.od.values import SLICE, Address, PdoDirection, Scalar, Value, typed
+from eurobot_od.od.values import Address, PdoDirection, Scalar, Value, typed
 from eurobot_od.od.words import error_words
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.catalogue import plain_name
-
-if TYPE_CHECKING:
-    from canopen.objectdictionary import ODVariable
 
 Item = TypeVar("Item")
 
@@ -300,25 +296,13 @@ class MappedPdo(Stream[PdoReading]):
         super().__init__(node, name)
         self._home = home
         self._signals: dict[str, Any] = {}
-        self._fields: dict[str, str] = {}
-        self._things: dict[str, ODVariable] = {}
         self.refused: FrameLengthError | None = None
         """Why the last frame that could not be read was refused."""
 
     def adopt(self, binding: Binding) -> None:
         """Read frames by this mapping from now on."""
         self._binding = binding
-        entries = zip(binding.pdo.mapping, binding.layout.slots)
-        fields, things = {}, {}
-        for entry, slot in entries:
-            if slot.field is not None:
-                name: str = entry.variable.qualname or "0x{:04X}:{}".format(*address_of(entry.variable))
-                # An object may be mapped in slices of a few bits; whoever asks for it means all of it.
-                part = SLICE.match(name)
-                name = part["name"] if part else name
-                fields[name], things[name] = slot.field, entry.variable
         self.needs = NEEDS_SYNC if binding.pdo.is_synchronous else ""
-        self._fields, self._things = fields, things  # replaced as a whole: another thread may be reading them
 
     @property
     def cob_id(self) -> int:
@@ -333,7 +317,7 @@ class MappedPdo(Stream[PdoReading]):
     @property
     def names(self) -> list[str]:
         """The names of the mapped objects, in the order in which they are mapped."""
-        return [*self._fields]
+        return [*self._binding.objects]
 
     def __repr__(self) -> str:
         return (
@@ -341,17 +325,10 @@ class MappedPdo(Stream[PdoReading]):
         )
 
     def _key(self, name: str | int) -> str:
-        """Return a mapped object's name for its name, its field as `show` has it, its index or its place."""
-        if isinstance(name, int):
-            found: dict[Any, str] = dict(enumerate(self._fields))
-            found |= {thing.index: each for each, thing in reversed(self._things.items())}
-        else:
-            found = {plain_name(field): each for each, field in self._fields.items()}
-            found |= {plain_name(each): each for each in self._fields}
-        wanted = name if isinstance(name, int) else plain_name(name)
-        if wanted not in found:
-            raise UnknownName(f"object of {self.name}", name, self._fields)
-        return found[wanted]
+        found = self._binding.object_name(name)
+        if found is None:
+            raise UnknownName(f"object of {self.name}", name, self.names)
+        return found
 
     def _signal(self, name: str, kind: Callable[[RemoteNode, str], Signal]) -> Signal:
         if name not in self._signals:
@@ -369,7 +346,7 @@ class MappedPdo(Stream[PdoReading]):
         except FrameLengthError as error:
             self.refused = error
             return
-        values = {name: getattr(message, field) for name, field in self._fields.items()}
+        values = {name: getattr(message, each.field) for name, each in self._binding.objects.items()}
         for name, signal in self._signals.items():
             if name in values:
                 signal.push(PdoValue(now, values[name]))
@@ -386,8 +363,9 @@ class MappedPdo(Stream[PdoReading]):
     def _frame(self, values: Mapping[str, Value]) -> Frame:
         if self.direction is PdoDirection.TPDO:
             raise LocalError(f"{self.name} of node {self.node_id} is sent by the node")
-        given = {self._fields[self._key(name)]: value for name, value in values.items()}
-        absent = [name for name, field in self._fields.items() if field not in given]
+        objects = self._binding.objects
+        given = {objects[self._key(name)].field: value for name, value in values.items()}
+        absent = [name for name, each in objects.items() if each.field not in given]
         if absent:
             raise FieldError(self.name, absent[0], None, "every object that is mapped has a value")
         return self._binding.encode(self._binding.message(**given))

@@ -14,12 +14,14 @@ import pytest
 
 from eurobot_od.bus.live import Live
 from eurobot_od.client.canopen_names import BaseNode402, RemoteNode, SdoAbortedError, SdoCommunicationError
-from eurobot_od.od.standard import LssState
 from eurobot_od.client.network import Network, SimulatedNetwork, simulated
 from eurobot_od.device.profiles import SimulatedDrive
 from eurobot_od.errors import EurobotError, HeartbeatLost, LocalError, UnknownName
+from eurobot_od.od.standard import LssState
+from eurobot_od.pdo.binding import parse
+from eurobot_od.pdo.protocol import Protocol
 from tests.client.peers import DRIVE, new_channel, open_bus
-from tests.client.servo import EDS, SERVO, live_servos, servo
+from tests.client.servo import DOCS, EDS, SERVO, live_servos, servo
 from tests.rows import rows
 
 GROUP = """
@@ -66,7 +68,8 @@ def with_our_import(program: str) -> str:
 
 def test_the_program_of_canopens_readme_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Its file is a place-holder, and its bus is the one of python-can's configuration."""
-    shown = re.findall(r"\.\. code-block:: python\n\n((?:    .*\n|\n)+)", distribution("canopen").read_text("METADATA") or "")
+    readme = distribution("canopen").read_text("METADATA") or ""
+    shown = re.findall(r"\.\. code-block:: python\n\n((?:    .*\n|\n)+)", readme)
     program = with_our_import(textwrap.dedent(shown[0]))
     file = tmp_path / "object_dictionary.eds"
     file.write_text(with_group(EDS.read_text()))
@@ -271,6 +274,23 @@ def test_what_goes_wrong_is_said_in_one_line(
 ) -> None:
     with servo() as network, pytest.raises(kind, match=re.escape(text)):
         ask(network)
+
+
+def test_a_field_has_one_name_in_show_page_and_python() -> None:
+    """`speed`, as `show` and the page call it, and `Motor.Speed`, as the file does, are the same everywhere."""
+    with simulated(DOCS / "motor.eds", node_id=5) as network:
+        network[5].nmt.state = "OPERATIONAL"
+        tpdo = network[5].pdo["TPDO1"]
+        assert tpdo["speed"] is tpdo["Motor.Speed"] is tpdo[0]
+        reading = tpdo.wait()
+        assert reading["speed"] == reading["Motor.Speed"] == reading.values["speed"] == reading.read("speed", int) == 0
+        network[5].pdo["RPDO1"].transmit({"target_speed": 70})
+        network.sleep(0.01)
+        assert network[5]["Motor.Target speed"].value == 70
+    binding = Protocol.of(DOCS / "motor.eds", node_id=5).binding("motor.RPDO1")
+    assert parse(binding, ["Motor.Target speed=7"]) == parse(binding, ["target_speed=7"])
+    with pytest.raises(UnknownName, match="unknown field of motor.RPDO1 'sped'; known: target_speed"):
+        parse(binding, ["sped=7"])
 
 
 # Drives
