@@ -24,11 +24,11 @@ from eurobot_od.bus.simulated.simulated_bus import SimulatedBus
 from eurobot_od.client import lss
 from eurobot_od.client.description import LISTEN, Found, Identity, scan, uploaded
 from eurobot_od.client.lss import LssSteps, Result
-from eurobot_od.client.master import ANSWER_WAIT, Master, finished, syncs
+from eurobot_od.client.master import ANSWER_WAIT, NMT_LOG, Master, finished, syncs
 from eurobot_od.client.masters import Feed, LoopMaster, OwnFeed, PeriodicTask, ThreadedMaster, feed_of
 from eurobot_od.client.remote_device import UNCONNECTED, AsyncRemoteDevice, DeviceAtNode, DeviceFile, RemoteDevice
 from eurobot_od.client.watch import LOST_AFTER, NodeEvent, NodeWatch
-from eurobot_od.device.nmt import NmtCommand, command_to
+from eurobot_od.device.nmt import COMMAND_NAMES, NmtCommand, command_to
 from eurobot_od.device.simulated import SimulatedDevice
 from eurobot_od.device.station import Station
 from eurobot_od.errors import BusError, RemoteError, UnknownName
@@ -244,6 +244,7 @@ class NetworkNmt:
         with master.guard:
             master.states.clear()
             master.booted.clear()
+        NMT_LOG.info("all nodes: command %s", COMMAND_NAMES[command])
         master.send(NMT_COB_ID, bytes([command, ALL_NODES]))
 
     def _send_to(self, state: str) -> None:

@@ -158,7 +158,7 @@ class ObjectAtNode:
             raise not_allowed(thing, value, "bytes: no file says its type")
         if isinstance(value, str):
             return encode(thing, self._raw_of_text(value))
-        if isinstance(value, Real) and thing.factor != 1:
+        if isinstance(value, Real) and not isinstance(value, bool) and thing.factor != 1:
             value = self._unscaled(float(value))
         return encode(thing, value)
 

@@ -10,6 +10,7 @@ the master knows it: from the file, from what a configuration has written and re
 
 from __future__ import annotations
 
+import logging
 import struct
 from collections import deque
 from collections.abc import AsyncIterator, Callable, Iterator, Mapping
@@ -24,12 +25,15 @@ from eurobot_od.device.broadcasts import REGISTER_BITS
 from eurobot_od.errors import FieldError, FrameLengthError, LocalError, MappingError, NoAnswer, UnknownName
 from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.objects import data_type
 from eurobot_od.od.pdos import Pdo
 from eurobot_od.od.standard import ERROR_FIELD, ERROR_REGISTER, ErrorCode
 from eurobot_od.od.values import Address, PdoDirection, Scalar, Value, typed
 from eurobot_od.od.words import error_words
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.catalogue import plain_name
+
+PDO_LOG, EMCY_LOG = logging.getLogger("eurobot_od.pdo"), logging.getLogger("eurobot_od.emcy")
 
 Item = TypeVar("Item")
 
@@ -211,6 +215,7 @@ class HeardEmergencies(Stream[Emergency]):
         self.active: dict[int, Emergency] = {}
 
     def push(self, item: Emergency) -> None:
+        EMCY_LOG.info("%s", item)
         if item.code == ErrorCode.NO_ERROR:
             self.active.clear()
         else:
@@ -345,7 +350,9 @@ class MappedPdo(Stream[PdoReading]):
             message = self._binding.decode(data)
         except FrameLengthError as error:
             self.refused = error
+            PDO_LOG.info("node %d: %s", self.node_id, error)
             return
+        PDO_LOG.debug("node %d: %s heard: %s", self.node_id, self.name, message)
         values = {name: getattr(message, each.field) for name, each in self._binding.objects.items()}
         for name, signal in self._signals.items():
             if name in values:
@@ -368,6 +375,10 @@ class MappedPdo(Stream[PdoReading]):
         absent = [name for name, each in objects.items() if each.field not in given]
         if absent:
             raise FieldError(self.name, absent[0], None, "every object that is mapped has a value")
+        for name, each in objects.items():
+            if isinstance(given[each.field], bool) and data_type(each.variable).bits != 1:
+                raise FieldError(self.name, name, given[each.field], "a number")
+        PDO_LOG.debug("node %d: %s is sent: %s", self.node_id, self.name, given)
         return self._binding.encode(self._binding.message(**given))
 
 

@@ -10,7 +10,7 @@ import struct
 from datetime import datetime, timedelta
 from enum import Enum, IntEnum
 from functools import lru_cache
-from numbers import Integral, Real
+from numbers import Real
 from typing import NamedTuple, TypeAlias, TypeVar, cast
 
 from eurobot_od.errors import LocalError
@@ -209,7 +209,7 @@ class DataType(NamedTuple):
         """
         if isinstance(value, bytes):  # what `read` could not make sense of goes back as it came
             return value
-        if isinstance(value, Integral) and self.low <= value <= self.high:
+        if isinstance(value, Real) and self.low <= value <= self.high and value % 1 == 0:
             return int(value).to_bytes(self.size, "little", signed=self.is_signed)
         if isinstance(value, Real) and self.code in _REAL_FORMATS:
             return struct.pack(_REAL_FORMATS[self.code], value)
