@@ -1,4 +1,4 @@
-"""Writes the pages of the site: `python tools/site_pages.py FOLDER`. Those of docs/, and others made or found elsewhere.
+"""Writes the pages of the site: `python tools/site_pages.py FOLDER`. Some are not in docs/, but elsewhere or made.
 
 A link in a Markdown file leads to the file in the repository; here it becomes a link to its page.
 """
