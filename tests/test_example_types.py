@@ -23,3 +23,14 @@ def test_the_examples_are_typed(tmp_path: Path) -> None:
     file.write_text("\n\n".join(re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)))
     said, trouble, status = api.run([*OPTIONS, str(file)])
     assert (status, trouble) == (0, ""), said
+
+
+@pytest.mark.long
+def test_the_program_with_types_needs_neither_options_nor_casts(tmp_path: Path) -> None:
+    program = re.findall(r"### With types\n.*?```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)[0]
+    file = tmp_path / "fastest.py"
+    file.write_text(program)
+    said, trouble, status = api.run(["--strict", f"--config-file={PAGE.parents[1] / 'pyproject.toml'}", str(file)])
+    assert (status, trouble) == (0, ""), said
+    assert not re.search("cast|Any|ignore", program)
+    assert len(program.splitlines()) <= 40

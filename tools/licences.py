@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 import sys
 from collections.abc import Iterable, Iterator
-from importlib.metadata import PackageMetadata, PackageNotFoundError, metadata, requires
+from importlib.metadata import PackageMetadata, PackageNotFoundError, distribution, metadata, requires
 from pathlib import Path
 
 PACKAGE = "eurobot-od"
@@ -17,6 +17,8 @@ FILE = Path(__file__).resolve().parents[1] / "docs" / "licences.md"
 NAME = re.compile(r"[A-Za-z0-9._-]+")
 EXTRA = re.compile(r"extra\s*==\s*['\"]([^'\"]+)['\"]")
 CLASSIFIER = "License :: OSI Approved :: "
+NONE = "says none"
+MIT = "Permission is hereby granted, free of charge, to any person obtaining a copy"
 LONGEST = 60
 """Characters of a licence in a package's own words; a longer one is its whole text."""
 
@@ -24,7 +26,9 @@ HEAD = """# Licences
 
 This package is under the MIT licence. What it needs, and what its extras bring, has licences of its own: pip installs
 those packages beside it. Some are copyleft: whoever passes on a program together with them has to keep to their terms.
-One is inside this package: uPlot, which draws the plots of the page, under the MIT licence.
+One is inside this package: uPlot, which draws the plots of the page, under the MIT licence. `REUSE.toml` gives the
+licence of each file of this package by SPDX. A wheel may hold libraries of others: that of resvg-py says which, in its
+SBOM, all under permissive licences.
 
 Made by `python3 tools/wheel.py --licences`, from what the packages say about themselves; the versions are those of that
 day.
@@ -36,7 +40,15 @@ def licence(said: PackageMetadata) -> str:
     classifiers = [each.removeprefix(CLASSIFIER) for each in said.get_all("Classifier", []) if CLASSIFIER in each]
     own = said.get_all("License", [""])[0].strip().split("\n")[0]
     expression = said.get_all("License-Expression", [""])[0]
-    return expression or ", ".join(classifiers) or own[:LONGEST] or "says none"
+    return expression or ", ".join(classifiers) or own[:LONGEST] or NONE
+
+
+def licence_of(package: str, said: PackageMetadata) -> str:
+    """Return the licence of a package, by the text that it carries where its metadata say none."""
+    if licence(said) != NONE:
+        return licence(said)
+    texts = [each.read_text() for each in distribution(package).files or () if each.name.startswith("LICENSE")]
+    return "MIT, by the text that it carries" if any(MIT in " ".join(each.split()) for each in texts) else NONE
 
 
 def required(package: str, extras: Iterable[str]) -> Iterator[tuple[str, set[str]]]:
@@ -74,7 +86,7 @@ def text(extras: Iterable[str]) -> str:
         heading = f"Extra `{extra}`" if extra else "Always"
         lines += [f"## {heading}\n", "| package | version | licence |", "|---|---|---|"]
         rows = sorted(packages.items(), key=lambda item: item[0].lower())
-        lines += [f"| {name} | {said['Version']} | {licence(said)} |" for name, said in rows]
+        lines += [f"| {name} | {said['Version']} | {licence_of(name, said)} |" for name, said in rows]
         lines.append("")
     return "\n".join(lines).rstrip("\n") + "\n"
 

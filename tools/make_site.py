@@ -59,8 +59,8 @@ def main() -> int:
     """Build the site and look at its links; return 1 if something is wrong."""
     python = prepare("docs")
     os.chdir(ROOT)
-    os.environ["NO_MKDOCS_2_WARNING"] = "1"  # it advertises its successor
-    if call(python, "-m", "mkdocs", "build", "--strict", "--quiet"):
+    build = (python, "-m", "zensical", "build", "--clean", "--strict")
+    if call(python, ROOT / "tools" / "site_pages.py", ROOT / "build" / "docs") or call(*build):
         return 1
     wrong = sorted(wrong_links(SITE))
     print("\n".join(wrong) or f"{SITE / 'index.html'}: {len([*SITE.rglob('*.html')])} pages, all links lead somewhere")

@@ -1,4 +1,4 @@
-"""What MkDocs asks while it builds the site: pages that are elsewhere in the repository, or made from the EDS files.
+"""Writes the pages of the site: `python tools/site_pages.py FOLDER`. Some are not in docs/, but elsewhere or made.
 
 A link in a Markdown file leads to the file in the repository; here it becomes a link to its page.
 """
@@ -7,12 +7,9 @@ from __future__ import annotations
 
 import posixpath
 import re
+import shutil
+import sys
 from pathlib import Path
-from typing import Any
-
-from mkdocs.config.defaults import MkDocsConfig
-from mkdocs.structure.files import File, Files
-from mkdocs.structure.pages import Page
 
 from eurobot_od.export.forms import docs_text
 from eurobot_od.robot import dialects
@@ -34,23 +31,31 @@ LINK = re.compile(r"(?<=\]\()([^)#:\s]+)(?=[)#])")
 """Where a link to a file leads, without its anchor."""
 
 
-def on_files(files: Files, config: MkDocsConfig) -> Files:
-    """Add the pages that are not in docs/."""
+def write(folder: Path) -> None:
+    """Write all pages, and what they show, into a folder, in place of what it has."""
+    shutil.rmtree(folder, ignore_errors=True)
+    shutil.copytree(ROOT / "docs", folder)
     for page, source in ELSEWHERE.items():
-        files.append(File.generated(config, page, content=(ROOT / source).read_text(encoding="utf-8")))
+        shutil.copy(ROOT / source, folder / page)
     described = docs_text(EurobotProtocol.load(), dialects.load_all(), "markdown")
     text = described.replace("\n", "\n\nMade from the EDS files by `eurobot-od export docs`.\n", 1)
-    files.append(File.generated(config, "messages.md", content=text))
-    return files
+    (folder / "messages.md").write_text(text, encoding="utf-8")
+    for file in folder.rglob("*.md"):
+        text = file.read_text(encoding="utf-8")
+        file.write_text(led(text, file.relative_to(folder).as_posix()), encoding="utf-8")
 
 
-def on_page_markdown(markdown: str, page: Page, **_: Any) -> str:
-    """Lead links to pages."""
-    name = page.file.src_uri
+def led(markdown: str, name: str) -> str:
+    """Return a page with its links leading to pages."""
     folder = posixpath.dirname(ELSEWHERE.get(name, f"docs/{name}"))
 
     def lead(link: re.Match[str]) -> str:
         target = posixpath.normpath(posixpath.join(folder, link[1]))
-        return PAGES.get(target, posixpath.relpath(target, "docs"))
+        page = PAGES.get(target, posixpath.relpath(target, "docs"))
+        return posixpath.relpath(page, posixpath.dirname(name) or ".")
 
     return LINK.sub(lead, markdown)
+
+
+if __name__ == "__main__":
+    write(Path(sys.argv[1]))

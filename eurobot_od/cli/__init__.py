@@ -100,6 +100,9 @@ PROGRAM = "eurobot-od"
 WORKBENCH = "canopen-workbench"
 """The program's name when it is started without a robot; `__main__.workbench` puts it into `sys.argv`."""
 
+VERBOSE = {"-v": "INFO", "-vv": "DEBUG"}
+"""What stands before a command to log what it sends and hears, and from which level on."""
+
 ALLOCATIONS = 50_000
 """After this many new objects Python looks for garbage among them; 700 by default."""
 
@@ -134,7 +137,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     words = expanded(sys.argv[1:] if arguments is None else arguments)
     try:
         _open_streams()
-        with _robots_left_out_told():
+        with _robots_left_out_told(), _logged(words) as words:
             return _run(words)
     except KeyboardInterrupt:
         return ExitStatus.INTERRUPTED
@@ -207,6 +210,26 @@ def _robots_left_out_told() -> Iterator[None]:
         warnings.simplefilter("default", RobotWarning)
         warnings.showwarning = tell  # type: ignore[assignment]  # Python passes all of it by position
         yield
+
+
+@contextmanager
+def _logged(words: list[str]) -> Iterator[list[str]]:
+    """Log to standard error inside, if the first word is `-v` or `-vv`; gives the other words."""
+    level = VERBOSE.get(words[0]) if words else None
+    if level is None:
+        yield words
+        return
+    import logging  # most commands are not asked for it
+
+    logger, handler = logging.getLogger("eurobot_od"), logging.StreamHandler()
+    handler.setFormatter(logging.Formatter("%(asctime)s.%(msecs)03d %(name)s: %(message)s", "%H:%M:%S"))
+    logger.addHandler(handler)
+    logger.setLevel(level)
+    try:
+        yield words[1:]
+    finally:
+        logger.removeHandler(handler)
+        logger.setLevel(logging.NOTSET)
 
 
 def _open_streams() -> None:
@@ -335,5 +358,8 @@ def _overview(robot: Plugin) -> ArgumentParser:
     )
     parser.add_argument("command", metavar="COMMAND", help="one of the commands below")
     describe(parser, with_robot)
+    parser.add_argument(
+        "-v", action="store_true", help="before a command: log what it sends and hears (-vv: all of it)"
+    )
     parser.add_argument("--version", action=Version, nargs=0, help="print the version and exit")
     return parser

@@ -103,7 +103,7 @@ def mcap(
     $ export mcap run.log -o run.mcap --eds 5=motor.eds
     """
     with extras.needed("mcap"):
-        from eurobot_od.export.mcap import write as write_mcap
+        from eurobot_od.traffic.mcap import write as write_mcap
     decoder = devices.decoder(emcy)
     check_writable(output)  # before a long log is decoded for nothing
     file = BytesIO()  # what was there before stays if anything fails

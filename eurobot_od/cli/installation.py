@@ -27,7 +27,7 @@ from eurobot_od.support.texts import one_line
 INDENT = len("interface  ")
 """Where what is said begins in a line."""
 
-FOR_DEVELOPERS = ("test", "bench")
+FOR_DEVELOPERS = ("test", "bench", "release")
 """Extras that are needed only to develop the program."""
 
 WITHOUT = "`node --share 54701` makes a bus that needs none (docs/hardware.md)"

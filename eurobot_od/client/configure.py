@@ -14,6 +14,7 @@ from collections.abc import Collection, Container, Iterable, Iterator, Mapping, 
 from datetime import datetime
 from enum import Enum
 from itertools import chain
+from types import MappingProxyType
 from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 from eurobot_od.client.description import Description, Identity, device_name, read_identity
@@ -146,18 +147,29 @@ def mapping_entries(pdo: Pdo, things: Sequence[ODVariable]) -> list[int]:
 
 
 @Procedure
-async def map_objects(node: RemoteNode, dictionary: Dictionary, pdo: Pdo, things: Sequence[ODVariable]) -> None:
-    """Map objects into a PDO of a node, in their order, and read the mapping back.
+async def map_objects(
+    node: RemoteNode,
+    dictionary: Dictionary,
+    pdo: Pdo,
+    things: Sequence[ODVariable] | None,
+    settings: Mapping[int, int] = MappingProxyType({}),
+) -> Bytes:
+    """Map objects into a PDO of a node, in their order (None: leave the mapping alone), and read it all back.
 
-    Raises LocalError for what cannot be mapped, ConfigurationError if the node then has something else, RemoteError for
-    a write that it refuses (the PDO is then off), BusError.
+    `settings` are further parameters of its communication record, by sub-index. Returns what was written. Raises
+    LocalError for what cannot be mapped, ConfigurationError if the node then has something else, RemoteError for a
+    write that it refuses (the PDO is then off), BusError.
     """
-    entries = mapping_entries(pdo, things)
     cob_id: Address = (pdo.index, COB_ID)
-    wanted = {(pdo.mapping_index, 0): bytes([len(entries)])}
-    wanted |= {(pdo.mapping_index, sub): entry.to_bytes(4, "little") for sub, entry in enumerate(entries, start=1)}
-    # As the node has it now, valid or not: it gets this back at the end.
-    wanted[cob_id] = await node.upload.steps(cob_id)
+    given = {(pdo.index, sub): value for sub, value in settings.items()}
+    wanted = {each: encode(at(each, dictionary.objects), value) for each, value in given.items()}
+    if things is not None:
+        entries = mapping_entries(pdo, things)
+        wanted[pdo.mapping_index, 0] = bytes([len(entries)])
+        wanted |= {(pdo.mapping_index, sub): entry.to_bytes(4, "little") for sub, entry in enumerate(entries, start=1)}
+    if cob_id not in wanted:
+        # As the node has it now, valid or not: it gets this back at the end.
+        wanted[cob_id] = await node.upload.steps(cob_id)
     for address, data in in_order(wanted, {}):
         await node.download.steps(address, data, _name(dictionary, address))
     for address, data in wanted.items():
@@ -165,6 +177,7 @@ async def map_objects(node: RemoteNode, dictionary: Dictionary, pdo: Pdo, things
         if found != data:
             what = f"{values.label(address)} is 0x{found[::-1].hex().upper()}, not 0x{data[::-1].hex().upper()}"
             raise ConfigurationError(what)
+    return wanted
 
 
 def _name(dictionary: Dictionary, address: Address) -> str:

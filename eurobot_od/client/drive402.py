@@ -48,6 +48,16 @@ NEXT: Mapping[State, DriveCommand] = {
 """The command that takes a drive one state nearer to Operation enabled; a drive leaves other states by itself, if at
 all."""
 
+
+def commands_to(target: State) -> Mapping[State, DriveCommand]:
+    """Return the command in each state that takes a drive nearer to a state; raises LocalError if none leads to it."""
+    if target in (State.NOT_READY, *FAULTY):
+        raise LocalError(f"no command brings a drive to {target.words}")
+    # Not the arrow back from a quick stop: a drive need not have it (see TRANSITIONS).
+    arrows = (each for each in reversed(cia402.TRANSITIONS) if each.after is target is not State.ENABLED)
+    return {**NEXT, **{each.before: each.command for each in arrows if each.command}}
+
+
 INTEGER8, INTEGER32 = DATA_TYPES[0x02], DATA_TYPES[0x04]
 
 TYPES: Mapping[int, DataType] = {
@@ -170,15 +180,19 @@ class DriveAtNode:
         await self._write(cia402.CONTROLWORD, command.bits | bits)
 
     async def _enable(self, within: float) -> None:
-        while (state := await self._state()) is not State.ENABLED:
+        await self._bring_to(State.ENABLED, within)
+
+    async def _bring_to(self, target: State, within: float) -> None:
+        what = ENABLE if target is State.ENABLED else target.words.lower()
+        while (state := await self._state()) is not target:
             if state is State.FAULT:
-                raise await self._fault(ENABLE)
+                raise await self._fault(what)
             # If there is nothing to command, the drive leaves this state by itself, or the wait below ends with an
             # error.
-            command = NEXT.get(state) if state else None
+            command = commands_to(target).get(state) if state else None
             if command is not None:
                 await self._command(command)
-            await self._until(ENABLE, within, partial(_has_left, state))
+            await self._until(what, within, partial(_has_left, state))
 
     async def _disable(self, within: float) -> None:
         if await self._state() in FAULTY:
@@ -219,6 +233,12 @@ class DriveAtNode:
 
     async def _enter(self, mode: Mode, within: float = ENABLE_WAIT) -> None:
         """Choose a mode of operation and enable, clearing all commands of the former mode."""
+        await self._choose(mode, within)
+        await self._enable(within)
+        # Bits 4 to 6 and 8 belong to the mode: a set-point or halt of the former mode must not count in this one.
+        await self._command(DriveCommand.ENABLE)
+
+    async def _choose(self, mode: Mode, within: float = ENABLE_WAIT) -> None:
         if await self._read(cia402.MODE_DISPLAY) != mode:
             await self._write(cia402.MODE, mode)
             clock = self._node.master.clock
@@ -229,9 +249,6 @@ class DriveAtNode:
                     is_, wanted = words.get(shown, f"mode {shown}"), words[mode]
                     raise DriveError(f"{self._name}: {wanted}: it stays in {is_}")
                 await self._node.master.pump.steps(POLL)
-        await self._enable(within)
-        # Bits 4 to 6 and 8 belong to the mode: a set-point or halt of the former mode must not count in this one.
-        await self._command(DriveCommand.ENABLE)
 
     async def _home(self, method: int | None, within: float) -> None:
         if method is not None and method > 0 and method not in METHODS:
@@ -315,6 +332,14 @@ class Drive402(DriveAtNode):
         """Bring it to Operation enabled; each state on the way may take `within` seconds."""
         finished(self._enable(within))
 
+    def bring_to(self, state: State, within: float = ENABLE_WAIT) -> None:
+        """Bring it to a state that commands lead to, each arrow within `within` seconds; raises LocalError."""
+        finished(self._bring_to(state, within))
+
+    def choose(self, mode: Mode, within: float = ENABLE_WAIT) -> None:
+        """Choose a mode of operation, and wait until the drive shows it."""
+        finished(self._choose(mode, within))
+
     def disable(self, within: float = ENABLE_WAIT) -> None:
         """Take its torque away."""
         finished(self._disable(within))
@@ -372,6 +397,14 @@ class AsyncDrive402(DriveAtNode):
     async def enable(self, within: float = ENABLE_WAIT) -> None:
         """Bring it to Operation enabled; each state on the way may take `within` seconds."""
         await self._enable(within)
+
+    async def bring_to(self, state: State, within: float = ENABLE_WAIT) -> None:
+        """Bring it to a state, as Drive402.bring_to does."""
+        await self._bring_to(state, within)
+
+    async def choose(self, mode: Mode, within: float = ENABLE_WAIT) -> None:
+        """Choose a mode of operation, and wait until the drive shows it."""
+        await self._choose(mode, within)
 
     async def disable(self, within: float = ENABLE_WAIT) -> None:
         """Take its torque away."""

@@ -9,6 +9,7 @@ identity, and turns every error into a number.
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Generator, Iterator
 from itertools import count
 from typing import NamedTuple, TypeAlias, TypeVar
@@ -29,6 +30,8 @@ from eurobot_od.od.standard import (
 )
 from eurobot_od.od.values import NODE_IDS
 from eurobot_od.support.progress import Progress, unwatched
+
+LSS_LOG = logging.getLogger("eurobot_od.lss")
 
 ANSWER_WAIT = 0.1
 """Seconds that a device has for an answer; `find_all` waits for this long about 130 times for each device."""
@@ -277,11 +280,14 @@ async def perform(
 async def _exchange(master: Master, request: LssRequest, answers: list[bytes], wait: float) -> bytes | None:
     master.drain()  # a late answer to the request before is not an answer to this one
     answers.clear()
+    LSS_LOG.debug("%s: %s", _words(request.command), request.data.hex(" "))
     master.send(REQUESTS, request.data)
     if request.answer is None:
         return None
     await master.pump.steps(_wait(request, wait), lambda: any(_fitting(answers, request)))
-    return next(_fitting(answers, request), None)
+    answer = next(_fitting(answers, request), None)
+    LSS_LOG.debug("answer: %s", answer.hex(" ") if answer else "none")
+    return answer
 
 
 def _fitting(answers: list[bytes], request: LssRequest) -> Iterator[bytes]:

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Callable, Coroutine, Iterable, Iterator
+from collections.abc import Callable, Coroutine, Iterable, Iterator, Mapping
 from contextlib import AbstractAsyncContextManager, AbstractContextManager, contextmanager, nullcontext
 from datetime import datetime
 from functools import partial, update_wrapper
@@ -27,7 +27,7 @@ from typing import TYPE_CHECKING, Any, Concatenate, Generic, NamedTuple, ParamSp
 
 from eurobot_od.bus.live import Driver, Opener
 from eurobot_od.bus.live.buses import Connection, failure
-from eurobot_od.device.nmt import COMMAND_NAMES, NmtCommand, NmtState
+from eurobot_od.device.nmt import COMMAND_NAMES, STATE_NAMES, NmtCommand, NmtState
 from eurobot_od.errors import (
     BusError,
     LocalError,
@@ -67,6 +67,9 @@ from eurobot_od.support.progress import Progress, unwatched
 
 if TYPE_CHECKING:
     import can
+
+
+SDO_LOG, NMT_LOG = logging.getLogger("eurobot_od.sdo"), logging.getLogger("eurobot_od.nmt")
 
 
 # Procedures
@@ -126,6 +129,9 @@ STORE_WAIT = 5.0
 BACKLOG = 1 << 16
 """Most waiting frames that are taken in at once: more than any adapter's buffer holds."""
 
+LONGEST_LOGGED = 32
+"""Bytes of a transfer that are logged."""
+
 BOOT_WAIT = 5.0
 """Seconds that a node has from a reset to its boot-up message."""
 
@@ -164,6 +170,8 @@ class Master:
 
         self.bus, self.answer_wait, self.clock, self.unannounced = bus, answer_wait, clock, unannounced
         self.states: dict[int, NmtState] = {}
+        self.booted: set[int] = set()
+        """The nodes that have booted since they were last commanded or waited for."""
         self.listeners: dict[int, Callable[[bytes], None]] = {}
         self.observers: tuple[Observer, ...] = ()
         self.periodic: list[Periodic] = []
@@ -277,11 +285,24 @@ class Master:
         node_id = cob_id - ERROR_CONTROL_BASE
         if node_id in NODE_IDS and len(data) == 1 and data[0] in set(NmtState):
             # With bit 7 set it is an answer to node guarding with its toggle bit, which `NodeWatch` has asked for.
-            self.states[node_id] = NmtState(data[0])
+            state = NmtState(data[0])
+            level = logging.DEBUG if state is self.states.get(node_id) else logging.INFO
+            NMT_LOG.log(level, "node %d: %s", node_id, STATE_NAMES[state])
+            self.states[node_id] = state
+            if data[0] == NmtState.INITIALISING:
+                self.booted.add(node_id)
         for observe in self.observers:
             observe(cob_id, data, now)
         if cob_id in self.listeners:
             self.listeners[cob_id](data)
+
+
+HINTS: Mapping[NmtState | None, str] = {
+    None: "nothing was heard of it since the last command: is it there, at this node-ID and bit rate?",
+    NmtState.STOPPED: "its last heartbeat said stopped: a stopped node answers no SDO",
+    NmtState.INITIALISING: "it has booted, and sent no heartbeat since",
+}
+"""What may be the cause when a node is silent, by what its last heartbeat said."""
 
 
 class RemoteNode:
@@ -339,7 +360,7 @@ class RemoteNode:
                 progress(done, size)
 
             try:
-                await self._transfer("write", address, name, block_download(address, data, answer_wait, noted))
+                await self._transfer("write", address, name, block_download(address, data, answer_wait, noted), data)
             except RemoteError:
                 # It does have block transfer: a failure in the middle is an error, not a reason to start over by
                 # segments.
@@ -347,13 +368,15 @@ class RemoteNode:
                     raise
             else:
                 return
-        await self._transfer("write", address, name, download(address, data, answer_wait, progress))
+        await self._transfer("write", address, name, download(address, data, answer_wait, progress), data)
 
     def command(self, command: NmtCommand) -> None:
         """Send an NMT command to this node; it is not confirmed, and earlier heartbeats no longer count."""
         # A frame that is already waiting was sent before the command, and must not be taken for its effect.
         self.master.drain()
         self.master.states.pop(self.node_id, None)
+        self.master.booted.discard(self.node_id)
+        NMT_LOG.info("node %d: command %s", self.node_id, COMMAND_NAMES[command])
         self.master.send(NMT_COB_ID, bytes([command, self.node_id]))
 
     @Procedure
@@ -369,6 +392,14 @@ class RemoteNode:
         """Wait for a heartbeat with a state (INITIALISING is the boot-up); return whether one came."""
         with self._states_heard() as heard:
             return await self.master.pump.steps(wait, lambda: state in (self.last_state, *heard))
+
+    @Procedure
+    async def wait_for_bootup(self, wait: float) -> bool:
+        """Wait for a boot-up message, also one that has come since the last command; return whether one came."""
+        booted = self.master.booted
+        is_there = await self.master.pump.steps(wait, lambda: self.node_id in booted)
+        booted.discard(self.node_id)
+        return is_there
 
     @contextmanager
     def _states_heard(self) -> Iterator[list[NmtState | None]]:
@@ -391,24 +422,30 @@ class RemoteNode:
     async def reset(self, command: NmtCommand = NmtCommand.RESET_NODE, booting_as: int | None = None) -> None:
         """Reset the node and wait for its boot-up message, under another node-ID if it gets one. Raises NoAnswer."""
         booting = self if booting_as is None else self.master.node(booting_as)
-        with booting._states_heard() as heard:
-            self.command(command)
-            booted = await self.master.pump.steps(BOOT_WAIT, lambda: NmtState.INITIALISING in heard)
-        if not booted:
+        self.master.booted.discard(booting.node_id)
+        self.command(command)
+        if not await booting.wait_for_bootup.steps(BOOT_WAIT):
             raise NoAnswer(COMMAND_NAMES[command], f"boot-up of node {booting.node_id}", 1, BOOT_WAIT, self.node_id)
 
-    async def _transfer(self, verb: str, address: Address, name: str, transfer: Transfer) -> bytes:
+    async def _transfer(self, verb: str, address: Address, name: str, transfer: Transfer, sent: bytes = b"") -> bytes:
         """Carry out a transfer; a failure becomes an error that names this node and the object."""
         await self.run.steps(transfer)
         try:
-            return transfer.result()
+            data = transfer.result()
+            SDO_LOG.debug(
+                "node %d: %s %s: %d bytes, %s", self.node_id, verb, label(address, name), *logged(sent or data)
+            )
+            return data
         except TransferError as error:
+            SDO_LOG.info("node %d: %s %s: %s", self.node_id, verb, label(address, name), error)
             request, where = f"{verb} {label(address, name)}", NamedObject(self.node_id, address, name)
             if isinstance(error, Aborted):
                 raise NodeRefused(self.node_id, request, error.code, reason(error.code), where) from error
             if isinstance(error, Silence):
                 answer = f"answer from node {self.node_id}"
-                raise NoAnswer(request, answer, 1, transfer.wait, self.node_id, where) from error
+                silent = NoAnswer(request, answer, 1, transfer.wait, self.node_id, where)
+                silent.add_note(HINTS.get(self.last_state, "its heartbeats come: is its SDO server at other COB-IDs?"))
+                raise silent from error
             raise WrongAnswer(request, str(error), where) from error
 
     @Procedure
@@ -431,6 +468,11 @@ class RemoteNode:
                 await master.pump.steps(transfer.deadline - clock(), lambda: transfer.done)
                 with master.guard:
                     send(transfer.tick(clock()))
+
+
+def logged(data: bytes) -> tuple[int, str]:
+    """Return how many bytes there are, and as many of them as a line has room for, in hexadecimal digits."""
+    return len(data), data[:LONGEST_LOGGED].hex(" ") + (" ..." if len(data) > LONGEST_LOGGED else "")
 
 
 # A bus that is lost and comes back

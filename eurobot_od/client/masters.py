@@ -127,11 +127,15 @@ def feed_of(network: Any) -> SharedFeed:
 class PeriodicTask:
     """Frames sent in turn, one every `period` seconds, by the driver or the kernel, until `stop`."""
 
-    def __init__(self, master: Master, frames: Sequence[Frame], period: float) -> None:
-        self._messages = [can.Message(arbitration_id=f.cob_id, data=f.data, is_extended_id=False) for f in frames]
+    def __init__(self, master: Master, frames: Sequence[Frame], period: float, remote: bool = False) -> None:
+        if not period > 0:
+            raise LocalError(f"the period is a time longer than 0 s, not {period} s")
+        kind: dict[str, Any] = {"is_extended_id": False, "is_remote_frame": remote, "dlc": 1 if remote else None}
+        self._messages = [can.Message(arbitration_id=f.cob_id, data=f.data, **kind) for f in frames]
         self._master, self.period = master, period
         self._task: Any = None
         self._start()
+        master.periodic.append(self)
 
     def resume(self) -> None:
         """Start over on a bus that was opened again, unless it was stopped."""

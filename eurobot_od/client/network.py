@@ -11,7 +11,6 @@ from collections import deque
 from collections.abc import AsyncIterator, Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
-from io import StringIO
 from itertools import islice
 from pathlib import Path
 from typing import Any, Generic, Self, TypeAlias, TypeVar
@@ -23,16 +22,17 @@ from eurobot_od.bus.live import open_bus
 from eurobot_od.bus.simulated.network import Simulation
 from eurobot_od.bus.simulated.simulated_bus import SimulatedBus
 from eurobot_od.client import lss
-from eurobot_od.client.description import LISTEN, Found, Identity, scan
+from eurobot_od.client.description import LISTEN, Found, Identity, scan, uploaded
 from eurobot_od.client.lss import LssSteps, Result
-from eurobot_od.client.master import ANSWER_WAIT, Master, finished, syncs
+from eurobot_od.client.master import ANSWER_WAIT, NMT_LOG, Master, finished, syncs
 from eurobot_od.client.masters import Feed, LoopMaster, OwnFeed, PeriodicTask, ThreadedMaster, feed_of
-from eurobot_od.client.remote_device import AsyncRemoteDevice, DeviceAtNode, RemoteDevice
+from eurobot_od.client.remote_device import UNCONNECTED, AsyncRemoteDevice, DeviceAtNode, DeviceFile, RemoteDevice
 from eurobot_od.client.watch import LOST_AFTER, NodeEvent, NodeWatch
-from eurobot_od.device.nmt import NmtCommand
+from eurobot_od.device.nmt import COMMAND_NAMES, NmtCommand, command_to
 from eurobot_od.device.simulated import SimulatedDevice
 from eurobot_od.device.station import Station
-from eurobot_od.errors import LocalError, StateError, UnknownName
+from eurobot_od.errors import BusError, RemoteError, UnknownName
+from eurobot_od.frame import Frame
 from eurobot_od.od import DEFAULT
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.network import load, read_network
@@ -42,8 +42,11 @@ from eurobot_od.od.values import ALL_NODES, ERROR_CONTROL_BASE, NMT_COB_ID, NODE
 BusName: TypeAlias = "str | can.BusABC | canopen.Network | None"
 """An interface by python-can's name, an open bus, or somebody else's network, whose bus is shared."""
 
-DeviceFile: TypeAlias = "str | Path | Dictionary | canopen.ObjectDictionary | None"
-"""An EDS or DCF, or a dictionary made from one; None for a device of which only the node-ID is known."""
+Channel: TypeAlias = "str | int | None"
+"""A channel by python-can's name or number."""
+
+Callback: TypeAlias = Callable[[int, bytes, float], object]
+"""Called with COB-ID, data, and time in seconds."""
 
 SimulatedFile: TypeAlias = "SimulatedDevice | Dictionary | str | Path"
 """A simulated device, or an EDS or DCF from which it runs."""
@@ -56,21 +59,11 @@ SHORTEST_PAUSE = 0.001
 """Shortest time between two checks for lost nodes, in seconds."""
 
 
-def _feed(bus: BusName, channel: str | None, bitrate: int | None) -> Feed:
+def _feed(bus: BusName, channel: Channel, bitrate: int | None) -> Feed:
     """Open a bus by its interface, or share one that is open; raises BusError, LocalError."""
     if bus is None or isinstance(bus, str):
         return OwnFeed(partial(open_bus, bus, channel, bitrate))
     return feed_of(bus)
-
-
-def _dictionary(file: DeviceFile, node_id: int) -> Dictionary | None:
-    if file is None or isinstance(file, Dictionary):
-        return file if file is None or file.node_id == node_id else file.renumbered(node_id)
-    if isinstance(file, (str, Path)):
-        return Dictionary.load(file, node_id)
-    text = StringIO()
-    canopen.export_od(file, text, "eds")
-    return Dictionary.read(text.getvalue().encode(), Path(f"canopen {node_id}"), node_id)
 
 
 def _described(file: str | Path) -> tuple[Sequence[Dictionary], int | None]:
@@ -124,15 +117,18 @@ class NodeWatcher(Iterator[NodeEvent], AsyncIterator[NodeEvent]):
 class NetworkOfDevices(Generic[AnyDevice]):
     """The common part of both kinds of networks; nothing in here waits."""
 
-    master: Master
+    master: Master = UNCONNECTED
     _kind: type[AnyDevice]
 
     def __init__(self) -> None:
         self._devices: dict[int, AnyDevice] = {}
+        self._sync = NetworkSync(self)
 
     def _begin(self, master: Master) -> None:
         self.master = master
         master.observers = (*master.observers, self._hear)
+        for device in self:
+            device.join(master)
 
     def _hear(self, cob_id: int, data: bytes, now: float) -> None:
         for device in self._devices.values():
@@ -144,18 +140,19 @@ class NetworkOfDevices(Generic[AnyDevice]):
         In place of a file, a `Dictionary` or canopen's ObjectDictionary will do. Without any of them, objects are
         numbers and bytes. `name` is the file's by default. Raises DictionaryError, LocalError.
         """
-        if node_id not in NODE_IDS:
-            raise LocalError(f"node-ID {node_id} is not in {NODE_IDS[0]}..{NODE_IDS[-1]}")
-        if not hasattr(self, "master"):
-            raise StateError("the network is not open yet: `async with` begins it")
-        device = self._kind(self.master, node_id, _dictionary(file, node_id), name)
-        self._devices = {**self._devices, node_id: device}  # replaced as a whole: the reader may be iterating over it
+        return self._added(self._kind(node_id, file, name))
+
+    def _added(self, device: AnyDevice) -> AnyDevice:
+        if self.master is not UNCONNECTED:
+            device.join(self.master)
+        # Replaced as a whole: the reader may be iterating over it.
+        self._devices = {**self._devices, device.node_id: device}
         return device
 
-    def __getitem__(self, node: int | str) -> AnyDevice:
+    def __getitem__(self, node: int | str | DeviceAtNode) -> AnyDevice:
         """Return a device that was added, by its node-ID or name; raises UnknownName."""
         for device in self._devices.values():
-            if node in (device.node_id, device.name):
+            if node in (device.node_id, device.name, device):
                 return device
         raise UnknownName("node", node, [each.name for each in self._devices.values()])
 
@@ -182,17 +179,10 @@ class NetworkOfDevices(Generic[AnyDevice]):
         """Send any frame: an 11-bit identifier and up to 8 bytes. Raises BusError."""
         self.master.send(cob_id, data)
 
-    def sync(self, period: float, counter: int | None = None, cob_id: int = SYNC_COB_ID) -> PeriodicTask:
-        """Send a SYNC every `period` seconds from now on, until `stop()` of what is returned, or the network's end.
-
-        With a `counter` (2..240) they are numbered from 1 to it, again and again (0x1019). The driver sends them, or
-        the kernel with SocketCAN, so that a busy program does not delay them. Raises LocalError, BusError.
-        """
-        if not period > 0:
-            raise LocalError(f"the period of SYNC is a time longer than 0 s, not {period} s")
-        task = PeriodicTask(self.master, [*islice(syncs(counter, cob_id), counter or 1)], period)
-        self.master.periodic.append(task)
-        return task
+    @property
+    def sync(self) -> NetworkSync:
+        """SYNC: `network.sync(period=0.01)` sends one every 10 ms."""
+        return self._sync
 
     def watch(self, *node_ids: int, within: float = LOST_AFTER, guard: float | None = None) -> NodeWatcher:
         """Return an endless iterator over what happens to nodes: who was found, has booted, is lost or back.
@@ -211,17 +201,56 @@ class NetworkOfDevices(Generic[AnyDevice]):
             await lss.perform.steps(self.master, lss.switch(LssState.WAITING))
 
 
+class NetworkSync:
+    """The SYNC of a network: call it, or `start` and `stop` it as users of canopen do."""
+
+    def __init__(self, network: NetworkOfDevices[Any]) -> None:
+        self._network = network
+        self._task: PeriodicTask | None = None
+
+    def __call__(self, period: float, counter: int | None = None, cob_id: int = SYNC_COB_ID) -> PeriodicTask:
+        """Send a SYNC every `period` seconds from now on, until `stop()` of what is returned, or the network's end.
+
+        With a `counter` (2..240) they are numbered from 1 to it, again and again (0x1019). The driver sends them, or
+        the kernel with SocketCAN, so that a busy program does not delay them. Raises LocalError, BusError.
+        """
+        return PeriodicTask(self._network.master, [*islice(syncs(counter, cob_id), counter or 1)], period)
+
+    def start(self, period: float) -> None:
+        """Send a SYNC every `period` seconds until `stop`, in place of what was started before."""
+        self.stop()
+        self._task = self(period)
+
+    def stop(self) -> None:
+        """End what `start` has begun."""
+        if self._task is not None:
+            self._task.stop()
+            self._task = None
+
+    def transmit(self, count: int | None = None) -> None:
+        """Send one SYNC, with a counter if it is given; raises BusError."""
+        self._network.send(SYNC_COB_ID, b"" if count is None else bytes([count]))
+
+
 class NetworkNmt:
     """NMT commands to all nodes of a network at once; they are not confirmed. Each raises BusError."""
 
-    def __init__(self, master: Master) -> None:
-        self._master = master
+    def __init__(self, network: NetworkOfDevices[Any]) -> None:
+        self._network = network
 
     def command(self, command: NmtCommand) -> None:
         """Send a command to all nodes; earlier heartbeats no longer count."""
-        with self._master.guard:
-            self._master.states.clear()
-        self._master.send(NMT_COB_ID, bytes([command, ALL_NODES]))
+        master = self._network.master
+        with master.guard:
+            master.states.clear()
+            master.booted.clear()
+        NMT_LOG.info("all nodes: command %s", COMMAND_NAMES[command])
+        master.send(NMT_COB_ID, bytes([command, ALL_NODES]))
+
+    def _send_to(self, state: str) -> None:
+        self.command(command_to(state))
+
+    state = property(fset=_send_to, doc="Set it to send the command to all nodes, as canopen does: `OPERATIONAL`.")
 
     def start(self) -> None:
         """Make all nodes OPERATIONAL."""
@@ -244,7 +273,7 @@ class NetworkLss:
     """Devices without a node-ID, by the layer setting services (CiA 305); every call takes 0.1 s for each answer."""
 
     def __init__(self, network: NetworkOfDevices[Any]) -> None:
-        self._perform = network._perform_lss
+        self._network, self._perform = network, network._perform_lss
 
     def find(self, wait: float = LSS_WAIT) -> list[Identity]:
         """Return the devices without a node-ID, with about 130 requests for each. Raises BusError."""
@@ -265,6 +294,60 @@ class NetworkLss:
         BusError.
         """
         return finished(self._perform(lss.assigned(node_id, identity, bit_rate, store), wait))
+
+    # As canopen calls them: one service after the other, and devices stay in the state that they were switched to.
+
+    WAITING_STATE, CONFIGURATION_STATE = LssState.WAITING, LssState.CONFIGURATION
+
+    def _one(self, steps: LssSteps[Result]) -> Result:
+        return lss.perform(self._network.master, steps)
+
+    def send_switch_state_global(self, mode: int) -> None:
+        """Put all devices into `WAITING_STATE` or `CONFIGURATION_STATE`; they do not answer."""
+        self._one(lss.switch(LssState(mode)))
+
+    def send_switch_state_selective(self, *identity: int) -> bool:
+        """Put the device with an identity (its four numbers) into configuration state; return whether there is one."""
+        return self._one(lss.select(Identity(*identity)))
+
+    def fast_scan(self) -> tuple[bool, Identity | None]:
+        """Find a device without a node-ID; return whether there is one, and its identity."""
+        found = self._one(lss.fastscan())
+        return found is not None, found
+
+    def inquire_node_id(self) -> int:
+        """Return the node-ID of the device that is being configured, 255 if it has none; raises NoAnswer."""
+        return self._one(lss.inquire_node_id())
+
+    def configure_node_id(self, new_node_id: int) -> None:
+        """Give the device that is being configured a node-ID; raises RemoteError if it refuses, NoAnswer."""
+        self._one(lss.configure_node_id(new_node_id))
+
+    def store_configuration(self) -> None:
+        """Have it store its node-ID and bit rate; raises RemoteError if it refuses, NoAnswer."""
+        self._one(lss.store())
+
+
+class NodeScanner:
+    """The nodes that were heard or that `search` has found; see `Network.scan`, which also says what they are."""
+
+    def __init__(self, network: Network) -> None:
+        self._network = network
+        self._found: set[int] = set()
+
+    @property
+    def nodes(self) -> list[int]:
+        """Their node-IDs."""
+        return sorted({*self._found, *self._network.master.states})
+
+    def search(self, limit: int = NODE_IDS[-1]) -> None:
+        """Look for the nodes 1 to `limit`, which takes about two seconds; raises BusError."""
+        self._found = {each.node_id for each in self._network.scan(range(1, limit + 1))}
+
+    def reset(self) -> None:
+        """Forget what was found; nodes with heartbeats are heard again."""
+        self._found = set()
+        self._network.master.states.clear()
 
 
 class AsyncNetworkLss:
@@ -308,16 +391,18 @@ class Network(NetworkOfDevices[RemoteDevice]):
 
     _kind = RemoteDevice
 
-    def __init__(self, master: Master) -> None:
+    def __init__(self, master: Master | None = None) -> None:
         super().__init__()
-        self._begin(master)
-        self.nmt, self.lss = NetworkNmt(master), NetworkLss(self)
+        self.nmt, self.lss, self.scanner = NetworkNmt(self), NetworkLss(self), NodeScanner(self)
+        self._subscribers: dict[int, list[Callback]] = {}
+        if master is not None:
+            self._begin(master)
 
     @classmethod
     def open(
         cls,
         bus: BusName = None,
-        channel: str | None = None,
+        channel: Channel = None,
         bitrate: int | None = None,
         *,
         answer_wait: float = ANSWER_WAIT,
@@ -331,7 +416,7 @@ class Network(NetworkOfDevices[RemoteDevice]):
         return cls(ThreadedMaster(_feed(bus, channel, bitrate), answer_wait))
 
     @classmethod
-    def load(cls, file: str | Path = DEFAULT, bus: BusName = None, channel: str | None = None, **options: Any) -> Self:
+    def load(cls, file: str | Path = DEFAULT, bus: BusName = None, channel: Channel = None, **options: Any) -> Self:
         """Open a bus with all devices of a network file (`network.yaml`, `nodelist.cpj`) or of a folder of EDS files.
 
         The bit rate is the file's; `options` are those of `open`. Raises FileError, BusError, LocalError.
@@ -344,7 +429,8 @@ class Network(NetworkOfDevices[RemoteDevice]):
 
     def close(self) -> None:
         """Stop what is sent periodically, the threads, and the bus unless it is somebody else's."""
-        self.master.close()
+        if self.master is not UNCONNECTED:
+            self.master.close()
 
     def __enter__(self) -> Self:
         return self
@@ -359,6 +445,66 @@ class Network(NetworkOfDevices[RemoteDevice]):
     def scan(self, node_ids: Iterable[int] = NODE_IDS, listen: float = LISTEN) -> list[Found]:
         """Return the nodes that answer SDO or whose heartbeats are heard within `listen` seconds, by node-ID."""
         return scan(self.master, node_ids, listen=listen)
+
+    # As canopen calls them
+
+    def connect(self, channel: Channel = None, interface: BusName = None, bitrate: int | None = None) -> Self:
+        """Open a bus for a network that was made without one: `open`, with the arguments of canopen."""
+        self._begin(ThreadedMaster(_feed(interface, channel, bitrate)))
+        return self
+
+    def disconnect(self) -> None:
+        """`close`."""
+        self.close()
+
+    def check(self) -> None:
+        """Raise BusError if the bus is lost."""
+        failure: BusError | None = getattr(self.master, "failure", None)
+        if failure is not None:
+            raise failure
+
+    @property
+    def nodes(self) -> dict[int, RemoteDevice]:
+        """The devices that were added, by node-ID."""
+        return {each.node_id: each for each in self}
+
+    def add_node(
+        self, node: int | RemoteDevice, object_dictionary: DeviceFile = None, upload_eds: bool = False
+    ) -> RemoteDevice:
+        """Add a node that was made as `RemoteDevice(5, "drive.eds")`, or by its node-ID; see `add`.
+
+        With `upload_eds` the file is the one that the node keeps of itself (0x1021); raises RemoteError without one.
+        """
+        if not isinstance(node, int):
+            return self._added(node)
+        if upload_eds:
+            kept = uploaded(self.master.node(node))
+            if kept is None:
+                raise RemoteError(f"node {node} keeps no EDS of itself in plain text (0x1021)")
+            object_dictionary = kept.dictionary
+        return self.add(node, object_dictionary)
+
+    def send_message(self, can_id: int, data: bytes, remote: bool = False) -> None:
+        """`send`, or ask for a frame by a remote frame."""
+        self.master.request(can_id) if remote else self.send(can_id, bytes(data))
+
+    def send_periodic(self, can_id: int, data: bytes, period: float, remote: bool = False) -> PeriodicTask:
+        """Send a frame every `period` seconds, until `stop()` of what is returned; raises LocalError, BusError."""
+        return PeriodicTask(self.master, [Frame(can_id, bytes(data or b""))], period, remote)
+
+    def subscribe(self, can_id: int, callback: Callback) -> None:
+        """Have a function called with the COB-ID, data and time of each frame of an identifier, as `on` does."""
+        self._subscribers.setdefault(can_id, []).append(callback)
+
+    def unsubscribe(self, can_id: int, callback: Callback | None = None) -> None:
+        """Stop calling a function, or all of an identifier."""
+        kept = [each for each in self._subscribers.pop(can_id, []) if callback not in (None, each)]
+        self._subscribers |= {can_id: kept} if kept else {}
+
+    def _hear(self, cob_id: int, data: bytes, now: float) -> None:
+        super()._hear(cob_id, data, now)
+        for callback in self._subscribers.get(cob_id, ()):
+            self.master.call(partial(callback, cob_id, data, now))
 
 
 class AsyncNetwork(NetworkOfDevices[AsyncRemoteDevice]):
@@ -378,13 +524,13 @@ class AsyncNetwork(NetworkOfDevices[AsyncRemoteDevice]):
     def __init__(self, open_feed: Callable[[], Feed], answer_wait: float = ANSWER_WAIT) -> None:
         super().__init__()
         self._open_feed, self._answer_wait = open_feed, answer_wait
-        self._files: Iterable[Dictionary] = ()
+        self.nmt, self.lss = NetworkNmt(self), AsyncNetworkLss(self)
 
     @classmethod
     def open(
         cls,
         bus: BusName = None,
-        channel: str | None = None,
+        channel: Channel = None,
         bitrate: int | None = None,
         *,
         answer_wait: float = ANSWER_WAIT,
@@ -393,18 +539,16 @@ class AsyncNetwork(NetworkOfDevices[AsyncRemoteDevice]):
         return cls(partial(_feed, bus, channel, bitrate), answer_wait)
 
     @classmethod
-    def load(cls, file: str | Path = DEFAULT, bus: BusName = None, channel: str | None = None, **options: Any) -> Self:
+    def load(cls, file: str | Path = DEFAULT, bus: BusName = None, channel: Channel = None, **options: Any) -> Self:
         """Open a bus with all devices of a network file, as Network.load does."""
         described, kbit = _described(file)
         network = cls.open(bus, channel, kbit and kbit * 1000, **options)
-        network._files = described
+        for each in described:
+            network.add(each.node_id, each)
         return network
 
     async def __aenter__(self) -> Self:
         self._begin(LoopMaster(self._open_feed(), self._answer_wait))
-        self.nmt, self.lss = NetworkNmt(self.master), AsyncNetworkLss(self)
-        for each in self._files:
-            self.add(each.node_id, each)
         return self
 
     async def __aexit__(self, *_: object) -> None:

@@ -14,18 +14,22 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from datetime import datetime
+from io import StringIO
 from numbers import Real
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any, NoReturn, Self, TypeAlias, overload
 
+import canopen
 from canopen.objectdictionary import ObjectDictionary, ODVariable
 
 from eurobot_od.client import configure, program
 from eurobot_od.client.configure import ChangePlan, Configured, read_object
-from eurobot_od.client.description import Identity, from_file, read_identity
+from eurobot_od.client.description import Identity, described, from_file, read_identity
 from eurobot_od.client.drive402 import AsyncDrive402, Drive402
 from eurobot_od.client.master import Master, RemoteNode, finished
+from eurobot_od.client.masters import PeriodicTask
 from eurobot_od.client.program import Loaded
+from eurobot_od.client.remote_pdo import PdosOfDirection, RemotePdo, RemotePdos
 from eurobot_od.client.streams import (
     AsyncEmergencyStream,
     AsyncRemotePdo,
@@ -33,11 +37,10 @@ from eurobot_od.client.streams import (
     EmergencyStream,
     HeardEmergencies,
     MappedPdos,
-    RemotePdo,
-    RemotePdos,
 )
-from eurobot_od.device.nmt import TARGET, NmtCommand, NmtState
-from eurobot_od.errors import HeartbeatLost, LocalError, UnknownName
+from eurobot_od.device.nmt import TARGET, NmtCommand, NmtState, canopen_state, command_to
+from eurobot_od.errors import HeartbeatLost, LocalError, StateError, UnknownName
+from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.objects import (
     Range,
@@ -56,7 +59,7 @@ from eurobot_od.od.objects import (
     parse,
     written,
 )
-from eurobot_od.od.values import EMCY_BASE, Address, Value, pdo_of
+from eurobot_od.od.values import EMCY_BASE, ERROR_CONTROL_BASE, NODE_IDS, Address, Scalar, Value, pdo_of, typed
 from eurobot_od.od.words import with_words, words
 from eurobot_od.support.progress import Progress, unwatched
 
@@ -142,6 +145,10 @@ class ObjectAtNode:
         factor = self.od.factor
         return raw * factor if isinstance(raw, (int, float)) and factor != 1 else raw
 
+    def _typed(self, data: bytes, kind: Any) -> Any:
+        value = self._meant(decode(self.od, data))
+        return value if kind is None else typed(value, kind, str(self))
+
     def _bytes_of(self, value: Any) -> bytes:
         """Return the bytes of a value that a program gives; raises FieldError."""
         thing = self.od
@@ -151,7 +158,7 @@ class ObjectAtNode:
             raise not_allowed(thing, value, "bytes: no file says its type")
         if isinstance(value, str):
             return encode(thing, self._raw_of_text(value))
-        if isinstance(value, Real) and thing.factor != 1:
+        if isinstance(value, Real) and not isinstance(value, bool) and thing.factor != 1:
             value = self._unscaled(float(value))
         return encode(thing, value)
 
@@ -204,9 +211,15 @@ class RemoteObject(ObjectAtNode):
     def __iter__(self) -> Iterator[RemoteObject]:
         return (RemoteObject(self._node, [each], self._wrote) for each in self._variables)
 
-    def read(self) -> Any:
-        """Return `value`."""
-        return self._meant(decode(self.od, finished(self._read())))
+    @overload
+    def read(self) -> Any: ...
+
+    @overload
+    def read(self, kind: type[Scalar]) -> Scalar: ...
+
+    def read(self, kind: Any = None) -> Any:
+        """Return `value`, as a Python type if one is given: `read(int)` raises LocalError for anything else."""
+        return self._typed(finished(self._read()), kind)
 
     def write(self, value: Any) -> None:
         """Set `value`."""
@@ -248,6 +261,23 @@ class RemoteObject(ObjectAtNode):
         """Read a long object by block transfer, or by segments if the node has none; `progress` gets bytes so far."""
         return finished(self._read_block(progress))
 
+    # As canopen calls them
+
+    phys, desc, data = value, text, bytes
+
+    def items(self) -> list[tuple[int, RemoteObject]]:
+        """Return the members of a record that the node has by its sub-index 0, with their sub-indices, without 0."""
+        count = self[0].read(int)
+        return [(sub, each) for each in self if 0 < (sub := each.od.subindex) <= count]
+
+    def keys(self) -> list[int]:
+        """Return the sub-indices of `items`."""
+        return [sub for sub, _ in self.items()]
+
+    def values(self) -> list[RemoteObject]:
+        """Return the members of `items`."""
+        return [each for _, each in self.items()]
+
 
 class AsyncRemoteObject(ObjectAtNode):
     """An object of a node of an `AsyncNetwork`, or a record: `await object.read()`, `await object.write(5)`.
@@ -265,9 +295,18 @@ class AsyncRemoteObject(ObjectAtNode):
     def __iter__(self) -> Iterator[AsyncRemoteObject]:
         return (AsyncRemoteObject(self._node, [each], self._wrote) for each in self._variables)
 
-    async def read(self) -> Any:
-        """Return the value of the object's type: int, float, str or bytes; in the file's unit if it has a Factor."""
-        return self._meant(decode(self.od, await self._read()))
+    @overload
+    async def read(self) -> Any: ...
+
+    @overload
+    async def read(self, kind: type[Scalar]) -> Scalar: ...
+
+    async def read(self, kind: Any = None) -> Any:
+        """Return the value of the object's type: int, float, str or bytes; in the file's unit if it has a Factor.
+
+        With a Python type, as in `read(int)`, it is of that type; raises LocalError if it is of another one.
+        """
+        return self._typed(await self._read(), kind)
 
     async def write(self, value: Any) -> None:
         """Write a value that type and limits allow; raises FieldError for any other."""
@@ -303,20 +342,50 @@ class AsyncRemoteObject(ObjectAtNode):
 
 EMCY_COB_ID = (0x1014, 0)
 
+DeviceFile: TypeAlias = "str | Path | Dictionary | ObjectDictionary | None"
+"""An EDS or DCF, or a dictionary made from one; None for a device of which only the node-ID is known."""
+
+
+def _dictionary(file: DeviceFile, node_id: int) -> Dictionary | None:
+    if file is None or isinstance(file, Dictionary):
+        return file if file is None or file.node_id == node_id else file.renumbered(node_id)
+    if isinstance(file, (str, Path)):
+        return Dictionary.load(file, node_id)
+    text = StringIO()
+    canopen.export_od(file, text, "eds")
+    return Dictionary.read(text.getvalue().encode(), Path(f"canopen {node_id}"), node_id)
+
+
+class _NoMaster:
+    """In place of the master of a network that is not open."""
+
+    def __getattr__(self, name: str) -> NoReturn:
+        raise StateError("the network is not open yet: `connect` or `async with` opens it")
+
+
+UNCONNECTED: Any = _NoMaster()
+
 
 class DeviceAtNode:
     """The common part of the devices of both kinds of networks."""
 
-    def __init__(self, master: Master, node_id: int, dictionary: Dictionary | None, name: str = "") -> None:
+    def __init__(self, node_id: int, file: DeviceFile = None, name: str = "") -> None:
+        if node_id not in NODE_IDS:
+            raise LocalError(f"node-ID {node_id} is not in {NODE_IDS[0]}..{NODE_IDS[-1]}")
+        dictionary = _dictionary(file, node_id)
         self.node_id, self.dictionary = node_id, dictionary
         self.name = name or (dictionary.name if dictionary else f"node {node_id}")
-        self._node = master.node(node_id)
-        if dictionary is not None:
-            master.follow(dictionary)
+        self._node = RemoteNode(UNCONNECTED, node_id)
         base = EMCY_BASE + node_id
         self._emcy_id = dictionary.cob_id(EMCY_COB_ID, EMCY_BASE) if dictionary else base
         self._pdos: MappedPdos[Any]
         self._emergencies: HeardEmergencies
+
+    def join(self, master: Master) -> None:
+        """Become a node of a network that is open."""
+        self._node.master = master
+        if self.dictionary is not None:
+            master.follow(self.dictionary)
 
     @property
     def od(self) -> ObjectDictionary:
@@ -377,6 +446,10 @@ class DeviceAtNode:
         return await program.load.steps(self._node, content, number, check_crc, progress, self.dictionary)
 
 
+HEARTBEAT_WAIT = 10.0
+"""Seconds that canopen's names wait for a heartbeat by default."""
+
+
 class NmtOfNode:
     """The common part of the NMT commands of both kinds of networks."""
 
@@ -396,6 +469,8 @@ class NodeNmt(NmtOfNode):
     raised. All raise BusError.
     """
 
+    _guarding: PeriodicTask | None = None
+
     def start(self, within: float | None = None) -> None:
         """Make the node OPERATIONAL: PDOs are sent and received."""
         finished(self._go(NmtCommand.START, within))
@@ -411,6 +486,49 @@ class NodeNmt(NmtOfNode):
     def reset(self, command: NmtCommand = NmtCommand.RESET_NODE) -> None:
         """Reset the node, or its communication, and wait for its boot-up message; raises NoAnswer."""
         self._node.reset(command)
+
+    # As canopen calls them
+
+    @property
+    def state(self) -> str:
+        """The NMT state that was heard last, as canopen writes it; after a boot-up that is `PRE-OPERATIONAL`.
+
+        It is `UNKNOWN` before the first heartbeat, and after a command until the next one. Set it to send a command,
+        also `RESET` or `RESET COMMUNICATION`; raises UnknownName, BusError.
+        """
+        self._node.master.drain()
+        return canopen_state(self._node.last_state)
+
+    @state.setter
+    def state(self, state: str) -> None:
+        self._node.command(command_to(state))
+
+    def send_command(self, command: int) -> None:
+        """Send a command by its number."""
+        self._node.command(NmtCommand(command))
+
+    def wait_for_bootup(self, timeout: float = HEARTBEAT_WAIT) -> None:
+        """Wait for a boot-up message, also one that has come since the last command; raises HeartbeatLost."""
+        if not self._node.wait_for_bootup(timeout):
+            raise HeartbeatLost(self._node.node_id, timeout)
+
+    def wait_for_heartbeat(self, timeout: float = HEARTBEAT_WAIT) -> str:
+        """Wait for the next heartbeat and return the state in it, as `state` writes it; raises HeartbeatLost."""
+        if self._node.state(timeout) is None:
+            raise HeartbeatLost(self._node.node_id, timeout)
+        return self.state
+
+    def start_node_guarding(self, period: float) -> None:
+        """Ask the node for its state every `period` seconds, until `stop_node_guarding`; raises BusError."""
+        self.stop_node_guarding()
+        asking = [Frame(ERROR_CONTROL_BASE + self._node.node_id)]
+        self._guarding = PeriodicTask(self._node.master, asking, period, remote=True)
+
+    def stop_node_guarding(self) -> None:
+        """End what `start_node_guarding` has begun."""
+        if self._guarding is not None:
+            self._guarding.stop()
+            self._guarding = None
 
 
 class AsyncNodeNmt(NmtOfNode):
@@ -446,11 +564,11 @@ class RemoteDevice(DeviceAtNode):
             print(motor["Temperature"].value)
     """
 
-    def __init__(self, master: Master, node_id: int, dictionary: Dictionary | None = None, name: str = "") -> None:
-        super().__init__(master, node_id, dictionary, name)
+    def __init__(self, node_id: int, file: DeviceFile = None, name: str = "") -> None:
+        super().__init__(node_id, file, name)
         self.nmt = NodeNmt(self)
         self.emcy = self._emergencies = EmergencyStream(self._node)
-        self.pdo = self._pdos = RemotePdos(self._node, dictionary, RemotePdo)
+        self.pdo = self._pdos = RemotePdos(self._node, self.dictionary, RemotePdo)
 
     def __getitem__(self, key: ObjectKey) -> RemoteObject:
         """Return an object by name, `0x6081`, `0x1018:1`, index, or (index, sub-index); raises UnknownName."""
@@ -460,6 +578,51 @@ class RemoteDevice(DeviceAtNode):
         """Yield every object of the file."""
         things = all_objects(self.dictionary.objects) if self.dictionary else ()
         return (RemoteObject(self._node, [each], self._wrote) for each in things)
+
+    # As canopen calls them
+
+    @property
+    def id(self) -> int:
+        """The node-ID."""
+        return self.node_id
+
+    @property
+    def object_dictionary(self) -> ObjectDictionary:
+        """`od`."""
+        return self.od
+
+    @property
+    def sdo(self) -> Self:
+        """The node itself: `drive.sdo["Profile velocity"].raw`."""
+        return self
+
+    @property
+    def tpdo(self) -> PdosOfDirection:
+        """Its TPDOs by number: `drive.tpdo[1]` is `drive.pdo["TPDO1"]`."""
+        return self.pdo.tx
+
+    @property
+    def rpdo(self) -> PdosOfDirection:
+        """Its RPDOs by number."""
+        return self.pdo.rx
+
+    def upload(self, index: int, subindex: int) -> bytes:
+        """Read the bytes of an object; raises as an object does."""
+        return self[index, subindex].bytes
+
+    def download(self, index: int, subindex: int, data: bytes) -> None:
+        """Write the bytes of an object, unchecked."""
+        self[index, subindex].bytes = data
+
+    def load_configuration(self) -> None:
+        """Write what the file says of this device in particular (ParameterValue), in the order of CiA 301.
+
+        It is neither read back nor stored, and the device may be another one: see `configure`.
+        """
+        if self.dictionary is None or not any(map(self.dictionary.has_own_value, self.dictionary.addresses())):
+            return
+        for write in configure.all_writes(described(self.dictionary)):
+            self._node.download(write.address, write.data)
 
     @property
     def drive402(self) -> Drive402:
@@ -518,11 +681,11 @@ class AsyncRemoteDevice(DeviceAtNode):
     `async for reading in drive.pdo["TPDO1"]`.
     """
 
-    def __init__(self, master: Master, node_id: int, dictionary: Dictionary | None = None, name: str = "") -> None:
-        super().__init__(master, node_id, dictionary, name)
+    def __init__(self, node_id: int, file: DeviceFile = None, name: str = "") -> None:
+        super().__init__(node_id, file, name)
         self.nmt = AsyncNodeNmt(self)
         self.emcy = self._emergencies = AsyncEmergencyStream(self._node)
-        self.pdo = self._pdos = AsyncRemotePdos(self._node, dictionary, AsyncRemotePdo)
+        self.pdo = self._pdos = AsyncRemotePdos(self._node, self.dictionary, AsyncRemotePdo)
 
     def __getitem__(self, key: ObjectKey) -> AsyncRemoteObject:
         """Return an object by name, `0x6081`, `0x1018:1`, index, or (index, sub-index); raises UnknownName."""

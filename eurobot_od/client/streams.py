@@ -10,6 +10,7 @@ the master knows it: from the file, from what a configuration has written and re
 
 from __future__ import annotations
 
+import logging
 import struct
 from collections import deque
 from collections.abc import AsyncIterator, Callable, Iterator, Mapping
@@ -22,14 +23,17 @@ from eurobot_od.client.configure import pdo_parameters
 from eurobot_od.client.master import Master, Procedure, RemoteNode, finished
 from eurobot_od.device.broadcasts import REGISTER_BITS
 from eurobot_od.errors import FieldError, FrameLengthError, LocalError, MappingError, NoAnswer, UnknownName
+from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.od.objects import address_of
+from eurobot_od.od.objects import data_type
 from eurobot_od.od.pdos import Pdo
 from eurobot_od.od.standard import ERROR_FIELD, ERROR_REGISTER, ErrorCode
-from eurobot_od.od.values import SLICE, Address, PdoDirection, Value
+from eurobot_od.od.values import Address, PdoDirection, Scalar, Value, typed
 from eurobot_od.od.words import error_words
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.catalogue import plain_name
+
+PDO_LOG, EMCY_LOG = logging.getLogger("eurobot_od.pdo"), logging.getLogger("eurobot_od.emcy")
 
 Item = TypeVar("Item")
 
@@ -40,13 +44,13 @@ BACKLOG = 10_000
 class Stream(Generic[Item]):
     """Items that come again and again: the `last` one (None before the first), and the `count` of them."""
 
-    def __init__(self, master: Master, name: str, node_id: int) -> None:
+    def __init__(self, node: RemoteNode, name: str) -> None:
         self.last: Item | None = None
         self.count = 0
         self.needs = ""
         """What makes it come, if the node alone does not."""
-        self.name, self.node_id = name, node_id
-        self._master = master
+        self.name, self.node_id = name, node.node_id
+        self._node = node
         self._functions: list[Callable[[Item], object]] = []
         self._readers: WeakSet[StreamReader[Item]] = WeakSet()
 
@@ -67,19 +71,19 @@ class Stream(Generic[Item]):
         """Take in an item."""
         self.last, self.count = item, self.count + 1
         for function in self._functions:
-            self._master.call(partial(function, item))
+            self._node.master.call(partial(function, item))
         for reader in [*self._readers]:
             reader.put(item)
 
     def reader(self) -> StreamReader[Item]:
         """Return an iterator that keeps each item from now on."""
-        made = StreamReader[Item](self._master)
+        made = StreamReader[Item](self._node.master)
         self._readers.add(made)
         return made
 
     async def _next(self, timeout: float) -> Item:
         number = self.count
-        await self._master.pump.steps(timeout, lambda: self.count > number)
+        await self._node.master.pump.steps(timeout, lambda: self.count > number)
         if self.count == number or self.last is None:
             raise NoAnswer(f"the last one{self.needs}", f"{self.name} of node {self.node_id}", 1, timeout, self.node_id)
         return self.last
@@ -207,11 +211,11 @@ class HeardEmergencies(Stream[Emergency]):
     """The common part of both kinds of emergency streams."""
 
     def __init__(self, node: RemoteNode) -> None:
-        super().__init__(node.master, "emergency message", node.node_id)
-        self._node = node
+        super().__init__(node, "emergency message")
         self.active: dict[int, Emergency] = {}
 
     def push(self, item: Emergency) -> None:
+        EMCY_LOG.info("%s", item)
         if item.code == ErrorCode.NO_ERROR:
             self.active.clear()
         else:
@@ -258,6 +262,17 @@ class PdoValue(NamedTuple):
     value: Any
 
 
+class PdoValues(dict[str, Any]):
+    """Values by the names of the mapped objects; they are found by the names of the fields as well."""
+
+    def __init__(self, values: Mapping[str, Any], key: Callable[[str], str]) -> None:
+        super().__init__(values)
+        self._key = key
+
+    def __missing__(self, name: str) -> Any:
+        return self[self._key(name)]
+
+
 class PdoReading(NamedTuple):
     """A TPDO that has come: `time` as in `PdoValue`, and its `values` by the names of the objects."""
 
@@ -266,39 +281,33 @@ class PdoReading(NamedTuple):
 
     def __getitem__(self, name: Any) -> Any:
         """Return the value of an object by its name."""
-        if not isinstance(name, str):
-            return tuple(self)[name]
-        if name not in self.values:
-            raise UnknownName("object of this PDO", name, self.values)
-        return self.values[name]
+        return self.values[name] if isinstance(name, str) else tuple(self)[name]
+
+    def read(self, name: str, kind: type[Scalar]) -> Scalar:
+        """Return the value of an object as a Python type, such as `int`; raises LocalError if it is of another one."""
+        return typed(self[name], kind, name)
 
 
 NEEDS_SYNC = ": it comes only with SYNC, see network.sync"
 
 
+Signal = TypeVar("Signal")
+
+
 class MappedPdo(Stream[PdoReading]):
     """The common part of the PDOs of both kinds of networks."""
 
-    def __init__(self, node: RemoteNode, name: str) -> None:
-        super().__init__(node.master, name, node.node_id)
-        self._signals: dict[str, Stream[PdoValue]] = {}
-        self._fields: dict[str, str] = {}
+    def __init__(self, node: RemoteNode, name: str, home: MappedPdos[Any]) -> None:
+        super().__init__(node, name)
+        self._home = home
+        self._signals: dict[str, Any] = {}
         self.refused: FrameLengthError | None = None
         """Why the last frame that could not be read was refused."""
 
     def adopt(self, binding: Binding) -> None:
         """Read frames by this mapping from now on."""
         self._binding = binding
-        entries = zip(binding.pdo.mapping, binding.layout.slots)
-        fields = {}
-        for entry, slot in entries:
-            if slot.field is not None:
-                name: str = entry.variable.qualname or "0x{:04X}:{}".format(*address_of(entry.variable))
-                # An object may be mapped in slices of a few bits; whoever asks for it means all of it.
-                part = SLICE.match(name)
-                fields[part["name"] if part else name] = slot.field
         self.needs = NEEDS_SYNC if binding.pdo.is_synchronous else ""
-        self._fields = fields  # replaced as a whole: another thread may be reading it
 
     @property
     def cob_id(self) -> int:
@@ -313,18 +322,27 @@ class MappedPdo(Stream[PdoReading]):
     @property
     def names(self) -> list[str]:
         """The names of the mapped objects, in the order in which they are mapped."""
-        return [*self._fields]
+        return [*self._binding.objects]
 
     def __repr__(self) -> str:
         return (
             f"<{type(self).__name__} {self.name} of node {self.node_id}, 0x{self.cob_id:03X}: {', '.join(self.names)}>"
         )
 
-    def _key(self, name: str) -> str:
-        found = {plain_name(each): each for each in self._fields}
-        if plain_name(name) not in found:
-            raise UnknownName(f"object of {self.name}", name, self._fields)
-        return found[plain_name(name)]
+    def _key(self, name: str | int) -> str:
+        found = self._binding.object_name(name)
+        if found is None:
+            raise UnknownName(f"object of {self.name}", name, self.names)
+        return found
+
+    def _signal(self, name: str, kind: Callable[[RemoteNode, str], Signal]) -> Signal:
+        if name not in self._signals:
+            self._signals[name] = kind(self._node, f"{name} in {self.name}")
+            if self.last is not None and name in self.last.values:
+                self._signals[name].last = PdoValue(self.last.time, self.last.values[name])
+        self._signals[name].needs = self.needs
+        made: Signal = self._signals[name]
+        return made
 
     def hear(self, data: bytes, now: float) -> None:
         """Take in a frame; one that is too short for the mapping is `refused` (CiA 301, EMCY 0x8210)."""
@@ -332,12 +350,14 @@ class MappedPdo(Stream[PdoReading]):
             message = self._binding.decode(data)
         except FrameLengthError as error:
             self.refused = error
+            PDO_LOG.info("node %d: %s", self.node_id, error)
             return
-        values = {name: getattr(message, field) for name, field in self._fields.items()}
+        PDO_LOG.debug("node %d: %s heard: %s", self.node_id, self.name, message)
+        values = {name: getattr(message, each.field) for name, each in self._binding.objects.items()}
         for name, signal in self._signals.items():
             if name in values:
                 signal.push(PdoValue(now, values[name]))
-        self.push(PdoReading(now, values))
+        self.push(PdoReading(now, PdoValues(values, self._key)))
 
     def transmit(self, values: Mapping[str, Value]) -> None:
         """Send an RPDO with values for all that it maps, by name; the node acts on it when it is OPERATIONAL.
@@ -345,22 +365,21 @@ class MappedPdo(Stream[PdoReading]):
         Raises FieldError for a value that is missing, or that object or mapping do not allow; UnknownName, LocalError
         for a TPDO, BusError.
         """
+        self._node.master.send(*self._frame(values))
+
+    def _frame(self, values: Mapping[str, Value]) -> Frame:
         if self.direction is PdoDirection.TPDO:
             raise LocalError(f"{self.name} of node {self.node_id} is sent by the node")
-        given = {self._fields[self._key(name)]: value for name, value in values.items()}
-        absent = [name for name, field in self._fields.items() if field not in given]
+        objects = self._binding.objects
+        given = {objects[self._key(name)].field: value for name, value in values.items()}
+        absent = [name for name, each in objects.items() if each.field not in given]
         if absent:
             raise FieldError(self.name, absent[0], None, "every object that is mapped has a value")
-        self._master.send(*self._binding.encode(self._binding.message(**given)))
-
-
-class PdoSignal(BlockingStream[PdoValue]):
-    """One object's values in a PDO: `last`, `wait`, `on`, and `for time, value in signal`."""
-
-    @property
-    def value(self) -> Any:
-        """The last value, None before the first."""
-        return self.last and self.last.value
+        for name, each in objects.items():
+            if isinstance(given[each.field], bool) and data_type(each.variable).bits != 1:
+                raise FieldError(self.name, name, given[each.field], "a number")
+        PDO_LOG.debug("node %d: %s is sent: %s", self.node_id, self.name, given)
+        return self._binding.encode(self._binding.message(**given))
 
 
 class AsyncPdoSignal(AsyncStream[PdoValue]):
@@ -372,28 +391,12 @@ class AsyncPdoSignal(AsyncStream[PdoValue]):
         return self.last and self.last.value
 
 
-class RemotePdo(MappedPdo, BlockingStream[PdoReading]):
-    """A PDO of a node: its readings as they come, its objects by name, and `transmit` for an RPDO."""
-
-    def __getitem__(self, name: str) -> PdoSignal:
-        """Return one object's values; raises UnknownName."""
-        key = self._key(name)
-        signal = self._signals.setdefault(key, PdoSignal(self._master, f"{key} in {self.name}", self.node_id))
-        signal.needs = self.needs
-        assert isinstance(signal, PdoSignal)
-        return signal
-
-
 class AsyncRemotePdo(MappedPdo, AsyncStream[PdoReading]):
     """A PDO of a node: its readings as they come, its objects by name, and `transmit` for an RPDO."""
 
-    def __getitem__(self, name: str) -> AsyncPdoSignal:
-        """Return one object's values; raises UnknownName."""
-        key = self._key(name)
-        signal = self._signals.setdefault(key, AsyncPdoSignal(self._master, f"{key} in {self.name}", self.node_id))
-        signal.needs = self.needs
-        assert isinstance(signal, AsyncPdoSignal)
-        return signal
+    def __getitem__(self, name: str | int) -> AsyncPdoSignal:
+        """Return one object's values, by its name, its index or its place; raises UnknownName."""
+        return self._signal(self._key(name), AsyncPdoSignal)
 
 
 AnyPdo = TypeVar("AnyPdo", bound=MappedPdo)
@@ -406,7 +409,7 @@ class MappedPdos(Generic[AnyPdo]):
         self._node, self._kind = node, kind
         self._pdos: dict[str, AnyPdo] = {}
         self._made: dict[str, AnyPdo] = {}
-        """All that were ever valid: a program that holds one keeps it while it is remapped."""
+        """Valid or not: a program that holds one keeps it while it is remapped or switched off."""
         self._records: dict[str, str] = {}
         self._refused: dict[int, MappingError] = {}
         self.dictionary = dictionary
@@ -422,19 +425,19 @@ class MappedPdos(Generic[AnyPdo]):
         self._pdos = {}
         self._records = {plain_name(pdo.name): key for key, pdo in found.items()}
         for key, pdo in found.items():
-            if pdo.valid:
-                self._bind(key, pdo, self.dictionary)
+            self._bind(key, pdo, self.dictionary)
 
     def _bind(self, key: str, pdo: Pdo, dictionary: Dictionary) -> None:
         try:
             binding = Binding(dictionary.file, pdo, key, None)
         except MappingError as error:
-            self._refused[pdo.index] = error
+            if pdo.valid:
+                self._refused[pdo.index] = error
             return
         if key not in self._made:
-            self._made[key] = self._kind(self._node, key)
+            self._made[key] = self._kind(self._node, key, self)
         self._made[key].adopt(binding)
-        self._pdos = {**self._pdos, key: self._made[key]}
+        self._pdos = {**self._pdos, key: self._made[key]} if pdo.valid else self._pdos
 
     def present(self, values: Mapping[Address, Value]) -> None:
         """Take over the present values of a node's PDO parameters."""
@@ -473,14 +476,6 @@ class MappedPdos(Generic[AnyPdo]):
     async def _read(self) -> None:
         if self.dictionary is not None:
             self.present(await pdo_parameters.steps(self._node, self.dictionary))
-
-
-class RemotePdos(MappedPdos[RemotePdo]):
-    """The PDOs of a node: `drive.pdo["TPDO1"]`."""
-
-    def read(self) -> None:
-        """Ask the node how its PDOs are mapped now; raises NoAnswer, RemoteError, BusError."""
-        finished(self._read())
 
 
 class AsyncRemotePdos(MappedPdos[AsyncRemotePdo]):

@@ -13,6 +13,7 @@ from math import inf
 from typing import NamedTuple
 
 from eurobot_od.device.timers import Deadlines
+from eurobot_od.errors import UnknownName
 from eurobot_od.frame import Frame
 from eurobot_od.od.values import ALL_NODES, ERROR_CONTROL_BASE, NMT_COB_ID, NODE_IDS, Value
 
@@ -75,6 +76,27 @@ TARGET = {
     NmtCommand.ENTER_PRE_OPERATIONAL: NmtState.PRE_OPERATIONAL,
 }
 """State after a command that is not a reset; all three are allowed from every state but INITIALISING."""
+
+CANOPEN_COMMANDS: Mapping[str, NmtCommand] = {
+    **{STATE_NAMES[state].upper(): command for command, state in TARGET.items()},
+    "INITIALISING": NmtCommand.RESET_NODE,
+    "RESET": NmtCommand.RESET_NODE,
+    "RESET COMMUNICATION": NmtCommand.RESET_COMMUNICATION,
+}
+"""The command for each state that users of the canopen package set."""
+
+
+def command_to(state: str) -> NmtCommand:
+    """Return the command that makes a node enter a state, as users of canopen write it; raises UnknownName."""
+    if state not in CANOPEN_COMMANDS:
+        raise UnknownName("NMT state", state, CANOPEN_COMMANDS)
+    return CANOPEN_COMMANDS[state]
+
+
+def canopen_state(state: NmtState | None) -> str:
+    """Return a state as users of canopen read it: after a boot-up a node is PRE-OPERATIONAL."""
+    return "UNKNOWN" if state is None else STATE_NAMES[state or NmtState.PRE_OPERATIONAL].upper()
+
 
 STAY_PRE_OPERATIONAL = 1 << 2
 """Bit of NMT startup 0x1F80: set, the node waits for a master's start (CiA 302-2)."""

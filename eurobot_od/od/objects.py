@@ -281,7 +281,7 @@ def encode(variable: ODVariable, value: Value, size: int = 0) -> bytes:
         if range_ is not None and isinstance(value, Real):
             if data_type(variable).is_integer or (variable.min, variable.max) != (None, None):
                 allowed = f"{range_.low}..{range_.high}"
-            if not in_limits(variable, value):
+            if not in_limits(variable, value) or (isinstance(value, bool) and data_type(variable).bits != 1):
                 raise ValueError
         return data_type(variable).write(value)
     except (ValueError, OverflowError):

@@ -10,9 +10,10 @@ import struct
 from datetime import datetime, timedelta
 from enum import Enum, IntEnum
 from functools import lru_cache
-from numbers import Integral, Real
-from typing import NamedTuple, TypeAlias, cast
+from numbers import Real
+from typing import NamedTuple, TypeAlias, TypeVar, cast
 
+from eurobot_od.errors import LocalError
 from eurobot_od.frame import EXTENDED as EXTENDED
 from eurobot_od.frame import HIGHEST_EXTENDED, HIGHEST_IDENTIFIER
 
@@ -21,6 +22,18 @@ Address: TypeAlias = tuple[int, int]
 
 Value: TypeAlias = "int | float | str | bytes | None"
 """What an object may hold; None is not a value at all."""
+
+Scalar = TypeVar("Scalar", int, float, str, bytes)
+
+
+def typed(value: object, kind: type[Scalar], name: str) -> Scalar:
+    """Return the value of an object as a Python type, an integer also as a float; raises LocalError for others."""
+    if kind is float and isinstance(value, int):
+        value = float(value)
+    if not isinstance(value, kind):
+        raise LocalError(f"{name} is {value!r}, which is not of type {kind.__name__}")
+    return value
+
 
 ALL_NODES = 0
 """In place of a node-ID: a command to all nodes."""
@@ -196,7 +209,7 @@ class DataType(NamedTuple):
         """
         if isinstance(value, bytes):  # what `read` could not make sense of goes back as it came
             return value
-        if isinstance(value, Integral) and self.low <= value <= self.high:
+        if isinstance(value, Real) and self.low <= value <= self.high and value % 1 == 0:
             return int(value).to_bytes(self.size, "little", signed=self.is_signed)
         if isinstance(value, Real) and self.code in _REAL_FORMATS:
             return struct.pack(_REAL_FORMATS[self.code], value)

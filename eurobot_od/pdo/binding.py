@@ -12,16 +12,19 @@ from functools import cached_property, partial
 from itertools import accumulate
 from numbers import Integral
 from pathlib import Path
-from typing import Any, NamedTuple, Self
+from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 from eurobot_od.errors import FieldError, FrameLengthError, LocalError, MappingError, UnknownName
 from eurobot_od.frame import Data, Frame
 from eurobot_od.od.pdos import Mapped, Pdo
-from eurobot_od.od.values import Address, Limits
+from eurobot_od.od.values import SLICE, Address, Limits
 from eurobot_od.pdo import codec
-from eurobot_od.pdo.catalogue import CatalogueEntry, Message, field_name, first_free, kinds, made_type
+from eurobot_od.pdo.catalogue import CatalogueEntry, Message, field_name, first_free, kinds, made_type, plain_name
 from eurobot_od.pdo.codec import Column, Layout, LayoutError, Slot, Unknown, slot
 from eurobot_od.pdo.kinds import Kind, OutOfRange, kind_of
+
+if TYPE_CHECKING:
+    from canopen.objectdictionary import ODVariable
 
 
 class Placed(NamedTuple):
@@ -31,6 +34,13 @@ class Placed(NamedTuple):
     address: Address
     mask: int
     offset: int
+
+
+class MappedObject(NamedTuple):
+    """A mapped object: the `field` that `show`, logs and the page call it by, and canopen's variable."""
+
+    field: str
+    variable: ODVariable
 
 
 class Binding:
@@ -85,6 +95,32 @@ class Binding:
             for entry, offset in zip(self.pdo.mapping, offsets)
             if not entry.is_padding
         )
+
+    @cached_property
+    def objects(self) -> Mapping[str, MappedObject]:
+        """The mapped objects by their names in the file; an object that is mapped in slices of a few bits is one."""
+        found = {}
+        for entry, (field, *_) in zip(self.pdo.mapping, self.layout.slots):
+            if field is not None:
+                name: str = entry.variable.qualname or "0x{:04X}:{}".format(*entry.address)
+                part = SLICE.match(name)
+                found[part["name"] if part else name] = MappedObject(field, entry.variable)
+        return found
+
+    def object_name(self, name: str | int) -> str | None:
+        """Return the name of the object that its name, its field, its index or its place stands for, None for none."""
+        if isinstance(name, int):
+            by_place: dict[int, str] = dict(enumerate(self.objects))
+            return (by_place | {each.variable.index: key for key, each in reversed([*self.objects.items()])}).get(name)
+        fields = {plain_name(each.field): key for key, each in self.objects.items()}
+        return (fields | {plain_name(key): key for key in self.objects}).get(plain_name(name))
+
+    def field(self, name: str) -> str:
+        """Return the field of an object that a person names; raises UnknownName."""
+        key = self.object_name(name)
+        if key is None:
+            raise UnknownName(f"field of {self.name}", name, self.kinds)
+        return self.objects[key].field
 
     @property
     def too_narrow(self) -> list[str]:
@@ -259,9 +295,8 @@ def parse(binding: Binding, fields: Sequence[str]) -> Message:
     """Return the message of `name=value` words; raises UnknownName, FieldError, LocalError."""
     values: dict[str, Any] = {}
     for text in fields:
-        field, given, value = text.partition("=")
-        if field not in binding.kinds:
-            raise UnknownName(f"field of {binding.name}", field, binding.kinds)
+        written, given, value = text.partition("=")
+        field = written if written in binding.kinds else binding.field(written)
         if field in values:
             raise LocalError(f"{binding.name}: {field} given twice")
         kind, limits = binding.kinds[field], binding.limits.get(field)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import re
 import subprocess
@@ -300,3 +301,16 @@ def test_defaults_are_those_that_the_help_says() -> None:
     ]
     assert len(numbers) > 30
     assert [each for each in numbers if each[0] != each[1]] == []
+
+
+@pytest.mark.parametrize(("words", "said"), [
+    (["-v", "lint", "docs/motor.eds"], ""),
+    (["-v", "nmt", "5", "start", "-i", "virtual", "-c", "verbose"], "eurobot_od.nmt: node 5: command start"),
+    (["-vv", "read", "5", "0x1000", "-i", "virtual", "-c", "verbose"], "eurobot_od.sdo: node 5: read 0x"),
+    (["read", "5", "0x1000", "-i", "virtual", "-c", "verbose"], ""),
+])  # fmt: skip
+def test_v_before_a_command_logs_what_it_does(capsys: pytest.CaptureFixture[str], words: list[str], said: str) -> None:
+    cli.main(words)
+    logged = [line for line in capsys.readouterr().err.splitlines() if " eurobot_od." in line]
+    assert any(said in line for line in logged) if said else not logged
+    assert not logging.getLogger("eurobot_od").handlers

@@ -117,8 +117,9 @@ def test_a_configuration_that_is_cancelled_takes_back_what_it_wrote() -> None:
 
 
 def test_a_network_that_nobody_has_entered_says_so() -> None:
-    with pytest.raises(StateError, match="`async with` begins it"):
-        AsyncNetwork.open("virtual", new_channel()).add(5)
+    drive = AsyncNetwork.open("virtual", new_channel()).add(5)
+    with pytest.raises(StateError, match="`async with` opens it"):
+        run(drive["0x1000"].read())
 
 
 def test_a_network_file_names_the_nodes(tmp_path: Any) -> None:

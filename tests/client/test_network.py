@@ -5,7 +5,10 @@ from __future__ import annotations
 import inspect
 import textwrap
 from collections.abc import Callable, Mapping
+from fractions import Fraction
 from itertools import islice
+from logging import DEBUG, INFO
+from math import inf, nan
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -198,6 +201,74 @@ def test_a_refusal_and_a_silence_have_node_and_object_as_data() -> None:
         with pytest.raises(NoAnswer, match="no answer from node 6 within 500 ms after read 0x6041:0 Statusword") as no:
             _ = network.add(6, EDS)["Statusword"].value
         assert no.value.object == (6, (0x6041, 0), "Statusword")
+
+
+def test_a_number_is_taken_as_the_integer_that_it_is() -> None:
+    with servo() as network:
+        velocity, temperature = network[5]["Profile velocity"], network[5]["Current control.P gain"]
+        for value in (1200, 1200.0, Fraction(1200)):
+            velocity.value = 5
+            velocity.value = value
+            assert velocity.value == 1200
+        for wrong in (True, 1200.5, nan, inf, 1e30, None):
+            with pytest.raises(FieldError, match="is not allowed"):
+                velocity.value = wrong
+            with pytest.raises(FieldError, match="is not allowed"):
+                temperature.value = wrong
+        with pytest.raises(FieldError, match="Controlword = True is not allowed; allowed: a number"):
+            network[5].pdo["RPDO1"].transmit({"Controlword": True})
+
+
+def test_a_silence_is_explained_by_what_was_heard() -> None:
+    with servo() as network:
+        network[5].nmt.stop(within=1.0)
+        with pytest.raises(NoAnswer) as stopped:
+            _ = network[5]["Statusword"].value
+        with pytest.raises(NoAnswer) as absent:
+            _ = network.add(6)["0x1000"].value
+    assert stopped.value.__notes__ == ["its last heartbeat said stopped: a stopped node answers no SDO"]
+    assert absent.value.__notes__[0].startswith("nothing was heard of it")
+
+
+def test_a_session_is_logged_by_its_services(caplog: pytest.LogCaptureFixture) -> None:
+    caplog.set_level("DEBUG", "eurobot_od")
+    with servo() as network:
+        drive = network[5]
+        drive["Profile velocity"].value = 1500
+        with pytest.raises(NodeRefused):
+            drive["Statusword"].value = 1
+        drive.nmt.start(within=1.0)
+        drive.pdo["RPDO1"].transmit({"Controlword": 6})
+        with network.sync(period=0.01):
+            drive.pdo["TPDO1"].wait()
+        drive.hear(0x085, b"\x10\x82\x11\0\0\0\0\0", 0.0)
+        network.lss.find()
+    said = {name: [(level, text) for logger, level, text in caplog.record_tuples if logger == name] for name in LOGGERS}
+    assert said["eurobot_od.sdo"] == [
+        (DEBUG, "node 5: write 0x6081:0 Profile velocity: 4 bytes, dc 05 00 00"),
+        (
+            INFO,
+            "node 5: write 0x6041:0 Statusword: the node aborts: Attempt to write a read only object (0x06010002)",
+        ),
+    ]
+    assert said["eurobot_od.nmt"][:3] == [
+        (INFO, "node 5: boot-up"), (INFO, "node 5: command start"), (INFO, "node 5: operational"),
+    ]  # fmt: skip
+    assert (DEBUG, "node 5: RPDO1 is sent: {'controlword': 6}") in said["eurobot_od.pdo"]
+    assert any("TPDO1 heard: TPDO1(statusword=" in text for _, text in said["eurobot_od.pdo"])
+    assert said["eurobot_od.emcy"] == [(INFO, str(drive.emcy.last))]
+    assert said["eurobot_od.lss"][0] == (DEBUG, "switch global: 04 00 00 00 00 00 00 00")
+    assert {each.name for each in caplog.records} <= LOGGERS
+
+
+def test_a_bus_that_opens_is_logged(caplog: pytest.LogCaptureFixture) -> None:
+    caplog.set_level("INFO", "eurobot_od.live")
+    with Network.open("virtual", "logged"):
+        assert "is open" in caplog.text
+
+
+LOGGERS = {f"eurobot_od.{name}" for name in ("sdo", "nmt", "pdo", "emcy", "lss")}
+"""What a session with one node says something to; nothing is said at the root."""
 
 
 # States and emergencies
@@ -456,10 +527,17 @@ def test_a_bus_that_fails_is_told_to_who_waits() -> None:
         network.send(0x100)
 
 
+CANOPEN_NAMES = {"connect", "disconnect", "check", "nodes", "add_node", "send_message", "send_periodic"} | {
+    "subscribe", "unsubscribe", "id", "object_dictionary", "sdo", "tpdo", "rpdo", "upload", "download",
+    "load_configuration",
+}  # fmt: skip
+"""Names that only blocking networks and nodes have, as canopen itself has them."""
+
+
 @pytest.mark.parametrize("pair", [(Network, AsyncNetwork), (RemoteDevice, AsyncRemoteDevice)])
 def test_both_kinds_of_networks_have_the_same_names_and_arguments(pair: tuple[type, type]) -> None:
     blocking, awaited = ({name: each for name, each in vars(kind).items() if name[0] != "_"} for kind in pair)
-    assert set(blocking) - set(awaited) <= {"sleep"}
+    assert set(blocking) - set(awaited) - CANOPEN_NAMES == {"sleep"} & set(blocking)
     for name in set(blocking) & set(awaited):
         one, other = (inspect.unwrap(getattr(kind, name)) for kind in pair)
         assert not callable(one) or [*inspect.signature(one).parameters] == [*inspect.signature(other).parameters]

@@ -17,7 +17,7 @@ from tests.client.wired import wired
 def test_an_iterator_that_is_behind_has_the_newest(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(streams, "BACKLOG", 2)
     with wired() as master:
-        stream = BlockingStream[int](master, "TPDO1", 5)
+        stream = BlockingStream[int](master.node(5), "TPDO1")
         reader = iter(stream)
         for number in range(4):
             stream.push(number)

@@ -140,7 +140,7 @@ def test_values_are_written_by_their_type(type_: DataType, data: str, value: Val
         (DATA_TYPES[0x02], -129),
         (DATA_TYPES[0x01], 2),
         (DATA_TYPES[0x07], "5"),
-        (DATA_TYPES[0x07], 1.0),
+        (DATA_TYPES[0x07], 1.5),
         (DATA_TYPES[0x07], None),
         (DATA_TYPES[0x0C], "noon"),
         (DATA_TYPES[0x0C], "1983-12-31 00:00"),  # CANopen's time begins in 1984

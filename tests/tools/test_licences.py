@@ -13,7 +13,7 @@ import pytest
 import wheel
 
 ROOT = Path(__file__).parents[2]
-DEVELOPERS = {"test", "mutants", "docs", "bench"}
+DEVELOPERS = {"test", "mutants", "docs", "bench", "release"}
 
 SAID = [
     # (metadata, licence)

@@ -9,6 +9,7 @@ leaves.
 from __future__ import annotations
 
 import errno
+import logging
 import socket
 import sys
 import threading
@@ -28,6 +29,8 @@ if TYPE_CHECKING:
 
     from eurobot_od.gatekeeper import Mailboxes
 
+
+LIVE_LOG = logging.getLogger("eurobot_od.live")
 
 SOCKETCAN = "socketcan"
 """python-can's name of Linux's own CAN interfaces."""
@@ -80,7 +83,7 @@ STUCK_AFTER = 1.0
 # what the gatekeeper finds by one look into a dictionary. `send(timeout=0)` is left to each driver, and few keep to it.
 
 
-def open_bus(interface: str | None = None, channel: str | None = None, bitrate: int | None = None) -> can.BusABC:
+def open_bus(interface: str | None = None, channel: str | int | None = None, bitrate: int | None = None) -> can.BusABC:
     """Open a python-can bus; what is not given comes from python-can's own configuration files and variables.
 
     Raises BusError in one line, whatever the driver had to say.
@@ -102,12 +105,14 @@ def open_bus(interface: str | None = None, channel: str | None = None, bitrate: 
         bus = can.Bus(ignore_config=True, **({"bitrate": BITRATE} | dict(config)))  # it has been read just now
         if bus.channel_info == can.BusABC.channel_info:  # "unknown": slcan's, for one, does not say where it is
             bus.channel_info = f"{config.get('interface')} {config.get('channel')}"
+        LIVE_LOG.info("%s is open", bus.channel_info)
         return bus
     except Exception as error:  # drivers raise OSError, ImportError, ValueError, CanError, ...
         name = f"{interface or 'configured'} bus {channel or ''}".strip()
-        why = _with_remedy(error, channel if interface == SOCKETCAN else None)
+        why = _with_remedy(error, str(channel) if interface == SOCKETCAN else None)
         if interface is not None and interface not in BACKENDS:
-            why = str(UnknownName("interface", interface, sorted(BACKENDS)))
+            unknown = str(UnknownName("interface", interface, sorted(BACKENDS)))
+            why = extras.missing(f"interface {interface}", interface) if interface in extras.brought() else unknown
         raise BusError(f"cannot open the {name}: {why}") from error
 
 
@@ -148,8 +153,6 @@ def is_named(interface: str | None) -> bool:
 
 def silence_logs() -> None:
     """Keep drivers' log lines off the terminal unless the program has set up logging: errors are raised anyway."""
-    import logging
-
     for name in ("can", "can_remote", "seeedbus"):
         if not logging.getLogger(name).handlers:
             logging.getLogger(name).addHandler(logging.NullHandler())
@@ -308,6 +311,7 @@ class Connection:
             self.up = self._opener is None  # nobody opens it again: reading goes on until it fails itself
             if first:
                 self._since = self._clock()
+                LIVE_LOG.info("%s is lost: %s", self.driver.bus.channel_info, why)
         if first:  # without the lock: it takes the `Live`'s, whose owner may just be in here with a failed filter
             self._lost(why, self._opener is not None)
 
@@ -337,6 +341,7 @@ class Connection:
             now = self._clock()
             gap, self._since, self.failure = now - self._since, now, None
             self.gaps = Gaps(self.gaps.number + 1, self.gaps.seconds + gap)
+        LIVE_LOG.info("%s is back after %.1f s", self.driver.bus.channel_info, gap)
         self._back(gap)
 
     def count_overflow(self) -> bool:

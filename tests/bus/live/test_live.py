@@ -11,6 +11,7 @@ from typing import Any
 
 import can
 import pytest
+from can.interfaces import BACKENDS
 from can.interfaces.virtual import VirtualBus
 
 from eurobot_od.bus.live import FrameReader, Live, open_bus
@@ -701,3 +702,9 @@ def test_what_the_driver_has_not_taken_is_tried_again_and_is_not_kept_for_too_lo
     while live._sender.pause < LONGEST_PAUSE:
         live._sender.retry()
     assert live._next_look() == 5.0 + MAILBOX_WAIT
+
+
+def test_an_interface_of_an_extra_says_what_installs_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delitem(BACKENDS, "remote", raising=False)  # as if python-can-remote were not installed
+    with pytest.raises(BusError, match=r"cannot open the remote bus: interface remote is not installed; .*pip install"):
+        open_bus("remote")

@@ -14,13 +14,13 @@ pytest.importorskip("mcap", reason="the extra `mcap` is not installed")
 
 from mcap.reader import make_reader
 
-from eurobot_od.export.mcap import Written, write
 from eurobot_od.frame import Frame
 from eurobot_od.robot.model import messages
 from eurobot_od.robot.model.values import GotoFault, Source
 from eurobot_od.robot.protocol import decoder
 from eurobot_od.robot.scene.files import drawings
 from eurobot_od.traffic.entries import Damage, Foreign, LogEntry
+from eurobot_od.traffic.mcap import Written, write
 
 DECODER = decoder()
 ENCODE = DECODER.protocol.encode

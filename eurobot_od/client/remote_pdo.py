@@ -1,0 +1,298 @@
+"""The PDOs of a node of a `Network`, with the names that they have here and those that users of canopen know.
+
+`drive.pdo["TPDO1"]` and `drive.tpdo[1]` are the same PDO. What is set of it (`trans_type`, `enabled`, `add_variable`)
+is kept until `save`, which writes it in the order of CiA 301 and reads it back.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
+from pathlib import Path
+from typing import Any, overload
+
+from canopen.objectdictionary import ODVariable
+
+from eurobot_od.client.configure import map_objects
+from eurobot_od.client.master import finished
+from eurobot_od.client.masters import PeriodicTask
+from eurobot_od.client.streams import BlockingStream, MappedPdo, MappedPdos, PdoReading, PdoValue
+from eurobot_od.errors import NoAnswer, UnknownName
+from eurobot_od.export.dbc import text_of
+from eurobot_od.export.description import described
+from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.objects import at, find_one
+from eurobot_od.od.values import (
+    COB_ID,
+    EVENT_TIMER,
+    INHIBIT_TIME,
+    NOT_VALID,
+    SYNC_START,
+    TRANSMISSION_TYPE,
+    PdoDirection,
+    PdoRecords,
+    Value,
+)
+from eurobot_od.pdo.protocol import Protocol
+from eurobot_od.support.files import write_whole
+
+RECEPTION_WAIT = 10.0
+"""Seconds that `wait_for_reception` waits by default."""
+
+
+class PdoSignal(BlockingStream[PdoValue]):
+    """One object's values in a PDO: `last`, `wait`, `on`, and `for time, value in signal`.
+
+    `od` is canopen's variable. Set `raw` or `phys` of one in an RPDO, then `transmit()` the PDO.
+    """
+
+    od: ODVariable
+    _given: Value = None
+
+    @property
+    def value(self) -> Any:
+        """The last value, None before the first."""
+        return self.last and self.last.value
+
+    @property
+    def raw(self) -> Any:
+        """The value to be sent, or else the last one."""
+        return self.value if self._given is None else self._given
+
+    @raw.setter
+    def raw(self, value: Value) -> None:
+        self._given = value
+
+    @property
+    def phys(self) -> Any:
+        """`raw` times the Factor of the object."""
+        return self.raw if self.raw is None or self.od.factor == 1 else self.raw * self.od.factor
+
+    @phys.setter
+    def phys(self, value: float) -> None:
+        self.raw = value if self.od.factor == 1 else round(value / self.od.factor)
+
+
+def _setting(sub: int, what: str) -> Any:
+    """Return a parameter of the communication record as an attribute; None if the PDO does not have it."""
+
+    def read(pdo: RemotePdo) -> int | None:
+        return pdo.setting(sub)
+
+    def write(pdo: RemotePdo, value: int) -> None:
+        pdo.settings[sub] = value
+
+    return property(read, write, doc=what)
+
+
+class RemotePdo(MappedPdo, BlockingStream[PdoReading]):
+    """A PDO of a node: its readings as they come, its objects by name, and `transmit` for an RPDO.
+
+    What canopen calls a PdoMap: settings are written by `save`, `transmit()` without values sends those that were set.
+    """
+
+    trans_type = _setting(TRANSMISSION_TYPE, "The transmission type, 0..255.")
+    inhibit_time = _setting(INHIBIT_TIME, "The least time between two of them, in 100 us.")
+    event_timer = _setting(EVENT_TIMER, "The longest time between two of them, in ms; of an RPDO, its deadline.")
+    sync_start_value = _setting(SYNC_START, "The number of the SYNC with which it starts.")
+
+    def __init__(self, *given: Any) -> None:
+        super().__init__(*given)
+        self.settings: dict[int, int] = {}
+        """Parameters of the communication record, by sub-index, that `save` writes."""
+        self._mapped: list[ODVariable] | None = None
+        self._task: PeriodicTask | None = None
+
+    def __getitem__(self, name: str | int) -> PdoSignal:
+        """Return one object's values, by its name, its index or its place; raises UnknownName."""
+        key = self._key(name)
+        signal = self._signal(key, PdoSignal)
+        signal.od = self._binding.objects[key].variable
+        return signal
+
+    # Reading and sending
+
+    def transmit(self, values: Mapping[str, Value] | None = None) -> None:
+        """Send an RPDO with values for all that it maps, by name, or with those that were set (0 for the others).
+
+        The node acts on it when it is OPERATIONAL. Raises FieldError for a value that is missing, or that object or
+        mapping do not allow; UnknownName, LocalError for a TPDO, BusError.
+        """
+        self._node.master.send(*self._frame(self._set_values() if values is None else values))
+
+    def _set_values(self) -> dict[str, Value]:
+        return {name: self[name].raw or 0 for name in self.names}
+
+    def start(self, period: float) -> None:
+        """Send it every `period` seconds with the values that are set now; see `update`. Raises as `transmit`."""
+        self.stop()
+        self._task = PeriodicTask(self._node.master, [self._frame(self._set_values())], period)
+
+    def update(self) -> None:
+        """Have the values that are set now sent from now on, if it was started."""
+        if self._task is not None:
+            self.start(self._task.period)
+
+    def stop(self) -> None:
+        """End what `start` has begun."""
+        if self._task is not None:
+            self._task.stop()
+            self._task = None
+
+    def wait_for_reception(self, timeout: float = RECEPTION_WAIT) -> float | None:
+        """Wait for the next one and return its time stamp; None if there is none within `timeout` seconds."""
+        try:
+            return self.wait(timeout).time
+        except NoAnswer:
+            return None
+
+    def add_callback(self, function: Callable[[RemotePdo], object]) -> None:
+        """Have a function called with this PDO each time that it has come; see `on`."""
+        self.on(lambda _: function(self))
+
+    @property
+    def timestamp(self) -> float | None:
+        """The time of the last one, None before the first."""
+        return self.last and self.last.time
+
+    # Its parameters
+
+    @property
+    def records(self) -> PdoRecords:
+        """The PDO as the master knows it: where its records are, and what they say."""
+        return self._binding.pdo
+
+    @property
+    def indices(self) -> tuple[int, int]:
+        """The indices of its communication and mapping records."""
+        return self.records.index, self.records.mapping_index
+
+    @property
+    def _dictionary(self) -> Dictionary:
+        assert self._home.dictionary is not None  # without it there are no PDOs
+        return self._home.dictionary
+
+    def setting(self, sub: int) -> int | None:
+        """Return a parameter of the communication record: what is to be written, or what the master knows of it."""
+        return self.settings.get(sub, self._dictionary.number((self.records.index, sub)))
+
+    @property
+    def enabled(self) -> bool:
+        """Whether it is valid."""
+        wanted = self.settings.get(COB_ID)
+        return self._binding.pdo.valid if wanted is None else not wanted & NOT_VALID
+
+    @enabled.setter
+    def enabled(self, enabled: bool) -> None:
+        entry = self.setting(COB_ID) or self.cob_id
+        self.settings[COB_ID] = entry & ~NOT_VALID if enabled else entry | NOT_VALID
+
+    def clear(self) -> None:
+        """Empty the mapping."""
+        self._mapped = []
+
+    def add_variable(self, name: str | int, member: str | int = 0) -> ODVariable:
+        """Map one more object, by name or index, and member or sub-index; raises UnknownName, LocalError."""
+        objects = self._dictionary.objects
+        if isinstance(name, int):
+            thing = at((name, int(member)), objects)
+        else:
+            thing = find_one(f"{name}.{member}" if isinstance(member, str) else name, objects)
+        if self._mapped is None:
+            self._mapped = [each.variable for each in self._binding.pdo.mapping]
+        self._mapped.append(thing)
+        return thing
+
+    def save(self) -> None:
+        """Write what was set to the node, in the order of CiA 301, and read it back; without any, do nothing.
+
+        Raises LocalError for what cannot be mapped, ConfigurationError if the node then has something else, NodeRefused
+        for a write that it refuses (the PDO is then off), NoAnswer, BusError.
+        """
+        if not self.settings and self._mapped is None:
+            return
+        written = map_objects(self._node, self._dictionary, self._binding.pdo, self._mapped, self.settings)
+        self.settings, self._mapped = {}, None
+        self._home.present({address: int.from_bytes(data, "little") for address, data in written.items()})
+
+
+class RemotePdos(MappedPdos[RemotePdo]):
+    """The PDOs of a node: `drive.pdo["TPDO1"]`; `tx` and `rx` are those of one direction, by number."""
+
+    @property
+    def tx(self) -> PdosOfDirection:
+        """The TPDOs: `drive.tpdo`."""
+        return PdosOfDirection(self, PdoDirection.TPDO)
+
+    @property
+    def rx(self) -> PdosOfDirection:
+        """The RPDOs: `drive.rpdo`."""
+        return PdosOfDirection(self, PdoDirection.RPDO)
+
+    def __getitem__(self, name: str | int) -> RemotePdo:
+        """Return a PDO by name, or by the index of one of its records; raises UnknownName, also for one that is off."""
+        indices = {index: key for key, pdo in self._pdos.items() for index in pdo.indices}
+        return super().__getitem__(name if isinstance(name, str) else indices.get(name, f"0x{name:04X}"))
+
+    def of(self, direction: PdoDirection) -> dict[int, RemotePdo]:
+        """Return those of one direction by number, whether they are valid or not."""
+        records = (pdo.records for pdo in self._made.values())
+        return {each.number: self._made[each.key] for each in records if each.direction is direction}
+
+    def read(self, from_od: bool = False) -> None:
+        """Ask the node how its PDOs are mapped now; raises NoAnswer, RemoteError, BusError.
+
+        With `from_od` nothing is asked: what the file says counts until the node has said something else.
+        """
+        if not from_od:
+            finished(self._read())
+
+    def save(self) -> None:
+        """Save those that were changed; raises as `RemotePdo.save`."""
+        for pdo in self._made.values():
+            pdo.save()
+
+
+class PdosOfDirection(Mapping[int, RemotePdo]):
+    """The TPDOs or RPDOs of a node by number from 1 on, valid or not; by name, the objects that the valid ones map."""
+
+    def __init__(self, pdos: RemotePdos, direction: PdoDirection) -> None:
+        self._pdos, self._direction = pdos, direction
+        self.read, self.save = pdos.read, pdos.save
+
+    @overload
+    def __getitem__(self, key: int) -> RemotePdo: ...
+
+    @overload
+    def __getitem__(self, key: str) -> PdoSignal: ...
+
+    def __getitem__(self, key: int | str) -> RemotePdo | PdoSignal:
+        """Return a PDO by its number, or one object's values by its name; raises UnknownName."""
+        numbered = self._pdos.of(self._direction)
+        if isinstance(key, int):
+            if key not in numbered:
+                raise UnknownName(self._direction.name, key, numbered)
+            return numbered[key]
+        for pdo in numbered.values():
+            with suppress(UnknownName):
+                return pdo[key]
+        names = (name for pdo in numbered.values() for name in pdo.names)
+        raise UnknownName(f"object of a {self._direction.name}", key, names)
+
+    def __iter__(self) -> Iterator[int]:
+        return iter(self._pdos.of(self._direction))
+
+    def __len__(self) -> int:
+        return len(self._pdos.of(self._direction))
+
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__} {', '.join(pdo.name for pdo in self.values())}>"
+
+    def export(self, file: str | Path) -> None:
+        """Write the valid ones as a DBC file; raises MappingError, LocalError, OSError."""
+        assert self._pdos.dictionary is not None  # without it there are no PDOs
+        dictionary = self._pdos.dictionary
+        messages = described(Protocol([(dictionary, dictionary.pdos)]))
+        sent = self._direction is PdoDirection.TPDO
+        chosen = (each for each in messages if (each.senders if sent else each.receivers))
+        write_whole(Path(file), text_of(chosen).encode())
