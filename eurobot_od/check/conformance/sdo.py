@@ -121,7 +121,7 @@ def _block_upload(subject: Subject) -> Steps:
 # Downloads
 
 
-NOT_GUARDED = "the file has no guard time (0x100C) that can be read, written and put back"
+NOT_GUARDED = "the file has no guard time (0x100C) that can be read, written and put back, and whose value is known"
 
 
 def _asked_of(each: ODVariable, guard: str, heartbeat: str) -> str:
@@ -148,7 +148,8 @@ def _segmented_download(subject: Subject) -> Steps:
 
 @CHAPTER.clause("7.2.4.3.4", "SDO download", Tier.REVERSIBLE, "2.14", name="0x100C by segments")
 def _segmented_guard_time(subject: Subject) -> Steps:
-    yield _by_segments(subject, need(subject.settable(GUARD_TIME), NOT_GUARDED))
+    each = need(subject.settable(GUARD_TIME), NOT_GUARDED)
+    yield _by_segments(subject, need(each if _known(each) else None, NOT_GUARDED))
 
 
 def _by_segments(subject: Subject, each: ODVariable) -> Data:

@@ -170,6 +170,7 @@ NARROW = record(0x1018, "Identity", (0, "UNSIGNED8", "2"), (1, "UNSIGNED16", Non
     "text",
     [
         variable("2000", "Name", "VISIBLE_STRING", None),  # no number to ask for, and no 0x1000
+        DEVICE_TYPE + variable("100C", "Guard time", "UNSIGNED16", None),  # whose value nobody knows
         DEVICE_TYPE + GUARDED + variable("1F80", "NMT startup", "UNSIGNED32", "0"),  # it starts itself
         "[DeviceInfo]\nVendorNumber=84078612\nProductNumber=84078612\n" + DEVICE_TYPE + NARROW,
     ],
