@@ -6,14 +6,15 @@ Rule of this file: one thread calls everything here except the methods of `tap`;
 from __future__ import annotations
 
 import json
+import secrets
 import time
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from pathlib import Path
-from queue import Empty, Full, Queue, SimpleQueue
+from queue import Empty, Full, Queue
 from threading import Lock
-from typing import Any
+from typing import Any, NamedTuple
 
 import can
 from canopen.objectdictionary import ODVariable
@@ -26,7 +27,8 @@ from eurobot_od.traffic.entries import Damage, Raw
 from eurobot_od.traffic.meaning import Decoder
 from eurobot_od.traffic.monitor import BusSource, Traffic
 from eurobot_od.traffic.recorder import recording
-from eurobot_od.web.page import PageEvent, Panel, defects, event_data, service_events, values
+from eurobot_od.web.events import BusEvents, PageEvent
+from eurobot_od.web.page import Panel, defects, event_data, hex_of, is_foreign, key_of, values
 
 # A second bus on one adapter, for a master that asks nodes while the session takes every frame
 
@@ -55,7 +57,6 @@ class Tap(can.BusABC):
         self.trouble = ""
         self._lock = Lock()
         self._came: Queue[can.Message] = Queue(MOST_WAITING)
-        self._sent: SimpleQueue[Frame] = SimpleQueue()
 
     def give(self, frame: Frame) -> None:
         """Pass a frame to the master if it listens to it."""
@@ -75,11 +76,6 @@ class Tap(can.BusABC):
                 raise BusError(self.trouble)
             if not self._send_by(frame, PATIENCE):
                 raise BusError("the bus did not take the frame: is another node there to acknowledge it?")
-        self._sent.put(frame)
-
-    def sent(self) -> list[Frame]:
-        """Return what was sent since the last call: a bus does not return a frame to its sender."""
-        return [self._sent.get() for _ in range(self._sent.qsize())]
 
     # what python-can asks of a bus
 
@@ -127,6 +123,52 @@ class PolledObject:
 # The session
 
 
+MOST_KEPT = 100_000
+"""Most frames that a page can still ask for, about 25 MB; the oldest make room, `DROPPED` of them at once."""
+
+DROPPED = 10_000
+
+AT_ONCE = 5000
+"""Most frames in one snapshot: a page that is opened late catches up in some seconds."""
+
+
+class Stretch(NamedTuple):
+    """Frames that follow each other, as JSON; `first` is the number of the first one."""
+
+    first: int
+    frames: Sequence[str]
+
+    @property
+    def next(self) -> int:
+        """The number of the frame after them."""
+        return self.first + len(self.frames)
+
+
+class History:
+    """The last frames, each made text once for all browsers; they are numbered from 0 on."""
+
+    def __init__(self) -> None:
+        self._first, self._frames = 0, list[str]()
+
+    def add(self, frame: str) -> None:
+        """Take in the next frame."""
+        self._frames.append(frame)
+        if len(self._frames) >= MOST_KEPT + DROPPED:
+            del self._frames[:DROPPED]
+            self._first += DROPPED
+
+    def since(self, number: int) -> Stretch:
+        """Return frames from a number on, or from the oldest one that is left."""
+        first = max(number, self._first)
+        return Stretch(first, self._frames[first - self._first :][:AT_ONCE])
+
+
+NO_FRAMES = Stretch(0, ())
+
+
+FEW = 2
+"""Frames of a message that tell nothing of its period."""
+
 MOST_EVENTS = 2000
 """Most events that are kept; the oldest make room."""
 
@@ -138,7 +180,8 @@ class Session:
     """A bus that is watched.
 
     `open_bus` opens it, now and whenever it is lost; raises BusError now. `now` counts the seconds since then.
-    `trouble` is what is wrong with the bus, empty while all is well; `panels` are shown beside the frames.
+    `trouble` is what is wrong with the bus, empty while all is well; `panels` are shown beside the frames, and
+    `history` has the last of these. By its `name` a page notices that it is another session.
     """
 
     def __init__(
@@ -153,7 +196,9 @@ class Session:
         self.polled: dict[str, PolledObject] = {}
         self.trouble = ""
         self.turn = 0
+        self.history, self.name = History(), secrets.token_hex(4)
         self._clock = clock
+        self._watch = BusEvents(decoder)
         self.panels = [panel() for panel in panels]
         self._traffic = Traffic(decoder, bitrate)
         self._changed: dict[int | Damage, int] = {}
@@ -161,7 +206,7 @@ class Session:
         self._events: dict[str, tuple[int, PageEvent]] = {}
         self._recording = LogRecording()
         self._load = (0.0, 0.0)
-        self._started = clock()
+        self._started, self._began = clock(), round(time.time(), 3)
         self._origin: float | None = None
         self._source = BusSource(open_bus(), clock, open_bus)
         self.tap = Tap(self._source.send, (SdoChannel.of(each).answers for each in decoder.dictionaries))
@@ -186,8 +231,8 @@ class Session:
                 self._origin = frame_time - self.now
             self._take(frame_time - self._origin, raw)
         self.trouble = self.tap.trouble = self._source.trouble
-        for frame in self.tap.sent():
-            self._take(self.now, frame)
+        for event in self._watch.look(self.now, self._traffic.nodes):
+            self._enter(event)
         self._load = self._traffic.load(self.now)
 
     def _take(self, now: float, raw: Raw) -> None:
@@ -196,7 +241,9 @@ class Session:
         if isinstance(raw, Frame):
             self.tap.give(raw)
             self._recording.write(now, raw)
-        for event in service_events(self._traffic.frames, now, meaning):
+        shown = [key_of(raw), round(now, 5), hex_of(meaning), values(meaning), meaning.text, defects(meaning)]
+        self.history.add(json.dumps(shown, separators=(",", ":")))
+        for event in self._watch.take(self._traffic.frames, now, meaning):
             self._enter(event)
         if meaning.message is not None:
             for panel in self.panels:
@@ -218,12 +265,15 @@ class Session:
 
     # What is shown
 
-    def snapshot(self, since: int, **more: object) -> str:
-        """Return as JSON what has changed after a `turn`, -1 for everything."""
+    def snapshot(self, since: int, stretch: Stretch = NO_FRAMES, **more: object) -> str:
+        """Return as JSON what has changed after a `turn`, -1 for everything, and a stretch of the history."""
         load, rate = self._load
         now = self.now
         head = {
+            "session": self.name,
+            "began": self._began,
             "turn": self.turn,
+            "first": stretch.first,
             "time": round(now, 4),
             "load": round(load, 4),
             "rate": round(rate, 1),
@@ -235,7 +285,7 @@ class Session:
                     "name": name,
                     "state": node.state,
                     "age": None if node.pulse.heard is None else round(now - node.pulse.heard, 2),
-                    "lost": node.pulse.lost(now),
+                    "life": node.pulse.life(now).value,
                     "emergency": node.emergency,
                 }
                 for name, node in self._traffic.nodes.items()
@@ -246,7 +296,7 @@ class Session:
         }
         rows = ",".join(self._row(key) for key, turn in self._changed.items() if turn > since)
         # Put together by hand: a row is already text, made once for all browsers.
-        return f'{json.dumps(head)[:-1]}, "rows": [{rows}]}}'
+        return f'{json.dumps(head)[:-1]}, "history": [{",".join(stretch.frames)}], "rows": [{rows}]}}'
 
     def _row(self, key: int | Damage) -> str:
         """Return a row as JSON, made once for all browsers."""
@@ -254,8 +304,10 @@ class Session:
         count, text = self._written.get(key, (0, ""))
         if count == row.count:
             return text
-        found, period = values(row.meaning), row.period
+        # One interval is not a period.
+        found, period = values(row.meaning), row.period if len(row.times) > FEW else None
         data = {
+            "key": key_of(row.meaning.raw),
             "id": row.identifier,
             "name": row.name,
             "group": row.meaning.group,
@@ -265,9 +317,11 @@ class Session:
             "period": period and round(period.mean, 6),
             "jitter": period and round(period.jitter, 6),
             "time": round(row.last, 5),
+            "data": hex_of(row.meaning),
             "values": found,
-            "text": row.meaning.text if found is None else "",
+            "text": row.meaning.text,
             "defects": defects(row.meaning),
+            "foreign": is_foreign(row.meaning),
         }
         self._written[key] = row.count, json.dumps(data)
         return self._written[key][1]

@@ -91,7 +91,7 @@ def test_nodes_tell_their_state(bus: tuple[Session, Callable[[Frame], None]]) ->
     session, send = bus
     send(BEAT)
     drive = next(each for each in snapshot(session)["nodes"] if each["name"] == "drive")
-    assert (drive["state"], drive["lost"]) == ("operational", False)
+    assert (drive["state"], drive["life"]) == ("operational", "alive")
     assert 0 <= drive["age"] < 10
 
 
