@@ -68,12 +68,14 @@ class ObjectGroup {                         // lines under a heading, which are 
   constructor(view, title, lines, inner) {
     Object.assign(this, {view, lines, inner});
     this.body = h("div", {class: "group-body"});
-    const read = h("button", {onclick: event => { event.preventDefault(); view.readAll(lines); }, "aria-label": `read ${title}`}, "Read group");
-    this.element = h("details", {class: inner ? "object-group" : "object-record", ontoggle: () => this.fill()},
-      h("summary", {}, h("span", {}, title), " ", h("small", {class: "hint"}, String(lines.length)), " ", read), this.body);
+    this.details = h("details", {ontoggle: () => this.fill()},
+      h("summary", {}, h("span", {}, title), " ", h("small", {class: "hint"}, String(lines.length))), this.body);
+    // Beside the summary, not in it: that is a control itself.
+    this.element = h("div", {class: inner ? "object-group" : "object-record"}, this.details,
+      h("button", {onclick: () => view.readAll(lines), "aria-label": `read ${title}`}, "Read group"));
   }
   fill() {
-    if (!this.element.open || this.body.childElementCount) return;
+    if (!this.details.open || this.body.childElementCount) return;
     if (!this.inner) { this.body.append(objectTable(this.lines)); return; }
     const records = new Map();
     for (const line of this.lines) records.set(line.index, [...(records.get(line.index) || []), line]);

@@ -1,9 +1,9 @@
 "use strict";
 // The whole: the table of views, the header, which view is shown, the keys. The other scripts make the views.
 
-const VIEWS = [                             // in the order of their tabs; `if` says where there is one, `control` that it takes control
+const VIEWS = [                             // in the order of their tabs; `if`: where there is one; `control`: it takes control; `whole`: it stands alone
   {name: "messages", title: "Messages", make: messagesView},
-  {name: "trace", title: "Trace", make: traceView},
+  {name: "trace", title: "Trace", make: traceView, whole: true},
   {name: "plots", title: "Plots", make: plotsView},
   {name: "nodes", title: "Nodes", make: nodesView},
   {name: "objects", title: "Objects", make: objectsView, if: live},
@@ -37,9 +37,8 @@ function statusLine() {
   const record = recordButton();
   const element = h("div", {class: "status", role: "status", "aria-live": "off"}, life.element, text, load, ...(live ? [freeze, ...record.elements] : []));
   return {element, show(time) {
-    const worst = sources.map(each => lifeOf(each, time)).sort((one, two) => Object.keys(LIFE).indexOf(two.life) - Object.keys(LIFE).indexOf(one.life))[0];
-    const alarm = {lost: 3, late: 2, "not connected": 4}, found = sources.map(each => lifeOf(each, time)).sort((one, two) => (alarm[two.life] || 0) - (alarm[one.life] || 0))[0];
-    life.set((found || worst).life, (found || worst).text);
+    const [worst] = sources.map(each => lifeOf(each, time)).sort((one, two) => WORST.indexOf(one.life) - WORST.indexOf(two.life));
+    life.set(worst.life, worst.text);
     if (!live) {
       say(text, sources.map(each => each.leftOut ? `${each.leftOut} frames left out` : "").filter(Boolean).join(", "));
       say(load, `load ${sources.map(each => `${(100 * each.load(time)).toFixed(1)} %`).join(" | ")}`);
@@ -114,7 +113,7 @@ class Tabs {                                // which view is shown; a panel has 
     next.focus();
   }
   layout() {
-    const beside = this.wide.matches && this.all.some(view => view.panel) && !this.current.panel;
+    const beside = this.wide.matches && this.all.some(view => view.panel) && !this.current.panel && !this.current.whole;
     this.all.forEach((view, place) => {
       const chosen = view === this.current;
       this.tabs[place].setAttribute("aria-selected", String(chosen));

@@ -320,6 +320,7 @@ const quietly = promise => promise.catch(() => undefined);
 // How alive a node is: in words, by a sign, and by a colour, the same in every view
 
 const LIFE = {alive: "●", late: "◐", lost: "✕", unknown: "○", "not connected": "⊘"};
+const WORST = ["not connected", "lost", "late", "alive", "unknown"];   // what the header shows of several
 const LATE_AFTER = 1.5, LOST_AFTER = 2;     // periods without a heartbeat
 const UNHEARD = {state: "", age: null, life: "unknown"};
 
@@ -337,7 +338,8 @@ function nodeNow(source, node, time) {      // its state, the age of its last he
 function lifeOf(source, time) {             // the worst of all nodes that were heard, and whose it is
   if (live && connection.trouble) return {life: "not connected", text: "not connected"};
   const all = allNodes(source).map(node => ({node, ...nodeNow(source, node, time)}));
-  for (const life of ["lost", "late", "alive"]) {
+  for (const life of WORST) {
+    if (life === "unknown") break;
     const found = all.filter(each => each.life === life).map(each => each.node.name);
     if (found.length) return {life, text: life === "alive" ? `${found.length} alive` : `${found.join(", ")} ${life}`};
   }

@@ -38,9 +38,9 @@ class Trace {
     this.rows = h("div", {class: "lines"});
     this.space = h("div", {class: "space"}, this.rows);
     this.box = h("div", {class: "frames", tabindex: 0, role: "region", "aria-label": `frames of ${source.name}`,
-      onscroll: () => this.scrolled(), onkeydown: event => this.key(event)}, this.space);
+      onscroll: () => this.scrolled(), onkeydown: event => this.key(event)}, this.head(), this.space);
     this.count = h("span", {class: "hint", role: "status", "aria-live": "off"});
-    this.element = h("div", {class: "trace"}, this.tools(), this.head(), this.box);
+    this.element = h("div", {class: "trace"}, this.tools(), this.box);
   }
   head() { return h("div", {class: "line head", "aria-hidden": "true"}, ...["Time s", "Channel", "ID", "Len", "Data", "Message", "Meaning"].map(each => h("span", {}, each))); }
   tools() {
