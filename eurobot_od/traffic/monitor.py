@@ -364,11 +364,22 @@ AT_ONCE = 20_000
 """Entries of a log that are played without a refresh of the screen between them."""
 
 
+GRACE = 0.02
+"""Seconds that a frame of ours waits for what came before it: a busy machine reads late."""
+
+RESOLUTION = 0.002
+"""Seconds by which times of drivers are wrong at most: what came later than that before a frame is no answer to it."""
+
+
 @dataclass
 class FrameUnderWay:
-    """A frame of ours among those that came; `taken` tells whether the driver has taken it, None before it says so."""
+    """A frame of ours among those that came; `taken` tells whether the driver has taken it, None before it says so.
+
+    It was entered at the time `entered` of our clock.
+    """
 
     frame: Frame
+    entered: float
     taken: bool | None = None
 
 
@@ -443,7 +454,7 @@ class BusSource:
 
         Callers on several threads send one after the other.
         """
-        under_way = FrameUnderWay(frame)
+        under_way = FrameUnderWay(frame, self._clock())
         self._restarted |= not self._is_stamped  # the times begin with this one, wherever the driver's clock may be
         # Entered before the driver has it: its answer may come before `send` returns.
         self._came.append((self.now, under_way))
@@ -467,13 +478,20 @@ class BusSource:
         """Return the frames; raises BusError if the bus failed."""
         for _ in range(len(self._came)):  # not until it is empty: on a full bus the screen would never be drawn
             time, raw = self._came[0]
-            if isinstance(raw, FrameUnderWay) and raw.taken is None:
-                break  # what stands behind it may be its answer
-            self._came.popleft()
             if not isinstance(raw, FrameUnderWay):
+                self._came.popleft()
                 yield time, raw
-            elif raw.taken:
-                yield time, raw.frame
+                continue
+            behind = self._came[1] if len(self._came) > 1 else None
+            if behind and behind[0] < time - RESOLUTION and not isinstance(behind[1], FrameUnderWay):
+                del self._came[1]  # read late, it was on the bus before
+                yield behind[0], behind[1]
+            elif raw.taken is None or (behind is None and self._clock() - raw.entered < GRACE):
+                break
+            else:
+                self._came.popleft()
+                if raw.taken:
+                    yield (min(time, behind[0]) if behind else time), raw.frame
         # One more binary digit: told when the number has doubled, as a flood would fill the screen with notes.
         if self._watch.overflow().bit_length() > self._overflow.bit_length():
             self._note_overflow()

@@ -228,7 +228,7 @@ class Session:
         self.turn += 1
         for frame_time, raw in self._source.poll():
             if self._origin is None:  # a driver's clock may start anywhere
-                self._origin = frame_time - self.now
+                self._origin = min(self._source.now - self.now, frame_time)
             self._take(frame_time - self._origin, raw)
         self.trouble = self.tap.trouble = self._source.trouble
         for event in self._watch.look(self.now, self._traffic.nodes):

@@ -75,6 +75,14 @@ def snapshot(session: Session, since: int = -1) -> dict[str, Any]:
     return found
 
 
+def send_own(session: Session, frame: Frame) -> None:
+    """Send a frame from the page, and wait until the session has it."""
+    before = session.frames
+    session.tap.send_frame(frame)
+    while session.frames == before:
+        session.poll()
+
+
 def test_a_snapshot_has_what_changed_since_a_turn(bus: tuple[Session, Callable[[Frame], None]]) -> None:
     session, send = bus
     send(BEAT)
@@ -98,8 +106,7 @@ def test_nodes_tell_their_state(bus: tuple[Session, Callable[[Frame], None]]) ->
 
 def test_what_the_page_sends_is_shown_too(bus: tuple[Session, Callable[[Frame], None]]) -> None:
     session, _ = bus
-    session.tap.send_frame(STOP)
-    session.poll()
+    send_own(session, STOP)
     assert [each["name"] for each in snapshot(session)["rows"]] == ["Stop Drive"]
 
 
@@ -124,8 +131,7 @@ def test_an_event_that_has_changed_is_as_new_as_its_change(monkeypatch: pytest.M
     monkeypatch.setattr(module, "MOST_EVENTS", 2)
     session = Session(partial(open_bus, "virtual", channel()), decoder(), 500_000, [Lasting])
     for frame in (STOP, NMT, STOP, NMT):
-        session.tap.send_frame(frame)
-        session.poll()
+        send_own(session, frame)
     assert [each["key"] for each in snapshot(session)["events"]] == ["lasting", "NMT 4"]
     session.close()
 
@@ -175,8 +181,7 @@ def test_a_recording_that_cannot_be_ended_lets_the_bus_go_all_the_same(
     session = Session(lambda: bus, decoder(), 500_000)
     monkeypatch.setattr(module, "recording", full)
     session.record(tmp_path)
-    session.tap.send_frame(BEAT)
-    session.poll()
+    send_own(session, BEAT)
     with pytest.raises(OSError, match="No space left on device"):
         session.close()
     assert bus._is_shutdown
@@ -257,8 +262,7 @@ def test_a_frame_that_the_driver_refuses_was_not_on_the_bus() -> None:
 def test_times_begin_with_what_the_page_sends_first() -> None:
     name = channel()
     session = Session(partial(open_bus, "virtual", name), decoder(), 500_000)
-    session.tap.send_frame(BEAT)
-    session.poll()
+    send_own(session, BEAT)
     with open_bus("virtual", name) as other:
         Driver(other).send(NMT)
         while session.frames < 2:

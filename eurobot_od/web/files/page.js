@@ -46,6 +46,7 @@ function statusLine() {
     }
     const {state, trouble} = connection;
     element.classList.toggle("is-wrong", Boolean(trouble));
+    text.classList.toggle("more", !trouble);  // a phone has no room for the time
     say(text, trouble || `${time.toFixed(1)} s`);
     freeze.setAttribute("aria-pressed", String(clock.frozen !== null));
     if (!state) return;
