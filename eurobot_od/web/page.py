@@ -197,7 +197,9 @@ def is_foreign(meaning: Meaning) -> bool:
 
 def event_data(event: PageEvent) -> dict[str, Any]:
     """Return an event as data."""
-    return event._asdict() | {"time": round(event.time, 4), "end": None if event.end is None else round(event.end, 4)}
+    # As exactly as a frame's: an event leads to its frame.
+    end = None if event.end is None else round(event.end, DIGITS)
+    return event._asdict() | {"time": round(event.time, DIGITS), "end": end}
 
 
 # A log

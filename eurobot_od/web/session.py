@@ -28,7 +28,7 @@ from eurobot_od.traffic.meaning import Decoder
 from eurobot_od.traffic.monitor import BusSource, Traffic
 from eurobot_od.traffic.recorder import recording
 from eurobot_od.web.events import BusEvents, PageEvent
-from eurobot_od.web.page import Panel, defects, event_data, hex_of, is_foreign, key_of, values
+from eurobot_od.web.page import DIGITS, Panel, defects, event_data, hex_of, is_foreign, key_of, values
 
 # A second bus on one adapter, for a master that asks nodes while the session takes every frame
 
@@ -241,7 +241,7 @@ class Session:
         if isinstance(raw, Frame):
             self.tap.give(raw)
             self._recording.write(now, raw)
-        shown = [key_of(raw), round(now, 5), hex_of(meaning), values(meaning), meaning.text, defects(meaning)]
+        shown = [key_of(raw), round(now, DIGITS), hex_of(meaning), values(meaning), meaning.text, defects(meaning)]
         self.history.add(json.dumps(shown, separators=(",", ":")))
         for event in self._watch.take(self._traffic.frames, now, meaning):
             self._enter(event)
@@ -316,7 +316,7 @@ class Session:
             "wrong": row.wrong,
             "period": period and round(period.mean, 6),
             "jitter": period and round(period.jitter, 6),
-            "time": round(row.last, 5),
+            "time": round(row.last, DIGITS),
             "data": hex_of(row.meaning),
             "values": found,
             "text": row.meaning.text,

@@ -205,6 +205,6 @@ def test_an_address_for_a_person() -> None:
 @rows("text", ["1_000", "\u0663", "0x1_0", "\u00b2", "", "1" * 101])
 def test_what_only_python_reads_as_a_number_is_none(text: str) -> None:
     for read in (typed_number, typed_real):
-        with pytest.raises(ValueError, match=".*"):
+        with pytest.raises(ValueError):  # noqa: PT011 (int and float say it in their own words)
             read(text)
     assert (typed_number("-0x10"), typed_real("1e3")) == (-16, 1000.0)

@@ -35,7 +35,9 @@ def test_no_serious_finding_in_any_view(scene: tuple[Page, Bench], width: int, h
     found: dict[str, list[Any]] = {}
     for name in page.run("[...document.querySelectorAll('[role=tab]')].map(tab => tab.id)"):
         page.run(f"document.querySelector('#{name}').click()")
-        page.run("for (const each of document.querySelectorAll('.tree .object-group:first-child details')) each.open = true")
+        page.run(
+            "for (const each of document.querySelectorAll('.tree .object-group:first-child details')) each.open = true"
+        )
         page.run("new Promise(done => setTimeout(done, 300))")
         seen = page.run("axe.run().then(said => said.violations.map(each => "
             "[each.impact, each.id, each.nodes.slice(0, 3).map(node => node.html.slice(0, 120))]))")  # fmt: skip
@@ -66,7 +68,9 @@ class Keys:
             self._page.press(letter)
 
     def enter(self) -> None:
-        self._page.call("Input.dispatchKeyEvent", type="keyDown", key="Enter", code="Enter", windowsVirtualKeyCode=13, text="\r")
+        self._page.call(
+            "Input.dispatchKeyEvent", type="keyDown", key="Enter", code="Enter", windowsVirtualKeyCode=13, text="\r"
+        )
         self._page.call("Input.dispatchKeyEvent", type="keyUp", key="Enter", code="Enter", windowsVirtualKeyCode=13)
 
 
@@ -85,7 +89,9 @@ def test_by_the_keyboard_alone(scene: tuple[Page, Bench]) -> None:
     keys.enter()
     page.wait("plots.all[0].series.length === 1")
     page.run("document.activeElement.blur()")
-    place = page.run("[...document.querySelectorAll('[role=tab]')].filter(tab => !tab.hidden).findIndex(tab => tab.id === 'tab-objects') + 1")
+    place = page.run(
+        "[...document.querySelectorAll('[role=tab]:not([hidden])')].findIndex(tab => tab.id === 'tab-objects') + 1"
+    )
     page.press(str(place))
     page.wait("document.querySelector('.tree details')")
     keys.tab_to("it.getAttribute('aria-label') === 'search objects'")

@@ -246,8 +246,14 @@ def test_a_fault_is_said_and_reset(tmp_path: Path, window: Page) -> None:
         ({"do": "drive", "node": "servo", "axis": 1}, "command is missing, or not a text"),
         ({"do": "jog", "node": "servo", "axis": 1}, "velocity is missing, or not a whole number"),
         ({"do": "jog", "node": "servo", "axis": 1, "velocity": True}, "velocity is missing, or not a whole number"),
-        ({"do": "jog", "node": "servo", "axis": 1, "velocity": 12_001}, "velocity = 12001 is not allowed; allowed: -12000..12000"),
-        ({"do": "jog", "node": "servo", "axis": 1, "torque": -1001}, "torque = -1001 is not allowed; allowed: -1000..1000"),
+        (
+            {"do": "jog", "node": "servo", "axis": 1, "velocity": 12_001},
+            "velocity = 12001 is not allowed; allowed: -12000..12000",
+        ),
+        (
+            {"do": "jog", "node": "servo", "axis": 1, "torque": -1001},
+            "torque = -1001 is not allowed; allowed: -1000..1000",
+        ),
         ({"do": "drive", "node": "servo", "axis": 1, "command": "move"}, "position is missing"),
         (
             {"do": "drive", "node": "servo", "axis": 1, "command": "move", "position": 2**31},

@@ -39,16 +39,17 @@ def told(found: Iterable[PageEvent]) -> list[tuple[float, str, str, bool]]:
     [
         (["705#00"], [(0, "boot-up", "servo, boot-up", False)]),
         (["000#0105"], [(0, "NMT", "start, servo", False)]),
-        (["085#3081110000000000"], [(0, "EMCY", "servo, 0x8130 life guard error or heartbeat error, register 0x11, 00 00 00 00 00", True)]),
+        (["085#3081110000000000"], [(0, "EMCY", "servo, 0x8130 ", True)]),
         (["085#0000000000000000"], [(0, "EMCY", "servo: error cleared", False)]),
-        (["605#40FF5F0000000000", "585#80FF5F0000000206"], [(1, "abort", "servo, 0x5FFF:00: 0x06020000 no such object", True)]),
+        (["605#40FF5F0000000000", "585#80FF5F0000000206"], [(1, "abort", "servo, 0x5FFF:00: 0x06020000", True)]),
         (["285#3706000000000000"], []),  # the first state is not a change
     ],
     ids=["boot-up", "NMT", "EMCY", "cleared", "abort", "first"],
 )  # fmt: skip
 def test_frames_that_are_events(frames: list[str], expected: list[tuple[float, str, str, bool]]) -> None:
-    assert [each[:2] for each in told(events(*frames))] == [each[:2] for each in expected]
-    assert [each[3] for each in told(events(*frames))] == [each[3] for each in expected]
+    found = told(events(*frames))
+    assert [(time, kind, wrong) for time, kind, _, wrong in found] == [(each[0], each[1], each[3]) for each in expected]
+    assert [text for _, _, text, _ in found if not text.startswith(expected[0][2])] == []
 
 
 def test_a_drive_tells_its_states_by_pdo_and_by_sdo() -> None:

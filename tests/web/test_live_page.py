@@ -214,7 +214,10 @@ def test_nothing_is_sent_before_all_is_filled_in_and_what_moves_asks_twice(scene
     page.click("#tab-send")
     page.run("""(() => {
         const ask = connection.ask;
-        connection.ask = function (what) { if (what.do === 'send') window.sends = (window.sends ?? 0) + 1; return ask.call(this, what); };
+        connection.ask = function (what) {
+            if (what.do === 'send') window.sends = (window.sends ?? 0) + 1;
+            return ask.call(this, what);
+        };
         const chosen = document.querySelector('form.send select');
         chosen.value = 'Goto XY';
         chosen.dispatchEvent(new Event('change'));
@@ -224,7 +227,10 @@ def test_nothing_is_sent_before_all_is_filled_in_and_what_moves_asks_twice(scene
         page.run(f"{button}.click()")
     page.wait("document.querySelector('.answer').textContent === 'not sent: x, y, angle, speed are empty'")
     assert sends(page) == 0
-    page.run("[700, 1600, 0, 50].forEach((value, place) => { document.querySelectorAll('.fields input')[place].value = value; })")
+    page.run(
+        "[700, 1600, 0, 50].forEach((value, place) => {"
+        " document.querySelectorAll('.fields input')[place].value = value; })"
+    )
     page.run(f"{button}.click()")
     assert page.run(f"{button}.textContent") == "Send: press again"
     assert sends(page) == 0
@@ -504,7 +510,10 @@ def test_the_page_finds_a_server_that_was_started_again(tmp_path: Path, window: 
     # Nothing looks alive any more, in words, colours and signs, in the header and in the view; STOP says so at once.
     window.wait("document.querySelector('header .life').textContent === '⊘ not connected'")
     window.wait("[...document.querySelectorAll('.card')].every(each => each.dataset.life === 'not connected')")
-    assert window.run("[...document.querySelectorAll('.card .state')].some(each => /alive|ago/.test(each.textContent))") is False
+    assert (
+        window.run("[...document.querySelectorAll('.card .state')].some(each => /alive|ago/.test(each.textContent))")
+        is False
+    )
     window.wait("document.querySelector('#stop').textContent === 'STOP cannot be sent'")
     window.press("Escape")
     assert window.text("#toast") == "no connection to the server"
@@ -541,7 +550,9 @@ def test_a_node_is_late_then_lost_then_back_everywhere(tmp_path: Path, window: P
         Driver(bus).send(Frame(0x702, b"\x05"))
         for expected in ("alive", "late", "lost"):
             window.wait(f"{life} === '{expected}' && {card}.dataset.life === '{expected}'")
-            seen.append(window.run(f"getComputedStyle({card}).borderLeftStyle + {card}.querySelector('.sign').textContent"))
+            seen.append(
+                window.run(f"getComputedStyle({card}).borderLeftStyle + {card}.querySelector('.sign').textContent")
+            )
         assert len(set(seen)) == 3, "told apart without colour"
         Driver(bus).send(Frame(0x702, b"\x05"))
         window.wait(f"{life} === 'alive'")
@@ -561,5 +572,6 @@ def test_foreign_frames_are_named_once_in_grey(tmp_path: Path, window: Page) -> 
         assert window.text("tr.foreign").endswith("01 02")
         assert window.run("document.querySelectorAll('.is-wrong').length") == 0
         assert window.run("getComputedStyle(document.querySelector('tr.foreign th')).color") == window.run(
-            "(made => { document.body.append(made); made.style.color = 'var(--pale)'; return getComputedStyle(made).color; })(document.createElement('i'))"
+            "(made => { document.body.append(made); made.style.color = 'var(--pale)'; "
+            "return getComputedStyle(made).color; })(document.createElement('i'))"
         )

@@ -54,7 +54,10 @@ def test_every_sample_is_kept_and_saved(page: Page) -> None:
 def test_of_more_samples_than_pixels_the_least_and_the_most_are_drawn(page: Page) -> None:
     page.run(f"""(() => {{
         const {{times, columns}} = {ROW};
-        for (let each = 0; each < 40000; each++) {{ times.push(times.at(-1) + 0.0005); for (const column of columns) column.push(500); }}
+        for (let each = 0; each < 40000; each++) {{
+            times.push(times.at(-1) + 0.0005);
+            for (const column of columns) column.push(500);
+        }}
         columns[0][20100] = 2999;
         columns[0][20200] = 1;
     }})()""")
@@ -65,16 +68,19 @@ def test_of_more_samples_than_pixels_the_least_and_the_most_are_drawn(page: Page
 
 
 def test_a_value_that_comes_once_is_drawn_until_now(page: Page) -> None:
-    times, values = page.run("plots.all[0].drawn()")
-    assert times[-1] == pytest.approx(page.run("clock.time"), abs=1.0)
+    (times, values), now = page.run("[plots.all[0].drawn(), clock.time]")
+    assert times[-1] == pytest.approx(now, abs=0.05)
+    assert times[-1] > times[-2]
     assert values[-1] == values[-2] == 2
 
 
 def test_all_is_all_and_a_zoom_says_so_with_a_way_back(page: Page) -> None:
     first = page.run(f"{ROW}.times[0]")
-    page.run("sources[0].end += 100; clock.received = performance.now()")
-    assert page.run("plots.range()[0]") > first, "the last 30 s"
-    page.run("[...document.querySelectorAll('#view-plots .tools button')].find(each => each.textContent === 'All').click()")
+    page.run("plots.window = 0.001")
+    assert page.run("plots.range()[0]") > first
+    page.run(
+        "[...document.querySelectorAll('#view-plots .tools button')].find(each => each.textContent === 'All').click()"
+    )
     assert page.run("plots.range()[0]") <= first
     assert page.run("document.querySelector('.held').hidden")
     page.run("plots.zoom([1, 2])")
@@ -96,7 +102,6 @@ def test_cursors_have_values_and_their_difference(page: Page) -> None:
     times = page.run(f"{ROW}.times")
     page.run(f"plots.put('A', {times[10]}); plots.put('B', {times[11]})")
     page.wait("document.querySelector('.plot .legend b').textContent === 'A 2000 mm, B 2 mm, B − A = -1998 mm'")
-    page.wait("document.querySelectorAll('.mark-line:not([hidden])').length === 2 || true")
     assert page.text(".cursors").count("Δ") == 1
 
 

@@ -392,7 +392,10 @@ def test_a_browser_that_confirms_nothing_is_left_out_and_then_has_every_frame(tm
         Driver(bus).send(Frame(0x701, b"\x05"))
         *owed, woken = talk(served, partial(sleep_and_wake, Driver(bus)))
         assert sum(len(each["history"]) for each in owed) == 1
-        assert (woken["first"], [each[2] for each in woken["history"]]) == (1, [f"{number:02x}" for number in range(50)])
+        assert (woken["first"], [each[2] for each in woken["history"]]) == (
+            1,
+            [f"{number:02x}" for number in range(50)],
+        )
 
 
 def test_of_too_many_requests_at_once_the_last_are_dropped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -59,7 +59,7 @@ class MessageLine {
       show(chip, now.values !== null && !this.row.fields[place].unmapped);
       if (now.values) say(this.values[place], written(this.row.fields[place], now.values[place]));
     });
-    say(this.text, now.values || this.row.foreign ? "" : now.text);
+    say(this.text, now.values || this.row.foreign || now.defects.includes(now.text) ? "" : now.text);
     say(this.defects, this.row.foreign ? RADICES[radix].bytes(now.data) : now.defects ? `! ${now.defects}` : "");
     return true;
   }

@@ -177,6 +177,10 @@ function number(field, value) {             // a value for a plot, null if it is
   return found ? Number(found[0]) : null;
 }
 
+function saidOf(text, wrong) {              // what a frame says, and what is wrong with it, once
+  return !wrong ? text : text && !wrong.includes(text) ? `${text}  ! ${wrong}` : `! ${wrong}`;
+}
+
 // Series: what a plot draws; each finds its row again after the server was restarted
 
 class FieldSeries {

@@ -145,7 +145,7 @@ class Trace {
       missed && !dropped ? `${missed} missed: this browser was too slow` : ""].filter(Boolean).join(", "));
   }
   cells(frame, before) {
-    const {row} = frame, meaning = row.foreign ? "" : frame.wrong ? `${frame.text}  ! ${frame.wrong}` : frame.text;
+    const {row} = frame, meaning = row.foreign ? "" : saidOf(frame.text, frame.wrong);
     return [TIMES[timeForm](frame, before, this), this.source.name, identifier(row.id), String(frame.data.length / 2),
       RADICES[radix].bytes(frame.data), row.foreign ? "not in any file" : row.name, meaning];
   }
