@@ -126,8 +126,7 @@ class _Server:
 
         async def watch() -> None:  # whether or not a browser is connected
             while True:
-                session.poll()
-                await asyncio.sleep(LOOK)
+                await asyncio.sleep(0 if session.poll() else LOOK)
 
         return [watch(), self._requests.poll(), self._requests.end_jogs(), self._requests.send_cyclic()]
 

@@ -11,6 +11,7 @@ import time
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 from queue import Empty, Full, Queue
 from threading import Lock
@@ -166,6 +167,11 @@ class History:
 NO_FRAMES = Stretch(0, ())
 
 
+MOST_TAKEN = 500
+"""Most frames that are taken in at once."""
+
+COMPACT = json.JSONEncoder(separators=(",", ":")).encode  # made once: it takes longer than a frame
+
 FEW = 2
 """Frames of a message that tell nothing of its period."""
 
@@ -223,10 +229,13 @@ class Session:
 
     # The bus
 
-    def poll(self) -> None:
-        """Take in what has come since the last time."""
+    def poll(self) -> bool:
+        """Take in what has come since the last time; tell whether more of it is left for the next call."""
         self.turn += 1
-        for frame_time, raw in self._source.poll():
+        taken = 0
+        # Not all at once: on a machine that is too slow for the bus, browsers would hear nothing for minutes.
+        for frame_time, raw in islice(self._source.poll(), MOST_TAKEN):
+            taken += 1
             if self._origin is None:  # a driver's clock may start anywhere
                 self._origin = min(self._source.now - self.now, frame_time)
             self._take(frame_time - self._origin, raw)
@@ -234,6 +243,7 @@ class Session:
         for event in self._watch.look(self.now, self._traffic.nodes):
             self._enter(event)
         self._load = self._traffic.load(self.now)
+        return taken == MOST_TAKEN
 
     def _take(self, now: float, raw: Raw) -> None:
         meaning = self._traffic.take(now, raw)
@@ -242,7 +252,7 @@ class Session:
             self.tap.give(raw)
             self._recording.write(now, raw)
         shown = [key_of(raw), round(now, DIGITS), hex_of(meaning), values(meaning), meaning.text, defects(meaning)]
-        self.history.add(json.dumps(shown, separators=(",", ":")))
+        self.history.add(COMPACT(shown))
         for event in self._watch.take(self._traffic.frames, now, meaning):
             self._enter(event)
         if meaning.message is not None:

@@ -21,6 +21,7 @@ SIZES = [(1280, 720, False), (1440, 900, True), (390, 844, False), (390, 844, Tr
 @pytest.fixture
 def scene(tmp_path: Path, window: Page) -> Iterator[tuple[Page, Bench]]:
     with bench(tmp_path) as served:
+        window.may_lose_its_server = True
         window.open(served.served.address)
         window.wait("connection.alive && connection.control")
         yield window, served

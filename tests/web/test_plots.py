@@ -28,6 +28,7 @@ def page(tmp_path: Path, window: Page) -> Iterator[Page]:
     """A page with 500 samples of a value that changes with each, as fast as the bus has them."""
     name = channel()
     with open_bus("virtual", name) as bus, live_page(name, tmp_path) as served:
+        window.may_lose_its_server = True
         window.open(served.address)
         window.wait("connection.alive")
         for number in range(500):
@@ -117,6 +118,7 @@ def test_plots_fill_the_window(page: Page) -> None:
 def test_a_period_is_not_one_interval(tmp_path: Path, window: Page) -> None:
     name = channel()
     with open_bus("virtual", name) as bus, live_page(name, tmp_path) as served:
+        window.may_lose_its_server = True
         window.open(served.address)
         window.wait("connection.alive")
         for _ in range(2):

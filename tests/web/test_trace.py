@@ -59,6 +59,7 @@ class Scene(NamedTuple):
 def scene(tmp_path: Path, window: Page) -> Iterator[Scene]:
     name = channel()
     with open_bus("virtual", name) as bus, live_page(name, tmp_path) as served:
+        window.may_lose_its_server = True
         window.open(served.address)
         window.wait("connection.alive && connection.control")
         window.click("#tab-trace")

@@ -104,7 +104,7 @@ class AxisView {
     this.velocity = velocity.input;
     const torque = this.field("torque", "torque ‰"), hasTorque = "torque" in this.axis.objects;
     const row = (target, field, words) => h("div", {class: "buttons jog"}, this.jogButton(-1, `◀ ${words} −`, target, field), this.jogButton(1, `${words} + ▶`, target, field), field.label);
-    return h("div", {}, h("h4", {}, "Jog"), row("velocity", velocity, "Jog"), hasTorque ? row("torque", torque, "Torque") : null,
+    return h("div", {}, h("h3", {}, "Jog"), row("velocity", velocity, "Jog"), hasTorque ? row("torque", torque, "Torque") : null,
       h("p", {class: "hint"}, h("label", {}, "own limit ", this.most), ` It turns while the button is held; at most ${this.axis.bounds.velocity[1]}.`));
   }
   moves() {
@@ -113,7 +113,7 @@ class AxisView {
     const numbers = (name, field) => ({[name]: field.read(), ...(velocity.input.value.trim() === "" ? {} : {velocity: velocity.amount()})});
     const careful = (words, act) => askedTwice(words, () => { try { act(); } catch (error) { toast(error.message, true); } }, {});
     this.save = h("button", {hidden: true, onclick: () => this.saveStep()}, "Save step as CSV");
-    return h("div", {}, h("h4", {}, "Move"), h("div", {class: "buttons"}, position.label, careful("Move to", () => this.order("move", numbers("position", position), "on its way"))),
+    return h("div", {}, h("h3", {}, "Move"), h("div", {class: "buttons"}, position.label, careful("Move to", () => this.order("move", numbers("position", position), "on its way"))),
       h("div", {class: "buttons"}, distance.label, careful("Move by", () => this.order("move by", numbers("distance", distance), "on its way")),
         careful("Step response", () => this.beginStep(numbers("distance", distance))), this.save, velocity.label),
       h("div", {class: "buttons"}, h("label", {}, "homing method", method),
@@ -227,7 +227,7 @@ function drivesView() {
     stale = true;
   }
   choose();
-  return {element: h("div", {}, h("div", {class: "tools"}, all.length > 1 ? chosen : h("h3", {}, all[0].node.name)), place), show(time) {
+  return {element: h("div", {}, h("div", {class: "tools"}, all.length > 1 ? chosen : h("h2", {}, all[0].node.name)), place), show(time) {
     if (connection.alive && performance.now() - asked > WATCHED) { asked = performance.now(); quietly(shown.watch()); }
     shown.show(time);
   }};

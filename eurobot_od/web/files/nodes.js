@@ -17,11 +17,11 @@ class NodeCard {
     const [vendor, product, revision, serial] = node.identity || [null, null, null, null];
     this.control = h("div", {class: "buttons", hidden: true}, ...NMT.map(command => nmtButton(command, node.name, command)));
     this.element = h("section", {class: "card"},
-      h("h3", {}, node.name, h("small", {}, ` node ${node.id}`)),
+      h("h2", {}, node.name, h("small", {}, ` node ${node.id}`)),
       h("p", {class: "state"}, this.life.element, " ", this.state),
       h("p", {class: "hint"}, `vendor ${hex(vendor, 8)}, product ${hex(product, 8)}, revision ${hex(revision, 8)}`
         + `, serial ${hex(serial, 8)}; ${node.file || "no file"}`),
-      h("h4", {}, "EMCY"), this.errors, this.control);
+      h("h3", {}, "EMCY"), this.errors, this.control);
   }
   show(time) {
     const now = nodeNow(this.source, this.node, time);

@@ -19,12 +19,12 @@ class ObjectLine {                          // one object: what was read of it, 
   }
   get element() {
     if (this.made) return this.made;
-    const {object} = this, button = (words, act) => h("button", {onclick: act, "aria-label": `${words.toLowerCase()} ${object.name}`}, words);
+    const {object} = this, button = (words, act) => h("button", {onclick: act, "aria-label": `${words} ${object.name}`}, words);
     this.value = h("span", {class: "read"});
     this.was = h("small", {class: "hint"});
     this.input = h("input", {"aria-label": `new value of ${object.name}`, size: 10, placeholder: this.limits,
       onkeydown: event => { if (event.key === "Enter") this.write(); }});
-    const write = object.moves ? askedTwice("Write", () => this.write(), {"aria-label": `write ${object.name}`}) : button("Write", () => this.write());
+    const write = object.moves ? askedTwice("Write", () => this.write(), {"aria-label": `Write ${object.name}`}) : button("Write", () => this.write());
     this.form = h("span", {class: "write", hidden: true}, this.input, write);
     this.made = h("tr", {}, h("td", {class: "id"}, object.object), h("th", {scope: "row"}, object.name.split(".").at(-1)), h("td", {}, object.type),
       h("td", {}, object.access), h("td", {class: "limits"}, this.limits), h("td", {class: "read-cell"}, this.value, " ", this.was),
@@ -72,7 +72,7 @@ class ObjectGroup {                         // lines under a heading, which are 
       h("summary", {}, h("span", {}, title), " ", h("small", {class: "hint"}, String(lines.length))), this.body);
     // Beside the summary, not in it: that is a control itself.
     this.element = h("div", {class: inner ? "object-group" : "object-record"}, this.details,
-      h("button", {onclick: () => view.readAll(lines), "aria-label": `read ${title}`}, "Read group"));
+      h("button", {onclick: () => view.readAll(lines), "aria-label": `Read group ${title}`}, "Read group"));
   }
   fill() {
     if (!this.details.open || this.body.childElementCount) return;
@@ -91,7 +91,7 @@ class ObjectGroup {                         // lines under a heading, which are 
   }
 }
 function objectTable(lines) {
-  return h("table", {class: "objects"}, h("thead", {}, h("tr", {}, ...["Object", "Name", "Type", "Access", "Limits", "Value", ""].map(each => h("th", {scope: "col"}, each)))),
+  return h("table", {class: "objects"}, h("thead", {}, h("tr", {}, ...["Object", "Name", "Type", "Access", "Limits", "Value"].map(each => h("th", {scope: "col"}, each)), h("td", {class: "acts"}))),
     h("tbody", {}, ...lines.map(line => line.element)));
 }
 

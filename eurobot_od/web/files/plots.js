@@ -41,7 +41,7 @@ class Plot {
     this.marks = ["A", "B"].map(name => h("div", {class: `mark-line mark-${name}`, hidden: true}, h("b", {}, name)));
     this.empty = h("p", {class: "hint"}, "Drag values here, or click them in Messages.");
     this.element = h("section", {
-      class: "plot", "aria-label": "plot",
+      class: "plot", role: "group", "aria-label": "plot",
       ondragover: event => { event.preventDefault(); this.element.classList.add("over"); },
       ondragleave: () => this.element.classList.remove("over"),
       ondrop: event => { event.preventDefault(); this.element.classList.remove("over"); this.drop(event); },
@@ -75,6 +75,7 @@ class Plot {
       }}, "×"))));
     this.lines.forEach(({colour}, place) => this.legend.children[place].style.setProperty("--line", `var(${colour})`));
     if (!this.series.length || !this.canvas.clientWidth) return;
+    this.ink = css("--ink");
     this.chart = new uPlot(this.options(), this.drawn(), this.canvas);
     this.chart.over.append(this.playhead, ...this.marks);
     this.ranged();
@@ -121,11 +122,12 @@ class Plot {
   }
   drawnBy() {                               // of each series: a colour of its own, or of its row's thing; there dashes differ
     const drawn = [];
-    for (const {row} of this.series) {
+    for (const {row, source} of this.series) {
       const own = row && ownColours.map(each => each(row, clock.time)).find(Boolean);
       const plain = drawn.filter(each => !each.own).length, same = drawn.filter(each => each.colour === own).length;
-      drawn.push(own ? {own, colour: own, dash: [undefined, [6, 4], [2, 3]][same % 3]}
-        : {own, colour: `--line-${plain % 8}`, dash: plain >= 4 ? [6, 4] : undefined});
+      const dash = source.number ? [10, 3, 2, 3] : undefined;  // of the second log
+      drawn.push(own ? {own, colour: own, dash: dash ?? [undefined, [6, 4], [2, 3]][same % 3]}
+        : {own, colour: `--line-${plain % 8}`, dash: dash ?? (plain >= 4 ? [6, 4] : undefined)});
     }
     return drawn;
   }
@@ -141,7 +143,8 @@ class Plot {
   }
   update(time) {
     if (!this.series.length || !this.canvas.clientWidth) return;
-    if (!this.chart || this.chart.width !== this.canvas.clientWidth || this.chart.height !== this.height) this.build();
+    const other = !this.chart || this.chart.width !== this.canvas.clientWidth || this.chart.height !== this.height;
+    if (other || this.ink !== css("--ink")) this.build();  // the colours change with the system's
     if (live && clock.running) this.ranged();
     this.line(this.playhead, live ? null : time);
     for (const [place, name] of ["A", "B"].entries()) this.line(this.marks[place], plots.marks[name]);

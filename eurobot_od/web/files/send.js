@@ -52,7 +52,7 @@ class SendList {                            // what is kept to be sent again: on
     this.items = kept("send list", []);
     this.cycles = new Map();                // of the items that are sent again and again, what they were asked as
     this.list = h("ol", {class: "send-list", "aria-label": "kept messages and frames"});
-    this.element = h("div", {}, h("h4", {}, "List"), h("p", {class: "hint"}, "Kept in this browser. What is sent again and again ends with this page, or with STOP."), this.list);
+    this.element = h("div", {}, h("h3", {}, "List"), h("p", {class: "hint"}, "Kept in this browser. What is sent again and again ends with this page, or with STOP."), this.list);
     this.draw();
     setInterval(() => this.again(), STILL);
   }
@@ -136,5 +136,5 @@ function sendView() {
   };
   const all = h("div", {class: "buttons"}, ...NMT.slice(0, 4).map(command => nmtButton(command, "all", `${command} all nodes`)));
   return {element: h("div", {class: "card"}, h("form", {class: "send", novalidate: true, onsubmit: submit},
-    h("label", {}, "Message", chosen), place, acts, answer), list.element, h("h4", {}, "NMT"), all), show() {}};
+    h("label", {}, "Message", chosen), place, acts, answer), list.element, h("h3", {}, "NMT"), all), show() {}};
 }

@@ -377,7 +377,7 @@ const ownColours = [];                      // of panels: (row, time) to the var
 function perSource(make) {                  // one element for each source, side by side
   const made = sources.map(make);
   const element = h("div", {class: "sources"}, ...made.map((each, number) =>
-    h("div", {class: `source source-${number}`}, several ? h("h3", {}, sources[number].name) : null, each.element)));
+    h("div", {class: `source source-${number}`}, several ? h("h2", {}, sources[number].name) : null, each.element)));
   return {element, show: time => made.forEach(each => each.show(time)),
     begins: () => Math.min(...made.map(each => each.begins ? each.begins() : Infinity))};
 }
