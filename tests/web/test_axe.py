@@ -79,7 +79,8 @@ def test_by_the_keyboard_alone(scene: tuple[Page, Bench]) -> None:
     """Find a message, plot it, read an object, write it, STOP."""
     page, served = scene
     served.ask(do="nmt", command="start", node="servo")
-    page.wait("sources[0].rows.size > 3")
+    served.ask(do="send frame", frame="185#370600000000")
+    page.wait("sources[0].row('servo.TPDO1')")
     keys = Keys(page)
     keys.tab()
     assert page.run("document.activeElement.id") == "freeze", "the first Tab reaches the first control"

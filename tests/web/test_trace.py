@@ -151,8 +151,9 @@ def test_one_line_for_each_message(scene: Scene) -> None:
 def test_an_event_leads_to_its_frame(scene: Scene) -> None:
     scene.send("701#05", "082#3081110000000000", *["701#05"] * 100)
     scene.page.click("#tab-events")
-    scene.page.wait("document.querySelector('.events button')")
-    scene.page.click(".events button")
+    emcy = "[...document.querySelectorAll('.events button')].find(each => each.textContent.includes('0x8130'))"
+    scene.page.wait(emcy)
+    scene.page.run(f"{emcy}.click()")
     scene.page.wait("document.querySelector('.trace .marked')")
     assert "0x8130" in scene.page.text(".trace .marked")
 
