@@ -46,7 +46,7 @@ CYCLED_FOR = 3.0
 
 
 @dataclass
-class CyclicFrame:
+class Cyclic:
     """What is sent again and again: `period`, when it is `due` and `until` when, all in s."""
 
     act: Callable[[], object]
@@ -69,7 +69,7 @@ class Requests:
         self.master = Master(session.tap)
         for each in session.decoder.dictionaries:
             self.master.follow(each)
-        self._cyclic: dict[str, CyclicFrame] = {}
+        self._cyclic: dict[str, Cyclic] = {}
         self.drives = Drives(self.master, session.decoder.dictionaries, lambda: session.now)
         # An SDO frame does not say which transfer it belongs to: two at once would take each other's answers.
         self._one_at_a_time = asyncio.Lock()
@@ -224,7 +224,7 @@ class Requests:
             act(said)  # what is wrong with it is said at once
         now = self.session.now
         due = now + period / 1000 if kept is None else kept.due
-        self._cyclic[key] = CyclicFrame(partial(act, said), period / 1000, due, now + CYCLED_FOR)
+        self._cyclic[key] = Cyclic(partial(act, said), period / 1000, due, now + CYCLED_FOR)
 
     def end_cycle(self, said: Arguments) -> None:
         """End that."""

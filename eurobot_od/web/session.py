@@ -145,7 +145,7 @@ class Stretch(NamedTuple):
         return self.first + len(self.frames)
 
 
-class History:
+class FrameHistory:
     """The last frames, each made text once for all browsers; they are numbered from 0 on."""
 
     def __init__(self) -> None:
@@ -202,7 +202,7 @@ class Session:
         self.polled: dict[str, PolledObject] = {}
         self.trouble = ""
         self.turn = 0
-        self.history, self.name = History(), secrets.token_hex(4)
+        self.history, self.name = FrameHistory(), secrets.token_hex(4)
         self._clock = clock
         self._watch = BusEvents(decoder)
         self.panels = [panel() for panel in panels]

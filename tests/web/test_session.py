@@ -275,7 +275,7 @@ def test_times_begin_with_what_the_page_sends_first() -> None:
 def test_the_history_is_bounded_and_says_where_it_begins(monkeypatch: pytest.MonkeyPatch) -> None:
     for name, number in (("MOST_KEPT", 20), ("DROPPED", 5), ("AT_ONCE", 10)):
         monkeypatch.setattr(module, name, number)
-    history = module.History()
+    history = module.FrameHistory()
     for number in range(53):
         history.add(str(number))
     late = history.since(0)
