@@ -742,9 +742,9 @@ def report(soak: Soak, command: str, seconds: float) -> Iterator[str]:
             yield f"| {role.name} | {len(role.lives)} | {pairs} | {slope:.0f} |"
     yield ""
     if stands := [each for each in soak.stands if each is not None]:
-        median, most_s = statistics.median(stands), max(stands)
+        median, longest = statistics.median(stands), max(stands)
         lost = len(soak.stands) - len(stands)
-        yield f"{len(soak.stands)} stops, {lost} lost; from stop to stand {median:.2f} s (median), {most_s:.2f} s at most"
+        yield f"{len(soak.stands)} stops, {lost} lost; to the stand {median:.2f} s (median), {longest:.2f} s at most"
         yield ""
     wrong = soak.complaints()
     yield from (f"- {each}" for each in wrong)

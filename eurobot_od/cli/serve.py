@@ -26,6 +26,7 @@ from eurobot_od.errors import EurobotError, LocalError
 from eurobot_od.support import extras
 from eurobot_od.support.connections import Address
 from eurobot_od.support.connections import parse as parse_address
+from eurobot_od.traffic.compare import ComparedEntry, Tolerances, compare
 from eurobot_od.traffic.meaning import DamageCounts, Decoder
 from eurobot_od.web.access import AccessRules, is_local
 from eurobot_od.web.page import Columns, Panel, described, page, stop_message
@@ -38,6 +39,9 @@ HERE = Address("127.0.0.1", 8014)
 """Where the page is, unless another address is asked for."""
 
 MOST_LOGS = 2
+
+MOST_DIFFERENCES = 5000
+"""Most differences of two logs that a page lists."""
 
 
 def serve(
@@ -71,8 +75,12 @@ def serve(
     panels = [each.of(decoder.protocol) for each in devices.robot.panels() if each.fits(decoder.protocol)]
     with suppress(KeyboardInterrupt):  # the usual way to end it
         if logs:
-            sources = [_source(log, reading, decoder, bitrate, panels) for log in logs]
-            text = page(" and ".join(each["name"] for each in sources), sources, panels)
+            names, kept = told_apart(logs), [list[ComparedEntry]() for _ in logs]
+            sources = [
+                _source(log, name, reading, decoder, bitrate, panels, entries)
+                for log, name, entries in zip(logs, names, kept)
+            ]
+            text = page(" and ".join(names), sources, panels, **_compared(kept, decoder))
             asyncio.run(_serve(text, listen))
         else:
             from eurobot_od.web.session import Session
@@ -98,14 +106,39 @@ async def _serve(text: str, listen: Address, requests: Requests | None = None) -
 # Logs
 
 
+def told_apart(logs: Sequence[str]) -> list[str]:
+    """Return what a page calls some logs: by their files' names, or what it takes to tell them apart."""
+    names = [Path(each).name for each in logs]
+    if len(set(names)) < len(names):
+        names = list(logs)
+    return names if len(set(names)) == len(names) else [f"{name} ({number})" for number, name in enumerate(names, 1)]
+
+
+def _compared(logs: Sequence[Sequence[ComparedEntry]], decoder: Decoder) -> dict[str, Any]:
+    """Return how the second log differs from the first as `compare` says it; nothing for one log."""
+    if len(logs) < MOST_LOGS:
+        return {}
+    first, second = logs
+    found = compare(first, second, decoder, Tolerances())
+    kept = [each._asdict() | {"kind": each.kind.value} for each in found[:MOST_DIFFERENCES]]
+    return {"comparison": {"count": len(found), "differences": kept}}
+
+
 def _source(
-    log: str, reading: Reading, decoder: Decoder, bitrate: int, panels: Sequence[type[Panel]]
+    log: str,
+    name: str,
+    reading: Reading,
+    decoder: Decoder,
+    bitrate: int,
+    panels: Sequence[type[Panel]],
+    kept: list[ComparedEntry],
 ) -> dict[str, Any]:
-    """Read a log as a source of the page, with what is kept beside it."""
+    """Read a log as a source of the page, with what is kept beside it; its entries are `kept` to be compared."""
     # No bar: it would share the terminal with the address and with what is wrong in the log.
-    columns, damage = Columns(Path(log).name, decoder, bitrate, panels), DamageCounts()
+    columns, damage = Columns(name, decoder, bitrate, panels), DamageCounts()
     for time, meaning in meanings([log], reading, decoder, damage, is_watched=False):
         columns.take(time, meaning)
+        kept.append(ComparedEntry(time, meaning.raw))
     sys.stderr.writelines(f"{line}\n" for line in damage.report())
     if columns.left_out:
         complain(f"{log}: {columns.left_out} frames are left out: a page cannot hold them all")

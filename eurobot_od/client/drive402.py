@@ -71,6 +71,7 @@ TYPES: Mapping[int, DataType] = {
     cia402.VELOCITY: INTEGER32,
     cia402.TARGET_POSITION: INTEGER32,
     cia402.TARGET_VELOCITY: INTEGER32,
+    cia402.TARGET_TORQUE: DATA_TYPES[0x03],
     cia402.PROFILE_VELOCITY: UNSIGNED32,
 }
 """The data types that CiA 402 gives the objects, for a drive without a file."""
@@ -250,14 +251,17 @@ class DriveAtNode:
                     raise DriveError(f"{self._name}: {wanted}: it stays in {is_}")
                 await self._node.master.pump.steps(POLL)
 
-    async def _home(self, method: int | None, within: float) -> None:
+    async def _begin_home(self, method: int | None) -> None:
         if method is not None and method > 0 and method not in METHODS:
             raise LocalError(f"{method} is not a homing method of CiA 402")
         if method is not None:
             await self._write(cia402.HOMING_METHOD, method)
+        await self._enter(Mode.HOMING)
+        await self._command(DriveCommand.ENABLE, cia402.HOMING_START)
+
+    async def _home(self, method: int | None, within: float) -> None:
         async with self._watched():
-            await self._enter(Mode.HOMING)
-            await self._command(DriveCommand.ENABLE, cia402.HOMING_START)
+            await self._begin_home(method)
             # Both bits: bit 12 alone means that home was found and the axis is still coming to rest (CiA 402-2, clause
             # 11).
             done = cia402.BIT_12 | cia402.TARGET_REACHED
@@ -266,25 +270,32 @@ class DriveAtNode:
             raise DriveError(f"{self._name}: home: homing error (statusword 0x{word:04X})")
         await self._command(DriveCommand.ENABLE)
 
+    async def _begin_move(self, position: int, velocity: int | None, relative: bool, within: float) -> None:
+        await self._enter(Mode.PROFILE_POSITION)
+        if velocity is not None:
+            await self._write(cia402.PROFILE_VELOCITY, velocity)
+        await self._write(cia402.TARGET_POSITION, position)
+        # At once: a set-point that an interrupted program has left behind does not have to be reached first.
+        bits = cia402.NEW_SET_POINT | cia402.AT_ONCE | cia402.RELATIVE * relative
+        await self._command(DriveCommand.ENABLE, bits)
+        await self._until("move", within, lambda word: bool(word & cia402.BIT_12))
+        await self._command(DriveCommand.ENABLE)
+
     async def _move(self, position: int, velocity: int | None, relative: bool, within: float) -> None:
         async with self._watched():
-            await self._enter(Mode.PROFILE_POSITION)
-            if velocity is not None:
-                await self._write(cia402.PROFILE_VELOCITY, velocity)
-            await self._write(cia402.TARGET_POSITION, position)
-            # At once: a set-point that an interrupted program has left behind does not have to be reached first.
-            reached, bits = cia402.TARGET_REACHED, cia402.NEW_SET_POINT | cia402.AT_ONCE | cia402.RELATIVE * relative
-            await self._command(DriveCommand.ENABLE, bits)
-            await self._until("move", within, lambda word: bool(word & cia402.BIT_12))
-            await self._command(DriveCommand.ENABLE)
+            await self._begin_move(position, velocity, relative, within)
+            reached = cia402.TARGET_REACHED
             # While bit 12 is set, "target reached" may still be about the set-point before.
             await self._until("move", within, lambda word: word & (reached | cia402.BIT_12) == reached)
 
     async def _turn(self, velocity: int) -> None:
+        await self._begin(cia402.TARGET_VELOCITY, velocity, Mode.PROFILE_VELOCITY)
+
+    async def _begin(self, target: int, value: int, mode: Mode) -> None:
         async with self._watched():
-            # Before the mode: the drive would otherwise start with whatever velocity is in the object.
-            await self._write(cia402.TARGET_VELOCITY, velocity)
-            await self._enter(Mode.PROFILE_VELOCITY)
+            # Before the mode: the drive would otherwise start with whatever is in the object.
+            await self._write(target, value)
+            await self._enter(mode)
 
 
 def _has_left(state: State | None, word: int) -> bool:
@@ -365,6 +376,20 @@ class Drive402(DriveAtNode):
     ) -> None:
         """Enable it, move it to a position, or by a distance if it is `relative`, and wait until it is there."""
         finished(self._move(position, velocity, relative, within))
+
+    def begin_home(self, method: int | None = None) -> None:
+        """Enable it and begin to home it, as `home` does, without waiting for the end."""
+        finished(self._begin_home(method))
+
+    def begin_move(
+        self, position: int, velocity: int | None = None, *, relative: bool = False, within: float = ENABLE_WAIT
+    ) -> None:
+        """Enable it and have it begin a move; it has `within` seconds to take the set-point."""
+        finished(self._begin_move(position, velocity, relative, within))
+
+    def begin_torque(self, torque: int) -> None:
+        """Enable it with a target torque, thousandths of the rated one (profile torque mode, CiA 402-2, clause 15)."""
+        finished(self._begin(cia402.TARGET_TORQUE, torque, Mode.PROFILE_TORQUE))
 
 
 class AsyncDrive402(DriveAtNode):

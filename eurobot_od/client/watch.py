@@ -23,11 +23,23 @@ from eurobot_od.od.values import ERROR_CONTROL_BASE, NODE_IDS
 LOST_AFTER = 2.0
 """A node is lost after this many heartbeat periods without a heartbeat."""
 
+LATE_AFTER = 1.5
+"""A node is late after this many periods."""
+
 REMEMBERED_INTERVALS = 5
 """A node's period is the median of this many intervals, so that one long silence does not change it."""
 
 LONGEST_PAUSE = 0.1
 """Seconds after which `watch_nodes` checks whether it should end."""
+
+
+class Life(Enum):
+    """How alive a node is; what sends no heartbeats, or never did, is unknown."""
+
+    ALIVE = "alive"
+    LATE = "late"
+    LOST = "lost"
+    UNKNOWN = "unknown"
 
 
 class Heartbeats:
@@ -57,13 +69,23 @@ class Heartbeats:
     @property
     def deadline(self) -> float:
         """When the node is lost unless it is heard before; infinite if no period is known."""
+        return self._due(LOST_AFTER)
+
+    def _due(self, periods: float) -> float:
+        """Return when so many periods are over."""
         # The median: one late or lost heartbeat does not change it.
         period = median_low(self._intervals) if self._intervals else self.period
-        return self.heard + LOST_AFTER * period if self.heard is not None and period else inf
+        return self.heard + periods * period if self.heard is not None and period else inf
 
     def lost(self, now: float) -> bool:
         """Whether it should have been heard by now."""
         return now > self.deadline
+
+    def life(self, now: float) -> Life:
+        """Return how alive the node is."""
+        if self.deadline == inf:
+            return Life.UNKNOWN
+        return Life.LOST if self.lost(now) else Life.LATE if now > self._due(LATE_AFTER) else Life.ALIVE
 
 
 class NodeChange(Enum):

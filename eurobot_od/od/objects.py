@@ -47,7 +47,7 @@ TEXT = ValueForm(str, "ASCII text")
 BYTES = ValueForm(bytes.fromhex, "bytes in hexadecimal digits")
 
 FORMS = {
-    **dict.fromkeys(REALS, ValueForm(float, "a number")),
+    **dict.fromkeys(REALS, ValueForm(values.typed_real, "a number")),
     values.VISIBLE_STRING: TEXT,
     values.UNICODE_STRING: ValueForm(str, "text"),
     values.TIME_OF_DAY: ValueForm(str, "a time such as 2014-05-28 12:00:00.000"),

@@ -63,9 +63,20 @@ LONGEST_NUMBER = 100
 
 def typed_number(text: str) -> int:
     """Read a number that a person types: decimal, 0x hexadecimal, 0b binary; raises ValueError, also for a long one."""
-    if len(text) > LONGEST_NUMBER:  # `int` takes a time that grows with the square of the length
+    return int(_digits(text), 0)
+
+
+def typed_real(text: str) -> float:
+    """Read a number with or without a fraction that a person types; raises ValueError."""
+    return float(_digits(text))
+
+
+def _digits(text: str) -> str:
+    """Return a number's text; raises ValueError for what only Python reads as one: `1_000`, digits of other scripts."""
+    # A long one, too: `int` takes a time that grows with the square of the length.
+    if len(text) > LONGEST_NUMBER or "_" in text or not text.isascii():
         raise ValueError(text)
-    return int(text, 0)
+    return text
 
 
 REMEMBERED_NUMBERS = 4096

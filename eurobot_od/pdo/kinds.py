@@ -17,7 +17,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 from eurobot_od.od import values
-from eurobot_od.od.values import DataType, Limits, typed_number
+from eurobot_od.od.values import DataType, Limits, typed_number, typed_real
 from eurobot_od.od.words import meaning_of, with_words, words
 
 if TYPE_CHECKING:
@@ -214,7 +214,7 @@ class Quantity(Kind):
 
     def parse(self, text: str) -> Any:
         members = {words_of(member): member for member in self._codes.values()}
-        return members[text] if text in members else typed_number(text) if self.per_unit == 1 else float(text)
+        return members[text] if text in members else typed_number(text) if self.per_unit == 1 else typed_real(text)
 
     def text(self, value: Any) -> str:
         if isinstance(value, IntEnum) or self.per_unit == 1:
@@ -335,7 +335,7 @@ class Real(Kind):
 
     def parse(self, text: str) -> Any:
         """Read a number as the type holds it, so that what is written 0.1 equals what is received as 0.1."""
-        return self.read(self.write(float(text), NO_LIMITS), NO_LIMITS)
+        return self.read(self.write(typed_real(text), NO_LIMITS), NO_LIMITS)
 
     def text(self, value: Any) -> str:
         # A REAL32 has seven digits; the rest of what Python shows of it (0.10000000149) is the conversion's.

@@ -21,6 +21,7 @@ from eurobot_od.client.watch import Heartbeats
 from eurobot_od.device.nmt import STATE_NAMES, NmtState
 from eurobot_od.errors import BusError
 from eurobot_od.frame import Frame, identifier_text
+from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.standard import HEARTBEAT_TIME
 from eurobot_od.support.texts import GAP, amount, columns, one_line
 from eurobot_od.traffic.decoding import Following
@@ -96,6 +97,38 @@ class NodeHealth:
     emergency: str = ""
 
 
+class NodesHealth:
+    """How the nodes of a network are, by their names: those of the files, and any other that is heard."""
+
+    def __init__(self, dictionaries: Iterable[Dictionary]) -> None:
+        periods = {each.name: (each.number(HEARTBEAT_TIME) or 0) / 1000 for each in dictionaries}
+        self.nodes = {name: NodeHealth(Heartbeats(period)) for name, period in periods.items()}
+
+    def take(self, time: float, meaning: Meaning) -> None:
+        """Take in what a frame means."""
+        if meaning.name in (HEARTBEAT, GUARDING, EMCY_NAME) and meaning.is_read:
+            self._note(time, meaning)
+        if (ended := meaning.transfer) and ended.address == HEARTBEAT_TIME and ended.content:
+            self._note_period(time, meaning.nodes[0], int.from_bytes(ended.content, "little") / 1000)
+
+    def _note_period(self, time: float, node: str, period: float) -> None:
+        """Take in the heartbeat time that a node has from now on, s."""
+        health = self.nodes.setdefault(node, NodeHealth())
+        is_known = health.pulse.heard is not None
+        health.pulse = Heartbeats(period)
+        if is_known:
+            health.pulse.boot(time)
+
+    def _note(self, time: float, meaning: Meaning) -> None:
+        health = self.nodes.setdefault(meaning.nodes[0], NodeHealth())  # also one that no file describes
+        text = meaning.text.partition(", ")[2]  # the words of a service begin with the node's name
+        if meaning.name == EMCY_NAME:  # 0x0000 is "error reset or no error" (CiA 301, Table 26)
+            health.emergency = "" if text.startswith("0x0000") else text
+        elif text != REQUEST:
+            health.state = text.partition(",")[0]  # before the toggle bit of an answer to a guarding master
+            (health.pulse.boot if health.state == STATE_NAMES[NmtState.INITIALISING] else health.pulse.beat)(time)
+
+
 class Traffic:
     """The traffic on a bus of `bitrate` bit/s, or on several; `rows` by identifier, or by damage where there is none.
 
@@ -108,8 +141,7 @@ class Traffic:
         self.buses: dict[str, SeenTraffic] = {}
         self.groups = decoder.protocol.catalogue.groups
         self.rows: dict[int | str | Damage | tuple[str, int | str | Damage], MonitorRow] = {}
-        periods = {each.name: (each.number(HEARTBEAT_TIME) or 0) / 1000 for each in decoder.dictionaries}
-        self.nodes = {name: NodeHealth(Heartbeats(period)) for name, period in periods.items()}
+        self.health = NodesHealth(decoder.dictionaries)
         self.damage = DamageCounts()
         self.frames = 0
         self.now = 0.0
@@ -152,28 +184,13 @@ class Traffic:
         if meaning.defects:
             row.wrong += 1
             self.damage.add(*(place or ("frame", self.frames)), meaning.defects)
-        if meaning.name in (HEARTBEAT, GUARDING, EMCY_NAME) and meaning.is_read:
-            self._note_health(time, meaning)
-        if (ended := meaning.transfer) and ended.address == HEARTBEAT_TIME and ended.content:
-            self._note_period(time, meaning.nodes[0], int.from_bytes(ended.content, "little") / 1000)
+        self.health.take(time, meaning)
         return meaning
 
-    def _note_period(self, time: float, node: str, period: float) -> None:
-        """Take in the heartbeat time that a node has from now on, s."""
-        health = self.nodes.setdefault(node, NodeHealth())
-        is_known = health.pulse.heard is not None
-        health.pulse = Heartbeats(period)
-        if is_known:
-            health.pulse.boot(time)
-
-    def _note_health(self, time: float, meaning: Meaning) -> None:
-        health = self.nodes.setdefault(meaning.nodes[0], NodeHealth())  # also one that no file describes
-        text = meaning.text.partition(", ")[2]  # the words of a service begin with the node's name
-        if meaning.name == EMCY_NAME:  # 0x0000 is "error reset or no error" (CiA 301, Table 26)
-            health.emergency = "" if text.startswith("0x0000") else text
-        elif text != REQUEST:
-            health.state = text.partition(",")[0]  # before the toggle bit of an answer to a guarding master
-            (health.pulse.boot if health.state == STATE_NAMES[NmtState.INITIALISING] else health.pulse.beat)(time)
+    @property
+    def nodes(self) -> Mapping[str, NodeHealth]:
+        """How each node is."""
+        return self.health.nodes
 
     def clear(self) -> None:
         """Forget what was counted."""
@@ -348,8 +365,29 @@ AT_ONCE = 20_000
 """Entries of a log that are played without a refresh of the screen between them."""
 
 
+GRACE = 0.02
+"""Seconds that a frame of ours waits for what came before it: a busy machine reads late."""
+
+RESOLUTION = 0.002
+"""Seconds by which times of drivers are wrong at most: what came later than that before a frame is no answer to it."""
+
+
+@dataclass
+class FrameUnderWay:
+    """A frame of ours among those that came; `taken` tells whether the driver has taken it, None before it says so.
+
+    It was entered at the time `entered` of our clock.
+    """
+
+    frame: Frame
+    entered: float
+    taken: bool | None = None
+
+
 class BusSource:
     """Frames of a bus, with the driver's times, which are more exact than ours; a thread reads them.
+
+    What is sent by `send` is given among them, in the order of the bus: before what answers it.
 
     A bus that is lost is opened again by `opener`, if there is one; meanwhile `trouble` says why. `notes` say when it
     was lost, for how long, and how many frames were lost because the driver's queue was full.
@@ -365,18 +403,19 @@ class BusSource:
         self.notes: list[str] = []
         self.trouble = ""
         self._clock, self._opener = clock, opener
-        self._came: deque[Timed] = deque()
+        self._came: deque[tuple[float, Raw | FrameUnderWay]] = deque()
         self._failures: list[BusError] = []
-        self._last, self._seen = 0.0, clock()
-        self._offset, self._reopened = 0.0, False
+        self._heard = (0.0, clock())
+        """The time of the last frame by the driver's clock and by ours: one value, as several threads read it."""
+        self._offset, self._restarted, self._is_stamped = 0.0, False, False
         self._overflow = 0
         self._leaving = ExitStack()
 
         def take(time: float, frame: Frame) -> None:
-            self._came.append((self._continued(time), frame))
+            self._enter(time, frame)
 
         def back(gap: float) -> None:
-            self.trouble, self._reopened = "", True
+            self.trouble, self._restarted = "", True
             self.notes.append(f"the bus is back after a gap of {gap:.1f} s")
 
         watch = FrameReader(bus, take, None, self._fail, self._take_foreign, opener=opener, back=back)
@@ -401,23 +440,36 @@ class BusSource:
             raw = of_message(message)
         except ValueError:  # what no adapter could receive, a peer behind a network can send
             raw = Foreign(Damage.UNREADABLE, shortened(str(message)))
-        self._came.append((self._continued(message.timestamp), raw))
+        self._enter(message.timestamp, raw)
 
-    def _continued(self, stamp: float) -> float:
-        """Return a time stamp by the clock before the bus was opened again: a driver's may start anywhere each time."""
-        if self._reopened and stamp + self._offset < self._last:
+    def _enter(self, stamp: float, raw: Raw) -> None:
+        """Take in what came, by the clock before the bus was opened again: a driver's may start anywhere each time."""
+        if self._restarted and (stamp + self._offset < self._heard[0] or not self._is_stamped):
             self._offset = self.now - stamp
-        self._reopened = False
-        return stamp + self._offset
+        self._restarted, self._is_stamped = False, True
+        self._heard = stamp + self._offset, self._clock()
+        self._came.append((self._heard[0], raw))
 
     def send(self, frame: Frame, timeout: float) -> bool:
-        """Send on the same bus; False if the driver does not take the frame in `timeout` s. Raises BusError."""
-        return self._watch.send(frame, timeout)
+        """Send on the same bus; False if the driver does not take the frame in `timeout` s. Raises BusError.
+
+        Callers on several threads send one after the other.
+        """
+        under_way = FrameUnderWay(frame, self._clock())
+        self._restarted |= not self._is_stamped  # the times begin with this one, wherever the driver's clock may be
+        # Entered before the driver has it: its answer may come before `send` returns.
+        self._came.append((self.now, under_way))
+        try:
+            under_way.taken = self._watch.send(frame, timeout)
+        finally:
+            under_way.taken = bool(under_way.taken)
+        return under_way.taken
 
     @property
     def now(self) -> float:
         """The present in s, by the driver's clock."""
-        return self._last + self._clock() - self._seen
+        last, seen = self._heard
+        return last + self._clock() - seen
 
     def pause(self, longest: float) -> float:
         """Return how long to wait before the next poll, s."""
@@ -426,9 +478,21 @@ class BusSource:
     def poll(self) -> Iterator[Timed]:
         """Return the frames; raises BusError if the bus failed."""
         for _ in range(len(self._came)):  # not until it is empty: on a full bus the screen would never be drawn
-            timed = self._came.popleft()
-            self._last, self._seen = timed[0], self._clock()
-            yield timed
+            time, raw = self._came[0]
+            if not isinstance(raw, FrameUnderWay):
+                self._came.popleft()
+                yield time, raw
+                continue
+            behind = self._came[1] if len(self._came) > 1 else None
+            if behind and behind[0] < time - RESOLUTION and not isinstance(behind[1], FrameUnderWay):
+                del self._came[1]  # read late, it was on the bus before
+                yield behind[0], behind[1]
+            elif raw.taken is None or (behind is None and self._clock() - raw.entered < GRACE):
+                break
+            else:
+                self._came.popleft()
+                if raw.taken:
+                    yield (min(time, behind[0]) if behind else time), raw.frame
         # One more binary digit: told when the number has doubled, as a flood would fill the screen with notes.
         if self._watch.overflow().bit_length() > self._overflow.bit_length():
             self._note_overflow()

@@ -5,10 +5,13 @@ rows of frames and with events. A log is a source whose values are all in the pa
 then needs no server, and the file that `field -o x.html` writes is the page that `serve LOG` serves. The source of a
 live bus has only a description, and a websocket brings the rest.
 
-On the bus side a `Session` takes every frame into a `Traffic`, as the monitor does, whoever is looking. Browsers never
-slow that down: twenty times a second a browser is sent a *snapshot*, which has what has changed since its last one
-(`server`). It confirms each, and a browser that owes two confirmations is left out until it catches up: snapshots are
-skipped and counted, which the page shows, but the session loses no frames.
+On the bus side a `Session` takes every frame into a `Traffic`, as the monitor does, whoever is looking, and into a
+bounded *history*. Browsers never slow that down: twenty times a second a browser is sent a *snapshot*, which has what
+has changed since its last one, and the next stretch of the history (`server`). It confirms each, and a browser that
+owes three confirmations is left out until it catches up. So a page has every frame, also after it was loaded again; one
+that is so slow that the history no longer has them counts what it has missed.
+
+`events` says what happens besides: nodes that are lost and back, states of drives, EMCY, aborts.
 
 What a browser asks for is checked as on the command line (`requests`), and done one request after the other on a thread
 of its own, as it may wait for a node. SDO transfers belong to a master with a bus of its own that shares the adapter

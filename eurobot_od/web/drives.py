@@ -8,7 +8,8 @@ drive that work.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from typing import Any, NamedTuple
+from types import MappingProxyType
+from typing import Any, NamedTuple, TypeAlias
 
 from eurobot_od.client.drive402 import Drive402
 from eurobot_od.client.master import Master
@@ -17,7 +18,8 @@ from eurobot_od.frame import Frame
 from eurobot_od.od import cia402
 from eurobot_od.od.cia402 import MODE_WORDS, TRANSITIONS, State
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.od.values import UNSIGNED16
+from eurobot_od.od.objects import Range, limits
+from eurobot_od.od.values import DATA_TYPES, UNSIGNED16, Address, label
 from eurobot_od.od.words import profile_of
 from eurobot_od.sdo.wire import ClientCommand, carrying
 
@@ -32,17 +34,55 @@ SHOWN: Mapping[str, int] = {
     "mode": cia402.MODE_DISPLAY,
     "position": cia402.POSITION,
     "velocity": cia402.VELOCITY,
+    "torque": cia402.TORQUE,
+    "following error": cia402.FOLLOWING_ERROR,
     "error": cia402.ERROR_CODE,
 }
-"""The objects that the page polls for the axis that it shows."""
+"""The objects that the page shows of an axis; it polls those that come in no PDO."""
 
-COMMANDS: Mapping[str, Callable[[Drive402], None]] = {
-    "enable": Drive402.enable,
-    "disable": Drive402.disable,
-    "fault reset": Drive402.fault_reset,
-    "quick stop": Drive402.quick_stop,
-    "halt": Drive402.halt,
+Numbers: TypeAlias = Mapping[str, int]
+
+COMMANDS: Mapping[str, Callable[[Drive402, Numbers], None]] = {
+    "enable": lambda drive, _: drive.enable(),
+    "disable": lambda drive, _: drive.disable(),
+    "fault reset": lambda drive, _: drive.fault_reset(),
+    "quick stop": lambda drive, _: drive.quick_stop(),
+    "halt": lambda drive, _: drive.halt(),
+    # None of them waits for the end of the motion: whoever wants to halt it must not wait for that, either.
+    "home": lambda drive, said: drive.begin_home(said.get("method")),
+    "move": lambda drive, said: drive.begin_move(said["position"], said.get("velocity")),
+    "move by": lambda drive, said: drive.begin_move(said["distance"], said.get("velocity"), relative=True),
 }
+
+JOGS: Mapping[str, Callable[[Drive402, int], None]] = {
+    "velocity": lambda drive, value: setattr(drive, "velocity", value),
+    "torque": Drive402.begin_torque,
+}
+"""What a held button has a drive do, by what is given."""
+
+LARGEST: Mapping[str, tuple[int, Address | None]] = {
+    "velocity": (cia402.TARGET_VELOCITY, (cia402.MAX_PROFILE_VELOCITY, 0)),
+    "torque": (cia402.TARGET_TORQUE, (cia402.MAX_TORQUE, 0)),
+    "position": (cia402.TARGET_POSITION, None),
+}
+"""The object of each target, and the one with the most that it may be."""
+
+
+UNBOUNDED = DATA_TYPES[0x04]
+"""INTEGER32: the type of a target, where no file says less."""
+
+MOVING = (
+    *(cia402.CONTROLWORD, cia402.TARGET_VL_VELOCITY, cia402.TARGET_TORQUE, cia402.TARGET_POSITION),
+    *(cia402.TARGET_VELOCITY, cia402.INTERPOLATION_DATA, cia402.MODE),
+    *(cia402.POSITION_OFFSET, cia402.VELOCITY_OFFSET, cia402.TORQUE_OFFSET),
+)
+"""Objects of the first axis of which a new value may move something."""
+
+
+def moves(address: Address) -> bool:
+    """Tell whether a new value of an object may move a drive."""
+    above = address[0] - cia402.FIRST_AXIS.start
+    return above >= 0 and cia402.FIRST_AXIS.start + above % cia402.AXIS_STEP in MOVING
 
 
 class AxisAddress(NamedTuple):
@@ -71,8 +111,37 @@ def drive_data(dictionary: Dictionary) -> dict[str, Any] | None:
     if not axes:
         return None
     suggested = dictionary.variable((cia402.PROFILE_VELOCITY, 0))
-    objects = [{name: f"0x{index + axis.offset:04X}" for name, index in SHOWN.items()} for axis in axes]
-    return {"axes": objects, "velocity": (suggested and suggested.default) or 100}
+    return {
+        "axes": [
+            {
+                "objects": {
+                    name: label((index + axis.offset, 0))
+                    for name, index in SHOWN.items()
+                    if dictionary.variable((index + axis.offset, 0))
+                },
+                "bounds": {name: bounds(dictionary, axis, name) for name in LARGEST},
+            }
+            for axis in axes
+        ],
+        "velocity": (suggested and suggested.default) or 100,
+        "revolution": _revolution(dictionary),
+    }
+
+
+def bounds(dictionary: Dictionary, axis: AxisAddress, target: str) -> Range:
+    """Return what a target may be: the limits of its object, and the most that the file gives it."""
+    index, most = LARGEST[target]
+    variable = dictionary.variable((index + axis.offset, 0))
+    known = variable and limits(variable)
+    low, high = known or Range(UNBOUNDED.low, UNBOUNDED.high)
+    largest = most and dictionary.number((most[0] + axis.offset, most[1]))
+    return Range(max(low, -largest), min(high, largest)) if largest else Range(low, high)
+
+
+def _revolution(dictionary: Dictionary) -> float | None:
+    """Return how many steps of a position are one turn of the motor (0x608F), None if the file does not say."""
+    steps, turns = (dictionary.number((cia402.ENCODER_RESOLUTION, sub)) for sub in (1, 2))
+    return steps / turns if steps and turns else None
 
 
 def machine_data() -> dict[str, Any]:
@@ -117,21 +186,29 @@ class Drives:
         node = self._master.node(axis.node_id)
         return Drive402(node, self._dictionaries[axis.node_id], axis.number)
 
-    def command(self, axis: AxisAddress, name: str) -> None:
-        """Carry out a command; raises UnknownName, DriveError, and the errors of SDO transfers."""
+    def command(self, axis: AxisAddress, name: str, numbers: Numbers = MappingProxyType({})) -> None:
+        """Carry out a command; raises UnknownName, LocalError for a target out of bounds, DriveError, and of SDO."""
         if name not in COMMANDS:
             raise UnknownName("command of a drive", name, COMMANDS)
+        for target in LARGEST.keys() & numbers.keys():
+            self._check(axis, target, numbers[target])
         self._jogs.pop(axis, None)
-        self._unless_stopped(axis, COMMANDS[name])
+        self._unless_stopped(axis, lambda drive: COMMANDS[name](drive, numbers))
 
-    def jog(self, axis: AxisAddress, velocity: int) -> None:
-        """Turn at a velocity in the drive's units while `hold` is called; raises LocalError if it is not enabled."""
+    def _check(self, axis: AxisAddress, target: str, value: int) -> None:
+        low, high = bounds(self._dictionaries[axis.node_id], axis, target)
+        if not low <= value <= high:
+            raise LocalError(f"{target} = {value} is not allowed; allowed: {low}..{high}")
+
+    def jog(self, axis: AxisAddress, value: int, target: str = "velocity") -> None:
+        """Turn with a velocity or torque in the drive's units while `hold` is called; LocalError if not enabled."""
+        self._check(axis, target, value)
         drive = self._drive(axis)
         if (state := drive.state) is not State.ENABLED:
             raise LocalError(f"enable the drive first: it is in {state.words if state else 'an unknown state'}")
         # Entered before it turns: even if an answer is lost, it will be halted.
         self._jogs[axis] = self._clock() + HELD
-        self._unless_stopped(axis, lambda each: setattr(each, "velocity", velocity))
+        self._unless_stopped(axis, lambda each: JOGS[target](each, value))
 
     def _unless_stopped(self, axis: AxisAddress, act: Callable[[Drive402], None]) -> None:
         before, drive = self._stops, self._drive(axis)

@@ -14,7 +14,7 @@ import hashlib
 import json
 import re
 import typing
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 from pathlib import Path
 from typing import Any, ClassVar, NamedTuple
@@ -22,31 +22,17 @@ from typing import Any, ClassVar, NamedTuple
 from eurobot_od.bus import frame_bits
 from eurobot_od.frame import Frame
 from eurobot_od.od.standard import IDENTITY
+from eurobot_od.od.values import label
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.catalogue import Message, kinds
+from eurobot_od.pdo.kinds import ColumnForm
 from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.support.texts import encodable
-from eurobot_od.traffic.entries import Damage
+from eurobot_od.traffic.entries import Damage, Foreign, Raw
 from eurobot_od.traffic.meaning import Decoder, Meaning
-from eurobot_od.traffic.monitor import MonitorRow
-from eurobot_od.web.drives import axes_of, drive_data, machine_data
-
-
-class PageEvent(NamedTuple):
-    """Something that happened at a `time` in seconds, or until `end`; a later one with the same `key` replaces it.
-
-    `kind` is what kind of thing it is, `text` describes it, `mark` is a short sign for it, `wrong` tells whether it
-    counts as trouble. `data` is for the script of the panel that made it.
-    """
-
-    key: str
-    kind: str
-    time: float
-    text: str
-    end: float | None = None
-    mark: str = ""
-    wrong: bool = False
-    data: Mapping[str, Any] = {}
+from eurobot_od.traffic.monitor import MonitorRow, NodesHealth
+from eurobot_od.web.drives import axes_of, drive_data, machine_data, moves
+from eurobot_od.web.events import BusEvents, PageEvent
 
 
 class Beside(NamedTuple):
@@ -116,17 +102,6 @@ class Panel:
         return ""
 
 
-def service_events(number: int, time: float, meaning: Meaning) -> Iterator[PageEvent]:
-    """Yield the event for a frame of CANopen's own services, if it is one; `number` makes keys unique."""
-    is_event = meaning.name in ("NMT", "EMCY") or meaning.text.endswith(", boot-up")
-    if is_event and meaning.message is None and not meaning.defects:
-        kind = meaning.name if meaning.name in ("NMT", "EMCY") else "boot-up"
-        cleared = meaning.text.partition(", ")[2].startswith("0x0000")
-        node = meaning.nodes[0] if len(meaning.nodes) == 1 else ""
-        wrong = kind == "EMCY" and not cleared
-        yield PageEvent(f"{kind} {number}", kind, time, meaning.text, wrong=wrong, data={"node": node})
-
-
 # What the page shows, as data
 
 
@@ -140,6 +115,7 @@ def described(decoder: Decoder) -> dict[str, Any]:
                 "group": each.group,
                 "senders": each.senders,
                 "receivers": each.receivers,
+                "moves": any(moves(place.address) for place in each.placed),
                 "fields": [_field(each, field) for field in each.kinds],
             }
             for each in decoder.protocol.bindings
@@ -162,6 +138,10 @@ def described(decoder: Decoder) -> dict[str, Any]:
 def _field(binding: Binding, field: str) -> dict[str, Any]:
     kind, limits = binding.kinds[field], binding.limits.get(field)
     data: dict[str, Any] = {"name": field, "unit": kind.unit, "words": dict(kind.named_values())}
+    # What is mapped in slices is a part of no object's value.
+    mapped = [each for slot, each in zip(binding.layout.slots, binding.pdo.mapping) if slot.field == field]
+    data |= {"object": label(mapped[0].address)} if len(mapped) == 1 else {}
+    data |= {"is_text": True} if kind.column_form in TEXTS else {}
     data |= {"allowed": kind.allowed(limits)} if limits else {"unmapped": True}
     if limits and kind.numbers(limits):
         data |= {"low": kind.numbers(limits).start, "high": kind.numbers(limits).stop - 1}
@@ -170,9 +150,16 @@ def _field(binding: Binding, field: str) -> dict[str, Any]:
     return data
 
 
+TEXTS = (ColumnForm.TEXT, ColumnForm.OCTETS)
+"""What cannot be plotted."""
+
+
 def panels_described(panels: Iterable[type[Panel]]) -> list[dict[str, Any]]:
     """Return the panels as data."""
-    return [{"name": each.name, "title": each.title, "stop": each.stop, "setup": each.setup()} for each in panels]
+    return [
+        {"name": each.name, "title": each.title, "stop": each.stop, "plan": each.plan, "setup": each.setup()}
+        for each in panels
+    ]
 
 
 def stop_message(panels: Sequence[type[Panel]]) -> str:
@@ -193,9 +180,26 @@ def defects(meaning: Meaning) -> str:
     return "; ".join(f"{damage.value}: {text}" for damage, text in meaning.defects)
 
 
+def key_of(raw: Raw) -> int | str:
+    """Return by what the page tells rows apart: the identifier, or the word for damage."""
+    return raw.damage.value if isinstance(raw, Foreign) else raw.cob_id
+
+
+def hex_of(meaning: Meaning) -> str:
+    """Return a frame's bytes, empty for what is not a data frame."""
+    return meaning.raw.data.hex() if isinstance(meaning.raw, Frame) and not meaning.raw.is_remote else ""
+
+
+def is_foreign(meaning: Meaning) -> bool:
+    """Tell whether a frame is only unknown: whoever has no file for a node does not make it faulty."""
+    return bool(meaning.defects) and all(each.damage is Damage.UNKNOWN_IDENTIFIER for each in meaning.defects)
+
+
 def event_data(event: PageEvent) -> dict[str, Any]:
     """Return an event as data."""
-    return event._asdict() | {"time": round(event.time, 4), "end": None if event.end is None else round(event.end, 4)}
+    # As exactly as a frame's: an event leads to its frame.
+    end = None if event.end is None else round(event.end, DIGITS)
+    return event._asdict() | {"time": round(event.time, DIGITS), "end": end}
 
 
 # A log
@@ -204,23 +208,30 @@ def event_data(event: PageEvent) -> dict[str, Any]:
 MOST_FRAMES = 300_000
 """Most frames of a log on a page, about 20 minutes of a full bus; more would take a browser minutes to read."""
 
+LOOK = 0.1
+"""Seconds of a log between two looks for nodes that are lost."""
+
 DIGITS = 5
 """Decimal places of a time in seconds: ten microseconds, less than the shortest frame takes."""
 
 
 class _Row:
-    """All frames of one message, service or kind of damage."""
+    """All frames of one message, service or kind of damage; `numbers` are their places among all frames."""
 
     def __init__(self, meaning: Meaning, identifier: int | None) -> None:
         self.meaning, self.identifier = meaning, identifier
         self.times: list[float] = []
+        self.numbers: list[int] = []
+        self.data: list[str] = []
         self.values: list[list[Any]] = []
         self.texts: list[str] = []
         self.wrong: dict[int, str] = {}
         self.bits = 0
 
-    def take(self, time: float, meaning: Meaning) -> None:
+    def take(self, number: int, time: float, meaning: Meaning) -> None:
         found = values(meaning)
+        self.numbers.append(number)
+        self.data.append(hex_of(meaning))
         if meaning.message is None:
             self.texts.append(meaning.text)
         elif self.texts:  # earlier frames of this message could not be read
@@ -232,19 +243,23 @@ class _Row:
         if isinstance(meaning.raw, Frame):
             self.bits += frame_bits(meaning.raw)
 
-    def data(self) -> dict[str, Any]:
+    def described(self) -> dict[str, Any]:
         # A frame that could not be read has no values: its places are filled up.
         width = max(map(len, self.values))
         padded = ([*each, *[None] * (width - len(each))] for each in self.values)
         return {
+            "key": key_of(self.meaning.raw),
             "id": self.identifier,
             "name": MonitorRow(self.identifier, self.meaning).name,
             "group": self.meaning.group,
             "nodes": self.meaning.nodes,
             "times": self.times,
+            "numbers": self.numbers,
+            "data": self.data,
             "values": list(zip(*padded)),
             "texts": [""] * (len(self.times) - len(self.texts)) + self.texts if self.texts else [],
             "wrong": self.wrong,
+            "foreign": is_foreign(self.meaning),
             "bits": self.bits / len(self.times),
         }
 
@@ -261,6 +276,8 @@ class Columns:
         self._rows: dict[int | Damage, _Row] = {}
         self._panels = [panel() for panel in panels]
         self._events: dict[str, PageEvent] = {}
+        self._watch, self._health = BusEvents(decoder), NodesHealth(decoder.dictionaries)
+        self._looked = 0.0
 
     def take(self, time: float, meaning: Meaning) -> None:
         """Take in an entry of the log."""
@@ -273,8 +290,12 @@ class Columns:
         row = self._rows.get(raw[0])
         if row is None:
             row = self._rows[raw[0]] = _Row(meaning, raw.cob_id if isinstance(raw, Frame) else None)
-        row.take(now, meaning)
-        self.add(service_events(self._taken, now, meaning))
+        row.take(self._taken, now, meaning)
+        self._health.take(now, meaning)
+        if now - self._looked >= LOOK:
+            self._looked = now
+            self.add(self._watch.look(now, self._health.nodes))
+        self.add(self._watch.take(self._taken, now, meaning))
         if meaning.message is not None:
             for panel in self._panels:
                 self.add(panel.take(now, meaning.message))
@@ -291,8 +312,9 @@ class Columns:
             "name": self.name,
             "bitrate": self.bitrate,
             "end": round(self._end, DIGITS),
+            "began": self.start,
             "left_out": self.left_out,
-            "rows": [*(row.data() for row in self._rows.values()), *more],
+            "rows": [*(row.described() for row in self._rows.values()), *more],
             "events": [event_data(each) for each in self._events.values()],
             **described(self._decoder),
         }
@@ -303,7 +325,10 @@ class Columns:
 
 FILES = Path(__file__).with_name("files")
 STYLES = ("uplot.css", "page.css", "diagnosis.css")
-SCRIPTS = ("uplot.js", "page.js", "drive.js", "diagnosis.js")  # in this order: each uses the ones before it
+SCRIPTS = (  # in this order: each uses the ones before it
+    *("uplot.js", "dom.js", "store.js", "messages.js", "trace.js", "plots.js", "nodes.js", "objects.js", "send.js"),
+    *("events.js", "diagnosis.js", "drive.js", "page.js"),
+)
 
 PART = re.compile(r"\{\{(\w+)\}\}")
 """A place in `page.html` to be filled in."""

@@ -9,6 +9,7 @@ from __future__ import annotations
 import asyncio
 import json
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from enum import Enum
 from functools import partial
 from math import isfinite
@@ -30,11 +31,30 @@ from eurobot_od.od.words import with_words, words
 from eurobot_od.pdo.binding import parse
 from eurobot_od.pdo.catalogue import Message
 from eurobot_od.traffic.diagnosis.incidents import WORDS
-from eurobot_od.web.drives import LOOK, AxisAddress, Drives, quick_stops
+from eurobot_od.web.drives import LOOK, AxisAddress, Drives, moves, quick_stops
 from eurobot_od.web.session import MOST_POLLED, POLL_PERIOD, POLLED_FOR, PolledObject, Session
 
 Arguments = Mapping[str, Any]
 """The fields of a request besides its name."""
+
+SHORTEST, LONGEST = 5, 60_000
+"""Periods of what is sent again and again, ms."""
+
+MOST_CYCLIC = 20
+
+CYCLED_FOR = 3.0
+"""Seconds after which that ends, unless a page says again that it is wanted."""
+
+
+@dataclass
+class Cyclic:
+    """What is sent again and again: `period`, when it is `due` and `until` when, all in s."""
+
+    act: Callable[[], object]
+    period: float
+    due: float
+    until: float
+
 
 COMMANDS = {COMMAND_NAMES[command]: command for command in NmtCommand}
 
@@ -50,6 +70,7 @@ class Requests:
         self.master = Master(session.tap)
         for each in session.decoder.dictionaries:
             self.master.follow(each)
+        self._cyclic: dict[str, Cyclic] = {}
         self.drives = Drives(self.master, session.decoder.dictionaries, lambda: session.now)
         # An SDO frame does not say which transfer it belongs to: two at once would take each other's answers.
         self._one_at_a_time = asyncio.Lock()
@@ -139,6 +160,8 @@ class Requests:
                     "high": limits and limits.high,
                     "default": "" if thing.default is None else objects.written(thing, thing.default),
                     "long": type_ == DOMAIN,
+                    "plots": objects.limits(thing) is not None,
+                    "moves": moves(objects.address_of(thing)),
                 }
             )
         return listed
@@ -190,6 +213,48 @@ class Requests:
                 raise LocalError(objection)
         return self._send(protocol.encode(message))
 
+    def send_frame(self, said: Arguments) -> str:
+        """Send a frame as it is written: `185#0102`."""
+        return self._send(Frame.parse(_text(said, "frame")))
+
+    def cycle(self, said: Arguments) -> None:
+        """Send a frame or a message again and again, for as long as the page says so: then it is asked `again`."""
+        period = _whole(said, "period")
+        if not SHORTEST <= period <= LONGEST:
+            raise LocalError(f"a period of {period} ms is not allowed; allowed: {SHORTEST}..{LONGEST} ms")
+        key, act = _text(said, "key"), self.send if "message" in said else self.send_frame
+        kept = self._cyclic.get(key)
+        if kept is None:
+            if said.get("again"):
+                raise LocalError("it is no longer sent again and again")
+            if len(self._cyclic) >= MOST_CYCLIC:
+                raise LocalError(f"{MOST_CYCLIC} frames are sent again and again already: end another one first")
+            act(said)  # what is wrong with it is said at once
+        now = self.session.now
+        due = now + period / 1000 if kept is None else kept.due
+        self._cyclic[key] = Cyclic(partial(act, said), period / 1000, due, now + CYCLED_FOR)
+
+    def end_cycle(self, said: Arguments) -> None:
+        """End that."""
+        self._cyclic.pop(_text(said, "key"), None)
+
+    async def send_cyclic(self) -> None:
+        """Send what is to be sent again and again; what can no longer be sent, and what no page wants, ends."""
+        while True:
+            now = self.session.now
+            for key, each in list(self._cyclic.items()):
+                if each.until < now:
+                    self._cyclic.pop(key, None)
+                elif each.due <= now:
+                    try:
+                        await asyncio.to_thread(each.act)
+                    except EurobotError:
+                        self._cyclic.pop(key, None)
+                    # Not from `now`: a period that is late once would be late for ever.
+                    each.due = max(each.due + each.period, self.session.now)
+            soonest = min((each.due for each in self._cyclic.values()), default=now + POLL_PERIOD)
+            await asyncio.sleep(max(min(soonest - self.session.now, POLL_PERIOD), 0.001))
+
     def send_message(self, message: Message) -> None:
         """Send a message; raises BusError."""
         self._send(self.session.decoder.protocol.encode(message))
@@ -219,6 +284,7 @@ class Requests:
 
     def stop(self, _: Arguments) -> str:
         """Stop what can be stopped."""
+        self._cyclic.clear()
         if not self.stop_message:
             return self._stop_devices()
         protocol, stop = self.session.decoder.protocol, {"message": self.stop_message}
@@ -259,14 +325,17 @@ class Requests:
 
     def drive(self, said: Arguments) -> None:
         """Have a drive carry out a command."""
-        self.drives.command(self._axis(said), _text(said, "command"))
+        numbers = {name: _whole(said, name) for name in ("position", "distance", "velocity", "method") if name in said}
+        command = _text(said, "command")
+        missing = {"move": "position", "move by": "distance"}.get(command)
+        if missing and missing not in numbers:
+            raise LocalError(f"{missing} is missing")
+        self.drives.command(self._axis(said), command, numbers)
 
     def jog(self, said: Arguments) -> None:
         """Turn a drive for as long as the page reports the button as held."""
-        velocity = said.get("velocity")
-        if not isinstance(velocity, int) or isinstance(velocity, bool):
-            raise LocalError("velocity is missing, or not a whole number")
-        self.drives.jog(self._axis(said), velocity)
+        target = "torque" if "torque" in said else "velocity"
+        self.drives.jog(self._axis(said), _whole(said, target), target)
 
     def hold(self, said: Arguments) -> None:
         """Report the button of a jog as still held."""
@@ -317,6 +386,9 @@ REQUESTS: Mapping[str, PageRequest] = {
     "send": PageRequest(Requests.send, Way.SENDS, acts=True),
     "nmt": PageRequest(Requests.nmt, Way.SENDS, acts=True),
     "stop": PageRequest(Requests.stop, Way.SENDS, acts=True),
+    "send frame": PageRequest(Requests.send_frame, Way.SENDS, acts=True),
+    "cycle": PageRequest(Requests.cycle, Way.SENDS, acts=True),
+    "end cycle": PageRequest(Requests.end_cycle, Way.AT_ONCE, acts=True),
     "write": PageRequest(Requests.write, acts=True),
     "drive": PageRequest(Requests.drive, acts=True),
     "jog": PageRequest(Requests.jog, acts=True),
@@ -328,6 +400,13 @@ def _text(said: Arguments, name: str) -> str:
     value = said.get(name)
     if not isinstance(value, str):
         raise LocalError(f"{name} is missing, or not a text")
+    return value
+
+
+def _whole(said: Arguments, name: str) -> int:
+    value = said.get(name)
+    if not isinstance(value, int) or isinstance(value, bool):
+        raise LocalError(f"{name} is missing, or not a whole number")
     return value
 
 

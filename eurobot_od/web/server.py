@@ -21,7 +21,10 @@ from eurobot_od.web.page import NOTHING, policy_of
 from eurobot_od.web.requests import Requests
 
 PERIOD = 0.05
-"""Seconds between two snapshots, and between two looks at the bus."""
+"""Seconds between two snapshots."""
+
+LOOK = 0.01
+"""Seconds between two looks at the bus: a node's answer waits so long for whoever has asked."""
 
 MOST_OWED = 2
 """Most snapshots that a browser may owe a confirmation for when the next one is due; with more it is left out."""
@@ -144,10 +147,9 @@ class _Server:
 
         async def watch() -> None:  # whether or not a browser is connected
             while True:
-                session.poll()
-                await asyncio.sleep(PERIOD)
+                await asyncio.sleep(0 if session.poll() else LOOK)
 
-        return [watch(), self._requests.poll(), self._requests.end_jogs()]
+        return [watch(), self._requests.poll(), self._requests.end_jogs(), self._requests.send_cyclic()]
 
     @web.middleware
     async def _guard(self, request: web.Request, handler: Handler) -> web.StreamResponse:
@@ -200,8 +202,7 @@ class _Browser:
 
     def __init__(self, socket: web.WebSocketResponse, requests: Requests) -> None:
         self._socket, self._requests, self._session = socket, requests, requests.session
-        self._turn = -1
-        self._skipped = 0
+        self._turn, self._shown = -1, 0
         self._owed: list[int] = []
         self._pending: set[asyncio.Task[None]] = set()
 
@@ -211,19 +212,18 @@ class _Browser:
         due = loop.time()
         with suppress(ConnectionError):
             while not self._socket.closed:
-                if len(self._owed) > MOST_OWED:
-                    self._skipped += 1
-                elif self._session.turn > self._turn:
-                    since, self._turn = self._turn, self._session.turn
-                    self._owed.append(self._turn)
-                    control = self._requests.control
-                    await self._socket.send_str(self._session.snapshot(since, skipped=self._skipped, control=control))
-                due += PERIOD
-                late = int((loop.time() - due) / PERIOD)
-                if late > 0:  # the connection was full for so long
-                    self._skipped += late
-                    due += late * PERIOD
+                if len(self._owed) <= MOST_OWED and self._session.turn > self._turn:
+                    await self._socket.send_str(self._next())
+                due = max(due + PERIOD, loop.time())  # later, if the connection was full for so long
                 await asyncio.sleep(due - loop.time())
+
+    def _next(self) -> str:
+        """Return the next snapshot, with the frames since the last one, however long ago that was."""
+        since, self._turn = self._turn, self._session.turn
+        stretch = self._session.history.since(self._shown)
+        self._shown = stretch.next
+        self._owed.append(self._turn)
+        return self._session.snapshot(since, stretch, control=self._requests.control)
 
     async def listen(self) -> None:
         """Take in confirmations and requests until the browser leaves."""

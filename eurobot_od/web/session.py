@@ -6,14 +6,16 @@ Rule of this file: one thread calls everything here except the methods of `tap`;
 from __future__ import annotations
 
 import json
+import secrets
 import time
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
-from queue import Empty, Full, Queue, SimpleQueue
+from queue import Empty, Full, Queue
 from threading import Lock
-from typing import Any
+from typing import Any, NamedTuple
 
 import can
 from canopen.objectdictionary import ODVariable
@@ -28,7 +30,8 @@ from eurobot_od.traffic.entries import Damage, Raw
 from eurobot_od.traffic.meaning import Decoder
 from eurobot_od.traffic.monitor import BusSource, Traffic
 from eurobot_od.traffic.recorder import recording
-from eurobot_od.web.page import PageEvent, Panel, defects, event_data, service_events, values
+from eurobot_od.web.events import BusEvents, PageEvent
+from eurobot_od.web.page import DIGITS, Panel, defects, event_data, hex_of, is_foreign, key_of, values
 
 # A second bus on one adapter, for a master that asks nodes while the session takes every frame
 
@@ -57,7 +60,6 @@ class Tap(can.BusABC):
         self.trouble = ""
         self._lock = Lock()
         self._came: Queue[can.Message] = Queue(MOST_WAITING)
-        self._sent: SimpleQueue[Frame] = SimpleQueue()
 
     def give(self, frame: Frame) -> None:
         """Pass a frame to the master if it listens to it."""
@@ -77,11 +79,6 @@ class Tap(can.BusABC):
                 raise BusError(self.trouble)
             if not self._send_by(frame, PATIENCE):
                 raise BusError("the bus did not take the frame: is another node there to acknowledge it?")
-        self._sent.put(frame)
-
-    def sent(self) -> list[Frame]:
-        """Return what was sent since the last call: a bus does not return a frame to its sender."""
-        return [self._sent.get() for _ in range(self._sent.qsize())]
 
     # what python-can asks of a bus
 
@@ -129,6 +126,57 @@ class PolledObject:
 # The session
 
 
+MOST_KEPT = 100_000
+"""Most frames that a page can still ask for, about 25 MB; the oldest make room, `DROPPED` of them at once."""
+
+DROPPED = 10_000
+
+AT_ONCE = 5000
+"""Most frames in one snapshot: a page that is opened late catches up in some seconds."""
+
+
+class Stretch(NamedTuple):
+    """Frames that follow each other, as JSON; `first` is the number of the first one."""
+
+    first: int
+    frames: Sequence[str]
+
+    @property
+    def next(self) -> int:
+        """The number of the frame after them."""
+        return self.first + len(self.frames)
+
+
+class FrameHistory:
+    """The last frames, each made text once for all browsers; they are numbered from 0 on."""
+
+    def __init__(self) -> None:
+        self._first, self._frames = 0, list[str]()
+
+    def add(self, frame: str) -> None:
+        """Take in the next frame."""
+        self._frames.append(frame)
+        if len(self._frames) >= MOST_KEPT + DROPPED:
+            del self._frames[:DROPPED]
+            self._first += DROPPED
+
+    def since(self, number: int) -> Stretch:
+        """Return frames from a number on, or from the oldest one that is left."""
+        first = max(number, self._first)
+        return Stretch(first, self._frames[first - self._first :][:AT_ONCE])
+
+
+NO_FRAMES = Stretch(0, ())
+
+
+MOST_TAKEN = 500
+"""Most frames that are taken in at once."""
+
+COMPACT = json.JSONEncoder(separators=(",", ":")).encode  # made once: it takes longer than a frame
+
+FEW = 2
+"""Frames of a message that tell nothing of its period."""
+
 MOST_EVENTS = 2000
 """Most events that are kept; the oldest make room."""
 
@@ -140,8 +188,9 @@ class Session:
     """A bus that is watched.
 
     `open_bus` opens it, now and whenever it is lost; raises BusError now. `now` counts the seconds since then.
-    `trouble` is what is wrong with the bus, empty while all is well; `panels` are shown beside the frames. `diagnosis`
-    says what the frames show to be wrong, also by a robot's `watchers`.
+    `trouble` is what is wrong with the bus, empty while all is well; `panels` are shown beside the frames, and
+    `history` has the last of these. `diagnosis` says what the frames show to be wrong, also by a robot's `watchers`.
+    By its `name` a page notices that it is another session.
     """
 
     def __init__(
@@ -158,7 +207,9 @@ class Session:
         self.polled: dict[str, PolledObject] = {}
         self.trouble = ""
         self.turn = 0
+        self.history, self.name = FrameHistory(), secrets.token_hex(4)
         self._clock = clock
+        self._watch = BusEvents(decoder)
         self.panels = [panel() for panel in panels]
         self._traffic = Traffic(decoder, bitrate)
         self._changed: dict[int | Damage, int] = {}
@@ -166,7 +217,7 @@ class Session:
         self._events: dict[str, tuple[int, PageEvent]] = {}
         self._recording = LogRecording()
         self._load = (0.0, 0.0)
-        self._started = clock()
+        self._started, self._began = clock(), round(time.time(), 3)
         self._origin: float | None = None
         self._source = BusSource(open_bus(), clock, open_bus)
         self.tap = Tap(self._source.send, (SdoChannel.of(each).answers for each in decoder.dictionaries))
@@ -183,18 +234,22 @@ class Session:
 
     # The bus
 
-    def poll(self) -> None:
-        """Take in what has come since the last time."""
+    def poll(self) -> bool:
+        """Take in what has come since the last time; tell whether more of it is left for the next call."""
         self.turn += 1
-        for frame_time, raw in self._source.poll():
+        taken = 0
+        # Not all at once: on a machine that is too slow for the bus, browsers would hear nothing for minutes.
+        for frame_time, raw in islice(self._source.poll(), MOST_TAKEN):
+            taken += 1
             if self._origin is None:  # a driver's clock may start anywhere
-                self._origin = frame_time - self.now
+                self._origin = min(self._source.now - self.now, frame_time)
             self._take(frame_time - self._origin, raw)
         self.trouble = self.tap.trouble = self._source.trouble
-        for frame in self.tap.sent():
-            self._take(self.now, frame)
+        for event in self._watch.look(self.now, self._traffic.nodes):
+            self._enter(event)
         self._load = self._traffic.load(self.now)
         self.diagnosis.tick(self.now)
+        return taken == MOST_TAKEN
 
     def _take(self, now: float, raw: Raw) -> None:
         meaning = self._traffic.take(now, raw)
@@ -203,7 +258,9 @@ class Session:
         if isinstance(raw, Frame):
             self.tap.give(raw)
             self._recording.write(now, raw)
-        for event in service_events(self._traffic.frames, now, meaning):
+        shown = [key_of(raw), round(now, DIGITS), hex_of(meaning), values(meaning), meaning.text, defects(meaning)]
+        self.history.add(COMPACT(shown))
+        for event in self._watch.take(self._traffic.frames, now, meaning):
             self._enter(event)
         if meaning.message is not None:
             for panel in self.panels:
@@ -225,12 +282,15 @@ class Session:
 
     # What is shown
 
-    def snapshot(self, since: int, **more: object) -> str:
-        """Return as JSON what has changed after a `turn`, -1 for everything."""
+    def snapshot(self, since: int, stretch: Stretch = NO_FRAMES, **more: object) -> str:
+        """Return as JSON what has changed after a `turn`, -1 for everything, and a stretch of the history."""
         load, rate = self._load
         now = self.now
         head = {
+            "session": self.name,
+            "began": self._began,
             "turn": self.turn,
+            "first": stretch.first,
             "time": round(now, 4),
             "load": round(load, 4),
             "rate": round(rate, 1),
@@ -242,7 +302,7 @@ class Session:
                     "name": name,
                     "state": node.state,
                     "age": None if node.pulse.heard is None else round(now - node.pulse.heard, 2),
-                    "lost": node.pulse.lost(now),
+                    "life": node.pulse.life(now).value,
                     "emergency": node.emergency,
                 }
                 for name, node in self._traffic.nodes.items()
@@ -253,7 +313,7 @@ class Session:
         }
         rows = ",".join(self._row(key) for key, turn in self._changed.items() if turn > since)
         # Put together by hand: a row is already text, made once for all browsers.
-        return f'{json.dumps(head)[:-1]}, "rows": [{rows}]}}'
+        return f'{json.dumps(head)[:-1]}, "history": [{",".join(stretch.frames)}], "rows": [{rows}]}}'
 
     def _row(self, key: int | Damage) -> str:
         """Return a row as JSON, made once for all browsers."""
@@ -261,8 +321,10 @@ class Session:
         count, text = self._written.get(key, (0, ""))
         if count == row.count:
             return text
-        found, period = values(row.meaning), row.period
+        # One interval is not a period.
+        found, period = values(row.meaning), row.period if len(row.times) > FEW else None
         data = {
+            "key": key_of(row.meaning.raw),
             "id": row.identifier,
             "name": row.name,
             "group": row.meaning.group,
@@ -271,10 +333,12 @@ class Session:
             "wrong": row.wrong,
             "period": period and round(period.mean, 6),
             "jitter": period and round(period.jitter, 6),
-            "time": round(row.last, 5),
+            "time": round(row.last, DIGITS),
+            "data": hex_of(row.meaning),
             "values": found,
-            "text": row.meaning.text if found is None else "",
+            "text": row.meaning.text,
             "defects": defects(row.meaning),
+            "foreign": is_foreign(row.meaning),
         }
         self._written[key] = row.count, json.dumps(data)
         return self._written[key][1]

@@ -21,6 +21,8 @@ from eurobot_od.od.values import (
     label,
     owner,
     parse_number,
+    typed_number,
+    typed_real,
 )
 from tests.rows import rows
 
@@ -198,3 +200,11 @@ def test_an_identifier_between_the_ranges_has_none(identifier: int) -> None:
 def test_an_address_for_a_person() -> None:
     assert label((0x1017, 0), "Producer heartbeat time") == "0x1017:0 Producer heartbeat time"
     assert label((0x1017, 0)) == "0x1017:0"
+
+
+@rows("text", ["1_000", "\u0663", "0x1_0", "\u00b2", "", "1" * 101])
+def test_what_only_python_reads_as_a_number_is_none(text: str) -> None:
+    for read in (typed_number, typed_real):
+        with pytest.raises(ValueError):  # noqa: PT011 (int and float say it in their own words)
+            read(text)
+    assert (typed_number("-0x10"), typed_real("1e3")) == (-16, 1000.0)

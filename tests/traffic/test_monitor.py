@@ -305,3 +305,33 @@ def test_a_heartbeat_time_that_is_written_counts_from_then_on(traffic: Traffic) 
     assert traffic.nodes["drive"].pulse.lost(2.0)  # not confirmed yet
     traffic.take(1.01, Frame(0x582, bytes.fromhex("6017100000000000")))
     assert not traffic.nodes["drive"].pulse.lost(2.0)
+
+
+def test_what_is_sent_stands_where_it_was_on_the_bus() -> None:
+    """A machine that is busy reads late: what came before a frame of ours is read after it was sent."""
+
+    class Slow(can.BusABC):
+        channel_info = "slow"
+
+        def __init__(self) -> None:
+            super().__init__("slow")
+            self.came: list[can.Message] = [can.Message(timestamp=100.0, arbitration_id=0x701, is_extended_id=False)]
+
+        def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
+            return (self.came.pop(0), False) if self.came else (None, False)
+
+        def send(self, msg: can.Message, timeout: float | None = None) -> None:
+            # The answer is there before `send` returns, and before both something that was read late.
+            for at, cob_id in ((100.4, 0x702), (100.5, 0x581)):
+                self.came.append(can.Message(timestamp=at, arbitration_id=cob_id, is_extended_id=False))
+
+    now = [0.0]
+    bus = Slow()
+    source = BusSource(bus, lambda: now[0])
+    found: list[Timed] = []
+    receive(source, found, 1)
+    now[0] = 0.5
+    source.send(Frame(0x601), 1.0)
+    receive(source, found, 4)
+    assert found == [(100.0, Frame(0x701)), (100.4, Frame(0x702)), (100.5, Frame(0x601)), (100.5, Frame(0x581))]
+    source.close()

@@ -86,7 +86,8 @@ class Page:
         """Wait until an expression is true in the page."""
         end = time.monotonic() + patience
         while time.monotonic() < end:
-            found = self.run(f"(found => found instanceof Node || found)({expression})")
+            # An object of the page may lead to all others: that it is there is enough.
+            found = self.run(f"(found => found instanceof Object || found)({expression})")
             if found:
                 return found
             self.run("new Promise(done => setTimeout(done, 20))")

@@ -21,8 +21,8 @@ from eurobot_od.device.nmt import NmtCommand
 from eurobot_od.errors import EurobotError
 from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.robot.model.messages import StartConfigurationSet
-from eurobot_od.robot.model.values import TeamColour
+from eurobot_od.robot.model.messages import KalmanPositionResponse, StartConfigurationSet
+from eurobot_od.robot.model.values import Source, TeamColour
 from eurobot_od.robot.nodes import Core
 from eurobot_od.robot.protocol import EurobotProtocol
 from eurobot_od.robot.world import World
@@ -37,6 +37,7 @@ GOAL = (700, 1600)
 NEAR = 60.0
 """mm that an estimated place may be off the true one."""
 
+STATE = EurobotProtocol.load().encode(KalmanPositionResponse(700, 1600, 0, Source.INTERNAL))
 KALMAN = "sources[0].row('Kalman Position Response')"
 DRAWN = """(() => {
     const found = document.querySelector('.robot').getAttribute('transform');
@@ -68,7 +69,8 @@ def send_goto(page: Page) -> None:
         const [x, y] = document.querySelectorAll('form.goto input');
         [x.value, y.value] = {json.dumps(GOAL)};
     }})()""")
-    page.click("form.goto button")
+    for _ in range(2):  # what moves something is asked twice
+        page.click("form.goto button")
 
 
 def true_place(world: World) -> tuple[float, float]:
@@ -185,6 +187,7 @@ def test_send_opens_on_nothing_and_is_armed_by_a_choice(scene: Scene) -> None:
         "[document.querySelector('form.send select').value, document.querySelector('form.send .main').disabled]"
     ) == ["", True]
     assert page.run("document.querySelectorAll('.fields label').length") == 0
+    assert page.run("[...document.querySelectorAll('form.send button')].every(each => each.disabled)")
     before = page.run("connection.number")
     page.click("form.send .main")
     assert page.run("connection.number") == before, "nothing was asked of the server"
@@ -193,8 +196,47 @@ def test_send_opens_on_nothing_and_is_armed_by_a_choice(scene: Scene) -> None:
         chosen.value = 'Goto XY';
         chosen.dispatchEvent(new Event('change'));
     })()""")
-    assert page.run("document.querySelector('form.send .main').disabled") is False
     assert page.run("document.querySelectorAll('.fields label').length") > 4
+    values = page.run("Object.fromEntries([...document.querySelectorAll('.fields label')].map(each => "
+        "[each.firstChild.textContent, each.querySelector('input, select').value]))")  # fmt: skip
+    assert {name: values[name] for name in ("x in mm", "y in mm", "angle in deg", "speed in %")} == dict.fromkeys(
+        ("x in mm", "y in mm", "angle in deg", "speed in %"), ""
+    ), "only what the file gives is filled in"
+
+
+def sends(page: Page) -> int:
+    """Return how many requests to send something the page has made."""
+    return int(page.run("window.sends ?? 0"))
+
+
+def test_nothing_is_sent_before_all_is_filled_in_and_what_moves_asks_twice(scene: Scene) -> None:
+    page = scene.page
+    page.click("#tab-send")
+    page.run("""(() => {
+        const ask = connection.ask;
+        connection.ask = function (what) {
+            if (what.do === 'send') window.sends = (window.sends ?? 0) + 1;
+            return ask.call(this, what);
+        };
+        const chosen = document.querySelector('form.send select');
+        chosen.value = 'Goto XY';
+        chosen.dispatchEvent(new Event('change'));
+    })()""")
+    button = "[...document.querySelectorAll('form.send .main')].find(each => !each.hidden)"
+    for _ in range(2):
+        page.run(f"{button}.click()")
+    page.wait("document.querySelector('.answer').textContent === 'not sent: x, y, angle, speed are empty'")
+    assert sends(page) == 0
+    page.run(
+        "[700, 1600, 0, 50].forEach((value, place) => {"
+        " document.querySelectorAll('.fields input')[place].value = value; })"
+    )
+    page.run(f"{button}.click()")
+    assert page.run(f"{button}.textContent") == "Send: press again"
+    assert sends(page) == 0
+    page.run(f"{button}.click()")
+    page.wait("document.querySelector('.answer').textContent.startsWith('sent 008#')")
+    assert sends(page) == 1
 
 
 def test_a_plot_ends_with_the_last_value(scene: Scene) -> None:
@@ -235,15 +277,19 @@ def test_objects_are_read_written_and_plotted(scene: Scene) -> None:
         chosen.dispatchEvent(new Event('change'));
     })()""")
     line = """[...document.querySelectorAll('table.objects tr')].find(each => each.textContent.includes('0x1017:0'))"""
+    page.wait("document.querySelector('.tree details')")
+    assert page.run(f"{line} === undefined"), "a group that is closed has no lines"
+    page.run("document.querySelector('.tree details').open = true")
     page.wait(line)
-    page.run(f"{line}.querySelector('button').click()")
+    page.run(f"{line}.querySelector('.acts button').click()")
     page.wait(f"{line}.querySelector('.read').textContent === '1000'")
     page.run(f"{line}.querySelector('input').value = '200'; {line}.querySelector('.write button').click()")
     page.wait(f"{line}.querySelector('.read').textContent === '200'")
+    page.wait(f"{line}.matches('.changed') && {line}.querySelector('small').textContent === 'was 1000'")
     page.run(f"{line}.querySelector('input').value = '70000'; {line}.querySelector('.write button').click()")
     page.wait("document.querySelector('#toast').textContent.includes('allowed: 0..65535')")
     page.run(f"{line}.querySelectorAll('.acts > button')[1].click()")
-    page.wait("plots.all[0].series.length === 1 && plots.all[0].series[0].data()[1].at(-1) === 200")
+    page.wait("plots.all[0].series.length === 1 && plots.all[0].series[0].values.at(-1) === 200")
 
 
 def test_without_control_there_is_nothing_to_change_anything_with(tmp_path: Path, window: Page) -> None:
@@ -253,6 +299,8 @@ def test_without_control_there_is_nothing_to_change_anything_with(tmp_path: Path
         window.wait(f"{KALMAN} && {KALMAN}.times.length > 1")
         for tab in ("nodes", "objects"):
             window.click(f"#tab-{tab}")
+        window.wait("document.querySelector('.tree details')")
+        window.run("document.querySelector('.tree details').open = true")
         window.wait("document.querySelector('table.objects tbody tr')")
         assert window.run("document.querySelector('#stop').hidden && document.querySelector('#tab-send').hidden")
         seen = "[...document.querySelectorAll('form.goto, .write, .card .buttons')].some(each => each.offsetParent)"
@@ -276,7 +324,6 @@ def test_any_message_is_sent_by_its_form(scene: Scene) -> None:
     page.click("form.send button")
     page.wait(f"document.querySelector('.answer').textContent === 'sent {EurobotProtocol.load().encode(message)}'")
     page.wait("sources[0].row('Start Configuration Confirm') !== null")  # the nodes heard it
-    page.run("document.querySelector('form.send').noValidate = true")
     page.run("document.querySelectorAll('.fields input')[2].value = 99")
     page.click("form.send button")
     page.wait("document.querySelector('.answer.is-wrong')")
@@ -287,9 +334,9 @@ def test_nodes_tell_how_they_are(scene: Scene) -> None:
     page = scene.page
     page.click("#tab-nodes")
     state = "document.querySelectorAll('.card .state')[1].textContent"
-    page.wait(f"{state}.startsWith('operational heartbeat')")
+    page.wait(f"{state}.includes('alive operational, heard')")
     page.run("[...document.querySelectorAll('.card')][1].querySelectorAll('.buttons button')[2].click()")
-    page.wait(f"{state}.startsWith('pre-operational')")
+    page.wait(f"{state}.includes('alive pre-operational')")
     page.wait("[...sources[0].events.values()].some(each => each.text === 'pre-operational, drive')")
     with open_bus("virtual", scene.channel) as bus:
         Driver(bus).send(Frame(0x083, bytes.fromhex("3081 11 0000000000")))
@@ -355,6 +402,8 @@ def test_names_from_files_and_buses_are_text(tmp_path: Path, window: Page) -> No
         assert window.text("h1") == name
         window.click("#tab-nodes")
         window.click("#tab-objects")
+        window.wait("document.querySelector('.tree details')")
+        window.run("for (const each of document.querySelectorAll('.tree details')) each.open = true")
         names = "[...document.querySelectorAll('table.objects th')].map(each => each.textContent)"
         window.wait(f"{names}.some(each => each.includes('onerror'))")
         assert window.run("document.querySelectorAll('img').length") == 0
@@ -367,7 +416,7 @@ def test_any_network_without_a_field_has_the_rest(tmp_path: Path, window: Page) 
         window.open(served.address)
         window.wait("connection.control")
         assert window.run("[...document.querySelectorAll('[role=tab]')].map(each => each.textContent)") == [
-            "Messages", "Plots", "Nodes", "Objects", "Send", "Events",
+            "Messages", "Trace", "Plots", "Nodes", "Objects", "Send", "Events",
         ]  # fmt: skip
         window.wait("!document.querySelector('#stop').hidden")
         window.click("#stop")
@@ -425,14 +474,107 @@ def test_the_bus_server_is_killed_and_back(window: Page) -> None:
             window.wait("sources[0].rows.has(0x702)")
 
 
+@contextmanager
+def beating(channel: str) -> Iterator[None]:
+    """Send heartbeats and positions of the drive, five times a second."""
+    over = threading.Event()
+
+    def beat() -> None:
+        with open_bus("virtual", channel) as bus:
+            while not over.wait(0.2):
+                for frame in (STATE, Frame(0x702, b"\x05")):
+                    Driver(bus).send(frame)
+
+    thread = threading.Thread(target=beat, daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        over.set()
+        thread.join(LONG)
+
+
 def test_the_page_finds_a_server_that_was_started_again(tmp_path: Path, window: Page) -> None:
     name, window.may_lose_its_server = channel(), True
-    with live_page(name, tmp_path) as served:
+    with live_page(name, tmp_path) as served, ExitStack() as stack:
         window.open(served.address)
         window.wait("connection.up")
         port = int(served.address.rstrip("/").rpartition(":")[2])
+        stack.enter_context(beating(name))
+        window.wait("sources[0].rows.has(0x702) && sources[0].row('Kalman Position Response')")
+        window.run("plots.add(new FieldSeries(sources[0].row('Kalman Position Response'), 'x'))")
+        for tab in ("plots", "nodes"):
+            window.click(f"#tab-{tab}")
+        window.wait("document.querySelector('#view-nodes .card[data-life=alive]')")
     window.wait("!connection.up && document.querySelector('.status.is-wrong')")
+    # Nothing looks alive any more, in words, colours and signs, in the header and in the view; STOP says so at once.
+    window.wait("document.querySelector('header .life').textContent === '⊘ not connected'")
+    window.wait(
+        "[...document.querySelectorAll('#view-nodes .card')].every(each => each.dataset.life === 'not connected')"
+    )
+    told = window.run("[...document.querySelectorAll('#view-nodes .card .state')].map(each => each.textContent).join()")
+    assert "alive" not in told
+    assert " ago" not in told
+    window.wait("document.querySelector('#stop').textContent === 'STOP cannot be sent'")
+    window.press("Escape")
+    assert window.text("#toast") == "no connection to the server"
     with open_bus("virtual", name) as bus, live_page(name, tmp_path, port=port):
-        window.wait("connection.up")
+        window.wait("connection.alive")
+        window.wait("document.querySelector('#stop').textContent === 'STOP'")
+        Driver(bus).send(STATE)
+        window.wait("plots.all[0].series[0].values.at(-1) === 700")
+        window.click("#tab-plots")
+        window.wait("plots.all[0].drawn()[1].at(-1) === 700")
+
+
+def test_a_server_that_hangs_is_not_there(tmp_path: Path, window: Page) -> None:
+    window.may_lose_its_server = True
+    with live_page(channel(), tmp_path) as served:
+        window.open(served.address)
+        window.wait("connection.alive")
+        window.run("clock.received -= 1e6; connection.hear = () => {}")  # as if nothing came any more
+        window.wait("document.querySelector('header .life').textContent === '⊘ not connected'")
+        refused = window.run("connection.ask({do: 'stop'}).catch(error => error.message)")
+        assert refused == "no connection to the server"
+
+
+def test_a_node_is_late_then_lost_then_back_everywhere(tmp_path: Path, window: Page) -> None:
+    name, window.may_lose_its_server = channel(), True
+    with open_bus("virtual", name) as bus, live_page(name, tmp_path) as served:
+        window.open(served.address)
+        window.wait("connection.alive")
+        window.click("#tab-nodes")
+        window.wait("document.querySelectorAll('#view-nodes .card').length === 3")
+        life, card = (
+            "document.querySelector('header .life').dataset.life",
+            "document.querySelectorAll('#view-nodes .card')[1]",
+        )
+        assert window.run(f"{card}.dataset.life") == "unknown"
+        assert "never heard" in window.run(f"{card}.textContent")
+        seen = []
         Driver(bus).send(Frame(0x702, b"\x05"))
-        window.wait("sources[0].rows.has(0x702)")
+        look = f"getComputedStyle({card}).borderLeftStyle + {card}.querySelector('.sign').textContent"
+        for expected in ("alive", "late", "lost"):
+            seen.append(window.wait(f"{life} === '{expected}' && {card}.dataset.life === '{expected}' && {look}"))
+        assert len(set(seen)) == 3, "told apart without colour"
+        Driver(bus).send(Frame(0x702, b"\x05"))
+        window.wait(f"{life} === 'alive'")
+        window.wait("[...sources[0].events.values()].some(each => each.text === 'drive is back')")
+        assert "drive is lost" in window.run("[...sources[0].events.values()].map(each => each.text)")
+
+
+def test_foreign_frames_are_named_once_in_grey(tmp_path: Path, window: Page) -> None:
+    name, window.may_lose_its_server = channel(), True
+    with open_bus("virtual", name) as bus, live_page(name, tmp_path) as served:
+        window.open(served.address)
+        window.wait("connection.alive")
+        Driver(bus).send(Frame(0x555, b"\1\2"))
+        window.click("#tab-messages")
+        window.wait("document.querySelector('tr.foreign')")
+        assert window.text("tr.foreign").startswith("555not in any file1")
+        assert window.text("tr.foreign").endswith("01 02")
+        assert window.run("document.querySelectorAll('.is-wrong').length") == 0
+        assert window.run("getComputedStyle(document.querySelector('tr.foreign th')).color") == window.run(
+            "(made => { document.body.append(made); made.style.color = 'var(--pale)'; "
+            "return getComputedStyle(made).color; })(document.createElement('i'))"
+        )

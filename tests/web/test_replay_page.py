@@ -132,7 +132,7 @@ def test_keys_play_and_change_the_speed(page: Page) -> None:
 def test_a_click_on_an_event_goes_there(page: Page) -> None:
     page.click("#tab-events")
     page.wait("document.querySelectorAll('.events li').length > 2")
-    times = page.run("sources[0].sortedEvents().map(each => each.time)")
+    times = page.run("sources[0].sortedEvents().map(each => each.time).reverse()")  # newest first
     page.run("document.querySelectorAll('.events button')[2].click()")
     page.wait(f"Math.abs({SHOWN} - {times[2]}) < 0.001")
 
@@ -223,7 +223,7 @@ def test_zooming_is_one_for_all_plots(page: Page) -> None:
 def test_two_logs_side_by_side_on_one_time_axis(logs: list[Path], window: Page, served_logs: str) -> None:
     window.open(served_logs)
     window.wait("document.querySelectorAll('.lane').length === 2")
-    assert window.run("[...document.querySelectorAll('#view-field h3')].map(each => each.textContent)") == [
+    assert window.run("[...document.querySelectorAll('#view-field h2')].map(each => each.textContent)") == [
         each.name for each in logs
     ]
     window.run("clock.seek(5)")

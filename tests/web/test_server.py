@@ -11,6 +11,7 @@ import socket
 from collections.abc import Callable, Iterator
 from contextlib import AsyncExitStack, ExitStack, closing, suppress
 from email.message import Message
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 from urllib.parse import urlsplit
@@ -23,7 +24,7 @@ from eurobot_od.frame import Frame
 from eurobot_od.robot import dialects
 from eurobot_od.robot.model.values import TeamColour
 from eurobot_od.robot.nodes import ROLES, Core
-from eurobot_od.web import server
+from eurobot_od.web import requests, server
 from eurobot_od.web.access import AccessRules, is_local
 from eurobot_od.web.server import HEADERS, MOST_BROWSERS, MOST_OWED
 from tests.rows import rows
@@ -245,7 +246,14 @@ async def answer(opened: aiohttp.ClientWebSocketResponse, text: str) -> dict[str
         ('{"id": 1, "do": "nmt", "command": "explode", "node": "all"}', "unknown NMT command 'explode'"),
         ('{"id": 1, "do": "write", "node": "drive", "object": "1017", "value": "70000"}', "allowed: 0..65535"),
         ('{"id": 1, "do": "write", "node": "drive", "object": "1017", "value": "soon"}', "allowed: an integer"),
+        ('{"id": 1, "do": "write", "node": "drive", "object": "1017", "value": "1_000"}', "allowed: an integer"),
+        ('{"id": 1, "do": "write", "node": "drive", "object": "1017", "value": "\\u0663"}', "allowed: an integer"),
         ('{"id": 1, "do": "watch", "node": "drive", "object": 7}', "object is missing, or not a text"),
+        ('{"id": 1, "do": "send frame", "frame": "800#"}', "'800#' is not a frame"),
+        ('{"id": 1, "do": "send frame", "frame": "100#000102030405060708"}', "is not a frame"),
+        ('{"id": 1, "do": "cycle", "key": "a", "frame": "100#", "period": 1}', "allowed: 5..60000 ms"),
+        ('{"id": 1, "do": "cycle", "key": "a", "frame": "100#", "period": "5"}', "period is missing, or not a whole"),
+        ('{"id": 1, "do": "cycle", "key": "a", "frame": "100#", "period": 50, "again": true}', "no longer sent again"),
     ],
 )
 def test_what_is_asked_wrongly_is_answered_in_a_line(local: Served, text: str, error: str) -> None:
@@ -272,6 +280,8 @@ def test_a_request_that_is_too_long_ends_the_connection_and_nothing_else(local: 
         {"do": "nmt", "command": "stop", "node": "all"},
         {"do": "stop"},
         {"do": "write", "node": "drive", "object": "1017", "value": "100"},
+        {"do": "send frame", "frame": "100#"},
+        {"do": "cycle", "key": "a", "frame": "100#", "period": "100"},
         {"do": "record"},
         {"do": "stop recording"},
     ],
@@ -310,6 +320,32 @@ def test_stop_is_sent_again_when_who_leads_is_held(tmp_path: Path) -> None:
         talk(served, lambda opened: answer(opened, json.dumps({"id": 1, "do": "stop"})))
         heard = [message for _ in range(3) if (message := other.recv(LONG))]
     assert [(each.arbitration_id, bytes(each.data)) for each in heard] == [(4, b""), (0, b"\x80\1"), (4, b"")]
+
+
+def test_what_is_sent_again_and_again_ends_with_stop(tmp_path: Path) -> None:
+    async def cycle(opened: aiohttp.ClientWebSocketResponse) -> tuple[int, str]:
+        words = {"id": 1, "do": "cycle", "key": "a", "frame": "123#AB", "period": 10}
+        await answer(opened, json.dumps(words))
+        for _ in range(10):  # the bus of this process: what is read here was sent
+            assert other.recv(LONG) is not None
+        await answer(opened, '{"id": 2, "do": "stop"}')
+        while other.recv(0.2) is not None:
+            pass
+        return 0, (await answer(opened, json.dumps({**words, "again": True})))["error"]
+
+    name = channel()
+    with open_bus("virtual", name) as other, live_page(name, tmp_path) as served:
+        assert talk(served, cycle)[1] == "it is no longer sent again and again"
+
+
+def test_what_no_page_asks_for_any_more_is_sent_no_more(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(requests, "CYCLED_FOR", 0.2)
+    name = channel()
+    with open_bus("virtual", name) as other, live_page(name, tmp_path) as served:
+        words = {"id": 1, "do": "cycle", "key": "a", "frame": "123#AB", "period": 10}
+        assert talk(served, lambda opened: answer(opened, json.dumps(words)))["ok"] is None
+        while other.recv(0.5) is not None:
+            pass
 
 
 def test_an_object_is_read_and_its_value_shown(tmp_path: Path) -> None:
@@ -381,9 +417,11 @@ def test_a_browser_that_is_gone_without_a_word_keeps_no_place(tmp_path: Path, mo
         asyncio.run(asyncio.wait_for(say_nothing(served.address), LONG))
 
 
-def test_a_browser_that_confirms_nothing_is_left_out_and_told(tmp_path: Path) -> None:
-    async def sleep_and_wake(opened: aiohttp.ClientWebSocketResponse) -> list[dict[str, Any]]:
+def test_a_browser_that_confirms_nothing_is_left_out_and_then_has_every_frame(tmp_path: Path) -> None:
+    async def sleep_and_wake(driver: Driver, opened: aiohttp.ClientWebSocketResponse) -> list[dict[str, Any]]:
         owed = [await opened.receive_json() for _ in range(MOST_OWED + 1)]
+        for number in range(50):
+            driver.send(Frame(0x703, bytes([number])))
         with pytest.raises(asyncio.TimeoutError):
             await opened.receive(0.5)  # as long as ten snapshots take: none comes
         await opened.send_str(str(owed[-1]["turn"]))
@@ -392,9 +430,12 @@ def test_a_browser_that_confirms_nothing_is_left_out_and_told(tmp_path: Path) ->
     name = channel()
     with open_bus("virtual", name) as bus, live_page(name, tmp_path) as served:
         Driver(bus).send(Frame(0x701, b"\x05"))
-        *owed, woken = talk(served, sleep_and_wake)
-        assert [each["skipped"] for each in owed] == [0] * len(owed)
-        assert woken["skipped"] > 5
+        *owed, woken = talk(served, partial(sleep_and_wake, Driver(bus)))
+        assert sum(len(each["history"]) for each in owed) == 1
+        assert (woken["first"], [each[2] for each in woken["history"]]) == (
+            1,
+            [f"{number:02x}" for number in range(50)],
+        )
 
 
 def test_of_too_many_requests_at_once_the_last_are_dropped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

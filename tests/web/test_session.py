@@ -27,6 +27,7 @@ from eurobot_od.web import session as module
 from eurobot_od.web.page import PageEvent, Panel
 from eurobot_od.web.session import Session
 from tests.web.scene import channel
+from tests.web.test_drives import bench
 
 BEAT, NMT = Frame(0x702, b"\x05"), Frame(0x000, b"\1\2")
 
@@ -75,6 +76,14 @@ def snapshot(session: Session, since: int = -1) -> dict[str, Any]:
     return found
 
 
+def send_own(session: Session, frame: Frame) -> None:
+    """Send a frame from the page, and wait until the session has it."""
+    before = session.frames
+    session.tap.send_frame(frame)
+    while session.frames == before:
+        session.poll()
+
+
 def test_a_snapshot_has_what_changed_since_a_turn(bus: tuple[Session, Callable[[Frame], None]]) -> None:
     session, send = bus
     send(BEAT)
@@ -105,14 +114,13 @@ def test_nodes_tell_their_state(bus: tuple[Session, Callable[[Frame], None]]) ->
     session, send = bus
     send(BEAT)
     drive = next(each for each in snapshot(session)["nodes"] if each["name"] == "drive")
-    assert (drive["state"], drive["lost"]) == ("operational", False)
+    assert (drive["state"], drive["life"]) == ("operational", "alive")
     assert 0 <= drive["age"] < 10
 
 
 def test_what_the_page_sends_is_shown_too(bus: tuple[Session, Callable[[Frame], None]]) -> None:
     session, _ = bus
-    session.tap.send_frame(STOP)
-    session.poll()
+    send_own(session, STOP)
     assert [each["name"] for each in snapshot(session)["rows"]] == ["Stop Drive"]
 
 
@@ -137,8 +145,7 @@ def test_an_event_that_has_changed_is_as_new_as_its_change(monkeypatch: pytest.M
     monkeypatch.setattr(module, "MOST_EVENTS", 2)
     session = Session(partial(open_bus, "virtual", channel()), decoder(), 500_000, [Lasting])
     for frame in (STOP, NMT, STOP, NMT):
-        session.tap.send_frame(frame)
-        session.poll()
+        send_own(session, frame)
     assert [each["key"] for each in snapshot(session)["events"]] == ["lasting", "NMT 4"]
     session.close()
 
@@ -188,8 +195,7 @@ def test_a_recording_that_cannot_be_ended_lets_the_bus_go_all_the_same(
     session = Session(lambda: bus, decoder(), 500_000)
     monkeypatch.setattr(module, "recording", full)
     session.record(tmp_path)
-    session.tap.send_frame(BEAT)
-    session.poll()
+    send_own(session, BEAT)
     with pytest.raises(OSError, match="No space left on device"):
         session.close()
     assert bus._is_shutdown
@@ -238,3 +244,55 @@ def test_times_go_on_when_the_driver_begins_anew_at_zero() -> None:
     [row] = snapshot(session)["rows"]
     assert 0.0 < row["time"] <= session.now
     session.close()
+
+
+def test_a_frame_of_ours_stands_before_its_answer(tmp_path: Path) -> None:
+    """A master that saw an answer before its request would take each transfer of a healthy drive for incomplete."""
+    with bench(tmp_path) as scene:
+        for _ in range(20):
+            scene.ask(do="read", node="servo", object="0x1008")
+        assert scene.served.session is not None
+        frames = [json.loads(each) for each in scene.served.session.history.since(0).frames]
+    transfers = [each for each in frames if each[0] in (0x585, 0x605)]
+    assert len(transfers) >= 80  # by segments
+    assert [each[0] for each in transfers] == [0x605, 0x585] * (len(transfers) // 2)
+    assert {each[5] for each in transfers} == {""}
+    assert [each[1] for each in transfers] == sorted(each[1] for each in transfers)
+
+
+def test_a_frame_that_the_driver_refuses_was_not_on_the_bus() -> None:
+    class Full(VirtualBus):
+        def send(self, msg: can.Message, timeout: float | None = None) -> None:
+            raise can.CanTimeoutError
+
+    session = Session(lambda: Full(channel()), decoder(), 500_000)
+    with pytest.raises(BusError, match="did not take the frame"):
+        session.tap.send_frame(BEAT)
+    session.poll()
+    assert session.frames == 0
+    session.close()
+
+
+def test_times_begin_with_what_the_page_sends_first() -> None:
+    name = channel()
+    session = Session(partial(open_bus, "virtual", name), decoder(), 500_000)
+    send_own(session, BEAT)
+    with open_bus("virtual", name) as other:
+        Driver(other).send(NMT)
+        while session.frames < 2:
+            session.poll()
+    one, two = (json.loads(each)[1] for each in session.history.since(0).frames)
+    assert 0.0 <= one <= two <= session.now
+    session.close()
+
+
+def test_the_history_is_bounded_and_says_where_it_begins(monkeypatch: pytest.MonkeyPatch) -> None:
+    for name, number in (("MOST_KEPT", 20), ("DROPPED", 5), ("AT_ONCE", 10)):
+        monkeypatch.setattr(module, name, number)
+    history = module.FrameHistory()
+    for number in range(53):
+        history.add(str(number))
+    late = history.since(0)
+    assert (late.first, late.frames[0], len(late.frames)) == (30, "30", 10)
+    assert history.since(late.next).frames[0] == "40"
+    assert history.since(53) == (53, [])

@@ -48,15 +48,23 @@ panel("field", (setup, source) => {
 
   const inputs = {};
   const labelled = (name, words, value, more) => h("label", {}, words,
-    inputs[name] = h("input", {type: "number", value, required: true, oninput: aimed, ...more}));
-  const form = h("form", {class: "goto", hidden: true, "aria-label": "Goto XY", onsubmit: event => {
-    event.preventDefault();
-    const fields = Object.fromEntries(Object.entries(inputs).map(([name, input]) => [name, input.value]));
-    quietly(request({do: "send", message: "Goto XY", fields}, `goto ${fields.x}, ${fields.y} sent`).then(follow));
+    inputs[name] = h("input", {type: "text", inputmode: "numeric", autocomplete: "off", value, oninput: aimed, ...more}));
+  const BOUNDS = {x: [0, setup.width], y: [0, setup.height], angle: [-360, 360], speed: [0, 100]};
+  function go() {
+    try {
+      const numbers = Object.entries(inputs).map(([name, input]) => [name, String(wholeNumber(name, input.value, ...BOUNDS[name]))]);
+      const fields = Object.fromEntries(numbers);
+      quietly(request({do: "send", message: "Goto XY", fields}, `goto ${fields.x}, ${fields.y} sent`).then(follow));
+    } catch (error) { toast(error.message, true); }
+  }
+  const goButton = askedTwice("Go", go, {class: "main", type: "button"});
+  const form = h("form", {class: "goto", hidden: true, "aria-label": "Goto XY", novalidate: true, onsubmit: event => {
+    event.preventDefault();                 // Enter in a field asks twice, too
+    goButton.click();
   }},
-  labelled("x", "x mm", "", {min: 0, max: setup.width}), labelled("y", "y mm", "", {min: 0, max: setup.height}),
-  labelled("angle", "angle deg", 0, {}), labelled("speed", "speed %", setup.speed, {min: 0, max: 100}),
-  h("div", {class: "act"}, h("button", {class: "main"}, "Go"), h("span", {class: "hint"}, "click the field for a place")));
+  labelled("x", "x mm", "", {}), labelled("y", "y mm", "", {}),
+  labelled("angle", "angle deg", 0, {}), labelled("speed", "speed %", setup.speed, {}),
+  h("div", {class: "act"}, goButton, h("span", {class: "hint"}, "click the field for a place")));
   const ASKED = 300, LONGEST = 60000;       // ms: how often the drive is asked, as the core would, and for how long
   let following = 0;
   function follow() {                       // a goto that is sent from here is no core's: nobody else asks how it ends
@@ -69,7 +77,7 @@ panel("field", (setup, source) => {
     }, ASKED);
   }
   function aimed() {
-    const set = inputs.x.value !== "" && inputs.y.value !== "";
+    const set = [inputs.x, inputs.y].every(each => WHOLE.test(each.value.trim()));
     aim.setAttribute("visibility", set ? "visible" : "hidden");
     if (set) aim.setAttribute("transform", `translate(${inputs.x.value} ${across(Number(inputs.y.value))})`);
   }
@@ -174,11 +182,15 @@ panel("field", (setup, source) => {
     const points = new Map(), events = source.sortedEvents(), start = events.findLast(each => each.kind === "start" && each.time <= time);
     for (const {data} of events.filter(each => each.kind === "points")) points.set(data.robot, 0);
     for (const {data} of events.filter(each => each.kind === "points" && each.time <= time)) points.set(data.robot, points.get(data.robot) + data.points);
-    const nodes = source.nodes.map(node => [node.name, nodeNow(source, node, time)]).filter(([, now]) => now.state || now.lost);
+    const nodes = source.nodes.map(node => [node.name, nodeNow(source, node, time)]).filter(([, now]) => now.state || now.life === "lost");
     return [h("b", {class: "clock"}, start ? `${Math.max(time - start.time, 0).toFixed(1)} s since the start` : "before the start"),
       ...[...points].map(([robot, sum]) => h("b", {class: "points"}, `${robot} ${sum}`)),
       h("i", {class: "caption"}, events.findLast(each => each.kind === "said" && each.time <= time && time - each.time < SAID)?.text ?? ""),
-      ...nodes.map(([node, now]) => h("span", {class: now.lost ? "is-wrong" : ""}, `${node} ${now.lost ? "lost" : now.state}`))];
+      ...nodes.map(([node, now]) => {
+        const sign = lifeSign();
+        sign.set(now.life, now.life === "alive" ? `${node} ${now.state}` : `${node} ${now.life}`);
+        return sign.element;
+      })];
   }
   const within = (row, from, to) => [...Array(Math.max(to - from, 0)).keys()].map(each => from + each).filter(each => sighting(row, each));
   function trailOf(row, time, place) {
@@ -194,7 +206,9 @@ panel("field", (setup, source) => {
 
   let told = null;
   function showItems(time) {
-    const shown = source.sortedEvents().filter(each => each.time <= time).flatMap(each => each.data.items || [])
+    const events = source.sortedEvents().filter(each => each.time <= time);
+    const start = events.findLast(each => each.kind === "start")?.time ?? -Infinity;   // those of an earlier match are gone
+    const shown = events.filter(each => each.kind === "start" || (each.end ?? each.time) >= start).flatMap(each => each.data.items || [])
       .filter(([layer, , begin, end]) => begin <= time && (end === null || end > time) && (layer !== "marks" || time - begin < KEPT));
     const state = shown.map(([, drawing]) => drawing).join();
     if (state === told) return;

@@ -9,7 +9,7 @@ function incidentItem({level, title, facts}) {
     h("dl", {}, ...facts.flatMap(([what, text]) => [h("dt", {}, what), h("dd", {}, text)])));
 }
 
-if (live) views.push({name: "diagnosis", title: "Diagnosis", make() {
+function diagnosisView() {
   const verdict = h("p", {class: "verdict", role: "status"}, "Waiting for frames."), list = h("div", {class: "incidents"});
   let asked = -Infinity, told = "";
   async function update() {
@@ -28,4 +28,4 @@ if (live) views.push({name: "diagnosis", title: "Diagnosis", make() {
     asked = performance.now();
     quietly(update());
   }};
-}});
+}

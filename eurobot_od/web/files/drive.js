@@ -58,82 +58,163 @@ function machineOf(machine) {
   }};
 }
 
+const STATUS_BITS = ["ready to switch on", "switched on", "operation enabled", "fault", "voltage enabled", "no quick stop", "switch on disabled",
+  "warning", "bit 8", "remote", "target reached", "internal limit", "bit 12", "bit 13", "bit 14", "bit 15"];
+const SHOWN_VALUES = ["position", "velocity", "torque", "following error"];
+const HOLDING = 150;                        // ms between two words that a button is still held
+const STEP_SPAN = 3;                        // s of a step response
+
 class AxisView {
   constructor(source, node, number) {
-    Object.assign(this, {source, node, number, keys: {}, holding: 0, said: ""});
+    Object.assign(this, {source, node, number, keys: {}, holding: 0, step: null});
+    this.axis = node.drive.axes[number];
     this.machine = machineOf(source.machine);
     this.state = h("strong", {class: "drive-state", role: "status", "aria-live": "assertive"});
-    this.facts = h("p", {class: "facts"});
-    this.plots = [new Plot(), new Plot()];
-    this.velocity = h("input", {type: "number", step: 1, min: 0, value: node.drive.velocity});
-    const command = name => h("button", {class: name === "quick stop" ? "halt" : "",
-      onclick: () => quietly(request({do: "drive", ...this.named, command: name}, `${name}: done`))},
-    name === "quick stop" ? "STOP this drive" : name[0].toUpperCase() + name.slice(1));
-    this.control = h("div", {hidden: true},
-      h("div", {class: "buttons"}, ...["enable", "disable", "fault reset", "halt", "quick stop"].map(command)),
-      h("h4", {}, "Jog"), h("div", {class: "buttons jog"}, this.jogButton(-1, "◀ Jog −"), this.jogButton(1, "Jog + ▶"),
-        h("label", {}, "velocity", this.velocity), h("p", {class: "hint"}, "It turns while the button is held.")));
-    this.element = h("div", {class: "drive"}, h("div", {}, h("p", {class: "facts"}, this.state), this.machine.element),
+    this.facts = h("dl", {class: "facts"});
+    this.bits = h("p", {class: "bits", "aria-label": "bits of the statusword"});
+    this.plots = [new Plot(150), new Plot(150)];
+    this.control = h("div", {hidden: true}, this.stateButtons(), this.jogs(), this.moves());
+    this.element = h("div", {class: "drive"}, h("div", {}, h("p", {}, this.state), this.machine.element, this.bits),
       h("div", {}, this.facts, this.control, ...this.plots.map(each => each.element)));
   }
   get named() { return {node: this.node.name, axis: this.number + 1}; }
-  jogButton(sign, text) {
-    const press = event => { event.preventDefault(); button.setPointerCapture?.(event.pointerId); this.begin(button, sign); };
+
+  // Controls
+
+  order(command, numbers = {}, words = `${command}: done`) { return quietly(request({do: "drive", ...this.named, command, ...numbers}, words)); }
+  stateButtons() {
+    const command = name => h("button", {class: name === "quick stop" ? "halt" : "", onclick: () => this.order(name)},
+      name === "quick stop" ? "STOP this drive" : name[0].toUpperCase() + name.slice(1));
+    return h("div", {class: "buttons"}, ...["enable", "disable", "fault reset", "halt", "quick stop"].map(command));
+  }
+  field(name, words, value = "") {          // a field whose bounds are those of the drive, and of the person
+    const input = h("input", {type: "text", inputmode: "numeric", size: 9, autocomplete: "off", value});
+    const [low, high] = this.axis.bounds[name];
+    return {input, label: h("label", {}, words, input), read: () => wholeNumber(words, input.value, low, high),
+      // Of a jog the button says the direction.
+      amount: () => wholeNumber(words, input.value, 1, Math.min(high, -low, this.limit()))};
+  }
+  limit() {                                 // the most that the person allows a jog
+    return this.most.value.trim() === "" ? Infinity : wholeNumber("own limit", this.most.value, 1, 2 ** 31 - 1);
+  }
+  jogs() {
+    this.most = h("input", {type: "text", inputmode: "numeric", size: 9, value: kept(`limit ${this.node.name} ${this.number}`, ""), placeholder: "none",
+      onchange: () => keep(`limit ${this.node.name} ${this.number}`, this.most.value)});
+    const velocity = this.field("velocity", "velocity", this.node.drive.velocity);
+    this.velocity = velocity.input;
+    const torque = this.field("torque", "torque ‰"), hasTorque = "torque" in this.axis.objects;
+    const row = (target, field, words) => h("div", {class: "buttons jog"}, this.jogButton(-1, `◀ ${words} −`, target, field), this.jogButton(1, `${words} + ▶`, target, field), field.label);
+    return h("div", {}, h("h3", {}, "Jog"), row("velocity", velocity, "Jog"), hasTorque ? row("torque", torque, "Torque") : null,
+      h("p", {class: "hint"}, h("label", {}, "own limit ", this.most), ` It turns while the button is held; at most ${this.axis.bounds.velocity[1]}.`));
+  }
+  moves() {
+    const position = this.field("position", "position"), distance = this.field("position", "distance"), velocity = this.field("velocity", "velocity");
+    const method = h("input", {type: "text", inputmode: "numeric", size: 5, placeholder: "as set"});
+    const numbers = (name, field) => ({[name]: field.read(), ...(velocity.input.value.trim() === "" ? {} : {velocity: velocity.amount()})});
+    const careful = (words, act) => askedTwice(words, () => { try { act(); } catch (error) { toast(error.message, true); } }, {});
+    this.save = h("button", {hidden: true, onclick: () => this.saveStep()}, "Save step as CSV");
+    return h("div", {}, h("h3", {}, "Move"), h("div", {class: "buttons"}, position.label, careful("Move to", () => this.order("move", numbers("position", position), "on its way"))),
+      h("div", {class: "buttons"}, distance.label, careful("Move by", () => this.order("move by", numbers("distance", distance), "on its way")),
+        careful("Step response", () => this.beginStep(numbers("distance", distance))), this.save, velocity.label),
+      h("div", {class: "buttons"}, h("label", {}, "homing method", method),
+        careful("Home", () => this.order("home", method.value.trim() === "" ? {} : {method: wholeNumber("method", method.value, -128, 127)}, "homing"))));
+  }
+  jogButton(sign, text, target, field) {
+    const press = event => { event.preventDefault(); button.setPointerCapture?.(event.pointerId); this.begin(button, sign, target, field); };
     const end = () => this.end(button);
     const key = event => [" ", "Enter"].includes(event.key);
     const button = h("button", {onpointerdown: press, onpointerup: end, onpointercancel: end, onlostpointercapture: end, onblur: end,
       oncontextmenu: event => event.preventDefault(),
-      onkeydown: event => { if (key(event)) { event.preventDefault(); if (!event.repeat) this.begin(button, sign); } },
+      onkeydown: event => { if (key(event)) { event.preventDefault(); if (!event.repeat) this.begin(button, sign, target, field); } },
       onkeyup: event => { if (key(event)) end(); }}, text);
     return button;
   }
-  begin(button, sign) {
+  begin(button, sign, target, field) {
     if (this.holding || !connection.control) return;
+    let amount;
+    try { amount = field.amount(); } catch (error) { toast(error.message, true); return; }
     button.classList.add("held");
     this.holding = setInterval(() => quietly(connection.ask({do: "hold", ...this.named})), HOLDING);
-    request({do: "jog", ...this.named, velocity: sign * Math.round(Number(this.velocity.value))}).catch(() => this.end(button));
+    request({do: "jog", ...this.named, [target]: sign * amount}).catch(() => this.end(button));
   }
   end(button) {
     if (!this.holding) return;
     clearInterval(this.holding);
     this.holding = 0;
     button.classList.remove("held");
-    quietly(request({do: "drive", ...this.named, command: "halt"}));
+    this.order("halt");
+  }
+
+  // A step response: what the values did from a move on
+
+  async beginStep(numbers) {
+    this.step = {from: clock.time, to: clock.time + STEP_SPAN, distance: numbers.distance};
+    await this.order("move by", numbers, `a step of ${numbers.distance}: recorded for ${STEP_SPAN} s`);
+  }
+  saveStep() {
+    const series = SHOWN_VALUES.map(name => this.series(name)).filter(Boolean), {from, to} = this.step;
+    const [times, ...columns] = uPlot.join(series.map(samplesOf));
+    const lines = times.map((time, place) => ({time, line: [(time - from).toFixed(6), ...columns.map(column => column[place] ?? "")].join(",")}));
+    const head = ["time in s", ...series.map(each => each.name)].map(quoted).join(",");
+    savedText("step.csv", "text/csv", [head, ...lines.filter(({time}) => time >= from && time <= to).map(({line}) => line)]);
+  }
+
+  // Values: from a PDO at its rate, or else polled
+
+  series(name) {
+    const object = this.axis.objects[name], found = object && this.source.carrier(this.node.name, object);
+    if (found) return Object.assign(found, {name});
+    return this.keys[name] ? Object.assign(new ObjectSeries(this.source, this.keys[name], null), {name}) : null;
   }
   async watch() {                           // asked for again while it is looked at, as the plots do
-    if (!connection.up) return;
-    for (const [name, object] of Object.entries(this.node.drive.axes[this.number])) {
+    for (const [name, object] of Object.entries(this.axis.objects)) {
+      if (!connection.alive) return;
+      if (this.source.carrier(this.node.name, object)) continue;
       const key = await quietly(connection.ask({do: "watch", node: this.node.name, object}));
-      if (!key || this.keys[name]) continue;
-      this.keys[name] = key;
-      const plot = this.plots[["position", "velocity"].indexOf(name)];
-      if (plot) { plot.series = [Object.assign(new ObjectSeries(this.source, key, null), {name})]; plot.build(); }
+      if (key) this.keys[name] = key;
     }
     stale = true;
   }
+  draw() {                                  // the plots, once it is known where their values come from
+    for (const [place, name] of ["position", "velocity"].entries()) {
+      const series = this.series(name), plot = this.plots[place];
+      if (series && plot.series[0]?.id !== series.id) { plot.series = [series]; plot.build(); }
+    }
+  }
   value(name) {
-    const {values, trouble} = this.source.objects.get(this.keys[name]) || {values: [], trouble: ""};
-    return trouble ? undefined : values.at(-1);
+    const series = this.series(name);
+    return !series || series.trouble ? undefined : series.number(series.values.at(-1) ?? null) ?? undefined;
+  }
+  tellState(word, known) {
+    const state = word === undefined ? "" : this.source.machine.states.find(each => (word & each.mask) === each.bits)?.name || "no state";
+    const trouble = this.series("statusword")?.trouble, faulty = FAULTY.includes(state), code = this.value("error");
+    say(this.state, !known ? "not connected" : trouble ? "It does not answer." : faulty && code !== undefined ? `${state}: error code ${hex(code, 4)}` : state || "…");
+    this.state.classList.toggle("is-wrong", !known || faulty || Boolean(trouble));
+    this.machine.show(known ? state : "");
+  }
+  tellFacts(word) {
+    const {modes} = this.source.machine, {revolution} = this.node.drive, mode = this.value("mode"), position = this.value("position");
+    const turns = revolution && position !== undefined ? ` (${(position / revolution).toFixed(3)} turns)` : "";
+    const facts = [["mode", modes[mode] || mode], ...SHOWN_VALUES.filter(name => name in this.axis.objects).map(name => [name, this.value(name)]),
+      ["statusword", word === undefined ? undefined : hex(word, 4)]];
+    const text = facts.map(([name, value]) => `${name} ${value ?? "–"}${name === "position" ? turns : ""}`);
+    if (text.join() === this.told) return;
+    this.told = text.join();
+    this.facts.replaceChildren(...facts.map(([name, value]) => h("div", {}, h("dt", {}, name), h("dd", {}, `${value ?? "–"}${name === "position" ? turns : ""}`))));
+    this.bits.replaceChildren(...STATUS_BITS.map((name, bit) => h("span", {class: word >> bit & 1 ? "bit on" : "bit"}, name)));
   }
   show(time) {
-    const word = this.value("statusword"), {states, modes} = this.source.machine;
-    const state = word === undefined ? "" : states.find(each => (word & each.mask) === each.bits)?.name || "no state";
-    const trouble = (this.source.objects.get(this.keys.statusword) || {}).trouble;
-    const faulty = FAULTY.includes(state), code = this.value("error");
-    say(this.state, trouble ? "It does not answer." : faulty && code !== undefined ? `${state}: error code ${hex(code, 4)}` : state || "…");
-    this.state.classList.toggle("is-wrong", faulty || Boolean(trouble));
-    this.machine.show(state);
-    const mode = this.value("mode");
-    say(this.facts, [
-      `position ${this.value("position") ?? "–"}`, `velocity ${this.value("velocity") ?? "–"}`,
-      `mode ${modes[mode] || mode || "–"}`, word === undefined ? "" : `statusword ${hex(word, 4)}`].filter(Boolean).join(" · "));
+    const word = this.value("statusword");
+    this.tellState(word, !connection.trouble);
+    this.tellFacts(word);
+    this.draw();
     show(this.control, connection.control);
+    show(this.save, this.step !== null && time >= this.step.to);
     for (const each of this.plots) each.update(time);
   }
 }
-const HOLDING = 150;                        // ms between two words that a button is still held
 
-if (driven.length) views.push({name: "drives", title: "Drives", make() {
+function drivesView() {
   const all = driven.flatMap(node => node.drive.axes.map((_, number) => new AxisView(sources[0], node, number)));
   const chosen = h("select", {"aria-label": "drive", onchange: () => choose()}, ...all.map((each, place) =>
     h("option", {value: place}, each.node.name + (each.node.drive.axes.length > 1 ? `, axis ${each.number + 1}` : ""))));
@@ -146,8 +227,8 @@ if (driven.length) views.push({name: "drives", title: "Drives", make() {
     stale = true;
   }
   choose();
-  return {element: h("div", {}, h("div", {class: "tools"}, all.length > 1 ? chosen : h("h3", {}, all[0].node.name)), place), show(time) {
-    if (connection.up && performance.now() - asked > WATCHED) { asked = performance.now(); quietly(shown.watch()); }
+  return {element: h("div", {}, h("div", {class: "tools"}, all.length > 1 ? chosen : h("h2", {}, all[0].node.name)), place), show(time) {
+    if (connection.alive && performance.now() - asked > WATCHED) { asked = performance.now(); quietly(shown.watch()); }
     shown.show(time);
   }};
-}});
+}

@@ -1,0 +1,97 @@
+"use strict";
+// Helpers of all views: elements, texts, numbers that a person types, files to save, and what is said at the bottom.
+
+const content = JSON.parse(document.getElementById("content").textContent);
+const live = content.live === true;
+
+function filled(made, attributes, children) {
+  for (const [name, value] of Object.entries(attributes || {})) {
+    if (name.startsWith("on")) made.addEventListener(name.slice(2), value);
+    else if (value === true) made.setAttribute(name, "");
+    else if (value !== null && value !== undefined && value !== false) made.setAttribute(name, value);
+  }
+  made.append(...children.filter(each => each !== null && each !== undefined));
+  return made;
+}
+const h = (tag, attributes, ...children) => filled(document.createElement(tag), attributes, children);
+const s = (tag, attributes, ...children) =>
+  filled(document.createElementNS("http://www.w3.org/2000/svg", tag), attributes, children);
+const plain = name => name.replace(/[ _-]/g, "").toLowerCase();
+const say = (element, text) => { if (element.textContent !== text) element.textContent = text; };
+const show = (element, visible) => { if (element.hidden === visible) element.hidden = !visible; };
+const css = name => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+
+function upTo(times, time) {                // how many of the times, which are in order, are not later
+  let low = 0, high = times.length;
+  while (low < high) {
+    const middle = (low + high) >> 1;
+    if (times[middle] <= time) low = middle + 1; else high = middle;
+  }
+  return low;
+}
+function saved(name, blob) {
+  const link = h("a", {href: URL.createObjectURL(blob), download: name});
+  link.click();
+  setTimeout(() => URL.revokeObjectURL(link.href), 1000);   // not at once: the browser has yet to read it
+}
+const savedText = (name, type, lines) => saved(name, new Blob([lines.join("\n"), "\n"], {type}));
+const quoted = text => `"${String(text).replaceAll('"', '""')}"`;
+
+// What is said in passing
+
+let toastTimer = 0;
+const toastLine = h("output", {id: "toast", role: "status", hidden: true});
+function toast(text, wrong) {
+  clearTimeout(toastTimer);
+  say(toastLine, text);
+  toastLine.className = wrong ? "wrong" : "";
+  show(toastLine, true);
+  toastTimer = setTimeout(() => show(toastLine, false), wrong ? 8000 : 3000);
+}
+
+// Numbers
+
+const WHOLE = /^[+-]?(\d+|0x[\da-f]+)$/i;   // as the server reads them: not 1_000, and no digits of other scripts
+function wholeNumber(name, text, low, high) {  // the number; throws what is wrong with it, and the range
+  const allowed = `allowed: ${low}..${high}`, word = text.trim();
+  if (word === "") throw new Error(`${name} is empty; ${allowed}`);
+  if (!WHOLE.test(word)) throw new Error(`${name} = ${word} is not a whole number; ${allowed}`);
+  const sign = word.startsWith("-") ? -1 : 1, value = sign * Number(word.replace(/^[+-]/, ""));
+  if (value < low || value > high) throw new Error(`${name} = ${word} is not allowed; ${allowed}`);
+  return value;
+}
+
+// Bit 29 stands for a 29-bit identifier, which is written with eight digits.
+const EXTENDED = 2 ** 29;
+const identifier = id => id === null ? "" : (id % EXTENDED).toString(16).toUpperCase().padStart(id < EXTENDED ? 3 : 8, "0");
+const hex = (value, digits) => value === null ? "–" : `0x${value.toString(16).toUpperCase().padStart(digits, "0")}`;
+const octets = data => data.match(/../g) || [];
+const RADICES = {                           // how whole numbers and bytes are written
+  Decimal: {number: value => String(value), bytes: data => octets(data).join(" ").toUpperCase()},
+  Hex: {number: value => `${value < 0 ? "-" : ""}0x${Math.abs(value).toString(16).toUpperCase()}`,
+    bytes: data => octets(data).join(" ").toUpperCase()},
+  Binary: {number: value => `${value < 0 ? "-" : ""}0b${Math.abs(value).toString(2)}`,
+    bytes: data => octets(data).map(each => parseInt(each, 16).toString(2).padStart(8, "0")).join(" ")},
+};
+
+// Controls
+
+const ARMED = 4000;                         // ms that a first click counts
+function askedTwice(text, act, attributes) {  // a button for what moves something: a second click has to confirm it
+  let timer = 0;
+  const disarm = () => { clearTimeout(timer); timer = 0; say(button, text); button.classList.remove("armed"); };
+  const button = h("button", {...attributes, onclick: event => {
+    event.preventDefault();
+    if (timer) { disarm(); act(event); return; }
+    say(button, `${text}: press again`);
+    button.classList.add("armed");
+    timer = setTimeout(disarm, ARMED);
+  }, onblur: () => { if (timer) disarm(); }}, text);
+  return button;
+}
+function kept(name, otherwise) {            // what this browser remembers of the page
+  try { return JSON.parse(localStorage.getItem(`canopen-page ${name}`)) ?? otherwise; } catch { return otherwise; }
+}
+function keep(name, value) {
+  try { localStorage.setItem(`canopen-page ${name}`, JSON.stringify(value)); } catch { /* a page that is a file may not */ }
+}

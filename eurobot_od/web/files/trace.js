@@ -1,0 +1,189 @@
+"use strict";
+// The trace: frame by frame in the order of the bus. Only the lines that are in sight are in the page, so that 100 000
+// of them are as quick as ten.
+
+const LINE = 22;                            // px that a line is high
+const MOST_COPIED = 20000;
+
+const TIMES = {                             // how a frame's time is written: (frame, the one before it, trace)
+  Relative: frame => frame.time.toFixed(6),
+  Absolute: (frame, _, trace) => {
+    const began = trace.source.began;
+    if (!(began > 1e6)) return frame.time.toFixed(6);  // a log whose clock is not the calendar's
+    const moment = began + frame.time, day = new Date(moment * 1000);
+    return `${day.toTimeString().slice(0, 8)}.${String(Math.floor(moment % 1 * 1e6)).padStart(6, "0")}`;
+  },
+  Delta: (frame, before) => before ? (frame.time - before.time).toFixed(6) : "–",
+  "To mark": (frame, _, trace) => trace.marked ? (frame.time - trace.marked.time).toFixed(6) : "mark a line",
+};
+let timeForm = "Relative";
+
+function identifierTest(text) {             // `185`, or a range `180-1FF`, in hexadecimal digits
+  const [low, high = low] = text.trim().split("-").map(each => parseInt(each, 16));
+  return id => id !== null && id % EXTENDED >= low && id % EXTENDED <= high;
+}
+const FILTERS = {                           // what a frame must have, by the name of the control
+  node: value => frame => frame.row.nodes.includes(value),
+  message: value => frame => frame.row.name === value,
+  identifier: value => { const fits = identifierTest(value); return frame => fits(frame.row.id); },
+  text: value => {
+    const wanted = value.toLowerCase();
+    return frame => `${frame.row.name} ${frame.text} ${frame.wrong} ${frame.data}`.toLowerCase().includes(wanted);
+  },
+};
+
+class Trace {
+  constructor(source) {
+    Object.assign(this, {source, chosen: {}, found: [], seen: 0, following: live, fixed: false, marked: null, shownTop: -1});
+    this.rows = h("div", {class: "lines"});
+    this.space = h("div", {class: "space"}, this.rows);
+    this.box = h("div", {class: "frames", tabindex: 0, role: "region", "aria-label": `frames of ${source.name}`,
+      onscroll: () => this.scrolled(), onkeydown: event => this.key(event)}, this.head(), this.space);
+    this.count = h("span", {class: "hint", role: "status", "aria-live": "off"});
+    this.element = h("div", {class: "trace"}, this.tools(), this.box);
+  }
+  head() { return h("div", {class: "line head", "aria-hidden": "true"}, ...["Time s", "Channel", "ID", "Len", "Data", "Message", "Meaning"].map(each => h("span", {}, each))); }
+  tools() {
+    const input = (name, words, size) => h("input", {type: "search", size, placeholder: words, "aria-label": `frames with this ${words}`,
+      oninput: event => this.filter(name, event.target.value)});
+    const times = h("select", {"aria-label": "times", onchange: () => { timeForm = times.value; this.draw(); }},
+      ...Object.keys(TIMES).map(each => h("option", {}, each)));
+    this.nodes = this.choice("node", "all nodes");
+    this.messages = this.choice("message", "all messages");
+    this.pauser = h("button", {"aria-pressed": "false", onclick: () => this.follow(!this.following)}, "Pause");
+    const fixer = h("button", {"aria-pressed": "false", title: "one line for each message, or all frames", onclick: () => {
+      this.fixed = !this.fixed;
+      fixer.setAttribute("aria-pressed", String(this.fixed));
+      this.refilter();
+    }}, "Fixed");
+    const other = (words, act) => h("button", {onclick: act}, words);
+    return h("div", {class: "tools"}, live ? this.pauser : null, fixer, this.nodes, this.messages,
+      input("identifier", "identifier", 10), input("text", "text", 12), times, radixChoice(),
+      other("Copy", () => this.copy()), other("CSV", () => this.export("csv")), other("Log", () => this.export("log")), this.count);
+  }
+  choice(name, all) {
+    return h("select", {"aria-label": name, onchange: event => this.filter(name, event.target.value)}, h("option", {value: ""}, all));
+  }
+  offer(select, names) {                    // new nodes and messages are entered as they are heard
+    for (const name of names) {
+      if (![...select.options].some(each => each.value === name)) select.append(h("option", {value: name}, name));
+    }
+  }
+  filter(name, value) {
+    if (value) this.chosen[name] = value; else delete this.chosen[name];
+    this.refilter();
+  }
+  refilter() {
+    this.found = [];
+    this.seen = 0;
+    this.take();
+    this.draw();
+  }
+  fits(frame) { return this.tests.every(each => each(frame)); }
+  take() {                                  // the frames that are new since the last time
+    const {frames, dropped} = this.source;
+    if (frames !== this.taken) { this.taken = frames; this.found = []; this.seen = dropped; this.marked = null; }
+    this.tests = Object.entries(this.chosen).map(([name, value]) => FILTERS[name](value));
+    if (this.fixed) {
+      const last = row => row.last || new LoggedFrame(row, upTo(row.times, clock.time) - 1);
+      this.found = this.source.sorted().map(last).filter(each => each.place !== -1 && this.fits(each));
+      return;
+    }
+    if (dropped && this.found.length && this.found[0].number < frames[0].number) {
+      this.found = this.found.filter(each => each.number >= frames[0].number);
+    }
+    for (let each = Math.max(this.seen - dropped, 0); each < frames.length; each++) if (this.fits(frames[each])) this.found.push(frames[each]);
+    this.seen = dropped + frames.length;
+  }
+  follow(following) {
+    this.following = following;
+    this.pauser.setAttribute("aria-pressed", String(!following));
+    if (following) { this.take(); this.draw(); }
+  }
+  scrolled() {                              // away from the end: what is read must not run away
+    const {scrollTop, clientHeight, scrollHeight} = this.box;
+    if (this.following && !this.fixed && scrollTop < this.shownTop && scrollTop + clientHeight < scrollHeight - LINE) this.follow(false);
+    this.draw(false);
+  }
+  jump(time) {                              // to the first frame at a time or after it
+    this.follow(false);
+    if (this.fixed) this.fixed = false;
+    this.refilter();
+    const place = Math.min(upTo(this.found.map(each => each.time), time - 1e-9), this.found.length - 1);
+    this.marked = this.found[place] || null;
+    this.box.scrollTop = Math.max(place * LINE - this.box.clientHeight / 3, 0);
+    this.draw(false);
+  }
+  key(event) {
+    const step = {ArrowDown: 1, ArrowUp: -1}[event.key];
+    if (!step || !this.found.length) return;
+    event.preventDefault();
+    event.stopPropagation();
+    if (this.following && live) this.follow(false);
+    const place = Math.min(Math.max(this.found.indexOf(this.marked) + step, 0), this.found.length - 1);
+    this.mark(this.found[place]);
+    const top = place * LINE, {scrollTop, clientHeight} = this.box;
+    if (top < scrollTop || top + LINE > scrollTop + clientHeight) this.box.scrollTop = top - clientHeight / 2;
+  }
+  mark(frame) {
+    this.marked = frame;
+    if (!live) { clock.pause(); clock.seek(frame.time); }
+    this.draw(false);
+  }
+  draw(toEnd = this.following && !this.fixed) {
+    const height = this.box.clientHeight;
+    if (!height) return;
+    this.space.style.height = `${this.found.length * LINE}px`;
+    if (toEnd) this.box.scrollTop = this.box.scrollHeight;
+    this.shownTop = this.box.scrollTop;
+    const first = Math.max(Math.floor(this.shownTop / LINE) - 2, 0), last = Math.min(first + Math.ceil(height / LINE) + 5, this.found.length);
+    this.rows.style.transform = `translateY(${first * LINE}px)`;
+    this.rows.replaceChildren(...this.found.slice(first, last).map((each, place) => this.line(each, this.found[first + place - 1])));
+    const {missed, dropped} = this.source, {length} = this.found;
+    say(this.count, [`${length} ${length === 1 ? "frame" : "frames"}`, Object.keys(this.chosen).length ? `of ${this.source.frames.length}` : "",
+      this.source.frames[0]?.number > 0 && live ? `kept since ${this.source.frames[0].time.toFixed(1)} s` : "",
+      missed && !dropped ? `${missed} missed: this browser was too slow` : ""].filter(Boolean).join(", "));
+  }
+  cells(frame, before) {
+    const {row} = frame, meaning = row.foreign ? "" : saidOf(frame.text, frame.wrong);
+    return [TIMES[timeForm](frame, before, this), this.source.name, identifier(row.id), String(frame.data.length / 2),
+      RADICES[radix].bytes(frame.data), row.foreign ? "not in any file" : row.name, meaning];
+  }
+  line(frame, before) {
+    const {row} = frame;
+    const look = ["line", groupColour(row.source, row.group), frame.wrong && !row.foreign ? "is-wrong" : "", row.foreign ? "foreign" : "", frame === this.marked ? "marked" : ""];
+    return h("div", {class: look.join(" "), onclick: () => this.mark(frame)}, ...this.cells(frame, before).map(each => h("span", {title: each}, each)));
+  }
+  lines() { return this.found.map((frame, place) => this.cells(frame, this.found[place - 1])); }
+  async copy() {
+    const lines = this.lines().slice(-MOST_COPIED).map(each => each.join("\t"));
+    try {
+      await navigator.clipboard.writeText(lines.join("\n"));
+      toast(`${lines.length} lines copied`);
+    } catch { toast("this browser lets no page copy: export the frames instead", true); }
+  }
+  export(form) {
+    if (form === "csv") {
+      const head = ["time", "channel", "identifier", "length", "data", "message", "meaning"];
+      savedText("trace.csv", "text/csv", [head, ...this.lines()].map(each => each.map(quoted).join(",")));
+      return;
+    }
+    const began = this.source.began || 0;   // as candump writes it
+    savedText("trace.log", "text/plain", this.found.filter(each => each.row.id !== null).map(each =>
+      `(${(began + each.time).toFixed(6)}) can0 ${identifier(each.row.id)}#${each.data.toUpperCase()}`));
+  }
+  show(time) {
+    this.offer(this.nodes, allNodes(this.source).map(each => each.name));
+    this.offer(this.messages, this.source.sorted().map(each => each.name));
+    if (this.following || this.fixed || this.taken !== this.source.frames) this.take();
+    if (!live && clock.running) this.box.scrollTop = upTo(this.found.map(each => each.time), time) * LINE - this.box.clientHeight / 2;
+    this.draw();
+  }
+}
+
+const traces = sources.map(source => new Trace(source));
+const traceView = () => perSource(source => traces[source.number]);
+function openTrace(time, source = sources[0]) {
+  document.getElementById("tab-trace").click();
+  traces[source.number].jump(time);
+}
