@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -26,6 +27,9 @@ WITHOUT_VENV = (
     "this Python has no {module}, which makes environments; Debian and Ubuntu: `sudo apt install python3-venv`; "
     "anywhere: `uv venv --seed --python 3.12 .venv`, and again"
 )
+
+UNREACHABLE = re.compile(r"NewConnectionError|ConnectTimeout|NameResolutionError|ProxyError|SSLError")
+"""What pip says, over and over, when it reaches no package index."""
 
 ENSURED = "EUROBOT_OD_ENSURED"
 """Environment variable with the module for which a script was started again; one that is still missing ends it."""
@@ -52,7 +56,10 @@ def prepare(extras: str = "") -> Path:
         sys.exit(f"Python {'.'.join(map(str, OLDEST))} or newer is needed, this is {sys.version.split()[0]}")
     stamp = FOLDER / f"installed-{extras or 'plain'}"
     if not is_current(stamp) or not PYTHON.is_file():
-        _install(extras)
+        try:
+            _install(extras)
+        except KeyboardInterrupt:  # the next run goes on with what is there, or anew
+            sys.exit(130)
         stamp.write_text(wanted())
     return PYTHON
 
@@ -76,6 +83,8 @@ def _install(extras: str) -> None:
     result = subprocess.run(command, capture_output=True, text=True, check=False)
     if "No module named pip" in result.stderr:
         sys.exit(f"{FOLDER} has no pip; remove it and try again")
+    if result.returncode and UNREACHABLE.search(result.stderr):
+        sys.exit(f"pip reaches no package index, which it needs once to fill {FOLDER.name}: connect, and try again")
     if result.returncode:
         sys.exit(f"pip could not install what is needed:\n{result.stderr.strip()}")
 

@@ -41,6 +41,9 @@ def scan(access: Access, *, listen: Seconds = 1.5, as_json: Json = False) -> Exi
     missing, or if there is no node at all.
 
     listen: listen for heartbeats for this time (1.5 s)
+
+    $ scan -i socketcan -c can0
+    $ scan --json -i socketcan -c can0
     """
     devices = access.devices
     known = devices.load_and_complain() if devices.eds or devices.network else ()
@@ -92,6 +95,8 @@ def boot(path: Annotated[str, Option(metavar="NETWORK", is_file=True)], access: 
     Exit status 1 if a slave does not boot: then none is started.
 
     path: network file, or a folder of EDS and DCF files
+
+    $ boot network.yaml -i socketcan -c can0
     """
     from eurobot_od.client.boot import hear_slave, order_start, prepare_slave, started_state  # with canopen
 
@@ -136,6 +141,9 @@ def nmt(target: Target, command: Annotated[NmtCommand, Option(choices=NMT_COMMAN
     heartbeat shows that the node did not follow.
 
     command: the command; NODE may be `all`
+
+    $ nmt 5 start -i socketcan -c can0
+    $ nmt all pre-operational -i socketcan -c can0
     """
     if target.node == "all":
         with target.master() as master:
@@ -182,6 +190,9 @@ def watch(
     guard: poll them by remote frames with this period
     span: how long to watch (default: until Ctrl-C)
     as_json: print one JSON object per line
+
+    $ watch --for 2s -i socketcan -c can0
+    $ watch 5 --within 2s --for 2s -i socketcan -c can0
     """
     # The devices' files are read only if they are named, or a node is: most watch by number.
     is_named = bool(devices.files()) or not all(each.isdecimal() for each in nodes)
@@ -273,6 +284,8 @@ def sync(
     counter: number the messages from 1 to N (2..240), over and over
     period: time between two messages (100 ms)
     cob_id: identifier (0x080)
+
+    $ sync --period 10ms --count 5 -i socketcan -c can0
     """
     frames = syncs(counter, cob_id)
     with Master(bus.open()) as master:
@@ -293,6 +306,8 @@ def time(
     utc: UTC instead of local time
     period: time between two messages (1 s)
     cob_id: identifier (0x100)
+
+    $ time -i socketcan -c can0
     """
     zone = UTC if utc else None
     # TIME_OF_DAY counts days from 1984, without a time zone (CiA 301, 7.1.6.6).
@@ -363,6 +378,8 @@ def lss(
     identity: the device with this identity (0x1018)
     alone: the device is the only one on the bus
     timeout: longest wait for an answer (100 ms)
+
+    $ lss scan -i socketcan -c can0
     """
     wanted = list(settings.services())  # checked before the first frame goes out
     if action == "set" and not wanted:

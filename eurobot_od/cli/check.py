@@ -115,6 +115,9 @@ def check(
     output: conformance, profile: write the suites, and exit
     repeat: run everything N times, seed by seed
     seed: seed of everything random in the simulation (default: 1)
+
+    $ check --conformance --eds 5=motor.eds --simulate --tag nmt
+    $ check --conformance --eds 5=motor.eds --tag emcy --report report.html -i socketcan -c can0
     """
     _refuse_what_does_not_go_together(checks, {"output": output, "report": report.page, "ctt": report.ctt})
     if not checks.simulate:

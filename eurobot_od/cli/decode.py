@@ -12,7 +12,6 @@ from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from math import inf
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, BinaryIO, TypeAlias
 
 from eurobot_od.cli import ExitStatus
@@ -22,7 +21,7 @@ from eurobot_od.cli.signature import HelpGroup, Option
 from eurobot_od.errors import LocalError, UnknownName
 from eurobot_od.frame import Frame
 from eurobot_od.pdo.protocol import Protocol
-from eurobot_od.support import progress
+from eurobot_od.support import files, progress
 from eurobot_od.support.texts import amount, one_line
 from eurobot_od.traffic import formats
 from eurobot_od.traffic.decoding import Decoding, Output, TextOutput
@@ -93,7 +92,7 @@ def opened(log: str, is_watched: bool = True) -> Iterator[io.BufferedReader]:
                 raise LocalError("standard input is closed")
             file: BinaryIO = sys.stdin.buffer
         else:
-            file = stack.enter_context(Path(log).open("rb", buffering=0))  # `Watched` is buffered below
+            file = stack.enter_context(files.opened(log, buffering=0))  # `Watched` is buffered below
         status = os.fstat(file.fileno())
         if not stat.S_ISREG(status.st_mode):
             # A pipe may be a live bus: what has been decoded is shown before the next lines are waited for.
@@ -183,6 +182,9 @@ def decode(
     statistics: print load, gaps, jitter, response times and their bounds instead of lines
     bitrate: bit/s for --statistics (default: 500000)
     strict: exit status 1 if anything is wrong in the logs
+
+    $ decode run.log --eds 5=motor.eds
+    $ decode run.log --statistics
     """
     decoder = devices.decoder(emcy, dbc)
     several = len(logs) > 1
@@ -234,6 +236,9 @@ def compare(
     time: tolerance of times (1 ms)
     tolerance: tolerance of a field, such as x=5 or 'Goto State Response.time=20'; repeatable
     as_json: one JSON object per difference
+
+    $ compare run.log again.log
+    $ compare run.log again.log --eds 5=motor.eds
     """
     from eurobot_od.traffic.compare import ComparedEntry, Tolerances
     from eurobot_od.traffic.compare import compare as differences_of
@@ -302,6 +307,9 @@ def replay(
     speed: how many times faster (default: 1)
     only: only frames that this node sent; repeatable
     without: no frames that this node sent; repeatable
+
+    $ replay run.log -i socketcan -c can0
+    $ replay run.log --speed 10 -i socketcan -c can0
     """
     from eurobot_od.client.master import (
         LATE,

@@ -82,6 +82,9 @@ def drive(
     axis: axis (1)
     within: longest wait for a motion (60 s)
     span: jog: halt after this time
+
+    $ drive 5 status -i socketcan -c can1
+    $ drive 5 move 4000 --velocity 500 -i socketcan -c can1
     """
     _check(action, value, {"velocity": velocity, "relative": relative, "method": method, "span": span})
     with target.opened() as node:

@@ -44,14 +44,20 @@ def _stem(name: str | None, output: Path | None) -> str:
 
 
 def c(*, output: Output = None, name: Name = None, devices: Devices) -> None:
-    """Write the messages as a C99 header: identifiers, lengths, structs, functions that pack and unpack."""
+    """Write the messages as a C99 header: identifiers, lengths, structs, functions that pack and unpack.
+
+    $ export c --eds 5=motor.eds -o motor.h
+    """
     from eurobot_od.export.c import c_header  # each form starts without the others
 
     write(output, c_header(devices.protocol(), _stem(name, output)))
 
 
 def dbc(*, output: Output = None, devices: Devices) -> None:
-    """Write the messages as a DBC file: identifiers, bits, units, limits, value tables, senders and receivers."""
+    """Write the messages as a DBC file: identifiers, bits, units, limits, value tables, senders and receivers.
+
+    $ export dbc --eds 5=motor.eds -o motor.dbc
+    """
     from eurobot_od.export.dbc import dbc_text
 
     write(output, dbc_text(devices.protocol()))
@@ -61,6 +67,9 @@ def docs(*, output: Output = None, format: Literal["markdown", "html"] | None = 
     """Write messages and object dictionaries as a document to read: Markdown or HTML.
 
     format: default: by FILE's suffix, else markdown
+
+    $ export docs --eds 5=motor.eds -o motor.md
+    $ export docs --eds 5=motor.eds --format html -o motor.html
     """
     from eurobot_od.export.forms import docs_text, form_of
 
@@ -69,7 +78,10 @@ def docs(*, output: Output = None, format: Literal["markdown", "html"] | None = 
 
 
 def wireshark(*, output: Output = None, name: Name = None, devices: Devices) -> None:
-    """Write a dissector for Wireshark and tshark, in Lua: names, fields, units, values with names."""
+    """Write a dissector for Wireshark and tshark, in Lua: names, fields, units, values with names.
+
+    $ export wireshark --eds 5=motor.eds -o motor.lua
+    """
     from eurobot_od.export.wireshark import lua_text
 
     write(output, lua_text(devices.protocol(), _stem(name, output)))
@@ -87,6 +99,8 @@ def mcap(
 
     log: log in any format; -: standard input
     output: the MCAP file
+
+    $ export mcap run.log -o run.mcap --eds 5=motor.eds
     """
     with extras.needed("mcap"):
         from eurobot_od.export.mcap import write as write_mcap
@@ -120,6 +134,8 @@ def xdd(
 
     file: an EDS or DCF, or a network
     output: default: standard output; of a network a folder
+
+    $ export xdd motor.eds -o motor.xdd
     """
     from eurobot_od.export.xdd import load, xdd_text
 
@@ -158,6 +174,8 @@ def cdcf(
     output: default: print the writes; of a network a folder
     eds: EDS of the device that a concise DCF is for
     node_id: node-ID (default: the file's)
+
+    $ export cdcf 5=motor.eds -o motor.bin
     """
     # By the suffix: four bytes of a count are not a mark by which a file could be recognised.
     source = named(file, network)
@@ -241,6 +259,8 @@ def bus(*, network: Annotated[str, Option(metavar="PATH", is_file=True)], output
     """Write a network as the YAML of dcfgen and ros2_canopen (`bus.yml`): nodes, files, and what a master writes.
 
     network: network file or folder
+
+    $ export bus --network network.yaml -o bus.yml
     """
     from eurobot_od.od.bus_file import bus_text
     from eurobot_od.od.objects import at, data_type, label
@@ -279,6 +299,9 @@ def make_eds(
     table: YAML in the form of eds/protocol.yaml
     output: folder to put the dialects' folders in
     check: write nothing; list the files that differ, with exit status 1 if any do
+
+    $ make-eds eds/protocol.yaml -o made
+    $ make-eds eds/protocol.yaml -o made --check
     """
     from eurobot_od.od.make import read_table
     from eurobot_od.od.make.text import differences, make_files, write_files  # with canopen

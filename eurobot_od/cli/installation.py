@@ -30,6 +30,8 @@ INDENT = len("interface  ")
 FOR_DEVELOPERS = ("test", "bench")
 """Extras that are needed only to develop the program."""
 
+WITHOUT = "`node --share 54701` makes a bus that needs none (docs/hardware.md)"
+
 NEEDED = ("canopen", "python-can", "PyYAML", "shtab")
 """What every installation has."""
 
@@ -38,13 +40,16 @@ def doctor() -> ExitStatus:
     """Print what is installed, robots too, the CAN interfaces and their state, and what fixes what is wrong.
 
     Exit status 1 if something is wrong; an extra that is not installed is not an error.
+
+    $ doctor
     """
     why = {each: broken(each) for each in plugin.installed().values()}
     unloaded = [(what, f"{sys.executable} -m pip uninstall {each.package}") for each, what in why.items() if what]
     wrong = [*unloaded, *(trouble for link in links() for trouble in troubles(link)), *denied(refused())]
     loaded = drivers()
     lacks = without_socketcan()
-    buses = [f"interface  {each}" for each in [*map(str, here())] or ["none"]]
+    buses_here = here()
+    buses = [f"interface  {each}" for each in [*map(str, buses_here)] or ["none"]]
     buses += [f"socketcan  {lacks}; {INSTEAD}"] if lacks else []
     buses += [f"adapter    {each.name}: {each.advice(not lacks)}" for each in plugged_in()]
     buses.append(f"drivers    {', '.join(name for name, loads in loaded.items() if loads)}")
@@ -61,7 +66,7 @@ def doctor() -> ExitStatus:
         print(folded(one_line(f"wrong      {what}: {fix}"), sys.stdout, INDENT))
     if wrong:
         return ExitStatus.FOUND
-    print("nothing is wrong")
+    print("nothing is wrong" if buses_here else f"nothing is wrong, but there is no CAN interface; {WITHOUT}")
     return ExitStatus.FINE
 
 
@@ -111,6 +116,8 @@ def completion(shell: Literal["bash", "zsh", "fish", "tcsh"], *, robot_name: Rob
     """Print the script that completes the command line in a shell: commands, options, and the values that are known.
 
     shell: the shell; the first lines of its script say where it belongs
+
+    $ completion bash
     """
     import shtab  # no other command needs it
 

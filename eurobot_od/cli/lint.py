@@ -92,6 +92,9 @@ def lint(
     fix: rewrite the files in the normal form that every tool reads, and list the changes
     output: with --fix: the file to write (default: the same file)
     explain: print what a rule demands, and its source
+
+    $ lint motor.eds
+    $ lint --fix motor.eds -o better.eds
     """
     prefixes = (*select, *ignore)
     rules = _rules() if prefixes else {}
@@ -248,6 +251,9 @@ def diff(
     node: node-ID: of the live node, or to fill in for $NODEID
     names: compare the ParameterNames too
     as_json: write a JSON list instead of lines
+
+    $ diff motor.eds drive.eds
+    $ diff motor.eds --node 5 -i socketcan -c can0
     """
     from eurobot_od.lint.diff import compare, compare_live, place, read_device, readable
 

@@ -60,6 +60,9 @@ def load(
     mailboxes: transmit mailboxes without abort in every node, 0 for enough (default: each node's setting)
     as_json: print as JSON, times in us
     svg: write a chart of the response times
+
+    $ load network.yaml
+    $ load network.yaml --errors 1/10ms --svg load.svg
     """
     if path and network:
         raise LocalError("one network: name it by NETWORK or by --network")

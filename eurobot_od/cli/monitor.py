@@ -69,6 +69,9 @@ def monitor(
     plain: print lines as decode does, and the table at the end
     statistics: also print load, gaps, response times and bounds at the end
     ask: read the devices' present PDO parameters by SDO; without files, of all that answer
+
+    $ monitor run.log --eds 5=motor.eds
+    $ monitor --plain --eds 5=motor.eds -i socketcan -c can0
     """
     if ask and logs:
         raise LocalError("--ask is for a bus: a log has no devices to ask")

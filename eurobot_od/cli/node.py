@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from eurobot_od.cli import ExitStatus, RobotName
 from eurobot_od.cli.devices import Devices, complain_of_repairs, robot_meant
-from eurobot_od.cli.options import BusOptions, Json, NoReconnect, Seconds, assigned
+from eurobot_od.cli.options import BusOptions, Json, NoReconnect, Seconds, assigned, whole
 from eurobot_od.cli.signature import NOTHING, Chosen, HelpGroup, Hint, Option, Parser
 from eurobot_od.device.node import Node
 from eurobot_od.device.objects import FileStore
@@ -89,6 +89,31 @@ class DeviceOptions:
         return {**found, "travel": self.travel} if self.travel else found
 
 
+@dataclass(frozen=True, kw_only=True)
+class NodeBus(BusOptions):
+    """The bus of a device: an adapter's, or one that it makes itself and other programs join.
+
+    interface: python-can interface, such as socketcan, pcan, slcan, remote
+    channel: channel of the interface, such as can0
+    bitrate: bit/s, 500000 if nothing else is configured
+    share: without an adapter: make a bus that other commands of this machine join at this TCP port
+    """
+
+    share: Annotated[int | None, Option(metavar="PORT", read=whole(1, 65535))] = None
+
+    def made(self) -> BusOptions:
+        """Return the bus to open: the own one, which is made and told here; raises LocalError, BusError."""
+        if self.share is None:
+            return self
+        if self.interface or self.channel:
+            raise LocalError("--share makes a bus, and does not go with -i and -c, which name one")
+        from eurobot_od.bus.live import share  # with `can`, as opening a bus has it
+
+        channel = share(self.share)
+        print(f"a bus of this machine; join it by -i remote -c {channel}", flush=True)
+        return BusOptions(interface="virtual", channel=channel, bitrate=self.bitrate)
+
+
 def _stage(parser: Parser) -> Hint:
     robot = robot_meant(parser)
     return Hint(robot.stage(), group=HelpGroup(f"nodes of {robot.name}")) if robot.stage else NOTHING
@@ -105,7 +130,7 @@ def node(
     device: DeviceOptions,
     stage: Annotated[Stage | None, Chosen(_stage)] = None,
     devices: Devices,
-    bus: BusOptions,
+    node_bus: NodeBus,
     no_reconnect: NoReconnect = False,
     on_error: OnError = OnError.RESTART,
 ) -> ExitStatus | None:
@@ -120,6 +145,9 @@ def node(
     verbose: print every message that the node receives
     fault: give the node a fault; `faults` lists them
     on_error: what happens to a node that fails, after it was stopped (default: restart)
+
+    $ node --eds 5=motor.eds --share 54701
+    $ node --eds 5=motor.eds --set Motor.Speed=1200 -i socketcan -c can0
     """
     from eurobot_od.bus.live import Live  # faults are listed without
 
@@ -133,6 +161,7 @@ def node(
             "--verbose": verbose,
         }
         made_all = _all(devices, device, [option for option, value in about_one.items() if value])
+        bus = node_bus.made()
         _run_all(made_all, bus, duration, bus.reopener(no_reconnect))
         return None
     dictionary, robot = _dictionary(devices, name, node_id), devices.robot
@@ -147,6 +176,7 @@ def node(
     of_role = stage.values(kind, dictionary, device.given) if stage and role else {}
     values = of_role if role else device.values_of(dictionary)
     made = kind(dictionary, store=FileStore(store, dictionary) if store else None, **values)
+    bus = node_bus.made()
     scene = stage.set_up(made, NodeRun(robot, devices.dialect, bus.open, duration)) if stage and role else None
     live = Live.node(
         bus.open(),
@@ -268,6 +298,9 @@ def faults(
 
     node: only the faults of this node of the robot
     as_json: print them as JSON, with the step that finds each
+
+    $ faults
+    $ faults --json
     """
     robot = Devices(robot_name=robot_name).robot
     if node and node not in robot.nodes:

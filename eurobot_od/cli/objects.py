@@ -54,7 +54,7 @@ from eurobot_od.od.values import MOST_SUBS, NODE_IDS
 from eurobot_od.od.values import label as place
 from eurobot_od.od.words import words, written
 from eurobot_od.pdo.in_force import made
-from eurobot_od.support.files import write_whole
+from eurobot_od.support.files import opened, write_whole
 from eurobot_od.support.progress import bar, passing
 from eurobot_od.support.texts import amount, columns, one_line
 
@@ -72,6 +72,9 @@ def read(target: Target, objects: Sequence[Object], *, as_json: Json = False, fi
 
     objects: such as 0x1017, 0x1018:1, Motion, 'Motion.Maximum speed'
     file: write the bytes of one object to this file, by block transfer
+
+    $ read 5 Motor.Speed --eds motor.eds -i socketcan -c can0
+    $ read 5 0x1018 0x1017 -i socketcan -c can0
     """
     with target.opened() as node:
         found = target.description(node)
@@ -96,6 +99,11 @@ def _read_file(node: RemoteNode, things: Sequence[ODVariable], file: Path) -> Ex
     return ExitStatus.FINE
 
 
+def _content(file: Path) -> bytes:
+    with opened(file) as stream:
+        return stream.read()
+
+
 def write(target: Target, name: Object, value: str | None = None, *, file: Path | None = None) -> None:
     """Write one object of a CANopen node, by number or by the EDS's name, or a whole file into it.
 
@@ -104,10 +112,12 @@ def write(target: Target, name: Object, value: str | None = None, *, file: Path 
     name: such as 0x1017, 0x1016:1, 'Motion.Maximum speed'
     value: number, decimal or 0x..; text; or hexadecimal digits: as the type says
     file: write the bytes of this file, by block transfer
+
+    $ write 5 0x1017 500 -i socketcan -c can0
     """
     if (value is None) is (file is None):
         raise LocalError("what to write: give a value or --file FILE, one of them")
-    content = file.read_bytes() if file else b""
+    content = _content(file) if file else b""
     with target.opened() as node:
         found = target.description(node)
         thing = find_one(name, found.dictionary.objects if found else None)
@@ -128,6 +138,9 @@ def dump(target: Target, *, as_json: Json = False) -> None:
     """Print all readable objects of a CANopen node with their values.
 
     An object that the node refuses is listed with the reason.
+
+    $ dump 5 --eds motor.eds -i socketcan -c can0
+    $ dump 5 --json --eds motor.eds -i socketcan -c can0
     """
     with target.opened() as node:
         dictionary = target.needed_description(node).dictionary
@@ -152,6 +165,9 @@ def pdo(
     action: map other objects into a PDO (default: list all PDOs)
     name: such as TPDO2
     objects: what to map, in its order: names or INDEX:SUB
+
+    $ pdo 5 --eds motor.eds -i socketcan -c can0
+    $ pdo 5 map TPDO1 Motor.Speed --eds motor.eds -i socketcan -c can0
     """
     from eurobot_od.client.configure import map_objects  # with canopen
 
@@ -222,6 +238,9 @@ def emcy(target: Target, *, clear: bool = False, as_json: Json = False, emcy: Em
     Exit status 1 if the node is in an error state now.
 
     clear: empty the error history
+
+    $ emcy 5 -i socketcan -c can0
+    $ emcy 5 --clear -i socketcan -c can0
     """
     with target.opened() as node:
         target.named_description(node)  # its file may say another SDO server
@@ -300,6 +319,9 @@ def configure(
     only: only these objects; repeatable
     no_store: do not have the node store it: it is lost at a reset
     no_reset: do not reset the node to verify what it has stored
+
+    $ configure 5 motor.dcf --eds motor.eds -i socketcan -c can0
+    $ configure 5 motor.dcf --dry-run -i socketcan -c can0
     """
     description = from_file(file)  # never the network's: a configuration is for the one device that its DCF names
     with left_out() as refused:
@@ -338,7 +360,10 @@ def summary(plan: ChangePlan, node_id: int) -> str:
 
 
 def store(target: Target) -> None:
-    """Have a CANopen node store its parameters, so that they survive a reset (0x1010)."""
+    """Have a CANopen node store its parameters, so that they survive a reset (0x1010).
+
+    $ store 2 -i socketcan -c can0
+    """
     with target.opened() as node:
         target.named_description(node)  # its file may say another SDO server
         configuring.store(node)
@@ -349,6 +374,9 @@ def restore(target: Target, *, reset: bool = False) -> None:
     """Have a CANopen node restore the defaults of its parameters, from its next reset on (0x1011).
 
     reset: reset the node, so that they take effect
+
+    $ restore 2 -i socketcan -c can0
+    $ restore 2 --reset -i socketcan -c can0
     """
     with target.opened() as node:
         described = target.named_description(node)
@@ -369,6 +397,8 @@ def export_dcf(target: Target, *, output: Output = None) -> ExitStatus:
 
     What no line of a DCF can hold, and every DOMAIN, is written to files beside it, which `configure` reads back. Exit
     status 1 if the node refuses objects of its EDS, which are left out.
+
+    $ export-dcf 5 --eds motor.eds -o motor.dcf -i socketcan -c can0
     """
     with target.opened() as node:
         dictionary = target.needed_description(node).dictionary
@@ -398,8 +428,10 @@ def program(
     file: the program, as the node's maker delivers it
     number: number of the program in the node, its sub-index (1)
     no_crc: do not compare 0x1F56 with the file: in this device it is not a CRC
+
+    $ program 5 firmware.bin -i socketcan -c can0
     """
-    content = file.read_bytes()
+    content = _content(file)
     if not content:
         raise LocalError(f"{file}: the file is empty")
     with target.opened() as node, bar(f"node {node.node_id}: {file.name}") as progress:

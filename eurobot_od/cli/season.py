@@ -43,6 +43,9 @@ def archive(
     output: folder of the season
     format: format of the logs (default: by suffix)
     jobs: logs at the same time (default: one per core)
+
+    $ archive run.log -o season
+    $ archive run.log -o season --eds 5=motor.eds
     """
     with extras.needed("season"):
         from eurobot_od.season.archive import DecodedNetwork, archive
@@ -102,6 +105,9 @@ def query(
     as_csv: comma-separated values
     plot: also draw the answer as SVG
     bitrate: bit/s for the load (default: 500000)
+
+    $ query season
+    $ query season "SELECT cob_id, count(*) FROM frames GROUP BY cob_id"
     """
     if sql and report:
         raise LocalError("a query is SQL or --report, not both")

@@ -49,6 +49,8 @@ def send(
     fields: such as x=1500 barriers=fire-1:forced
     expect: wait for this message and print it; 185#01: with data beginning like this
     within: how long to wait for it (default: 1 s)
+
+    $ send motor.RPDO1 target_speed=100 --eds 5=motor.eds -i socketcan -c can0
     """
     are_frames = all(FRAME_MARK in each for each in (message, expect or FRAME_MARK))
     # What decodes them needs no file, and a frame can be sent without.

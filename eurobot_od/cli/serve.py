@@ -57,6 +57,9 @@ def serve(
     logs: one log, or two side by side (default: the bus)
     control: let the page send, write objects and command nodes
     listen: address of the page (default: 127.0.0.1:8014); from other machines it takes a token, printed once
+
+    $ serve run.log --eds 5=motor.eds
+    $ serve --control --eds 5=motor.eds -i socketcan -c can0
     """
     with extras.needed("web"):  # asked here, so that no log is read before the package is found missing
         import aiohttp  # noqa: F401

@@ -41,6 +41,9 @@ def show(
 
     message: name of a message, such as 'Goto XY' (default: all)
     objects: list the devices' objects, or those of a name or index, such as Motor or 0x1018
+
+    $ show --eds 5=motor.eds
+    $ show --objects Motor --eds 5=motor.eds
     """
     if message and Path(message).is_file():
         raise LocalError(f"{message} is a file, not a message: name it by --eds")

@@ -153,7 +153,7 @@ Command: TypeAlias = Callable[..., Any] | Forms
 
 
 class Parser(ArgumentParser):
-    """Reports what is wrong with a command line in one line; its help is as wide as the terminal.
+    """Reports what is wrong with a command line in one line; its help fits the terminal and ends with examples.
 
     `words` are the command line without `--robot`, which says `robot`: it decides which options there are. `described`
     has what is special about each option and argument, by its name.
@@ -168,6 +168,7 @@ class Parser(ArgumentParser):
         **settings: Any,
     ) -> None:
         self.words, self.robot, self.described = words, robot, dict[str, Option]()
+        self.examples: Sequence[str] = ()
         try:  # or else argparse asks `shutil`, which imports three compression libraries
             width = int(os.environ.get("COLUMNS", 0)) or os.get_terminal_size().columns
         except (ValueError, OSError):  # no number; no terminal
@@ -185,9 +186,17 @@ class Parser(ArgumentParser):
         parse = self.parse_args if self._subparsers else self.parse_intermixed_args
         return parse(self.words, self.known)
 
+    def format_help(self) -> str:
+        """Return the help."""
+        program = self.prog.partition(" ")[0]
+        examples = "".join(f"  {program} {each}\n" for each in self.examples)
+        return super().format_help() + (examples and f"\nexamples:\n{examples}")
+
     def error(self, message: str) -> NoReturn:
-        """Exit; raises SystemExit."""
-        self.exit(2, f"{self.prog}: error: {message}; see {self.prog} --help\n")
+        """Exit, and say the order of what has no name of its own if one of that is wrong; raises SystemExit."""
+        places = " ".join(each.dest.upper() for each in self._get_positional_actions())
+        order = f"; write {self.prog} {places}" if " " in places and re.match(r"argument [^-]", message) else ""
+        self.exit(2, f"{self.prog}: error: {message}{order}; see {self.prog} --help\n")
 
 
 def summary(command: Command) -> str:
@@ -197,6 +206,10 @@ def summary(command: Command) -> str:
 
 TOLD = re.compile(r"^( *)(\w+): (.+(?:\n\1 +\S.*)*)", re.MULTILINE)
 """What a docstring says of a parameter: on the line of its name, and on lines below that are indented deeper."""
+
+
+EXAMPLE = re.compile(r"^ *\$ (.+)", re.MULTILINE)
+"""A command line that a command's docstring gives, without the program's name."""
 
 
 def told(function: Callable[..., Any]) -> dict[str, str]:
@@ -209,6 +222,7 @@ def describe(parser: Parser, command: Command) -> Call:
     """Describe a command on its parser; return what calls it."""
     if not isinstance(command, Forms):
         call = _describe(parser, parser, command)
+        parser.examples = EXAMPLE.findall(command.__doc__ or "")
 
         def careful(given: Namespace) -> Any:
             keep_inputs(parser.described, given)

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 from eurobot_od.client.master import Master, Procedure, RemoteNode
 from eurobot_od.device.nmt import NmtState
-from eurobot_od.errors import NodeRefused, RemoteError
+from eurobot_od.errors import NoAnswer, NodeRefused, RemoteError
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.standard import DEVICE_NAME, DEVICE_TYPE, IDENTITY, STORE_FORMAT, STORED_EDS
 from eurobot_od.od.values import NODE_IDS, Address
@@ -107,7 +107,10 @@ async def fitting(node: RemoteNode, known: Iterable[Dictionary]) -> Description 
 
     Raises DictionaryError, and the errors of reading the identity.
     """
-    identity = await read_identity.steps(node)
+    try:
+        identity = await read_identity.steps(node)
+    except NoAnswer as error:  # to a question of ours, whose object the caller has never heard of
+        raise NoAnswer("the question which device it is", error.answer, 1, error.waited, node.node_id) from None
     found = next((each for each in known if Identity.of(each).difference(identity) is None), None)
     return None if found is None else from_file(found.file, node.node_id)
 

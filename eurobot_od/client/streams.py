@@ -455,7 +455,7 @@ class MappedPdos(Generic[AnyPdo]):
             return self._pdos[key]
         for error in self._refused.values():
             raise error
-        raise UnknownName(f"valid PDO of node {self._node.node_id}", name, self._pdos)
+        raise UnknownName(f"PDO of node {self._node.node_id}", name, self._pdos)
 
     def __iter__(self) -> Iterator[AnyPdo]:
         return iter([*self._pdos.values()])

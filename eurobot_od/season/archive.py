@@ -41,6 +41,7 @@ from eurobot_od.season.columns import (
     of_others,
     readable,
 )
+from eurobot_od.support import files
 from eurobot_od.support.texts import encodable
 from eurobot_od.traffic import formats
 from eurobot_od.traffic.decoding import Follower, is_followed
@@ -418,17 +419,17 @@ def archive(
 
     `progress` is called with the bytes of each part read, if that happens in this process.
 
-    Raises UnknownName for a format that is not known, OSError.
+    Raises UnknownName for a format that is not known, FileError for a log that cannot be opened, OSError.
     """
     # A log named twice would be put in by two workers at once.
-    files = list(dict.fromkeys(logs))
-    for file in files:
-        with file.open("rb") as opened:
+    each_once = list(dict.fromkeys(logs))
+    for log in each_once:
+        with files.opened(log) as opened:
             formats.form_of(opened, form)  # complains before anything is done
     # A bar on this terminal cannot be moved by another process.
     archiver = Archiver(season, network, form, unwatched if workers.executor else progress)
     with _begun(season / BEGUN):
-        yield from campaign.run(archiver, files, workers._replace(block=BLOCK))
+        yield from campaign.run(archiver, each_once, workers._replace(block=BLOCK))
 
 
 @contextmanager
@@ -473,7 +474,7 @@ class Archiver:
 
     def __call__(self, log: Path) -> Archived:
         """Put a log into the season. Raises OSError, UnknownName."""
-        with log.open("rb") as file:
+        with files.opened(log) as file:
             form, size = formats.form_of(file, self.form)[0], os.fstat(file.fileno()).st_size
             # The same log read by other EDS files gives other tables, so they are part of its name.
             # Its bytes, not its name or its date: the same log copied to another folder is the same run.

@@ -17,6 +17,7 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from glob import escape
 from pathlib import Path
+from typing import BinaryIO
 
 from eurobot_od.errors import FileError
 
@@ -33,14 +34,22 @@ NAME_BYTES = 4
 """Random bytes, in hexadecimal digits, that make the name of a new file unique."""
 
 
-def read_whole(file: str | Path) -> bytes:
-    """Return what a file holds; raises FileError if it cannot be read, or holds more than `MOST` bytes."""
+def opened(file: str | Path, buffering: int = -1) -> BinaryIO:
+    """Open a file to be read; raises FileError."""
     try:
-        with open(file, "rb") as stream:  # noqa: PTH123  # a name may hold what no path can
-            # One more than may be. A size asked beforehand is 0 for /dev/zero or a pipe.
-            content = stream.read(MOST + 1)
+        return open(file, "rb", buffering)  # noqa: PTH123  # a name may hold what no path can; the caller closes
     except (OSError, ValueError) as error:
         raise FileError(file, getattr(error, "strerror", None) or str(error)) from error
+
+
+def read_whole(file: str | Path) -> bytes:
+    """Return what a file holds; raises FileError if it cannot be read, or holds more than `MOST` bytes."""
+    with opened(file) as stream:
+        try:
+            # One more than may be. A size asked beforehand is 0 for /dev/zero or a pipe.
+            content = stream.read(MOST + 1)
+        except OSError as error:
+            raise FileError(file, error.strerror or str(error)) from error
     if len(content) > MOST:
         raise FileError(file, f"larger than {MOST >> 20} MB, which is the most that is read")
     return content

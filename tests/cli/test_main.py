@@ -227,8 +227,8 @@ def test_ctrl_c_while_something_is_imported_is_an_exit_status_and_no_traceback(p
 STREAMS = [
     ("decode <&-", 2, "eurobot-od: standard input is closed\n"),
     ("show >&-", 3, "eurobot-od: standard output is closed\n"),
-    ("decode nowhere.log 2>&-", 3, ""),
-    ("decode nowhere.log 2>/dev/full", 3, ""),
+    ("decode nowhere.log 2>&-", 2, ""),
+    ("decode nowhere.log 2>/dev/full", 2, ""),
 ]
 
 

@@ -74,7 +74,7 @@ MISTAKES = {
         "-o drive.eds is the file that is read: name another one",
     ),
     "a rule with a slip": ("lint|--select|E3008|drive.eds", 2, "unknown rule 'E3008'; did you mean E308?"),
-    "a log that is not there": ("decode|nowhere.log", 3, "nowhere.log: No such file or directory"),
+    "a log that is not there": ("decode|nowhere.log", 2, "nowhere.log: No such file or directory"),
     "a file that is no log": (
         "decode|drive.eds",
         2,
@@ -85,7 +85,7 @@ MISTAKES = {
     "a node that is not there": (
         "read|9|0x1000|-i|virtual|-c|nobody|--timeout|50ms",
         1,
-        "no answer from node 9 within 50 ms after read 0x1018:1 vendor",
+        "no answer from node 9 within 50 ms after the question which device it is",
     ),
 }
 

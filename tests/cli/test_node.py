@@ -30,6 +30,7 @@ from tests.cli.processes import PATIENCE, killed_if_it_hangs, line, node, serve_
 from tests.client.peers import new_channel
 from tests.device import io_module
 from tests.eds_text import DEVICE_TYPE, record, variable
+from tests.processes import free_port
 from tests.rows import rows
 
 FACTS = robot_file.read()
@@ -53,6 +54,31 @@ def test_a_drive_and_send_meet_on_a_shared_bus(capsys: pytest.CaptureFixture[str
         line(drive, "  008#DC853E5AC8000000  Goto XY  x=1500 mm, y=1000 mm, angle=90 deg, speed=50 %")
         drive.send_signal(signal.SIGINT)
         assert drive.wait(PATIENCE) == 130
+
+
+@pytest.mark.posix
+def test_a_device_makes_a_bus_that_other_programs_join(capsys: pytest.CaptureFixture[str]) -> None:
+    port = free_port()
+    bus = ["-i", "remote", "-c", f"ws://127.0.0.1:{port}/"]
+    with node("--eds", "5=docs/motor.eds", "--share", str(port)) as motor:
+        assert line(motor, "a bus").strip() == f"a bus of this machine; join it by {' '.join(bus)}"
+        line(motor, "motor (node-ID 5) on ")
+        read = run(capsys, "read", "5", "Temperature", "--eds", "5=docs/motor.eds", *bus)
+        assert (read.status, read.err) == (0, "")
+        assert read.out.split() == ["0x2100:0", "Temperature", "20.0"]
+        taken = run(capsys, "node", "--eds", "5=docs/motor.eds", "--share", str(port))
+        assert taken.status == 3
+        assert taken.err.startswith(f"eurobot-od: cannot share a bus at port {port} of this machine: ")
+        motor.send_signal(signal.SIGINT)
+        assert motor.wait(PATIENCE) == 130
+
+
+def test_a_shared_bus_is_not_an_adapter_too(capsys: pytest.CaptureFixture[str]) -> None:
+    both = run(capsys, "node", "--eds", "5=docs/motor.eds", "--share", "54701", "-i", "socketcan")
+    assert (both.status, both.err) == (
+        2,
+        "eurobot-od: --share makes a bus, and does not go with -i and -c, which name one\n",
+    )
 
 
 @pytest.mark.long

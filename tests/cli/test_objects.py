@@ -227,7 +227,7 @@ def test_a_node_without_pdos_or_an_eds_is_said_to_have_none(run: Run, tmp_path: 
 @rows(
     "words, status, err",
     [
-        (["read", "9", "0x1017"], 1, "no answer from node 9 within 300 ms after read 0x1018:1 vendor"),
+        (["read", "9", "0x1017"], 1, "no answer from node 9 within 300 ms after the question which device it is"),
         (["read", "128", "0x1017"], 2, "node-ID 128 is not in 1..127"),
         (["read", "nobody", "0x1017"], 2, "unknown node 'nobody'; known: core, drive, navigation"),
         (["read", "2", "Motoin"], 2, "unknown object 'Motoin'; did you mean Motion?"),

@@ -28,8 +28,8 @@ def log(tmp_path: Path) -> Path:
     [
         (["a.log", "b.log", "c.log"], 2, "a page shows one log, or two side by side, not 3"),
         (["a.log", "--control"], 2, "--control is for a bus: a log cannot be changed"),
-        (["nothing.log"], 3, "nothing.log: No such file or directory"),
-        (["x.txt", "--format", "log"], 3, "x.txt: No such file or directory"),
+        (["nothing.log"], 2, "nothing.log: No such file or directory"),
+        (["x.txt", "--format", "log"], 2, "x.txt: No such file or directory"),
         (["--listen", "8014"], 2, "8014 is not HOST:PORT, such as 127.0.0.1:2014"),
         (["--listen", "127.0.0.1:99999"], 2, "127.0.0.1:99999 is not HOST:PORT"),
         (["-i", "nothing"], 3, "cannot open the nothing bus"),

@@ -169,7 +169,7 @@ WRONG: list[tuple[Callable[[RemoteDevice], object], type[EurobotError], str]] = 
     (lambda drive: drive["Profile velocity"].write(0), FieldError, r"0x6081:0: Profile velocity = 0 .* 1\.\.12000"),
     (lambda drive: drive["Profile velocity"].write("fast"), FieldError, "'fast' is not allowed; allowed: an integer"),
     (lambda drive: drive["Statusword"].write(1), NodeRefused, "node 5 refused to write 0x6041:0 Statusword: .* read"),
-    (lambda drive: drive.pdo["TPDO9"], UnknownName, "unknown valid PDO of node 5 'TPDO9'"),
+    (lambda drive: drive.pdo["TPDO9"], UnknownName, "unknown PDO of node 5 'TPDO9'"),
     (lambda drive: drive.pdo["TPDO1"]["Speed"], UnknownName, "unknown object of TPDO1 'Speed'; known: Statusword"),
     (lambda drive: drive.pdo["TPDO1"].transmit({}), LocalError, "TPDO1 of node 5 is sent by the node"),
     (lambda drive: drive.pdo["RPDO1"].transmit({}), FieldError, "RPDO1: Controlword = None is not allowed"),

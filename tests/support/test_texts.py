@@ -108,7 +108,7 @@ def test_csv(log: Path, capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def test_errors(capsys: pytest.CaptureFixture[str]) -> None:
-    assert cli.main(["decode", "no\x1b[31m\nfile.log"]) == 3
+    assert cli.main(["decode", "no\x1b[31m\nfile.log"]) == 2
     assert capsys.readouterr().err == "eurobot-od: no\\x1b[31m\\nfile.log: No such file or directory\n"
 
 

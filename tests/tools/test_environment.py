@@ -17,7 +17,7 @@ import os, pathlib, sys
 with pathlib.Path({calls!r}).open("a") as calls:
     print(*sys.argv[1:], file=calls)
 if {status}:
-    print("ERROR: no network", file=sys.stderr)
+    print("ERROR: " + {error!r}, file=sys.stderr)
 sys.exit({status})
 """
 
@@ -35,10 +35,10 @@ class Checkout:
     def change(self, text: str) -> None:
         (self.root / "pyproject.toml").write_text(text)
 
-    def pip(self, status: int) -> None:
-        """Let pip end with this status."""
+    def pip(self, status: int, error: str = "no room") -> None:
+        """Let pip end with this status, and say so if it is an error."""
         packages = next(environment.FOLDER.rglob("site-packages"))
-        (packages / "pip.py").write_text(PIP.format(calls=str(self.calls), status=status))
+        (packages / "pip.py").write_text(PIP.format(calls=str(self.calls), status=status, error=error))
 
     def installed(self) -> list[str]:
         """Give what pip was asked to install."""
@@ -148,10 +148,28 @@ def test_a_set_up_that_fails_says_why_and_is_tried_again(checkout: Checkout) -> 
     checkout.pip(1)
     with pytest.raises(SystemExit) as ended:
         environment.prepare()
-    assert ended.value.code == "pip could not install what is needed:\nERROR: no network"
+    assert ended.value.code == "pip could not install what is needed:\nERROR: no room"
     checkout.pip(0)
     environment.prepare()
     assert len(checkout.installed()) == 2
+
+
+def test_a_set_up_without_a_network_is_one_line(checkout: Checkout) -> None:
+    checkout.pip(1, "Retrying after connection broken by 'NewConnectionError(...)'\n" * 20)
+    with pytest.raises(SystemExit) as ended:
+        environment.prepare()
+    assert ended.value.code == "pip reaches no package index, which it needs once to fill .venv: connect, and try again"
+
+
+def test_a_set_up_that_is_interrupted_is_no_traceback(checkout: Checkout, monkeypatch: pytest.MonkeyPatch) -> None:
+    def interrupted(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(subprocess, "run", interrupted)
+    with pytest.raises(SystemExit) as ended:
+        environment.prepare()
+    assert ended.value.code == 130
+    assert checkout.installed() == []
 
 
 def test_an_old_python_is_told(checkout: Checkout, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 from eurobot_od.bus.live.links import BITRATE, INSTEAD, ONLY_LINUX, remedy
 from eurobot_od.errors import BusError, UnknownName
 from eurobot_od.frame import EXTENDED, HIGHEST_EXTENDED, Frame
+from eurobot_od.support import extras
 from eurobot_od.support.connections import Backoff
 
 if TYPE_CHECKING:
@@ -36,6 +37,9 @@ INTERFACE_KEYS = {"interface", "bustype"}
 
 DEFAULT_BUS = {"interface": "virtual", "channel": "eurobot"}
 """The in-process bus, where neither caller nor python-can's configuration names one."""
+
+ONLY_HERE = "127.0.0.1"
+"""Where a shared bus is to be had: it has neither passwords nor encryption."""
 
 RETRY = 0.001
 """Seconds that a driver may take to accept a frame; one that does not is given the frame again later."""
@@ -105,6 +109,24 @@ def open_bus(interface: str | None = None, channel: str | None = None, bitrate: 
         if interface is not None and interface not in BACKENDS:
             why = str(UnknownName("interface", interface, sorted(BACKENDS)))
         raise BusError(f"cannot open the {name}: {why}") from error
+
+
+def share(port: int) -> str:
+    """Let other programs of this machine join an in-process bus by python-can-remote, until this process ends.
+
+    Returns the channel: for `virtual` in here, and for `remote` everywhere else. Raises LocalError without the extra
+    `remote`, BusError for a port that cannot be had.
+    """
+    with extras.needed("remote"):
+        from can_remote.server import RemoteServer
+    silence_logs()
+    channel = f"ws://{ONLY_HERE}:{port}/"
+    try:
+        server = RemoteServer(ONLY_HERE, port, interface="virtual", channel=channel)
+    except OSError as error:
+        raise BusError(f"cannot share a bus at port {port} of this machine: {_one_line(error)}") from error
+    threading.Thread(target=server.serve_forever, name=channel, daemon=True).start()
+    return channel
 
 
 def _with_remedy(error: BaseException, name: str | None) -> str:

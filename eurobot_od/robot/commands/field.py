@@ -34,6 +34,9 @@ def field(
 
     output: picture: .svg or .png; .html: a page that plays the match
     title: heading of the picture; left out: the log's name
+
+    $ field run.log -o field.svg
+    $ field run.log -o field.html
     """
     form(output)  # complains of a suffix before the logs are read
     robot, damage = plugin.find(robot_name), DamageCounts()

@@ -162,7 +162,12 @@ OF_A_BUS = ("interface", "channel", "bitrate")
 
 
 def match(asked: AskedMatch) -> ExitStatus:
-    """Play a match of core, drive and navigation over a CAN bus, everything on it loaded from the EDS files."""
+    """Play a match of core, drive and navigation over a CAN bus, everything on it loaded from the EDS files.
+
+    $ match --field match.html
+    $ match --seeds 20
+    $ match --strategy mine.py --fault stop-ignored
+    """
     options = asked.options
     if asked.compare:
         return _compare(asked, options)

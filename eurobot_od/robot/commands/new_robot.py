@@ -51,6 +51,8 @@ def new_robot(
     folder: where it goes: a new folder, or an empty one
     name: what the robot is called; left out: the folder's name
     package: a package, which `pip install .` makes an installed robot
+
+    $ new-robot mine
     """
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise LocalError(f"{folder}: it is there, and not empty")

@@ -60,6 +60,8 @@ def world(
     facts: fact in place of robot.yaml's, such as body.radius=250; repeatable
     duration: end after this time, such as 90 s
     as_json: print as JSON, a line for each event and the summary
+
+    $ world --listen 127.0.0.1:2014
     """
     options = MatchOptions(
         **vars(sides),

@@ -169,7 +169,7 @@ FAULTS = [
 @pytest.mark.long
 @rows("fault, printed", FAULTS)
 def test_its_checks_find_the_faults_of_its_messages(fault: str, printed: str, made: Path) -> None:
-    said = command(made, ["check", "lift.check", "--simulate", "--fault", fault, "--robot", "."])
+    said = command(made, ["check", "lift", "--simulate", "--fault", fault, "--robot", "."])
     assert (said.returncode, said.stderr) == (1, "")
     assert printed in said.stdout
 
