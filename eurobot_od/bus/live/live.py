@@ -17,7 +17,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from eurobot_od.bus.live.buses import Connection, Driver, Gaps, Opener, Sender, failure, shut_down
-from eurobot_od.bus.live.reader import POLL, FunctionThread, Reader, BusSilence
+from eurobot_od.bus.live.reader import POLL, BusSilence, FunctionThread, Reader
 from eurobot_od.errors import BusError, NodeFailed, StateError
 from eurobot_od.frame import HIGHEST_IDENTIFIER, MOST_BYTES, Data, Frame, RemoteFrame
 from eurobot_od.gatekeeper import Event, Gatekeeper, Report

@@ -9,7 +9,7 @@ import pytest
 
 from eurobot_od.bus.live import Driver
 from eurobot_od.bus.live.buses import Connection
-from eurobot_od.bus.live.reader import HEARD_AGAIN, Reader, BusSilence
+from eurobot_od.bus.live.reader import HEARD_AGAIN, BusSilence, Reader
 from tests.rows import rows
 
 AHEAD = 1_000_000.0
