@@ -487,7 +487,7 @@ class Archiver:
             run = digest.hexdigest()
             names = (*tables.SCHEMAS, *(each.table for each in self._decoding.messages.values()))
             # One table that is missing or damaged is reason enough to put the log in again.
-            there = tables.Run.read(tables.file_of(self.season, tables.RUNS, run))
+            there = tables.ArchivedRun.read(tables.file_of(self.season, tables.RUNS, run))
             if there and all(
                 name in there.seals and tables.is_sound(tables.file_of(self.season, name, run), there.seals[name])
                 for name in {*names, *there.seals} - {tables.RUNS}

@@ -208,14 +208,14 @@ def is_sound(file: Path, seal: Seal | None) -> bool:
         return False
 
 
-class Run(NamedTuple):
+class ArchivedRun(NamedTuple):
     """A log in a season: its row of `runs`, and by table the seals of its files; an old one has none."""
 
     row: pa.Table
     seals: Mapping[str, Seal]
 
     @classmethod
-    def read(cls, file: Path) -> Run | None:
+    def read(cls, file: Path) -> ArchivedRun | None:
         """Read a file of `runs`, and verify the checksums of its pages; None if it is damaged."""
         row = verified(file, SCHEMAS[RUNS])
         if row is None or len(row) != 1:
@@ -259,7 +259,7 @@ class Season:
         self.damaged: list[Path] = []
         # Files of a run that is being moved here, or was interrupted while it was, have no row in `runs` yet.
         self._runs = {
-            file.stem: run for file in _files(folder / RUNS) if (run := self._undamaged(file, Run.read(file)))
+            file.stem: run for file in _files(folder / RUNS) if (run := self._undamaged(file, ArchivedRun.read(file)))
         }
         if not self._runs:
             why = ", ".join(f"{each} is damaged" for each in self.damaged) or "no log is archived in it"

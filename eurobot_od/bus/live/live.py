@@ -17,7 +17,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from eurobot_od.bus.live.buses import Connection, Driver, Gaps, Opener, Sender, failure, shut_down
-from eurobot_od.bus.live.reader import POLL, FunctionThread, Reader, Silence
+from eurobot_od.bus.live.reader import POLL, BusSilence, FunctionThread, Reader
 from eurobot_od.errors import BusError, NodeFailed, StateError
 from eurobot_od.frame import HIGHEST_IDENTIFIER, MOST_BYTES, Data, Frame, RemoteFrame
 from eurobot_od.gatekeeper import Event, Gatekeeper, Report
@@ -399,7 +399,7 @@ class LiveGroup:
         self.group, self.clock, self.name = group, clock, str(bus.channel_info)
         self._opener, self._report, self._backoff = opener, report, Backoff()
         self.sent = self.received = 0
-        self._driver, self._silence = Driver(bus), Silence()
+        self._driver, self._silence = Driver(bus), BusSilence()
 
     def run(self, end: float) -> None:
         """Switch the nodes on, and run them until a time of the clock. Raises BusError."""

@@ -90,7 +90,7 @@ NOTHING_HEARD = (
 HEARD_AGAIN = "frames are heard again"
 
 
-class Silence:
+class BusSilence:
     """Notices that nothing more is heard, when nothing has failed: as if a bus server had forgotten its clients.
 
     Times are in seconds. Only where heartbeats were regular does silence mean anything.
@@ -139,7 +139,7 @@ class Reader:
         self._connection, self._receive, self._clock, self._foreign = connection, receive, clock, foreign
         self._backlog = None if missed is None else Backlog(POLL + OLD, missed)
         self._lasts = lasts
-        self.silence = Silence()
+        self.silence = BusSilence()
 
     def read(self) -> None:
         """Read in this thread until the connection is closed, or lost for good."""

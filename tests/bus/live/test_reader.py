@@ -9,7 +9,7 @@ import pytest
 
 from eurobot_od.bus.live import Driver
 from eurobot_od.bus.live.buses import Connection
-from eurobot_od.bus.live.reader import HEARD_AGAIN, Reader, Silence
+from eurobot_od.bus.live.reader import HEARD_AGAIN, BusSilence, Reader
 from tests.rows import rows
 
 AHEAD = 1_000_000.0
@@ -135,12 +135,12 @@ SILENT = "nothing has been heard for 5 s"
 def test_a_bus_on_which_nothing_more_is_heard_is_silent(
     frames: list[tuple[float, int]], end: float, told: list[tuple[float, str]], why: str
 ) -> None:
-    assert [(time, text[: len(SILENT)]) for time, text in heard(Silence(), frames, end)] == [
+    assert [(time, text[: len(SILENT)]) for time, text in heard(BusSilence(), frames, end)] == [
         (time, text[: len(SILENT)]) for time, text in told
     ], why
 
 
-def heard(silence: Silence, frames: list[tuple[float, int]], end: float) -> list[tuple[float, str]]:
+def heard(silence: BusSilence, frames: list[tuple[float, int]], end: float) -> list[tuple[float, str]]:
     """Hand over frames at their times, ask for news every 0.1 s until the end, and return it."""
     found, left = list[tuple[float, str]](), list(frames)
     for tenth in range(round(10 * end) + 1):
@@ -153,7 +153,7 @@ def heard(silence: Silence, frames: list[tuple[float, int]], end: float) -> list
 
 
 def test_what_stands_still_itself_or_has_lost_its_bus_does_not_call_it_silent() -> None:
-    silence = Silence()
+    silence = BusSilence()
     assert heard(silence, REGULAR_BEATS, 3.0) == []
     assert silence.news(60.0) == ""  # it was stopped for a minute: what came meanwhile is still to be read
     assert [silence.news(60.0 + second, is_open=False) for second in range(1, 20)] == [""] * 19
