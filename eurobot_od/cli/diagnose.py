@@ -51,6 +51,9 @@ def diagnose(
     duration: how long to listen to a bus (default: until Ctrl-C)
     report: also write a page: .html or .md
     fail_on: lowest level of an incident that is a failure (default: warning)
+
+    $ diagnose run.log --eds 5=motor.eds
+    $ diagnose -i socketcan -c can0 --for 10s
     """
     form = form_of(report) if report else ""  # an unknown suffix ends it before the log is read
     decoder = devices.decoder(emcy)
