@@ -114,7 +114,7 @@ class Meaning(NamedTuple):
 
     `message` is None for a service and for what could not be decoded. `name` is empty if nothing is known, `sender` if
     nothing says who sent it. `transfer` is the SDO transfer that this frame ends, as far as a `Following` knows it;
-    `said` returns what the frame by itself says as data, if it is not a message.
+    `said` returns what the frame by itself says as data, if it is not a message; `service` is what its identifier is for.
     """
 
     raw: Raw
@@ -127,6 +127,7 @@ class Meaning(NamedTuple):
     transfer: SdoTransfer | None = None
     sender: str = ""
     said: Callable[[], Fields] = dict
+    service: CanopenService | None = None
 
     @property
     def fields(self) -> Fields:
@@ -242,9 +243,8 @@ class Decoder:
             defect = Defect(Damage.WRONG_LENGTH, f"{found.name} {frame}: {text}")
             return Meaning(frame, found.name, CANOPEN, nodes, None, text, (defect,), sender=found.sender)
         text = ", ".join(filter(None, (found.node, found.text(frame.data))))
-        return Meaning(
-            frame, found.name, CANOPEN, nodes, None, text, sender=found.sender, said=partial(found.fields, frame.data)
-        )
+        said = partial(found.fields, frame.data)
+        return Meaning(frame, found.name, CANOPEN, nodes, None, text, sender=found.sender, said=said, service=found)
 
     def _nodes(self, service: CanopenService) -> tuple[str, ...]:
         return (service.node,) if service.node else tuple(each.name for each in self.dictionaries)
@@ -312,7 +312,7 @@ def _reader(binding: Binding) -> Callable[[Frame], Meaning]:
             defects = tuple(_defects(frame, message, binding, allowed))
         (text,) = write("", words_of(binding, [binding.complete(data)]))
         return new(
-            Meaning, (frame, name, group, nodes, message, text.replace(OUTSIDE, ""), defects, None, sender, dict)
+            Meaning, (frame, name, group, nodes, message, text.replace(OUTSIDE, ""), defects, None, sender, dict, None)
         )
 
     return read

@@ -24,7 +24,8 @@ from eurobot_od.robot.protocol import decoder
 from eurobot_od.robot.scene.panel import FieldPanel
 from eurobot_od.traffic.diagnosis.rules import BusRule
 from eurobot_od.web import session as module
-from eurobot_od.web.page import PageEvent, Panel
+from eurobot_od.web.events import PageEvent
+from eurobot_od.web.page import Panel
 from eurobot_od.web.session import Session
 from tests.web.scene import channel
 from tests.web.test_drives import bench

@@ -31,7 +31,8 @@ from eurobot_od.robot.scene import style
 from eurobot_od.robot.scene.recording import RecordedGoto, RecordedStop, Recorder, Truth, at, read_truth
 from eurobot_od.robot.scene.scene import LAYERS, Explained, Item, Look, MatchScene, ground, legend, looks, way_mark
 from eurobot_od.support import svg
-from eurobot_od.web.page import Beside, Control, PageEvent, Panel
+from eurobot_od.web.events import PageEvent
+from eurobot_od.web.page import Beside, Control, Panel
 
 HERE = Path(__file__).parent
 

@@ -19,7 +19,7 @@ from eurobot_od.robot.model.values import OURS, Barriers, Obstacle, Passage, Sou
 from eurobot_od.robot.protocol import EurobotProtocol
 from eurobot_od.robot.scene.panel import KEPT, FieldPanel, true_path, truth_events
 from eurobot_od.robot.scene.recording import PathPoint, ScoredTask, TouchMark, Truth
-from eurobot_od.web.page import PageEvent
+from eurobot_od.web.events import PageEvent
 
 HERE = KalmanPositionResponse(200, 1800, 0, Source.INTERNAL)
 GOTO = GotoXY(1000, 500, 90, 80, Barriers.of({7: Passage.FORCED}))
