@@ -192,6 +192,7 @@ NOUNS: dict[str, dict[str, str]] = {
         "export.description.DescribedMessage": "what exports say of one",
         "export.dbc.DbcMessage": "... as DBC has it",
         "check.patterns.SentMessage": "what a step sends",
+        "traffic.dbc.ForeignMessage": "what a DBC says of one that is not CANopen",
     },
     "Frame": {
         "frame.Frame": "identifier and data",

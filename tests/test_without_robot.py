@@ -38,7 +38,7 @@ WAYS = {
     "folder": ([], NETWORK),
     "somebody's folder": ([], f"{NETWORK}robot: ./somebodys\n"),
 }
-NEEDS_A_FILE = {"show", "check", "node", "dump", "pdo", "export-dcf", "configure", "export"}
+NEEDS_A_FILE = {"show", "check", "node", "dump", "export-dcf", "configure", "export"}
 """What asks for a device's file where there is none; all else works by number."""
 
 FOUND = {

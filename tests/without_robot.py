@@ -61,6 +61,7 @@ def commands(devices: Sequence[str]) -> Iterator[tuple[str, ...]]:
         ("check", "--conformance", "--simulate"),
         ("check", "motor.check.yaml", "--simulate", "--fault", "heartbeat-missing", "--step", "type"),
         ("decode", "motor.log"),
+        ("diagnose", "motor.log"),
         ("archive", "motor.log", "-o", "season"),
         ("compare", "motor.log", "motor.log"),
         ("monitor", "motor.log", "--statistics"),

@@ -243,7 +243,8 @@ def _asked(request: LssRequest) -> LssSteps[bytes]:
 
 
 def _words(command: int) -> str:
-    return Lss(command).name.lower().replace("_", " ")
+    known = command in set(Lss)
+    return Lss(command).name.lower().replace("_", " ") if known else f"0x{command:02X}"
 
 
 def _number(value: int) -> bytes:

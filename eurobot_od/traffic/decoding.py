@@ -301,8 +301,9 @@ class Follower:
         text = f"{meaning.nodes[0]}, {said.text}" if said.text else meaning.text
         defects = (Defect(Damage.INCOMPLETE, f"{meaning.raw}: {said.lost}"),) if said.lost else ()
         # The segments of a block look like any other command.
-        fields = dict if said.text and not said.ended else meaning.said
-        return meaning._replace(text=f"{text}{said.more}", defects=defects, transfer=said.ended, said=fields)
+        if said.text and not said.ended:
+            meaning = meaning._replace(said=dict, service=None)
+        return meaning._replace(text=f"{text}{said.more}", defects=defects, transfer=said.ended)
 
     def unfinished(self) -> Iterator[tuple[str, Meaning, SdoTransfer]]:
         """Yield the transfers that the end of the log cuts off, with channel and the last frame's meaning."""

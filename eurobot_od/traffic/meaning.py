@@ -114,7 +114,7 @@ class Meaning(NamedTuple):
 
     `message` is None for a service and for what could not be decoded. `name` is empty if nothing is known, `sender` if
     nothing says who sent it. `transfer` is the SDO transfer that this frame ends, as far as a `Following` knows it;
-    `said` returns what the frame by itself says as data, if it is not a message; `service` is what its identifier is for.
+    `said` returns what the frame by itself says as data, if it is not a message; `service` is its identifier's.
     """
 
     raw: Raw

@@ -256,7 +256,7 @@ def test_a_name_of_canopens_is_a_face_of_ours(ask: Callable[[SimulatedNetwork], 
         (lambda n: setattr(n[5].nmt, "state", "SLEEPY"), UnknownName, "unknown NMT state 'SLEEPY'; known: OPERATIONAL"),
         (lambda n: n[5].tpdo[9], UnknownName, "unknown TPDO 9; known: 1, 2, 3, 4"),
         (lambda n: n[5].tpdo["Controlword"], UnknownName, "unknown object of a TPDO 'Controlword'"),
-        (lambda n: n[5].pdo[0x1234], UnknownName, "unknown valid PDO of node 5 '0x1234'"),
+        (lambda n: n[5].pdo[0x1234], UnknownName, "unknown PDO of node 5 '0x1234'"),
         (
             lambda n: n.add_node(5, upload_eds=True),
             EurobotError,

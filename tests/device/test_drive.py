@@ -44,10 +44,14 @@ def set_point(word: int, target: int) -> Frame:
 def test_the_device_type_says_what_is_simulated() -> None:
     assert simulated_kind(SERVO) is SimulatedDrive
     assert simulated_kind(SERVO, 0) is SimulatedDevice
-    text = EDS.read_text(encoding="utf-8").replace("DefaultValue=0x00020192", "DefaultValue=0")
-    nothing = Dictionary.read(text.encode(), EDS, 5)
-    assert simulated_kind(nothing) is SimulatedDevice
-    assert simulated_kind(nothing, 402) is SimulatedDrive
+    text = EDS.read_text(encoding="utf-8")
+    nothing, module = (
+        Dictionary.read(text.replace("DefaultValue=0x00020192", f"DefaultValue={told}").encode(), EDS, 5)
+        for told in ("0", "0x00030191")
+    )
+    assert simulated_kind(nothing) is SimulatedDrive  # it has a Controlword and a Statusword
+    assert simulated_kind(module) is not SimulatedDrive
+    assert simulated_kind(module, 402) is SimulatedDrive
 
 
 def test_an_object_without_a_value_is_as_if_it_were_not_there() -> None:

@@ -244,7 +244,7 @@ def test_sub_indices_counted_in_decimal_are_read_as_meant(names: list[str], high
         ("10 h", "UNSIGNED16", None),  # hours, or hexadecimal
         ("10 k", "UNSIGNED16", None),  # ten thousand, or ten of something
         ("1 2", "UNSIGNED16", None),
-        ("1_000", "UNSIGNED16", "1000"),  # as int() and canopen read it
+        ("1_000", "UNSIGNED16", None),  # Python writes numbers so, and nobody else
         ("0b101", "UNSIGNED8", "5"),
         ("10h", "UNSIGNED8", "0x10"),
         ("9" * 5000, "UNSIGNED32", None),

@@ -128,7 +128,7 @@ class Past(Soak):
 
     def __init__(self, role: Role, *told: Told) -> None:
         self.told, self.wrong, self.sent_at = list(told), [], [float(n) for n in range(9)]
-        self.roles, self.monitor = {}, role
+        self.roles, self.monitor, self.stands = {}, role, []
 
 
 @pytest.mark.parametrize(("told", "complaints"), TOLD.values(), ids=TOLD)

@@ -251,6 +251,8 @@ class NodesWatcher(Watcher):
                 continue
             producer = self.bus.node(node_id)
             if beats is None or not (beats.last or beats.intervals or beats.lost):
+                if self.bus.now - self.bus.began < wait:  # it may come yet
+                    continue
                 text = f"waits for the heartbeat of {producer.name} (0x1016), which sends none"
                 self.bus.found(BusRule.CONSUMER_UNFED, node.name, text, node_id)
             elif (period := producer.number(HEARTBEAT_TIME) / 1000) >= wait:

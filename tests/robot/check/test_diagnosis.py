@@ -21,10 +21,10 @@ from eurobot_od.robot.model.messages import (
     StopDrive,
 )
 from eurobot_od.robot.model.values import GotoFault, Source
-from eurobot_od.robot.plugin import ROBOT
 from eurobot_od.traffic.diagnosis import Diagnosis
 from eurobot_od.traffic.diagnosis.incidents import Incident, IncidentRule
 from eurobot_od.traffic.diagnosis.rules import BusRule
+from tests.kit.robot_faults import ROBOT
 from tests.rows import rows
 
 DECODER = Devices().decoder()
