@@ -105,7 +105,7 @@ def test_the_diagnosis_fills_while_traffic_comes(bus: tuple[Session, Callable[[F
     send(Frame(0x082, bytes.fromhex("1082110000000000")))
     open_, again = (session.diagnosis.so_far(session.now) for _ in range(2))
     assert before == []
-    assert [each.title for each in open_] == ["drive: EMCY 0x8210 PDO not processed due to length error, register 0x11"]
+    assert [each.title for each in open_] == ["drive: EMCY 0x8210 pdo too short, register 0x11"]
     assert [each.seen.number for each in again] == [1]
     send(Frame(0x082, bytes(8)))
     assert [each.rule for each in session.diagnosis.so_far(session.now)] == [BusRule.EMCY_CLEARED]

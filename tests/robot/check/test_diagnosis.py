@@ -21,10 +21,10 @@ from eurobot_od.robot.model.messages import (
     StopDrive,
 )
 from eurobot_od.robot.model.values import GotoFault, Source
+from eurobot_od.robot.plugin import ROBOT
 from eurobot_od.traffic.diagnosis import Diagnosis
 from eurobot_od.traffic.diagnosis.incidents import Incident, IncidentRule
 from eurobot_od.traffic.diagnosis.rules import BusRule
-from tests.kit.robot_faults import ROBOT
 from tests.rows import rows
 
 DECODER = Devices().decoder()
@@ -60,9 +60,7 @@ def test_whole_matches_break_no_rule(seed: int) -> None:
 FAULTS = [
     ("goto-not-confirmed", BusRule.ANSWER_MISSING, "drive", {}),
     ("drive-check-not-answered", BusRule.ANSWER_MISSING, "drive", {}),
-    ("state-short", BusRule.PDO_LENGTH, "drive", {}),
     ("shutdown-ignored", EurobotRule.STOP_NOT_OBEYED, "drive", {"emergency_at": 3.0}),
-    ("position-source-wrong", EurobotRule.POSITION_SOURCE, "drive", {}),
 ]
 
 
