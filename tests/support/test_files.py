@@ -131,6 +131,7 @@ class Interrupt:
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
 def test_ctrl_c_at_any_moment_leaves_one_whole_file_and_no_other(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(os, "fsync", lambda _: None)  # hundreds of them take a disk's time
+    monkeypatch.setattr(files, "LONGEST_WAIT", 0.0)  # an interrupt may keep the lock, as long as the program lives
     before, step = sys.gettrace(), 0
     interrupt = Interrupt(0)
     while not step or interrupt.hit:
