@@ -98,7 +98,8 @@ class Trace {
   follow(following) {
     this.following = following;
     this.pauser.setAttribute("aria-pressed", String(!following));
-    if (following) { this.take(); this.draw(); }
+    this.take();                            // what came before a pause belongs to what is paused
+    this.draw();
   }
   scrolled() {                              // away from the end: what is read must not run away
     const {scrollTop, clientHeight, scrollHeight} = this.box;
