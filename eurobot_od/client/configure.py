@@ -619,7 +619,7 @@ PDO_RECORDS = tuple(chain.from_iterable(COMMUNICATION_RECORDS.values()))
 
 @Procedure
 async def all_pdo_parameters(node: RemoteNode, records: Iterable[int] = PDO_RECORDS) -> dict[Address, Value]:
-    """Read what a node of which there is no file has in the records of its PDOs, which all devices have alike.
+    """Read the PDO records of a node without a file; they have the same places in all devices.
 
     Raises as `pdo_parameters`.
     """

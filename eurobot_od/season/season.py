@@ -223,7 +223,7 @@ class ArchivedRun(NamedTuple):
         try:
             seals = json.loads((row.schema.metadata or {}).get(SEALS, b"{}"))
             return cls(row.cast(SCHEMAS[RUNS]), {table: Seal(*seal) for table, seal in seals.items()})
-        except (ValueError, TypeError, AttributeError):  # what was said is no longer this
+        except (ValueError, TypeError, AttributeError):  # damaged: not as `archive` writes them
             return None
 
 

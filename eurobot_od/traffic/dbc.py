@@ -1,6 +1,6 @@
 """Frames of other protocols on the same wire, named by DBC files and by what else cantools reads: KCD, SYM, ARXML.
 
-Rule of this file: what a frame of somebody else's says is no damage; what cannot be decoded stays as it is.
+Rule of this file: a frame of another protocol is not damage; what cannot be decoded stays as it is.
 """
 
 from __future__ import annotations

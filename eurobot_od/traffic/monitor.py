@@ -369,7 +369,7 @@ GRACE = 0.02
 """Seconds that a frame of ours waits for what came before it: a busy machine reads late."""
 
 RESOLUTION = 0.002
-"""Seconds by which times of drivers are wrong at most: what came later than that before a frame is no answer to it."""
+"""Largest error of a driver's time in seconds: a frame was on the bus before ours only if it is earlier by more."""
 
 
 @dataclass

@@ -4,7 +4,7 @@ A `Diagnosis` takes what `decode` and `monitor` take: meanings with their times,
 has watchers (`nodes`, `transfers`, `pdos`, and a robot's own), which report what breaks a rule of the table (`rules`).
 The same thing again is the same incident (`incidents`), so memory does not grow with the log.
 
-Rules of this package: there is no clock and no bus, and what a frame means is said by `meaning` alone. A rule that
+Rules of this package: nothing here has a clock or a bus, and `meaning` alone says what a frame means. A rule that
 waits for something counts from what the log has shown; a log may begin and end anywhere.
 """
 

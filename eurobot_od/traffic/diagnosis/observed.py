@@ -98,7 +98,7 @@ class ObservedBus:
 
 
 class Watcher:
-    """Watches some services of a bus for what breaks its rules. There is no clock in it: frames go in, times in s."""
+    """Watches some services of a bus for what breaks its rules. It has no clock: frames and times in s go in."""
 
     def __init__(self, bus: ObservedBus) -> None:
         self.bus = bus

@@ -20,7 +20,7 @@ function diagnosisView() {
     told = text;
     const open = new Set([...list.querySelectorAll("details[open]")].map(each => each.dataset.key));
     const items = found.incidents.map(incidentItem);
-    items.forEach((each, place) => { each.open = told === "" ? place === 0 : open.has(each.dataset.key); });
+    for (const each of items) each.open = open.has(each.dataset.key);
     list.replaceChildren(...items);
   }
   return {element: h("div", {class: "diagnosis"}, verdict, list), show() {
