@@ -19,7 +19,6 @@ from eurobot_od.season.campaign import BLOCK, HERE, Workers, dask, local, worker
 
 pytest.importorskip("pyarrow", reason="the extra `cluster` is not installed")
 
-import pyarrow
 import pyarrow.parquet as pq
 
 from eurobot_od.season.results import Results
@@ -97,9 +96,6 @@ def test_a_campaign_that_was_broken_off_does_only_what_is_left(tmp_path: Path) -
 
 
 @pytest.mark.posix
-@pytest.mark.xfail(
-    int(pyarrow.__version__.partition(".")[0]) < 20, reason="pyarrow 17 reads such a page without a word", strict=False
-)
 def test_a_block_whose_file_is_damaged_is_done_again(tmp_path: Path) -> None:
     folder, done = tmp_path / "squares", list[int]()
     list(campaign.run(square, range(4), HERE, kept(folder)))
