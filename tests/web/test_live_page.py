@@ -333,7 +333,7 @@ def test_any_message_is_sent_by_its_form(scene: Scene) -> None:
 def test_nodes_tell_how_they_are(scene: Scene) -> None:
     page = scene.page
     page.click("#tab-nodes")
-    state = "document.querySelectorAll('.card .state')[1].textContent"
+    state = "String(document.querySelectorAll('.card .state')[1]?.textContent)"  # the cards come with their frames
     page.wait(f"{state}.includes('alive operational, heard')")
     page.run("[...document.querySelectorAll('.card')][1].querySelectorAll('.buttons button')[2].click()")
     page.wait(f"{state}.includes('alive pre-operational')")
