@@ -204,11 +204,15 @@ class Plugin(NamedTuple):
         return [name for faults in self.all_faults().values() for name in faults]
 
     def find_fault(self, name: str) -> tuple[type[Node], Fault]:
-        """Return a fault by its name, and the class of node that can have it; raises UnknownName.
+        """Return a fault by its name, and the class of node that can have it; raises UnknownName, LocalError.
 
         `arm.heartbeat-stops` is one of the arm alone.
         """
         node, _, plain = name.rpartition(".")
+        if node and not self.nodes:
+            raise LocalError(
+                f"--fault {name}: only a robot's nodes are named; without one write {plain}, for all devices"
+            )
         if node and node not in self.nodes:
             raise UnknownName("node", node, self.nodes)
         for owner, faults in self.all_faults().items():

@@ -1,6 +1,6 @@
-"""Makes the pictures of the documentation from a simulated match: the field and the monitor.
+"""Makes the pictures of the documentation: field and monitor of a simulated match, and a device that fails a check.
 
-It is the same match every time, played through the public functions of the package.
+It is the same match and the same check every time, through the public functions of the package and its command line.
 """
 
 from __future__ import annotations
@@ -8,10 +8,13 @@ from __future__ import annotations
 import argparse
 import io
 import re
+import subprocess
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 
 from rich.console import Console
+from rich.text import Text
 
 from eurobot_od.frame import Frame
 from eurobot_od.robot.match.stage import play_simulated
@@ -26,7 +29,21 @@ OPTIONS = MatchOptions(seed=1)
 WATCHED = 40.0
 """Simulated time at which the monitor is shown, s."""
 
+CHECKED = "check --conformance --eds 5=motor.eds --simulate --fault heartbeat-every-other --quiet"
+"""A command in `docs` that finds what is wrong with a device."""
+
+COLOURS = {
+    r"^\$.*": "bold",
+    r"\d+\.\d+\.\d+\S* [A-Z].*(?= \[)": "bold red",
+    r"came .*|\d+ FAILED": "red",
+    r"expected .*": "green",
+    r"> \w+#\w+": "cyan",
+    r"< \w+#\w+": "green",
+}
+"""What is coloured in its picture."""
+
 WIDTH, HEIGHT = 150, 36
+STEP_WIDTH = 132
 BITRATE = 500_000
 
 FIELD_ALONE = "30 230 3240 2190"
@@ -75,6 +92,18 @@ def monitor(frames: list[tuple[float, Frame]], decoder: Decoder) -> str:
     return console.export_svg(title="eurobot-od monitor", code_format=WINDOW, unique_id="monitor")
 
 
+def red_step() -> str:
+    """Return the terminal after a check that is red."""
+    program = [sys.executable, "-m", "eurobot_od", "--robot", "none", *CHECKED.split()]
+    ran = subprocess.run(program, cwd=DOCS, capture_output=True, text=True, check=False)
+    text = Text(f"$ canopen-workbench {CHECKED}\n{ran.stdout}")
+    for pattern, style in COLOURS.items():
+        text.highlight_regex(re.compile(pattern, re.MULTILINE), style)
+    console = Console(record=True, width=STEP_WIDTH, file=io.StringIO())
+    console.print(text)
+    return console.export_svg(title="canopen-workbench check", code_format=WINDOW, unique_id="red-step")
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Write the pictures of the documentation."""
     parser = argparse.ArgumentParser(description="Make the pictures of the documentation.")
@@ -85,6 +114,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         ("match.svg", field),
         ("field.svg", field_alone(field)),
         ("monitor.svg", monitor(frames, decoder)),
+        ("red-step.svg", red_step()),
     ):
         (folder / name).write_text(text, encoding="utf-8")
     return 0

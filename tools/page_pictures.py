@@ -73,6 +73,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         with robot(name), live_page(name, Path(kept)) as served:
             live_picture(page, served.address)
             _settle_and_save(page, folder / "page-live.png")
+            page.click("#tab-trace")
+            _settle_and_save(page, folder / "page-trace.png")
     return 0
 
 

@@ -13,6 +13,7 @@ from eurobot_od.errors import LocalError, UnknownName
 from eurobot_od.frame import Frame
 from eurobot_od.od.values import NMT_COB_ID
 from eurobot_od.pdo.catalogue import Message
+from eurobot_od.plugin import NO_ROBOT
 from eurobot_od.robot import dialects
 from eurobot_od.robot.model.messages import (
     CheckDriveRequest,
@@ -246,6 +247,8 @@ def test_a_fault_may_be_meant_for_one_node() -> None:
     assert of_the_drive == ["drive"]
     with pytest.raises(UnknownName, match="unknown node 'arm'"):
         ROBOT.find_fault("arm.heartbeat-stops")
+    with pytest.raises(LocalError, match="without one write heartbeat-stops, for all devices"):
+        NO_ROBOT.find_fault("motor.heartbeat-stops")
 
 
 def test_the_healthy_node_stays_healthy() -> None:
