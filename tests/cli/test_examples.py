@@ -30,7 +30,7 @@ export-dcf 5 --eds motor.eds -o motor.dcf -i socketcan -c can0
 """
 """What makes the files that the examples are about."""
 
-STATUS = {"lint": 1, "diff": 1, "compare": 1, "boot": 1}
+STATUS = {"lint": 1, "diff": 1, "compare": 1, "boot": 1, "diagnose": 1}
 """Where the files and the bus of this test bring findings."""
 
 

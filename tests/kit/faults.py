@@ -690,7 +690,7 @@ ALSO_FOUND: Mapping[str, str] = {
     "sdo-not-answered": "7.2.4.3.5 SDO: the device answers",
     "sdo-value-reversed": "7.2.4.3.17 Unknown object",
     "sdo-write-forgotten": "7.5.2.20 Heartbeat time: a change counts at once",
-    "sdo-abort-general": "7.4.4 Length of the type",
+    "sdo-abort-general": "7.2.4.3.7 SDO upload: a wrong toggle bit",
     "sdo-abort-silent": "7.2.4.3.17 Unknown object",
     "babbling": "7.2.7 EMCY: none without an error",
 }
