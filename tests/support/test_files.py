@@ -133,6 +133,7 @@ def test_ctrl_c_at_any_moment_leaves_one_whole_file_and_no_other(file: Path, mon
     monkeypatch.setattr(os, "fsync", lambda _: None)  # hundreds of them take a disk's time
     monkeypatch.setattr(files, "LONGEST_WAIT", 0.0)  # an interrupt may keep the lock, as long as the program lives
     before, step = sys.gettrace(), 0
+    sys._getframe().f_trace_opcodes = True  # Python 3.12 traces opcodes only if a frame wanted that before `settrace`
     interrupt = Interrupt(0)
     while not step or interrupt.hit:
         interrupt, step = Interrupt(step + 1), step + 1
