@@ -74,8 +74,10 @@ def read_table(file: BinaryIO, largest: int = LARGEST) -> Entries:
                 raise sqlite3.DatabaseError("no table messages")
             for number, time, channel, raw in read_each(connection.execute(ROWS), _row):
                 yield number, time, channel, raw
-    except sqlite3.Error as error:
-        yield number + 1, time, "", Foreign(Damage.CUT_OFF, shortened(f"SQLite reads no further: {error}"))
+    except (sqlite3.Error, UnicodeDecodeError) as error:
+        # SQLite's words quote the file; Python raises the second error if what stands there is not UTF-8
+        words = error.object.decode(errors="replace") if isinstance(error, UnicodeDecodeError) else error
+        yield number + 1, time, "", Foreign(Damage.CUT_OFF, shortened(f"SQLite reads no further: {words}"))
 
 
 def _row(row: Sequence[Any]) -> tuple[float, str, Raw]:

@@ -103,6 +103,16 @@ def test_text_that_is_not_utf8_costs_no_other_row(tmp_path: Path) -> None:
     assert (bad, good) == (Foreign(Damage.UNREADABLE, "data is '\ufffd'"), Frame(0x014, b"\x01\x02"))
 
 
+def test_a_table_whose_damaged_name_sqlite_quotes_is_told(tmp_path: Path) -> None:
+    file = typeless(tmp_path, GOOD)
+    file.write_bytes(file.read_bytes().replace(b"messages", b"mess\xe7ges"))
+    ((*_, raw),) = read(file)
+    assert raw == Foreign(Damage.CUT_OFF, "SQLite reads no further: no table messages")
+    file.write_bytes(file.read_bytes().replace(b"TABLE mess", b"TABBE mess"))
+    ((*_, raw),) = read(file)
+    assert raw == Foreign(Damage.CUT_OFF, "SQLite reads no further: malformed database schema (mess\ufffd...")
+
+
 ENDLESS = "WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n)"
 
 
