@@ -302,7 +302,7 @@ class Follower:
         defects = (Defect(Damage.INCOMPLETE, f"{meaning.raw}: {said.lost}"),) if said.lost else ()
         # The segments of a block look like any other command.
         if said.text and not said.ended:
-            meaning = meaning._replace(said=dict, service=None)
+            meaning = meaning._replace(service=None)
         return meaning._replace(text=f"{text}{said.more}", defects=defects, transfer=said.ended)
 
     def unfinished(self) -> Iterator[tuple[str, Meaning, SdoTransfer]]:

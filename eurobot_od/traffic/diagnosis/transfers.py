@@ -28,7 +28,7 @@ from eurobot_od.traffic.diagnosis.incidents import Occurrences
 from eurobot_od.traffic.diagnosis.observed import ObservedBus, ObservedNode, Watcher
 from eurobot_od.traffic.diagnosis.rules import BusRule
 from eurobot_od.traffic.meaning import Meaning, SdoTransfer
-from eurobot_od.traffic.services import NAMING, NMT, SdoEnd, object_words
+from eurobot_od.traffic.services import NAMING, NMT, CanopenService, SdoEnd, object_words
 from eurobot_od.traffic.transfers import SKIPPED, How
 
 IMPATIENT = 0.02
@@ -71,7 +71,8 @@ class SdoWatcher(Watcher):
             if said and said["command"] == COMMAND_NAMES[NmtCommand.START]:
                 self._start(said["node"])
             return
-        frame, end = meaning.raw, meaning.service.end if meaning.service else None
+        frame = meaning.raw
+        end = meaning.service.end if isinstance(meaning.service, CanopenService) else None
         if end is None or not isinstance(frame, Frame):  # a segment of a block, or not a frame of SDO at all
             return
         line, node = self._lines.setdefault(end.channel, SdoLine()), self.bus.node(end.server)
