@@ -48,7 +48,7 @@ from eurobot_od.traffic import formats
 from eurobot_od.traffic.decoding import Follower, is_followed
 from eurobot_od.traffic.entries import REMEMBERED, Damage, Raw
 from eurobot_od.traffic.meaning import Decoder, Meaning, SdoTransfer, Unmapped
-from eurobot_od.traffic.services import EMCY_NAME, HEARTBEAT, NMT, SDO, CanopenService, Fields
+from eurobot_od.traffic.services import EMCY_NAME, HEARTBEAT, LSS, NMT, SDO, CanopenService, Fields
 
 VERSION = b"4"
 """To be raised when the same log would give other tables, so that it is archived again."""
@@ -100,12 +100,14 @@ class NetworkDecoding:
 
     @cached_property
     def followed(self) -> pl.Expr:
-        """Whether a frame may show what is in force: of SDO, a command of NMT, or a boot-up."""
+        """Whether a frame may show what is in force: of SDO or LSS, a command of NMT, or a boot-up."""
         named: dict[str, list[int]] = {}
         for cob_id, each in self.services.items():
             named.setdefault(each.name, []).append(cob_id)
         is_boot_up = pl.col("cob_id").is_in(named.get(HEARTBEAT, [])) & (pl.col("data") == bytes(1))
-        return pl.col("cob_id").is_in([*named.get(SDO, ()), *named.get(NMT, ())]) | is_boot_up
+        return (
+            pl.col("cob_id").is_in([cob_id for name in (SDO, LSS, NMT) for cob_id in named.get(name, ())]) | is_boot_up
+        )
 
     def defects_of_others(self, frames: pl.DataFrame) -> Iterator[pl.DataFrame]:
         """Yield what is wrong with frames that belong to no message."""
