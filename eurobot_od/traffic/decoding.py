@@ -498,13 +498,7 @@ class DecodedLog:
     def _until_a_change(self, batch: Batch, channel: str, places: Sequence[int], rows: list[Any]) -> int:
         """Fill in rows of a channel's entries at these places; return of how many."""
         in_use = self._now.get(channel, self._first)
-        heads, data, known = batch.heads, batch.data, in_use.known
-        groups: dict[int | Raw, list[int]] = {}
-        for place, head in enumerate(heads) if len(places) == len(heads) else ((each, heads[each]) for each in places):
-            try:
-                groups[head].append(place)
-            except KeyError:
-                groups[head] = [place]
+        data, known, groups = batch.data, in_use.known, batch.grouped(places)
         is_guarded = self._follow.is_guarded or any(isinstance(head, RemoteFrame) for head in groups)
         messages: list[tuple[list[int], Rows]] = []
         others: list[int] = []
