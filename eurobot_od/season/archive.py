@@ -50,7 +50,7 @@ from eurobot_od.traffic.entries import REMEMBERED, Damage, Raw
 from eurobot_od.traffic.meaning import Decoder, Meaning, SdoTransfer, Unmapped
 from eurobot_od.traffic.services import EMCY_NAME, HEARTBEAT, LSS, NMT, SDO, CanopenService, Fields
 
-VERSION = b"4"
+VERSION = b"5"
 """To be raised when the same log would give other tables, so that it is archived again."""
 
 
