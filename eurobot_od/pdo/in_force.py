@@ -7,7 +7,7 @@ what was shown makes one.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -28,7 +28,8 @@ SETTINGS = (standard.SYNC_PERIOD, standard.HEARTBEAT_TIME)
 
 def is_followed(address: Address) -> bool:
     """Whether an object is one of those that say what other frames mean."""
-    return any(address[0] in each for each in RECORDS) or address in (*SERVICES, *SETTINGS)
+    in_record = any(address[0] in each for each in RECORDS) or address[0] == standard.CONSUMED_HEARTBEATS
+    return in_record or address in (*SERVICES, *SETTINGS)
 
 
 class InForce:
@@ -54,6 +55,24 @@ class InForce:
     def learned(self) -> list[Dictionary]:
         """What is known of the devices that have no files and have shown a mapping."""
         return [each for parts in self._learned.values() for each in parts]
+
+    def shown(self, node_id: int) -> Mapping[Address, int]:
+        """Return what a device has shown that it has by now."""
+        return self._shown.get(node_id, {})
+
+    def renumber(self, identity: Mapping[int, int], node_id: int) -> Dictionary | None:
+        """Take in that the device of an identity, by its parts as LSS_IDENTITY counts them, has a new node-ID.
+
+        Return its description by the one file for such devices; None without one, with several, or if that node-ID has
+        a file.
+        """
+        files = {each.file: each for each in self._files.values() if _is_of(each.identity, identity)}
+        if node_id in self._files or len(files) != 1:
+            return None
+        (file,) = files.values()
+        # Besides the one that the file is for: another device of its kind may have that node-ID.
+        made = self._files[node_id] = file.renumbered(node_id).named(f"{file.name}_{node_id}")
+        return made
 
     def show(self, node_id: int, address: Address, octets: bytes) -> bool:
         """Take in what a device has at an address; return whether other frames mean something else now."""
@@ -104,6 +123,12 @@ class InForce:
             return known != self._learned[node_id]
         before, self._present[node_id] = self._present.get(node_id, file), file.configured(shown)
         return bool(_said(before) != _said(self._present[node_id]))
+
+
+def _is_of(file: Sequence[int], named: Mapping[int, int]) -> bool:
+    """Whether a file is for devices of an identity: of that product, and of that vendor if the file says its own."""
+    vendor, product, *_ = file
+    return bool(product) and product == named.get(1) and vendor in (0, named.get(0, vendor))
 
 
 def _said(device: Dictionary) -> Any:

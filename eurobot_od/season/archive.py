@@ -16,7 +16,7 @@ import shutil
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
 
@@ -46,11 +46,11 @@ from eurobot_od.support import files
 from eurobot_od.support.texts import encodable
 from eurobot_od.traffic import formats
 from eurobot_od.traffic.decoding import Follower, is_followed
-from eurobot_od.traffic.entries import Damage
-from eurobot_od.traffic.meaning import Decoder, SdoTransfer, Unmapped
-from eurobot_od.traffic.services import EMCY_NAME, HEARTBEAT, NMT, SDO, CanopenService, Fields
+from eurobot_od.traffic.entries import REMEMBERED, Damage, Raw
+from eurobot_od.traffic.meaning import Decoder, Meaning, SdoTransfer, Unmapped
+from eurobot_od.traffic.services import EMCY_NAME, HEARTBEAT, LSS, NMT, SDO, CanopenService, Fields
 
-VERSION = b"4"
+VERSION = b"5"
 """To be raised when the same log would give other tables, so that it is archived again."""
 
 
@@ -100,12 +100,14 @@ class NetworkDecoding:
 
     @cached_property
     def followed(self) -> pl.Expr:
-        """Whether a frame may show what is in force: of SDO, a command of NMT, or a boot-up."""
+        """Whether a frame may show what is in force: of SDO or LSS, a command of NMT, or a boot-up."""
         named: dict[str, list[int]] = {}
         for cob_id, each in self.services.items():
             named.setdefault(each.name, []).append(cob_id)
         is_boot_up = pl.col("cob_id").is_in(named.get(HEARTBEAT, [])) & (pl.col("data") == bytes(1))
-        return pl.col("cob_id").is_in([*named.get(SDO, ()), *named.get(NMT, ())]) | is_boot_up
+        return (
+            pl.col("cob_id").is_in([cob_id for name in (SDO, LSS, NMT) for cob_id in named.get(name, ())]) | is_boot_up
+        )
 
     def defects_of_others(self, frames: pl.DataFrame) -> Iterator[pl.DataFrame]:
         """Yield what is wrong with frames that belong to no message."""
@@ -206,8 +208,9 @@ class _MessageTable:
 
 
 class _InForce(NamedTuple):
-    """How the frames of a channel are decoded, and by COB-ID where its messages go."""
+    """How the frames of a channel are decoded, one by one and by columns, and by COB-ID where its messages go."""
 
+    decode: Callable[[Raw], Meaning]
     decoding: NetworkDecoding
     tables: Mapping[int, _MessageTable]
 
@@ -270,7 +273,7 @@ class RunTables:
     def _in_force(self, decoding: NetworkDecoding) -> _InForce:
         found = {cob_id: _MessageTable(each, self._file) for cob_id, each in decoding.messages.items()}
         self._messages += found.values()
-        return _InForce(decoding, found)
+        return _InForce(lru_cache(REMEMBERED)(decoding.decoder), decoding, found)
 
     def _file(self, decoding: MessageDecoding) -> _Table:
         """Return the file for a message's rows; the first mapping that has some takes the message's name."""
@@ -330,7 +333,7 @@ class RunTables:
             "line", "t", "channel", "cob_id", "data"
         ).iter_rows():
             force = self._now.get(channel, self._first)
-            meaning = force.decoding.decoder(Frame(cob_id, data))
+            meaning = force.decode(Frame(cob_id, data))
             if is_followed(meaning):
                 place = {"line": number, "t": time, "channel": channel}
                 said = self._follow(time, channel, meaning)
@@ -478,7 +481,7 @@ class Archiver:
     def __call__(self, log: Path) -> Archived:
         """Put a log into the season. Raises OSError, UnknownName."""
         with files.opened(log) as file:
-            form, size = formats.form_of(file, self.form)[0], os.fstat(file.fileno()).st_size
+            form, size = formats.form_of(file, self.form), os.fstat(file.fileno()).st_size
             # The same log read by other EDS files gives other tables, so they are part of its name.
             # Its bytes, not its name or its date: the same log copied to another folder is the same run.
             digest = hashlib.blake2b(f"{self._decoding.eds} {form}\n".encode(), digest_size=8)

@@ -11,13 +11,15 @@ import csv
 import io
 import json
 from bisect import bisect_right
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections import defaultdict
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import cache, lru_cache, partial
 from typing import Any, BinaryIO, TypeAlias
 
 from eurobot_od.device.nmt import RESETS, TOGGLE, NmtState
 from eurobot_od.frame import Frame, RemoteFrame, identifier_text
-from eurobot_od.od.values import ERROR_CONTROL_BASE, FIRST, MANUFACTURER, NODE_IDS
+from eurobot_od.od.standard import ANSWERS
+from eurobot_od.od.values import ERROR_CONTROL_BASE, FIRST, MANUFACTURER, NODE_IDS, Address
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.catalogue import plain
 from eurobot_od.pdo.in_force import InForce
@@ -37,8 +39,8 @@ from eurobot_od.traffic.meaning import (
     with_defects,
     words_of,
 )
-from eurobot_od.traffic.services import GUARDING, HEARTBEAT, NMT, SDO, guarding_words
-from eurobot_od.traffic.transfers import Transfers
+from eurobot_od.traffic.services import GUARDING, HEARTBEAT, LSS, NMT, SDO, guarding_words
+from eurobot_od.traffic.transfers import LssConfiguration, Transfers
 
 NAME_WIDTH = 29
 """Width of the column with the messages' names; a longer name pushes its fields to the right."""
@@ -249,7 +251,7 @@ HEARTBEATS = range(ERROR_CONTROL_BASE + NODE_IDS[0], ERROR_CONTROL_BASE + NODE_I
 RUNNING = frozenset(bytes([state]) for state in NmtState if state is not NmtState.INITIALISING)
 """Data of heartbeats that change nothing."""
 
-FOLLOWED = (SDO, HEARTBEAT, GUARDING, NMT)
+FOLLOWED = (SDO, HEARTBEAT, GUARDING, NMT, LSS)
 """The services whose frames are understood by the ones before."""
 
 
@@ -279,6 +281,16 @@ class Follower:
         self._asked: set[tuple[str, int]] = set()
         self.is_guarded = False
         self._last: dict[tuple[str, int], Meaning] = {}
+        self._lss = defaultdict[str, LssConfiguration](LssConfiguration)
+
+    def shown(self, channel: str, node_id: int) -> Mapping[Address, int]:
+        """Return what a device has shown that it has by now."""
+        return self._shown[channel].shown(node_id) if channel in self._shown else {}
+
+    def _in_force(self, channel: str) -> InForce:
+        if channel not in self._shown:
+            self._shown[channel] = InForce(self._first.dictionaries, self._first.learned)
+        return self._shown[channel]
 
     def __call__(self, time: float, channel: str, meaning: Meaning) -> Meaning:
         """Return what a frame of a log's channel means after those before it; the time is in s."""
@@ -287,6 +299,10 @@ class Follower:
         if meaning.name == NMT:
             if not frame.is_remote and frame.data[0] in RESETS and channel in self._shown:
                 self._news(channel, self._shown[channel].start(frame.data[1]))
+            return meaning
+        if meaning.name == LSS:
+            if not frame.is_remote:
+                self._lss[channel].take(frame.cob_id == ANSWERS, frame.data)
             return meaning
         if meaning.name != SDO:
             return self._guarded(channel, frame, self._booted(channel, frame, meaning))
@@ -302,7 +318,7 @@ class Follower:
         defects = (Defect(Damage.INCOMPLETE, f"{meaning.raw}: {said.lost}"),) if said.lost else ()
         # The segments of a block look like any other command.
         if said.text and not said.ended:
-            meaning = meaning._replace(said=dict, service=None)
+            meaning = meaning._replace(service=None)
         return meaning._replace(text=f"{text}{said.more}", defects=defects, transfer=said.ended)
 
     def unfinished(self) -> Iterator[tuple[str, Meaning, SdoTransfer]]:
@@ -313,9 +329,7 @@ class Follower:
     def _learn(self, channel: str, ended: SdoTransfer | None) -> None:
         """Take in what a transfer shows of a device; of a write only what the device has confirmed."""
         if ended and ended.end and ended.address and ended.content is not None and ended.address[0] in SHOWN:
-            if channel not in self._shown:
-                self._shown[channel] = InForce(self._first.dictionaries, self._first.learned)
-            self._news(channel, self._shown[channel].show(ended.end.server, ended.address, ended.content))
+            self._news(channel, self._in_force(channel).show(ended.end.server, ended.address, ended.content))
 
     def _news(self, channel: str, is_news: bool) -> None:
         if is_news:
@@ -327,9 +341,14 @@ class Follower:
         """Say what transfers a boot-up cuts off."""
         if frame.is_remote or frame.data[0] != NmtState.INITIALISING:
             return meaning
+        node_id = frame.cob_id - ERROR_CONTROL_BASE
         if channel in self._shown:
-            self._news(channel, self._shown[channel].start(frame.cob_id - ERROR_CONTROL_BASE))
-        for said in self._transfers.boot(channel, frame.cob_id - ERROR_CONTROL_BASE):
+            self._news(channel, self._shown[channel].start(node_id))
+        identity = self._lss[channel].taken.pop(node_id, {})
+        if device := self._in_force(channel).renumber(identity, node_id) if identity else None:
+            self._news(channel, True)
+            meaning = meaning._replace(text=f"{meaning.text}; by LSS it is {device.name}, read by {device.file}")
+        for said in self._transfers.boot(channel, node_id):
             lost = (Defect(Damage.INCOMPLETE, f"{frame}: {said.lost}"),) if said.lost else ()
             meaning = meaning._replace(defects=(*meaning.defects, *lost), transfer=said.ended)
         return meaning
@@ -356,6 +375,7 @@ class Following:
         self._decode_now: dict[str, Callable[[Raw], Meaning]] = {}
         self._first, self._now = decoder, dict[str, Decoder]()
         self._follow = Follower(decoder, self._change)
+        self.shown = self._follow.shown
         self._messages = {each.cob_id for each in decoder.protocol.bindings}
 
     def _change(self, channel: str, decoder: Decoder) -> None:
@@ -478,13 +498,7 @@ class DecodedLog:
     def _until_a_change(self, batch: Batch, channel: str, places: Sequence[int], rows: list[Any]) -> int:
         """Fill in rows of a channel's entries at these places; return of how many."""
         in_use = self._now.get(channel, self._first)
-        heads, data, known = batch.heads, batch.data, in_use.known
-        groups: dict[int | Raw, list[int]] = {}
-        for place, head in enumerate(heads) if len(places) == len(heads) else ((each, heads[each]) for each in places):
-            try:
-                groups[head].append(place)
-            except KeyError:
-                groups[head] = [place]
+        data, known, groups = batch.data, in_use.known, batch.grouped(places)
         is_guarded = self._follow.is_guarded or any(isinstance(head, RemoteFrame) for head in groups)
         messages: list[tuple[list[int], Rows]] = []
         others: list[int] = []

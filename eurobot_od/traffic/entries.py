@@ -135,6 +135,16 @@ class Batch(NamedTuple):
         # Without the named tuple's own constructor, which is Python code: a log may have millions of entries.
         return tuple.__new__(Frame, (head, self.data[place])) if isinstance(head, int) else head
 
+    def grouped(self, places: Sequence[int]) -> dict[int | Raw, list[int]]:
+        """Return some places, in their order, by their heads."""
+        groups: dict[int | Raw, list[int]] = {}
+        for place, head in zip(places, map(self.heads.__getitem__, places)):
+            try:
+                groups[head].append(place)
+            except KeyError:
+                groups[head] = [place]
+        return groups
+
     def entries(self) -> Entries:
         """Give the entries one by one."""
         return zip(self.lines, self.times, self.channels, map(self.raw, range(len(self.heads))))

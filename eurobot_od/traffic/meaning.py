@@ -114,7 +114,7 @@ class Meaning(NamedTuple):
 
     `message` is None for a service and for what could not be decoded. `name` is empty if nothing is known, `sender` if
     nothing says who sent it. `transfer` is the SDO transfer that this frame ends, as far as a `Following` knows it;
-    `said` returns what the frame by itself says as data, if it is not a message; `service` is its identifier's.
+    `service` is its identifier's, or another protocol's message: it tells what the frame by itself says as data.
     """
 
     raw: Raw
@@ -126,15 +126,15 @@ class Meaning(NamedTuple):
     defects: tuple[Defect, ...] = ()
     transfer: SdoTransfer | None = None
     sender: str = ""
-    said: Callable[[], Fields] = dict
-    service: CanopenService | None = None
+    service: CanopenService | ForeignMessage | None = None
 
     @property
     def fields(self) -> Fields:
         """What it says as data, besides a message: of the frame that ends an SDO transfer, all that this was."""
         if self.transfer and self.transfer.is_whole and self.name == SDO:
             return self.transfer.fields
-        return self.said()
+        frame = self.raw.frame if isinstance(self.raw, Foreign) else self.raw
+        return self.service.fields(frame[1]) if self.service and frame else {}
 
     @property
     def is_read(self) -> bool:
@@ -243,8 +243,7 @@ class Decoder:
             defect = Defect(Damage.WRONG_LENGTH, f"{found.name} {frame}: {text}")
             return Meaning(frame, found.name, CANOPEN, nodes, None, text, (defect,), sender=found.sender)
         text = ", ".join(filter(None, (found.node, found.text(frame.data))))
-        said = partial(found.fields, frame.data)
-        return Meaning(frame, found.name, CANOPEN, nodes, None, text, sender=found.sender, said=said, service=found)
+        return Meaning(frame, found.name, CANOPEN, nodes, None, text, sender=found.sender, service=found)
 
     def _nodes(self, service: CanopenService) -> tuple[str, ...]:
         return (service.node,) if service.node else tuple(each.name for each in self.dictionaries)
@@ -287,8 +286,8 @@ class Decoder:
 
 def _other(message: ForeignMessage, raw: Raw, data: bytes) -> Meaning:
     """Return the meaning of a frame of another protocol, which has this data."""
-    said, sender = partial(message.fields, data), next(iter(message.nodes), "")
-    return Meaning(raw, message.name, DBC, message.nodes, None, message.text(data), sender=sender, said=said)
+    sender = next(iter(message.nodes), "")
+    return Meaning(raw, message.name, DBC, message.nodes, None, message.text(data), sender=sender, service=message)
 
 
 def _reader(binding: Binding) -> Callable[[Frame], Meaning]:
@@ -312,7 +311,7 @@ def _reader(binding: Binding) -> Callable[[Frame], Meaning]:
             defects = tuple(_defects(frame, message, binding, allowed))
         (text,) = write("", words_of(binding, [binding.complete(data)]))
         return new(
-            Meaning, (frame, name, group, nodes, message, text.replace(OUTSIDE, ""), defects, None, sender, dict, None)
+            Meaning, (frame, name, group, nodes, message, text.replace(OUTSIDE, ""), defects, None, sender, None)
         )
 
     return read

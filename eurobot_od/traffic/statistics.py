@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from itertools import islice
+from itertools import chain, islice
 from operator import sub
 from typing import Any, NamedTuple
 
@@ -139,15 +139,18 @@ class SeenTraffic:
 
     def take_asked(self, frames: Iterable[tuple[float, int]]) -> None:
         """Take in, in their order, when frames of `asking` ended, after they were counted, and their identifiers."""
-        asked, answers = self._asked, self._answers
+        asked, answers, longest = self._asked, self._answers, dict[int, float]()
         for time, identifier in frames:
             if identifier in asked:
-                took, seen = time - asked.pop(identifier), self.messages[identifier, False]
-                if seen.answered is None or took > seen.answered:
-                    seen.answered = took
+                took = time - asked.pop(identifier)
+                if identifier not in longest or took > longest[identifier]:
+                    longest[identifier] = took
             if identifier in answers:
                 for answer in answers[identifier]:
                     asked[answer] = time
+        for identifier, took in longest.items():
+            seen = self.messages[identifier, False]
+            seen.answered = took if seen.answered is None else max(took, seen.answered)
 
     def load(self, bits: int) -> float:
         """Return the share of the bus that a number of bits took; 0 before any time has passed."""
@@ -229,14 +232,11 @@ class TrafficOutput(Output):
             times = list(batch.times if clock is float else map(clock, batch.times))
             is_whole = batch.is_of_one_channel and None not in rows and None not in times
             for channel in batch.channels[:1] if is_whole else dict.fromkeys(batch.channels):
-                groups: dict[int | Raw, list[int]] = {}
-                for place, head in enumerate(batch.heads):
-                    if is_whole or (batch.channels[place] == channel and None not in (rows[place], times[place])):
-                        try:
-                            groups[head].append(place)
-                        except KeyError:
-                            groups[head] = [place]
-                self._take(batch, channel, groups, rows, times)
+                places: Sequence[int] = range(len(rows))
+                if not is_whole:
+                    wanted = zip(places, batch.channels, rows, times)
+                    places = [place for place, each, *known in wanted if each == channel and None not in known]
+                self._take(batch, channel, batch.grouped(places), rows, times)
             return ""
 
         return write
@@ -260,8 +260,9 @@ class TrafficOutput(Output):
             if first.name in (SDO, HEARTBEAT):
                 for transfer in filter(None, (rows[place].transfer for place in places)):
                     self._transfers.add(transfer)
-        asking = sorted(place for head in groups.keys() & seen.asking for place in groups[head])
-        seen.take_asked([(times[place], batch.heads[place]) for place in asking])  # type: ignore[misc]  # data frames
+        asking = sorted(chain.from_iterable(groups[head] for head in groups.keys() & seen.asking))
+        heads = map(batch.heads.__getitem__, asking)
+        seen.take_asked(zip(map(times.__getitem__, asking), heads))  # type: ignore[arg-type]  # data frames
 
     def cut(self, transfer: SdoTransfer) -> None:
         self._transfers.add(transfer)

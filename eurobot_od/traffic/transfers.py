@@ -19,6 +19,7 @@ from dataclasses import dataclass, field
 from enum import Enum
 from typing import NamedTuple, TypeAlias
 
+from eurobot_od.od.standard import LSS_IDENTITY, Lss
 from eurobot_od.od.values import DATA_TYPES, Address
 from eurobot_od.sdo.wire import (
     ABORT,
@@ -484,3 +485,36 @@ OF_ANSWERS: Mapping[tuple[int, int], Step] = {
     (ServerCommand.BLOCK_UPLOAD, Block.INITIATE): Transfers._blocks_begin,
     (ServerCommand.BLOCK_UPLOAD, Block.END): Transfers._blocks_end,
 }
+
+
+# LSS: whose node-ID it sets (CiA 305)
+
+
+class LssConfiguration:
+    """Which devices of a bus LSS gives a node-ID: by that, what was said of each one's identity.
+
+    `taken` are those that the devices have confirmed; they hold from the next boot-up under the node-ID on.
+    """
+
+    def __init__(self) -> None:
+        self._named: dict[int, int] = {}
+        self._asked = b""
+        self.taken: dict[int, dict[int, int]] = {}
+
+    def take(self, is_answer: bool, data: bytes) -> None:
+        """Take in a request or an answer."""
+        command, asked = data[0], self._asked
+        if not is_answer:
+            self._asked = data
+        if command in (Lss.SWITCH_GLOBAL, Lss.SELECT):
+            self._named = {}
+        if command in SELECTS or (command in INQUIRES and is_answer):
+            self._named[(command - Lss.SELECT) % (Lss.INQUIRE - Lss.SELECT)] = int.from_bytes(data[1:5], "little")
+        elif command == Lss.IDENTIFY_SLAVE and asked[:1] == bytes([Lss.FASTSCAN]) and asked[5] == 0:
+            self._named[asked[6]] = int.from_bytes(asked[1:5], "little")  # all bits down to the lowest one are found
+        elif command == Lss.CONFIGURE_NODE_ID and is_answer and asked[:1] == data[:1] and not data[1]:
+            self.taken[asked[1]] = dict(self._named)
+
+
+SELECTS, INQUIRES = (range(first, first + len(LSS_IDENTITY)) for first in (Lss.SELECT, Lss.INQUIRE))
+"""The commands that name a part of an identity."""

@@ -22,6 +22,7 @@ from eurobot_od.pdo.in_force import InForce, made
 from eurobot_od.traffic import formats
 from eurobot_od.traffic.decoding import Following
 from eurobot_od.traffic.meaning import Decoder, Meaning
+from tests.rows import rows
 
 SERVO = Dictionary.load(Path("docs/servo.eds"), 1)
 VELOCITY = "velocity_actual_value=1000"
@@ -258,3 +259,63 @@ def test_what_a_stock_master_maps_at_boot_is_decoded_to_the_drives_own_values(tm
     assert len(sent) == 100
     assert found == sent
     assert [each.defects for each in meanings if each.defects] == []
+
+
+# LSS
+
+
+def identity(product: int, vendor: int = 0) -> str:
+    """An EDS with an identity, and a TPDO at the usual place."""
+    parts = "".join(
+        f"[1018sub{sub}]\nParameterName={sub}\nObjectType=7\nDataType=7\nAccessType=ro\nDefaultValue={number}\n"
+        for sub, number in enumerate((2, vendor, product))
+    )
+    return f"[1018]\nParameterName=Identity\nObjectType=9\nSubNumber=3\n{parts}"
+
+
+def of_product(name: str, node_id: int, product: int, vendor: int = 0) -> Dictionary:
+    return Dictionary.read(identity(product, vendor).encode(), Path(f"{name}.eds"), node_id, name)
+
+
+MOTOR, OTHER = of_product("motor", 5, product=7, vendor=9), of_product("other", 6, product=8)
+SELECTED = "7E5#4009000000000000 7E5#4107000000000000 7E5#4200000000000000 7E5#4301000000000000 7E4#4400000000000000"
+SCANNED = "7E5#5109000000000001 7E4#4F00000000000000 7E5#5107000000000102 7E4#4F00000000000000"
+INQUIRED = "7E5#0401000000000000 7E5#5A00000000000000 7E4#5A09000000000000 7E5#5B00000000000000 7E4#5B07000000000000"
+SET, TAKEN, REFUSED = "7E5#1122000000000000", "7E4#1100000000000000", "7E4#1101000000000000"
+BOOTED = "722#00"
+READ = "622#4018100200000000"
+AS_MOTOR, AS_ANY = "motor_34, read 0x1018:02 Identity, 2", "node 34, read 0x1018:02"
+
+
+@rows(
+    "lines, expected",
+    {
+        f"{SELECTED} {SET} {TAKEN} {BOOTED}": AS_MOTOR,
+        f"{SCANNED} {SET} {TAKEN} {BOOTED}": AS_MOTOR,
+        f"{INQUIRED} {SET} {TAKEN} {BOOTED}": AS_MOTOR,
+        f"{SELECTED} {SET} {TAKEN}": AS_ANY,  # it has its node-ID from the boot-up on
+        f"{SELECTED} {SET} {REFUSED} {BOOTED}": AS_ANY,
+        f"{SELECTED} 7E5#0401000000000000 {SET} {TAKEN} {BOOTED}": AS_ANY,  # nobody says who is there
+        f"{SELECTED.replace('4107', '4106')} {SET} {TAKEN} {BOOTED}": AS_ANY,
+        f"{SELECTED.replace('4009', '4008')} {SET} {TAKEN} {BOOTED}": AS_ANY,
+    }.items(),
+)
+def test_a_device_with_a_node_id_by_lss_is_read_by_the_file_for_its_identity(lines: str, expected: str) -> None:
+    assert decoded(f"{lines} {READ}", MOTOR, OTHER)[-1].text == expected
+
+
+def test_the_file_for_a_device_with_a_node_id_by_lss_is_said_once() -> None:
+    found = decoded(f"{SELECTED} {SET} {TAKEN} {BOOTED} {READ} {BOOTED}", MOTOR, OTHER)
+    words = "; by LSS it is motor_34, read by motor.eds"
+    assert [each.text for each in found if words in each.text] == [f"node 34, boot-up{words}"]
+
+
+def test_a_file_given_for_a_node_id_counts_more_than_lss() -> None:
+    given = of_product("given", 34, product=1)
+    last = decoded(f"{SELECTED} {SET} {TAKEN} {BOOTED} {READ}", MOTOR, given)[-1]
+    assert last.text == "given, read 0x1018:02 Identity, 2"
+
+
+def test_two_files_for_one_product_say_nothing_of_a_device_with_a_node_id_by_lss() -> None:
+    last = decoded(f"{SELECTED} {SET} {TAKEN} {BOOTED} {READ}", MOTOR, of_product("rival", 6, product=7))[-1]
+    assert last.text == AS_ANY

@@ -17,6 +17,7 @@ from eurobot_od.season import batches as module
 from eurobot_od.season.batches import batches
 from eurobot_od.traffic import formats
 from eurobot_od.traffic.entries import Foreign, LogEntry
+from eurobot_od.traffic.formats import lines
 from tests.rows import rows
 
 LINES = (
@@ -81,10 +82,10 @@ def test_a_line_is_what_its_reader_says(line: bytes, ending: bytes, tmp_path: Pa
 
 @rows("size", [1, 7, 64, 1 << 20])
 @rows("packed", [False, True])
-def test_chunks_of_any_size_come_to_the_same(
+def test_pieces_of_any_size_come_to_the_same(
     size: int, packed: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(module, "CHUNK", size)
+    monkeypatch.setattr(lines, "PIECE", size)
     monkeypatch.setattr(module, "ROWS", 5)
     file = tmp_path / ("all.log.gz" if packed else "all.log")
     content = b"".join(LINES)[:-1]
@@ -93,7 +94,7 @@ def test_chunks_of_any_size_come_to_the_same(
 
 
 def test_small_parts_make_larger_batches(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(module, "CHUNK", 1)
+    monkeypatch.setattr(lines, "PIECE", 1)
     monkeypatch.setattr(module, "ROWS", 3)
     file = tmp_path / "small.log"
     file.write_bytes((LINES[0] + b"garbage\n" + LINES[3]) * 2 + LINES[0])
@@ -103,14 +104,14 @@ def test_small_parts_make_larger_batches(tmp_path: Path, monkeypatch: pytest.Mon
 
 def test_a_batch_says_how_much_was_read_for_it_where_that_is_known(tmp_path: Path) -> None:
     file = tmp_path / "some.log"
-    for lines in (LINES, LINES[:2]):
-        file.write_bytes(b"".join(lines))
+    for some in (LINES, LINES[:2]):
+        file.write_bytes(b"".join(some))
         with file.open("rb") as opened:
             assert sum(each.size for each in batches(opened)) == file.stat().st_size
-    with can.Logger(tmp_path / "some.asc") as log:
-        log(can.Message(arbitration_id=8, is_extended_id=False))
-    with (tmp_path / "some.asc").open("rb") as opened:
-        assert [each.size for each in batches(opened)] == [0]
+    packed = tmp_path / "some.log.gz"
+    packed.write_bytes(gzip.compress(b"".join(LINES)))
+    with packed.open("rb") as opened:
+        assert sum(each.size for each in batches(opened)) == packed.stat().st_size
 
 
 @pytest.mark.parametrize(("suffix", "form"), [("asc", "log"), ("log", "asc")])
@@ -151,7 +152,7 @@ def test_a_packed_log_that_is_cut_off_says_so_and_gives_what_is_whole(tmp_path: 
 
 @pytest.mark.parametrize("suffix", ["asc", "blf", "csv", "trc", "db"])
 def test_other_formats_go_through_their_readers(suffix: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(module, "ENTRIES", 3)
+    monkeypatch.setattr(formats, "MANY", 3)
     file = tmp_path / f"some.{suffix}"
     with can.Logger(file) as log:
         for number in range(7):

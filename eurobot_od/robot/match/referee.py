@@ -18,6 +18,7 @@ from inspect import iscoroutinefunction, signature
 from math import ceil, inf
 from pathlib import Path
 from threading import get_ident
+from types import FrameType
 from typing import Any, NamedTuple, TypeAlias, cast
 
 from eurobot_od.bus.live.event_loop import Hang, Terminated, caller, exited
@@ -143,10 +144,19 @@ CARETS = " ~^"
 """The characters with which Python 3.11 and later underline the place in a line."""
 
 
+def _is_foreign(file: str) -> bool:
+    return not file.startswith("<") and PACKAGE not in Path(file).resolve().parents
+
+
+def is_foreign(frame: FrameType) -> bool:
+    """Whether a call is in a team's own file."""
+    return _is_foreign(frame.f_code.co_filename)
+
+
 def _last_lines(error: BaseException) -> str:
     """Return the end of a traceback, without calls in this package or generated code, unless there are no others."""
     told = traceback.TracebackException.from_exception(error)
-    foreign = [frame for frame in told.stack if frame.line and PACKAGE not in Path(frame.filename).resolve().parents]
+    foreign = [frame for frame in told.stack if frame.line and _is_foreign(frame.filename)]
     told.stack = traceback.StackSummary.from_list(foreign or told.stack)
     lines = "".join(told.format()).strip().splitlines()
     return "\n".join([line for line in lines if line.strip(CARETS)][-LAST_LINES:])

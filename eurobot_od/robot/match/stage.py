@@ -8,8 +8,8 @@ from __future__ import annotations
 import asyncio
 import sys
 import time
-from collections.abc import Callable, Coroutine, Iterable, Mapping, Sequence
-from contextlib import ExitStack
+from collections.abc import Callable, Coroutine, Iterable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from functools import partial
 from math import isnan, nan
@@ -35,7 +35,7 @@ from eurobot_od.od.objects import all_objects, given
 from eurobot_od.od.values import Address, Value
 from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.robot.match import strategy as shipped
-from eurobot_od.robot.match.referee import Observer, Referee, Strategy
+from eurobot_od.robot.match.referee import Observer, Referee, Strategy, is_foreign
 from eurobot_od.robot.match.summary import FrameCounter, Summary, counts, touches_of
 from eurobot_od.robot.model import robot_file
 from eurobot_od.robot.model.options import MatchOptions
@@ -48,6 +48,7 @@ from eurobot_od.robot.world.bodies import Touch
 from eurobot_od.robot.world.instruments import equip
 from eurobot_od.robot.world.remote import RemoteVehicle
 from eurobot_od.robot.world.world import RIVAL, EventKind, MatchEvent, Timeline
+from eurobot_od.support.extras import complaint, place_of
 from eurobot_od.traffic.recorder import recording
 
 # Settings: values in a node's object dictionary that replace those of its EDS file
@@ -236,12 +237,26 @@ def play_simulated(
         network.observers.append(side.seen)
     bitrate = networks[0].bitrate
     plays = [side.play(each, bitrate, "simulated") for side, each in zip(sides, (strategy, against)) if each]
-    with Watchdog(passing(lambda: clock.now), tell) as watchdog:
+    with Watchdog(passing(lambda: clock.now), tell) as watchdog, _blaming(match.nodes, networks[0].reports, tell):
         simulated_loop.run(clock, _together(plays))
     summary = match.result(clock.now, bitrate, networks[0].reports)
     points = {side.name: world.game.points(side.name) for side in sides}
     failures = [side.failure for side in sides if side.failure] or [watchdog.hang]
     return replace(summary, points=points, failure="\n".join(failures) or None), world
+
+
+@contextmanager
+def _blaming(nodes: Iterable[Node], reports: Sequence[Report], tell: Callable[[str], object]) -> Iterator[None]:
+    """Tell what a node has raised, and in which file: the core, and so the match, hears only that no answer comes."""
+    try:
+        yield
+    finally:
+        classes = {each.name: place_of(type(each)) for each in nodes}
+        failures = [(each.error, each.name) for each in reports if each.error is not None]
+        # A value that is out of range is noticed when the handler that gave it has returned: its class is what is left.
+        lines = (f"{name}: {complaint(error, classes.get(name, name), is_foreign)}" for error, name in failures)
+        for line in dict.fromkeys(lines):
+            tell(line)
 
 
 def _rival(options: MatchOptions) -> MatchOptions:
@@ -286,6 +301,7 @@ def play_live(
     reports: list[Report] = []
     with ExitStack() as stack:
         sigterm = stack.enter_context(EndedBySigterm())
+        stack.enter_context(_blaming(match.nodes, reports, tell))
         stack.enter_context(runtime.FrameReader(open_bus(), match.seen, clock))
         for node in reversed(match.nodes):  # the core leaves first: it stops the drive, and sees that it stands
             stack.enter_context(runtime.Live.node(open_bus(), node, clock, report=reports.append))

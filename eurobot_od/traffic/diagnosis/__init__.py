@@ -11,6 +11,7 @@ waits for something counts from what the log has shown; a log may begin and end 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from functools import partial
 from typing import Any
 
 from eurobot_od.bus import frame_bits
@@ -235,13 +236,14 @@ class Diagnosis:
         """Take in what somebody else has decoded, who is `following` the same bus."""
         self.frames += 1
         self._line, self._time = line, time
-        watched = self._buses.get(channel) or self._bus(channel)
+        watched = self._buses.get(channel) or self._bus(channel, following)
         watched.take(time, meaning)
         if meaning.transfer:
             watched.shown(meaning.transfer, following.decoder(channel))
 
-    def _bus(self, channel: str) -> WatchedBus:
-        bus = ObservedBus(channel, self._decoder, self._at, self.incidents.at)
+    def _bus(self, channel: str, following: Following) -> WatchedBus:
+        shown = partial(following.shown, channel)
+        bus = ObservedBus(channel, self._decoder, shown, self._at, self.incidents.at)
         made = self._buses[channel] = WatchedBus(bus, self._more, self._bit_rate, self._promised)
         return made
 

@@ -243,8 +243,8 @@ class NodesWatcher(Watcher):
 
     def _consumers(self, node: ObservedNode) -> None:
         """Compare what a node waits for (0x1016) with what its producers send."""
-        subs = node.dictionary.members.get(CONSUMED_HEARTBEATS, {}) if node.dictionary else {}
-        entries = (node.number((CONSUMED_HEARTBEATS, sub)) for sub in subs if sub) if node.heard else ()
+        known = {*node.in_force(), *(node.dictionary.addresses() if node.dictionary else ())} if node.heard else set()
+        entries = (node.number(each) for each in sorted(known) if each[0] == CONSUMED_HEARTBEATS and each[1])
         for node_id, wait in ((entry >> 16 & 0x7F, (entry & 0xFFFF) / 1000) for entry in entries):
             beats = self._beats.get(node_id)
             if not wait or node_id not in NODE_IDS:

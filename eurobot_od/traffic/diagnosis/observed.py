@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 from eurobot_od.device.nmt import NmtState
@@ -18,11 +19,13 @@ from eurobot_od.traffic.meaning import Decoder, Meaning
 class ObservedNode:
     """A node: its last NMT state, when that was `heard` first and changed last (`since`), and when it was reset.
 
-    `shown` are settings that transfers have shown; it `is_configured` if a master has written any object.
+    `shown` are settings that transfers have shown; it `is_configured` if a master has written any object. `in_force`
+    returns what it has shown to have in place of its file's values.
     """
 
     node_id: int
     name: str
+    in_force: Callable[[], Mapping[Address, int]]
     dictionary: Dictionary | None = None
     state: NmtState | None = None
     heard: bool = False
@@ -34,9 +37,8 @@ class ObservedNode:
 
     def number(self, address: Address) -> int:
         """Return the number that it has at an address, as shown, or by its file; 0 without any."""
-        if address in self.shown:
-            return int.from_bytes(self.shown[address], "little")
-        return (self.dictionary.number(address) if self.dictionary else None) or 0
+        number = self.in_force().get(address)
+        return (self.dictionary.number(address) if self.dictionary and number is None else number) or 0
 
     @property
     def is_operational(self) -> bool:
@@ -47,19 +49,26 @@ class ObservedNode:
 class ObservedBus:
     """One bus: its `decoder` by the mapping in force, its nodes by node-ID, and when it was heard first and last, s.
 
-    `at` gives the place of the present frame, `report` where an incident is counted.
+    `shown` returns what a node has shown to have, `at` gives the place of the present frame, `report` where an incident
+    is counted.
     """
 
     def __init__(
-        self, channel: str, decoder: Decoder, at: Callable[[], SeenAt], report: Callable[..., Occurrences]
+        self,
+        channel: str,
+        decoder: Decoder,
+        shown: Callable[[int], Mapping[Address, int]],
+        at: Callable[[], SeenAt],
+        report: Callable[..., Occurrences],
     ) -> None:
         self.channel, self.files, self.decoder, self.at, self.report = channel, decoder, decoder, at, report
         self.began = self.now = 0.0
         self.names = {each.node_id: each.name for each in decoder.dictionaries}
         self.nodes: dict[int, ObservedNode] = {}
         self.numbers = {name: node_id for node_id, name in self.names.items()}
+        self._shown = shown
         for each in decoder.dictionaries:
-            self.nodes[each.node_id] = ObservedNode(each.node_id, each.name, each)
+            self.nodes[each.node_id] = ObservedNode(each.node_id, each.name, partial(shown, each.node_id), each)
         self.counts: dict[str, int] = defaultdict(int)
         """How many frames of each service came."""
         self.stated: list[Callable[[ObservedNode], None]] = []
@@ -68,7 +77,7 @@ class ObservedBus:
     def node(self, node_id: int) -> ObservedNode:
         """Return a node, new if it was not known."""
         if node_id not in self.nodes:
-            self.nodes[node_id] = ObservedNode(node_id, f"node {node_id}")
+            self.nodes[node_id] = ObservedNode(node_id, f"node {node_id}", partial(self._shown, node_id))
         return self.nodes[node_id]
 
     def named(self, name: str) -> ObservedNode | None:

@@ -11,7 +11,6 @@ from eurobot_od.device.nmt import COMMAND_NAMES, SERVICES, STATE_NAMES, NmtComma
 from eurobot_od.frame import Frame
 from eurobot_od.od import objects, values
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.od.standard import CONSUMED_HEARTBEATS, HEARTBEAT_TIME, SYNC, SYNC_PERIOD
 from eurobot_od.od.values import Address, label
 from eurobot_od.sdo.wire import (
     ABORT,
@@ -28,7 +27,7 @@ from eurobot_od.traffic.diagnosis.incidents import Occurrences
 from eurobot_od.traffic.diagnosis.observed import ObservedBus, ObservedNode, Watcher
 from eurobot_od.traffic.diagnosis.rules import BusRule
 from eurobot_od.traffic.meaning import Meaning, SdoTransfer
-from eurobot_od.traffic.services import NAMING, NMT, SdoEnd, object_words
+from eurobot_od.traffic.services import NAMING, NMT, CanopenService, SdoEnd, object_words
 from eurobot_od.traffic.transfers import SKIPPED, How
 
 IMPATIENT = 0.02
@@ -39,9 +38,6 @@ PATIENT = 0.5
 
 SETTLED = 1.0
 """Seconds from the begin of a log on in which an answer may belong to a request before it."""
-
-SETTINGS = (SYNC[0], SYNC_PERIOD[0], CONSUMED_HEARTBEATS, HEARTBEAT_TIME[0])
-"""Objects of which the watchers need the value."""
 
 LISTED = 5
 """Objects that are named in a line."""
@@ -71,7 +67,8 @@ class SdoWatcher(Watcher):
             if said and said["command"] == COMMAND_NAMES[NmtCommand.START]:
                 self._start(said["node"])
             return
-        frame, end = meaning.raw, meaning.service.end if meaning.service else None
+        frame = meaning.raw
+        end = meaning.service.end if isinstance(meaning.service, CanopenService) else None
         if end is None or not isinstance(frame, Frame):  # a segment of a block, or not a frame of SDO at all
             return
         line, node = self._lines.setdefault(end.channel, SdoLine()), self.bus.node(end.server)
@@ -123,7 +120,7 @@ class SdoWatcher(Watcher):
             if ended.how == How.EXPEDITED.value and asked and not self._is_hasty(asked.places[0].time):
                 self._unanswered(node, f"the {way} of {ended.object}", asked)
         elif ended.address is not None and ended.content is not None:
-            if ended.address[0] in SETTINGS or ended.address in self._own.get(node.node_id, ()):
+            if ended.address in self._own.get(node.node_id, ()):
                 node.shown[ended.address] = ended.content
             if not ended.is_upload:
                 self._written(node, ended.address, ended.content)

@@ -129,11 +129,10 @@ def likely(beginning: bytes) -> str:
     return next((words for start, words in LIKELY if re.match(start, beginning)), OTHERS)
 
 
-def form_of(file: BinaryIO, form: str | None = None) -> tuple[str, bool]:
-    """Return the suffix of the format of a log that can be rewound, and whether it is packed; errors as `read`."""
+def form_of(file: BinaryIO, form: str | None = None) -> str:
+    """Return the suffix of the format of a log that can be rewound, packed or not; errors as `read`."""
     name, beginning = getattr(file, "name", None), _beginning(file)
-    packed = beginning.startswith(PACKED)
-    if packed:
+    if beginning.startswith(PACKED):
         import gzip
         import zlib
 
@@ -142,7 +141,7 @@ def form_of(file: BinaryIO, form: str | None = None) -> tuple[str, bool]:
         file.seek(0)  # it has been read from
     suffix = form or _said_by(beginning, name)
     _reader(suffix, name)  # complains
-    return suffix, packed
+    return suffix
 
 
 def _beginning(file: BinaryIO) -> bytes:

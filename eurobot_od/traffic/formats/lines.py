@@ -362,7 +362,9 @@ class AscFormat(LineFormat):
 
     def _data(self, length: bytes, *octets: bytes) -> bytes:
         count = min(int(length, self._base), MOST_BYTES)  # a DLC of 9 to 15 means 8 bytes, too (ISO 11898-1)
-        data = bytes([int(octet, self._base) for octet in octets[:count]])
+        octets = octets[:count]
+        is_usual = self._base == NUMBER[b"hex"] and set(map(len, octets)) <= {2}  # nearly all: read at once
+        data = a2b_hex(b"".join(octets)) if is_usual else bytes([int(octet, self._base) for octet in octets])
         if len(data) != count:
             raise ValueError(octets)
         return data

@@ -227,6 +227,23 @@ def test_a_mistake_is_one_line_with_its_place(
     assert len(said.stderr.splitlines()) == (1 if file != "strategy.py" else 5)
 
 
+@pytest.mark.parametrize(
+    ("wrong", "complaint"),
+    [
+        ("9999", "lift.py:20: FieldError: Lift State Response: height = 9999 is not allowed"),
+        ("1 // 0", "lift.py:53: ZeroDivisionError"),
+    ],
+)
+def test_what_its_node_raises_in_a_match_is_told_with_its_place(wrong: str, complaint: str, mine: Path) -> None:
+    text = (mine / "lift.py").read_text()
+    (mine / "lift.py").write_text(text.replace("round(self.height)", wrong, 1))
+    said = command(mine.parent, ["match", "--robot", "mine"])
+    first, last = said.stderr.splitlines()
+    assert said.returncode == 1
+    assert complaint in first
+    assert "no LiftStateResponse after" in last
+
+
 def test_a_dialect_without_a_core_is_no_keyerror(made: Path, tmp_path: Path) -> None:
     (tmp_path / "few").mkdir()
     shutil.copy(made / "eds/canopen/lift.eds", tmp_path / "few")

@@ -13,7 +13,7 @@ from eurobot_od.traffic.load import MessageSet
 from eurobot_od.traffic.meaning import Decoder
 from eurobot_od.traffic.statistics import NOTHING
 from tests.rows import rows
-from tests.traffic.diagnosis.defects import DEFECTS, DEVICES, Log, RuleDefect
+from tests.traffic.diagnosis.defects import DEFECTS, DEVICES, Log, RuleDefect, at, beats, log
 
 
 def diagnosed(log: Log, devices: Iterable[str], promised: MessageSet | None = None) -> list[Incident]:
@@ -47,3 +47,16 @@ def test_a_near_miss_is_not(defect: RuleDefect) -> None:
 def test_each_rule_has_a_defect() -> None:
     elsewhere = {BusRule.FRAMES_MISSED, BusRule.BUS_SILENT}
     assert set(BusRule) - {each.rule for each in DEFECTS} == elsewhere
+
+
+WAITS = at("609#2316100164000500", "589#6016100100000000", start=0.5)
+"""Node 9, which has no file, is told to wait 100 ms for node 5."""
+
+
+@rows("start, expected", {"": [BusRule.CONSUMER_UNFED], "709#00": [], "000#8109": []}.items())
+def test_a_node_without_a_file_waits_for_whom_it_was_told_to_until_it_starts_anew(
+    start: str, expected: list[BusRule]
+) -> None:
+    anew = at(start, "709#00", start=1.0) if start else []
+    found = diagnosed(log(beats(node=9), WAITS, anew), ())
+    assert [each.rule for each in found if each.rule is BusRule.CONSUMER_UNFED] == expected
