@@ -14,7 +14,7 @@ from eurobot_od.check.conformance.subject import BOOT_TIME, Subject, Tier, awake
 from eurobot_od.check.report import AS_THEY_WERE
 from eurobot_od.errors import LocalError
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.od.standard import RESTORE, VERIFY_CONFIGURATION
+from eurobot_od.od.standard import ERRORS, RESTORE, VERIFY_CONFIGURATION
 from eurobot_od.od.values import NMT_COB_ID, label
 
 BARE = re.compile(r"0x[0-9A-F]+|[0-9]+ ?(?:ms|s)|(?!yes|no|on|off|true|false|null)[a-z]+(?:[- ][a-z]+)*")
@@ -82,7 +82,7 @@ def text(dictionary: Dictionary, tier: Tier = Tier.READING, restore: Sequence[in
 
 
 MARKS = {
-    "7.5.2.4": (Tier.DESTRUCTIVE, [broadcasts.HISTORY]),
+    "7.5.2.4": (Tier.DESTRUCTIVE, [ERRORS]),
     "7.5.2.23": (Tier.READING, VERIFY_CONFIGURATION),
 }
 """What a device itself changes when it is asked, by clause, and from which tier on: errors that it remembers, and the
