@@ -12,8 +12,6 @@ from xml.etree import ElementTree
 from eurobot_od.check.patterns import Mismatch
 from eurobot_od.check.suite import Suite
 from eurobot_od.frame import Frame
-from eurobot_od.od.standard import ERRORS
-from eurobot_od.od.values import label
 from eurobot_od.support.texts import Level, amount, annotation, one_line
 from eurobot_od.support.yaml_places import Place
 
@@ -108,11 +106,7 @@ class CheckedSeed(NamedTuple):
 AS_THEY_WERE = "7.4 Values: they are as they were [reading]"
 """The name of the step by which each conformance suite ends."""
 
-HOW_TO = {
-    # by whether it is the number of errors
-    False: "Write them back with `write`; what was not stored is also gone with a reset or with the power",
-    True: "`emcy --clear` empties the error history",
-}
+HOW_TO_RESTORE = "`write` writes them back, `emcy --clear` clears errors; what was not stored is gone with a reset"
 
 COLOURS = {Status.PASSED: 32, Status.FAILED: 31, Status.BUS_FAILED: 31, Status.SKIPPED: 33, Status.INTERRUPTED: 33}
 """Terminal colours of steps."""
@@ -192,8 +186,7 @@ def changed(results: Iterable[SuiteResult]) -> Iterator[str]:
             if step.status is Status.FAILED and step.name == AS_THEY_WERE and step.reason is not None:
                 off = step.reason.mismatches
                 objects = "; ".join(f"{each.what} was {each.expected}, is {each.came}" for each in off)
-                remedies = dict.fromkeys(HOW_TO[each.what.startswith(label(ERRORS))] for each in off)
-                yield one_line(f"{result.file.stem}: LEFT CHANGED by {result.name}: {objects}. {'. '.join(remedies)}")
+                yield one_line(f"{result.file.stem}: LEFT CHANGED by {result.name}: {objects}. {HOW_TO_RESTORE}")
 
 
 # Annotations

@@ -505,11 +505,10 @@ class Doer:
             self._dumped = dump
             return
         before = {each: self._dumped.get(each, "not read") for each in dump}
+        # Errors can be cleared, but not brought back.
+        same = {each for each in dump if dump[each] < before[each] and each.startswith(label(ERRORS))}
         off = [
-            Mismatch(each, before[each], now)
-            for each, now in dump.items()
-            # Errors can be cleared, but not brought back.
-            if (before[each] < now if each.startswith(label(ERRORS)) else before[each] != now)
+            Mismatch(each, before[each], dump[each]) for each in dump if before[each] != dump[each] and each not in same
         ]
         if off:
             raise Failed(StepReason(f"{amount(len(off), 'object')} not as before", mismatches=tuple(off)))

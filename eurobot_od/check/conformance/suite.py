@@ -102,15 +102,11 @@ def _suite(subject: Subject, chapter: Chapter[Subject]) -> Data:
     kept = [{**step.save(*each), "name": f"{name} [reading]"} for name, each in named]
     back = [{**step.put_back(*each), "name": f"{name} is as it was [reading]"} for name, each in named]
     alone = {"name": "7.2.8.2.1 NMT: nobody else commands [reversible]", "unheard": hexadecimal(NMT_COB_ID, 3)}
-    before = {
-        "name": "7.4 Values: they are read, to be compared in the end [reading]",
-        "dump": "before",
-        "needed": "no",
-    }
-    after = {"name": AS_THEY_WERE, "dump": "equal"}
+    first = {"name": "7.4 Values: they are read, to be compared in the end [reading]", "dump": "before", "needed": "no"}
+    last = {"name": AS_THEY_WERE, "dump": "equal"}
     return chapter.suite(
         subject,
         "conformance",
-        [*([reset, up] * resets), alive, *([pause] * resets), *kept, before],
-        [*([reset, up, alive] * resets), *back, after, *([alone] * resets)],
+        [*([reset, up] * resets), alive, *([pause] * resets), *kept, first],
+        [*([reset, up, alive] * resets), *back, last, *([alone] * resets)],
     )

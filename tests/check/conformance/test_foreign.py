@@ -335,7 +335,7 @@ def test_an_entry_in_the_error_history_is_named_with_how_to_clear_it() -> None:
     result = run_simulated(asked, RunOptions(keep_going=True), lambda *_: [NodeUnderTest(device)])
     (line,) = changed([result])
     assert "0x1003:0 Pre-defined error field.Number of errors was 00, is 02." in line
-    assert line.endswith("`emcy --clear` empties the error history")
+    assert "`emcy --clear`" in line
 
 
 def test_a_file_within_the_device_is_read_in_blocks() -> None:
