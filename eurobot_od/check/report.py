@@ -106,7 +106,7 @@ class CheckedSeed(NamedTuple):
 AS_THEY_WERE = "7.4 Values: they are as they were [reading]"
 """The name of the step by which each conformance suite ends."""
 
-HOW_TO_RESTORE = "Write them back with `write`; what was not stored is also gone with a reset or with the power"
+HOW_TO_RESTORE = "`write` writes them back, `emcy --clear` clears errors; what was not stored is gone with a reset"
 
 COLOURS = {Status.PASSED: 32, Status.FAILED: 31, Status.BUS_FAILED: 31, Status.SKIPPED: 33, Status.INTERRUPTED: 33}
 """Terminal colours of steps."""
@@ -184,9 +184,8 @@ def changed(results: Iterable[SuiteResult]) -> Iterator[str]:
     for result in results:
         for step in result.steps:
             if step.status is Status.FAILED and step.name == AS_THEY_WERE and step.reason is not None:
-                objects = "; ".join(
-                    f"{each.what} was {each.expected}, is {each.came}" for each in step.reason.mismatches
-                )
+                off = step.reason.mismatches
+                objects = "; ".join(f"{each.what} was {each.expected}, is {each.came}" for each in off)
                 yield one_line(f"{result.file.stem}: LEFT CHANGED by {result.name}: {objects}. {HOW_TO_RESTORE}")
 
 

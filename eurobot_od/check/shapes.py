@@ -49,7 +49,7 @@ from eurobot_od.errors import LocalError, UnknownName
 from eurobot_od.frame import Frame, RemoteFrame
 from eurobot_od.od import objects
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.od.standard import COMMANDS, EMCY
+from eurobot_od.od.standard import COMMANDS, EMCY, ERRORS
 from eurobot_od.od.values import (
     ALL_NODES,
     BASE_IDENTIFIER,
@@ -176,10 +176,12 @@ class ServiceShapes:
 
     def _dump(self, equal: bool, given: Dictionary | None) -> Action:
         node = self._dictionary(given)
-        # What keeps its value while nobody writes it: `ro` is measured, 0x1003 a history, a DOMAIN a file of any size.
+        # What keeps its value while nobody writes it: `ro` is measured, a DOMAIN a file of any size. Of the history it
+        # is the number: what is left there is to be cleared by who left it.
         steady = (each for each in objects.all_objects(node.objects) if each.access_type in ("rw", "const"))
-        kept = (each for each in steady if each.index not in COMMANDS and objects.data_type(each) is not DOMAIN)
-        chosen = (each for each in kept if not node.flags(objects.address_of(each)) & NOT_SCANNED)
+        kept = (each for each in steady if each.index not in COMMANDS or objects.address_of(each) == ERRORS)
+        seen = (each for each in kept if not node.flags(objects.address_of(each)) & NOT_SCANNED)
+        chosen = (each for each in seen if objects.data_type(each) is not DOMAIN)
         return Dump(NodeServices.of(node), tuple(chosen), equal)
 
     # SDO

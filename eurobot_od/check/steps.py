@@ -27,7 +27,7 @@ from eurobot_od.device.nmt import NmtCommand, NmtState
 from eurobot_od.errors import BusError, LocalError, NoAnswer, RemoteError
 from eurobot_od.frame import Frame
 from eurobot_od.od import objects
-from eurobot_od.od.standard import ERROR_FIELD, ERROR_REGISTER, SYNC_COUNTER, SYNC_PERIOD
+from eurobot_od.od.standard import ERROR_FIELD, ERROR_REGISTER, ERRORS, SYNC_COUNTER, SYNC_PERIOD
 from eurobot_od.od.values import (
     COB_ID,
     COMMUNICATIONS,
@@ -415,7 +415,7 @@ class Doer:
         self._taken.discard(address)
         if await self._read(action, address) == content:
             return
-        if address == (ERROR_FIELD, 0) and any(content):
+        if address == ERRORS and any(content):
             raise Skipped(StepReason("errors can be cleared, but not brought back"))  # (CiA 301, 7.5.2.4)
         before, after, refused = list[tuple[Address, bytes]](), list[tuple[Address, bytes]](), ""
         for other, change in _meanwhile(address):
@@ -505,7 +505,11 @@ class Doer:
             self._dumped = dump
             return
         before = {each: self._dumped.get(each, "not read") for each in dump}
-        off = [Mismatch(each, before[each], now) for each, now in dump.items() if before[each] != now]
+        # Errors can be cleared, but not brought back.
+        same = {each for each in dump if dump[each] < before[each] and each.startswith(label(ERRORS))}
+        off = [
+            Mismatch(each, before[each], dump[each]) for each in dump if before[each] != dump[each] and each not in same
+        ]
         if off:
             raise Failed(StepReason(f"{amount(len(off), 'object')} not as before", mismatches=tuple(off)))
 
@@ -521,7 +525,7 @@ class Doer:
         if bits:
             words = [name for bit, name in enumerate(REGISTER_BITS) if bits >> bit & 1]
             with suppress(Aborted):  # no device has to remember its errors: 0x1003 is optional (CiA 301, 7.5.2.4)
-                count = await self._run(upload((ERROR_FIELD, 0), self._timeout), action.node)
+                count = await self._run(upload(ERRORS, self._timeout), action.node)
                 for sub in range(1, min(int.from_bytes(count, "little"), HISTORY) + 1):
                     remembered = await self._run(upload((ERROR_FIELD, sub), self._timeout), action.node)
                     # Its lower half is the error code, the upper half the maker's.

@@ -27,7 +27,7 @@ from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.objects import data_type
 from eurobot_od.od.pdos import Pdo
-from eurobot_od.od.standard import ERROR_FIELD, ERROR_REGISTER, ErrorCode
+from eurobot_od.od.standard import ERROR_FIELD, ERROR_REGISTER, ERRORS, ErrorCode
 from eurobot_od.od.values import Address, PdoDirection, Scalar, Value, typed
 from eurobot_od.od.words import error_words
 from eurobot_od.pdo.binding import Binding
@@ -168,7 +168,7 @@ class History(NamedTuple):
 async def read_history(node: RemoteNode) -> History:
     """Read the errors of a node. Raises NodeRefused, NoAnswer, BusError."""
     register = (await node.upload.steps(ERROR_REGISTER, "Error register"))[0]
-    count = (await node.upload.steps((ERROR_FIELD, 0), "Number of errors"))[0]
+    count = (await node.upload.steps(ERRORS, "Number of errors"))[0]
     fields = [await node.upload.steps((ERROR_FIELD, sub)) for sub in range(1, count + 1)]
     return History(register, [RememberedError(*struct.unpack_from("<HH", each)) for each in fields])
 
@@ -176,7 +176,7 @@ async def read_history(node: RemoteNode) -> History:
 @Procedure
 async def clear_history(node: RemoteNode) -> None:
     """Clear the history; raises as `read_history`."""
-    await node.download.steps((ERROR_FIELD, 0), b"\0", "Number of errors")
+    await node.download.steps(ERRORS, b"\0", "Number of errors")
 
 
 # Emergency messages

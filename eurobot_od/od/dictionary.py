@@ -27,6 +27,7 @@ from eurobot_od.od.normal import Change, Normal, Refusal, normal
 from eurobot_od.od.patches import Patch, read_patch
 from eurobot_od.od.pdos import Mapped, OnRefused, Part, Pdo, PdoReader, fatal, part_of
 from eurobot_od.od.values import Address, Number, PdoDirection, Value
+from eurobot_od.od.words import profile_of
 from eurobot_od.support.texts import encodable
 
 if TYPE_CHECKING:
@@ -299,7 +300,7 @@ class Dictionary:
                 if pdo.direction is PdoDirection.RPDO or each.variable.access_type == "rwr":
                     part = self.part(each.address)
                     found |= {each.address, part.whole if part else each.address}
-        of_profile = PROCESS_DATA.get(standard.device_profile(self.number), {})
+        of_profile = PROCESS_DATA.get(profile_of(self.objects), {})
         return frozenset(found).union(
             (index, sub)
             for index, subs in self.members.items()

@@ -6,7 +6,7 @@ that a file leaves out is taken from it.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Container, Mapping
+from collections.abc import Container, Mapping
 from enum import IntEnum
 from typing import NamedTuple
 
@@ -22,6 +22,7 @@ ERROR_REGISTER: Address = (0x1001, 0)
 """Which classes of errors the device has now, a bit for each."""
 
 ERROR_FIELD = 0x1003
+ERRORS: Address = (ERROR_FIELD, 0)
 """The errors that the device remembers, newest first; sub-index 0 is their number, and 0 written there clears them."""
 
 SYNC: Address = (0x1005, 0)
@@ -190,14 +191,6 @@ PROFILE_OBJECTS: Mapping[int, tuple[str, DataType]] = {
     0x60FF: ("Target velocity", _I32),
 }
 """What is usually mapped, for a device without a file: names and types of CiA 301, 401 and 402."""
-
-
-def device_profile(number: Callable[[Address], int | None]) -> int:
-    """Return the number of a device's profile, such as 402 of a drive; 0 for none (CiA 301, 7.5.2.1).
-
-    `number` returns the number in an object of the device, None if there is none.
-    """
-    return (number(DEVICE_TYPE) or 0) & 0xFFFF
 
 
 def known_type(index: int, sub: int) -> DataType | None:

@@ -20,9 +20,8 @@ from eurobot_od.od import values
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.network import READERS, load, read_network
 from eurobot_od.od.pdos import OnRefused, Pdo, fatal
-from eurobot_od.od.standard import device_profile
 from eurobot_od.od.values import ALL_NODES, PdoDirection
-from eurobot_od.od.words import error_words
+from eurobot_od.od.words import error_words, profile_of
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.catalogue import NOTHING, Catalogue, CatalogueEntry, Message, plain_name, readable_name
 
@@ -256,7 +255,7 @@ class ErrorWords(NamedTuple):
         """Return the words for the devices of these files; those with PDOs of the catalogue are the robot's own."""
         devices = tuple(dictionaries)
         own = frozenset(each.node_id for each in devices if any(map(catalogue.find, pdo_names(each))))
-        return cls(catalogue.errors, nodes, {each.node_id: device_profile(each.number) for each in devices}, own)
+        return cls(catalogue.errors, nodes, {each.node_id: profile_of(each.objects) for each in devices}, own)
 
     def of(self, node_id: int) -> Callable[[int], str]:
         """Return a function that puts the error codes of a node into words."""

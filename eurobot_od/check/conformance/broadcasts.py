@@ -19,6 +19,7 @@ from eurobot_od.od.standard import (
     EMCY,
     ERROR_FIELD,
     ERROR_REGISTER,
+    ERRORS,
     SYNC,
     SYNC_COUNTER,
     SYNC_PERIOD,
@@ -33,7 +34,6 @@ from eurobot_od.sdo.wire import AbortCode
 
 EMCY_CHAPTER: Chapter[Subject] = Chapter("emcy", "emergencies")
 
-HISTORY: Address = (ERROR_FIELD, 0)
 NEWEST: Address = (ERROR_FIELD, 1)
 
 NO_EMCY_FOR, REPORTED_ONCE = "500 ms", "100 ms"
@@ -57,8 +57,8 @@ def _silence(_: Subject) -> Steps:
 @EMCY_CHAPTER.clause("7.5.2.4", "Error history", ctt="5.3", name="its number of errors")
 def _remembers(subject: Subject) -> Steps:
     """Read the history: how many errors it has, and the newest if there is one."""
-    need(subject.readable(HISTORY), NO_HISTORY)
-    yield step.read("its number of errors", HISTORY, data="any")
+    need(subject.readable(ERRORS), NO_HISTORY)
+    yield step.read("its number of errors", ERRORS, data="any")
     if subject.readable(NEWEST) is not None:
         # While there is no error the entry may be empty, or not there at all (CiA 301, 7.5.2.4): makers differ.
         none_now = codes(AbortCode.NO_DATA, AbortCode.NO_SUBINDEX, AbortCode.GENERAL)
@@ -67,17 +67,17 @@ def _remembers(subject: Subject) -> Steps:
 
 @EMCY_CHAPTER.clause("7.5.2.4", "Error history", Tier.DESTRUCTIVE, name="the history")
 def _history(subject: Subject) -> Steps:
-    if not need(subject.find(HISTORY), NO_HISTORY).writable:
+    if not need(subject.find(ERRORS), NO_HISTORY).writable:
         yield step.skip("the history is cleared", "the file's error history cannot be written")
         return
     # 0 clears the history, everything else is not allowed (CiA 301, 7.5.2.4).
     refused = codes(AbortCode.VALUE, AbortCode.TOO_HIGH)
-    yield step.write("only 0 may be written", HISTORY, value=1, abort=refused)
+    yield step.write("only 0 may be written", ERRORS, value=1, abort=refused)
     yield step.group("0 clears it", *_cleared("0 is written"))
 
 
 def _cleared(name: str) -> list[Data]:
-    return [step.write(name, HISTORY, data="00"), step.read("no error is left", HISTORY, data="00")]
+    return [step.write(name, ERRORS, data="00"), step.read("no error is left", ERRORS, data="00")]
 
 
 @EMCY_CHAPTER.clause("7.2.7", "EMCY", Tier.DESTRUCTIVE, name="an RPDO that is too short")
@@ -105,10 +105,10 @@ def _too_short(subject: Subject) -> Steps:
 
 
 def _remembered(subject: Subject, code: ErrorCode) -> Steps:
-    history = subject.readable(HISTORY)
+    history = subject.readable(ERRORS)
     if history is not None and subject.find(NEWEST) is not None:
         if in_limits(history, 1):
-            yield step.read("the history has it", HISTORY, expect=">= 1")
+            yield step.read("the history has it", ERRORS, expect=">= 1")
         # Asked for as a frame: an entry has the error code in its lower half, and whatever the maker adds in the upper
         # one, so that no value can be compared.
         digits = code.to_bytes(2, "little").hex().upper()

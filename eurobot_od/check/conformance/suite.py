@@ -14,7 +14,7 @@ from eurobot_od.check.conformance.subject import BOOT_TIME, Subject, Tier, awake
 from eurobot_od.check.report import AS_THEY_WERE
 from eurobot_od.errors import LocalError
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.od.standard import RESTORE, VERIFY_CONFIGURATION
+from eurobot_od.od.standard import ERRORS, RESTORE, VERIFY_CONFIGURATION
 from eurobot_od.od.values import NMT_COB_ID, label
 
 BARE = re.compile(r"0x[0-9A-F]+|[0-9]+ ?(?:ms|s)|(?!yes|no|on|off|true|false|null)[a-z]+(?:[- ][a-z]+)*")
@@ -82,7 +82,7 @@ def text(dictionary: Dictionary, tier: Tier = Tier.READING, restore: Sequence[in
 
 
 MARKS = {
-    "7.5.2.4": (Tier.DESTRUCTIVE, [broadcasts.HISTORY]),
+    "7.5.2.4": (Tier.DESTRUCTIVE, [ERRORS]),
     "7.5.2.23": (Tier.READING, VERIFY_CONFIGURATION),
 }
 """What a device itself changes when it is asked, by clause, and from which tier on: errors that it remembers, and the
@@ -102,15 +102,11 @@ def _suite(subject: Subject, chapter: Chapter[Subject]) -> Data:
     kept = [{**step.save(*each), "name": f"{name} [reading]"} for name, each in named]
     back = [{**step.put_back(*each), "name": f"{name} is as it was [reading]"} for name, each in named]
     alone = {"name": "7.2.8.2.1 NMT: nobody else commands [reversible]", "unheard": hexadecimal(NMT_COB_ID, 3)}
-    before = {
-        "name": "7.4 Values: they are read, to be compared in the end [reading]",
-        "dump": "before",
-        "needed": "no",
-    }
-    after = {"name": AS_THEY_WERE, "dump": "equal"}
+    first = {"name": "7.4 Values: they are read, to be compared in the end [reading]", "dump": "before", "needed": "no"}
+    last = {"name": AS_THEY_WERE, "dump": "equal"}
     return chapter.suite(
         subject,
         "conformance",
-        [*([reset, up] * resets), alive, *([pause] * resets), *kept, before],
-        [*([reset, up, alive] * resets), *back, after, *([alone] * resets)],
+        [*([reset, up] * resets), alive, *([pause] * resets), *kept, first],
+        [*([reset, up, alive] * resets), *back, last, *([alone] * resets)],
     )

@@ -10,7 +10,7 @@ import pytest
 
 from eurobot_od.check.conformance.subject import Tier
 from eurobot_od.check.on_bus import NodeUnderTest, run_simulated
-from eurobot_od.check.report import Status, StepResult
+from eurobot_od.check.report import Status, StepResult, changed
 from eurobot_od.check.runner import Interrupt, RunOptions
 from eurobot_od.check.suite import Report
 from eurobot_od.device.nmt import NmtCommand, NmtState, error_control
@@ -306,17 +306,36 @@ def test_an_interrupt_anywhere_puts_back_what_was_changed(chapter: str, number: 
 def test_a_signal_puts_back_what_was_changed(end: signal.Signals) -> None:
     (asked,) = suites(MODULE, Tier.REVERSIBLE, "pdo")
     device, interrupt = stubborn(SimulatedDevice).load(MODULE, NODE_ID), Interrupt()
-    before, changed = kept(device), list[bool]()
+    before, differs = kept(device), list[bool]()
 
     def show(_: StepResult) -> None:
-        changed.append(kept(device) != before)
-        if sum(changed) == 5:  # once, in the middle of a group
+        differs.append(kept(device) != before)
+        if sum(differs) == 5:  # once, in the middle of a group
             signal.raise_signal(end)
 
     with interrupt.by_ctrl_c():
         options = RunOptions(keep_going=True, interrupt=interrupt, show=show)
         run_simulated(asked, options, lambda *_: [NodeUnderTest(device)])
     assert (interrupt.requested, kept(device)) == (True, before)
+
+
+class Touchy(SimulatedDevice):
+    """Remembers each request for what it does not have as an error."""
+
+    def receive(self, frame: Frame, now: float) -> list[Frame]:
+        frames = super().receive(frame, now)
+        if any(each.cob_id == SDO_RESPONSE_BASE + NODE_ID and each.data[0] == ABORT for each in frames):
+            self.device.emergencies.happened(0x6100, now)
+        return frames
+
+
+def test_an_entry_in_the_error_history_is_named_with_how_to_clear_it() -> None:
+    device = Touchy.load(MODULE, NODE_ID)
+    (asked,) = suites(MODULE, Tier.READING, "sdo")
+    result = run_simulated(asked, RunOptions(keep_going=True), lambda *_: [NodeUnderTest(device)])
+    (line,) = changed([result])
+    assert "0x1003:0 Pre-defined error field.Number of errors was 00, is 02." in line
+    assert "`emcy --clear`" in line
 
 
 def test_a_file_within_the_device_is_read_in_blocks() -> None:
