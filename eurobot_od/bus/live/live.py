@@ -196,10 +196,9 @@ class Live:
             return  # the bus is the other process's
         try:
             # First: what a node does before it is switched off, such as to stop, needs the threads.
-            present = self.station is not None and self.station.failure is None and self._running
-            farewell = self.station.node.leave() if self.station is not None and present else None
-            if farewell is not None:
-                farewell.result()
+            goodbye = self.station.node.leave() if self.station and not self.station.failure and self._running else None
+            if goodbye is not None:
+                goodbye.result()
         except BaseException:
             with suppress(BusError):
                 self._end()
