@@ -149,6 +149,8 @@ def test_how_uncertain_its_place_is_can_be_read_in_mm_and_tenths_of_a_degree() -
     assert (x, y, heading) == (round(deviations.x), round(deviations.y), round(deviations.heading * 10))
     assert 5 < x < y < 100
     assert 10 < heading < 100
+    lost = Seat().write("Estimate.Placement deviation", 0xFFFF).say(RED)
+    assert lost.read(names[0]) == 0xFFFE, "as uncertain as it can say"
 
 
 # Gotos
