@@ -9,7 +9,7 @@ import pytest
 from eurobot_od.frame import Frame
 from eurobot_od.robot import dialects
 from eurobot_od.robot.protocol import decoder as robot_decoder
-from eurobot_od.sdo.client import Transfer, TransferError, block_download, block_upload, download, upload
+from eurobot_od.sdo.client import Transfer, block_download, block_upload, download, upload
 from eurobot_od.sdo.server import SdoServer
 from eurobot_od.sdo.wire import BLOCK_CRC, SEGMENT_SIZE
 from eurobot_od.support.texts import text as duration
@@ -284,11 +284,6 @@ def test_a_question_without_an_answer_is_no_damage(decoder: Decoder) -> None:
     assert (first.defects, second.defects) == ((), ())
     assert second.transfer is not None
     assert not second.transfer.is_whole
-
-
-def test_errors_of_the_line_are_errors() -> None:
-    with pytest.raises(TransferError):
-        recorded(lambda: upload((0x3001, 1), WAIT))
 
 
 # What a master leaves behind that is killed in a block: motor's object is written, and three segments have come
