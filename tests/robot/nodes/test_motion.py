@@ -401,10 +401,10 @@ def test_no_way(start: Point, goal: Point, barriers: Barriers, clearances: Clear
 
 
 def test_a_leg_meets_a_disc_if_any_of_its_points_is_inside() -> None:
-    disc, generator = Disc(Point(300.0, 500.0), 100.0, toll=0.0), random.Random(1)
+    disc, generator = Disc(Point(0.0, 500.0), 100.0, toll=0.0), random.Random(1)
     met = []
     for _ in range(300):
-        start, end = (Point(generator.uniform(-200.0, 800.0), generator.uniform(0.0, 1000.0)) for _ in range(2))
+        start, end = (Point(generator.uniform(-300.0, 300.0), generator.uniform(200.0, 800.0)) for _ in range(2))
         shares = [number / 200 for number in range(201)]
         points = [Point(start.x + share * (end.x - start.x), start.y + share * (end.y - start.y)) for share in shares]
         if abs(min(math.dist(disc.centre, each) for each in points) - disc.radius) > 1.0:  # too near to sample
