@@ -78,12 +78,14 @@ def tests_of(module: str) -> str:
 def choose(session: Path, at_most: int, seed: int) -> None:
     """Mark all changes but some chosen ones as not to be tried."""
     with use_db(session, WorkDB.Mode.open) as database:
-        running = [
-            item.job_id
+        running = {
+            (each.operator_name, each.occurrence): item.job_id  # a job's name is another one in each session
             for item in database.work_items
-            if not any(each.operator_name.startswith(ANNOTATION) for each in item.mutations)
-        ]
-        chosen = set(random.Random(seed).sample(sorted(running), min(at_most, len(running))))
+            for each in item.mutations
+            if not each.operator_name.startswith(ANNOTATION)
+        }
+        names = random.Random(seed).sample(sorted(running), min(at_most, len(running)))
+        chosen = {running[name] for name in names}
         left_out = [item.job_id for item in database.work_items if item.job_id not in chosen]
         database.set_multiple_results(left_out, WorkResult(WorkerOutcome.SKIPPED))
 

@@ -6,7 +6,6 @@ Rule of this file: a page is for this machine only, and changes nothing on the b
 from __future__ import annotations
 
 import asyncio
-import secrets
 import signal
 import sys
 import tempfile
@@ -28,7 +27,7 @@ from eurobot_od.support.connections import Address
 from eurobot_od.support.connections import parse as parse_address
 from eurobot_od.traffic.compare import ComparedEntry, Tolerances, compare
 from eurobot_od.traffic.meaning import DamageCounts, Decoder
-from eurobot_od.web.access import AccessRules, is_local
+from eurobot_od.web.access import AccessRules
 from eurobot_od.web.page import Columns, Panel, described, page, stop_message
 
 if TYPE_CHECKING:  # with aiohttp, which an extra brings
@@ -94,9 +93,7 @@ async def _serve(text: str, listen: Address, requests: Requests | None = None) -
     from eurobot_od.web.server import served  # with aiohttp
 
     ended = asyncio.Event()
-    # Whoever can reach this machine's loopback address could run the command as well; others need the token.
-    access = AccessRules(listen.host, "" if is_local(listen.host) else secrets.token_urlsafe(24))
-    async with served(text, access, listen.port, requests) as address:
+    async with served(text, AccessRules.at(listen.host), listen.port, requests) as address:
         with suppress(NotImplementedError):  # on Windows, which has no SIGTERM
             asyncio.get_running_loop().add_signal_handler(signal.SIGTERM, ended.set)
         print(f"{address}  (Ctrl-C ends it)", flush=True)

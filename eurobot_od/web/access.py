@@ -7,10 +7,11 @@ configured name, and the Origin, which a page cannot forge, must be this page.
 
 from __future__ import annotations
 
+import secrets
 from collections.abc import Mapping, Sequence
 from http import HTTPStatus
 from ipaddress import ip_address
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Self
 
 from eurobot_od.support.connections import is_token
 
@@ -35,6 +36,11 @@ class AccessRules(NamedTuple):
 
     host: str = "127.0.0.1"
     token: str = ""
+
+    @classmethod
+    def at(cls, host: str) -> Self:
+        """Return the rules of a server at a host: who can reach its loopback address could run the command as well."""
+        return cls(host, "" if is_local(host) else secrets.token_urlsafe(24))
 
     def address(self, listening: Sequence[Any]) -> str:
         """Return the address to type into a browser for a server at a socket's address."""

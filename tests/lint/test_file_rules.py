@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from eurobot_od.lint.file_rules import is_date, is_time, is_version
+from eurobot_od.lint.file_rules import is_date, is_time, is_version, looks_like_object
 from eurobot_od.lint.rules import lint
 from tests.conftest import with_entry
 from tests.lint.mutations import CLEAN
@@ -48,6 +48,26 @@ def test_a_time(text: str, is_one: bool) -> None:
 )
 def test_a_date(text: str, is_one: bool) -> None:
     assert is_date(text) is is_one
+
+
+@rows(
+    "text, is_one",
+    [
+        ("0x1000", True),
+        ("01000", True),
+        ("100", True),  # too short, and nothing else
+        ("10", False),
+        ("12345", False),
+        ("1000sub01", True),
+        ("1000sub", False),
+        ("1000 sub 0", True),
+        ("1000subx", False),
+        ("feed", False),
+        ("fee1", True),
+    ],
+)
+def test_what_is_meant_as_an_object(text: str, is_one: bool) -> None:
+    assert looks_like_object(text) is is_one
 
 
 @pytest.mark.parametrize(

@@ -73,6 +73,8 @@ WORDS = [
      "RPDO 1 maps 0x2001 sub 9, but it has no such sub-index; the highest is "),
     ("1600sub1", "DefaultValue=0x200101", "DefaultValue=0x200701",
      "RPDO 1 maps 0x2007 sub 1, but that has no sub-indices: it is mapped as sub 0"),
+    ("2007", "AccessType=rww", "ACCESSTYPE=rww\nOBJFLAGS=0",
+     "key ACCESSTYPE spelled AccessType is how CiA 306 has it, and 1 more"),
 ]  # fmt: skip
 
 

@@ -57,7 +57,7 @@ SAID: list[tuple[str, Address, str, Any]] = [
     ("0x2004: {HighLimit: 0x300}", (0x2004, 0), "max", 0x300),
     ("0x2004: {HighLimit: }", (0x2004, 0), "max", None),  # nothing takes away
     ("0x2004: {DefaultValue: $NODEID+0x300}", (0x2004, 0), "default", 0x305),
-    ("0x2004: {DataType: INTEGER32, DefaultValue: -1, LowLimit: -1}", (0x2004, 0), "default", -1),
+    ("0x2004: {DefaultValue: -1, LowLimit: -1, DataType: INTEGER32}", (0x2004, 0), "default", -1),  # by the new type
     (
         "0x2100: {ParameterName: Fan, DataType: REAL32, AccessType: rw, DefaultValue: '1,5'}",
         (0x2100, 0),
@@ -91,9 +91,19 @@ def test_a_later_patch_counts_more_than_an_earlier_one() -> None:
     assert (found.value, found.min) == (2, 0)
 
 
+@rows("key, other", [("DownloadFile", "ParameterValue"), ("ParameterValue", "DownloadFile")])
+def test_a_value_and_a_file_take_each_other_away(key: str, other: str) -> None:
+    words = patched(f"0x2001: {{{other}: old}}", f"0x2001: {{{key}: new}}").content.decode()
+    assert (f"{key}=new" in words, f"{other}=" in words) == (True, False)
+
+
 NEW = """0x2200: {ParameterName: Lamps, ObjectType: RECORD}
 0x2200:1: {ParameterName: Left, DataType: BOOLEAN, AccessType: rw}
 0x2200:3: {ParameterName: Right, DataType: 0x0001, AccessType: rw}
+0x2200:255: {ParameterName: Structure, DataType: UNSIGNED32, AccessType: const}
+0x2201: {ParameterName: Fans, ObjectType: ARRAY}
+0x2201:0: {ParameterName: Number, DataType: UNSIGNED8, AccessType: ro, DefaultValue: 0}
+0x2201:1: {ParameterName: Fan, DataType: BOOLEAN, AccessType: rw}
 0x2000:2: {ParameterName: Ramp, DataType: UNSIGNED16, AccessType: rw}
 0x1A00:2: {ParameterName: Second, DataType: UNSIGNED32, AccessType: rw}
 """
@@ -105,8 +115,10 @@ def test_new_sub_indices_are_counted_where_sub_index_0_is_the_highest() -> None:
         "0x2200:0 Lamps.Highest sub-index supported",
         "0x2200:1 Lamps.Left",
         "0x2200:3 Lamps.Right",
+        "0x2200:255 Lamps.Structure",
     ]
-    assert [loaded.number(each) for each in ((0x2200, 0), (0x2000, 0))] == [3, 2]
+    assert [loaded.number(each) for each in ((0x2200, 0), (0x2000, 0), (0x2201, 0))] == [3, 2, 1]
+    assert set(loaded.changes) == set(Dictionary.load("base.eds", 5).changes)  # SubNumber is right without a change
     assert loaded.number((0x1A00, 0)) == 0  # so many objects are mapped, which is for the patch to say
 
 
@@ -114,6 +126,7 @@ def test_new_sub_indices_are_counted_where_sub_index_0_is_the_highest() -> None:
 WRONG = [
     ("0x2000:1: 5", "1:11: expected a mapping, `key: value`, found '5'"),
     ("0x2001: {}\n0x2000:1: {DefaultValue: 40000}", "2: DefaultValue '40000': expected INTEGER16, -32768..32767"),
+    ("0x2000:1: {LowLimit: -32769}", "1: LowLimit '-32769': expected INTEGER16, -32768..32767"),
     ("0x2000:1:\n  DefaultValue: fast", "2: DefaultValue 'fast': expected INTEGER16, -32768..32767"),
     ("0x2000:1: {AccessType: wr}", "1: AccessType 'wr': expected ro, wo, rw, rwr, rww, const"),
     ("0x2000:1: {AccessType: }", "1: AccessType '': expected ro, wo, rw, rwr, rww, const"),

@@ -63,6 +63,12 @@ DAMAGED: list[tuple[str, Callable[[Protocol], Raw], list[tuple[Damage, str]], bo
         True,
     ),
     (
+        "out of range, and as short as it may be",
+        lambda p: Frame(0x008, goto(p, x=3001)[:6]),
+        [(Damage.OUT_OF_RANGE, "x = 3001, allowed: 0..3000 mm")],
+        True,
+    ),
+    (
         "out of range twice",
         lambda p: Frame(0x008, goto(p, speed=101, angle=360)),
         [(Damage.OUT_OF_RANGE, "angle = 360"), (Damage.OUT_OF_RANGE, "speed = 101, allowed: 0..100 %")],

@@ -15,7 +15,12 @@ from tests.eds_text import DEVICE_TYPE, pdo, record, variable
 from tests.rows import rows
 
 SPEED, WIDE = 0x20000010, 0x30000020
-OBJECTS = DEVICE_TYPE + variable("2000", "Speed", "INTEGER16", "0") + variable("3000", "Position", "INTEGER32", "0")
+OBJECTS = (
+    DEVICE_TYPE
+    + variable("2000", "Speed", "INTEGER16", "0")
+    + variable("3000", "Position", "INTEGER32", "0")
+    + variable("3001", "Offset", "INTEGER24", "0")
+)
 OFF, ON = "0x80000285", "0x285"
 
 
@@ -73,6 +78,7 @@ def test_an_11_bit_identifier_is_another_one(decoder: Decoder) -> None:
         # whose the object is (SAM): by the sender's file, in its type; a node or an object that no file has
         (Frame(0x485, bytes.fromhex("05 0020 00 FEFF 0000")), "0x2000:00 Speed of epos4 = -2"),
         (Frame(0x485, bytes.fromhex("05 0030 00 FEFFFFFF")), "0x3000:00 Position of epos4 = -2"),
+        (Frame(0x485, bytes.fromhex("05 0130 00 FEFFFF 00")), "0x3001:00 Offset of epos4 = -2"),
         (Frame(0x485, bytes.fromhex("09 0020 01 01020304")), "0x2000:01 of node 9 = 01 02 03 04"),
         (Frame(0x485, bytes.fromhex("05 0040 01 01020304")), "0x4000:01 of epos4 = 01 02 03 04"),
         # who is meant (DAM): one node, or all

@@ -9,8 +9,9 @@ import pytest
 from eurobot_od.frame import Frame
 from eurobot_od.robot import dialects
 from eurobot_od.robot.protocol import decoder as robot_decoder
-from eurobot_od.sdo.client import Transfer, TransferError, block_download, block_upload, download, upload
+from eurobot_od.sdo.client import Transfer, block_download, block_upload, download, upload
 from eurobot_od.sdo.server import SdoServer
+from eurobot_od.sdo.wire import BLOCK_CRC, SEGMENT_SIZE
 from eurobot_od.support.texts import text as duration
 from eurobot_od.traffic.decoding import Following
 from eurobot_od.traffic.entries import Damage
@@ -127,6 +128,12 @@ def test_segments_that_are_sent_again(
     assert "is right" in meanings[-1].text
 
 
+def test_blocks_without_a_crc_are_not_compared(decoder: Decoder) -> None:
+    asked, answer, *rest = recorded(lambda: block_download(OBJECT, content_of(20), WAIT))
+    without = Frame(answer.cob_id, bytes([answer.data[0] & ~BLOCK_CRC]) + answer.data[1:])
+    assert decoded(decoder, [asked, without, *rest])[-1].text.endswith(", no CRC")
+
+
 def test_a_wrong_crc_is_said(decoder: Decoder) -> None:
     frames = recorded(lambda: block_download(OBJECT, content_of(20), WAIT))
     *begin, end, taken = frames
@@ -188,10 +195,10 @@ def test_a_log_that_begins_in_a_block_is_read_right_from_the_second_segment_on(
 
 def test_what_a_log_lacks_before_its_first_segment_is_said(decoder: Decoder) -> None:
     frames = recorded(lambda: block_upload(OBJECT, WAIT), content_of(900))
-    last = decoded(decoder, frames[130:])[-1]
+    last = decoded(decoder, frames[-5:])[-1]  # two segments, which are acknowledged, and the end
     assert "value of an object" in last.text
     assert last.transfer is not None
-    assert not last.transfer.is_whole
+    assert (last.transfer.size, last.transfer.is_whole) == (900 - 127 * SEGMENT_SIZE, False)
 
 
 def test_aborts_say_how_far_it_had_come(decoder: Decoder) -> None:
@@ -255,11 +262,20 @@ def test_channels_of_a_log_and_nodes_do_not_mix(decoder: Decoder) -> None:
     assert not any(each.defects for each in meanings)
 
 
-def test_an_expedited_transfer_has_its_words_and_is_counted(decoder: Decoder) -> None:
-    meanings = decoded(decoder, recorded(lambda: upload(OBJECT, WAIT), b"1234"))
-    assert meanings[-1].text == "drive, value of 0x3000:01 = 31 32 33 34"
-    assert meanings[-1].transfer is not None
-    assert (meanings[-1].transfer.how, meanings[-1].transfer.size) == ("expedited", 4)
+@pytest.mark.parametrize(
+    ("transfer", "text"),
+    [
+        (lambda: upload(OBJECT, WAIT), "drive, value of 0x3000:01 = 31 32 33 34"),
+        (lambda: download(OBJECT, b"1234", WAIT), "drive, written 0x3000:01"),
+    ],
+)
+def test_an_expedited_transfer_has_its_words_and_is_counted(
+    decoder: Decoder, transfer: Callable[[], Transfer], text: str
+) -> None:
+    last = decoded(decoder, recorded(transfer, b"1234"))[-1]
+    assert last.text == text
+    assert last.transfer is not None
+    assert (last.transfer.how, last.transfer.content) == ("expedited", b"1234")
 
 
 def test_a_question_without_an_answer_is_no_damage(decoder: Decoder) -> None:
@@ -268,11 +284,6 @@ def test_a_question_without_an_answer_is_no_damage(decoder: Decoder) -> None:
     assert (first.defects, second.defects) == ((), ())
     assert second.transfer is not None
     assert not second.transfer.is_whole
-
-
-def test_errors_of_the_line_are_errors() -> None:
-    with pytest.raises(TransferError):
-        recorded(lambda: upload((0x3001, 1), WAIT))
 
 
 # What a master leaves behind that is killed in a block: motor's object is written, and three segments have come

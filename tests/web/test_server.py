@@ -590,6 +590,8 @@ def test_refused(
 def test_only_loopback_needs_no_token() -> None:
     assert [is_local(each) for each in ("127.0.0.1", "127.1.2.3", "::1", "localhost")] == [True] * 4
     assert [is_local(each) for each in ("0.0.0.0", "::", "192.0.2.7", "robot.local")] == [False] * 4
+    assert AccessRules.at("::1").token == ""
+    assert len({AccessRules.at("0.0.0.0").token for _ in range(3)} - {""}) == 3  # a new one at each start
 
 
 @pytest.mark.parametrize(

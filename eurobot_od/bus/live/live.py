@@ -196,10 +196,9 @@ class Live:
             return  # the bus is the other process's
         try:
             # First: what a node does before it is switched off, such as to stop, needs the threads.
-            present = self.station is not None and self.station.failure is None and self._running
-            farewell = self.station.node.leave() if self.station is not None and present else None
-            if farewell is not None:
-                farewell.result()
+            goodbye = self.station.node.leave() if self.station and not self.station.failure and self._running else None
+            if goodbye is not None:
+                goodbye.result()
         except BaseException:
             with suppress(BusError):
                 self._end()
@@ -359,8 +358,8 @@ class Live:
                 if self.station is not None:
                     self.station.bus_error(ErrorCode.OVERRUN, self.clock())
                 self._report_overflow()
-            if news := self._reader.silence.news(self.clock(), self._connection.failure is None):
-                self.gatekeeper.report(Report(Event.BUS_SILENT, self.name, news, self.clock()))
+            is_open = self._connection.failure is None
+            self._reader.silence.watch(self.name, self.gatekeeper.report, self.clock(), is_open)
             with self._changed:
                 self._looks_at = self._next_look()
                 pause = self._looks_at - self.clock()
@@ -417,8 +416,7 @@ class LiveGroup:
     def _exchange(self, end: float) -> None:
         """Run the nodes until the end or the bus's failure, which raises BusError."""
         while (now := self.clock()) < end:
-            if news := self._silence.news(now):
-                self._report(Report(Event.BUS_SILENT, self.name, news, now))
+            self._silence.watch(self.name, self._report, now)
             if self.group.next_wakeup <= now:
                 self._send(self.group.tick(now))
             frame = self._received(min(self.group.next_wakeup, end, now + POLL) - self.clock())

@@ -107,15 +107,15 @@ class BusSilence:
             self._is_regular = self._is_regular or now - self._beat < REGULAR
             self._beat = now
 
-    def news(self, now: float, is_open: bool = True) -> str:
-        """Return what there is to report, mostly nothing; a bus that is not open is not silent."""
+    def watch(self, bus: str, report: Reporter, now: float, is_open: bool = True) -> None:
+        """Report what is new about a bus of that name, mostly nothing; one that is not open is not silent."""
         if not is_open or now - self._looked > SILENT_AFTER / 2:  # or this process itself has stood still
             self._last = now
         self._looked, quiet = now, now - self._last
-        if not self._is_regular or (quiet > SILENT_AFTER) is self._is_told:
-            return ""
-        self._is_told = not self._is_told
-        return NOTHING_HEARD.format(quiet) if self._is_told else HEARD_AGAIN
+        if self._is_regular and (quiet > SILENT_AFTER) is not self._is_told:
+            self._is_told = not self._is_told
+            text = NOTHING_HEARD.format(quiet) if self._is_told else HEARD_AGAIN
+            report(Report(Event.BUS_SILENT, bus, text, now))
 
 
 class Reader:

@@ -222,6 +222,9 @@ def test_the_frames_that_each_bus_has_lost_are_added_up(monkeypatch: pytest.Monk
         assert scene.connection.reopen()
         scene.connection.count_overflow()  # the new one counts from 0, and has lost 5 again
         assert scene.connection.overflow == 10
+        scene.connection.driver.bus.lost = 6  # type: ignore[attr-defined]
+        scene.connection.count_overflow()
+        assert scene.connection.overflow == 11
 
 
 def test_a_bus_that_fails_while_it_is_said_to_work_is_still_lost() -> None:

@@ -132,15 +132,23 @@ class Once(Lost):
 
     channel_info = "once"
 
-    def __init__(self, sent: list[int]) -> None:
+    def __init__(self, sent: list[int], *heard: int) -> None:
         super().__init__()
-        self.sent = sent
+        self.sent, self.heard = sent, iter(heard)
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
         self.sent.append(msg.arbitration_id)
 
     def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
-        return None, False
+        return next((can.Message(arbitration_id=each, is_extended_id=False) for each in self.heard), None), False
+
+
+def test_a_bus_on_which_nothing_more_is_heard_is_reported() -> None:
+    told, seconds = list[Report](), count(0.0, 0.25)
+    group = NodeGroup([SimulatedDevice(Dictionary.read(BEATING.encode(), Path("a.eds"), 5))])
+    with LiveGroup(Once([], 0x70A, 0x70A), group, lambda: next(seconds), report=told.append) as live:
+        live.run(20.0)
+    assert [(each.event, each.name) for each in told] == [(Event.BUS_SILENT, "once")]
 
 
 def test_a_bus_that_fails_is_opened_again_and_the_devices_go_on() -> None:

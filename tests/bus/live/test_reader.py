@@ -10,6 +10,7 @@ import pytest
 from eurobot_od.bus.live import Driver
 from eurobot_od.bus.live.buses import Connection
 from eurobot_od.bus.live.reader import HEARD_AGAIN, BusSilence, Reader
+from eurobot_od.gatekeeper import Report
 from tests.rows import rows
 
 AHEAD = 1_000_000.0
@@ -141,27 +142,22 @@ def test_a_bus_on_which_nothing_more_is_heard_is_silent(
 
 
 def heard(silence: BusSilence, frames: list[tuple[float, int]], end: float) -> list[tuple[float, str]]:
-    """Hand over frames at their times, ask for news every 0.1 s until the end, and return it."""
-    found, left = list[tuple[float, str]](), list(frames)
+    """Hand over frames at their times, look every 0.1 s until the end, and return what is reported."""
+    told, left = list[Report](), list(frames)
     for tenth in range(round(10 * end) + 1):
         now = tenth / 10
         while left and left[0][0] <= now:
             silence.heard(left.pop(0)[1], now)
-        if news := silence.news(now):
-            found.append((now, news))
-    return found
+        silence.watch("can0", told.append, now)
+    return [(each.timestamp, each.text) for each in told]
 
 
 def test_what_stands_still_itself_or_has_lost_its_bus_does_not_call_it_silent() -> None:
-    silence = BusSilence()
+    silence, told = BusSilence(), list[Report]()
     assert heard(silence, REGULAR_BEATS, 3.0) == []
-    assert silence.news(60.0) == ""  # it was stopped for a minute: what came meanwhile is still to be read
-    assert [silence.news(60.0 + second, is_open=False) for second in range(1, 20)] == [""] * 19
-    assert [silence.news(79.0 + second)[: len(SILENT)] for second in range(1, 7)] == [
-        "",
-        "",
-        "",
-        "",
-        "",
-        SILENT[:-3] + "6 s",
-    ]
+    silence.watch("can0", told.append, 60.0)  # it was stopped for a minute: what came meanwhile is still to be read
+    for second in range(1, 20):
+        silence.watch("can0", told.append, 60.0 + second, is_open=False)
+    for second in range(1, 7):
+        silence.watch("can0", told.append, 79.0 + second)
+    assert [(each.timestamp, each.text[: len(SILENT)]) for each in told] == [(85.0, SILENT.replace("5", "6"))]

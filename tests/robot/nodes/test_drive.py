@@ -149,6 +149,8 @@ def test_how_uncertain_its_place_is_can_be_read_in_mm_and_tenths_of_a_degree() -
     assert (x, y, heading) == (round(deviations.x), round(deviations.y), round(deviations.heading * 10))
     assert 5 < x < y < 100
     assert 10 < heading < 100
+    lost = Seat().write("Estimate.Placement deviation", 0xFFFF).say(RED)
+    assert lost.read(names[0]) == 0xFFFE, "as uncertain as it can say"
 
 
 # Gotos
@@ -305,22 +307,30 @@ class HeldWheels(Wheels):
 
 
 class SlippingWheels(Wheels):
-    """Wheels that are held again and again, each time for less than it takes to call that blocked."""
+    """Wheels that are held again and again, and roll in each so manieth step."""
 
-    def __init__(self) -> None:
+    def __init__(self, every: int) -> None:
         super().__init__()
-        self._steps = 0
+        self._steps, self._every = 0, every
 
     def advance(self, command: WheelCommand, dt: float) -> Odometry:
         self._steps += 1
         moved = super().advance(command, dt)
-        return moved if self._steps % 8 == 0 else Odometry(0.0, 0.0)
+        return moved if self._steps % self._every == 0 else Odometry(0.0, 0.0)
 
 
-def test_wheels_that_slip_for_moments_are_not_blocked_however_often() -> None:
-    seat = Seat(wheels=SlippingWheels()).say(RED, GOTO).run(2.0)
-    assert seat.drive.moving
-    assert seat.drive.fault is None
+@rows("every, fault", [(8, None), (1000, GotoFault.BLOCKED)])
+def test_wheels_that_slip_for_moments_are_not_blocked_however_often(every: int, fault: GotoFault | None) -> None:
+    seat = Seat(wheels=SlippingWheels(every)).say(RED, GOTO).run(1.0)
+    assert (seat.drive.fault, seat.drive.moving) == (fault, fault is None)
+
+
+def test_a_small_correction_does_not_make_the_remaining_time_rise() -> None:
+    seat = configured().say(GOTO).run(1.5)
+    told, (x, y, angle) = seat.remaining, seat.pose
+    seat.say(NaviPositionResponse(round(x) - 15, round(y) + 10, round(angle), Source.INTERNAL))
+    assert seat.pose.x < x - 1
+    assert seat.remaining == told
 
 
 def test_a_robot_that_ran_into_something_knows_its_place_worse() -> None:

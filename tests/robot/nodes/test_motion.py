@@ -17,6 +17,7 @@ from eurobot_od.robot.nodes.motion import (
     AT_REST,
     Braking,
     Clearances,
+    Disc,
     IdealChassis,
     Motion,
     MotionLimits,
@@ -397,6 +398,24 @@ def test_a_robot_that_stands_where_it_does_not_fit_may_leave() -> None:
 @pytest.mark.parametrize(("start", "goal", "barriers", "clearances"), IMPOSSIBLE)
 def test_no_way(start: Point, goal: Point, barriers: Barriers, clearances: Clearances) -> None:
     assert find_route(start, goal, barriers, clearances) is None
+
+
+def test_a_leg_meets_a_disc_if_any_of_its_points_is_inside() -> None:
+    disc, generator = Disc(Point(0.0, 500.0), 100.0, toll=0.0), random.Random(1)
+    met = []
+    for _ in range(300):
+        start, end = (Point(generator.uniform(-300.0, 300.0), generator.uniform(200.0, 800.0)) for _ in range(2))
+        shares = [number / 200 for number in range(201)]
+        points = [Point(start.x + share * (end.x - start.x), start.y + share * (end.y - start.y)) for share in shares]
+        if abs(min(math.dist(disc.centre, each) for each in points) - disc.radius) > 1.0:  # too near to sample
+            met.append(disc.meets(start, end))
+            assert met[-1] is any(map(disc.contains, points)), (start, end)
+    assert 50 < sum(met) < len(met) - 50
+
+
+@pytest.mark.parametrize(("speed", "x"), [(480.0, 1048.0), (0.0, 1000.0), (-480.0, 952.0)])
+def test_who_brakes_stands_after_the_way_that_it_takes(speed: float, x: float) -> None:
+    assert LIMITS.standing(START, WheelCommand(speed, 0.0)) == Pose(x, 1000.0, 0.0)
 
 
 def test_normal_barriers_without_a_way_round_are_crossed() -> None:

@@ -114,6 +114,7 @@ def test_an_option_of_any_length_hides_none_behind_it(before: bytes) -> None:
 
 ONE = section("<") + interface("<")
 BLF = b"LOGG" + bytes(100)
+BLF_OBJECT = b"LOGG" + struct.pack("<L136x", 144) + b"LOBJ" + struct.pack("<HHLL", 16, 1, 1 << 21, 10)
 PCAP = 0xA1B2C3D4
 
 
@@ -145,6 +146,7 @@ ENDS = [
     (ONE + packet("<", 7, 1), "pcapng", Damage.UNREADABLE, "a packet of interface 7, of 1 that are described"),
     (section("<") + block("<", 3, GOOD), "pcapng", Damage.UNREADABLE, "a packet of interface 0, of 0 that are"),
     (pcap("<", PCAP, b"no"), "pcap", Damage.UNREADABLE, "a packet of 2 bytes; it has at least 8"),
+    (BLF_OBJECT, "blf", Damage.UNREADABLE, "an object of 2097152 bytes; at most 1048576 are read"),
     (BLF[:4] + struct.pack("<L", 40) + BLF[8:], "blf", Damage.UNREADABLE, "a file header of 40 bytes; it has at least"),
 ]
 
