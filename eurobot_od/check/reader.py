@@ -15,16 +15,8 @@ from eurobot_od.check.suite import Suite
 from eurobot_od.check.vocabulary import Networks, Vocabulary, saved_names, texts_at
 from eurobot_od.errors import FileError, UnknownName, YamlError
 from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.support import yaml_places
 from eurobot_od.support.files import read_whole
-from eurobot_od.support.yaml_places import (
-    START,
-    Problem,
-    Problems,
-    ReadError,
-    compose_all,
-    placed_lines,
-    refuse_aliases,
-)
 from eurobot_od.support.yaml_shapes import Schema
 from eurobot_od.traffic.meaning import Decoder
 
@@ -41,18 +33,18 @@ class SuiteReader:
 
     def read_files(self, files: Iterable[Path]) -> list[Suite]:
         """Read all suites of some files; raises YamlError with the problems of all of them."""
-        sources: dict[Path, str | Problem] = {}
+        sources: dict[Path, str | yaml_places.Problem] = {}
         for file in files:
             try:
                 sources[file] = read_whole(file).decode()
             except FileError as error:
-                sources[file] = Problem(START, error.what)
+                sources[file] = yaml_places.Problem(yaml_places.START, error.what)
             except UnicodeDecodeError as error:
                 byte = f"byte 0x{error.object[error.start]:02X} at {error.start}"
-                sources[file] = Problem(START, f"not UTF-8: {byte}")
+                sources[file] = yaml_places.Problem(yaml_places.START, f"not UTF-8: {byte}")
         return self.read_texts(sources)
 
-    def read_texts(self, texts: Mapping[Path, str | Problem]) -> list[Suite]:
+    def read_texts(self, texts: Mapping[Path, str | yaml_places.Problem]) -> list[Suite]:
         """Read the suites of texts, by the files that errors and reports call them; raises YamlError.
 
         In place of a text stands why there is none.
@@ -60,26 +52,26 @@ class SuiteReader:
         suites: list[Suite] = []
         wrong: list[str] = []
         for file, text in texts.items():
-            problems = [text] if isinstance(text, Problem) else []
+            problems = [text] if isinstance(text, yaml_places.Problem) else []
             if isinstance(text, str):
                 suites += self.read(file, text, problems)
-            wrong += placed_lines(file, problems)
+            wrong += yaml_places.placed_lines(file, problems)
         if wrong:
             raise YamlError(wrong[0].partition(":")[0], wrong)
         return suites
 
-    def read(self, file: Path, source: str, problems: Problems) -> list[Suite]:
+    def read(self, file: Path, source: str, problems: yaml_places.Problems) -> list[Suite]:
         """Read the suites of a text; problems are noted, and the suites that have some are left out."""
         suites = []
         try:
-            documents = compose_all(source, problems)
-        except ReadError:
+            documents = yaml_places.compose_all(source, problems)
+        except yaml_places.ReadError:
             return []
         for document in documents:
             try:
-                refuse_aliases(document, problems)  # first: an alias that refers to itself has no end
+                yaml_places.refuse_aliases(document, problems)  # first: an alias that refers to itself has no end
                 suites.append(self._format(document).read(file, document, problems))
-            except ReadError:
+            except yaml_places.ReadError:
                 continue
         return suites
 

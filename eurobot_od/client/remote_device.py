@@ -22,7 +22,7 @@ from typing import Any, NoReturn, Self, TypeAlias, overload
 import canopen
 from canopen.objectdictionary import ObjectDictionary, ODVariable
 
-from eurobot_od.client import configure, program
+from eurobot_od.client import configure, program, streams
 from eurobot_od.client.configure import ChangePlan, Configured, read_object
 from eurobot_od.client.description import Identity, described, from_file, read_identity
 from eurobot_od.client.drive402 import AsyncDrive402, Drive402
@@ -30,14 +30,6 @@ from eurobot_od.client.master import Master, RemoteNode, finished
 from eurobot_od.client.masters import PeriodicTask
 from eurobot_od.client.program import Loaded
 from eurobot_od.client.remote_pdo import PdosOfDirection, RemotePdo, RemotePdos
-from eurobot_od.client.streams import (
-    AsyncEmergencyStream,
-    AsyncRemotePdo,
-    AsyncRemotePdos,
-    EmergencyStream,
-    HeardEmergencies,
-    MappedPdos,
-)
 from eurobot_od.device.nmt import TARGET, NmtCommand, NmtState, canopen_state, command_to
 from eurobot_od.errors import HeartbeatLost, LocalError, StateError, UnknownName
 from eurobot_od.frame import Frame
@@ -378,8 +370,8 @@ class DeviceAtNode:
         self._node = RemoteNode(UNCONNECTED, node_id)
         base = EMCY_BASE + node_id
         self._emcy_id = dictionary.cob_id(EMCY_COB_ID, EMCY_BASE) if dictionary else base
-        self._pdos: MappedPdos[Any]
-        self._emergencies: HeardEmergencies
+        self._pdos: streams.MappedPdos[Any]
+        self._emergencies: streams.HeardEmergencies
 
     def join(self, master: Master) -> None:
         """Become a node of a network that is open."""
@@ -567,7 +559,7 @@ class RemoteDevice(DeviceAtNode):
     def __init__(self, node_id: int, file: DeviceFile = None, name: str = "") -> None:
         super().__init__(node_id, file, name)
         self.nmt = NodeNmt(self)
-        self.emcy = self._emergencies = EmergencyStream(self._node)
+        self.emcy = self._emergencies = streams.EmergencyStream(self._node)
         self.pdo = self._pdos = RemotePdos(self._node, self.dictionary, RemotePdo)
 
     def __getitem__(self, key: ObjectKey) -> RemoteObject:
@@ -684,8 +676,8 @@ class AsyncRemoteDevice(DeviceAtNode):
     def __init__(self, node_id: int, file: DeviceFile = None, name: str = "") -> None:
         super().__init__(node_id, file, name)
         self.nmt = AsyncNodeNmt(self)
-        self.emcy = self._emergencies = AsyncEmergencyStream(self._node)
-        self.pdo = self._pdos = AsyncRemotePdos(self._node, self.dictionary, AsyncRemotePdo)
+        self.emcy = self._emergencies = streams.AsyncEmergencyStream(self._node)
+        self.pdo = self._pdos = streams.AsyncRemotePdos(self._node, self.dictionary, streams.AsyncRemotePdo)
 
     def __getitem__(self, key: ObjectKey) -> AsyncRemoteObject:
         """Return an object by name, `0x6081`, `0x1018:1`, index, or (index, sub-index); raises UnknownName."""

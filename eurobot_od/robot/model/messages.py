@@ -25,32 +25,6 @@ from eurobot_od.robot.model.values import (
     TeamColour,
 )
 
-__all__ = [
-    "CheckDriveRequest",
-    "CheckDriveResponse",
-    "CheckNaviRequest",
-    "CheckNaviResponse",
-    "ConfederatePositionRequest",
-    "ConfederatePositionResponse",
-    "EmergencyShutdown",
-    "EmergencyStop",
-    "Enemy1PositionRequest",
-    "Enemy1PositionResponse",
-    "Enemy2PositionRequest",
-    "Enemy2PositionResponse",
-    "GotoConfirm",
-    "GotoStateRequest",
-    "GotoStateResponse",
-    "GotoXY",
-    "KalmanPositionRequest",
-    "KalmanPositionResponse",
-    "NaviPositionRequest",
-    "NaviPositionResponse",
-    "StartConfigurationConfirm",
-    "StartConfigurationSet",
-    "StopDrive",
-]
-
 CATALOGUE = Catalogue({code.value: words_of(code) for code in (ErrorCode.VALUE_OUT_OF_RANGE, *RobotError)})
 """The message types of this file by the names of their PDOs, and the words for the nodes' own error codes."""
 
@@ -262,3 +236,5 @@ PositionResponse: TypeAlias = (
     | Enemy2PositionResponse
     | ConfederatePositionResponse
 )
+
+__all__ = [each.__name__ for each in CATALOGUE.types]

@@ -24,7 +24,7 @@ from eurobot_od.robot.model.places import Point, Pose
 from eurobot_od.robot.model.robot_file import Facts
 from eurobot_od.robot.model.values import OURS
 from eurobot_od.robot.scene.recording import NOTHING, PathPoint, Recording, ScoredTask, TouchMark, Truth, record
-from eurobot_od.robot.scene.sheet import PAGE, sheet
+from eurobot_od.robot.scene.scene import PAGE, sheet
 from eurobot_od.support import extras
 from eurobot_od.support.files import write_whole
 from eurobot_od.traffic.meaning import Decoder, Meaning

@@ -30,16 +30,7 @@ from eurobot_od.robot.model.robot_file import Facts, Task, Worth
 from eurobot_od.robot.model.values import OURS, Caption, Source, TeamColour
 from eurobot_od.robot.nodes.motion import Odometry
 from eurobot_od.robot.nodes.node import Detection
-from eurobot_od.robot.world.bodies import (
-    Contacts,
-    FallenThing,
-    RobotBody,
-    Touch,
-    Weight,
-    inside,
-    nearest_ahead,
-    standing,
-)
+from eurobot_od.robot.world import bodies
 
 
 class EventKind(Enum):
@@ -268,20 +259,22 @@ class World:
         self._options, self.clock, self._now = options, clock, 0.0
         self.facts = options.facts() if facts is None else facts
         self.game = Game(options.seed)
-        self.touches: list[Touch] = []
+        self.touches: list[bodies.Touch] = []
         self.captions: list[Caption] = []
-        self.watchers: list[Callable[[Touch], None]] = []
-        self.things = standing(self.facts.barriers)
-        self.robots: dict[str, RobotBody] = {}
+        self.watchers: list[Callable[[bodies.Touch], None]] = []
+        self.things = bodies.standing(self.facts.barriers)
+        self.robots: dict[str, bodies.RobotBody] = {}
         self._patrols: dict[str, Patrol] = {}
-        self._contacts = Contacts(
+        self._contacts = bodies.Contacts(
             self.facts.field, self.things, self.robots, clock, self._tell, lambda body: self.game.fall(body.name)
         )
         if options.solid:
             self._go = self._contacts.move
         else:  # only the border holds a robot
-            self._go = lambda body, wanted: body.go(inside(wanted.point, 0, self.facts.field), wanted.angle, clock())
-        self._fallen = FallenThing(self._contacts)
+            self._go = lambda body, wanted: body.go(
+                bodies.inside(wanted.point, 0, self.facts.field), wanted.angle, clock()
+            )
+        self._fallen = bodies.FallenThing(self._contacts)
         self._teams = {OURS: options.team, RIVAL: TeamColour(1 - options.team)}
         self._put(OURS)
         who = [Source.ENEMY_1, Source.ENEMY_2][: options.enemies] + [Source.CONFEDERATE] * options.confederates
@@ -302,7 +295,9 @@ class World:
         chance = self._stream(f"placement {name}" if name != OURS else "placement")
         spreads = (PLACEMENT, PLACEMENT, PLACEMENT_ANGLE)
         shape = self.facts.body
-        body = RobotBody(name, Point(0, 0), shape.radius, Weight.ROBOT, shape=shape if shape.outline else None)
+        body = bodies.RobotBody(
+            name, Point(0, 0), shape.radius, bodies.Weight.ROBOT, shape=shape if shape.outline else None
+        )
         body.place(Pose(*(exact + chance.gauss(0, by) for exact, by in zip(start, spreads))))
         body.trace.append((0.0, body.pose))
         self.robots[name] = body
@@ -311,7 +306,7 @@ class World:
         """Send a robot on its rounds."""
         name = NAMES[source]
         patrol = Patrol.of(source, self.facts, self._options.team, self._stream(f"patrol {source.name}"))
-        body = RobotBody(name, Point(0, 0), self.facts.others[source].radius, Weight.ROBOT)
+        body = bodies.RobotBody(name, Point(0, 0), self.facts.others[source].radius, bodies.Weight.ROBOT)
         body.place(patrol.pose)
         body.trace.append((0.0, body.pose))
         self.robots[name], self._patrols[name] = body, patrol
@@ -354,7 +349,7 @@ class World:
         heading = math.radians(before.angle + wanted.turn / 2)
         return (body.point.x - before.x) * math.cos(heading) + (body.point.y - before.y) * math.sin(heading)
 
-    def _tell(self, touch: Touch) -> None:
+    def _tell(self, touch: bodies.Touch) -> None:
         self.touches.append(touch)
         for watcher in self.watchers:
             watcher(touch)
@@ -368,7 +363,7 @@ class World:
             self._now += PACE
             for name, patrol in self._patrols.items():
                 body = self.robots[name]
-                if nearest_ahead(body, self.robots.values(), patrol.look_out, LOOK_OUT_ANGLE):
+                if bodies.nearest_ahead(body, self.robots.values(), patrol.look_out, LOOK_OUT_ANGLE):
                     body.speed, body.angle = 0.0, patrol.held_up(body.point, PACE).angle
                     continue
                 before, body.speed = body.point, patrol.speed
@@ -398,7 +393,7 @@ class World:
         """Return the nearest robot or fallen thing ahead of a robot; everything else is too low for a sensor."""
         self._catch_up()
         fallen = [] if self._fallen.body is None else [self._fallen.body]
-        return nearest_ahead(self.robots[name], [*self.robots.values(), *fallen], distance, angle)
+        return bodies.nearest_ahead(self.robots[name], [*self.robots.values(), *fallen], distance, angle)
 
     # Tasks
 
