@@ -21,7 +21,7 @@ import time
 from collections.abc import Callable, Coroutine, Iterable, Iterator, Mapping
 from contextlib import AbstractAsyncContextManager, AbstractContextManager, contextmanager, nullcontext
 from datetime import datetime
-from functools import partial, update_wrapper
+from functools import partial, update_wrapper, wraps
 from itertools import count
 from typing import TYPE_CHECKING, Any, Concatenate, Generic, NamedTuple, ParamSpec, Protocol, TypeAlias, TypeVar
 
@@ -83,6 +83,18 @@ def finished(steps: Coroutine[Any, Any, Result]) -> Result:
         return result
     steps.close()
     raise errors.StateError("this network belongs to an event loop: await its calls")
+
+
+def blocking(
+    steps: Callable[Concatenate[Owner, Rest], Coroutine[Any, Any, Result]],
+) -> Callable[Concatenate[Owner, Rest], Result]:
+    """Make a method of a blocking program's face of one that an event loop's face has as it is."""
+
+    @wraps(steps)
+    def run(self: Owner, /, *arguments: Rest.args, **names: Rest.kwargs) -> Result:
+        return finished(steps(self, *arguments, **names))
+
+    return run
 
 
 # The master
