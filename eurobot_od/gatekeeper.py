@@ -30,7 +30,7 @@ from typing import TYPE_CHECKING, Any, Generic, NamedTuple, TypeAlias, TypeVar
 
 from eurobot_od.errors import FrameLengthError, ListenerError, StateError
 from eurobot_od.frame import HIGHEST_IDENTIFIER, Data, Frame
-from eurobot_od.pdo.catalogue import Message, MessageT
+from eurobot_od.pdo.kinds import Message, MessageT
 from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.support.texts import amount, one_line
 

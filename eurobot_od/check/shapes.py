@@ -15,7 +15,7 @@ from typing import Any, TypeVar
 import yaml
 from canopen.objectdictionary import ODVariable
 
-from eurobot_od.check import patterns, suite
+from eurobot_od.check import suite
 from eurobot_od.check.values import FieldValues, ObjectValues, Operand, Scale, ValueProblem, expectation
 from eurobot_od.check.vocabulary import NAME, Vocabulary
 from eurobot_od.device.nmt import COMMAND_NAMES, STATE_NAMES, NmtCommand
@@ -34,8 +34,7 @@ from eurobot_od.od.values import (
     parse_number,
 )
 from eurobot_od.pdo.binding import Binding
-from eurobot_od.pdo.catalogue import field_name, plain_name
-from eurobot_od.pdo.kinds import KeyedForm, Kind
+from eurobot_od.pdo.kinds import KeyedForm, Kind, field_name, plain_name
 from eurobot_od.support import yaml_shapes as shapes
 from eurobot_od.support.declared import Within
 from eurobot_od.support.yaml_places import NodeReader, PlacedText, Problems, read_all, refuse, refusing, taken
@@ -46,15 +45,15 @@ from eurobot_od.support.yaml_shapes import NUMBER, SCALAR, TEXT, Key, Schema, Sh
 T = TypeVar("T")
 
 NMT_COMMANDS = {name: command for command, name in COMMAND_NAMES.items()}
-STATES = {name: state for state, name in STATE_NAMES.items()} | {patterns.ANY: None}
+STATES = {name: state for state, name in STATE_NAMES.items()} | {suite.ANY: None}
 
 
 def _or_any(shape: Shape[T], instead: T) -> Shape[T]:
     """Make a shape that also takes the word `any`, read as `instead`."""
     return Shape(
         # the value of a list's node is a list, which equals no word
-        lambda node, problems: instead if node.value == patterns.ANY else shape.read(node, problems),
-        {"anyOf": [{"const": patterns.ANY}, shape.schema]},
+        lambda node, problems: instead if node.value == suite.ANY else shape.read(node, problems),
+        {"anyOf": [{"const": suite.ANY}, shape.schema]},
     )
 
 
@@ -73,9 +72,9 @@ class ServiceShapes:
         number: Shape[Any] = shapes.within(NUMBER, Within(0, 0xFFFF), "error code")  # of 16 bits (CiA 301, 7.2.7)
         code = Key(_or_any(number, None), "error code, or any", needed=True)
         command = Key(shapes.named(NMT_COMMANDS, "NMT command"), "NMT command", needed=True)
-        self.heartbeat: Shape[patterns.Pattern] = self._service("state", state, self._heartbeat)
+        self.heartbeat: Shape[suite.Pattern] = self._service("state", state, self._heartbeat)
         register = {"save": Key(NAME, "variable that gets the error register in it")}
-        self.emcy: Shape[patterns.Pattern] = self._service("code", code, self._emergency, register)
+        self.emcy: Shape[suite.Pattern] = self._service("code", code, self._emergency, register)
         self.nmt: Shape[suite.Action] = self._service("command", command, self._nmt)
         when = Key(
             shapes.named({"before": False, "equal": True}, "dump"),
@@ -131,17 +130,17 @@ class ServiceShapes:
 
         return Shape(read, {"anyOf": [key.shape.schema, long.schema]})
 
-    def _heartbeat(self, state: Any, given: Dictionary | None) -> patterns.Pattern:
+    def _heartbeat(self, state: Any, given: Dictionary | None) -> suite.Pattern:
         node = self._dictionary(given)
-        return patterns.HeartbeatPattern(node.name, ERROR_CONTROL_BASE + node.node_id, state)
+        return suite.HeartbeatPattern(node.name, ERROR_CONTROL_BASE + node.node_id, state)
 
-    def _emergency(self, code: int | None, given: Dictionary | None, save: str | None = None) -> patterns.Pattern:
+    def _emergency(self, code: int | None, given: Dictionary | None, save: str | None = None) -> suite.Pattern:
         node = self._dictionary(given)
         entry = node.default(EMCY)
         # Bit 31 set: the EMCY does not exist (CiA 301, 7.5.2.17), so a step that waits for one could only be red.
         if not isinstance(entry, int) or entry & NOT_VALID:
             raise LocalError(f"the EDS of {node.name} has no EMCY (0x{EMCY[0]:04X})")
-        return patterns.EmergencyPattern(node.name, entry & BASE_IDENTIFIER, code, save)
+        return suite.EmergencyPattern(node.name, entry & BASE_IDENTIFIER, code, save)
 
     def _nmt(self, command: NmtCommand, given: Dictionary | None) -> suite.Action:
         # Other services have to ask which node; NMT has a node-ID for all of them, 0 (CiA 301, 7.2.8.2.1).
@@ -237,33 +236,33 @@ class FrameShapes:
 
     def __init__(self, words: Vocabulary, services: ServiceShapes) -> None:
         self._words = words
-        self._others: dict[str, Shape[patterns.Pattern]] = {
+        self._others: dict[str, Shape[suite.Pattern]] = {
             "raw": Shape(_read_raw_pattern, _pattern_schema(RAW_PATTERN)),
             "heartbeat": services.heartbeat,
             "emcy": services.emcy,
         }
-        self.sent: Shape[patterns.Sent] = Shape(self._read_sent, {"$ref": "#/$defs/sent"})
-        self.answers: Shape[dict[int, patterns.Sent | None]] = Shape(self._read_answers, {"$ref": "#/$defs/answers"})
-        self.pattern: Shape[patterns.Pattern] = Shape(self._read_pattern, {"$ref": "#/$defs/pattern"})
+        self.sent: Shape[suite.Sent] = Shape(self._read_sent, {"$ref": "#/$defs/sent"})
+        self.answers: Shape[dict[int, suite.Sent | None]] = Shape(self._read_answers, {"$ref": "#/$defs/answers"})
+        self.pattern: Shape[suite.Pattern] = Shape(self._read_pattern, {"$ref": "#/$defs/pattern"})
         self.patterns: Shape[suite.Patterns] = Shape(self._read_patterns, {"$ref": "#/$defs/patterns"})
         self.field: Shape[suite.FieldOf] = converted(SCALAR, self._field_of, {"type": "string"})
 
     # What is sent
 
-    def _read_sent(self, node: yaml.Node, problems: Problems) -> patterns.Sent:
+    def _read_sent(self, node: yaml.Node, problems: Problems) -> suite.Sent:
         name, value = _named(node, problems)
         if name == "raw" and value is not None:
             match = _match(RAW, value, problems, "a frame such as 008#D27423")
             cob_id, remote, data = int(match["id"], 16), match["remote"], match["data"]
             # `R4` asks for 4 bytes: a remote frame has a length, and no data.
             frame = RemoteFrame(cob_id, bytes(int(remote[1:] or 0))) if remote else Frame(cob_id, bytes.fromhex(data))
-            return patterns.SentFrame(frame)
+            return suite.SentFrame(frame)
         binding = taken(name, problems, self._words.protocol.binding)
         fields = self._fields(binding, value, problems, partial(_operand, binding))
         missing = [each for each in binding.kinds if each not in fields and each not in binding.defaults]
         if missing:
             refuse(node, problems, f"{binding.name}: {', '.join(missing)} missing")
-        sent = patterns.SentMessage(self._words.protocol, binding, fields)
+        sent = suite.SentMessage(self._words.protocol, binding, fields)
         # Some values are wrong only together (half of an unknown position), which encoding once shows. What a step is
         # to save has no value yet.
         if all(operand.variable is None for operand in fields.values()):
@@ -271,11 +270,11 @@ class FrameShapes:
                 sent.frame({})
         return sent
 
-    def _read_answers(self, node: yaml.Node, problems: Problems) -> dict[int, patterns.Sent | None]:
+    def _read_answers(self, node: yaml.Node, problems: Problems) -> dict[int, suite.Sent | None]:
         """Read what each message is answered by, or that it is not any more."""
         pairs = pairs_of(node, problems)
         # The value of a list's or a mapping's node is a list, so only a plain text can be this word.
-        parts: Iterator[tuple[NodeReader[patterns.Sent | None], yaml.Node]] = (
+        parts: Iterator[tuple[NodeReader[suite.Sent | None], yaml.Node]] = (
             (self._read_sent if value.value != NO_ANSWER else lambda *_: None, value) for value in pairs.values()
         )
         answers = read_all(parts, problems)
@@ -284,15 +283,13 @@ class FrameShapes:
 
     # What is expected
 
-    def _read_pattern(self, node: yaml.Node, problems: Problems) -> patterns.Pattern:
+    def _read_pattern(self, node: yaml.Node, problems: Problems) -> suite.Pattern:
         name, value = _named(node, problems)
         # Without a value it can still be a message: a network may have a PDO called `heartbeat`.
         if value is not None and name in self._others:
             return self._others[name].read(value, problems)
         binding = taken(name, problems, self._words.protocol.binding)
-        return patterns.MessagePattern(
-            self._words.protocol, binding, self._fields(binding, value, problems, expectation)
-        )
+        return suite.MessagePattern(self._words.protocol, binding, self._fields(binding, value, problems, expectation))
 
     def _read_patterns(self, node: yaml.Node, problems: Problems) -> suite.Patterns:
         several = shapes.listing(self.pattern).read
@@ -360,11 +357,11 @@ def _named(node: yaml.Node, problems: Problems) -> tuple[PlacedText, yaml.Node |
     return next(iter(pairs.items()))
 
 
-def _read_raw_pattern(node: yaml.Node, problems: Problems) -> patterns.Pattern:
+def _read_raw_pattern(node: yaml.Node, problems: Problems) -> suite.Pattern:
     match = _match(
         RAW_PATTERN, node, problems, "a frame such as 008#D274?? with ? for any digit, [23] for one of these"
     )
-    return patterns.FramePattern(int(match["id"], 16), match["data"].upper())
+    return suite.FramePattern(int(match["id"], 16), match["data"].upper())
 
 
 def _match(form: re.Pattern[str], node: yaml.Node, problems: Problems, what: str) -> re.Match[str]:

@@ -19,8 +19,8 @@ from canopen.objectdictionary import ODVariable
 
 from eurobot_od.check import suite
 from eurobot_od.check.bench import Bench, SeenFrame
-from eurobot_od.check.patterns import EmergencyPattern, Mismatch, Pattern, Sent, is_final
 from eurobot_od.check.report import StepReason
+from eurobot_od.check.suite import EmergencyPattern, Mismatch, Pattern, Sent, is_final
 from eurobot_od.check.values import ValueProblem
 from eurobot_od.device.broadcasts import HISTORY, REGISTER_BITS
 from eurobot_od.device.nmt import NmtCommand, NmtState

@@ -139,7 +139,7 @@ class Devices:
         from eurobot_od.client.configure import all_pdo_parameters, pdo_parameters
         from eurobot_od.client.description import scan
         from eurobot_od.client.master import Master
-        from eurobot_od.pdo.in_force import made
+        from eurobot_od.pdo.protocol import made
 
         asked, learned = [], list[Dictionary]()
         with Master(bus.open()) as master:

@@ -37,7 +37,7 @@ from eurobot_od.od.pdos import Pdo
 from eurobot_od.od.values import MOST_SUBS, NODE_IDS
 from eurobot_od.od.values import label as place
 from eurobot_od.od.words import words, written
-from eurobot_od.pdo.in_force import made
+from eurobot_od.pdo.protocol import made
 from eurobot_od.support.files import opened, write_whole
 from eurobot_od.support.progress import bar, passing
 from eurobot_od.support.texts import amount, columns, one_line

@@ -31,7 +31,7 @@ from eurobot_od.od.standard import ERROR_FIELD, ERROR_REGISTER, ErrorCode
 from eurobot_od.od.values import Address, PdoDirection, Scalar, Value, typed
 from eurobot_od.od.words import error_words
 from eurobot_od.pdo.binding import Binding
-from eurobot_od.pdo.catalogue import plain_name
+from eurobot_od.pdo.kinds import plain_name
 
 PDO_LOG, EMCY_LOG = logging.getLogger("eurobot_od.pdo"), logging.getLogger("eurobot_od.emcy")
 

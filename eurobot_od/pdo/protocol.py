@@ -7,24 +7,24 @@ together here; if they do not fit, loading ends with an error that names file an
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Mapping
-from functools import partial
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from functools import lru_cache, partial
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, ClassVar, NamedTuple, Self, TypeAlias
 from typing import Protocol as Interface
 
-from eurobot_od.errors import MappingError, UnknownIdentifier, UnknownName, shown_identifier
+from eurobot_od.errors import DictionaryError, MappingError, UnknownIdentifier, UnknownName, shown_identifier
 from eurobot_od.frame import Frame
-from eurobot_od.od import values
+from eurobot_od.od import standard, values
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.network import READERS, load, read_network
 from eurobot_od.od.pdos import OnRefused, Pdo, fatal
 from eurobot_od.od.standard import device_profile
-from eurobot_od.od.values import ALL_NODES, PdoDirection
+from eurobot_od.od.values import ALL_NODES, Address, MappingEntry, Multiplex, PdoDirection, Value
 from eurobot_od.od.words import error_words
 from eurobot_od.pdo.binding import Binding
-from eurobot_od.pdo.catalogue import NOTHING, Catalogue, CatalogueEntry, Message, plain_name, readable_name
+from eurobot_od.pdo.kinds import NOTHING, Catalogue, CatalogueEntry, Message, plain_name, readable_name
 
 NAMES_NOTHING = re.compile(r"PDO|parameter|^\W*$", re.IGNORECASE)
 """Names of communication records that any PDO could have."""
@@ -268,3 +268,202 @@ class ErrorWords(NamedTuple):
 def pdo_names(dictionary: Dictionary) -> list[str]:
     """Return the names of a device's PDOs; a catalogue knows them by these."""
     return [dictionary.objects[index].name for index in values.COMMUNICATIONS.intersection(dictionary.members)]
+
+
+# The mapping in force: what a bus has shown of its devices' parameters, over what their files say.
+#
+# A write that a device has confirmed, and its answer to a read, count more than its file, until the device starts
+# anew: then it has what it was told to store, or else its file's values again (CiA 301, 7.5.2.13). Of a device
+# without a file, what was shown makes one.
+
+
+RECORDS = (*values.COMMUNICATION_RECORDS.values(), *values.MAPPING_RECORDS.values())
+
+SERVICES = (standard.SYNC, standard.TIME, standard.EMCY, standard.SDO_REQUESTS, standard.SDO_ANSWERS)
+"""Objects that say where a service is, besides those of the PDOs."""
+
+SETTINGS = (standard.SYNC_PERIOD, standard.HEARTBEAT_TIME)
+"""Objects that say how often something comes."""
+
+
+def is_followed(address: Address) -> bool:
+    """Whether an object is one of those that say what other frames mean."""
+    return any(address[0] in each for each in RECORDS) or address in (*SERVICES, *SETTINGS)
+
+
+class InForce:
+    """What the devices of one bus have in force; at first what their files say, or what was `learned` of them."""
+
+    def __init__(self, dictionaries: Iterable[Dictionary], learned: Iterable[Dictionary] = ()) -> None:
+        self._files = {each.node_id: each for each in dictionaries}
+        self._present: dict[int, Dictionary] = {}
+        self._learned: dict[int, tuple[Dictionary, ...]] = {}
+        self._stored: dict[int, dict[Address, int]] = {}
+        for each in learned:
+            self._learned[each.node_id] = (*self._learned.get(each.node_id, ()), each)
+            # After a start, too: nothing is known of what it has then, and most have the same.
+            self._stored.setdefault(each.node_id, {}).update(_numbers(each))
+        self._shown = {node_id: dict(shown) for node_id, shown in self._stored.items()}
+
+    @property
+    def described(self) -> list[Dictionary]:
+        """The devices that have files, each as it is now."""
+        return [self._present.get(node_id, each) for node_id, each in self._files.items()]
+
+    @property
+    def learned(self) -> list[Dictionary]:
+        """What is known of the devices that have no files and have shown a mapping."""
+        return [each for parts in self._learned.values() for each in parts]
+
+    def show(self, node_id: int, address: Address, octets: bytes) -> bool:
+        """Take in what a device has at an address; return whether other frames mean something else now."""
+        shown = self._shown.setdefault(node_id, {})
+        if address[0] == standard.STORE:
+            if octets == standard.SIGNATURES[standard.STORE]:
+                self._stored[node_id] = dict(shown)
+        elif address[0] == standard.RESTORE:
+            if octets == standard.SIGNATURES[standard.RESTORE]:
+                self._stored.pop(node_id, None)  # in force from the next start on
+        elif is_followed(address):
+            before = self._said_by(node_id, address)
+            shown[address] = int.from_bytes(octets, "little")
+            # A device is made anew when it matters, and not at each of the dozen writes that map one PDO.
+            return before != self._said_by(node_id, address) and self._changed(node_id)
+        return False
+
+    def _said_by(self, node_id: int, address: Address) -> Any:
+        """Return what an object and those beside it say of a device's frames; None for a PDO that is not valid."""
+        shown, file = self._shown[node_id], self._files.get(node_id)
+
+        def present(index: int, subindex: int) -> Any:
+            found = shown.get((index, subindex))
+            return file.default((index, subindex)) if found is None and file else found
+
+        index = address[0] - values.MAPPING_OFFSET * any(address[0] in each for each in values.MAPPING_RECORDS.values())
+        if not any(index in each for each in values.COMMUNICATION_RECORDS.values()):
+            return present(*address)
+        settings = [present(index, sub) for sub in range(1, values.EVENT_TIMER + 1)]
+        if settings[0] is None or settings[0] & values.NOT_VALID:
+            return None
+        mapping = index + values.MAPPING_OFFSET
+        return settings, [present(mapping, sub) for sub in range(min(present(mapping, 0) or 0, values.MAX_BITS) + 1)]
+
+    def start(self, node_id: int) -> bool:
+        """Take in that a device starts anew, or all; return whether other frames mean something else now."""
+        changed = False
+        for each in list(self._shown) if node_id == ALL_NODES else [node_id]:
+            before, self._shown[each] = self._shown.get(each, {}), dict(self._stored.get(each, {}))
+            changed |= before != self._shown[each] and self._changed(each)
+        return changed
+
+    def _changed(self, node_id: int) -> bool:
+        """Make a device anew; return whether what it sends or receives has changed."""
+        file, shown = self._files.get(node_id), self._shown[node_id]
+        if file is None:
+            known, self._learned[node_id] = self._learned.get(node_id, ()), made(node_id, shown)
+            return known != self._learned[node_id]
+        before, self._present[node_id] = self._present.get(node_id, file), file.configured(shown)
+        return bool(_said(before) != _said(self._present[node_id]))
+
+
+def _said(device: Dictionary) -> Any:
+    """Return what a device's parameters say of its frames."""
+    pdos = device.read_pdos(device.default, lambda _: None, listening=True)
+    return [each for each in pdos if each.valid], [device.default(each) for each in SERVICES]
+
+
+# A device without a file
+
+MOST_PDOS = 1 << 11
+"""How many that were made are kept: twice as many as a device can have."""
+
+UNSIGNED8, UNSIGNED32 = 5, 7
+"""Codes of data types (CiA 301, Table 44)."""
+
+
+def _numbers(device: Dictionary) -> dict[Address, int]:
+    """Return what a device that was made has of what is followed."""
+    numbers = {each: device.number(each) for each in device.addresses() if is_followed(each)}
+    return {address: number for address, number in numbers.items() if number is not None}
+
+
+def made(node_id: int, shown: Mapping[Address, Value]) -> tuple[Dictionary, ...]:
+    """Return a dictionary of the services that are shown, and of each PDO whose whole mapping is.
+
+    Each has its own, as they are shown one by one: a device of 64 PDOs would be read 64 times.
+    """
+    numbers = {address: value for address, value in shown.items() if isinstance(value, int)}
+    return tuple(
+        filter(None, (_read(node_id, text) for text in ("".join(_services(numbers)), *_pdos(numbers)) if text))
+    )
+
+
+@lru_cache(MOST_PDOS)
+def _read(node_id: int, text: str) -> Dictionary | None:
+    name = f"node {node_id}"
+    try:
+        return Dictionary.read(text.encode(), Path(name), node_id, name)
+    except DictionaryError:  # nothing in it can be used: a mapping of objects that no device can have
+        return None
+
+
+def _services(shown: Mapping[Address, int]) -> Iterator[str]:
+    for index in dict.fromkeys(index for index, _ in SERVICES):
+        kept = {sub: shown[index, sub] for at, sub in SERVICES if at == index and (index, sub) in shown}
+        if list(kept) == [0]:
+            yield _variable(f"{index:X}", f"0x{index:04X}", UNSIGNED32, f"DefaultValue={kept[0]}\n")
+        elif kept:
+            yield _record(index, f"0x{index:04X}", {0: max(kept)} | kept)
+
+
+def _pdos(shown: Mapping[Address, int]) -> Iterator[str]:
+    for direction, records in values.COMMUNICATION_RECORDS.items():
+        # Few of the 512 are there, and all are looked for at each change.
+        for index in sorted({each - values.MAPPING_OFFSET for each, _ in shown}.intersection(records)):
+            mapping, text = index + values.MAPPING_OFFSET, ""
+            objects: dict[Address, int] = {}
+            count = shown.get((mapping, 0), 0)
+            subs = range(1, (0 if count in set(Multiplex) else count) + 1)
+            if (mapping, 0) not in shown or any((mapping, sub) not in shown for sub in subs):
+                continue
+            for record, last in ((index, values.EVENT_TIMER), (mapping, len(subs))):
+                kept = {sub: shown[record, sub] for sub in range(1, last + 1) if (record, sub) in shown}
+                name = f"{direction.name} {index - records[0] + 1} {'parameter' if record == index else 'mapping'}"
+                text += _record(record, name, kept | {0: count if record == mapping else last})
+            for entry in (MappingEntry.of(shown[mapping, sub]) for sub in subs):
+                objects[entry.address] = max(entry.bits, objects.get(entry.address, 0))
+            for each in dict.fromkeys(at for at, _ in objects if at not in values.DUMMIES):
+                text += _mapped(each, {sub: bits for (at, sub), bits in objects.items() if at == each})
+            yield text
+
+
+def _record(index: int, name: str, subs: Mapping[int, int]) -> str:
+    members = "".join(
+        _variable(f"{index:X}sub{sub:X}", f"{sub}", UNSIGNED8 if sub == 0 else UNSIGNED32, f"DefaultValue={value}\n")
+        for sub, value in subs.items()
+    )
+    return f"[{index:X}]\nParameterName={name}\nObjectType=9\nSubNumber={len(subs)}\n{members}"
+
+
+def _mapped(index: int, bits: Mapping[int, int]) -> str:
+    """Write an object that a PDO maps, by the standard's or a profile's name, or else by its index."""
+    name, type_ = standard.PROFILE_OBJECTS.get(index, ("", None))
+
+    def code(sub: int) -> int:
+        fits = type_ is not None and type_.bits == bits[sub]
+        return type_.code if fits and type_ else next(each.code for each in UNSIGNED if each.bits >= bits[sub])
+
+    if list(bits) == [0]:
+        return _variable(f"{index:X}", name or f"0x{index:04X}:00", code(0))
+    members = (_variable(f"{index:X}sub{sub:X}", f"{name or f'0x{index:04X}'}:{sub:02X}", code(sub)) for sub in bits)
+    return f"[{index:X}]\nParameterName=0x{index:04X}\nObjectType=9\nSubNumber={len(bits)}\n{''.join(members)}"
+
+
+UNSIGNED = sorted(
+    (each for each in values.DATA_TYPES.values() if each.is_integer and not each.is_signed and each.bits),
+    key=lambda each: each.bits,
+)
+
+
+def _variable(section: str, name: str, type_: int, more: str = "") -> str:
+    return f"[{section}]\nParameterName={name}\nObjectType=7\nDataType={type_}\nAccessType=rw\nPDOMapping=1\n{more}"

@@ -36,7 +36,7 @@ from eurobot_od.od.document import parse
 from eurobot_od.od.objects import address_of, find_one
 from eurobot_od.od.pdos import Pdo
 from eurobot_od.od.values import Address
-from eurobot_od.pdo.in_force import made
+from eurobot_od.pdo.protocol import made
 from tests.client.peers import DRIVE, master_on, new_channel, robot, stock_drive
 from tests.client.servo import EDS
 from tests.client.wired import agree_on_parameters, started, wired

@@ -26,7 +26,7 @@ from eurobot_od.robot.nodes.node import RobotNode
 if TYPE_CHECKING:
     from eurobot_od.bus.live import Live
     from eurobot_od.robot.match.referee import Strategy
-    from eurobot_od.robot.world.remote import RemoteVehicle
+    from eurobot_od.robot.world.server import RemoteVehicle
 
 ONLY = {"team": "core", "drill": "core", "strategy": "core", "beacons": "navigation"}
 """Options that make sense for one node only."""
@@ -125,7 +125,7 @@ def _strategy(name: str) -> Strategy:
 def enter(node: Node, world: WorldAddress, duration: float | None) -> tuple[RemoteVehicle, MatchOptions]:
     """Equip a node with instruments in a world."""
     from eurobot_od.robot.world.instruments import equip
-    from eurobot_od.robot.world.remote import RemoteVehicle
+    from eurobot_od.robot.world.server import RemoteVehicle
 
     vehicle = RemoteVehicle(world, report=partial(print, flush=True))
     # Nodes and world are started together, and the world need not be up first.

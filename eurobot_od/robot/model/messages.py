@@ -11,8 +11,7 @@ from typing import Annotated, NamedTuple, TypeAlias
 
 from eurobot_od.errors import FieldError
 from eurobot_od.od.standard import ErrorCode
-from eurobot_od.pdo.catalogue import Catalogue, Message
-from eurobot_od.pdo.kinds import Choice, Kind, OutOfRange, words_of
+from eurobot_od.pdo.kinds import Catalogue, Choice, Kind, Message, OutOfRange, words_of
 from eurobot_od.robot.model.kinds import Angle, BarrierFlags, Coordinate, Heading, Remaining
 from eurobot_od.robot.model.values import (
     Barriers,

@@ -47,8 +47,7 @@ from eurobot_od.device.objects import Store
 from eurobot_od.device.timers import START, Ask, Call, Flow, Pause, Script, Timer, shielded
 from eurobot_od.errors import NoAnswer, StateError
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.pdo.catalogue import Message, MessageT
-from eurobot_od.pdo.kinds import OutOfRange
+from eurobot_od.pdo.kinds import Message, MessageT, OutOfRange
 from eurobot_od.robot.model import messages
 from eurobot_od.robot.model.places import Place
 from eurobot_od.robot.model.robot_file import Facts

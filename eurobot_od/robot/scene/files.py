@@ -15,8 +15,7 @@ from eurobot_od import plugin
 from eurobot_od.errors import UnknownName
 from eurobot_od.export.description import Drawing
 from eurobot_od.frame import Frame
-from eurobot_od.pdo.catalogue import Message
-from eurobot_od.pdo.kinds import OutOfRange
+from eurobot_od.pdo.kinds import Message, OutOfRange
 from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.robot.model.messages import SOURCES, GotoXY
 from eurobot_od.robot.model.options import MatchOptions

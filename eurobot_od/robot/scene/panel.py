@@ -11,7 +11,7 @@ from pathlib import Path
 from threading import Event as Signal
 from typing import Any, ClassVar
 
-from eurobot_od.pdo.catalogue import Message, describe
+from eurobot_od.pdo.kinds import Message, describe
 from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.robot.model import messages, robot_file
 from eurobot_od.robot.model.places import Point

@@ -23,7 +23,7 @@ from eurobot_od.frame import Frame
 from eurobot_od.gatekeeper import MAILBOX_WAIT, Gatekeeper
 from eurobot_od.gatekeeper import Event as What
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.pdo.catalogue import Message
+from eurobot_od.pdo.kinds import Message
 from eurobot_od.robot import dialects
 from eurobot_od.robot.model.messages import (
     CheckDriveRequest,

@@ -11,7 +11,7 @@ from xml.etree import ElementTree
 import pytest
 
 from eurobot_od.errors import LocalError, UnknownName
-from eurobot_od.pdo.catalogue import Message
+from eurobot_od.pdo.kinds import Message
 from eurobot_od.robot.model import robot_file
 from eurobot_od.robot.model.messages import (
     EmergencyStop,

@@ -18,7 +18,7 @@ from eurobot_od.device.simulated import SimulatedDevice
 from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.values import Value
-from eurobot_od.pdo.in_force import InForce, made
+from eurobot_od.pdo.protocol import InForce, made
 from eurobot_od.traffic import formats
 from eurobot_od.traffic.decoding import Following
 from eurobot_od.traffic.meaning import Decoder, Meaning
