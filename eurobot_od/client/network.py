@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections import deque
-from collections.abc import AsyncIterator, Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
 from itertools import islice
@@ -25,9 +25,10 @@ from eurobot_od.bus.simulated.simulated_bus import SimulatedBus
 from eurobot_od.client import lss
 from eurobot_od.client.description import LISTEN, Found, Identity, scan, uploaded
 from eurobot_od.client.lss import LssSteps, Result
-from eurobot_od.client.master import ANSWER_WAIT, NMT_LOG, Master, blocking, finished, syncs
+from eurobot_od.client.master import ANSWER_WAIT, NMT_LOG, Master, blocking, syncs
 from eurobot_od.client.masters import Feed, LoopMaster, OwnFeed, PeriodicTask, ThreadedMaster, feed_of
 from eurobot_od.client.remote_device import UNCONNECTED, AsyncRemoteDevice, DeviceAtNode, DeviceFile, RemoteDevice
+from eurobot_od.client.streams import EndlessIterator
 from eurobot_od.client.watch import LOST_AFTER, NodeEvent, NodeWatch
 from eurobot_od.device.nmt import COMMAND_NAMES, NmtCommand, command_to
 from eurobot_od.device.simulated import SimulatedDevice
@@ -67,8 +68,8 @@ def _feed(bus: BusName, channel: Channel, bitrate: int | None) -> Feed:
     return feed_of(bus)
 
 
-class NodeWatcher(Iterator[NodeEvent], AsyncIterator[NodeEvent]):
-    """An endless iterator over what happens to nodes, for programs that block and for event loops."""
+class NodeWatcher(EndlessIterator[NodeEvent]):
+    """An endless iterator over what happens to nodes."""
 
     def __init__(self, master: Master, node_ids: Sequence[int], within: float, guard: float | None) -> None:
         self._master, self._events = master, deque[NodeEvent]()
@@ -95,18 +96,6 @@ class NodeWatcher(Iterator[NodeEvent], AsyncIterator[NodeEvent]):
             pause = max(self._watch.next_wakeup - now, SHORTEST_PAUSE)
             await self._master.pump.steps(pause, lambda: bool(self._events))
         return self._events.popleft()
-
-    def __iter__(self) -> NodeWatcher:
-        return self
-
-    def __next__(self) -> NodeEvent:
-        return finished(self._next())
-
-    def __aiter__(self) -> NodeWatcher:
-        return self
-
-    async def __anext__(self) -> NodeEvent:
-        return await self._next()
 
 
 class NetworkOfDevices(Generic[AnyDevice]):
