@@ -74,7 +74,7 @@ COMMANDS = {
 
 MODULES = {
     **dict.fromkeys(("scan", "boot", "nmt", "watch", "sync", "time", "lss"), "bus"),
-    **dict.fromkeys(("read", "write", "dump", "pdo", "emcy"), "objects"),
+    **dict.fromkeys(("read", "write", "dump", "pdo", "emcy", "drive"), "objects"),
     **dict.fromkeys(("configure", "store", "restore", "export-dcf", "program"), "objects"),
     **dict.fromkeys(("archive", "query"), "season"),
     **dict.fromkeys(("export", "make-eds"), "files"),

@@ -20,9 +20,8 @@ from eurobot_od.robot.model.places import Pose
 from eurobot_od.robot.model.values import OURS, Source, TeamColour
 from eurobot_od.robot.nodes.motion import Odometry, WheelCommand
 from eurobot_od.robot.world import World, server
-from eurobot_od.robot.world.instruments import Sensor, SimulatedBeacons, SimulatedWheels, Vehicle
 from eurobot_od.robot.world.server import VERSION, Channel, RemoteVehicle, Server
-from eurobot_od.robot.world.world import RIVAL
+from eurobot_od.robot.world.world import RIVAL, Sensor, SimulatedBeacons, SimulatedWheels, Vehicle
 from eurobot_od.support.connections import Address
 from tests.rows import rows
 
